@@ -1,0 +1,7 @@
+//! A workbench for coordinated exploration in concurrent reinforcement learning.
+
+pub mod env;
+pub mod experience;
+pub mod input;
+pub mod random;
+pub mod record;

@@ -1,0 +1,147 @@
+//! Recordings: what a run leaves behind for people to look at and for tools to read.
+//!
+//! [`Recorder`] is what the loop talks to. [`rerun`] is the sole importer of the Rerun SDK and writes `run.rrd`;
+//! [`table`] writes `episodes.csv` and `rounds.csv`. Training may not enter.
+
+pub mod rerun;
+pub mod table;
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::env::{Pose, Status};
+use crate::experience::Episode;
+
+/// What a recording holds, and how much of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RecordingSettings {
+    /// Parallel-coordinates lines visible at once, for each agent.
+    pub lines: u32,
+    /// Rounds between two density images.
+    pub density_every: u32,
+    /// The scene of one agent, or none.
+    pub scene: Option<SceneSettings>,
+}
+
+impl Default for RecordingSettings {
+    fn default() -> Self {
+        Self { lines: 1000, density_every: 10, scene: Some(SceneSettings::default()) }
+    }
+}
+
+/// Which agent's bodies are drawn, and how often.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SceneSettings {
+    /// The agent whose bodies are drawn.
+    pub agent: u32,
+    /// Every how many episodes of that agent are drawn. The first is.
+    pub every: u32,
+}
+
+impl Default for SceneSettings {
+    fn default() -> Self {
+        Self { agent: 0, every: 10 }
+    }
+}
+
+/// Takes in rounds as they are finished. Must never change what is learned.
+pub trait Recorder {
+    /// Records one round.
+    ///
+    /// # Errors
+    /// The file could not be written; what was written before stays readable.
+    fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError>;
+
+    /// Brings everything recorded so far to disk and returns what [resuming](RoundRecord) the recording needs.
+    ///
+    /// # Errors
+    /// The file could not be written.
+    fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError>;
+
+    /// Completes the file. Nothing may be recorded afterwards.
+    ///
+    /// # Errors
+    /// The file could not be completed; what was written before stays readable.
+    fn finish(&mut self) -> Result<(), RecordError>;
+}
+
+/// One round of the whole team.
+#[derive(Clone, Copy, Debug)]
+pub struct RoundRecord<'a> {
+    /// Counts from 0.
+    pub round: u32,
+    /// The round's episodes in agent order.
+    pub episodes: &'a [Episode],
+    /// One row an episode, in the same order.
+    pub episode_rows: &'a [EpisodeRow],
+    /// One row an agent, in agent order.
+    pub round_rows: &'a [RoundRow],
+    /// The filmed episode of this round, if one was.
+    pub footage: Option<&'a Footage>,
+}
+
+/// Where the bodies were throughout one episode.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Footage {
+    /// Whose episode.
+    pub agent: u32,
+    /// Which of the agent's episodes.
+    pub episode: u32,
+    /// `[(T+1) × bodies]`
+    pub poses: Vec<Pose>,
+}
+
+/// One row of `episodes.csv`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpisodeRow {
+    /// Who acted.
+    pub agent: u32,
+    /// The agent's own count, from 0.
+    pub episode: u32,
+    /// Counts from 0.
+    pub round: u32,
+    /// Steps of the whole team up to and including this row.
+    pub env_steps: u64,
+    /// Sum of the environment's rewards.
+    pub r#return: f64,
+    /// Steps.
+    pub length: u32,
+    /// `terminated` or `truncated`.
+    pub outcome: Status,
+    /// Part of the state space that the agent has visited so far, 0 to 1.
+    pub coverage: f64,
+}
+
+/// One row of `rounds.csv`: what one agent's update was like.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RoundRow {
+    /// Who learned.
+    pub agent: u32,
+    /// Counts from 0.
+    pub round: u32,
+    /// Mean squared error of the value function against its (normalised) target, halved.
+    pub value_loss: f32,
+    /// The policy's surrogate loss.
+    pub policy_loss: f32,
+    /// Mean |ρ − 1| + 1 (thesis Fig. 5.4).
+    pub ratio_deviation: f32,
+    /// Share of samples with zero policy gradient because of clipping.
+    pub clipped_fraction: f32,
+    /// Mean entropy of the policy, nats.
+    pub entropy: f32,
+    /// Part of the state space that the agent has visited so far, 0 to 1.
+    pub coverage: f64,
+}
+
+/// A recording that could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {path}: {reason}")]
+pub struct RecordError {
+    /// The file.
+    pub path: PathBuf,
+    /// What the system said.
+    pub reason: String,
+}
