@@ -3,5 +3,6 @@
 pub mod env;
 pub mod experience;
 pub mod input;
+pub mod nn;
 pub mod random;
 pub mod record;
