@@ -6,3 +6,5 @@ pub mod input;
 pub mod nn;
 pub mod random;
 pub mod record;
+pub mod rl;
+pub mod seed;
