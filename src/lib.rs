@@ -1,5 +1,6 @@
 //! A workbench for coordinated exploration in concurrent reinforcement learning.
 
+pub mod agent;
 pub mod env;
 pub mod experience;
 pub mod input;

@@ -5,6 +5,7 @@
 use rand_distr::{Distribution, Normal};
 use serde::{Deserialize, Serialize};
 
+use crate::input::numbers::NonNegative;
 use crate::nn::{Initial, Mlp};
 use crate::random::{Purpose, stream};
 
@@ -18,11 +19,6 @@ pub enum SeedDistribution {
         sigma: NonNegative,
     },
 }
-
-/// A finite number that is not below 0.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "f64", into = "f64")]
-pub struct NonNegative(f64);
 
 /// One agent's seed.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,29 +55,7 @@ impl SeedDistribution {
         let mut random = stream(run_seed, Purpose::RewardSeeds, agent, 0);
         let Self::Normal { sigma } = self;
         let unit = Normal::new(0.0, 1.0).expect("1 is a standard deviation");
-        (0..time_limit).map(|_| (sigma.0 * unit.sample(&mut random)) as f32).collect()
-    }
-}
-
-impl NonNegative {
-    /// The number itself.
-    #[must_use]
-    pub fn get(self) -> f64 {
-        self.0
-    }
-}
-
-impl TryFrom<f64> for NonNegative {
-    type Error = String;
-
-    fn try_from(value: f64) -> Result<Self, String> {
-        if value.is_finite() && value >= 0.0 { Ok(Self(value)) } else { Err(format!("expected a number of at least 0, found {value}")) }
-    }
-}
-
-impl From<NonNegative> for f64 {
-    fn from(value: NonNegative) -> Self {
-        value.0
+        (0..time_limit).map(|_| (sigma.get() * unit.sample(&mut random)) as f32).collect()
     }
 }
 
@@ -91,7 +65,7 @@ mod tests {
 
     fn seed(run_seed: u64, agent: u32, sigma: f64) -> Seed {
         let (policy, value) = (Mlp::new(&[4, 8, 2]), Mlp::new(&[4, 8, 1]));
-        let distribution = SeedDistribution::Normal { sigma: NonNegative(sigma) };
+        let distribution = SeedDistribution::Normal { sigma: NonNegative::try_from(sigma).unwrap() };
         Seed::draw(run_seed, agent, distribution, Initial::Random, (&policy, &value), 2000)
     }
 

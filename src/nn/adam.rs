@@ -3,24 +3,25 @@
 use serde::{Deserialize, Serialize};
 
 use super::kernels::AdamStep;
+use crate::input::numbers::{Fraction, NonNegative, known};
 
 /// Adam's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AdamSettings {
     /// α, the step size.
-    pub step_size: f32,
+    pub step_size: NonNegative,
     /// β₁, how long the mean of gradients remembers.
-    pub beta1: f32,
+    pub beta1: Fraction,
     /// β₂, how long the mean of squared gradients remembers.
-    pub beta2: f32,
+    pub beta2: Fraction,
     /// ε, added to the root of the second moment.
-    pub epsilon: f32,
+    pub epsilon: NonNegative,
 }
 
 impl Default for AdamSettings {
     fn default() -> Self {
-        Self { step_size: 1e-3, beta1: 0.9, beta2: 0.999, epsilon: 1e-8 }
+        Self { step_size: known(1e-3), beta1: known(0.9), beta2: known(0.999), epsilon: known(1e-8) }
     }
 }
 
@@ -47,10 +48,12 @@ impl Adam {
     pub fn descend(&mut self, parameters: &mut [f32], gradient: &[f32]) {
         let AdamSettings { step_size, beta1, beta2, epsilon } = self.settings;
         self.steps = self.steps.saturating_add(1);
-        let root = (1.0 - f64::from(beta2).powi(self.steps)).sqrt() as f32;
-        let rate = step_size * root / (1.0 - f64::from(beta1).powi(self.steps)) as f32;
+        let root = (1.0 - beta2.get().powi(self.steps)).sqrt();
+        let rate = (step_size.get() * root / (1.0 - beta1.get().powi(self.steps))) as f32;
+        let epsilon = (epsilon.get() * root) as f32;
+        let (beta1, beta2) = (beta1.get_f32(), beta2.get_f32());
         let (first_moment, second_moment) = (&mut self.first_moment[..], &mut self.second_moment[..]);
-        AdamStep { parameters, gradient, first_moment, second_moment, beta1, beta2, rate, epsilon: epsilon * root }.run();
+        AdamStep { parameters, gradient, first_moment, second_moment, beta1, beta2, rate, epsilon }.run();
     }
 }
 
@@ -63,7 +66,7 @@ mod tests {
     /// step 2 = 0.1·2.0526316/2.2365110 = 0.0917783.
     #[test]
     fn two_steps_by_hand() {
-        let settings = AdamSettings { step_size: 0.1, epsilon: 0.0, ..AdamSettings::default() };
+        let settings = AdamSettings { step_size: known(0.1), epsilon: known(0.0), ..AdamSettings::default() };
         let mut adam = Adam::new(settings, 2);
         let mut parameters = [1.0, -1.0];
         adam.descend(&mut parameters, &[1.0, -2.0]);

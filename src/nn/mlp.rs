@@ -4,6 +4,7 @@ use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
 use super::kernels;
+use crate::input::numbers::Finite;
 
 /// The shape of a network; its parameters live elsewhere, as one flat vector.
 ///
@@ -20,7 +21,7 @@ pub enum Initial {
     /// Uniform within ±1/√(inputs of the layer), weights and biases.
     Random,
     /// Every parameter the same (thesis Fig. 6.4c).
-    Constant(f32),
+    Constant(Finite),
 }
 
 /// What a forward pass leaves for the backward pass, and scratch space. Grows to the largest batch, then allocates no more.
@@ -70,7 +71,7 @@ impl Mlp {
     /// Fresh parameters: `[parameter count]`.
     pub fn initial(&self, initial: Initial, random: &mut impl Rng) -> Vec<f32> {
         match initial {
-            Initial::Constant(value) => vec![value; self.parameter_count()],
+            Initial::Constant(value) => vec![value.get_f32(); self.parameter_count()],
             Initial::Random => {
                 let mut parameters = Vec::with_capacity(self.parameter_count());
                 for layer in &self.layers {

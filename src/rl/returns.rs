@@ -1,5 +1,8 @@
 //! Returns: what followed a step, summed (thesis §1.3, §3.1).
 
+/// Importance-weighted sums are held within ±this, so that their squares stay finite in f32.
+const LIMIT: f32 = 1e15;
+
 /// Return-to-go (thesis §1.3): Gₜ = rₜ₊₁ + γ Gₜ₊₁, `G_T` = 0.   `rewards: [T]` → `returns: [T]`
 ///
 /// # Panics
@@ -41,15 +44,15 @@ pub fn ordinary(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>
     discounted(rewards, discount, returns);
     let mut product = 1.0_f32;
     for (ratio, value) in ratios.iter().zip(returns).rev() {
-        product = (product * ratio).min(f32::MAX);
-        *value *= product.min(cap.unwrap_or(f32::MAX));
+        product = (product * ratio).min(LIMIT);
+        *value = (*value * product.min(cap.unwrap_or(LIMIT))).clamp(-LIMIT, LIMIT);
     }
 }
 
 fn per_decision_uncapped(ratios: &[f32], rewards: &[f32], discount: f32, returns: &mut [f32]) {
     let mut next = 0.0_f32;
     for ((ratio, reward), value) in ratios.iter().zip(rewards).zip(returns).rev() {
-        next = (ratio * discount.mul_add(next, *reward)).clamp(f32::MIN, f32::MAX);
+        next = (ratio * discount.mul_add(next, *reward)).clamp(-LIMIT, LIMIT);
         *value = next;
     }
 }
@@ -64,7 +67,7 @@ fn per_decision_capped(ratios: &[f32], rewards: &[f32], discount: f32, cap: f32,
     for lag in 0..steps {
         let later = ratios[lag..].iter().zip(&rewards[lag..]);
         for ((product, value), (ratio, reward)) in products.iter_mut().zip(returns.iter_mut()).zip(later) {
-            *product *= ratio;
+            *product = (*product * ratio).min(LIMIT);
             *value += weight * product.min(cap) * reward;
         }
         weight *= discount;

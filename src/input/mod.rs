@@ -4,6 +4,8 @@
 //! bears) is a [`Complaint`] about a [`Located`] value: the file is then read once more, up to that value, so that such an error
 //! carries the same position and field path as any other. What the files mean may not enter.
 
+pub mod numbers;
+
 use std::cell::RefCell;
 use std::fmt;
 use std::ops::Deref;
