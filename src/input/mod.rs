@@ -65,6 +65,8 @@ pub struct Complaint {
     ordinal: Option<u32>,
     message: String,
     help: Option<String>,
+    /// Line and character within the value, both from 0.
+    within: (usize, usize),
 }
 
 /// What the first word of a file says that it is.
@@ -167,8 +169,9 @@ impl<T> Document<T> {
     {
         let help = complaint.help.clone();
         let message = complaint.message.clone();
+        let within = complaint.within;
         match deserialize::<T>(&self.origin, &self.text, Some(complaint)) {
-            Err(error) => InputError { help, ..error },
+            Err(error) => InputError { help, position: error.position.map(|place| place.moved(within, &self.text)), ..error },
             // A value that was filled in by a default stands nowhere in the text.
             Ok(_) => InputError { origin: self.origin.clone(), position: None, field: String::new(), message, help },
         }
@@ -179,7 +182,7 @@ impl<T> Located<T> {
     /// Complains about this value.
     #[must_use]
     pub fn complain(&self, message: impl Into<String>) -> Complaint {
-        Complaint { ordinal: self.ordinal, message: message.into(), help: None }
+        Complaint { ordinal: self.ordinal, message: message.into(), help: None, within: (0, 0) }
     }
 
     /// The value itself.
@@ -200,16 +203,39 @@ impl<T: AsRef<str>> Located<T> {
             ordinal: self.ordinal,
             message: format!("no {what} is named `{found}`, {expected}"),
             help: suggestion(found, valid),
+            within: (0, 0),
         }
     }
 }
 
 impl Complaint {
+    /// The same complaint about one character of a text: `line` and `column` within it count from 0.
+    #[must_use]
+    pub fn at(mut self, line: usize, column: usize) -> Self {
+        self.within = (line, column);
+        self
+    }
+
     /// The same complaint with a hint.
     #[must_use]
     pub fn with_help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
+    }
+}
+
+impl Position {
+    /// The place of a character within the string that begins here. An escaped string stays pointed at as a whole.
+    fn moved(self, (line, column): (usize, usize), text: &str) -> Self {
+        let opening: String = self.text.chars().skip(self.column - 1).collect();
+        let quote = opening.find('"').filter(|&quote| opening[..quote].chars().all(|c| c == 'r' || c == '#'));
+        match quote {
+            Some(quote) if line == 0 && !(quote == 0 && opening.contains('\\')) => {
+                Self { column: self.column + quote + 1 + column, ..self }
+            }
+            Some(_) if line > 0 => position(text, self.line + line, column + 1),
+            _ => self,
+        }
     }
 }
 

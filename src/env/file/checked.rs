@@ -1,0 +1,172 @@
+//! Numbers and names that are checked while the file is read, so that an error points at them.
+
+use serde::Deserialize;
+
+use crate::env::expression::RESERVED;
+
+macro_rules! checked_number {
+    ($(#[$doc:meta])* $name:ident, $requirement:expr, |$value:ident| $condition:expr) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+        #[serde(try_from = "f64")]
+        pub struct $name(f64);
+
+        impl $name {
+            /// The number.
+            #[must_use]
+            pub fn get(self) -> f64 {
+                self.0
+            }
+        }
+
+        impl TryFrom<f64> for $name {
+            type Error = String;
+
+            fn try_from($value: f64) -> Result<Self, String> {
+                if $condition { Ok(Self($value)) } else { Err(format!("expected {}, found {}", $requirement, $value)) }
+            }
+        }
+    };
+}
+
+checked_number! {
+    /// Neither infinite nor NaN.
+    Finite, "a finite number", |value| value.is_finite()
+}
+
+checked_number! {
+    /// Greater than 0.
+    Positive, "a number greater than 0", |value| value.is_finite() && value > 0.0
+}
+
+/// A whole number greater than 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "u32")]
+pub struct Count(u32);
+
+/// A low and a higher end.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "(f64, f64)")]
+pub struct Interval {
+    low: f64,
+    high: f64,
+}
+
+/// A point or vector of the plane, m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(try_from = "(f64, f64)")]
+pub struct Vector([f64; 2]);
+
+/// A vector that is not zero; only its direction counts.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "(f64, f64)")]
+pub struct Direction([f64; 2]);
+
+/// A word that formulas can use: letters, digits and `_`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Name(String);
+
+impl Finite {
+    /// 0.
+    pub const ZERO: Self = Self(0.0);
+}
+
+impl Count {
+    /// 1.
+    pub const ONE: Self = Self(1);
+    /// 4.
+    pub const FOUR: Self = Self(4);
+
+    /// The number.
+    #[must_use]
+    pub fn get(self) -> u32 {
+        self.0
+    }
+}
+
+impl Interval {
+    /// Low and high end.
+    #[must_use]
+    pub fn get(self) -> [f64; 2] {
+        [self.low, self.high]
+    }
+}
+
+impl Vector {
+    /// Right and up.
+    #[must_use]
+    pub fn get(self) -> [f64; 2] {
+        self.0
+    }
+}
+
+impl Direction {
+    /// The unit vector.
+    #[must_use]
+    pub fn get(self) -> [f64; 2] {
+        self.0
+    }
+}
+
+impl TryFrom<u32> for Count {
+    type Error = String;
+
+    fn try_from(value: u32) -> Result<Self, String> {
+        if value > 0 { Ok(Self(value)) } else { Err("expected a whole number greater than 0, found 0".to_owned()) }
+    }
+}
+
+impl TryFrom<(f64, f64)> for Interval {
+    type Error = String;
+
+    fn try_from((low, high): (f64, f64)) -> Result<Self, String> {
+        if low < high && low.is_finite() && high.is_finite() {
+            return Ok(Self { low, high });
+        }
+        Err(format!("expected a low and a higher number, found ({low}, {high})"))
+    }
+}
+
+impl TryFrom<(f64, f64)> for Vector {
+    type Error = String;
+
+    fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
+        if x.is_finite() && y.is_finite() { Ok(Self([x, y])) } else { Err(format!("expected finite numbers, found ({x}, {y})")) }
+    }
+}
+
+impl TryFrom<(f64, f64)> for Direction {
+    type Error = String;
+
+    /// Axes of the world stay exact: their length is not divided by.
+    fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
+        let length = libm::hypot(x, y);
+        match (x, y) {
+            _ if !length.is_finite() || length == 0.0 => Err(format!("expected a direction, found ({x}, {y})")),
+            (_, 0.0) => Ok(Self([x.signum(), 0.0])),
+            (0.0, _) => Ok(Self([0.0, y.signum()])),
+            _ => Ok(Self([x / length, y / length])),
+        }
+    }
+}
+
+impl TryFrom<String> for Name {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        if RESERVED.contains(&text.as_str()) {
+            return Err(format!("`{text}` means something in every formula and cannot be a name"));
+        }
+        match syn::parse_str::<syn::Ident>(&text) {
+            Ok(_) => Ok(Self(text)),
+            Err(_) => Err(format!("expected a word of letters, digits and `_` that is no keyword, found `{text}`")),
+        }
+    }
+}
+
+impl AsRef<str> for Name {
+    fn as_ref(&self) -> &str {
+        &self.0
+    }
+}
