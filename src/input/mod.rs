@@ -328,8 +328,8 @@ fn deserialize<T: DeserializeOwned>(origin: &str, text: &str, complaint: Option<
 fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let located = |spanned: &ron::error::SpannedError, field: String| located_error(origin, text, spanned, field);
-    let mut deserializer = ron::Deserializer::from_str_with_options(text, &options)
-        .map_err(|spanned| located(&spanned, String::new()))?;
+    let mut deserializer =
+        ron::Deserializer::from_str_with_options(text, &options).map_err(|spanned| located(&spanned, String::new()))?;
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let field = field_path(error.path());
         located(&deserializer.span_error(error.into_inner()), field)
