@@ -3,6 +3,7 @@
 //! One algorithm a file: its configuration, its agent, its references, its tests. [`Algorithm`] lists them. Files, threads and
 //! recordings may not enter.
 
+pub mod catalogue;
 mod network;
 mod policy;
 pub mod random;

@@ -19,6 +19,29 @@ use crate::random::{Purpose, Stream, stream};
 use crate::rl::{advantage, policy_loss, returns};
 use crate::seed::Seed;
 
+/// What it is for.
+pub(super) const PURPOSE: &str =
+    "Seed policy gradient (thesis §3.4): K policies learn from shared experience, each with its own fixed seed.";
+
+/// What each parameter means, and what may stand there.
+pub(super) const PARAMETERS: [(&str, &str); 12] = [
+    ("value_data", "whose trajectories the value function learns from: Shared | Own"),
+    ("policy_data", "whose trajectories the policy learns from: Shared | Own"),
+    (
+        "value_target",
+        "what the value function is regressed on: MonteCarlo(importance: PerDecision | Ordinary, ratio_product_cap: Some(c) | None)",
+    ),
+    ("advantage", "how often the ratio of the action itself counts: MonteCarlo(importance: Single | Double)"),
+    ("policy_loss", "what the policy descends: Ppo(clip: ε) | SimplePg"),
+    ("returns", "how targets are normalised: PopArt(beta: β) | Raw"),
+    ("discount", "γ, 0 to 1"),
+    ("hidden", "units of the hidden layers of both networks"),
+    ("epochs", "passes over the data of a round"),
+    ("regularisation", "λ, the pull of both networks back to their initial parameters"),
+    ("policy_optimiser", "Adam of the policy"),
+    ("value_optimiser", "Adam of the value function"),
+];
+
 /// The configuration of Seed-PG. The defaults are those of §5 of the thesis where it states them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

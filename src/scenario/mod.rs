@@ -12,7 +12,7 @@ use ron::ser::PrettyConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::agent::{Algorithm, Team, seed_pg};
-use crate::env::file::Physics;
+use crate::env::Physics;
 use crate::input::numbers::{Count, Finite, known_count};
 use crate::input::{self, Document, InputError, Located};
 use crate::record::RecordingSettings;
