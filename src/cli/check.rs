@@ -19,7 +19,7 @@ pub(super) fn check(files: &[PathBuf]) -> Result<(), Failure> {
             }
         }
     }
-    if wrong == 0 { Ok(()) } else { Err(Failure::Input(format!("{wrong} of {} files cannot be used", files.len()))) }
+    if wrong == 0 { Ok(()) } else { Err(Failure::Files(wrong)) }
 }
 
 fn check_file(path: &Path) -> Result<String, InputError> {

@@ -119,9 +119,12 @@ enum Listed {
 /// Why a command did not do what was asked.
 #[derive(Debug, thiserror::Error)]
 enum Failure {
-    /// The input is wrong; said already, file by file.
+    /// The input is wrong.
     #[error("{0}")]
     Input(String),
+    /// So many files are wrong; each was complained about already.
+    #[error("{0} files cannot be used")]
+    Files(usize),
     /// The work failed.
     #[error("{0}")]
     Work(String),
@@ -138,9 +141,11 @@ pub fn main() -> ExitCode {
         Command::Bench(args) => bench::bench(&args),
     };
     let Err(failure) = done else { return ExitCode::SUCCESS };
-    eprintln!("error: {failure}");
+    if !matches!(failure, Failure::Files(1)) {
+        eprintln!("error: {failure}");
+    }
     match failure {
-        Failure::Input(_) => ExitCode::from(2),
+        Failure::Input(_) | Failure::Files(_) => ExitCode::from(2),
         Failure::Work(_) => ExitCode::from(1),
     }
 }
