@@ -84,7 +84,7 @@ impl Batch {
         }
     }
 
-    fn read_joints(&self, first: usize, columns: &mut JointColumns, plan: &Plan) {
+    pub(super) fn read_joints(&self, first: usize, columns: &mut JointColumns, plan: &Plan) {
         for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
             let handles = &self.handles[copy * plan.bodies..][..plan.bodies];
             for (joint, hold) in plan.holds.iter().enumerate() {

@@ -170,3 +170,35 @@ impl Motor {
 fn vector(a: [f64; 2]) -> Vector {
     Vector::new(a[0] as f32, a[1] as f32)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use rand::RngExt;
+
+    use super::*;
+    use crate::env::load;
+    use crate::random::{Purpose, stream};
+
+    /// Bodies are where the joint coordinates put them, with the velocities that these imply: reading inverts placing.
+    #[test]
+    fn joint_coordinates_survive_the_way_through_the_bodies() {
+        for file in ["envs/cartpole.ron", "tests/envs/crane.ron"] {
+            let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+            let (mut bodies, joints) = (RigidBodies::new(&task, 1), task.joints.len());
+            let mut random = stream(0, Purpose::Preview, 0, 0);
+            for _ in 0..100 {
+                let mut draw = || (0..joints).map(|_| random.random_range(-2.5_f64..2.5)).collect::<Vec<_>>();
+                let (positions, velocities) = (draw(), draw());
+                bodies.start(0, &positions, &velocities);
+                bodies.batches[0].read_joints(0, &mut bodies.columns, &bodies.plan);
+                for joint in 0..joints {
+                    let (position, velocity) = bodies.joints().get(joint, 0);
+                    assert!((f64::from(position) - positions[joint]).abs() < 2e-6, "{joint}: {position}, {positions:?}");
+                    assert!((f64::from(velocity) - velocities[joint]).abs() < 1e-5, "{joint}: {velocity}, {velocities:?}");
+                }
+            }
+        }
+    }
+}
