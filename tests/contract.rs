@@ -148,7 +148,7 @@ fn a_copy_does_not_depend_on_the_others() {
                 // In every other batch only our copy starts again, so that it ends up alone among idle ones.
                 let restarting = if names.len() % 2 == 0 { names.clone() } else { vec![5] };
                 crowd.step(names, &restarting);
-                assert_eq!(crowd.bits(names.len() / 2), alone.bits(0), "{} {physics:?}: step {step}", task.spec.name);
+                assert_eq!(crowd.bits(names.len() / 2), alone.bits(0), "{} {physics:?}: step {step}, {} copies", task.spec.name, names.len());
             }
         }
     }

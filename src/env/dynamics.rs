@@ -49,6 +49,12 @@ impl JointColumns {
         Self { copies, positions: vec![0.0; joints * copies], velocities: vec![0.0; joints * copies] }
     }
 
+    /// M.
+    #[must_use]
+    pub fn copies(&self) -> usize {
+        self.copies
+    }
+
     /// m, or rad with full turns: `[M]`.
     #[must_use]
     pub fn positions(&self, joint: usize) -> &[f32] {

@@ -6,7 +6,7 @@ use rapier2d::prelude::{
     GenericJointBuilder, JointAxesMask, PhysicsWorld, Pose, RigidBody, RigidBodyHandle, RigidBodySet, Rotation, Vector,
 };
 
-use super::{find, vector};
+use super::vector;
 use crate::env::kinematics::{Link, Motion};
 
 /// How Rapier holds a joint's child.
@@ -47,6 +47,16 @@ impl Hold {
     /// The bodies that a force along the joint pushes.
     pub(super) fn bodies(&self) -> impl Iterator<Item = usize> {
         self.parent.into_iter().chain([self.child])
+    }
+
+    /// Whether Rapier holds the child by a joint.
+    pub(super) fn is_joint(&self) -> bool {
+        !matches!(self.kind, Kind::Rail { .. })
+    }
+
+    /// Whether that joint is a slide.
+    pub(super) fn is_sliding_joint(&self) -> bool {
+        matches!(self.kind, Kind::Slide { .. })
     }
 
     /// Whether `body` may move in x and in y, if a rail holds it.
@@ -126,4 +136,9 @@ impl Hold {
             }
         }
     }
+}
+
+/// The handle's body, or none for the world.
+fn find(bodies: &RigidBodySet, handle: Option<RigidBodyHandle>) -> Option<&RigidBody> {
+    handle.and_then(|handle| bodies.get(handle))
 }
