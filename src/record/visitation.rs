@@ -12,10 +12,8 @@ use crate::random::Stream;
 /// Equal parts into which the range of each axis is divided.
 pub const BINS: usize = 64;
 
-const PIXELS_PER_BIN: usize = 2;
-
-/// Height of the axes, in pixels.
-pub const HEIGHT: usize = BINS * PIXELS_PER_BIN;
+/// Height of the axes, in pixels: one for each bin.
+pub const HEIGHT: usize = BINS;
 
 /// All axes together are about this wide, in pixels.
 const WIDTH: usize = 192;
@@ -160,18 +158,15 @@ impl Density {
         &self.pixels
     }
 
-    /// Draws a cell as a straight band, one bin high, from axis to axis; the last pair includes the last axis.
+    /// Draws a cell as a straight line, one bin high, from axis to axis; the last pair includes the last axis.
     fn draw(&mut self, cell: usize, count: u32) {
         let (pair, left, right) = (cell / (BINS * BINS), cell / BINS % BINS, cell % BINS);
-        let (left, right) = (top(left), top(right));
+        let (left, right) = (row(left), row(right));
         let width = self.pairs * self.gap + 1;
         let columns = if pair + 1 == self.pairs { self.gap + 1 } else { self.gap };
         for column in 0..columns {
             let y = (left * (self.gap - column) + right * column + self.gap / 2) / self.gap;
-            let pixel = y * width + pair * self.gap + column;
-            for row in 0..PIXELS_PER_BIN {
-                self.pixels[pixel + row * width] += count;
-            }
+            self.pixels[y * width + pair * self.gap + column] += count;
         }
     }
 }
@@ -180,9 +175,9 @@ fn bin(fraction: f32) -> usize {
     ((fraction * BINS as f32) as usize).min(BINS - 1)
 }
 
-/// The uppermost row of pixels of a bin; bin 0 is the lowest.
-fn top(bin: usize) -> usize {
-    (BINS - 1 - bin) * PIXELS_PER_BIN
+/// The row of pixels of a bin; bin 0 is the lowest.
+fn row(bin: usize) -> usize {
+    BINS - 1 - bin
 }
 
 /// Brightness of each pixel: 0 where no line passes, else from 40 (one line) to 255 (the most lines), on a logarithmic scale.
@@ -266,7 +261,7 @@ mod tests {
         assert_eq!((axes.pairs(), axes.width()), (2, 193));
         let fractions = projected(&axes, 0, &[1.0, 2.5, -1.0]);
         assert_eq!(fractions, [0.75, 0.25, 0.0]);
-        assert_eq!(axes.line(&fractions).collect::<Vec<_>>(), [[0.5, 32.0], [96.5, 96.0], [192.5, 128.0]]);
+        assert_eq!(axes.line(&fractions).collect::<Vec<_>>(), [[0.5, 16.0], [96.5, 48.0], [192.5, 64.0]]);
     }
 
     #[test]
@@ -288,15 +283,15 @@ mod tests {
     }
 
     #[test]
-    fn a_level_line_brightens_the_two_rows_of_its_bin() {
+    fn a_level_line_brightens_the_row_of_its_bin() {
         let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]));
         let mut density = Density::new(&axes);
         density.add(&[0.0, 0.0]);
         density.add(&[0.0, 0.0]);
         let width = axes.width();
         let pixels = density.pixels();
-        assert!(pixels[..126 * width].iter().all(|&lines| lines == 0));
-        assert!(pixels[126 * width..].iter().all(|&lines| lines == 2));
+        assert!(pixels[..63 * width].iter().all(|&lines| lines == 0));
+        assert!(pixels[63 * width..].iter().all(|&lines| lines == 2));
     }
 
     #[test]
@@ -307,8 +302,8 @@ mod tests {
         let width = axes.width();
         let pixels = density.pixels().to_vec();
         let rows = |column: usize| (0..HEIGHT).filter(|row| pixels[row * width + column] == 1).collect::<Vec<_>>();
-        assert_eq!((rows(0), rows(96), rows(192)), (vec![126, 127], vec![63, 64], vec![0, 1]));
-        assert_eq!(pixels.iter().sum::<u32>() as usize, 2 * width);
+        assert_eq!((rows(0), rows(96), rows(192)), (vec![63], vec![32], vec![0]));
+        assert_eq!(pixels.iter().sum::<u32>() as usize, width);
     }
 
     #[test]

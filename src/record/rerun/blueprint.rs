@@ -16,12 +16,26 @@ use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoi
 use super::curves::UPDATE_CURVES;
 use super::rows::{ENV_STEP, EPISODE, ROUND, rgb, single_row};
 use super::sink::Fault;
+use super::visitation::Lettering;
 use crate::record::visitation::{Axes, HEIGHT, LineQuota};
 
 /// With more agents than this, lines and densities share their place.
 const AGENTS_SIDE_BY_SIDE: u32 = 4;
 
-const BACKGROUND: [u8; 3] = [16, 16, 20];
+/// With more agents than this, a legend would cover the curves.
+const AGENTS_IN_LEGEND: u32 = 8;
+
+/// As dark as what the density image shows where nothing was visited.
+const BACKGROUND: [u8; 3] = [0, 0, 4];
+
+/// Points of the screen to the left, for the pictures of visited states, on a screen of 1600 × 1000 points.
+const ROOM: [f32; 2] = [960.0, 940.0];
+
+/// Points that a view's title takes.
+const TITLE: f32 = 28.0;
+
+/// Room beside the outer axes for their names, in pixels of the density image.
+const MARGIN: f32 = 24.0;
 
 /// What the layout depends on.
 pub(super) struct Layout<'a> {
@@ -31,6 +45,28 @@ pub(super) struct Layout<'a> {
     pub(super) time_limit: u32,
     /// The agent whose bodies are drawn.
     pub(super) filmed: Option<u32>,
+}
+
+impl Layout<'_> {
+    /// Where words stand in the pictures of visited states.
+    pub(super) fn lettering(&self) -> Lettering {
+        let [columns, rows] = self.places();
+        let across = ROOM[0] / columns as f32 / (self.axes.width() as f32 + 2.0 * MARGIN);
+        let down = (ROOM[1] / rows as f32 - TITLE - 4.0 * Lettering::LINE) / HEIGHT as f32;
+        Lettering::new(self.axes, across.min(down).max(0.5))
+    }
+
+    /// Columns and rows of pictures to the left. A picture is about twice as wide as high.
+    fn places(&self) -> [u32; 2] {
+        match self.agents {
+            0 | 1 => [1, 2],
+            2..=AGENTS_SIDE_BY_SIDE => [2, self.agents],
+            agents => {
+                let columns = (f64::from(agents) / 2.0).sqrt().ceil() as u32;
+                [columns, agents.div_ceil(columns)]
+            }
+        }
+    }
 }
 
 /// The messages that make the viewer show `layout`.
@@ -79,12 +115,11 @@ impl Sheet {
 
     /// Lines beside the density of each agent, or both as tabs.
     fn visited(&mut self, layout: &Layout<'_>) -> ContainerLike {
-        let agents = 0..layout.agents;
+        let (agents, [columns, _]) = (0..layout.agents, layout.places());
         if layout.agents <= AGENTS_SIDE_BY_SIDE {
             let views: Vec<_> = agents.flat_map(|agent| [self.lines(layout, agent), self.density(layout, agent)]).collect();
-            return Grid::new(views).with_grid_columns(2).into();
+            return Grid::new(views).with_grid_columns(columns).into();
         }
-        let columns = f64::from(layout.agents).sqrt().ceil() as u32;
         let densities: Vec<_> = agents.clone().map(|agent| self.density(layout, agent)).collect();
         let lines: Vec<_> = agents.map(|agent| self.lines(layout, agent)).collect();
         let densities = Grid::new(densities).with_grid_columns(columns).with_name("States visited: all episodes");
@@ -93,7 +128,7 @@ impl Sheet {
     }
 
     fn lines(&mut self, layout: &Layout<'_>, agent: u32) -> ContainerLike {
-        let name = format!("Agent {agent}: states of the latest {} episodes", layout.quota.window);
+        let name = format!("Agent {agent}: states in the latest {} episodes", layout.quota.window);
         let view = self.parallel_coordinates(layout, name, format!("/visitation/agent_{agent}/lines"));
         self.property(&view, "VisibleTimeRanges", VisibleTimeRanges::new(windows(layout)));
         view
@@ -107,17 +142,19 @@ impl Sheet {
     fn parallel_coordinates(&mut self, layout: &Layout<'_>, name: String, entity: String) -> ContainerLike {
         let view: ContainerLike =
             Spatial2DView::new(name).with_origin("/visitation").with_contents(["/visitation/axes/**".to_owned(), entity]).into();
-        let x_range = [-24.0, layout.axes.width() as f64 + 24.0];
-        let bounds = Range2D { x_range: x_range.into(), y_range: [-26.0, HEIGHT as f64 + 14.0].into() };
+        let x_range = [f64::from(-MARGIN), layout.axes.width() as f64 + f64::from(MARGIN)];
+        let bounds = Range2D { x_range: x_range.into(), y_range: layout.lettering().y_range().into() };
         self.property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
         self.background(&view);
         view
     }
 
     fn learned(&mut self, layout: &Layout<'_>) -> ContainerLike {
-        let returns: ContainerLike = TimeSeriesView::new("Returns").with_origin("/curves/return").into();
-        self.property(&returns, "PlotLegend", PlotLegend::new().with_corner(Corner2D::LeftTop));
-        let updates: Vec<_> = UPDATE_CURVES.iter().map(|(name, _)| self.update(layout, name)).collect();
+        let name = "Returns: each agent, and the team's mean of 25 rounds in white";
+        let returns: ContainerLike = TimeSeriesView::new(name).with_origin("/curves/return").into();
+        let legend = PlotLegend::new().with_corner(Corner2D::RightBottom).with_visible(layout.agents <= AGENTS_IN_LEGEND);
+        self.property(&returns, "PlotLegend", legend);
+        let updates: Vec<_> = UPDATE_CURVES.iter().map(|(name, _)| self.update(name)).collect();
         let team = self.parallel_coordinates(layout, "Team: all states so far".to_owned(), "/visitation/team/density".to_owned());
         let mut rest = vec![team, TextDocumentView::new("Scenario").with_origin("/scenario").into()];
         if let Some(agent) = layout.filmed {
@@ -126,9 +163,9 @@ impl Sheet {
         Vertical::new([returns, Tabs::new(updates).into(), Tabs::new(rest).into()]).with_row_shares([3.0, 2.0, 3.0]).into()
     }
 
-    fn update(&mut self, layout: &Layout<'_>, curve: &str) -> ContainerLike {
+    fn update(&mut self, curve: &str) -> ContainerLike {
         let view: ContainerLike = TimeSeriesView::new(title(curve)).with_origin(format!("/curves/{curve}")).into();
-        self.property(&view, "PlotLegend", PlotLegend::new().with_visible(layout.agents <= AGENTS_SIDE_BY_SIDE));
+        self.property(&view, "PlotLegend", PlotLegend::new().with_visible(false));
         if curve == "clipped_fraction" {
             self.property(&view, "ScalarAxis", ScalarAxis::new().with_range(Range1D::new(0.0, 1.0)));
         }

@@ -160,10 +160,10 @@ impl RerunRecorder {
             self.sink.send(&message)?;
         }
         let mut chunks = about::chunks(about)?.to_vec();
-        chunks.extend(visitation::furniture(&self.axes)?);
+        chunks.extend(visitation::furniture(&self.axes, self.layout(about).lettering())?);
         chunks.extend(self.curves.styles()?);
         for (agent, track) in (0..).zip(&self.agents) {
-            chunks.push(track.visits.style(agent)?);
+            chunks.push(track.visits.style(agent, self.quota.per_round)?);
         }
         if let Some(film) = &self.film {
             chunks.extend(film.shapes()?);

@@ -42,7 +42,7 @@ impl Progress {
         let agents = about.agents as usize;
         Self {
             messages: 0,
-            recording_id: format!("{}-{}", about.name, &RecordingId::random().as_str()[..8]),
+            recording_id: format!("{}-{}", about.name, unique()),
             next_steps: vec![0; agents],
             densities: vec![Density::new(axes); agents],
             latest_returns: VecDeque::new(),
@@ -60,6 +60,11 @@ impl Progress {
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, Fault> {
         postcard::from_bytes(bytes).map_err(|error| format!("the checkpoint is damaged: {error}"))
     }
+}
+
+/// Eight letters that no other recording has.
+fn unique() -> String {
+    RecordingId::random().as_str().chars().rev().take(8).collect()
 }
 
 /// Opens `part` with only its first `messages` messages. Where there is no such file, `done` is taken instead.

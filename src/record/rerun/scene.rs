@@ -102,7 +102,10 @@ impl Film {
     }
 }
 
+/// A body that stays where it is has one row.
 fn moves<'a>(entity: &EntityPath, poses: impl Iterator<Item = &'a Pose> + Clone, first: Moment) -> Result<Chunk, Fault> {
+    let is_moved = poses.clone().zip(poses.clone().skip(1)).any(|(pose, next)| pose != next);
+    let poses = poses.take(if is_moved { usize::MAX } else { 1 });
     let transforms = Transform3D::new()
         .with_many_translation(poses.clone().map(|pose| Translation3D::from([pose.x, -pose.y, 0.0])))
         .with_many_quaternion(poses.clone().map(|pose| turned(-pose.angle)));
@@ -119,38 +122,39 @@ fn turned(angle: f32) -> RotationQuat {
 
 /// A body's shapes in its own frame: what lines can draw, and what takes discs.
 fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips2D, Points2D) {
-    let lines = body.shapes.iter().filter_map(thick_line);
+    let lines = body.shapes.iter().flat_map(lines_of);
     let (strips, widths): (Vec<_>, Vec<_>) = lines.map(|(line, radius)| (flipped(line), radius)).unzip();
-    let (centers, radii): (Vec<_>, Vec<_>) = body.shapes.iter().flat_map(discs).unzip();
+    let (centers, radii): (Vec<_>, Vec<_>) = body.shapes.iter().filter_map(disc).unzip();
     let lines = LineStrips2D::new(strips).with_radii(widths).with_colors([rgb(color)]).with_draw_order(order);
     (lines, Points2D::new(flipped(centers)).with_radii(radii).with_colors([rgb(color)]).with_draw_order(order))
 }
 
-/// A box is a line as thick as the box is high.
-fn thick_line(shape: &Shape) -> Option<(Vec<[f32; 2]>, Radius)> {
-    let thin = Radius::new_ui_points(1.5);
+/// Parallel lines that fill a box. Lines have round ends, so that few would round its corners.
+const LINES_PER_BOX: u8 = 16;
+
+fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
     match shape {
-        Shape::Ball { .. } => None,
-        Shape::Box { center, half_size: [half_width, half_height], angle } => {
-            let end = |side: f32| turned_point([side * half_width, 0.0], *angle, *center);
-            Some((vec![end(-1.0), end(1.0)], Radius::new_scene_units(*half_height)))
-        }
-        Shape::Capsule { from, to, radius } => Some((vec![*from, *to], Radius::new_scene_units(*radius))),
-        Shape::Polygon(_) | Shape::Polyline(_) => outline(shape).or_else(|| points_of(shape)).map(|points| (points, thin)),
+        Shape::Ball { .. } => Vec::new(),
+        Shape::Box { center, half_size, angle } => filled_box(*center, *half_size, *angle),
+        Shape::Capsule { from, to, radius } => vec![(vec![*from, *to], Radius::new_scene_units(*radius))],
+        Shape::Polygon(_) => outline(shape).map(|points| (points, Radius::new_ui_points(1.5))).into_iter().collect(),
+        Shape::Polyline(points) => vec![(points.clone(), Radius::new_ui_points(1.5))],
     }
 }
 
-fn points_of(shape: &Shape) -> Option<Vec<[f32; 2]>> {
-    if let Shape::Polyline(points) = shape { Some(points.clone()) } else { None }
+fn filled_box(center: [f32; 2], [half_width, half_height]: [f32; 2], angle: f32) -> Vec<(Vec<[f32; 2]>, Radius)> {
+    let radius = half_height / f32::from(LINES_PER_BOX);
+    let end = (half_width - radius).max(0.0);
+    let line = |index: u8| {
+        let up = radius * f32::from(2 * index + 1) - half_height;
+        let ends = [[-end, up], [end, up]].map(|point| turned_point(point, angle, center));
+        (ends.to_vec(), Radius::new_scene_units(radius))
+    };
+    (0..LINES_PER_BOX).map(line).collect()
 }
 
-/// Balls, and the round ends of capsules.
-fn discs(shape: &Shape) -> Vec<([f32; 2], Radius)> {
-    match shape {
-        Shape::Ball { center, radius } => vec![(*center, Radius::new_scene_units(*radius))],
-        Shape::Capsule { from, to, radius } => [*from, *to].map(|end| (end, Radius::new_scene_units(*radius))).to_vec(),
-        Shape::Box { .. } | Shape::Polygon(_) | Shape::Polyline(_) => Vec::new(),
-    }
+fn disc(shape: &Shape) -> Option<([f32; 2], Radius)> {
+    if let Shape::Ball { center, radius } = shape { Some((*center, Radius::new_scene_units(*radius))) } else { None }
 }
 
 /// What a trace shows of a shape. Open lines lie about and would only repeat themselves.

@@ -3,7 +3,7 @@
 //! `/visitation/agent_K/lines` has some states of the latest episodes as lines, `/visitation/agent_K/density` and
 //! `/visitation/team/density` all states so far as a picture, `/visitation/axes` what both are drawn on.
 
-use rerun::components::{Colormap, Radius};
+use rerun::components::{Colormap, MagnificationFilter, Radius};
 use rerun::datatypes::ChannelDatatype;
 use rerun::log::Chunk;
 use rerun::{DepthImage, EntityPath, LineStrips2D, Points2D};
@@ -80,9 +80,12 @@ impl Visits {
         picture(&self.entity, axes, self.density.pixels(), at)
     }
 
-    /// What is true of the agent's lines throughout.
-    pub(super) fn style(&self, agent: u32) -> Result<Chunk, Fault> {
-        let style = LineStrips2D::update_fields().with_colors([rgb(agent_color(agent))]).with_radii([Radius::new_ui_points(0.4)]);
+    /// What is true of the agent's lines throughout: from dark, at an episode's start, to bright, at its end.
+    pub(super) fn style(&self, agent: u32, lines: u32) -> Result<Chunk, Fault> {
+        let color = agent_color(agent).map(f32::from);
+        let share = |line: u32| 0.35 + 0.65 * (line + 1) as f32 / lines.max(1) as f32;
+        let colors = (0..lines.max(1)).map(|line| rgb(color.map(|channel| (channel * share(line)).min(255.0) as u8)));
+        let style = LineStrips2D::update_fields().with_colors(colors).with_radii([Radius::new_ui_points(0.35)]);
         timeless(lines_of(&self.entity), &style)
     }
 }
@@ -106,19 +109,20 @@ fn picture(entity: &EntityPath, axes: &Axes, pixels: &[u32], at: Moment) -> Resu
     let size = [axes.width() as u32, HEIGHT as u32];
     let image = DepthImage::from_data_type_and_bytes(shade(pixels), size, ChannelDatatype::U8)
         .with_colormap(Colormap::Inferno)
-        .with_depth_range([0.0, 255.0]);
+        .with_depth_range([0.0, 255.0])
+        .with_magnification_filter(MagnificationFilter::Linear);
     single(entity.join(&"density".into()), at, &image)
 }
 
 /// The axes with their names, units and ends.
-pub(super) fn furniture(axes: &Axes) -> Result<[Chunk; 3], Fault> {
+pub(super) fn furniture(axes: &Axes, lettering: Lettering) -> Result<[Chunk; 3], Fault> {
     let stands = (0..axes.all().len()).map(|axis| axes.x(axis));
-    let uprights = stands.clone().map(|x| [[x, 0.0], [x, HEIGHT as f32]]);
-    let uprights =
-        LineStrips2D::new(uprights).with_colors([rgb(AXIS_COLOR)]).with_radii([Radius::new_ui_points(0.8)]).with_draw_order(50.0);
-    let names = stands.clone().zip(axes.all()).map(|(x, axis)| ([x, -16.0], name_with_unit(&axis.quantity)));
-    let tops = stands.clone().zip(axes.all()).map(|(x, axis)| ([x, -5.0], number(axis.quantity.range[1])));
-    let bottoms = stands.zip(axes.all()).map(|(x, axis)| ([x, HEIGHT as f32 + 6.0], number(axis.quantity.range[0])));
+    let uprights = LineStrips2D::new(stands.clone().map(|x| [[x, 0.0], [x, HEIGHT as f32]]));
+    let uprights = uprights.with_colors([rgb(AXIS_COLOR)]).with_radii([Radius::new_ui_points(0.8)]).with_draw_order(50.0);
+    let names =
+        (0..).zip(axes.all()).map(|(index, axis)| ([axes.x(index), lettering.name_y(index)], lettering.name(&axis.quantity)));
+    let tops = stands.clone().zip(axes.all()).map(|(x, axis)| ([x, lettering.top_y()], number(axis.quantity.range[1])));
+    let bottoms = stands.zip(axes.all()).map(|(x, axis)| ([x, lettering.bottom_y()], number(axis.quantity.range[0])));
     Ok([
         timeless("visitation/axes", &uprights)?,
         timeless("visitation/axes/names", &texts(names, NAME_COLOR))?,
@@ -136,12 +140,65 @@ fn texts(texts: impl Iterator<Item = ([f32; 2], String)>, color: [u8; 3]) -> Poi
         .with_draw_order(60.0)
 }
 
-fn name_with_unit(quantity: &Quantity) -> String {
-    if quantity.unit.is_empty() { quantity.name.clone() } else { format!("{} [{}]", quantity.name, quantity.unit) }
-}
-
 /// At most three decimals, none of them an idle zero.
 fn number(value: f32) -> String {
     let text = format!("{value:.3}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// Where words stand. Their size is fixed in points of the screen, whereas everything else grows with the view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lettering {
+    /// Height of a line of words, in pixels of the density image.
+    line: f32,
+    /// Whether units have room beside names.
+    with_units: bool,
+    /// Whether every other name stands one line higher.
+    staggered: bool,
+}
+
+impl Lettering {
+    /// Points of the screen that a line of words and a letter take.
+    pub(super) const LINE: f32 = 19.0;
+    const LETTER: f32 = 6.7;
+
+    /// For views in which a pixel of the density image is `scale` points of the screen.
+    pub(super) fn new(axes: &Axes, scale: f32) -> Self {
+        let room = (axes.x(1) - axes.x(0)) * scale;
+        let widest = |with_units: bool| {
+            let letters = axes.all().iter().map(|axis| name(&axis.quantity, with_units).chars().count());
+            letters.max().unwrap_or(0) as f32 * Self::LETTER + 8.0
+        };
+        Self {
+            line: Self::LINE / scale,
+            with_units: widest(true) <= 2.0 * room,
+            staggered: widest(widest(true) <= 2.0 * room) > room,
+        }
+    }
+
+    fn name(self, quantity: &Quantity) -> String {
+        name(quantity, self.with_units)
+    }
+
+    fn name_y(self, axis: usize) -> f32 {
+        if self.staggered && axis % 2 == 1 { -3.1 * self.line } else { -2.1 * self.line }
+    }
+
+    fn top_y(self) -> f32 {
+        -1.05 * self.line
+    }
+
+    fn bottom_y(self) -> f32 {
+        HEIGHT as f32 + 0.05 * self.line
+    }
+
+    /// What is written, from the uppermost to the lowest end.
+    pub(super) fn y_range(self) -> [f64; 2] {
+        let lines_above = if self.staggered { 3.2 } else { 2.2 };
+        [f64::from(-lines_above * self.line), f64::from(self.bottom_y() + 1.1 * self.line)]
+    }
+}
+
+fn name(quantity: &Quantity, with_unit: bool) -> String {
+    if quantity.unit.is_empty() || !with_unit { quantity.name.clone() } else { format!("{} [{}]", quantity.name, quantity.unit) }
 }
