@@ -68,7 +68,9 @@ fn dependencies_go_one_way() {
 
 #[test]
 fn formulas_know_no_threads_files_or_clocks() {
-    for (file, text) in house().into_iter().filter(|(file, _)| ["rl/", "nn/", "env/", "agent/"].iter().any(|room| file.starts_with(room))) {
+    for (file, text) in
+        house().into_iter().filter(|(file, _)| ["rl/", "nn/", "env/", "agent/"].iter().any(|room| file.starts_with(room)))
+    {
         for banned in ["std::thread", "std::time", "rayon::", "HashMap", "SystemTime"] {
             assert!(!text.contains(banned), "{file} names {banned}");
         }

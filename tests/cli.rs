@@ -60,7 +60,8 @@ fn good_files_pass() {
 #[test]
 fn every_scenario_and_environment_passes() {
     let files = ["scenarios", "envs"].into_iter().flat_map(|folder| std::fs::read_dir(folder).unwrap());
-    let paths: Vec<String> = files.map(|entry| entry.unwrap().path().display().to_string()).filter(|p| p.ends_with(".ron")).collect();
+    let paths: Vec<String> =
+        files.map(|entry| entry.unwrap().path().display().to_string()).filter(|p| p.ends_with(".ron")).collect();
     let arguments: Vec<&str> = ["check"].into_iter().chain(paths.iter().map(String::as_str)).collect();
     let output = seedbed(&arguments);
     assert!(output.status.success() && paths.len() >= 4, "{}", stderr(&output));
@@ -76,7 +77,14 @@ fn a_run_leaves_what_is_promised() {
         std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     let promised = [
-        "checkpoint", "environment.ron", "episodes.csv", "policies.safetensors", "rounds.csv", "run.rrd", "scenario.ron", "summary.json",
+        "checkpoint",
+        "environment.ron",
+        "episodes.csv",
+        "policies.safetensors",
+        "rounds.csv",
+        "run.rrd",
+        "scenario.ron",
+        "summary.json",
     ];
     assert_eq!(names, promised);
 
@@ -150,7 +158,10 @@ fn a_folder_of_other_files_is_left_alone() {
 fn overrides_are_explained() {
     let output = seedbed(&["run", "scenarios/cartpole.ron", "--set", "algorithm.dicount=0.9"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).starts_with("error: --set algorithm.dicount=0.9: in `algorithm.dicount`: there is no field `dicount` here"));
+    assert!(
+        stderr(&output)
+            .starts_with("error: --set algorithm.dicount=0.9: in `algorithm.dicount`: there is no field `dicount` here")
+    );
     assert!(stderr(&output).ends_with("  = help: did you mean `discount`?\n"), "{}", stderr(&output));
 }
 

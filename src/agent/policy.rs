@@ -34,8 +34,7 @@ pub(super) fn check(spec: &Spec) -> Result<(), String> {
 
 /// The policy network of a task.
 pub(super) fn shape(spec: &Spec, hidden: &[usize]) -> Mlp {
-    let sizes: Vec<usize> =
-        [spec.observation_width()].into_iter().chain(hidden.iter().copied()).chain([choices(spec)]).collect();
+    let sizes: Vec<usize> = [spec.observation_width()].into_iter().chain(hidden.iter().copied()).chain([choices(spec)]).collect();
     Mlp::new(&sizes)
 }
 

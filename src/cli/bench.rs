@@ -18,8 +18,7 @@ struct Outcome {
 }
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
-    let plans: Result<Vec<Plan>, InputError> =
-        args.scenarios.iter().map(|path| Plan::load(path, &args.overrides)).collect();
+    let plans: Result<Vec<Plan>, InputError> = args.scenarios.iter().map(|path| Plan::load(path, &args.overrides)).collect();
     let pool = ThreadPoolBuilder::new().num_threads(args.jobs.unwrap_or(0)).build();
     let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
     println!("Episodes per agent until solved, of {} seeds from {} on:\n", args.seeds, args.first_seed);

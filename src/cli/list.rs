@@ -49,7 +49,11 @@ fn scenarios() {
         match Plan::load(&path, &[]) {
             Ok(plan) => {
                 let (agents, task) = (plan.scenario.agents.count.get(), &plan.description.spec.name);
-                println!("  {:<32} {agents} agents in {task}, {} episodes each at most", path.display(), plan.scenario.most_episodes());
+                println!(
+                    "  {:<32} {agents} agents in {task}, {} episodes each at most",
+                    path.display(),
+                    plan.scenario.most_episodes()
+                );
             }
             Err(error) => println!("  {}\n      cannot be used: {error}", path.display()),
         }

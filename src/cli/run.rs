@@ -17,14 +17,10 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let plan = Plan::load(&args.scenario, &overrides)?;
     let folder = args.out.as_ref().map_or_else(|| plan.default_folder(), RunFolder::new);
     make_room(args, &folder)?;
-    let options =
-        Options { folder, resume: args.resume, threads: args.threads.unwrap_or(0), recording: !args.no_recording };
+    let options = Options { folder, resume: args.resume, threads: args.threads.unwrap_or(0), recording: !args.no_recording };
     let started = Instant::now();
-    let ending = if args.quiet {
-        execute(&plan, &options, &mut Silent)?
-    } else {
-        execute(&plan, &options, &mut Bar::new(&plan))?
-    };
+    let ending =
+        if args.quiet { execute(&plan, &options, &mut Silent)? } else { execute(&plan, &options, &mut Bar::new(&plan))? };
     match ending {
         Ending::Interrupted { rounds } => Err(Failure::Work(format!(
             "interrupted after {rounds} rounds; go on with\n  seedbed run {} --resume{}",
@@ -48,19 +44,15 @@ fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<(), Failure> {
         Contents::FinishedRun if args.resume => {
             Err(Failure::Input(format!("the run in {shown} is finished; there is nothing to resume")))
         }
-        Contents::FinishedRun if !args.overwrite => {
-            Err(Failure::Input(format!("{shown} holds a finished run; {elsewhere}")))
+        Contents::FinishedRun if !args.overwrite => Err(Failure::Input(format!("{shown} holds a finished run; {elsewhere}"))),
+        Contents::UnfinishedRun if !args.resume && !args.overwrite => {
+            Err(Failure::Input(format!("{shown} holds a run that was interrupted; go on with --resume, {elsewhere}")))
         }
-        Contents::UnfinishedRun if !args.resume && !args.overwrite => Err(Failure::Input(format!(
-            "{shown} holds a run that was interrupted; go on with --resume, {elsewhere}"
-        ))),
         Contents::Nothing | Contents::Other if args.resume => {
             Err(Failure::Input(format!("{shown} holds no checkpoint to resume from; start afresh without --resume")))
         }
         Contents::Other if !args.overwrite => Err(Failure::Input(format!("{shown} is not empty; {elsewhere}"))),
-        _ if args.overwrite => {
-            folder.clear().map_err(|error| Failure::Work(format!("cannot clear {shown}: {error}")))
-        }
+        _ if args.overwrite => folder.clear().map_err(|error| Failure::Work(format!("cannot clear {shown}: {error}"))),
         _ => Ok(()),
     }
 }
@@ -88,7 +80,9 @@ fn interruption() -> Arc<AtomicBool> {
 fn print(summary: &Summary, folder: &RunFolder, no_recording: bool, seconds: f64) {
     let Summary { agents, episodes_per_agent, env_steps, final_return, .. } = summary;
     let rate = *env_steps as f64 / seconds;
-    println!("finished   {episodes_per_agent} episodes of {agents} agents, {env_steps} env steps in {seconds:.1} s ({rate:.0} a second)");
+    println!(
+        "finished   {episodes_per_agent} episodes of {agents} agents, {env_steps} env steps in {seconds:.1} s ({rate:.0} a second)"
+    );
     println!("solved     {}", solved(summary));
     println!("return     {final_return:.1}, mean over the team's last {} episodes", FINAL_WINDOW.min(*episodes_per_agent));
     println!("coverage   {}", coverage(summary));

@@ -227,15 +227,8 @@ fn multiply_add(sum: &mut [f32], factor: f32, terms: &[f32]) {
 #[inline(always)]
 fn tanh(x: f32) -> f32 {
     const LIMIT: f32 = 7.905_311;
-    const P: [f32; 7] = [
-        4.893_525_5e-3,
-        6.372_619_3e-4,
-        1.485_722_4e-5,
-        5.122_297e-8,
-        -8.604_672e-11,
-        2.000_188e-13,
-        -2.760_768_5e-16,
-    ];
+    const P: [f32; 7] =
+        [4.893_525_5e-3, 6.372_619_3e-4, 1.485_722_4e-5, 5.122_297e-8, -8.604_672e-11, 2.000_188e-13, -2.760_768_5e-16];
     const Q: [f32; 4] = [4.893_525e-3, 2.268_434_6e-3, 1.185_347e-4, 1.198_258_4e-6];
     let x = x.clamp(-LIMIT, LIMIT);
     let square = x * x;
@@ -255,7 +248,8 @@ mod tests {
             let hashed = |i: usize| (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15 ^ (seed + salt)).rotate_left(29) >> 40;
             (0..count).map(|i| hashed(i) as f32 / 8_388_608.0 - 1.0).collect()
         };
-        let (x, w, b, dy) = (numbers(batch * inputs, 1), numbers(inputs * outputs, 2), numbers(outputs, 3), numbers(batch * outputs, 4));
+        let (x, w, b, dy) =
+            (numbers(batch * inputs, 1), numbers(inputs * outputs, 2), numbers(outputs, 3), numbers(batch * outputs, 4));
         let matrix = |rows, columns, data: &[f32]| DMatrix::from_row_slice(rows, columns, data);
         let (xm, wm, dym) = (matrix(batch, inputs, &x), matrix(inputs, outputs, &w), matrix(batch, outputs, &dy));
         let close = |ours: &[f32], theirs: DMatrix<f32>| {

@@ -25,7 +25,14 @@ pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn per_decision(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>, products: &mut Vec<f32>, returns: &mut [f32]) {
+pub fn per_decision(
+    ratios: &[f32],
+    rewards: &[f32],
+    discount: f32,
+    cap: Option<f32>,
+    products: &mut Vec<f32>,
+    returns: &mut [f32],
+) {
     assert_eq!(ratios.len(), rewards.len());
     assert_eq!(ratios.len(), returns.len());
     match cap {

@@ -209,7 +209,12 @@ mod tests {
 
     fn episode(agent: u32, episode: u32, rewards: &[f32]) -> Episode {
         let observations = vec![agent as f32; 2 * (rewards.len() + 1)];
-        Episode { rewards: rewards.to_vec(), observations, outcome: Status::Terminated, ..Episode::start(agent, episode, episode, &spec(2)) }
+        Episode {
+            rewards: rewards.to_vec(),
+            observations,
+            outcome: Status::Terminated,
+            ..Episode::start(agent, episode, episode, &spec(2))
+        }
     }
 
     /// Three axes make three grids of 400 cells; the states (0.5, 1.5, 2.5) and (0.5, 1.5, 19.5) share a cell in the first.

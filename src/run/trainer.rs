@@ -104,10 +104,10 @@ impl Trainer {
     #[must_use]
     pub fn threshold(&self) -> Option<Threshold> {
         match self.scenario.stop {
-            Stop::Solved { r#return, window, .. } => {
-                Some(Threshold { r#return: r#return.get(), window: window.get() as usize })
+            Stop::Solved { r#return, window, .. } => Some(Threshold { r#return: r#return.get(), window: window.get() as usize }),
+            Stop::Episodes(_) => {
+                self.spec().reward_threshold.map(|r#return| Threshold { r#return: f64::from(r#return), window: 25 })
             }
-            Stop::Episodes(_) => self.spec().reward_threshold.map(|r#return| Threshold { r#return: f64::from(r#return), window: 25 }),
         }
     }
 

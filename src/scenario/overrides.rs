@@ -14,9 +14,8 @@ pub(super) fn apply(document: &Document<Scenario>, assignment: &str) -> Result<D
         message,
         help,
     };
-    let (path, value) = assignment
-        .split_once('=')
-        .ok_or_else(|| fault("", "expected PATH=VALUE, such as agents.count=16".to_owned(), None))?;
+    let (path, value) =
+        assignment.split_once('=').ok_or_else(|| fault("", "expected PATH=VALUE, such as agents.count=16".to_owned(), None))?;
     let (path, value) = (path.trim(), value.trim());
     let text = replace(&document.value.resolved(), path, value).map_err(|unknown| {
         let names = unknown.valid.iter().map(String::as_str);

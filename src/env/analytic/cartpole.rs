@@ -134,12 +134,7 @@ impl CartPole {
     #[must_use]
     pub fn gym_euler(&self, [position, angle, speed, rate]: [f64; 4], force: f64, duration: f64) -> [f64; 4] {
         let [acceleration, spin] = self.accelerations(angle, rate, force, 0.0);
-        [
-            position + duration * speed,
-            angle + duration * rate,
-            speed + duration * acceleration,
-            rate + duration * spin,
-        ]
+        [position + duration * speed, angle + duration * rate, speed + duration * acceleration, rate + duration * spin]
     }
 
     /// x, α, ẋ, α̇ of joint coordinates: positions, then velocities.

@@ -262,9 +262,7 @@ impl Mistake {
 
 fn literal_value(literal: &ExprLit) -> Part {
     let number = |digits: &str, suffix: &str| match digits.parse::<f32>() {
-        _ if !suffix.is_empty() => {
-            Err(mistake(literal.lit.span(), format!("a number takes no suffix, found `{suffix}`")))
-        }
+        _ if !suffix.is_empty() => Err(mistake(literal.lit.span(), format!("a number takes no suffix, found `{suffix}`"))),
         Ok(number) if number.is_finite() => Ok((Value::Constant(number), Type::Number)),
         _ => Err(mistake(literal.lit.span(), "the number is too large")),
     };
