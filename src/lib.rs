@@ -8,7 +8,7 @@
 //!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
 //! ```
 //!
-//! and so do the modules' dependencies: [`cli`] → [`run`] → [`scenario`] → [`agent`], [`env`], [`record`] → [`rl`], [`nn`],
+//! and so do the modules' dependencies: [`cli`] → [`run`] → [`scenario`] → [`agent`], [`mod@env`], [`record`] → [`rl`], [`nn`],
 //! [`experience`], [`seed`] → [`input`], [`random`]. `ARCHITECTURE.md` is the map.
 
 pub mod agent;

@@ -2,7 +2,7 @@
 //!
 //! Lengths are in m, angles in rad, masses in kg, times in s; x points to the right, y upwards, angles grow counter-clockwise.
 //! [`load`] reads a file and checks everything that it says, formulas included: a [`Description`] can always be built. Types and
-//! ranges are checked while reading, names that refer to something by [`resolve`]. Building and stepping may not enter.
+//! ranges are checked while reading, names that refer to something by `resolve`. Building and stepping may not enter.
 
 mod checked;
 mod resolve;

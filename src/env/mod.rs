@@ -1,6 +1,6 @@
 //! Environments: batches of independent copies of one task, described by a file and not by code.
 //!
-//! [`Environment`] is all that the rest of the workbench sees. [`file`] is the schema of `envs/*.ron` and makes a
+//! [`Environment`] is all that the rest of the workbench sees. [`mod@file`] is the schema of `envs/*.ron` and makes a
 //! [`description`], [`task`] turns that into an environment on top of a [`dynamics`] (rigid bodies in [`physics`], or the
 //! closed-form twins of [`analytic`]). [`load`] and [`build`] are the two steps. Agents, learning and recording may not enter.
 

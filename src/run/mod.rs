@@ -237,7 +237,7 @@ fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
 fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingAbout<'_>) -> R) -> R {
     let scenario = plan.scenario.resolved();
     record(&RecordingAbout {
-        name: &format!("{} · seed {}", plan.name, plan.scenario.seed),
+        name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: trainer.agents().len() as u32,
