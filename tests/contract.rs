@@ -148,7 +148,13 @@ fn a_copy_does_not_depend_on_the_others() {
                 // In every other batch only our copy starts again, so that it ends up alone among idle ones.
                 let restarting = if names.len() % 2 == 0 { names.clone() } else { vec![5] };
                 crowd.step(names, &restarting);
-                assert_eq!(crowd.bits(names.len() / 2), alone.bits(0), "{} {physics:?}: step {step}, {} copies", task.spec.name, names.len());
+                assert_eq!(
+                    crowd.bits(names.len() / 2),
+                    alone.bits(0),
+                    "{} {physics:?}: step {step}, {} copies",
+                    task.spec.name,
+                    names.len()
+                );
             }
         }
     }
@@ -191,7 +197,8 @@ fn a_saved_environment_continues_to_the_same_bits() {
         let mut one = Crowd::new(&task, physics, &names);
         (0..70).for_each(|_| one.step(&names, &[0, 1, 2]));
         let bytes = one.environment.save();
-        let mut other = Crowd { environment: fresh(&task, physics, 5), random: one.random.clone(), episodes: one.episodes.clone() };
+        let mut other =
+            Crowd { environment: fresh(&task, physics, 5), random: one.random.clone(), episodes: one.episodes.clone() };
         other.environment.restore(&bytes).unwrap();
         assert_eq!(other.environment.save(), bytes);
         for _ in 0..150 {

@@ -318,7 +318,10 @@ fn episode_lengths(task: &Description, physics: Physics) -> Vec<f64> {
         }
         let mut length = vec![0.0; COPIES];
         while environment.statuses().contains(&Status::Running) {
-            length.iter_mut().zip(environment.statuses()).for_each(|(n, &status)| *n += f64::from(u8::from(status == Status::Running)));
+            length
+                .iter_mut()
+                .zip(environment.statuses())
+                .for_each(|(n, &status)| *n += f64::from(u8::from(status == Status::Running)));
             let actions: Vec<_> = pushes.iter_mut().map(|push| f32::from(u8::from(push.random::<bool>()))).collect();
             environment.step(&actions);
         }

@@ -163,7 +163,8 @@ impl Compiler<'_> {
             return Err(self.unknown_name(&name.to_string(), name.span()));
         };
         let column = variable.previous.ok_or_else(|| {
-            mistake(name.span(), format!("`{name}` has no previous value: it is neither an observation nor a sensor"))
+            let message = "has no previous value here: rewards and endings look back, at observations and sensors";
+            mistake(name.span(), format!("`{name}` {message}"))
         })?;
         Ok((Value::Variable(column), Type::Number))
     }
@@ -262,9 +263,7 @@ impl Mistake {
 
 fn literal_value(literal: &ExprLit) -> Part {
     let number = |digits: &str, suffix: &str| match digits.parse::<f32>() {
-        _ if !suffix.is_empty() => {
-            Err(mistake(literal.lit.span(), format!("a number takes no suffix, found `{suffix}`")))
-        }
+        _ if !suffix.is_empty() => Err(mistake(literal.lit.span(), format!("a number takes no suffix, found `{suffix}`"))),
         Ok(number) if number.is_finite() => Ok((Value::Constant(number), Type::Number)),
         _ => Err(mistake(literal.lit.span(), "the number is too large")),
     };

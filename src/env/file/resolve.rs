@@ -124,9 +124,7 @@ fn shape(geom: &Geom) -> Shape {
             half_size: [width.get() as f32, height.get() as f32],
             angle: angle.map_or(0.0, super::Finite::get) as f32,
         },
-        Geom::Capsule { from, to, radius } => {
-            Shape::Capsule { from: point(*from), to: point(*to), radius: radius.get() as f32 }
-        }
+        Geom::Capsule { from, to, radius } => Shape::Capsule { from: point(*from), to: point(*to), radius: radius.get() as f32 },
         Geom::Convex(points) => Shape::Polygon(points.get()),
         Geom::Polyline(points) => Shape::Polyline(points.get()),
     }
@@ -235,11 +233,7 @@ fn reading(sensor: &Sensor, joints: &[Joint]) -> Result<description::Sensor, Com
 }
 
 fn formulas(file: &Environment) -> Result<Formulas, Complaint> {
-    let columns = Columns {
-        sensors: file.sensors.len(),
-        observations: file.observations.len(),
-        actions: file.actuators.len(),
-    };
+    let columns = Columns { sensors: file.sensors.len(), observations: file.observations.len(), actions: file.actuators.len() };
     let sensors = sensor_variables(file, columns);
     let all = all_variables(file, columns, &sensors);
     Ok(Formulas {

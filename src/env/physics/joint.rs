@@ -71,9 +71,7 @@ impl Hold {
     pub(super) fn insert(&self, world: &mut PhysicsWorld, anchor: RigidBodyHandle, handles: &[RigidBodyHandle]) {
         let (locked, turned) = match self.kind {
             Kind::Rail { .. } => return,
-            Kind::Slide { axis } => {
-                (JointAxesMask::LOCKED_PRISMATIC_AXES, Rotation::from_cos_sin_unchecked(axis.x, axis.y))
-            }
+            Kind::Slide { axis } => (JointAxesMask::LOCKED_PRISMATIC_AXES, Rotation::from_cos_sin_unchecked(axis.x, axis.y)),
             Kind::Hinge { .. } => (JointAxesMask::LOCKED_REVOLUTE_AXES, Rotation::IDENTITY),
         };
         let joint = GenericJointBuilder::new(locked)
