@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::Status;
+use crate::env::{Spec, Status};
 
 /// One finished episode of T steps (thesis §5.1): what the agent saw, did, how likely that was, and what it got.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,6 +28,22 @@ pub struct Episode {
 }
 
 impl Episode {
+    /// An episode about to be played, with room for the task's longest.
+    #[must_use]
+    pub fn start(agent: u32, episode: u32, round: u32, spec: &Spec) -> Self {
+        let steps = spec.time_limit.min(10_000) as usize;
+        Self {
+            agent,
+            episode,
+            round,
+            observations: Vec::with_capacity((steps + 1) * spec.observation_width()),
+            actions: Vec::with_capacity(steps * spec.action_width()),
+            rewards: Vec::with_capacity(steps),
+            log_probs: Vec::with_capacity(steps),
+            outcome: Status::Running,
+        }
+    }
+
     /// T, the number of steps.
     #[must_use]
     pub fn length(&self) -> usize {

@@ -28,6 +28,9 @@ pub struct Environment {
     pub control_step: Positive,
     /// Steps after which an episode is truncated.
     pub time_limit: Count,
+    /// Mean return at which the task counts as solved.
+    #[serde(default)]
+    pub reward_threshold: Option<Finite>,
     /// How exactly motion is computed.
     #[serde(default)]
     pub solver: Solver,

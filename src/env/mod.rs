@@ -103,6 +103,8 @@ pub struct Spec {
     pub control_step: f64,
     /// Steps after which an episode is truncated.
     pub time_limit: u32,
+    /// Mean return at which the task counts as solved, if anybody has agreed on one.
+    pub reward_threshold: Option<f32>,
 }
 
 /// A named number with its unit and the range over which it is displayed and its coverage is counted.

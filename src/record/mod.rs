@@ -3,8 +3,10 @@
 //! [`Recorder`] is what the loop talks to. [`rerun`] is the sole importer of the Rerun SDK and writes `run.rrd`;
 //! [`table`] writes `episodes.csv` and `rounds.csv`. Training may not enter.
 
+pub mod palette;
 pub mod rerun;
 pub mod table;
+pub mod visitation;
 
 use std::path::PathBuf;
 

@@ -40,6 +40,7 @@ fn spec(name: &str, file: &Environment) -> Spec {
         actions: file.actuators.iter().map(action).collect(),
         control_step: file.control_step.get(),
         time_limit: file.time_limit.get(),
+        reward_threshold: file.reward_threshold.map(|threshold| threshold.get() as f32),
     }
 }
 

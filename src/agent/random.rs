@@ -1,0 +1,61 @@
+//! Uniformly random actions: the control that learning has to beat.
+
+use rand::RngExt;
+
+use super::{ActScratch, Agent, Tensor, UpdateReport};
+use crate::env::{Action, Choice, Spec};
+use crate::experience::SharedBuffer;
+use crate::random::Stream;
+
+/// An agent that chooses uniformly and learns nothing.
+pub struct RandomAgent {
+    actions: Vec<Action>,
+}
+
+impl RandomAgent {
+    /// A random agent for a task.
+    #[must_use]
+    pub fn new(spec: &Spec) -> Self {
+        Self { actions: spec.actions.clone() }
+    }
+}
+
+impl Agent for RandomAgent {
+    fn act(&self, _: &[f32], random: &mut Stream, _: &mut ActScratch, action: &mut [f32]) -> f32 {
+        let mut log_prob = 0.0;
+        for (slot, component) in action.iter_mut().zip(&self.actions) {
+            match &component.choice {
+                Choice::Discrete(values) => {
+                    *slot = random.random_range(0..values.len()) as f32;
+                    log_prob -= (values.len() as f32).ln();
+                }
+                Choice::Continuous => {
+                    let [low, high] = component.quantity.range;
+                    *slot = random.random_range(low..=high);
+                    log_prob -= (high - low).ln();
+                }
+            }
+        }
+        log_prob
+    }
+
+    fn update(&mut self, _: &SharedBuffer, _: u32) -> UpdateReport {
+        let entropy = self.actions.iter().map(|component| match &component.choice {
+            Choice::Discrete(values) => (values.len() as f32).ln(),
+            Choice::Continuous => (component.quantity.range[1] - component.quantity.range[0]).ln(),
+        });
+        UpdateReport { ratio_deviation: 1.0, entropy: entropy.sum(), ..UpdateReport::default() }
+    }
+
+    fn tensors(&self) -> Vec<Tensor<'_>> {
+        Vec::new()
+    }
+
+    fn save(&self) -> Vec<u8> {
+        Vec::new()
+    }
+
+    fn restore(&mut self, _: &[u8]) -> Result<(), String> {
+        Ok(())
+    }
+}

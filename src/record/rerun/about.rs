@@ -1,0 +1,82 @@
+//! What a recording says about its run, in words.
+
+use std::sync::Arc;
+
+use rerun::external::arrow::array::StringArray;
+use rerun::log::Chunk;
+use rerun::{AnyValues, ComponentIdentifier, EntityPath, RecordingInfo, TextDocument};
+
+use super::RecordingAbout;
+use super::rows::timeless;
+use super::sink::Fault;
+use crate::env::{Choice, Quantity, Spec};
+
+/// The recording's name, its properties and `/scenario`.
+pub(super) fn chunks(about: &RecordingAbout<'_>) -> Result<[Chunk; 3], Fault> {
+    let name = RecordingInfo::new().with_name(about.name);
+    let text = TextDocument::from_markdown(page(about));
+    Ok([
+        timeless(EntityPath::properties(), &name)?,
+        timeless(EntityPath::properties().join(&"run".into()), &properties(about))?,
+        timeless("scenario", &text)?,
+    ])
+}
+
+/// Properties can be filtered by when many recordings are queried together.
+fn properties(about: &RecordingAbout<'_>) -> AnyValues {
+    facts(about).into_iter().fold(AnyValues::default(), |values, (name, value)| match ComponentIdentifier::try_new(name) {
+        Ok(name) => values.with_component_from_data(name, Arc::new(StringArray::from(vec![value]))),
+        Err(_) => values,
+    })
+}
+
+fn facts(about: &RecordingAbout<'_>) -> Vec<(String, String)> {
+    let own = [
+        ("environment", about.spec.name.clone()),
+        ("agents", about.agents.to_string()),
+        ("seed", about.run_seed.to_string()),
+        ("seedbed", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    let further = about.properties.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+    own.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(further).collect()
+}
+
+fn page(about: &RecordingAbout<'_>) -> String {
+    let RecordingAbout { name, spec, agents, scenario, .. } = about;
+    let description = &spec.description;
+    let facts: String = facts(about).iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
+    let (observed, done) = (observations(spec), actions(spec));
+    format!(
+        "# {name}\n\n\
+         {agents} concurrent agents learn in as many copies of one task and share what they experience. {description}\n\n\
+         ## How to read this recording\n\n\
+         - **States visited**: one upright axis for each observed quantity, one line across them for each state. Lines are \
+         a sample of the latest episodes; pictures count all states so far, brighter where more lines pass.\n\
+         - **Returns**: the sum of rewards of each episode. Each agent has one colour throughout.\n\
+         - **Time** is counted in episodes. Choose `env_step` in the time panel to watch the bodies move.\n\n\
+         ## The run\n\n| | |\n|---|---|\n{facts}\n\
+         ## What an agent sees and does\n\n| quantity | range | unit |\n|---|---|---|\n{observed}{done}\n\
+         ## Scenario\n\n```ron\n{scenario}\n```\n"
+    )
+}
+
+fn observations(spec: &Spec) -> String {
+    spec.observations.iter().map(|quantity| row(quantity, &ends(quantity))).collect()
+}
+
+fn actions(spec: &Spec) -> String {
+    let range = |choice: &Choice, quantity| match choice {
+        Choice::Discrete(values) => format!("one of {values:?}"),
+        Choice::Continuous => ends(quantity),
+    };
+    spec.actions.iter().map(|action| row(&action.quantity, &range(&action.choice, &action.quantity))).collect()
+}
+
+fn ends(quantity: &Quantity) -> String {
+    let [low, high] = quantity.range;
+    format!("{low} to {high}")
+}
+
+fn row(quantity: &Quantity, range: &str) -> String {
+    format!("| {} | {range} | {} |\n", quantity.name, quantity.unit)
+}

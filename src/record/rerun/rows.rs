@@ -1,0 +1,154 @@
+//! Rows that are collected until it pays to write them as one piece.
+
+use std::sync::Arc;
+
+use rerun::external::arrow::array::{Array, ArrayRef, FixedSizeListArray, Float32Array, ListArray};
+use rerun::external::arrow::buffer::{NullBuffer, OffsetBuffer, ScalarBuffer};
+use rerun::external::arrow::datatypes::{DataType, Field};
+use rerun::external::nohash_hasher::IntMap;
+use rerun::log::{Chunk, ChunkComponents, ChunkId, RowId};
+use rerun::time::TimeInt;
+use rerun::{
+    AsComponents, Color, ComponentDescriptor, EntityPath, SerializedComponentColumn, TimeColumn, TimePoint, Timeline,
+    TimelineName,
+};
+
+use super::sink::Fault;
+
+/// The agent's own steps; an episode of T steps takes T + 1 of them, the last one for what was seen at the end.
+pub(super) const ENV_STEP: &str = "env_step";
+/// The agent's own episodes.
+pub(super) const EPISODE: &str = "episode";
+/// The team's rounds.
+pub(super) const ROUND: &str = "round";
+
+/// A point on all three timelines.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moment {
+    pub(super) env_step: i64,
+    pub(super) episode: i64,
+    pub(super) round: i64,
+}
+
+/// The moments of collected rows.
+#[derive(Default)]
+pub(super) struct Moments {
+    env_steps: Vec<i64>,
+    episodes: Vec<i64>,
+    rounds: Vec<i64>,
+}
+
+impl Moments {
+    pub(super) fn push(&mut self, moment: Moment) {
+        self.env_steps.push(moment.env_step);
+        self.episodes.push(moment.episode);
+        self.rounds.push(moment.round);
+    }
+
+    /// Adds `rows` rows, one step apart, beginning at `first`.
+    pub(super) fn push_steps(&mut self, first: Moment, rows: usize) {
+        let rows_after = |count: usize| self.env_steps.len() + count;
+        self.episodes.resize(rows_after(rows), first.episode);
+        self.rounds.resize(rows_after(rows), first.round);
+        self.env_steps.extend(first.env_step..first.env_step + rows as i64);
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.env_steps.len()
+    }
+
+    /// The rows of these moments as one piece.
+    pub(super) fn into_chunk(
+        self,
+        entity: &EntityPath,
+        columns: impl IntoIterator<Item = SerializedComponentColumn>,
+    ) -> Result<Chunk, Fault> {
+        self.into_chunk_on(&[ENV_STEP, EPISODE, ROUND], entity, columns)
+    }
+
+    /// Likewise, on some of the timelines only.
+    pub(super) fn into_chunk_on(
+        self,
+        timelines: &[&'static str],
+        entity: &EntityPath,
+        columns: impl IntoIterator<Item = SerializedComponentColumn>,
+    ) -> Result<Chunk, Fault> {
+        let row_ids: Vec<RowId> = std::iter::successors(Some(RowId::new()), |id| Some(id.next())).take(self.len()).collect();
+        let times = [(ENV_STEP, self.env_steps), (EPISODE, self.episodes), (ROUND, self.rounds)];
+        let times = times.into_iter().filter(|(name, _)| timelines.contains(name)).map(|(name, times)| time_column(name, times));
+        let components: ChunkComponents = columns.into_iter().map(|column| (column.descriptor, column.list_array)).collect();
+        let times: IntMap<TimelineName, TimeColumn> = times.collect();
+        let chunk = Chunk::from_native_row_ids(ChunkId::new(), entity.clone(), Some(true), &row_ids, times, components);
+        chunk.map_err(|error| error.to_string())
+    }
+}
+
+fn time_column(name: &'static str, times: Vec<i64>) -> (TimelineName, TimeColumn) {
+    let timeline = Timeline::new_sequence(name);
+    (*timeline.name(), TimeColumn::new(None, timeline, ScalarBuffer::from(times)))
+}
+
+/// A single row without a time: true throughout the recording.
+pub(super) fn timeless(entity: impl Into<EntityPath>, content: &dyn AsComponents) -> Result<Chunk, Fault> {
+    single_row(entity, TimePoint::default(), content)
+}
+
+/// A single row.
+pub(super) fn single(entity: impl Into<EntityPath>, at: Moment, content: &dyn AsComponents) -> Result<Chunk, Fault> {
+    let time = |value| TimeInt::new_temporal(value);
+    let point = TimePoint::default()
+        .with(Timeline::new_sequence(ENV_STEP), time(at.env_step))
+        .with(Timeline::new_sequence(EPISODE), time(at.episode))
+        .with(Timeline::new_sequence(ROUND), time(at.round));
+    single_row(entity, point, content)
+}
+
+pub(super) fn single_row(
+    entity: impl Into<EntityPath>,
+    at: impl Into<TimePoint>,
+    content: &dyn AsComponents,
+) -> Result<Chunk, Fault> {
+    let batches = content.as_serialized_batches();
+    let chunk = Chunk::builder(entity).with_serialized_batches(RowId::new(), at, batches).build();
+    chunk.map_err(|error| error.to_string())
+}
+
+/// A column with one value a row; where `present` says so, with none.
+pub(super) fn unit_column(
+    descriptor: ComponentDescriptor,
+    values: ArrayRef,
+    present: Option<Vec<bool>>,
+) -> SerializedComponentColumn {
+    let per_row = match &present {
+        None => vec![1; values.len()],
+        Some(present) => present.iter().map(|&present| usize::from(present)).collect(),
+    };
+    SerializedComponentColumn::new(list(values, per_row, present.map(NullBuffer::from)), descriptor)
+}
+
+/// A column with `per_row[i]` values in row i.
+pub(super) fn grouped_column(
+    descriptor: ComponentDescriptor,
+    values: ArrayRef,
+    per_row: Vec<usize>,
+) -> SerializedComponentColumn {
+    SerializedComponentColumn::new(list(values, per_row, None), descriptor)
+}
+
+fn list(values: ArrayRef, lengths: Vec<usize>, present: Option<NullBuffer>) -> ListArray {
+    let field = Field::new_list_field(values.data_type().clone(), true);
+    ListArray::new(field.into(), OffsetBuffer::from_lengths(lengths), values, present)
+}
+
+/// Polylines of 2D points, as the components of lines want them.
+pub(super) fn strips(points: Vec<f32>, points_per_strip: Vec<usize>) -> ArrayRef {
+    let number = Field::new("item", DataType::Float32, false);
+    let points = FixedSizeListArray::new(number.into(), 2, Arc::new(Float32Array::from(points)), None);
+    let point = Field::new("item", points.data_type().clone(), false);
+    Arc::new(ListArray::new(point.into(), OffsetBuffer::from_lengths(points_per_strip), Arc::new(points), None))
+}
+
+/// A colour as Rerun wants it.
+pub(super) fn rgb([red, green, blue]: [u8; 3]) -> Color {
+    Color::from_rgb(red, green, blue)
+}

@@ -1,0 +1,133 @@
+//! Writes messages to the file, at once and one by one, and says so when that fails.
+//!
+//! Nothing is handed to other threads, so nothing can be lost silently or wait for ever. The file grows by whole messages only:
+//! one that does not fit is cut off again, so that what was written before stays readable.
+
+use std::fs::File;
+use std::io::{self, Write};
+
+use rerun::StoreId;
+use rerun::external::re_log_encoding::rrd::{CrateVersion, EncodeError, Encoder, EncodingOptions, StreamHeader};
+use rerun::log::{Chunk, LogMsg};
+
+/// What went wrong, in words for people.
+pub(super) type Fault = String;
+
+/// Where encoded messages go.
+pub(super) trait Storage: Write + Send {
+    /// Cuts the storage back to `length` bytes.
+    fn cut(&mut self, length: u64) -> io::Result<()>;
+
+    /// Brings everything to the disk.
+    fn sync(&mut self) -> io::Result<()>;
+}
+
+impl Storage for File {
+    fn cut(&mut self, length: u64) -> io::Result<()> {
+        self.set_len(length)?;
+        io::Seek::seek(self, io::SeekFrom::Start(length)).map(drop)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        self.sync_all()
+    }
+}
+
+/// The encoded file of one recording.
+pub(super) struct Sink {
+    store: StoreId,
+    encoder: Option<Encoder<Synced>>,
+    messages: u64,
+    /// Bytes of all messages and the head.
+    length: u64,
+    fault: Option<Fault>,
+}
+
+impl Sink {
+    /// Opens a file for the messages of `store`.
+    pub(super) fn new(store: StoreId, storage: Box<dyn Storage>) -> Result<Self, Fault> {
+        let whole = Synced { storage };
+        let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, whole);
+        let length = StreamHeader::ENCODED_SIZE_BYTES as u64;
+        Ok(Self { store, encoder: Some(encoder.map_err(in_words)?), messages: 0, length, fault: None })
+    }
+
+    /// Which recording this is.
+    pub(super) fn store(&self) -> &StoreId {
+        &self.store
+    }
+
+    /// How many messages the file holds.
+    pub(super) fn messages(&self) -> u64 {
+        self.messages
+    }
+
+    /// Writes columns or single rows.
+    pub(super) fn send_chunk(&mut self, chunk: &Chunk) -> Result<(), Fault> {
+        let message = chunk.to_arrow_msg().map_err(|error| error.to_string())?;
+        self.send(&LogMsg::ArrowMsg(self.store.clone(), message))
+    }
+
+    /// Writes a message. After a failure, every call fails.
+    pub(super) fn send(&mut self, message: &LogMsg) -> Result<(), Fault> {
+        self.length += self.guard(|encoder| encoder.append(message))?;
+        self.messages += 1;
+        Ok(())
+    }
+
+    /// Brings everything to the disk.
+    pub(super) fn sync(&mut self) -> Result<(), Fault> {
+        self.guard(Encoder::flush_blocking)
+    }
+
+    /// Writes the index that ends a complete file.
+    pub(super) fn finish(&mut self) -> Result<(), Fault> {
+        self.guard(|encoder| {
+            encoder.finish()?;
+            encoder.flush_blocking()
+        })?;
+        self.encoder = None;
+        self.fault = Some("the recording is already complete".to_owned());
+        Ok(())
+    }
+
+    fn guard<T>(&mut self, work: impl FnOnce(&mut Encoder<Synced>) -> Result<T, EncodeError>) -> Result<T, Fault> {
+        if let Some(fault) = &self.fault {
+            return Err(fault.clone());
+        }
+        let Some(encoder) = &mut self.encoder else { return Err("the recording is closed".to_owned()) };
+        work(encoder).map_err(in_words).inspect_err(|fault| self.give_up(fault))
+    }
+
+    /// Leaves the file as it was after the latest message. An encoder that is merely dropped would try to write on.
+    fn give_up(&mut self, fault: &Fault) {
+        self.fault = Some(fault.clone());
+        if let Some(Ok(mut whole)) = self.encoder.take().map(Encoder::into_inner) {
+            // The first failure is the one to report.
+            drop(whole.storage.cut(self.length));
+        }
+    }
+}
+
+fn in_words(error: EncodeError) -> Fault {
+    match error {
+        EncodeError::Write(error) => error.to_string(),
+        other => other.to_string(),
+    }
+}
+
+/// Brings what is flushed to the disk.
+struct Synced {
+    storage: Box<dyn Storage>,
+}
+
+impl Write for Synced {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.storage.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.storage.flush()?;
+        self.storage.sync()
+    }
+}

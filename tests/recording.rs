@@ -1,0 +1,504 @@
+//! Recordings are read back and compared with what was recorded, number by number.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use rerun::external::arrow::array::{Array, StringArray};
+use rerun::external::re_log_encoding::rrd::DecoderApp;
+use rerun::log::{Chunk, LogMsg};
+use rerun::{ComponentIdentifier, StoreKind, TimelineName};
+use seedbed::env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
+use seedbed::experience::Episode;
+use seedbed::record::rerun::{RecordingAbout, RerunRecorder};
+use seedbed::record::{EpisodeRow, Footage, Recorder, RecordingSettings, RoundRecord, RoundRow};
+
+#[test]
+fn every_state_and_action_is_read_back_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(4, 12);
+    let path = record(&run, folder.path(), &RecordingSettings::default());
+    assert!(!folder.path().join("run.rrd.part").exists());
+    compare_raw(&run, &Contents::of(&path));
+}
+
+#[test]
+fn curves_hold_the_rows_of_the_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(3, 30);
+    let contents = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
+    let returns: Vec<f64> = run.rounds.iter().map(|round| round.episode_rows[1].r#return).collect();
+    assert_eq!(contents.numbers64("/curves/return/agent_1", "Scalars:scalars"), returns);
+    let coverage: Vec<f64> = run.rounds.iter().flat_map(|round| &round.round_rows).map(|row| row.coverage).collect();
+    assert_eq!(contents.numbers64("/curves/coverage", "Scalars:scalars"), coverage);
+    let mean = |rows: &[EpisodeRow]| rows.iter().map(|row| row.r#return).sum::<f64>() / 3.0;
+    let means: Vec<f64> = run.rounds.iter().map(|round| mean(&round.episode_rows)).collect();
+    assert_eq!(contents.numbers64("/curves/return/team_mean", "Scalars:scalars"), means);
+    let last_25 = means[5..].iter().sum::<f64>() / 25.0;
+    approx::assert_relative_eq!(contents.numbers64("/curves/return/team_mean_25", "Scalars:scalars")[29], last_25);
+}
+
+#[test]
+fn no_more_lines_are_visible_than_wanted() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 70);
+    for wanted in [0, 7, 120, 1000] {
+        let settings = RecordingSettings { lines: wanted, ..RecordingSettings::default() };
+        let contents = Contents::of(&record(&run, folder.path(), &settings));
+        let lines = contents.lines_per_row("/visitation/agent_1/lines", "LineStrips2D:strips");
+        let most = lines.windows(50.min(wanted.max(1) as usize)).map(|window| window.iter().sum::<usize>()).max();
+        assert!(most.unwrap_or(0) <= wanted as usize, "{most:?} of {wanted}");
+        assert!(most.unwrap_or(0) * 5 >= wanted as usize, "{most:?} of {wanted}");
+    }
+}
+
+#[test]
+fn pictures_come_as_often_as_wanted_and_at_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = RecordingSettings { density_every: 5, ..RecordingSettings::default() };
+    let contents = Contents::of(&record(&Run::new(2, 12), folder.path(), &settings));
+    for entity in ["/visitation/agent_0/density", "/visitation/agent_1/density", "/visitation/team/density"] {
+        assert_eq!(contents.times(entity, "round"), [0, 5, 10, 11]);
+    }
+}
+
+#[test]
+fn the_filmed_episodes_move_and_leave_a_trace() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 12);
+    let contents = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
+    let filmed: usize = [0, 10].iter().map(|&round: &usize| run.rounds[round].episodes[0].length() + 1).sum();
+    assert_eq!(contents.times("/scene/agent_0/bodies/pole", "env_step").len(), filmed);
+    assert_eq!(contents.times("/scene/agent_0/trace", "episode"), [0, 10]);
+    assert!(contents.times("/scene/agent_0/trace", "env_step").is_empty());
+}
+
+#[test]
+fn a_layout_comes_with_the_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let messages = messages(&record(&Run::new(16, 2), folder.path(), &RecordingSettings::default()));
+    let of_blueprint = |message: &&LogMsg| message.store_id().kind() == StoreKind::Blueprint;
+    assert!(messages.iter().filter(of_blueprint).count() > 100);
+    assert!(messages.iter().any(|message| matches!(message, LogMsg::BlueprintActivationCommand(_))));
+}
+
+#[test]
+fn a_killed_and_resumed_run_equals_an_uninterrupted_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(4, 30);
+    let whole = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
+
+    let path = folder.path().join("killed.rrd");
+    let settings = RecordingSettings::default();
+    let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
+    run.rounds[..13].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    let checkpoint = recorder.checkpoint().unwrap();
+    run.rounds[13..21].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    drop(recorder);
+    assert!(!path.exists());
+
+    let mut recorder = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).unwrap();
+    run.rounds[13..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    recorder.finish().unwrap();
+    let resumed = Contents::of(&path);
+    compare_raw(&run, &resumed);
+    assert_eq!(whole.columns(), resumed.columns());
+}
+
+#[test]
+fn a_torn_file_is_resumed_from_its_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, settings) = (Run::new(2, 8), RecordingSettings::default());
+    let path = folder.path().join("run.rrd");
+    let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
+    run.rounds[..4].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    let checkpoint = recorder.checkpoint().unwrap();
+    let part = folder.path().join("run.rrd.part");
+    let length = std::fs::metadata(&part).unwrap().len();
+    run.rounds[4..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    drop(recorder);
+    File::options().write(true).open(&part).unwrap().set_len(length + 100).unwrap();
+
+    for _ in 0..2 {
+        let mut recorder = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).unwrap();
+        run.rounds[4..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+        recorder.finish().unwrap();
+        compare_raw(&run, &Contents::of(&path));
+    }
+
+    File::options().write(true).open(&path).unwrap().set_len(length / 2).unwrap();
+    let error = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).map(drop).unwrap_err().to_string();
+    assert!(error.contains("ends before the checkpoint"), "{error}");
+    let error = RerunRecorder::resume(&path, &run.about(), &settings, b"nonsense").map(drop).unwrap_err().to_string();
+    assert!(error.contains("the checkpoint is damaged"), "{error}");
+}
+
+#[test]
+fn a_recording_that_is_dropped_early_stays_readable() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 5);
+    let path = folder.path().join("run.rrd");
+    let mut recorder = RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()).unwrap();
+    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    drop(recorder);
+    compare_raw(&run, &Contents::of(&folder.path().join("run.rrd.part")));
+}
+
+#[test]
+fn a_missing_folder_is_an_error_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("nowhere/run.rrd");
+    let error = RerunRecorder::create(&path, &Run::new(1, 1).about(), &RecordingSettings::default()).map(drop).unwrap_err();
+    assert!(error.to_string().contains("nowhere/run.rrd.part: No such file"), "{error}");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_an_error_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink("/dev/full", folder.path().join("run.rrd.part")).unwrap();
+    let path = folder.path().join("run.rrd");
+    let error = RerunRecorder::create(&path, &Run::new(1, 1).about(), &RecordingSettings::default()).map(drop).unwrap_err();
+    assert!(error.to_string().contains("No space left on device"), "{error}");
+}
+
+/// For looking at, and for measuring: `RECORDING=out.rrd AGENTS=4 ROUNDS=200 cargo test --release -- --ignored --nocapture`.
+#[test]
+#[ignore = "measures"]
+fn a_long_recording_is_small_and_quick() {
+    let number = |name: &str, default: u32| std::env::var(name).map_or(default, |text| text.parse().unwrap());
+    let run = Run::new(number("AGENTS", 4), number("ROUNDS", 200));
+    let path: PathBuf = std::env::var("RECORDING").map_or(std::env::temp_dir().join("long.rrd"), Into::into);
+    let start = std::time::Instant::now();
+    let mut recorder = RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()).unwrap();
+    let created = start.elapsed();
+    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    recorder.finish().unwrap();
+    let seconds = start.elapsed().as_secs_f64();
+    let states = run.rounds.iter().flat_map(|round| &round.episodes).map(|episode| episode.length() + 1).sum::<usize>() as f64;
+    let bytes = std::fs::metadata(&path).unwrap().len() as f64;
+    println!(
+        "{states} states, {bytes} bytes: {:.1} B and {:.3} µs a state, {created:?} to begin",
+        bytes / states,
+        1e6 * seconds / states
+    );
+    let mut sizes: BTreeMap<String, (usize, u64)> = BTreeMap::new();
+    for message in messages(&path) {
+        let LogMsg::ArrowMsg(store, arrow) = &message else { continue };
+        let chunk = Chunk::from_arrow_msg(arrow).unwrap();
+        let kind =
+            if store.kind() == StoreKind::Blueprint { "blueprint".to_owned() } else { kind(&chunk.entity_path().to_string()) };
+        let encoded = rerun::external::re_log_encoding::rrd::Encoder::encode([Ok(&message)]).unwrap().len() as u64;
+        let entry = sizes.entry(kind).or_default();
+        *entry = (entry.0 + 1, entry.1 + encoded);
+    }
+    for (kind, (count, bytes)) in sizes {
+        println!("{kind:40} {count:6} messages, {:6.2} B a state (with a file's head and index each)", bytes as f64 / states);
+    }
+}
+
+fn kind(entity: &str) -> String {
+    entity.replace(|character: char| character.is_ascii_digit(), "")
+}
+
+fn record(run: &Run, folder: &Path, settings: &RecordingSettings) -> PathBuf {
+    let path = folder.join("run.rrd");
+    let mut recorder = RerunRecorder::create(&path, &run.about(), settings).unwrap();
+    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    recorder.finish().unwrap();
+    path
+}
+
+/// Each row of `/raw/agent_K` exactly once, in order, with every number unchanged.
+fn compare_raw(run: &Run, contents: &Contents) {
+    for agent in 0..run.agents as usize {
+        let entity = format!("/raw/agent_{agent}");
+        let episodes: Vec<&Episode> = run.rounds.iter().map(|round| &round.episodes[agent]).collect();
+        let rows: usize = episodes.iter().map(|episode| episode.length() + 1).sum();
+        assert_eq!(contents.times(&entity, "env_step"), (0..rows as i64).collect::<Vec<_>>());
+        let repeated = |value: fn(&Episode) -> u32| -> Vec<i64> {
+            episodes.iter().flat_map(|episode| vec![i64::from(value(episode)); episode.length() + 1]).collect()
+        };
+        assert_eq!(contents.times(&entity, "episode"), repeated(|episode| episode.episode));
+        assert_eq!(contents.times(&entity, "round"), repeated(|episode| episode.round));
+        for (index, name) in ["x", "x_dot", "theta", "theta_dot"].iter().enumerate() {
+            let given: Vec<f32> = episodes.iter().flat_map(|e| e.observations.iter().skip(index).step_by(4)).copied().collect();
+            assert_eq!(contents.numbers(&entity, &format!("State:{name}")), given);
+        }
+        let forces = episodes.iter().flat_map(|e| &e.actions).map(|&action| if action == 0.0 { -10.0 } else { 10.0 });
+        assert_eq!(contents.numbers(&entity, "State:force"), forces.collect::<Vec<f32>>());
+        let rewards = episodes.iter().flat_map(|e| &e.rewards).copied().collect::<Vec<f32>>();
+        assert_eq!(contents.numbers(&entity, "State:reward"), rewards);
+        let log_probs = episodes.iter().flat_map(|e| &e.log_probs).copied().collect::<Vec<f32>>();
+        assert_eq!(contents.numbers(&entity, "State:log_prob"), log_probs);
+        let word = |status| if status == Status::Terminated { "terminated" } else { "truncated" };
+        let outcomes: Vec<String> = episodes.iter().map(|episode| word(episode.outcome).to_owned()).collect();
+        assert_eq!(contents.words(&entity, "State:outcome"), outcomes);
+        let last_rows: Vec<usize> = episodes
+            .iter()
+            .scan(0, |row, e| {
+                *row += e.length() + 1;
+                Some(*row - 1)
+            })
+            .collect();
+        assert_eq!(contents.rows_with(&entity, "State:outcome"), last_rows);
+        let others: Vec<usize> = (0..rows).filter(|row| last_rows.binary_search(row).is_err()).collect();
+        assert_eq!(contents.rows_with(&entity, "State:force"), others);
+    }
+}
+
+fn messages(path: &Path) -> Vec<LogMsg> {
+    let decoder = DecoderApp::decode_lazy(BufReader::new(File::open(path).unwrap()));
+    decoder.collect::<Result<_, _>>().unwrap()
+}
+
+/// A recording's chunks, by entity, in the order of the file.
+struct Contents(BTreeMap<String, Vec<Chunk>>);
+
+impl Contents {
+    fn of(path: &Path) -> Self {
+        let mut entities: BTreeMap<String, Vec<Chunk>> = BTreeMap::new();
+        for message in messages(path) {
+            if let LogMsg::ArrowMsg(store, arrow) = message
+                && store.kind() == StoreKind::Recording
+            {
+                let chunk = Chunk::from_arrow_msg(&arrow).unwrap();
+                entities.entry(chunk.entity_path().to_string()).or_default().push(chunk);
+            }
+        }
+        Self(entities)
+    }
+
+    fn chunks(&self, entity: &str) -> &[Chunk] {
+        self.0.get(entity).map_or(&[], Vec::as_slice)
+    }
+
+    fn times(&self, entity: &str, timeline: &'static str) -> Vec<i64> {
+        let timeline = TimelineName::from(timeline);
+        let columns = self.chunks(entity).iter().filter_map(|chunk| chunk.timelines().get(&timeline));
+        columns.flat_map(|column| column.times_raw().to_vec()).collect()
+    }
+
+    fn numbers(&self, entity: &str, component: &str) -> Vec<f32> {
+        let component = ComponentIdentifier::try_new(component).unwrap();
+        self.chunks(entity).iter().flat_map(|chunk| chunk.iter_slices::<f32>(component).flatten().copied()).collect()
+    }
+
+    fn numbers64(&self, entity: &str, component: &str) -> Vec<f64> {
+        let component = ComponentIdentifier::try_new(component).unwrap();
+        self.chunks(entity).iter().flat_map(|chunk| chunk.iter_slices::<f64>(component).flatten().copied()).collect()
+    }
+
+    fn words(&self, entity: &str, component: &str) -> Vec<String> {
+        let component = ComponentIdentifier::try_new(component).unwrap();
+        let mut words = Vec::new();
+        for list in self.chunks(entity).iter().filter_map(|chunk| chunk.components().get_array(component)) {
+            let values = list.values().as_any().downcast_ref::<StringArray>().unwrap();
+            words.extend(values.iter().flatten().map(ToOwned::to_owned));
+        }
+        words
+    }
+
+    /// The rows, counted over all chunks, that have the component.
+    fn rows_with(&self, entity: &str, component: &str) -> Vec<usize> {
+        self.lists(entity, component).iter().enumerate().filter_map(|(row, length)| length.map(|_| row)).collect()
+    }
+
+    fn lines_per_row(&self, entity: &str, component: &str) -> Vec<usize> {
+        self.lists(entity, component).into_iter().flatten().collect()
+    }
+
+    fn lists(&self, entity: &str, component: &str) -> Vec<Option<usize>> {
+        let component = ComponentIdentifier::try_new(component).unwrap();
+        let lists = self.chunks(entity).iter().filter_map(|chunk| chunk.components().get_array(component));
+        lists.flat_map(|list| (0..list.len()).map(|row| list.is_valid(row).then(|| list.value_length(row) as usize))).collect()
+    }
+
+    /// Every column of every entity, row by row, in words; however the rows are cut into chunks.
+    fn columns(&self) -> BTreeMap<String, Vec<String>> {
+        let mut columns: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        for (entity, chunk) in self.0.iter().flat_map(|(entity, chunks)| chunks.iter().map(move |chunk| (entity, chunk))) {
+            for (name, column) in chunk.timelines() {
+                columns.entry(format!("{entity} {name}")).or_default().extend(column.times_raw().iter().map(ToString::to_string));
+            }
+            for column in chunk.components().values() {
+                let rows = (0..column.list_array.len()).map(|row| format!("{:?}", column.list_array.value(row)));
+                columns.entry(format!("{entity} {}", column.descriptor.component)).or_default().extend(rows);
+            }
+        }
+        columns
+    }
+}
+
+/// A made-up team whose poles stay up longer and longer.
+struct Run {
+    agents: u32,
+    spec: Spec,
+    scene: Scene,
+    rounds: Vec<Round>,
+}
+
+struct Round {
+    round: u32,
+    episodes: Vec<Episode>,
+    episode_rows: Vec<EpisodeRow>,
+    round_rows: Vec<RoundRow>,
+    footage: Option<Footage>,
+}
+
+impl Round {
+    fn record(&self) -> RoundRecord<'_> {
+        RoundRecord {
+            round: self.round,
+            episodes: &self.episodes,
+            episode_rows: &self.episode_rows,
+            round_rows: &self.round_rows,
+            footage: self.footage.as_ref(),
+        }
+    }
+}
+
+impl Run {
+    fn new(agents: u32, rounds: u32) -> Self {
+        let mut env_steps = 0;
+        let rounds = (0..rounds).map(|round| made_up_round(agents, round, rounds, &mut env_steps)).collect();
+        Self { agents, spec: cart_pole(), scene: cart_and_pole(), rounds }
+    }
+
+    fn about(&self) -> RecordingAbout<'_> {
+        RecordingAbout {
+            name: "cartpole-made-up",
+            spec: &self.spec,
+            scene: Some(&self.scene),
+            agents: self.agents,
+            run_seed: 7,
+            scenario: "Scenario(\n    environment: \"cartpole\",\n    agents: (count: 4),\n)",
+            properties: &[],
+        }
+    }
+}
+
+fn cart_pole() -> Spec {
+    let quantity = |name: &str, unit: &str, end: f32| Quantity { name: name.into(), unit: unit.into(), range: [-end, end] };
+    Spec {
+        name: "cartpole".to_owned(),
+        description: "Keep a pole upright on a cart.".to_owned(),
+        observations: vec![
+            quantity("x", "m", 2.4),
+            quantity("x_dot", "m/s", 3.0),
+            quantity("theta", "rad", 0.209),
+            quantity("theta_dot", "rad/s", 3.0),
+        ],
+        actions: vec![Action { quantity: quantity("force", "N", 10.0), choice: Choice::Discrete(vec![-10.0, 10.0]) }],
+        control_step: 0.02,
+        time_limit: 200,
+    }
+}
+
+fn cart_and_pole() -> Scene {
+    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), shapes };
+    Scene {
+        bodies: vec![
+            body("rail", vec![Shape::Polyline(vec![[-2.4, 0.0], [2.4, 0.0]])]),
+            body("cart", vec![Shape::Box { center: [0.0, 0.0], half_size: [0.25, 0.125], angle: 0.0 }]),
+            body("pole", vec![Shape::Capsule { from: [0.0, 0.0], to: [0.0, 1.0], radius: 0.04 }]),
+        ],
+    }
+}
+
+fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> Round {
+    let skill = (f64::from(round) / f64::from(rounds)).min(0.9);
+    let played: Vec<(Episode, Footage)> = (0..agents).map(|agent| made_up_episode(agent, round, skill)).collect();
+    let row = |episode: &Episode| {
+        *env_steps += episode.length() as u64;
+        EpisodeRow {
+            agent: episode.agent,
+            episode: round,
+            round,
+            env_steps: *env_steps,
+            r#return: episode.total_reward(),
+            length: episode.length() as u32,
+            outcome: episode.outcome,
+            coverage: skill,
+        }
+    };
+    let episodes: Vec<Episode> = played.iter().map(|(episode, _)| episode.clone()).collect();
+    Round {
+        round,
+        episode_rows: episodes.iter().map(row).collect(),
+        round_rows: (0..agents).map(|agent| made_up_update(agent, round, skill)).collect(),
+        footage: round.is_multiple_of(10).then(|| played[0].1.clone()),
+        episodes,
+    }
+}
+
+fn made_up_update(agent: u32, round: u32, skill: f64) -> RoundRow {
+    let wave = ((round + 9 * agent) as f32 * 0.7).sin() * 0.05;
+    let left = 1.0 - skill as f32;
+    RoundRow {
+        agent,
+        round,
+        value_loss: left * left + wave.abs(),
+        policy_loss: -0.02 * left + 0.1 * wave,
+        ratio_deviation: 1.1 + wave,
+        clipped_fraction: 0.2 + wave,
+        entropy: 0.69 * left + wave.abs(),
+        coverage: 0.4 * skill.sqrt() + 0.01 * f64::from(agent),
+    }
+}
+
+/// A pole held up by a controller that heeds its state more often with growing skill.
+fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
+    let mut noise = Noise(u64::from(agent) << 32 | u64::from(round) << 8 | 1);
+    let mut state = [0.0_f64; 4].map(|_| noise.symmetric() * 0.05);
+    let mut episode = Episode {
+        agent,
+        episode: round,
+        round,
+        observations: state.map(|x| x as f32).to_vec(),
+        actions: Vec::new(),
+        rewards: Vec::new(),
+        log_probs: Vec::new(),
+        outcome: Status::Truncated,
+    };
+    let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec() };
+    while episode.length() < 200 {
+        let lean = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5) + 0.1 * state[1] + state[2] + 0.3 * state[3];
+        let heed = noise.symmetric().abs() < skill + 0.1;
+        let push = if heed { lean > 0.0 } else { noise.symmetric() > 0.0 };
+        state = moved(state, if push { 10.0 } else { -10.0 });
+        episode.actions.push(f32::from(u8::from(push)));
+        episode.rewards.push(1.0);
+        episode.log_probs.push(-(1.0 + noise.symmetric().abs() as f32).ln());
+        episode.observations.extend(state.map(|x| x as f32));
+        footage.poses.extend(poses(state));
+        if state[0].abs() > 2.4 || state[2].abs() > 0.209 {
+            episode.outcome = Status::Terminated;
+            break;
+        }
+    }
+    (episode, footage)
+}
+
+fn poses([x, _, theta, _]: [f64; 4]) -> [Pose; 3] {
+    let cart = Pose { x: x as f32, y: 0.1, angle: 0.0 };
+    [Pose::default(), cart, Pose { angle: -theta as f32, ..cart }]
+}
+
+fn moved([x, v, theta, omega]: [f64; 4], force: f64) -> [f64; 4] {
+    let push = (force + 0.05 * omega * omega * theta.sin()) / 1.1;
+    let alpha = (9.8 * theta.sin() - theta.cos() * push) / (0.5 * (4.0 / 3.0 - 0.1 * theta.cos().powi(2) / 1.1));
+    let a = push - 0.05 * alpha * theta.cos() / 1.1;
+    [x + 0.02 * v, v + 0.02 * a, theta + 0.02 * omega, omega + 0.02 * alpha]
+}
+
+struct Noise(u64);
+
+impl Noise {
+    /// Evenly between −1 and 1.
+    fn symmetric(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+}
