@@ -393,6 +393,7 @@ fn cart_pole() -> Spec {
         actions: vec![Action { quantity: quantity("force", "N", 10.0), choice: Choice::Discrete(vec![-10.0, 10.0]) }],
         control_step: 0.02,
         time_limit: 200,
+        reward_threshold: None,
     }
 }
 

@@ -91,7 +91,7 @@ pub enum ValueTarget {
         #[serde(default)]
         importance: Importance,
         /// A bound on each product of ratios; `None` as printed.
-        #[serde(default = "unit_cap")]
+        #[serde(default = "default_cap")]
         ratio_product_cap: Option<Positive>,
     },
 }
@@ -161,7 +161,7 @@ impl Default for SeedPg {
         Self {
             value_data: Data::Shared,
             policy_data: Data::Shared,
-            value_target: ValueTarget::MonteCarlo { importance: Importance::PerDecision, ratio_product_cap: unit_cap() },
+            value_target: ValueTarget::MonteCarlo { importance: Importance::PerDecision, ratio_product_cap: default_cap() },
             advantage: AdvantageEstimate::MonteCarlo { importance: RatioCount::Single },
             policy_loss: PolicyLoss::Ppo { clip: default_clip() },
             returns: ReturnNormalisation::PopArt { beta: default_beta() },
@@ -175,7 +175,8 @@ impl Default for SeedPg {
     }
 }
 
-fn unit_cap() -> Option<Positive> {
+#[expect(clippy::unnecessary_wraps, reason = "serde wants the default in the field's own type")]
+fn default_cap() -> Option<Positive> {
     Some(known(1.0))
 }
 

@@ -28,7 +28,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
         let seeds = args.first_seed..args.first_seed + args.seeds;
         let outcomes: Result<Vec<Outcome>, InputError> =
             pool.install(|| seeds.into_par_iter().map(|seed| outcome(&plan, seed)).collect());
-        println!("{}", row(&plan, outcomes?));
+        println!("{}", row(&plan, &outcomes?));
     }
     Ok(())
 }
@@ -49,7 +49,7 @@ fn outcome(plan: &Plan, seed: u64) -> Result<Outcome, InputError> {
 }
 
 /// Seeds that did not solve the task count as slower than all that did, so the median stays honest.
-fn row(plan: &Plan, outcomes: Vec<Outcome>) -> String {
+fn row(plan: &Plan, outcomes: &[Outcome]) -> String {
     let mut episodes: Vec<usize> = outcomes.iter().map(|outcome| outcome.episodes.unwrap_or(usize::MAX)).collect();
     episodes.sort_unstable();
     let shown = |episodes: Option<usize>| match episodes {

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use super::Listed;
 use super::check::actions;
-use super::{Failure, Listed};
 use crate::agent::Algorithm;
 use crate::env;
 use crate::run::Plan;
 
-pub(super) fn list(what: Option<Listed>) -> Result<(), Failure> {
+pub(super) fn list(what: Option<Listed>) {
     let wanted = |kind| what.is_none() || what == Some(kind);
     if wanted(Listed::Environments) {
         environments();
@@ -19,7 +19,6 @@ pub(super) fn list(what: Option<Listed>) -> Result<(), Failure> {
     if wanted(Listed::Algorithms) {
         algorithms();
     }
-    Ok(())
 }
 
 fn environments() {

@@ -51,6 +51,7 @@ enum Command {
 }
 
 #[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch on the command line")]
 #[command(after_help = "Examples:
   seedbed run scenarios/cartpole.ron --seed 3
   seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)' --out results/unseeded
@@ -137,7 +138,10 @@ pub fn main() -> ExitCode {
     let done = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check { files } => check::check(&files),
-        Command::List { what } => list::list(what),
+        Command::List { what } => {
+            list::list(what);
+            Ok(())
+        }
         Command::Bench(args) => bench::bench(&args),
     };
     let Err(failure) = done else { return ExitCode::SUCCESS };

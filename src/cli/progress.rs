@@ -16,7 +16,7 @@ impl Observer for Silent {
 
 /// A bar on a terminal; elsewhere a line for each tenth of the run.
 pub(super) struct Bar {
-    bar: Option<ProgressBar>,
+    drawn: Option<ProgressBar>,
     started: Instant,
     /// Steps that a resumed run had before.
     first_steps: Option<u64>,
@@ -26,12 +26,12 @@ pub(super) struct Bar {
 impl Bar {
     pub(super) fn new(plan: &Plan) -> Self {
         let style = ProgressStyle::with_template("{prefix} {bar:32} {pos}/{len} episodes · {msg} · {eta} left");
-        let bar = std::io::stderr().is_terminal().then(|| {
+        let drawn = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(u64::from(plan.scenario.most_episodes())).with_prefix(plan.name.clone());
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
         });
-        Self { bar, started: Instant::now(), first_steps: None, tenths: 0 }
+        Self { drawn, started: Instant::now(), first_steps: None, tenths: 0 }
     }
 }
 
@@ -41,7 +41,7 @@ impl Observer for Bar {
         let rate = (progress.env_steps - first) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
         let rate = HumanCount(rate as u64);
         let message = format!("mean return {:.1} · {rate} env steps/s", progress.recent_return);
-        match &self.bar {
+        match &self.drawn {
             Some(bar) => {
                 bar.set_position(progress.episodes_per_agent as u64);
                 bar.set_message(message);
@@ -63,7 +63,7 @@ impl Bar {
 
 impl Drop for Bar {
     fn drop(&mut self) {
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.drawn {
             bar.finish_and_clear();
         }
     }

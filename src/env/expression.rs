@@ -67,7 +67,7 @@ impl Program {
     #[must_use]
     pub fn reads(&self, columns: &Range<usize>) -> bool {
         let reads = |place: &Place| matches!(place, Place::Variable(index) if columns.contains(index));
-        reads(&self.result) || self.instructions.iter().flat_map(|instruction| instruction.inputs()).any(reads)
+        reads(&self.result) || self.instructions.iter().flat_map(Instruction::inputs).any(reads)
     }
 }
 

@@ -337,22 +337,15 @@ fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<
     Ok(value)
 }
 
+/// Such as `bodies[0].mass`.
 fn field_path(path: &serde_path_to_error::Path) -> String {
     use serde_path_to_error::Segment;
-    let mut text = String::new();
-    for segment in path {
-        match segment {
-            Segment::Seq { index } => text.push_str(&format!("[{index}]")),
-            Segment::Map { key } | Segment::Enum { variant: key } => {
-                if !text.is_empty() {
-                    text.push('.');
-                }
-                text.push_str(key);
-            }
-            Segment::Unknown => {}
-        }
-    }
-    text
+    let segments = path.iter().filter_map(|segment| match segment {
+        Segment::Seq { index } => Some(format!("[{index}]")),
+        Segment::Map { key } | Segment::Enum { variant: key } => Some(format!(".{key}")),
+        Segment::Unknown => None,
+    });
+    segments.collect::<String>().trim_start_matches('.').to_owned()
 }
 
 fn located_error(origin: &str, text: &str, spanned: &ron::error::SpannedError, field: String) -> InputError {

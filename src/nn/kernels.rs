@@ -4,6 +4,8 @@
 //! to nalgebra (whose `gemm` is matrixmultiply's); it has no fast way for narrow ones, such as an output layer of two
 //! units or a batch of one, which run here.
 
+#![expect(clippy::inline_always, reason = "a loop is compiled for a level of SIMD only where it is inlined into the dispatch")]
+
 use nalgebra::{DMatrixView, DMatrixViewMut, Dyn};
 use pulp::{Arch, Simd, WithSimd};
 
@@ -107,9 +109,9 @@ impl WithSimd for Affine<'_> {
                 }
                 y[from..from + LANES].copy_from_slice(&sum);
             }
-            for column in wide..outputs {
+            for (column, y) in y.iter_mut().enumerate().skip(wide) {
                 let terms = x.iter().zip(self.weight[column..].iter().step_by(outputs));
-                y[column] = terms.fold(self.bias[column], |sum, (x, weight)| x.mul_add(*weight, sum));
+                *y = terms.fold(self.bias[column], |sum, (x, weight)| x.mul_add(*weight, sum));
             }
         }
     }

@@ -52,9 +52,13 @@ impl PopArt {
         self.second_moment += self.beta * (average(2) - self.second_moment);
         let deviation = self.exact_deviation();
         let scale = old_deviation / deviation;
-        weight.iter_mut().for_each(|w| *w = (f64::from(*w) * scale) as f32);
+        for w in weight {
+            *w = (f64::from(*w) * scale) as f32;
+        }
         let shift = (old_mean - self.mean) / deviation;
-        bias.iter_mut().for_each(|b| *b = (f64::from(*b) * scale + shift) as f32);
+        for b in bias {
+            *b = (f64::from(*b) * scale + shift) as f32;
+        }
     }
 
     fn exact_deviation(&self) -> f64 {

@@ -5,7 +5,9 @@ pub fn log_softmax_in_place(logits: &mut [f32], choices: usize) {
     for row in logits.chunks_exact_mut(choices) {
         let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
         let log_sum = row.iter().map(|x| (x - largest).exp()).sum::<f32>().ln() + largest;
-        row.iter_mut().for_each(|x| *x -= log_sum);
+        for x in row {
+            *x -= log_sum;
+        }
     }
 }
 

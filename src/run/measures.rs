@@ -204,6 +204,7 @@ mod tests {
             actions: Vec::new(),
             control_step: 0.1,
             time_limit: 9,
+            reward_threshold: None,
         }
     }
 

@@ -53,6 +53,7 @@ fn page(about: &RecordingAbout<'_>) -> String {
          - **States visited**: one upright axis for each observed quantity, one line across them for each state. Lines are \
          a sample of the latest episodes; pictures count all states so far, brighter where more lines pass.\n\
          - **Returns**: the sum of rewards of each episode. Each agent has one colour throughout.\n\
+         - **In motion**: one episode in one picture, from dark (its start) to bright (its end).\n\
          - **Time** is counted in episodes. Choose `env_step` in the time panel to watch the bodies move.\n\n\
          ## The run\n\n| | |\n|---|---|\n{facts}\n\
          ## What an agent sees and does\n\n| quantity | range | unit |\n|---|---|---|\n{observed}{done}\n\

@@ -7,7 +7,7 @@ use rerun::blueprint::{
 use rerun::components::Range1D;
 use rerun::datatypes::{Range2D, TimeInt, TimeRange, TimeRangeBoundary, VisibleTimeRange};
 use rerun::external::re_sdk_types::blueprint::archetypes::{
-    Background, PlotLegend, ScalarAxis, VisibleTimeRanges, VisualBounds2D,
+    Background, PlotLegend, ScalarAxis, TimeAxis, VisibleTimeRanges, VisualBounds2D,
 };
 use rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
 use rerun::log::LogMsg;
@@ -35,25 +35,40 @@ const ROOM: [f32; 2] = [960.0, 940.0];
 const TITLE: f32 = 28.0;
 
 /// Room beside the outer axes for their names, in pixels of the density image.
-const MARGIN: f32 = 24.0;
+const MARGIN: f32 = 28.0;
 
 /// What the layout depends on.
+#[derive(Clone, Copy)]
 pub(super) struct Layout<'a> {
     pub(super) agents: u32,
     pub(super) axes: &'a Axes,
     pub(super) quota: LineQuota,
     pub(super) time_limit: u32,
-    /// The agent whose bodies are drawn.
-    pub(super) filmed: Option<u32>,
+    /// The agent whose bodies are drawn, and where they were at first: left, right, upper and lower end.
+    pub(super) filmed: Option<(u32, Option<[f32; 4]>)>,
 }
 
 impl Layout<'_> {
-    /// Where words stand in the pictures of visited states.
-    pub(super) fn lettering(&self) -> Lettering {
-        let [columns, rows] = self.places();
+    /// For the views of up to four agents, and for the team's.
+    pub(super) fn wide_lettering(&self) -> Lettering {
+        let agents = self.agents.min(AGENTS_SIDE_BY_SIDE);
+        Lettering::new(self.axes, self.scale(Layout { agents, ..*self }.places(), 4.0), true)
+    }
+
+    /// For the views of more agents.
+    pub(super) fn narrow_lettering(&self) -> Lettering {
+        Lettering::new(self.axes, self.scale(self.places(), 2.0), false)
+    }
+
+    fn lettering(&self) -> Lettering {
+        if self.agents <= AGENTS_SIDE_BY_SIDE { self.wide_lettering() } else { self.narrow_lettering() }
+    }
+
+    /// Points of the screen that a pixel of the density image gets.
+    fn scale(&self, [columns, rows]: [u32; 2], lines_of_words: f32) -> f32 {
         let across = ROOM[0] / columns as f32 / (self.axes.width() as f32 + 2.0 * MARGIN);
-        let down = (ROOM[1] / rows as f32 - TITLE - 4.0 * Lettering::LINE) / HEIGHT as f32;
-        Lettering::new(self.axes, across.min(down).max(0.5))
+        let down = (ROOM[1] / rows as f32 - TITLE - lines_of_words * Lettering::LINE) / HEIGHT as f32;
+        across.min(down).max(0.5)
     }
 
     /// Columns and rows of pictures to the left. A picture is about twice as wide as high.
@@ -129,21 +144,22 @@ impl Sheet {
 
     fn lines(&mut self, layout: &Layout<'_>, agent: u32) -> ContainerLike {
         let name = format!("Agent {agent}: states in the latest {} episodes", layout.quota.window);
-        let view = self.parallel_coordinates(layout, name, format!("/visitation/agent_{agent}/lines"));
+        let view = self.parallel_coordinates(layout, layout.lettering(), name, format!("/visitation/agent_{agent}/lines"));
         self.property(&view, "VisibleTimeRanges", VisibleTimeRanges::new(windows(layout)));
         view
     }
 
     fn density(&mut self, layout: &Layout<'_>, agent: u32) -> ContainerLike {
         let name = format!("Agent {agent}: all states so far");
-        self.parallel_coordinates(layout, name, format!("/visitation/agent_{agent}/density"))
+        self.parallel_coordinates(layout, layout.lettering(), name, format!("/visitation/agent_{agent}/density"))
     }
 
-    fn parallel_coordinates(&mut self, layout: &Layout<'_>, name: String, entity: String) -> ContainerLike {
-        let view: ContainerLike =
-            Spatial2DView::new(name).with_origin("/visitation").with_contents(["/visitation/axes/**".to_owned(), entity]).into();
+    fn parallel_coordinates(&mut self, layout: &Layout<'_>, lettering: Lettering, name: String, entity: String) -> ContainerLike {
+        let words = if lettering == layout.wide_lettering() { "/visitation/axes/labels" } else { "/visitation/axes/names" };
+        let contents = ["/visitation/axes".to_owned(), words.to_owned(), entity];
+        let view: ContainerLike = Spatial2DView::new(name).with_origin("/visitation").with_contents(contents).into();
         let x_range = [f64::from(-MARGIN), layout.axes.width() as f64 + f64::from(MARGIN)];
-        let bounds = Range2D { x_range: x_range.into(), y_range: layout.lettering().y_range().into() };
+        let bounds = Range2D { x_range: x_range.into(), y_range: lettering.y_range().into() };
         self.property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
         self.background(&view);
         view
@@ -154,27 +170,44 @@ impl Sheet {
         let returns: ContainerLike = TimeSeriesView::new(name).with_origin("/curves/return").into();
         let legend = PlotLegend::new().with_corner(Corner2D::RightBottom).with_visible(layout.agents <= AGENTS_IN_LEGEND);
         self.property(&returns, "PlotLegend", legend);
+        self.all_times(&returns);
         let updates: Vec<_> = UPDATE_CURVES.iter().map(|(name, _)| self.update(name)).collect();
-        let team = self.parallel_coordinates(layout, "Team: all states so far".to_owned(), "/visitation/team/density".to_owned());
+        let team = self.team(layout);
         let mut rest = vec![team, TextDocumentView::new("Scenario").with_origin("/scenario").into()];
-        if let Some(agent) = layout.filmed {
-            rest.insert(0, self.scene(agent));
+        if let Some((agent, place)) = layout.filmed {
+            rest.insert(0, self.scene(agent, place));
         }
         Vertical::new([returns, Tabs::new(updates).into(), Tabs::new(rest).into()]).with_row_shares([3.0, 2.0, 3.0]).into()
+    }
+
+    fn team(&mut self, layout: &Layout<'_>) -> ContainerLike {
+        let (name, entity) = ("Team: all states so far".to_owned(), "/visitation/team/density".to_owned());
+        self.parallel_coordinates(layout, layout.wide_lettering(), name, entity)
     }
 
     fn update(&mut self, curve: &str) -> ContainerLike {
         let view: ContainerLike = TimeSeriesView::new(title(curve)).with_origin(format!("/curves/{curve}")).into();
         self.property(&view, "PlotLegend", PlotLegend::new().with_visible(false));
+        self.all_times(&view);
         if curve == "clipped_fraction" {
             self.property(&view, "ScalarAxis", ScalarAxis::new().with_range(Range1D::new(0.0, 1.0)));
         }
         view
     }
 
-    fn scene(&mut self, agent: u32) -> ContainerLike {
-        let name = format!("Agent {agent} at work: a whole episode, dark to bright");
+    /// From the first to the last moment, on any timeline.
+    fn all_times(&mut self, view: &ContainerLike) {
+        let always = TimeRange { start: TimeRangeBoundary::Infinite, end: TimeRangeBoundary::Infinite };
+        self.property(view, "TimeAxis", TimeAxis::new().with_view_range(always));
+    }
+
+    fn scene(&mut self, agent: u32, place: Option<[f32; 4]>) -> ContainerLike {
+        let name = format!("Agent {agent} in motion");
         let view: ContainerLike = Spatial2DView::new(name).with_origin(format!("/scene/agent_{agent}")).into();
+        if let Some([left, right, top, bottom]) = place.map(|place| place.map(f64::from)) {
+            let bounds = Range2D { x_range: [left, right].into(), y_range: [top, bottom].into() };
+            self.property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
+        }
         self.background(&view);
         view
     }

@@ -96,7 +96,10 @@ impl Curves {
         let mut styles: Vec<Chunk> =
             (0..agents).map(|agent| timeless(self.returns[agent].entity.clone(), &of_agent(agent))).collect::<Result<_, _>>()?;
         let (team, smooth) = ("team mean".to_owned(), format!("team mean of {SMOOTH} rounds"));
-        styles.push(timeless(self.team_mean.entity.clone(), &series([team], [PALE_COLOR], 1.0))?);
+        styles.push(timeless(
+            self.team_mean.entity.clone(),
+            &series([team], [if agents > 1 { PALE_COLOR } else { color(0) }], 1.0),
+        )?);
         styles.push(timeless(self.smooth_mean.entity.clone(), &series([smooth], [TEAM_COLOR], 3.0))?);
         for update in &self.updates {
             let names = (0..agents).map(|agent| format!("agent {agent}"));

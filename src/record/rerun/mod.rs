@@ -29,7 +29,7 @@ use self::scene::Film;
 use self::sink::{Fault, Sink, Storage};
 use self::visitation::Visits;
 use super::visitation::{Axes, LineQuota};
-use super::{RecordError, Recorder, RecordingSettings, RoundRecord};
+use super::{Footage, RecordError, Recorder, RecordingSettings, RoundRecord};
 use crate::env::{Scene, Spec};
 use crate::experience::Episode;
 use crate::random::{Purpose, stream};
@@ -63,6 +63,7 @@ pub struct RerunRecorder {
     quota: LineQuota,
     density_every: u32,
     run_seed: u64,
+    time_limit: u32,
     agents: Vec<AgentTrack>,
     curves: Curves,
     film: Option<Film>,
@@ -144,6 +145,7 @@ impl RerunRecorder {
             quota: LineQuota::of(settings.lines),
             density_every: settings.density_every.max(1),
             run_seed: about.run_seed,
+            time_limit: about.spec.time_limit,
             agents: densities.map(track).collect(),
             curves: Curves::new(about.agents as usize),
             film: filmed.map(|(settings, scene)| Film::new(settings.agent, scene)),
@@ -151,16 +153,14 @@ impl RerunRecorder {
         })
     }
 
-    /// Writes what is true throughout: what this recording is, how it is shown, names, colours, shapes.
+    /// Writes what is true throughout: what this recording is, names, colours, shapes.
     fn introduce(&mut self, about: &RecordingAbout<'_>) -> Result<(), Fault> {
         let info =
             StoreInfo::new(self.sink.store().clone(), StoreSource::Other(format!("seedbed {}", env!("CARGO_PKG_VERSION"))));
         self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo { row_id: *RowId::new(), info }))?;
-        for message in blueprint::messages(APPLICATION, &self.layout(about))? {
-            self.sink.send(&message)?;
-        }
         let mut chunks = about::chunks(about)?.to_vec();
-        chunks.extend(visitation::furniture(&self.axes, self.layout(about).lettering())?);
+        let layout = self.layout(None);
+        chunks.extend(visitation::furniture(&self.axes, layout.wide_lettering(), layout.narrow_lettering())?);
         chunks.extend(self.curves.styles()?);
         for (agent, track) in (0..).zip(&self.agents) {
             chunks.push(track.visits.style(agent, self.quota.per_round)?);
@@ -171,17 +171,26 @@ impl RerunRecorder {
         chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))
     }
 
-    fn layout<'a>(&'a self, about: &RecordingAbout<'_>) -> blueprint::Layout<'a> {
+    /// How the recording is shown; the first film tells where its actors are.
+    fn lay_out(&mut self, footage: Option<&Footage>) -> Result<(), Fault> {
+        let messages = blueprint::messages(APPLICATION, &self.layout(footage))?;
+        messages.iter().try_for_each(|message| self.sink.send(message))
+    }
+
+    fn layout(&self, footage: Option<&Footage>) -> blueprint::Layout<'_> {
         blueprint::Layout {
-            agents: about.agents,
+            agents: self.agents.len() as u32,
             axes: &self.axes,
             quota: self.quota,
-            time_limit: about.spec.time_limit,
-            filmed: self.film.as_ref().map(Film::agent),
+            time_limit: self.time_limit,
+            filmed: self.film.as_ref().map(|film| (film.agent(), footage.and_then(|footage| film.view(footage)))),
         }
     }
 
     fn take_in(&mut self, round: &RoundRecord<'_>) -> Result<(), Fault> {
+        if self.progress.latest.is_none() {
+            self.lay_out(round.footage)?;
+        }
         let mut rows = round.episode_rows.iter();
         let mut latest_episode = 0;
         for episodes in round.episodes.chunk_by(|one, next| one.agent == next.agent) {

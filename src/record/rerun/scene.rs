@@ -63,6 +63,26 @@ impl Film {
         Ok(chunks)
     }
 
+    /// The part of the picture in which an episode took place: left, right, upper and lower end.
+    pub(super) fn view(&self, footage: &Footage) -> Option<[f32; 4]> {
+        let moving = self.placed_shapes(footage).filter_map(|(shape, pose)| Some((outline(shape)?, pose)));
+        let acted = bounds(moving)?;
+        let lying = self.placed_shapes(footage).filter_map(|(shape, pose)| match shape {
+            Shape::Polyline(points) => Some((points.clone(), pose)),
+            _ => None,
+        });
+        let all = bounds(lying).map_or(acted, |lying| united(acted, lying));
+        let margin = 0.1 * extent(acted);
+        let near = widened(acted, extent(acted) + margin);
+        let [left, right, top, bottom] = widened(all, margin);
+        Some([left.max(near[0]), right.min(near[1]), top.max(near[2]), bottom.min(near[3])])
+    }
+
+    fn placed_shapes<'a>(&'a self, footage: &'a Footage) -> impl Iterator<Item = (&'a Shape, Pose)> {
+        let bodies = self.bodies.iter().cycle().zip(&footage.poses);
+        bodies.flat_map(|(body, pose)| body.shapes.iter().map(move |shape| (shape, *pose)))
+    }
+
     fn trace(&self, footage: &Footage, first: Moment) -> Result<Chunk, Fault> {
         let frames: Vec<&[Pose]> = footage.poses.chunks_exact(self.bodies.len()).collect();
         let shown = frames.len().min(INSTANTS);
@@ -129,7 +149,7 @@ fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips2D, Points2
     (lines, Points2D::new(flipped(centers)).with_radii(radii).with_colors([rgb(color)]).with_draw_order(order))
 }
 
-/// Parallel lines that fill a box. Lines have round ends, so that few would round its corners.
+/// Overlapping lines that fill a box. Lines have round ends, so that few would round its corners.
 const LINES_PER_BOX: u8 = 16;
 
 fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
@@ -143,10 +163,10 @@ fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
 }
 
 fn filled_box(center: [f32; 2], [half_width, half_height]: [f32; 2], angle: f32) -> Vec<(Vec<[f32; 2]>, Radius)> {
-    let radius = half_height / f32::from(LINES_PER_BOX);
+    let radius = 1.5 * half_height / f32::from(LINES_PER_BOX);
     let end = (half_width - radius).max(0.0);
     let line = |index: u8| {
-        let up = radius * f32::from(2 * index + 1) - half_height;
+        let up = (half_height - radius) * (2.0 * f32::from(index) / f32::from(LINES_PER_BOX - 1) - 1.0);
         let ends = [[-end, up], [end, up]].map(|point| turned_point(point, angle, center));
         (ends.to_vec(), Radius::new_scene_units(radius))
     };
@@ -187,6 +207,25 @@ fn placed(point: [f32; 2], pose: Pose) -> [f32; 2] {
 
 fn flipped(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     points.into_iter().map(|[x, y]| [x, -y]).collect()
+}
+
+/// Left, right, upper and lower end of placed outlines.
+fn bounds(outlines: impl Iterator<Item = (Vec<[f32; 2]>, Pose)>) -> Option<[f32; 4]> {
+    let points = outlines.flat_map(|(outline, pose)| outline.into_iter().map(move |point| placed(point, pose)));
+    points.map(|[x, y]| [x, x, y, y]).reduce(united)
+}
+
+fn united(one: [f32; 4], other: [f32; 4]) -> [f32; 4] {
+    [one[0].min(other[0]), one[1].max(other[1]), one[2].min(other[2]), one[3].max(other[3])]
+}
+
+fn widened([left, right, top, bottom]: [f32; 4], margin: f32) -> [f32; 4] {
+    [left - margin, right + margin, top - margin, bottom + margin]
+}
+
+/// The longer side.
+fn extent([left, right, top, bottom]: [f32; 4]) -> f32 {
+    (right - left).max(bottom - top)
 }
 
 /// From a quarter of the brightness to all of it.

@@ -114,27 +114,26 @@ fn picture(entity: &EntityPath, axes: &Axes, pixels: &[u32], at: Moment) -> Resu
     single(entity.join(&"density".into()), at, &image)
 }
 
-/// The axes with their names, units and ends.
-pub(super) fn furniture(axes: &Axes, lettering: Lettering) -> Result<[Chunk; 3], Fault> {
+/// `/visitation/axes`, with names and ends at `/visitation/axes/labels` and for small views with bare `/visitation/axes/names`.
+pub(super) fn furniture(axes: &Axes, wide: Lettering, narrow: Lettering) -> Result<[Chunk; 3], Fault> {
     let stands = (0..axes.all().len()).map(|axis| axes.x(axis));
-    let uprights = LineStrips2D::new(stands.clone().map(|x| [[x, 0.0], [x, HEIGHT as f32]]));
+    let uprights = LineStrips2D::new(stands.map(|x| [[x, 0.0], [x, HEIGHT as f32]]));
     let uprights = uprights.with_colors([rgb(AXIS_COLOR)]).with_radii([Radius::new_ui_points(0.8)]).with_draw_order(50.0);
-    let names =
-        (0..).zip(axes.all()).map(|(index, axis)| ([axes.x(index), lettering.name_y(index)], lettering.name(&axis.quantity)));
-    let tops = stands.clone().zip(axes.all()).map(|(x, axis)| ([x, lettering.top_y()], number(axis.quantity.range[1])));
-    let bottoms = stands.zip(axes.all()).map(|(x, axis)| ([x, lettering.bottom_y()], number(axis.quantity.range[0])));
     Ok([
         timeless("visitation/axes", &uprights)?,
-        timeless("visitation/axes/names", &texts(names, NAME_COLOR))?,
-        timeless("visitation/axes/ends", &texts(tops.chain(bottoms), END_COLOR))?,
+        timeless("visitation/axes/labels", &texts(wide.names(axes).chain(wide.ends(axes))))?,
+        timeless("visitation/axes/names", &texts(narrow.names(axes)))?,
     ])
 }
 
-fn texts(texts: impl Iterator<Item = ([f32; 2], String)>, color: [u8; 3]) -> Points2D {
-    let (positions, texts): (Vec<_>, Vec<_>) = texts.unzip();
-    Points2D::new(positions)
-        .with_labels(texts)
-        .with_colors([rgb(color)])
+/// Words, where they stand, and their colour.
+type Label = (String, [f32; 2], [u8; 3]);
+
+fn texts(labels: impl Iterator<Item = Label>) -> Points2D {
+    let labels: Vec<Label> = labels.collect();
+    Points2D::new(labels.iter().map(|(_, place, _)| *place))
+        .with_colors(labels.iter().map(|(_, _, color)| rgb(*color)))
+        .with_labels(labels.into_iter().map(|(text, ..)| text))
         .with_radii([Radius::ZERO])
         .with_show_labels(true)
         .with_draw_order(60.0)
@@ -151,6 +150,8 @@ fn number(value: f32) -> String {
 pub(super) struct Lettering {
     /// Height of a line of words, in pixels of the density image.
     line: f32,
+    /// Whether numbers stand at the ends of the axes.
+    with_ends: bool,
     /// Whether units have room beside names.
     with_units: bool,
     /// Whether every other name stands one line higher.
@@ -158,44 +159,45 @@ pub(super) struct Lettering {
 }
 
 impl Lettering {
-    /// Points of the screen that a line of words and a letter take.
+    /// Points of the screen that a line of words takes.
     pub(super) const LINE: f32 = 19.0;
+
+    /// Points of the screen that a letter takes.
     const LETTER: f32 = 6.7;
 
     /// For views in which a pixel of the density image is `scale` points of the screen.
-    pub(super) fn new(axes: &Axes, scale: f32) -> Self {
+    pub(super) fn new(axes: &Axes, scale: f32, with_ends: bool) -> Self {
         let room = (axes.x(1) - axes.x(0)) * scale;
-        let widest = |with_units: bool| {
+        let widest = |with_units| {
             let letters = axes.all().iter().map(|axis| name(&axis.quantity, with_units).chars().count());
             letters.max().unwrap_or(0) as f32 * Self::LETTER + 8.0
         };
-        Self {
-            line: Self::LINE / scale,
-            with_units: widest(true) <= 2.0 * room,
-            staggered: widest(widest(true) <= 2.0 * room) > room,
-        }
+        let with_units = widest(true) <= 2.0 * room;
+        Self { line: Self::LINE / scale, with_ends, with_units, staggered: widest(with_units) > room }
     }
 
-    fn name(self, quantity: &Quantity) -> String {
-        name(quantity, self.with_units)
+    fn names(self, axes: &Axes) -> impl Iterator<Item = Label> {
+        let below = if self.with_ends { 2.1 } else { 1.05 };
+        (0..).zip(axes.all()).map(move |(index, axis)| {
+            let lines = if self.staggered && index % 2 == 1 { below + 1.0 } else { below };
+            (name(&axis.quantity, self.with_units), [axes.x(index), -lines * self.line], NAME_COLOR)
+        })
     }
 
-    fn name_y(self, axis: usize) -> f32 {
-        if self.staggered && axis % 2 == 1 { -3.1 * self.line } else { -2.1 * self.line }
-    }
-
-    fn top_y(self) -> f32 {
-        -1.05 * self.line
-    }
-
-    fn bottom_y(self) -> f32 {
-        HEIGHT as f32 + 0.05 * self.line
+    fn ends(self, axes: &Axes) -> impl Iterator<Item = Label> {
+        let bottom = HEIGHT as f32 + 0.05 * self.line;
+        (0..).zip(axes.all()).flat_map(move |(index, axis)| {
+            let [low, high] = axis.quantity.range.map(number);
+            let x = axes.x(index);
+            [(high, [x, -1.05 * self.line], END_COLOR), (low, [x, bottom], END_COLOR)]
+        })
     }
 
     /// What is written, from the uppermost to the lowest end.
     pub(super) fn y_range(self) -> [f64; 2] {
-        let lines_above = if self.staggered { 3.2 } else { 2.2 };
-        [f64::from(-lines_above * self.line), f64::from(self.bottom_y() + 1.1 * self.line)]
+        let above = if self.staggered { 2.2 } else { 1.2 } + if self.with_ends { 1.0 } else { 0.0 };
+        let below = if self.with_ends { 1.2 } else { 0.2 };
+        [f64::from(-above * self.line), f64::from(HEIGHT as f32 + below * self.line)]
     }
 }
 
