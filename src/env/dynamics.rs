@@ -3,6 +3,7 @@
 //! A [`Dynamics`] holds M copies of one task's bodies: rigid bodies ([`physics`](super::physics)) or closed-form equations
 //! ([`analytic`](super::analytic)). Observations, rewards and episodes may not enter.
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::Pose;
@@ -87,5 +88,19 @@ impl JointColumns {
         self.copies == other.copies
             && self.positions.len() == other.positions.len()
             && self.velocities.len() == other.velocities.len()
+    }
+}
+
+/// Bytes that [`from_bytes`] reads back.
+pub(super) fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {
+    postcard::to_stdvec(state).expect("plain numbers in memory can always be written")
+}
+
+/// What [`to_bytes`] wrote, and nothing but that.
+pub(super) fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
+    match postcard::take_from_bytes(bytes) {
+        Ok((state, [])) => Ok(state),
+        Ok((_, rest)) => Err(format!("{} bytes too many", rest.len())),
+        Err(error) => Err(error.to_string()),
     }
 }

@@ -300,7 +300,12 @@ mod tests {
         wrong("1 < x < 2", Type::Boolean, 6, "comparison operators cannot be chained");
         wrong("x = 2", Type::Boolean, 0, NO_FORMULA);
         wrong("previous(1 + x)", Type::Number, 9, "`previous` takes the name of an observation or a sensor");
-        wrong("previous(theta)", Type::Number, 9, "`theta` has no previous value: it is neither an observation nor a sensor");
+        wrong(
+            "previous(theta)",
+            Type::Number,
+            9,
+            "`theta` has no previous value here: rewards and endings look back, at observations and sensors",
+        );
         wrong("x +", Type::Number, 3, "unexpected end of input, expected an expression");
         wrong("", Type::Number, 0, "unexpected end of input, expected an expression");
         wrong("\"x\"", Type::Number, 0, NO_FORMULA);

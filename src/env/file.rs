@@ -11,9 +11,10 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-pub use checked::{Count, Direction, Finite, Interval, Name, Positive, Vector};
+pub use checked::{Direction, Interval, Name, Vector};
 
 use super::description::Description;
+use crate::input::numbers::{Count, Finite, Positive, known, known_count};
 use crate::input::{self, Document, InputError, Located};
 
 /// A task file: `Environment(…)`.
@@ -321,13 +322,13 @@ fn describe(name: &str, document: &Document<Environment>) -> Result<Description,
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { iterations: Count::FOUR, passes: Count::ONE }
+        Self { iterations: known_count(4), passes: known_count(1) }
     }
 }
 
 impl Default for Distribution {
     fn default() -> Self {
-        Self::Constant(Finite::ZERO)
+        Self::Constant(known(0.0))
     }
 }
 

@@ -172,3 +172,63 @@ fn conjugate(rotation: [f64; 2]) -> [f64; 2] {
 fn crossed(omega: f64, a: [f64; 2]) -> [f64; 2] {
     [-omega * a[1], omega * a[0]]
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    use std::path::Path;
+
+    use approx::assert_abs_diff_eq;
+
+    use super::*;
+    use crate::env::load;
+
+    fn tree(file: &str) -> Tree {
+        Tree::new(&load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap())
+    }
+
+    #[test]
+    fn a_pole_leans_to_positive_x_and_moves_with_its_cart() {
+        let tree = tree("envs/cartpole.ron");
+        let mut frames = tree.frames();
+        tree.place(&[0.3, FRAC_PI_2], &[2.0, 1.0], &mut frames);
+        let [cart, pole] = frames[..] else { panic!("two bodies") };
+        assert_eq!((cart.position, cart.angle, cart.velocity), ([0.3, 0.0], 0.0, [2.0, 0.0]));
+        assert_eq!((pole.position, pole.angle, pole.angular_velocity), ([0.3, 0.0], -FRAC_PI_2, -1.0));
+        // The centre of mass, 0.5 m from the hinge, lies level with it and falls at 0.5 m × 1 rad/s.
+        let com = pole.point([0.0, 0.5]);
+        let velocity = pole.velocity_at(com);
+        assert_abs_diff_eq!(com[..], [0.8, 0.0][..], epsilon = 1e-15);
+        assert_abs_diff_eq!(velocity[..], [2.0, -0.5][..], epsilon = 1e-15);
+    }
+
+    /// Rates are derivatives: frames a moment later are where the velocities say.
+    #[test]
+    fn velocities_are_the_rates_of_positions() {
+        let tree = tree("tests/envs/crane.ron");
+        let (positions, velocities) = ([0.2, 1.0, -2.0, 0.1], [1.0, -0.5, 2.0, 0.7]);
+        let moment = 1e-6;
+        let later: Vec<_> = positions.iter().zip(velocities).map(|(position, rate)| position + moment * rate).collect();
+        let (mut now, mut then) = (tree.frames(), tree.frames());
+        tree.place(&positions, &velocities, &mut now);
+        tree.place(&later, &velocities, &mut then);
+        for (now, then) in now.iter().zip(&then) {
+            let moved = scaled(difference(then.position, now.position), 1.0 / moment);
+            assert_abs_diff_eq!(moved[..], now.velocity[..], epsilon = 1e-5);
+            assert_abs_diff_eq!((then.angle - now.angle) / moment, now.angular_velocity, epsilon = 1e-8);
+        }
+    }
+
+    #[test]
+    fn at_coordinate_zero_bodies_are_where_the_file_puts_them() {
+        let description = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/envs/crane.ron")).unwrap();
+        let tree = Tree::new(&description);
+        let mut frames = tree.frames();
+        tree.place(&[0.0; 4], &[0.0; 4], &mut frames);
+        for (frame, body) in frames.iter().zip(&description.bodies) {
+            assert_abs_diff_eq!(frame.position[..], body.position[..], epsilon = 1e-15);
+            assert_abs_diff_eq!(frame.angle, body.angle, epsilon = 1e-15);
+        }
+        assert!(frames.iter().all(|frame| frame.angle.abs() < PI));
+    }
+}

@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::description::{Columns, Description, Reading};
-use super::dynamics::Dynamics;
+use super::dynamics::{Dynamics, from_bytes, to_bytes};
 use super::expression::{Formula, Table};
 use super::{Choice, Environment, Physics, Pose, Scene, Spec, Status, analytic, physics};
 use crate::input::InputError;
@@ -149,11 +149,11 @@ impl Environment for Task {
             progress: self.progress.clone(),
             dynamics: self.dynamics.save(),
         };
-        postcard::to_stdvec(&state).unwrap_or_default()
+        to_bytes(&state)
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let state: SavedTask = postcard::from_bytes(bytes).map_err(|error| format!("no saved environment: {error}"))?;
+        let state: SavedTask = from_bytes(bytes).map_err(|error| format!("no saved environment: {error}"))?;
         let name = &self.description.spec.name;
         if state.task != *name {
             return Err(format!("the state is of task `{}`, not of `{name}`", state.task));

@@ -224,16 +224,16 @@ impl Complaint {
 }
 
 impl Position {
-    /// The place of a character within the string that begins here. An escaped string stays pointed at as a whole.
+    /// The place of a character within the string whose text begins here. In a string with escapes it cannot be told.
     fn moved(self, (line, column): (usize, usize), text: &str) -> Self {
-        let opening: String = self.text.chars().skip(self.column - 1).collect();
-        let quote = opening.find('"').filter(|&quote| opening[..quote].chars().all(|c| c == 'r' || c == '#'));
-        match quote {
-            Some(quote) if line == 0 && !(quote == 0 && opening.contains('\\')) => {
-                Self { column: self.column + quote + 1 + column, ..self }
-            }
-            Some(_) if line > 0 => position(text, self.line + line, column + 1),
-            _ => self,
+        let before: String = self.text.chars().take(self.column - 1).collect();
+        let raw = before.ends_with("r\"") || before.ends_with("#\"");
+        if !before.ends_with('"') || (!raw && self.text.contains('\\')) {
+            return self;
+        }
+        match line {
+            0 => Self { column: self.column + column, ..self },
+            _ => position(text, self.line + line, column + 1),
         }
     }
 }

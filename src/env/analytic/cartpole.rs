@@ -52,11 +52,11 @@ impl CartPole {
             return Err("the task has no cart-pole twin".to_owned());
         };
         let (rail, pivot) = (&description.joints[slider], &description.joints[hinge]);
-        let JointKind::Hinge { sense } = pivot.kind else {
-            return Err(format!("a cart-pole has a hinge, but `{}` is none", pivot.name));
-        };
         let Motion::Slide(axis) = Tree::new(description).links()[slider].motion else {
             return Err(format!("a cart-pole has a slider, but `{}` is none", rail.name));
+        };
+        let JointKind::Hinge { sense } = pivot.kind else {
+            return Err(format!("a cart-pole has a hinge, but `{}` is none", pivot.name));
         };
         require(description.joints.len() == 2, "a cart-pole has no other joints than its slider and its hinge")?;
         require(rail.parent.is_none() && axis[1] == 0.0, "the slider of a cart-pole is level and holds the cart to the world")?;

@@ -7,7 +7,7 @@ pub mod cartpole;
 
 use super::Pose;
 use super::description::{Description, Drive, Twin};
-use super::dynamics::{Dynamics, JointColumns};
+use super::dynamics::{Dynamics, JointColumns, from_bytes, to_bytes};
 use super::kinematics::{Frame, Tree};
 use cartpole::CartPole;
 use serde::{Deserialize, Serialize};
@@ -120,11 +120,11 @@ impl<E: Equations> Dynamics for ClosedForm<E> {
     }
 
     fn save(&self) -> Vec<u8> {
-        postcard::to_stdvec(&self.state).unwrap_or_default()
+        to_bytes(&self.state)
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let state: State = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let state: State = from_bytes(bytes)?;
         if state.live.len() != self.state.live.len() || state.rows.len() != self.state.rows.len() {
             return Err("the state is of another number of copies".to_owned());
         }

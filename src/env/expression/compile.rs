@@ -163,7 +163,8 @@ impl Compiler<'_> {
             return Err(self.unknown_name(&name.to_string(), name.span()));
         };
         let column = variable.previous.ok_or_else(|| {
-            mistake(name.span(), format!("`{name}` has no previous value: it is neither an observation nor a sensor"))
+            let message = "has no previous value here: rewards and endings look back, at observations and sensors";
+            mistake(name.span(), format!("`{name}` {message}"))
         })?;
         Ok((Value::Variable(column), Type::Number))
     }

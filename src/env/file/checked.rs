@@ -1,48 +1,8 @@
-//! Numbers and names that are checked while the file is read, so that an error points at them.
+//! Ranges, vectors and names that are checked while the file is read, so that an error points at them.
 
 use serde::Deserialize;
 
 use crate::env::expression::RESERVED;
-
-macro_rules! checked_number {
-    ($(#[$doc:meta])* $name:ident, $requirement:expr, |$value:ident| $condition:expr) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-        #[serde(try_from = "f64")]
-        pub struct $name(f64);
-
-        impl $name {
-            /// The number.
-            #[must_use]
-            pub fn get(self) -> f64 {
-                self.0
-            }
-        }
-
-        impl TryFrom<f64> for $name {
-            type Error = String;
-
-            fn try_from($value: f64) -> Result<Self, String> {
-                if $condition { Ok(Self($value)) } else { Err(format!("expected {}, found {}", $requirement, $value)) }
-            }
-        }
-    };
-}
-
-checked_number! {
-    /// Neither infinite nor NaN.
-    Finite, "a finite number", |value| value.is_finite()
-}
-
-checked_number! {
-    /// Greater than 0.
-    Positive, "a number greater than 0", |value| value.is_finite() && value > 0.0
-}
-
-/// A whole number greater than 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "u32")]
-pub struct Count(u32);
 
 /// A low and a higher end.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -67,24 +27,6 @@ pub struct Direction([f64; 2]);
 #[serde(try_from = "String")]
 pub struct Name(String);
 
-impl Finite {
-    /// 0.
-    pub const ZERO: Self = Self(0.0);
-}
-
-impl Count {
-    /// 1.
-    pub const ONE: Self = Self(1);
-    /// 4.
-    pub const FOUR: Self = Self(4);
-
-    /// The number.
-    #[must_use]
-    pub fn get(self) -> u32 {
-        self.0
-    }
-}
-
 impl Interval {
     /// Low and high end.
     #[must_use]
@@ -106,14 +48,6 @@ impl Direction {
     #[must_use]
     pub fn get(self) -> [f64; 2] {
         self.0
-    }
-}
-
-impl TryFrom<u32> for Count {
-    type Error = String;
-
-    fn try_from(value: u32) -> Result<Self, String> {
-        if value > 0 { Ok(Self(value)) } else { Err("expected a whole number greater than 0, found 0".to_owned()) }
     }
 }
 

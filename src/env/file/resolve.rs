@@ -8,6 +8,7 @@ use crate::env::analytic;
 use crate::env::description::{self, Columns, Description, Drive, Formulas, Inertial, Reading};
 use crate::env::expression::{Mistake, Program, Type, Variable, compile};
 use crate::env::{Action, Choice, Quantity, Scene, SceneBody, Shape, Spec, physics};
+use crate::input::numbers::Finite;
 use crate::input::{Complaint, Located};
 
 /// Checks every reference of a task file and turns it into a description.
@@ -92,7 +93,7 @@ fn body(body: &Body) -> Result<description::Body, Complaint> {
     Ok(description::Body {
         name: body.name.value().as_ref().to_owned(),
         position: body.position.get(),
-        angle: body.angle.map_or(0.0, super::Finite::get),
+        angle: body.angle.map_or(0.0, Finite::get),
         inertial: inertial(body, &shapes)?,
         shapes,
     })
@@ -123,7 +124,7 @@ fn shape(geom: &Geom) -> Shape {
         Geom::Box { center, half_size: (width, height), angle } => Shape::Box {
             center: point(*center),
             half_size: [width.get() as f32, height.get() as f32],
-            angle: angle.map_or(0.0, super::Finite::get) as f32,
+            angle: angle.map_or(0.0, Finite::get) as f32,
         },
         Geom::Capsule { from, to, radius } => Shape::Capsule { from: point(*from), to: point(*to), radius: radius.get() as f32 },
         Geom::Convex(points) => Shape::Polygon(points.get()),
@@ -219,7 +220,7 @@ fn drive(actuator: &Actuator, joints: &[Joint]) -> Result<description::Actuator,
     Ok(description::Actuator {
         name: actuator.name.value().as_ref().to_owned(),
         drive: Drive::JointForce(find_joint(joint, joints)?),
-        gear: actuator.gear.map_or(1.0, super::Finite::get),
+        gear: actuator.gear.map_or(1.0, Finite::get),
         choice,
         range,
     })

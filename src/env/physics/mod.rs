@@ -18,7 +18,7 @@ use self::joint::Hold;
 pub use self::shape::inertial;
 use super::Pose;
 use super::description::{Actuator, Description, Drive};
-use super::dynamics::{Dynamics, JointColumns};
+use super::dynamics::{Dynamics, JointColumns, from_bytes, to_bytes};
 use super::kinematics::{Frame, Tree};
 
 /// M copies of a task as rigid bodies in Rapier worlds.
@@ -119,11 +119,11 @@ impl Dynamics for RigidBodies {
             live: self.batches.iter().flat_map(|batch| batch.live.iter().copied()).collect(),
             bodies: (0..self.columns.copies()).flat_map(|copy| self.bodies(copy)).map(SavedBody::of).collect(),
         };
-        postcard::to_stdvec(&state).unwrap_or_default()
+        to_bytes(&state)
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let state: SavedState = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let state: SavedState = from_bytes(bytes)?;
         let copies = self.columns.copies();
         let fits = state.columns.same_shape(&self.columns)
             && state.live.len() == copies
