@@ -1,8 +1,6 @@
 //! Control steps per second of the cart-pole, by number of copies M: the bare motion of its rigid bodies, the whole environment with
 //! observations, rewards, endings and resets as a run uses it, and the same over the closed-form twin. One core.
 
-#![expect(missing_docs, reason = "criterion's macros make functions without them")]
-
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};

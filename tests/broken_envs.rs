@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use seedbed::env::load;
 
 fn broken_files() -> Vec<PathBuf> {
-    let entries = std::fs::read_dir("tests/broken_envs").unwrap();
-    let mut files: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    let entries = std::fs::read_dir("tests/broken_envs").expect("the folder is there");
+    let mut files: Vec<_> = entries.map(|entry| entry.expect("its entries can be read").path()).collect();
     files.retain(|path| path.extension().is_some_and(|extension| extension == "ron"));
     files.sort();
     files

@@ -10,7 +10,7 @@ use seedbed::random::{Purpose, Stream, stream};
 /// The files of a folder of the repository that end in `.ron`, in order.
 fn files(folder: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
-    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut files: Vec<_> = std::fs::read_dir(folder).expect("the folder is there").flatten().map(|entry| entry.path()).collect();
     files.retain(|path| path.extension().is_some_and(|extension| extension == "ron"));
     files.sort();
     files
@@ -51,7 +51,7 @@ fn random_action(environment: &dyn Environment, random: &mut Stream) -> Vec<f32>
 }
 
 fn fresh(task: &Description, physics: Physics, copies: usize) -> Box<dyn Environment> {
-    build(task, physics, copies).unwrap()
+    build(task, physics, copies).expect("the task has this physics")
 }
 
 /// One copy among others: each copy acts at random from a stream of its own and starts anew when its episode has ended.
@@ -125,7 +125,9 @@ fn the_same_seeds_give_the_same_bits() {
         for _ in 0..300 {
             one.step(&names, &names);
             other.step(&names, &names);
-            names.iter().for_each(|&copy| assert_eq!(one.bits(copy), other.bits(copy), "{} {physics:?}", task.spec.name));
+            for copy in names {
+                assert_eq!(one.bits(copy), other.bits(copy), "{} {physics:?}", task.spec.name);
+            }
         }
     }
 }
@@ -175,7 +177,9 @@ fn a_reset_equals_a_fresh_build() {
         let mut new = Crowd { environment: new, random: names.map(actions).to_vec(), episodes: vec![50; 4] };
         used.episodes = vec![50; 4];
         for _ in 0..150 {
-            names.iter().for_each(|&copy| assert_eq!(used.bits(copy), new.bits(copy), "{} {physics:?}", task.spec.name));
+            for copy in names {
+                assert_eq!(used.bits(copy), new.bits(copy), "{} {physics:?}", task.spec.name);
+            }
             used.step(&names, &names);
             new.step(&names, &names);
         }
@@ -202,7 +206,9 @@ fn a_saved_environment_continues_to_the_same_bits() {
         other.environment.restore(&bytes).unwrap();
         assert_eq!(other.environment.save(), bytes);
         for _ in 0..150 {
-            names.iter().for_each(|&copy| assert_eq!(one.bits(copy), other.bits(copy), "{} {physics:?}", task.spec.name));
+            for copy in names {
+                assert_eq!(one.bits(copy), other.bits(copy), "{} {physics:?}", task.spec.name);
+            }
             one.step(&names, &names);
             other.step(&names, &names);
         }

@@ -27,7 +27,12 @@ fn cart_pole(iterations: u32) -> Description {
 }
 
 fn rigid(task: &Description, copies: usize) -> Box<dyn Dynamics> {
-    dynamics(task, Physics::Rapier, copies).unwrap()
+    dynamics(task, Physics::Rapier, copies).expect("every task has rigid bodies")
+}
+
+/// The exact equations of a cart-pole.
+fn exact(task: &Description) -> CartPole {
+    CartPole::of(task).expect("the task is a cart-pole")
 }
 
 fn start(dynamics: &mut dyn Dynamics, copy: usize, [x, theta, speed, rate]: State) {
@@ -68,7 +73,7 @@ fn random_force(random: &mut Stream) -> f64 {
 /// Largest errors of one control step over 500 random states.
 fn one_step_error(iterations: u32) -> State {
     let (task, mut random) = (cart_pole(iterations), random());
-    let (equations, mut bodies) = (CartPole::of(&task).unwrap(), rigid(&task, 1));
+    let (equations, mut bodies) = (exact(&task), rigid(&task, 1));
     (0..500).fold([0.0; 4], |worst, _| {
         let (before, force) = (random_state(&mut random), random_force(&mut random));
         start(&mut *bodies, 0, before);
@@ -97,7 +102,7 @@ fn the_error_of_one_step_halves_when_substeps_double() {
 /// The same over Gym's explicit Euler steps, ½ a t² off: four times as far as four substeps.
 #[test]
 fn one_step_is_four_times_closer_than_gyms() {
-    let (equations, mut random) = (CartPole::of(&cart_pole(4)).unwrap(), random());
+    let (equations, mut random) = (exact(&cart_pole(4)), random());
     let gym = (0..500).fold([0.0; 4], |worst, _| {
         let (before, force) = (random_state(&mut random), random_force(&mut random));
         larger(worst, difference(equations.gym_euler(before, force, 0.02), truth(&equations, before, force)))
@@ -110,7 +115,7 @@ fn one_step_is_four_times_closer_than_gyms() {
 /// Ten trials of 500 steps: a random force of ±10 N plus a stabilising feedback on each simulator's own state, so that errors neither
 /// blow up with the unstable pole nor vanish. Largest distances from the truth.
 fn closed_loop_error(advance: &mut dyn FnMut(State, f64, bool) -> State) -> State {
-    let equations = CartPole::of(&cart_pole(4)).unwrap();
+    let equations = exact(&cart_pole(4));
     let mut random = random();
     let mut worst = [0.0; 4];
     for _ in 0..10 {
@@ -141,7 +146,7 @@ fn closed_loop_error_of_bodies(iterations: u32) -> State {
 /// A run of 500 steps by rigid bodies stays closer to the truth than Gym's explicit Euler, in each coordinate.
 #[test]
 fn a_controlled_run_is_closer_to_the_truth_than_gym() {
-    let equations = CartPole::of(&cart_pole(4)).unwrap();
+    let equations = exact(&cart_pole(4));
     let gym = closed_loop_error(&mut |state, force, _| equations.gym_euler(state, force, 0.02));
     for (iterations, factor) in [(4, 2.0), (16, 8.0)] {
         let bodies = closed_loop_error_of_bodies(iterations);
@@ -158,7 +163,7 @@ fn a_controlled_run_is_closer_to_the_truth_than_gym() {
 /// `xacc = temp − polemass_length thetaacc cos θ / total_mass`.
 #[test]
 fn the_equations_are_gyms() {
-    let (equations, mut random) = (CartPole::of(&cart_pole(4)).unwrap(), random());
+    let (equations, mut random) = (exact(&cart_pole(4)), random());
     for _ in 0..1000 {
         let ([_, theta, _, rate], force) = (random_state(&mut random), random_force(&mut random));
         let temp = (force + 0.05 * rate * rate * theta.sin()) / 1.1;
@@ -176,7 +181,7 @@ const SWINGS: [f64; 4] = [0.3, 1.0, 2.0, 3.0];
 #[test]
 fn a_free_swing_keeps_its_energy() {
     let task = cart_pole(4);
-    let equations = CartPole::of(&task).unwrap();
+    let equations = exact(&task);
     let mut bodies = rigid(&task, SWINGS.len());
     SWINGS.iter().enumerate().for_each(|(copy, &theta)| start(&mut *bodies, copy, [0.0, theta, 0.0, 0.0]));
     for _ in 0..1000 {
@@ -192,7 +197,7 @@ fn a_free_swing_keeps_its_energy() {
 #[test]
 fn the_twin_is_exact() {
     let task = cart_pole(4);
-    let equations = CartPole::of(&task).unwrap();
+    let equations = exact(&task);
     let mut twin = dynamics(&task, Physics::Analytic, 1).unwrap();
     for theta in SWINGS {
         let mut swing = [0.0, theta, 0.0, 0.0];
@@ -309,7 +314,7 @@ fn random_episodes_are_as_long_as_the_twins() {
 /// Lengths of 4000 episodes; starts and pushes are the same for any physics.
 fn episode_lengths(task: &Description, physics: Physics) -> Vec<f64> {
     const COPIES: usize = 64;
-    let mut environment = build(task, physics, COPIES).unwrap();
+    let mut environment = build(task, physics, COPIES).expect("the cart-pole has a twin");
     let mut lengths = Vec::new();
     for round in 0..63 {
         let mut pushes: Vec<_> = (0..COPIES as u32).map(|copy| stream(3, Purpose::Action, copy, round)).collect();
