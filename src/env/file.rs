@@ -213,11 +213,12 @@ pub enum ActuatorKind {
 
 /// What the agent may choose.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "checked::AnyControl")]
 pub enum Control {
     /// One of these values.
     Discrete(Values),
-    /// Any number between these two.
-    Continuous(Finite, Finite),
+    /// `Continuous(low, high)`: any number from low to high.
+    Continuous(Interval),
 }
 
 /// At least two numbers.
@@ -277,12 +278,13 @@ pub struct Start {
 
 /// How a number is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "checked::AnyDistribution")]
 pub enum Distribution {
     /// Always the same.
     Constant(Finite),
-    /// Any number between these two, evenly.
-    Uniform(Finite, Finite),
-    /// Gaussian: expectation and standard deviation.
+    /// `Uniform(low, high)`: any number from low to high, evenly.
+    Uniform(Interval),
+    /// `Normal(mean, deviation)`: Gaussian.
     Normal(Finite, Positive),
 }
 

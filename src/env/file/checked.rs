@@ -2,7 +2,9 @@
 
 use serde::Deserialize;
 
+use super::{Control, Distribution, Values};
 use crate::env::expression::RESERVED;
+use crate::input::numbers::{Finite, Positive};
 
 /// A low and a higher end.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -59,6 +61,46 @@ impl TryFrom<(f64, f64)> for Interval {
             return Ok(Self { low, high });
         }
         Err(format!("expected a low and a higher number, found ({low}, {high})"))
+    }
+}
+
+/// A control whose range is not checked yet.
+#[derive(Deserialize)]
+#[serde(rename = "Control")]
+pub(super) enum AnyControl {
+    Discrete(Values),
+    Continuous(f64, f64),
+}
+
+/// A distribution whose range is not checked yet.
+#[derive(Deserialize)]
+#[serde(rename = "Distribution")]
+pub(super) enum AnyDistribution {
+    Constant(Finite),
+    Uniform(f64, f64),
+    Normal(Finite, Positive),
+}
+
+impl TryFrom<AnyControl> for Control {
+    type Error = String;
+
+    fn try_from(any: AnyControl) -> Result<Self, String> {
+        match any {
+            AnyControl::Discrete(values) => Ok(Self::Discrete(values)),
+            AnyControl::Continuous(low, high) => Ok(Self::Continuous((low, high).try_into()?)),
+        }
+    }
+}
+
+impl TryFrom<AnyDistribution> for Distribution {
+    type Error = String;
+
+    fn try_from(any: AnyDistribution) -> Result<Self, String> {
+        match any {
+            AnyDistribution::Constant(value) => Ok(Self::Constant(value)),
+            AnyDistribution::Uniform(low, high) => Ok(Self::Uniform((low, high).try_into()?)),
+            AnyDistribution::Normal(mean, deviation) => Ok(Self::Normal(mean, deviation)),
+        }
     }
 }
 

@@ -207,11 +207,14 @@ fn action(actuator: &Actuator) -> Action {
 
 /// What may be chosen, and its lowest and highest value.
 fn choice(control: &Control) -> (Choice, [f32; 2]) {
-    let (choice, values) = match control {
-        Control::Discrete(values) => (Choice::Discrete(values.get()), values.get()),
-        Control::Continuous(one, other) => (Choice::Continuous, vec![one.get() as f32, other.get() as f32]),
-    };
-    (choice, [values.iter().copied().fold(f32::MAX, f32::min), values.iter().copied().fold(f32::MIN, f32::max)])
+    match control {
+        Control::Continuous(interval) => (Choice::Continuous, interval.get().map(|end| end as f32)),
+        Control::Discrete(values) => {
+            let values = values.get();
+            let range = [values.iter().copied().fold(f32::MAX, f32::min), values.iter().copied().fold(f32::MIN, f32::max)];
+            (Choice::Discrete(values), range)
+        }
+    }
 }
 
 fn drive(actuator: &Actuator, joints: &[Joint]) -> Result<description::Actuator, Complaint> {
@@ -304,9 +307,9 @@ fn starts(file: &Environment) -> Result<Vec<description::Start>, Complaint> {
 fn resolved_start(joint: usize, start: &Start) -> description::Start {
     let resolved = |distribution: &Distribution| match *distribution {
         Distribution::Constant(value) => description::Distribution::Constant(value.get()),
-        Distribution::Uniform(one, other) => {
-            let (one, other) = (one.get(), other.get());
-            description::Distribution::Uniform { low: one.min(other), high: one.max(other) }
+        Distribution::Uniform(interval) => {
+            let [low, high] = interval.get();
+            description::Distribution::Uniform { low, high }
         }
         Distribution::Normal(mean, deviation) => {
             description::Distribution::Normal { mean: mean.get(), deviation: deviation.get() }
