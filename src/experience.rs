@@ -21,7 +21,7 @@ pub struct Episode {
     pub actions: Vec<f32>,
     /// `[T]`: entry t is `R_{t+1}`, the environment's own, without seeds or bonus.
     pub rewards: Vec<f32>,
-    /// `[T]`: log π(aₜ|sₜ) under the policy that acted.
+    /// `[T × action width]`: log π(aₜ|sₜ) under the policy that acted, for each component of the action; the sum is the action's.
     pub log_probs: Vec<f32>,
     /// How it ended: [`Status::Terminated`] or [`Status::Truncated`].
     pub outcome: Status,
@@ -39,7 +39,7 @@ impl Episode {
             observations: Vec::with_capacity((steps + 1) * spec.observation_width()),
             actions: Vec::with_capacity(steps * spec.action_width()),
             rewards: Vec::with_capacity(steps),
-            log_probs: Vec::with_capacity(steps),
+            log_probs: Vec::with_capacity(steps * spec.action_width()),
             outcome: Status::Running,
         }
     }
@@ -54,6 +54,12 @@ impl Episode {
     #[must_use]
     pub fn total_reward(&self) -> f64 {
         self.rewards.iter().map(|&reward| f64::from(reward)).sum()
+    }
+
+    /// log π(aₜ|sₜ) of whole actions: `[T]`.
+    pub fn action_log_probs(&self) -> impl Iterator<Item = f32> {
+        let width = self.log_probs.len() / self.length().max(1);
+        self.log_probs.chunks_exact(width.max(1)).map(|components| components.iter().sum())
     }
 
     /// The observations before each action: `[T × observation width]`, without the last row.

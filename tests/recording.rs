@@ -132,6 +132,8 @@ fn a_torn_file_is_resumed_from_its_checkpoint() {
     assert!(error.contains("ends before the checkpoint"), "{error}");
     let error = RerunRecorder::resume(&path, &run.about(), &settings, b"nonsense").map(drop).unwrap_err().to_string();
     assert!(error.contains("the checkpoint is damaged"), "{error}");
+    let error = RerunRecorder::resume(&path, &Run::new(3, 1).about(), &settings, &checkpoint).map(drop).unwrap_err().to_string();
+    assert!(error.contains("the checkpoint belongs to another scenario"), "{error}");
 }
 
 #[test]

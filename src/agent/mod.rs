@@ -21,8 +21,9 @@ use crate::seed::SeedDistribution;
 /// One of K agents. `act` takes `&self` and `update` takes `&SharedBuffer`: agents may act at once, and may learn at once
 /// from a buffer that nobody changes meanwhile.
 pub trait Agent: Send + Sync {
-    /// Chooses an action and returns its log-probability.   `observation: [observation width]` → `action: [action width]`
-    fn act(&self, observation: &[f32], random: &mut Stream, scratch: &mut ActScratch, action: &mut [f32]) -> f32;
+    /// Chooses an action, and says how likely each of its components was.   `observation: [observation width]` →
+    /// `action`, `log_prob`: `[action width]`
+    fn act(&self, observation: &[f32], random: &mut Stream, scratch: &mut ActScratch, action: &mut [f32], log_prob: &mut [f32]);
 
     /// Learns from the shared buffer at the end of `round`.
     fn update(&mut self, buffer: &SharedBuffer, round: u32) -> UpdateReport;
@@ -85,7 +86,7 @@ pub struct Membership<'a> {
 #[derive(Debug, Default)]
 pub struct ActScratch {
     activations: Activations,
-    log_probs: Vec<f32>,
+    outputs: Vec<f32>,
 }
 
 /// What one update was like: means over all that was trained on.
@@ -129,17 +130,6 @@ impl Algorithm {
     pub fn rounds_kept(&self) -> usize {
         match self {
             Self::SeedPg(_) | Self::Random => 1,
-        }
-    }
-
-    /// Says what keeps the algorithm from learning a task, if anything does.
-    ///
-    /// # Errors
-    /// A sentence for the user.
-    pub fn check(&self, spec: &Spec) -> Result<(), String> {
-        match self {
-            Self::SeedPg(_) => policy::check(spec),
-            Self::Random => Ok(()),
         }
     }
 }

@@ -21,30 +21,19 @@ impl RandomAgent {
 }
 
 impl Agent for RandomAgent {
-    fn act(&self, _: &[f32], random: &mut Stream, _: &mut ActScratch, action: &mut [f32]) -> f32 {
-        let mut log_prob = 0.0;
-        for (slot, component) in action.iter_mut().zip(&self.actions) {
-            match &component.choice {
-                Choice::Discrete(values) => {
-                    *slot = random.random_range(0..values.len()) as f32;
-                    log_prob -= (values.len() as f32).ln();
-                }
-                Choice::Continuous => {
-                    let [low, high] = component.quantity.range;
-                    *slot = random.random_range(low..=high);
-                    log_prob -= (high - low).ln();
-                }
-            }
+    fn act(&self, _: &[f32], random: &mut Stream, _: &mut ActScratch, action: &mut [f32], log_prob: &mut [f32]) {
+        for ((action, log_prob), component) in action.iter_mut().zip(log_prob).zip(&self.actions) {
+            *action = match &component.choice {
+                Choice::Discrete(values) => random.random_range(0..values.len()) as f32,
+                Choice::Continuous => random.random_range(component.quantity.range[0]..=component.quantity.range[1]),
+            };
+            *log_prob = -entropy(component);
         }
-        log_prob
     }
 
     fn update(&mut self, _: &SharedBuffer, _: u32) -> UpdateReport {
-        let entropy = self.actions.iter().map(|component| match &component.choice {
-            Choice::Discrete(values) => (values.len() as f32).ln(),
-            Choice::Continuous => (component.quantity.range[1] - component.quantity.range[0]).ln(),
-        });
-        UpdateReport { ratio_deviation: 1.0, entropy: entropy.sum(), ..UpdateReport::default() }
+        let entropy = self.actions.iter().map(entropy).sum();
+        UpdateReport { ratio_deviation: 1.0, entropy, ..UpdateReport::default() }
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
@@ -57,5 +46,13 @@ impl Agent for RandomAgent {
 
     fn restore(&mut self, _: &[u8]) -> Result<(), String> {
         Ok(())
+    }
+}
+
+/// The entropy of a uniform choice, nats: the logarithm of how much there is to choose from.
+fn entropy(component: &Action) -> f32 {
+    match &component.choice {
+        Choice::Discrete(values) => (values.len() as f32).ln(),
+        Choice::Continuous => (component.quantity.range[1] - component.quantity.range[0]).ln(),
     }
 }

@@ -16,7 +16,8 @@ use crate::experience::{Episode, SharedBuffer};
 use crate::input::numbers::{Count, Fraction, NonNegative, Positive, known, known_count};
 use crate::nn::{AdamSettings, Mlp, PopArt};
 use crate::random::{Purpose, Stream, stream};
-use crate::rl::{advantage, policy_loss, returns};
+use crate::rl::policy_loss::{self, Surrogate};
+use crate::rl::{advantage, returns};
 use crate::seed::Seed;
 
 /// What it is for.
@@ -24,7 +25,7 @@ pub(super) const PURPOSE: &str =
     "Seed policy gradient (thesis §3.4): K policies learn from shared experience, each with its own fixed seed.";
 
 /// What each parameter means, and what may stand there.
-pub(super) const PARAMETERS: [(&str, &str); 12] = [
+pub(super) const PARAMETERS: [(&str, &str); 13] = [
     ("value_data", "whose trajectories the value function learns from: Shared | Own"),
     ("policy_data", "whose trajectories the policy learns from: Shared | Own"),
     (
@@ -32,12 +33,13 @@ pub(super) const PARAMETERS: [(&str, &str); 12] = [
         "what the value function is regressed on: MonteCarlo(importance: PerDecision | Ordinary, ratio_product_cap: Some(c) | None)",
     ),
     ("advantage", "how often the ratio of the action itself counts: MonteCarlo(importance: Single | Double)"),
-    ("policy_loss", "what the policy descends: Ppo(clip: ε) | SimplePg"),
+    ("policy_loss", "what the policy descends: Ppo(clip: ε, clipping: Joint | DimensionWise) | SimplePg"),
     ("returns", "how targets are normalised: PopArt(beta: β) | Raw"),
     ("discount", "γ, 0 to 1"),
     ("hidden", "units of the hidden layers of both networks"),
     ("epochs", "passes over the data of a round"),
     ("regularisation", "λ, the pull of both networks back to their initial parameters"),
+    ("initial_deviation", "spread of continuous actions at the start, as a part of half their range"),
     ("policy_optimiser", "Adam of the policy"),
     ("value_optimiser", "Adam of the value function"),
 ];
@@ -66,6 +68,8 @@ pub struct SeedPg {
     pub epochs: Count,
     /// λ, the pull of both networks back to their seeds θ̂ and φ̂.
     pub regularisation: NonNegative,
+    /// Spread of continuous actions at the start, as a part of half their range.
+    pub initial_deviation: Positive,
     /// The policy's optimiser.
     pub policy_optimiser: AdamSettings,
     /// The value function's optimiser.
@@ -137,9 +141,22 @@ pub enum PolicyLoss {
         /// ε
         #[serde(default = "default_clip")]
         clip: NonNegative,
+        /// What is clipped where an action has several components.
+        #[serde(default)]
+        clipping: Clipping,
     },
     /// −log π A (thesis Eq. 20). Sound on the agent's own newest episode only.
     SimplePg,
+}
+
+/// What is clipped where an action has several components.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Clipping {
+    /// The ratio of the whole action.
+    #[default]
+    Joint,
+    /// The ratio of each component, the losses being summed (Han & Sung 2019, the thesis's reference 16).
+    DimensionWise,
 }
 
 /// How targets of the value function are normalised.
@@ -163,12 +180,13 @@ impl Default for SeedPg {
             policy_data: Data::Shared,
             value_target: ValueTarget::MonteCarlo { importance: Importance::PerDecision, ratio_product_cap: default_cap() },
             advantage: AdvantageEstimate::MonteCarlo { importance: RatioCount::Single },
-            policy_loss: PolicyLoss::Ppo { clip: default_clip() },
+            policy_loss: PolicyLoss::Ppo { clip: default_clip(), clipping: Clipping::Joint },
             returns: ReturnNormalisation::PopArt { beta: default_beta() },
             discount: known(0.99),
             hidden: vec![known_count(32); 2],
             epochs: known_count(1),
             regularisation: known(0.0),
+            initial_deviation: known(0.5),
             policy_optimiser: AdamSettings::default(),
             value_optimiser: AdamSettings::default(),
         }
@@ -205,13 +223,16 @@ pub struct SeedPgAgent {
 #[derive(Default)]
 struct Workspace {
     order: Vec<usize>,
+    /// `[T × C]`, for each component of an action.
     log_probs: Vec<f32>,
+    /// Of whole actions.
     ratios: Vec<f32>,
     rewards: Vec<f32>,
     returns: Vec<f32>,
     products: Vec<f32>,
     values: Vec<f32>,
     advantages: Vec<f32>,
+    /// `[T × C]`
     slopes: Vec<f32>,
     value_gradient: Vec<f32>,
 }
@@ -238,7 +259,7 @@ impl SeedPgAgent {
             run_seed,
             agent,
             reward_seeds: seed.reward,
-            policy: Policy::new(spec, policy_shape, seed.policy, config.policy_optimiser),
+            policy: Policy::new(spec, policy_shape, seed.policy, config.policy_optimiser, config.initial_deviation.get_f32()),
             value: Network::new(value_shape, seed.value, config.value_optimiser),
             normaliser: match config.returns {
                 ReturnNormalisation::PopArt { beta } => PopArt::new(beta.get()),
@@ -272,13 +293,14 @@ impl SeedPgAgent {
         }
     }
 
-    /// ρₜ = `π_k(aₜ|sₜ)` / `π_i(aₜ|sₜ)`, kept within e^±20.
+    /// ρₜ = `π_k(aₜ|sₜ)` / `π_i(aₜ|sₜ)`.
     fn weigh(&mut self, episode: &Episode) {
         let work = &mut self.work;
         self.policy.evaluate(episode.states(), &episode.actions, &mut work.log_probs);
+        let width = work.log_probs.len() / episode.length();
+        let rows = work.log_probs.chunks_exact(width).zip(episode.log_probs.chunks_exact(width));
         work.ratios.clear();
-        let log_ratios = work.log_probs.iter().zip(&episode.log_probs).map(|(ours, theirs)| ours - theirs);
-        work.ratios.extend(log_ratios.map(|log_ratio| log_ratio.clamp(-20.0, 20.0).exp()));
+        work.ratios.extend(rows.map(|(ours, theirs)| ratio(ours, theirs)));
     }
 
     /// G̃ₜ of the perturbed rewards rₜ₊₁ + `z_{k,t+1}`.
@@ -318,14 +340,27 @@ impl SeedPgAgent {
             RatioCount::Double => advantage::monte_carlo_double(&work.returns, &work.values, &mut work.advantages),
         }
         work.slopes.clear();
-        for ((&ratio, &log_prob), &advantage) in work.ratios.iter().zip(&work.log_probs).zip(&work.advantages) {
-            let surrogate = match self.config.policy_loss {
-                PolicyLoss::Ppo { clip } => policy_loss::ppo(ratio, advantage, clip.get_f32()),
-                PolicyLoss::SimplePg => policy_loss::simple(log_prob, advantage),
+        let width = work.log_probs.len() / episode.length();
+        let rows = work.log_probs.chunks_exact(width).zip(episode.log_probs.chunks_exact(width));
+        for ((ours, theirs), (&joint, &advantage)) in rows.zip(work.ratios.iter().zip(&work.advantages)) {
+            let mut descend = |surrogate: Surrogate, components: usize| {
+                work.slopes.extend(std::iter::repeat_n(surrogate.slope, components));
+                totals.policy_sample(&surrogate, components);
             };
-            work.slopes.push(surrogate.slope);
-            totals.policy_sample(ratio, &surrogate);
+            match self.config.policy_loss {
+                PolicyLoss::Ppo { clip, clipping: Clipping::Joint } => {
+                    descend(policy_loss::ppo(joint, advantage, clip.get_f32()), width);
+                }
+                PolicyLoss::Ppo { clip, clipping: Clipping::DimensionWise } => {
+                    for (ours, theirs) in ours.chunks_exact(1).zip(theirs.chunks_exact(1)) {
+                        descend(policy_loss::ppo(ratio(ours, theirs), advantage, clip.get_f32()), 1);
+                    }
+                }
+                PolicyLoss::SimplePg => descend(policy_loss::simple(ours.iter().sum(), advantage), width),
+            }
+            totals.deviation += f64::from((joint - 1.0).abs());
         }
+        totals.policy_steps += episode.length() as u64;
         totals.entropy += f64::from(self.policy.mean_entropy()) * episode.length() as f64;
         let regularisation = self.config.regularisation.get_f32();
         self.policy.descend(episode.states(), &episode.actions, &work.slopes, regularisation);
@@ -345,9 +380,15 @@ impl SeedPgAgent {
     }
 }
 
+/// π/μ of one action from the log-probabilities of its components, kept within e^±20.
+fn ratio(ours: &[f32], theirs: &[f32]) -> f32 {
+    let log_ratio: f32 = ours.iter().zip(theirs).map(|(ours, theirs)| ours - theirs).sum();
+    log_ratio.clamp(-20.0, 20.0).exp()
+}
+
 impl Agent for SeedPgAgent {
-    fn act(&self, observation: &[f32], random: &mut Stream, scratch: &mut ActScratch, action: &mut [f32]) -> f32 {
-        self.policy.sample(observation, random, scratch, action)
+    fn act(&self, observation: &[f32], random: &mut Stream, scratch: &mut ActScratch, action: &mut [f32], log_prob: &mut [f32]) {
+        self.policy.sample(observation, random, scratch, action, log_prob);
     }
 
     fn update(&mut self, buffer: &SharedBuffer, round: u32) -> UpdateReport {
@@ -390,36 +431,37 @@ impl Agent for SeedPgAgent {
 /// Sums over the samples of one update.
 #[derive(Default)]
 struct Totals {
-    value_samples: u64,
+    value_steps: u64,
     value_loss: f64,
-    policy_samples: u64,
+    policy_steps: u64,
     policy_loss: f64,
     deviation: f64,
-    clipped: u64,
     entropy: f64,
+    /// Components of actions, and those of them that were clipped.
+    components: u64,
+    clipped: u64,
 }
 
 impl Totals {
     fn value_sample(&mut self, error: f32) {
-        self.value_samples += 1;
+        self.value_steps += 1;
         self.value_loss += 0.5 * f64::from(error).powi(2);
     }
 
-    fn policy_sample(&mut self, ratio: f32, surrogate: &policy_loss::Surrogate) {
-        self.policy_samples += 1;
+    fn policy_sample(&mut self, surrogate: &Surrogate, components: usize) {
         self.policy_loss += f64::from(surrogate.loss);
-        self.deviation += f64::from((ratio - 1.0).abs());
-        self.clipped += u64::from(surrogate.clipped);
+        self.components += components as u64;
+        self.clipped += if surrogate.clipped { components as u64 } else { 0 };
     }
 
     fn report(&self) -> UpdateReport {
         let over = |sum: f64, count: u64| (sum / count.max(1) as f64) as f32;
         UpdateReport {
-            value_loss: over(self.value_loss, self.value_samples),
-            policy_loss: over(self.policy_loss, self.policy_samples),
-            ratio_deviation: 1.0 + over(self.deviation, self.policy_samples),
-            clipped_fraction: over(self.clipped as f64, self.policy_samples),
-            entropy: over(self.entropy, self.policy_samples),
+            value_loss: over(self.value_loss, self.value_steps),
+            policy_loss: over(self.policy_loss, self.policy_steps),
+            ratio_deviation: 1.0 + over(self.deviation, self.policy_steps),
+            clipped_fraction: over(self.clipped as f64, self.components),
+            entropy: over(self.entropy, self.policy_steps),
         }
     }
 }

@@ -138,6 +138,12 @@ impl Density {
         }
     }
 
+    /// Whether this was made for such axes.
+    #[must_use]
+    pub fn fits(&self, axes: &Axes) -> bool {
+        (self.gap, self.pairs) == (axes.gap, axes.pairs()) && self.pixels.len() == axes.width() * HEIGHT
+    }
+
     /// Counts one projected state.
     pub fn add(&mut self, fractions: &[f32]) {
         for (pair, ends) in fractions.windows(2).enumerate() {

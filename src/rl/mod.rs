@@ -5,5 +5,6 @@
 
 pub mod advantage;
 pub mod categorical;
+pub mod gaussian;
 pub mod policy_loss;
 pub mod returns;

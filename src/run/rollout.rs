@@ -42,8 +42,9 @@ pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: 
     let mut seats: Vec<Seat> = (0..agents.len() as u32).map(|agent| Seat::new(environment, agent, plan)).collect();
     let mut scratch = ActScratch::default();
     let mut actions = vec![0.0; agents.len() * environment.spec().action_width()];
+    let mut log_prob = vec![0.0; environment.spec().action_width()];
     while environment.statuses().contains(&Status::Running) {
-        act(environment, agents, &mut seats, &mut scratch, &mut actions);
+        act(environment, agents, &mut seats, &mut scratch, &mut actions, &mut log_prob);
         environment.step(&actions);
         for seat in &mut seats {
             seat.observe(environment, plan);
@@ -59,14 +60,15 @@ fn act(
     seats: &mut [Seat],
     scratch: &mut ActScratch,
     actions: &mut [f32],
+    log_prob: &mut [f32],
 ) {
     let (observed, acted) = (environment.spec().observation_width(), environment.spec().action_width());
     let rows = environment.observations().chunks_exact(observed).zip(actions.chunks_exact_mut(acted));
     for ((agent, seat), (observation, action)) in agents.iter().zip(seats).zip(rows) {
         if let Some(episode) = &mut seat.playing {
-            let log_prob = agent.act(observation, &mut seat.actions, scratch, action);
+            agent.act(observation, &mut seat.actions, scratch, action, log_prob);
             episode.actions.extend_from_slice(action);
-            episode.log_probs.push(log_prob);
+            episode.log_probs.extend_from_slice(log_prob);
         }
     }
 }

@@ -55,7 +55,7 @@ fn page(about: &RecordingAbout<'_>) -> String {
          - **Returns**: the sum of rewards of each episode. Each agent has one colour throughout.\n\
          - **In motion**: one episode in one picture, from dark (its start) to bright (its end).\n\
          - **Time** is counted in episodes. Choose `env_step` in the time panel to watch the bodies move.\n\n\
-         ## The run\n\n| | |\n|---|---|\n{facts}\n\
+         ## The run\n\n| fact | value |\n|---|---|\n{facts}\n\
          ## What an agent sees and does\n\n| quantity | range | unit |\n|---|---|---|\n{observed}{done}\n\
          ## Scenario\n\n```ron\n{scenario}\n```\n"
     )

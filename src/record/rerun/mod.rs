@@ -6,8 +6,10 @@
 mod about;
 mod blueprint;
 mod curves;
+mod opening;
 mod raw;
 mod resume;
+mod rounds;
 mod rows;
 mod scene;
 mod sink;
@@ -18,21 +20,16 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use rerun::StoreId;
-use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
-use rerun::log::{Chunk, LogMsg, RowId};
 
 use self::curves::Curves;
 use self::raw::{RawColumns, RawTable};
 use self::resume::Progress;
-use self::rows::Moment;
 use self::scene::Film;
 use self::sink::{Fault, Sink, Storage};
 use self::visitation::Visits;
 use super::visitation::{Axes, LineQuota};
-use super::{Footage, RecordError, Recorder, RecordingSettings, RoundRecord};
+use super::{RecordError, Recorder, RecordingSettings, RoundRecord};
 use crate::env::{Scene, Spec};
-use crate::experience::Episode;
-use crate::random::{Purpose, stream};
 
 const APPLICATION: &str = "seedbed";
 
@@ -107,6 +104,7 @@ impl RerunRecorder {
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
         let resumed = Progress::from_bytes(bytes).and_then(|progress| {
+            progress.check(about)?;
             let store = StoreId::recording(APPLICATION, progress.recording_id.as_str());
             let sink = resume::reopened(&paths.part, &paths.done, progress.messages, store)?;
             Self::with(paths.clone(), sink, about, settings, progress)
@@ -152,114 +150,19 @@ impl RerunRecorder {
             progress,
         })
     }
+}
 
-    /// Writes what is true throughout: what this recording is, names, colours, shapes.
-    fn introduce(&mut self, about: &RecordingAbout<'_>) -> Result<(), Fault> {
-        let info =
-            StoreInfo::new(self.sink.store().clone(), StoreSource::Other(format!("seedbed {}", env!("CARGO_PKG_VERSION"))));
-        self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo { row_id: *RowId::new(), info }))?;
-        let mut chunks = about::chunks(about)?.to_vec();
-        let layout = self.layout(None);
-        chunks.extend(visitation::furniture(&self.axes, layout.wide_lettering(), layout.narrow_lettering())?);
-        chunks.extend(self.curves.styles()?);
-        for (agent, track) in (0..).zip(&self.agents) {
-            chunks.push(track.visits.style(agent, self.quota.per_round)?);
-        }
-        if let Some(film) = &self.film {
-            chunks.extend(film.shapes()?);
-        }
-        chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))
+impl Recorder for RerunRecorder {
+    fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError> {
+        self.take_in(round).map_err(|fault| self.paths.error(fault))
     }
 
-    /// How the recording is shown; the first film tells where its actors are.
-    fn lay_out(&mut self, footage: Option<&Footage>) -> Result<(), Fault> {
-        let messages = blueprint::messages(APPLICATION, &self.layout(footage))?;
-        messages.iter().try_for_each(|message| self.sink.send(message))
+    fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError> {
+        self.save().map_err(|fault| self.paths.error(fault))
     }
 
-    fn layout(&self, footage: Option<&Footage>) -> blueprint::Layout<'_> {
-        blueprint::Layout {
-            agents: self.agents.len() as u32,
-            axes: &self.axes,
-            quota: self.quota,
-            time_limit: self.time_limit,
-            filmed: self.film.as_ref().map(|film| (film.agent(), footage.and_then(|footage| film.view(footage)))),
-        }
-    }
-
-    fn take_in(&mut self, round: &RoundRecord<'_>) -> Result<(), Fault> {
-        if self.progress.latest.is_none() {
-            self.lay_out(round.footage)?;
-        }
-        let mut rows = round.episode_rows.iter();
-        let mut latest_episode = 0;
-        for episodes in round.episodes.chunk_by(|one, next| one.agent == next.agent) {
-            let mut random = stream(self.run_seed, Purpose::Recording, episodes[0].agent, round.round);
-            for (index, episode) in episodes.iter().enumerate() {
-                let lines = self.quota.of_episode(index, episodes.len());
-                let (first, end) = self.moments(episode);
-                let track = &mut self.agents[episode.agent as usize];
-                track.raw.add(episode, first);
-                track.visits.add(&self.axes, episode, end, lines, &mut random);
-                if let Some(row) = rows.next() {
-                    self.curves.add_episode(row, end);
-                }
-                self.film_episode(round, episode, first)?;
-                latest_episode = latest_episode.max(end.episode);
-            }
-        }
-        (self.progress.latest, self.progress.pictured) = (Some((round.round.into(), latest_episode)), false);
-        let end = self.now();
-        self.curves.add_round(round.episode_rows, round.round_rows, end, &mut self.progress.latest_returns);
-        self.write(false)?;
-        if round.round.is_multiple_of(self.density_every) { self.picture() } else { Ok(()) }
-    }
-
-    /// The first and the last row of an episode on the timelines; the agent's next episode begins after them.
-    fn moments(&mut self, episode: &Episode) -> (Moment, Moment) {
-        let next_step = &mut self.progress.next_steps[episode.agent as usize];
-        let first = Moment { env_step: *next_step, episode: episode.episode.into(), round: episode.round.into() };
-        let end = Moment { env_step: *next_step + episode.length() as i64, ..first };
-        *next_step = end.env_step + 1;
-        (first, end)
-    }
-
-    fn film_episode(&mut self, round: &RoundRecord<'_>, episode: &Episode, first: Moment) -> Result<(), Fault> {
-        let footage = round.footage.filter(|footage| (footage.agent, footage.episode) == (episode.agent, episode.episode));
-        if let (Some(film), Some(footage)) = (&self.film, footage) {
-            let chunks = film.develop(footage, first)?;
-            chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
-        }
-        Ok(())
-    }
-
-    /// The end of the latest round, at the step of the agent that has gone furthest.
-    fn now(&self) -> Moment {
-        let (round, episode) = self.progress.latest.unwrap_or_default();
-        let env_step = self.progress.next_steps.iter().max().map_or(0, |next| (next - 1).max(0));
-        Moment { env_step, episode, round }
-    }
-
-    /// Writes those collected rows that make a good piece, or all.
-    fn write(&mut self, all: bool) -> Result<(), Fault> {
-        for track in &mut self.agents {
-            let raw = if all || track.raw.is_ready() { track.raw.take() } else { None };
-            let lines = if all || track.visits.is_ready() { track.visits.take_lines(&self.axes) } else { None };
-            raw.into_iter().chain(lines).try_for_each(|chunk| self.sink.send_chunk(&chunk?))?;
-        }
-        self.curves.take(all).try_for_each(|chunk| self.sink.send_chunk(&chunk?))
-    }
-
-    /// Pictures all states visited so far.
-    fn picture(&mut self) -> Result<(), Fault> {
-        let now = self.now();
-        let mut chunks: Vec<Chunk> = Vec::new();
-        for track in &mut self.agents {
-            chunks.push(track.visits.picture(&self.axes, now)?);
-        }
-        chunks.push(visitation::team_picture(self.agents.iter_mut().map(|track| &mut track.visits), &self.axes, now)?);
-        self.progress.pictured = true;
-        chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))
+    fn finish(&mut self) -> Result<(), RecordError> {
+        self.complete().map_err(|fault| self.paths.error(fault))
     }
 }
 
@@ -281,20 +184,6 @@ impl RerunRecorder {
         }
         self.sink.finish()?;
         fs::rename(&self.paths.part, &self.paths.done).map_err(|error| error.to_string())
-    }
-}
-
-impl Recorder for RerunRecorder {
-    fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError> {
-        self.take_in(round).map_err(|fault| self.paths.error(fault))
-    }
-
-    fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError> {
-        self.save().map_err(|fault| self.paths.error(fault))
-    }
-
-    fn finish(&mut self) -> Result<(), RecordError> {
-        self.complete().map_err(|fault| self.paths.error(fault))
     }
 }
 

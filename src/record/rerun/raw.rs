@@ -84,7 +84,7 @@ impl RawTable {
             put_values(choice, &mut column[acted..]);
         }
         rewards.extend(&episode.rewards);
-        log_probs.extend(&episode.log_probs);
+        log_probs.extend(episode.action_log_probs());
         outcomes.push(outcome(episode.outcome));
         is_last.resize(is_last.len() + steps, false);
         is_last.push(true);

@@ -51,6 +51,17 @@ impl Progress {
         }
     }
 
+    /// Fails where the run is not the one that was interrupted.
+    pub(super) fn check(&self, about: &RecordingAbout<'_>) -> Result<(), Fault> {
+        let axes = Axes::of(about.spec);
+        let is_same_team = self.densities.len() == about.agents as usize && self.next_steps.len() == about.agents as usize;
+        if is_same_team && self.densities.iter().all(|density| density.fits(&axes)) {
+            Ok(())
+        } else {
+            Err("the checkpoint belongs to another scenario".to_owned())
+        }
+    }
+
     /// As [`from_bytes`](Self::from_bytes) reads it.
     pub(super) fn to_bytes(&self) -> Result<Vec<u8>, Fault> {
         postcard::to_stdvec(self).map_err(|error| error.to_string())

@@ -131,3 +131,101 @@ impl Write for Synced {
         self.storage.sync()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+    use std::sync::{Arc, Mutex};
+
+    use rerun::external::re_log_encoding::rrd::DecoderApp;
+    use rerun::{EntityPath, TextDocument};
+
+    use super::*;
+    use crate::record::rerun::rows::timeless;
+
+    /// A disk with room for so many bytes.
+    #[derive(Clone)]
+    struct Disk {
+        bytes: Arc<Mutex<Vec<u8>>>,
+        room: usize,
+    }
+
+    impl Write for Disk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let mut held = self.bytes.lock().unwrap();
+            let fitting = bytes.len().min(self.room - held.len());
+            held.extend(&bytes[..fitting]);
+            if fitting == 0 { Err(io::ErrorKind::StorageFull.into()) } else { Ok(fitting) }
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Storage for Disk {
+        fn cut(&mut self, length: u64) -> io::Result<()> {
+            self.bytes.lock().unwrap().truncate(length as usize);
+            Ok(())
+        }
+
+        fn sync(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn full() -> Fault {
+        io::Error::from(io::ErrorKind::StorageFull).to_string()
+    }
+
+    fn filled(room: usize, messages: u64) -> (Disk, Sink, Result<(), Fault>) {
+        let disk = Disk { bytes: Arc::default(), room };
+        let mut sink = Sink::new(StoreId::recording("test", "test"), Box::new(disk.clone())).unwrap();
+        let chunk = timeless(EntityPath::from("text"), &TextDocument::new("some words")).unwrap();
+        let sent = (0..messages).try_for_each(|_| sink.send_chunk(&chunk));
+        (disk, sink, sent)
+    }
+
+    fn readable(disk: &Disk) -> u64 {
+        let bytes = disk.bytes.lock().unwrap().clone();
+        let messages: Result<Vec<_>, _> = DecoderApp::decode_lazy(Cursor::new(bytes)).collect();
+        messages.unwrap().len() as u64
+    }
+
+    #[test]
+    fn what_fitted_on_a_full_disk_stays_readable() {
+        let (disk, mut sink, sent) = filled(10_000, 1000);
+        assert_eq!(sent, Err(full()));
+        assert!(sink.messages() > 3);
+        let before = disk.bytes.lock().unwrap().len();
+        assert!(before < 10_000);
+        assert_eq!(readable(&disk), sink.messages());
+        assert_eq!((sink.sync(), sink.finish()), (Err(full()), Err(full())));
+        drop(sink);
+        assert_eq!(disk.bytes.lock().unwrap().len(), before);
+    }
+
+    #[test]
+    fn an_index_that_does_not_fit_is_left_out() {
+        let (full, mut sink, sent) = filled(1_000_000, 10);
+        sent.unwrap();
+        let without_index = full.bytes.lock().unwrap().len();
+        sink.finish().unwrap();
+        assert!(full.bytes.lock().unwrap().len() > without_index + 100);
+
+        let (disk, mut sink, _) = filled(without_index + 100, 10);
+        sink.finish().unwrap_err();
+        drop(sink);
+        assert_eq!(disk.bytes.lock().unwrap().len(), without_index);
+        assert_eq!(readable(&disk), 10);
+    }
+
+    #[test]
+    fn a_dropped_sink_is_indexed() {
+        let (disk, sink, _) = filled(1_000_000, 10);
+        let without_index = disk.bytes.lock().unwrap().len();
+        drop(sink);
+        assert!(disk.bytes.lock().unwrap().len() > without_index);
+        assert_eq!(readable(&disk), 10);
+    }
+}

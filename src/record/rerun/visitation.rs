@@ -172,7 +172,7 @@ impl Lettering {
             let letters = axes.all().iter().map(|axis| name(&axis.quantity, with_units).chars().count());
             letters.max().unwrap_or(0) as f32 * Self::LETTER + 8.0
         };
-        let with_units = widest(true) <= 2.0 * room;
+        let with_units = with_ends && widest(true) <= 2.0 * room;
         Self { line: Self::LINE / scale, with_ends, with_units, staggered: widest(with_units) > room }
     }
 

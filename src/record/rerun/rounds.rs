@@ -1,0 +1,100 @@
+//! What happens to a round: its rows are collected, and written when they make a good piece.
+
+use std::slice::Iter;
+
+use rerun::log::Chunk;
+
+use super::rows::Moment;
+use super::sink::Fault;
+use super::{RerunRecorder, visitation};
+use crate::experience::Episode;
+use crate::random::{Purpose, stream};
+use crate::record::{EpisodeRow, RoundRecord};
+
+impl RerunRecorder {
+    /// Takes in a round, and writes what makes good pieces by now.
+    pub(super) fn take_in(&mut self, round: &RoundRecord<'_>) -> Result<(), Fault> {
+        if self.progress.latest.is_none() {
+            self.lay_out(round.footage)?;
+        }
+        let mut rows = round.episode_rows.iter();
+        for episodes in round.episodes.chunk_by(|one, next| one.agent == next.agent) {
+            self.take_in_episodes(round, episodes, &mut rows)?;
+        }
+        let latest_episode = round.episodes.iter().map(|episode| episode.episode.into()).max();
+        (self.progress.latest, self.progress.pictured) = (Some((round.round.into(), latest_episode.unwrap_or(0))), false);
+        let end = self.now();
+        self.curves.add_round(round.episode_rows, round.round_rows, end, &mut self.progress.latest_returns);
+        self.write(false)?;
+        if round.round.is_multiple_of(self.density_every) { self.picture() } else { Ok(()) }
+    }
+
+    /// Takes in one agent's episodes of a round.
+    fn take_in_episodes(
+        &mut self,
+        round: &RoundRecord<'_>,
+        episodes: &[Episode],
+        rows: &mut Iter<'_, EpisodeRow>,
+    ) -> Result<(), Fault> {
+        let mut random = stream(self.run_seed, Purpose::Recording, episodes[0].agent, round.round);
+        for (index, episode) in episodes.iter().enumerate() {
+            let lines = self.quota.of_episode(index, episodes.len());
+            let (first, end) = self.moments(episode);
+            let track = &mut self.agents[episode.agent as usize];
+            track.raw.add(episode, first);
+            track.visits.add(&self.axes, episode, end, lines, &mut random);
+            if let Some(row) = rows.next() {
+                self.curves.add_episode(row, end);
+            }
+            self.film_episode(round, episode, first)?;
+        }
+        Ok(())
+    }
+
+    /// The first and the last row of an episode on the timelines; the agent's next episode begins after them.
+    fn moments(&mut self, episode: &Episode) -> (Moment, Moment) {
+        let next_step = &mut self.progress.next_steps[episode.agent as usize];
+        let first = Moment { env_step: *next_step, episode: episode.episode.into(), round: episode.round.into() };
+        let end = Moment { env_step: *next_step + episode.length() as i64, ..first };
+        *next_step = end.env_step + 1;
+        (first, end)
+    }
+
+    fn film_episode(&mut self, round: &RoundRecord<'_>, episode: &Episode, first: Moment) -> Result<(), Fault> {
+        let footage = round.footage.filter(|footage| (footage.agent, footage.episode) == (episode.agent, episode.episode));
+        if let (Some(film), Some(footage)) = (&self.film, footage) {
+            let chunks = film.develop(footage, first)?;
+            chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
+        }
+        Ok(())
+    }
+
+    /// The end of the latest round, at the step of the agent that has gone furthest.
+    fn now(&self) -> Moment {
+        let (round, episode) = self.progress.latest.unwrap_or_default();
+        let env_step = self.progress.next_steps.iter().max().map_or(0, |next| (next - 1).max(0));
+        Moment { env_step, episode, round }
+    }
+
+    /// Writes those collected rows that make a good piece, or all.
+    pub(super) fn write(&mut self, all: bool) -> Result<(), Fault> {
+        for track in &mut self.agents {
+            let raw = if all || track.raw.is_ready() { track.raw.take() } else { None };
+            let lines = if all || track.visits.is_ready() { track.visits.take_lines(&self.axes) } else { None };
+            raw.into_iter().chain(lines).try_for_each(|chunk| self.sink.send_chunk(&chunk?))?;
+        }
+        self.curves.take(all).try_for_each(|chunk| self.sink.send_chunk(&chunk?))
+    }
+
+    /// Pictures all states visited so far.
+    pub(super) fn picture(&mut self) -> Result<(), Fault> {
+        let now = self.now();
+        let mut chunks: Vec<Chunk> = Vec::new();
+        for track in &mut self.agents {
+            chunks.push(track.visits.picture(&self.axes, now)?);
+        }
+        chunks.push(visitation::team_picture(self.agents.iter_mut().map(|track| &mut track.visits), &self.axes, now)?);
+        self.progress.pictured = true;
+        chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))
+    }
+}
