@@ -1,5 +1,7 @@
 //! What every task promises, for every file in `envs/` and for both kinds of physics.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::{Path, PathBuf};
 
 use rand::RngExt;

@@ -1,5 +1,7 @@
 //! The same scenario and seed give the same bits: whatever the threads, recorded or not, killed and resumed or not.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};

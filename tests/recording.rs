@@ -1,5 +1,7 @@
 //! Recordings are read back and compared with what was recorded, number by number.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
