@@ -465,3 +465,147 @@ impl Totals {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agent::Team;
+    use crate::env::{Action, Choice, Quantity, Spec, Status};
+    use crate::nn::Initial;
+    use crate::seed::SeedDistribution;
+
+    fn spec() -> Spec {
+        let quantity = |name: &str| Quantity { name: name.to_owned(), unit: String::new(), range: [-1.0, 1.0] };
+        Spec {
+            name: "test".to_owned(),
+            description: String::new(),
+            observations: vec![quantity("x"), quantity("y")],
+            actions: vec![Action { quantity: quantity("push"), choice: Choice::Discrete(vec![-1.0, 1.0]) }],
+            control_step: 0.1,
+            time_limit: 8,
+            reward_threshold: None,
+        }
+    }
+
+    fn agent(config: &SeedPg, number: u32, sigma: f64) -> SeedPgAgent {
+        let seeds = SeedDistribution::Normal { sigma: known(sigma) };
+        let team = Team { count: known_count(2), seeds, initial: Initial::Random };
+        SeedPgAgent::new(config, &Membership { run_seed: 1, agent: number, team: &team, spec: &spec() })
+    }
+
+    /// Six steps; every behaviour probability is a half.
+    fn episode(agent: u32) -> Episode {
+        let wave = |count: usize, phase: f32| (0..count).map(|i| (i as f32 * 0.9 + phase).sin()).collect();
+        Episode {
+            observations: wave(14, agent as f32),
+            actions: vec![0.0, 1.0, 1.0, 0.0, 1.0, 0.0],
+            rewards: wave(6, 0.3),
+            log_probs: vec![0.5_f32.ln(); 6],
+            outcome: Status::Terminated,
+            ..Episode::start(agent, 0, 0, &spec())
+        }
+    }
+
+    fn buffer(agents: impl IntoIterator<Item = u32>) -> SharedBuffer {
+        let mut buffer = SharedBuffer::new(1);
+        buffer.push_round(agents.into_iter().map(episode).collect());
+        buffer
+    }
+
+    fn parameters(agent: &SeedPgAgent) -> Vec<f32> {
+        agent.tensors().iter().flat_map(|tensor| tensor.values.to_vec()).collect()
+    }
+
+    /// G̃ of another agent's trajectory is that of its rewards plus one's own seeds, by the step within the episode (Eq. 18).
+    #[test]
+    fn ones_own_seeds_perturb_anybodys_rewards() {
+        let mut seeded = agent(&SeedPg::default(), 0, 0.5);
+        let mut plain = agent(&SeedPg::default(), 0, 0.0);
+        let mut shifted = episode(1);
+        shifted.rewards.iter_mut().zip(&seeded.reward_seeds).for_each(|(reward, seed)| *reward += seed);
+        for (learner, episode) in [(&mut seeded, &episode(1)), (&mut plain, &shifted)] {
+            learner.weigh(episode);
+            learner.estimate_returns(episode);
+        }
+        assert_eq!(seeded.work.returns, plain.work.returns);
+        assert!(seeded.reward_seeds.iter().any(|seed| seed.abs() > 0.1), "{:?}", seeded.reward_seeds);
+    }
+
+    #[test]
+    fn ratios_are_those_of_the_two_policies() {
+        let mut learner = agent(&SeedPg::default(), 0, 0.0);
+        learner.weigh(&episode(1));
+        let expected: Vec<f32> = learner.work.log_probs.iter().map(|log_prob| log_prob.exp() / 0.5).collect();
+        assert!(learner.work.ratios.iter().zip(&expected).all(|(ratio, expected)| (ratio - expected).abs() < 1e-5));
+    }
+
+    #[test]
+    fn own_data_ignores_the_others() {
+        let own = SeedPg { value_data: Data::Own, policy_data: Data::Own, ..SeedPg::default() };
+        let (mut alone, mut among_others) = (agent(&own, 0, 0.1), agent(&own, 0, 0.1));
+        alone.update(&buffer([0]), 0);
+        among_others.update(&buffer([0, 1]), 0);
+        assert_eq!(parameters(&alone), parameters(&among_others));
+
+        let mut shared = agent(&SeedPg::default(), 0, 0.1);
+        shared.update(&buffer([0, 1]), 0);
+        assert_ne!(parameters(&alone), parameters(&shared));
+    }
+
+    /// On-policy Seed-PG (§3.4.1): the value function learns from all, the policy from its own.
+    #[test]
+    fn value_data_and_policy_data_are_told_apart() {
+        let config = SeedPg { policy_data: Data::Own, ..SeedPg::default() };
+        let mut learner = agent(&config, 0, 0.1);
+        let before = (learner.policy.network().parameters().to_vec(), learner.value.parameters().to_vec());
+        learner.update(&buffer([1]), 0);
+        assert_eq!(learner.policy.network().parameters(), before.0);
+        assert_ne!(learner.value.parameters(), before.1);
+    }
+
+    /// A strong pull keeps parameters nearer to the seed than none does.
+    #[test]
+    fn the_regulariser_pulls_to_the_seed() {
+        let distance = |regularisation| {
+            let config = SeedPg { regularisation: known(regularisation), ..SeedPg::default() };
+            let mut learner = agent(&config, 0, 0.1);
+            let seed = learner.policy.network().parameters().to_vec();
+            for round in 0..50 {
+                learner.update(&buffer([0, 1]), round);
+            }
+            seed.iter().zip(learner.policy.network().parameters()).map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt()
+        };
+        assert!(distance(10.0) < 0.5 * distance(0.0), "{} {}", distance(10.0), distance(0.0));
+    }
+
+    /// A policy whose first action is rewarded comes to prefer it.
+    #[test]
+    fn rewarded_actions_become_likelier() {
+        let mut config = SeedPg::default();
+        config.policy_optimiser.step_size = known(0.01);
+        let mut learner = agent(&config, 0, 0.0);
+        let mut rewarded = episode(0);
+        rewarded.rewards = rewarded.actions.iter().map(|&action| 1.0 - 2.0 * action).collect();
+        let mut buffer = SharedBuffer::new(1);
+        buffer.push_round(vec![rewarded.clone()]);
+        learner.weigh(&rewarded);
+        let before = learner.work.log_probs.clone();
+        learner.update(&buffer, 0);
+        learner.weigh(&rewarded);
+        for (step, action) in rewarded.actions.iter().enumerate() {
+            let gained = learner.work.log_probs[step] - before[step];
+            assert!(if *action == 0.0 { gained > 0.0 } else { gained < 0.0 }, "step {step}: {gained}");
+        }
+    }
+
+    #[test]
+    fn a_restored_agent_goes_on_to_the_same_bits() {
+        let (mut original, mut restored) = (agent(&SeedPg::default(), 0, 0.1), agent(&SeedPg::default(), 0, 0.1));
+        original.update(&buffer([0, 1]), 0);
+        restored.restore(&original.save()).unwrap();
+        let reports = [&mut original, &mut restored].map(|learner| learner.update(&buffer([0, 1]), 1));
+        assert_eq!(reports[0], reports[1]);
+        assert_eq!(parameters(&original), parameters(&restored));
+        assert!(restored.restore(&[1, 2, 3]).is_err());
+    }
+}

@@ -5,6 +5,7 @@
 mod bench;
 mod check;
 mod list;
+mod preview;
 mod progress;
 mod run;
 
@@ -23,6 +24,7 @@ use crate::run::RunError;
   seedbed run scenarios/cartpole.ron                      train, and record to recordings/cartpole/seed-0/
   seedbed run scenarios/cartpole.ron --seed 7 --set agents.count=16
   seedbed check scenarios/*.ron envs/*.ron                validate files without running
+  seedbed preview cartpole                                record a few random episodes of a task
   seedbed list algorithms                                 what can be set, and the defaults
   rerun recordings/cartpole/seed-0/run.rrd                look at a recording (the viewer: pip install rerun-sdk==0.36.3)")]
 struct Cli {
@@ -46,6 +48,8 @@ enum Command {
         #[arg(value_enum)]
         what: Option<Listed>,
     },
+    /// Record a few episodes of random actions in a task, to see what it is
+    Preview(PreviewArgs),
     /// Train scenarios with several seeds and print when each solved its task, and how fast
     Bench(BenchArgs),
 }
@@ -87,6 +91,28 @@ struct RunArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
+  seedbed preview cartpole                                to recordings/preview/cartpole.rrd
+  seedbed preview envs/mine.ron --episodes 10 --seed 3")]
+struct PreviewArgs {
+    /// A task in `envs/`, or a task file
+    #[arg(value_name = "ENV")]
+    environment: String,
+    /// How many episodes
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    episodes: u32,
+    /// Seed of the starts and actions
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Move by the task's closed-form twin
+    #[arg(long)]
+    analytic: bool,
+    /// The recording [default: recordings/preview/<env>.rrd]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
   seedbed bench scenarios/cartpole_1.ron scenarios/cartpole.ron scenarios/cartpole_16.ron
   seedbed bench scenarios/cartpole.ron --seeds 5 --set 'agents.seeds=Normal(sigma: 0)'")]
 struct BenchArgs {
@@ -110,6 +136,7 @@ struct BenchArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Listed {
     /// Tasks in `envs/`
+    #[value(alias = "envs")]
     Environments,
     /// Files in `scenarios/`
     Scenarios,
@@ -142,6 +169,7 @@ pub fn main() -> ExitCode {
             list::list(what);
             Ok(())
         }
+        Command::Preview(args) => preview::preview(&args),
         Command::Bench(args) => bench::bench(&args),
     };
     let Err(failure) = done else { return ExitCode::SUCCESS };

@@ -7,6 +7,7 @@ pub mod checkpoint;
 pub mod exchange;
 pub mod folder;
 pub mod measures;
+pub mod preview;
 pub mod rollout;
 pub mod summary;
 pub mod trainer;

@@ -135,12 +135,18 @@ pub fn environment_path(scenario: &Document<Scenario>, scenario_path: &Path) -> 
         }
         return Err(scenario.locate(name.complain(format!("no file {}", path.display()))));
     }
-    let file = format!("{}.ron", name.as_str());
+    task_file(name, &starts)
+        .map_err(|known| scenario.locate(name.complain_unknown("environment", known.iter().map(String::as_str))))
+}
+
+/// The file of the task `name` in the nearest folder `envs` on the way up from the first of `starts` that has it.
+///
+/// # Errors
+/// The names of all tasks that were found instead.
+pub fn task_file(name: &str, starts: &[PathBuf]) -> Result<PathBuf, Vec<String>> {
+    let file = format!("{name}.ron");
     let found = starts.iter().find_map(|start| input::find_upwards(start, "envs", &file));
-    found.map(|path| shortened(&path)).ok_or_else(|| {
-        let known = known_environments(&starts);
-        scenario.locate(name.complain_unknown("environment", known.iter().map(String::as_str)))
-    })
+    found.map(|path| shortened(&path)).ok_or_else(|| known_environments(starts))
 }
 
 impl Scenario {

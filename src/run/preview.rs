@@ -1,0 +1,75 @@
+//! Previews: a few episodes of random actions on record, so that the author of a task sees what it is.
+
+use std::path::Path;
+
+use super::RunError;
+use super::trainer::Trainer;
+use crate::agent::{Algorithm, Team};
+use crate::env::Physics;
+use crate::env::description::Description;
+use crate::input::numbers::{Count, known_count};
+use crate::record::rerun::{RecordingAbout, RerunRecorder};
+use crate::record::{EpisodeRow, Recorder, RecordingSettings, RoundRecord, SceneSettings};
+use crate::scenario::{Scenario, Schedule, Stop};
+
+/// Plays `episodes` episodes of a task with random actions and records all of them, bodies included, to `path`.
+///
+/// Returns one row an episode.
+///
+/// # Errors
+/// The task cannot be built with this physics, or the file cannot be written.
+pub fn record(
+    description: &Description,
+    physics: Physics,
+    episodes: Count,
+    seed: u64,
+    path: &Path,
+) -> Result<Vec<EpisodeRow>, RunError> {
+    let scenario = scenario(description, physics, episodes, seed);
+    let mut trainer = Trainer::new(&scenario, description, 1)?;
+    let text = scenario.resolved();
+    let about = RecordingAbout {
+        name: &format!("{}-preview", description.spec.name),
+        spec: trainer.spec(),
+        scene: trainer.environment().scene(),
+        agents: 1,
+        run_seed: seed,
+        scenario: &text,
+        properties: &[],
+    };
+    let mut recorder = RerunRecorder::create(path, &about, &scenario.recording)?;
+    let mut all = Vec::new();
+    while !trainer.is_done() {
+        let played = trainer.play();
+        let rows = trainer.learn(played.episodes);
+        recorder.record_round(&RoundRecord {
+            round: trainer.rounds() - 1,
+            episodes: trainer.newest_episodes(),
+            episode_rows: &rows.episodes,
+            round_rows: &rows.updates,
+            footage: played.footage.as_ref(),
+        })?;
+        all.extend(rows.episodes);
+    }
+    recorder.finish()?;
+    Ok(all)
+}
+
+/// One random agent, every episode of which is filmed.
+fn scenario(description: &Description, physics: Physics, episodes: Count, seed: u64) -> Scenario {
+    Scenario {
+        environment: description.spec.name.clone().into(),
+        physics,
+        agents: Team { count: known_count(1), ..Team::default() },
+        algorithm: Algorithm::Random.into(),
+        schedule: Schedule::default(),
+        stop: Stop::Episodes(episodes),
+        recording: RecordingSettings {
+            density_every: 1,
+            scene: Some(SceneSettings { agent: 0, every: 1 }),
+            ..Default::default()
+        },
+        checkpoint_every: episodes,
+        seed,
+    }
+}
