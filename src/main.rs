@@ -1,1 +1,7 @@
-fn main() {}
+//! The command `seedbed`. See [`seedbed::cli`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    seedbed::cli::main()
+}
