@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::Status;
+use crate::env::{Spec, Status};
 
 /// One finished episode of T steps (thesis §5.1): what the agent saw, did, how likely that was, and what it got.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,13 +21,29 @@ pub struct Episode {
     pub actions: Vec<f32>,
     /// `[T]`: entry t is `R_{t+1}`, the environment's own, without seeds or bonus.
     pub rewards: Vec<f32>,
-    /// `[T]`: log π(aₜ|sₜ) under the policy that acted.
+    /// `[T × action width]`: log π(aₜ|sₜ) under the policy that acted, for each component of the action; the sum is the action's.
     pub log_probs: Vec<f32>,
     /// How it ended: [`Status::Terminated`] or [`Status::Truncated`].
     pub outcome: Status,
 }
 
 impl Episode {
+    /// An episode about to be played, with room for the task's longest.
+    #[must_use]
+    pub fn start(agent: u32, episode: u32, round: u32, spec: &Spec) -> Self {
+        let steps = spec.time_limit.min(10_000) as usize;
+        Self {
+            agent,
+            episode,
+            round,
+            observations: Vec::with_capacity((steps + 1) * spec.observation_width()),
+            actions: Vec::with_capacity(steps * spec.action_width()),
+            rewards: Vec::with_capacity(steps),
+            log_probs: Vec::with_capacity(steps * spec.action_width()),
+            outcome: Status::Running,
+        }
+    }
+
     /// T, the number of steps.
     #[must_use]
     pub fn length(&self) -> usize {
@@ -38,6 +54,12 @@ impl Episode {
     #[must_use]
     pub fn total_reward(&self) -> f64 {
         self.rewards.iter().map(|&reward| f64::from(reward)).sum()
+    }
+
+    /// log π(aₜ|sₜ) of whole actions: `[T]`.
+    pub fn action_log_probs(&self) -> impl Iterator<Item = f32> {
+        let width = self.log_probs.len() / self.length().max(1);
+        self.log_probs.chunks_exact(width.max(1)).map(|components| components.iter().sum())
     }
 
     /// The observations before each action: `[T × observation width]`, without the last row.

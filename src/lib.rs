@@ -1,7 +1,25 @@
 //! A workbench for coordinated exploration in concurrent reinforcement learning.
+//!
+//! K agents act at once in K copies of one environment, share what they see, and explore differently because each carries
+//! its own fixed random seed. Data flows one way:
+//!
+//! ```text
+//! scenario.ron → Scenario → environments + agents → rounds of concurrent episodes → shared buffer
+//!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
+//! ```
+//!
+//! and so do the modules' dependencies: [`cli`] → [`run`] → [`scenario`] → [`agent`], [`mod@env`], [`record`] → [`rl`], [`nn`],
+//! [`experience`], [`seed`] → [`input`], [`random`]. `ARCHITECTURE.md` is the map.
 
+pub mod agent;
+pub mod cli;
 pub mod env;
 pub mod experience;
 pub mod input;
+pub mod nn;
 pub mod random;
 pub mod record;
+pub mod rl;
+pub mod run;
+pub mod scenario;
+pub mod seed;

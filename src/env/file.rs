@@ -1,1 +1,374 @@
-//! To be written.
+//! The schema of `envs/*.ron`: what a task file may say, in MuJoCo's words and SI units.
+//!
+//! Lengths are in m, angles in rad, masses in kg, times in s; x points to the right, y upwards, angles grow counter-clockwise.
+//! [`load`] reads a file and checks everything that it says, formulas included: a [`Description`] can always be built. Types and
+//! ranges are checked while reading, names that refer to something by `resolve`. Building and stepping may not enter.
+
+mod checked;
+mod resolve;
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+pub use checked::{Direction, Interval, Name, Vector};
+
+use super::description::Description;
+use crate::input::numbers::{Count, Finite, Positive, known, known_count};
+use crate::input::{self, Document, InputError, Located};
+
+/// A task file: `Environment(…)`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename = "Environment", deny_unknown_fields)]
+pub struct Environment {
+    /// One sentence for people.
+    pub description: String,
+    /// Acceleration of free fall, m/s².
+    pub gravity: Vector,
+    /// Seconds between two actions.
+    pub control_step: Positive,
+    /// Steps after which an episode is truncated.
+    pub time_limit: Count,
+    /// Mean return at which the task counts as solved.
+    #[serde(default)]
+    pub reward_threshold: Option<Finite>,
+    /// How exactly motion is computed.
+    #[serde(default)]
+    pub solver: Solver,
+    /// Shapes that stand still in the world, for drawing.
+    #[serde(default)]
+    pub scenery: Vec<Geom>,
+    /// The rigid bodies.
+    pub bodies: Vec<Body>,
+    /// What the bodies hang on: one joint a body, parents before their children.
+    pub joints: Vec<Joint>,
+    /// What the agent drives.
+    pub actuators: Vec<Actuator>,
+    /// What is measured.
+    pub sensors: Vec<Sensor>,
+    /// What the agent sees.
+    pub observations: Vec<Observation>,
+    /// Formula of the reward of a step, over observations, actions and sensors after it.
+    pub reward: Located<String>,
+    /// Formula that says whether the task has come to its own end.
+    #[serde(default = "never")]
+    pub terminated: Located<String>,
+    /// Where episodes start; joints that are not mentioned start at rest at 0.
+    #[serde(default)]
+    pub reset: Vec<Start>,
+    /// The closed-form twin of the task.
+    #[serde(default)]
+    pub analytic: Option<Twin>,
+}
+
+/// How exactly motion is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Solver {
+    /// Substeps in one control step. The error falls as 1 / iterations.
+    pub iterations: Count,
+    /// Passes over all joints in one substep; chains of several hinges need more than 1.
+    pub passes: Count,
+}
+
+/// A rigid body at its reference pose: where it is when all joint coordinates are 0.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Body {
+    /// Unique among bodies.
+    pub name: Located<Name>,
+    /// Origin of the body's frame in the world.
+    #[serde(default)]
+    pub position: Vector,
+    /// Angle of the body's frame.
+    #[serde(default)]
+    pub angle: Option<Finite>,
+    /// kg
+    pub mass: Positive,
+    /// Centre of mass in the body's frame; by default that of the shapes.
+    #[serde(default)]
+    pub com: Option<Vector>,
+    /// About the centre of mass, kg m²; by default that of the shapes, filled evenly.
+    #[serde(default)]
+    pub inertia: Option<Positive>,
+    /// Shapes in the body's frame.
+    #[serde(default)]
+    pub geoms: Vec<Geom>,
+}
+
+/// A shape in its body's frame.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Geom {
+    /// A disc.
+    Ball {
+        /// Centre.
+        #[serde(default)]
+        center: Vector,
+        /// Radius.
+        radius: Positive,
+    },
+    /// A rectangle.
+    Box {
+        /// Centre.
+        #[serde(default)]
+        center: Vector,
+        /// Half width and half height.
+        half_size: (Positive, Positive),
+        /// Rotation about the centre.
+        #[serde(default)]
+        angle: Option<Finite>,
+    },
+    /// A segment with a thickness.
+    Capsule {
+        /// One end of the segment.
+        from: Vector,
+        /// The other end.
+        to: Vector,
+        /// Half the thickness.
+        radius: Positive,
+    },
+    /// The convex hull of at least three points.
+    Convex(Points<3>),
+    /// An open line of at least two points, which weighs nothing.
+    Polyline(Points<2>),
+}
+
+/// At least `MINIMUM` points.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "Vec<Vector>")]
+pub struct Points<const MINIMUM: usize>(Vec<Vector>);
+
+/// What a body hangs on. The coordinate is 0 at the reference poses.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Joint {
+    /// Unique among joints.
+    pub name: Located<Name>,
+    /// `world`, or a body that hangs on an earlier joint.
+    pub parent: Located<String>,
+    /// The body that moves.
+    pub child: Located<String>,
+    /// Where the joint is, in the child's frame.
+    #[serde(default)]
+    pub anchor: Vector,
+    /// How the child may move.
+    #[serde(rename = "type")]
+    pub kind: JointKind,
+}
+
+/// How a joint lets its child move.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum JointKind {
+    /// Along a direction of the child's frame; coordinate in m.
+    Slide {
+        /// Where the coordinate grows.
+        axis: Direction,
+    },
+    /// About the anchor; coordinate in rad.
+    Hinge {
+        /// Where the coordinate grows.
+        #[serde(default)]
+        positive: Sense,
+    },
+}
+
+/// A sense of rotation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub enum Sense {
+    /// From x to y.
+    #[default]
+    CounterClockwise,
+    /// From y to x.
+    Clockwise,
+}
+
+/// What one component of an action drives.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Actuator {
+    /// Unique among actions, observations and sensors. Formulas read the control by it.
+    pub name: Located<Name>,
+    /// What it acts on.
+    #[serde(rename = "type")]
+    pub kind: ActuatorKind,
+    /// What the agent may choose.
+    pub control: Control,
+    /// Force or torque for each unit of control; 1 by default.
+    #[serde(default)]
+    pub gear: Option<Finite>,
+    /// Unit of the control, for people.
+    #[serde(default)]
+    pub unit: String,
+}
+
+/// What an actuator acts on.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ActuatorKind {
+    /// A force (N) or torque (N m) along a joint's coordinate.
+    JointForce(Located<String>),
+}
+
+/// What the agent may choose.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "checked::AnyControl")]
+pub enum Control {
+    /// One of these values.
+    Discrete(Values),
+    /// `Continuous(low, high)`: any number from low to high.
+    Continuous(Interval),
+}
+
+/// At least two numbers.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "Vec<Finite>")]
+pub struct Values(Vec<Finite>);
+
+/// A measured number.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// Unique among sensors.
+    pub name: Located<Name>,
+    /// What is measured.
+    #[serde(rename = "type")]
+    pub kind: SensorKind,
+}
+
+/// What a sensor measures.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub enum SensorKind {
+    /// A joint's coordinate, m or rad; a hinge counts full turns.
+    JointPosition(Located<String>),
+    /// Its rate, m/s or rad/s.
+    JointVelocity(Located<String>),
+}
+
+/// A number that the agent sees.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Observation {
+    /// Unique among observations.
+    pub name: Located<Name>,
+    /// Formula over sensors; by default the sensor of the same name.
+    #[serde(default)]
+    pub value: Option<Located<String>>,
+    /// For people.
+    #[serde(default)]
+    pub unit: String,
+    /// Over which it is displayed and its coverage is counted.
+    pub range: Interval,
+}
+
+/// Where a joint starts an episode.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Start {
+    /// Which joint.
+    pub joint: Located<String>,
+    /// m or rad.
+    #[serde(default)]
+    pub position: Distribution,
+    /// m/s or rad/s.
+    #[serde(default)]
+    pub velocity: Distribution,
+}
+
+/// How a number is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "checked::AnyDistribution")]
+pub enum Distribution {
+    /// Always the same.
+    Constant(Finite),
+    /// `Uniform(low, high)`: any number from low to high, evenly.
+    Uniform(Interval),
+    /// `Normal(mean, deviation)`: Gaussian.
+    Normal(Finite, Positive),
+}
+
+/// The closed-form twin of a task.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Twin {
+    /// A cart on a level rail, and a pole that swings on it without friction.
+    CartPole {
+        /// Joint between the world and the cart.
+        slider: Located<String>,
+        /// Joint between the cart and the pole.
+        hinge: Located<String>,
+    },
+}
+
+/// Reads and checks the task file at `path`.
+///
+/// # Errors
+/// The file cannot be read, or something in it is wrong.
+pub fn load(path: &Path) -> Result<Description, InputError> {
+    let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    describe(&name, &input::read(path)?)
+}
+
+/// Checks the text of a task file; `origin` stands in the place of the file's name in errors.
+///
+/// # Errors
+/// Something in it is wrong.
+pub fn parse(name: &str, origin: &str, text: String) -> Result<Description, InputError> {
+    describe(name, &input::parse(origin, text)?)
+}
+
+fn describe(name: &str, document: &Document<Environment>) -> Result<Description, InputError> {
+    resolve::description(name, &document.origin, &document.value).map_err(|complaint| document.locate(complaint))
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self { iterations: known_count(4), passes: known_count(1) }
+    }
+}
+
+impl Default for Distribution {
+    fn default() -> Self {
+        Self::Constant(known(0.0))
+    }
+}
+
+impl Values {
+    /// The numbers, in f32.
+    #[must_use]
+    pub fn get(&self) -> Vec<f32> {
+        self.0.iter().map(|value| value.get() as f32).collect()
+    }
+}
+
+impl TryFrom<Vec<Finite>> for Values {
+    type Error = String;
+
+    fn try_from(values: Vec<Finite>) -> Result<Self, String> {
+        if values.len() >= 2 { Ok(Self(values)) } else { Err(format!("expected at least 2 values, found {}", values.len())) }
+    }
+}
+
+impl<const MINIMUM: usize> Points<MINIMUM> {
+    /// The points, in f32.
+    #[must_use]
+    pub fn get(&self) -> Vec<[f32; 2]> {
+        self.0.iter().map(|point| point.get().map(|value| value as f32)).collect()
+    }
+}
+
+impl<const MINIMUM: usize> TryFrom<Vec<Vector>> for Points<MINIMUM> {
+    type Error = String;
+
+    fn try_from(points: Vec<Vector>) -> Result<Self, String> {
+        if points.len() >= MINIMUM {
+            return Ok(Self(points));
+        }
+        Err(format!("expected at least {MINIMUM} points, found {}", points.len()))
+    }
+}
+
+fn never() -> Located<String> {
+    Located::from("false".to_owned())
+}

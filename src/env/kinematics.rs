@@ -1,1 +1,234 @@
-//! To be written.
+//! Forward kinematics: where the bodies of a joint tree are, given its joint coordinates.
+//!
+//! Both the rigid bodies' reset and the twins' drawing start from here. Time, forces and masses may not enter.
+
+use super::description::{Description, Joint, JointKind};
+
+/// The joints of a task as rigid transforms, parents before their children.
+#[derive(Clone, Debug)]
+pub struct Tree {
+    links: Vec<Link>,
+    bodies: usize,
+}
+
+/// A joint with all its frames fixed.
+#[derive(Clone, Copy, Debug)]
+pub struct Link {
+    /// The body that carries it; none is the world.
+    pub parent: Option<usize>,
+    /// The body that moves with it.
+    pub child: usize,
+    /// The joint in its parent's frame, m.
+    pub anchor_in_parent: [f64; 2],
+    /// The joint in its child's frame, m.
+    pub anchor_in_child: [f64; 2],
+    /// Angle of the child's frame in its parent's at coordinate 0, rad.
+    pub angle: f64,
+    /// How the child moves.
+    pub motion: Motion,
+}
+
+/// How a joint's coordinate moves its child.
+#[derive(Clone, Copy, Debug)]
+pub enum Motion {
+    /// Along this unit vector in the parent's frame.
+    Slide([f64; 2]),
+    /// Counter-clockwise (+1) or clockwise (−1).
+    Hinge(f64),
+}
+
+/// Position and velocity of a body's frame in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Origin, m.
+    pub position: [f64; 2],
+    /// Counter-clockwise, rad, counting full turns.
+    pub angle: f64,
+    /// Cosine and sine of the angle.
+    pub rotation: [f64; 2],
+    /// Velocity of the origin, m/s.
+    pub velocity: [f64; 2],
+    /// rad/s, counter-clockwise.
+    pub angular_velocity: f64,
+}
+
+impl Tree {
+    /// The joints of a description.
+    #[must_use]
+    pub fn new(description: &Description) -> Self {
+        let links = description.joints.iter().map(|joint| Link::new(joint, description)).collect();
+        Self { links, bodies: description.bodies.len() }
+    }
+
+    /// The joints, parents before their children.
+    #[must_use]
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// Memory for [`place`](Self::place): one frame a body.
+    #[must_use]
+    pub fn frames(&self) -> Vec<Frame> {
+        vec![Frame::WORLD; self.bodies]
+    }
+
+    /// Writes each body's frame, given each joint's position and velocity. `positions`, `velocities`: `[joints]`; `frames`: `[bodies]`
+    pub fn place(&self, positions: &[f64], velocities: &[f64], frames: &mut [Frame]) {
+        for ((link, &position), &velocity) in self.links.iter().zip(positions).zip(velocities) {
+            let parent = link.parent.map_or(Frame::WORLD, |body| frames[body]);
+            frames[link.child] = link.moved(&parent, position, velocity);
+        }
+    }
+}
+
+impl Link {
+    fn new(joint: &Joint, description: &Description) -> Self {
+        let reference = |body: usize| Frame::at(description.bodies[body].position, description.bodies[body].angle);
+        let parent = joint.parent.map_or(Frame::WORLD, reference);
+        let child = reference(joint.child);
+        Self {
+            parent: joint.parent,
+            child: joint.child,
+            anchor_in_parent: parent.into_frame(child.point(joint.anchor)),
+            anchor_in_child: joint.anchor,
+            angle: child.angle - parent.angle,
+            motion: match joint.kind {
+                JointKind::Slide { axis } => Motion::Slide(turn(conjugate(parent.rotation), turn(child.rotation, axis))),
+                JointKind::Hinge { sense } => Motion::Hinge(sense),
+            },
+        }
+    }
+
+    /// The child's frame. Velocities of the child are the parent's at the same point plus the joint's own.
+    fn moved(&self, parent: &Frame, position: f64, velocity: f64) -> Frame {
+        let (offset, slip, turned, spin) = match self.motion {
+            Motion::Slide(axis) => (scaled(axis, position), scaled(axis, velocity), 0.0, 0.0),
+            Motion::Hinge(sense) => ([0.0; 2], [0.0; 2], sense * position, sense * velocity),
+        };
+        let anchor = parent.point(sum(self.anchor_in_parent, offset));
+        let mut child = Frame::at([0.0; 2], parent.angle + self.angle + turned);
+        let arm = turn(child.rotation, self.anchor_in_child);
+        child.position = difference(anchor, arm);
+        child.angular_velocity = parent.angular_velocity + spin;
+        let at_anchor = sum(parent.velocity_at(anchor), turn(parent.rotation, slip));
+        child.velocity = difference(at_anchor, crossed(child.angular_velocity, arm));
+        child
+    }
+}
+
+impl Frame {
+    /// The world's frame, at rest.
+    pub const WORLD: Self =
+        Self { position: [0.0; 2], angle: 0.0, rotation: [1.0, 0.0], velocity: [0.0; 2], angular_velocity: 0.0 };
+
+    /// A frame at rest.
+    #[must_use]
+    pub fn at(position: [f64; 2], angle: f64) -> Self {
+        let (sine, cosine) = libm::sincos(angle);
+        Self { position, angle, rotation: [cosine, sine], ..Self::WORLD }
+    }
+
+    /// A point of this frame in the world.
+    #[must_use]
+    pub fn point(&self, local: [f64; 2]) -> [f64; 2] {
+        sum(self.position, turn(self.rotation, local))
+    }
+
+    /// A point of the world in this frame.
+    #[must_use]
+    pub fn into_frame(&self, point: [f64; 2]) -> [f64; 2] {
+        turn(conjugate(self.rotation), difference(point, self.position))
+    }
+
+    /// Velocity, m/s, of what moves with this frame at a point of the world.
+    #[must_use]
+    pub fn velocity_at(&self, point: [f64; 2]) -> [f64; 2] {
+        sum(self.velocity, crossed(self.angular_velocity, difference(point, self.position)))
+    }
+}
+
+fn sum(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] + b[0], a[1] + b[1]]
+}
+
+fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+fn scaled(a: [f64; 2], by: f64) -> [f64; 2] {
+    [a[0] * by, a[1] * by]
+}
+
+/// Turns `a` by the angle whose cosine and sine are `rotation`.
+fn turn(rotation: [f64; 2], a: [f64; 2]) -> [f64; 2] {
+    [rotation[0] * a[0] - rotation[1] * a[1], rotation[1] * a[0] + rotation[0] * a[1]]
+}
+
+fn conjugate(rotation: [f64; 2]) -> [f64; 2] {
+    [rotation[0], -rotation[1]]
+}
+
+/// ω × a in the plane.
+fn crossed(omega: f64, a: [f64; 2]) -> [f64; 2] {
+    [-omega * a[1], omega * a[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    use std::path::Path;
+
+    use approx::assert_abs_diff_eq;
+
+    use super::*;
+    use crate::env::load;
+
+    fn tree(file: &str) -> Tree {
+        Tree::new(&load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap())
+    }
+
+    #[test]
+    fn a_pole_leans_to_positive_x_and_moves_with_its_cart() {
+        let tree = tree("envs/cartpole.ron");
+        let mut frames = tree.frames();
+        tree.place(&[0.3, FRAC_PI_2], &[2.0, 1.0], &mut frames);
+        let [cart, pole] = frames[..] else { panic!("two bodies") };
+        assert_eq!((cart.position, cart.angle, cart.velocity), ([0.3, 0.0], 0.0, [2.0, 0.0]));
+        assert_eq!((pole.position, pole.angle, pole.angular_velocity), ([0.3, 0.0], -FRAC_PI_2, -1.0));
+        // The centre of mass, 0.5 m from the hinge, lies level with it and falls at 0.5 m × 1 rad/s.
+        let com = pole.point([0.0, 0.5]);
+        let velocity = pole.velocity_at(com);
+        assert_abs_diff_eq!(com[..], [0.8, 0.0][..], epsilon = 1e-15);
+        assert_abs_diff_eq!(velocity[..], [2.0, -0.5][..], epsilon = 1e-15);
+    }
+
+    /// Rates are derivatives: frames a moment later are where the velocities say.
+    #[test]
+    fn velocities_are_the_rates_of_positions() {
+        let tree = tree("tests/envs/crane.ron");
+        let (positions, velocities) = ([0.2, 1.0, -2.0, 0.1], [1.0, -0.5, 2.0, 0.7]);
+        let moment = 1e-6;
+        let later: Vec<_> = positions.iter().zip(velocities).map(|(position, rate)| position + moment * rate).collect();
+        let (mut now, mut then) = (tree.frames(), tree.frames());
+        tree.place(&positions, &velocities, &mut now);
+        tree.place(&later, &velocities, &mut then);
+        for (now, then) in now.iter().zip(&then) {
+            let moved = scaled(difference(then.position, now.position), 1.0 / moment);
+            assert_abs_diff_eq!(moved[..], now.velocity[..], epsilon = 1e-5);
+            assert_abs_diff_eq!((then.angle - now.angle) / moment, now.angular_velocity, epsilon = 1e-8);
+        }
+    }
+
+    #[test]
+    fn at_coordinate_zero_bodies_are_where_the_file_puts_them() {
+        let description = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/envs/crane.ron")).unwrap();
+        let tree = Tree::new(&description);
+        let mut frames = tree.frames();
+        tree.place(&[0.0; 4], &[0.0; 4], &mut frames);
+        for (frame, body) in frames.iter().zip(&description.bodies) {
+            assert_abs_diff_eq!(frame.position[..], body.position[..], epsilon = 1e-15);
+            assert_abs_diff_eq!(frame.angle, body.angle, epsilon = 1e-15);
+        }
+        assert!(frames.iter().all(|frame| frame.angle.abs() < PI));
+    }
+}

@@ -1,16 +1,20 @@
 //! Environments: batches of independent copies of one task, described by a file and not by code.
 //!
-//! [`Environment`] is all that the rest of the workbench sees. [`file`] is the schema of `envs/*.ron`,
-//! [`task`] turns a description into an environment on top of a [`dynamics`] (rigid bodies in
-//! [`physics`], or the closed-form twins of [`analytic`]). Agents, learning and recording may not enter.
+//! [`Environment`] is all that the rest of the workbench sees. [`mod@file`] is the schema of `envs/*.ron` and makes a
+//! [`description`], [`task`] turns that into an environment on top of a [`dynamics`] (rigid bodies in [`physics`], or the
+//! closed-form twins of [`analytic`]). [`load`] and [`build`] are the two steps. Agents, learning and recording may not enter.
 
 pub mod analytic;
+pub mod description;
 pub mod dynamics;
 pub mod expression;
 pub mod file;
 pub mod kinematics;
 pub mod physics;
 pub mod task;
+
+pub use file::load;
+pub use task::build;
 
 use serde::{Deserialize, Serialize};
 
@@ -59,6 +63,16 @@ pub trait Environment: Send {
     fn poses(&self, copy: usize, poses: &mut [Pose]);
 }
 
+/// What moves the bodies of a task.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Physics {
+    /// Rigid bodies.
+    #[default]
+    Rapier,
+    /// The task's closed-form twin, if it has one.
+    Analytic,
+}
+
 /// Whether an episode goes on, and if not, how it ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -89,6 +103,8 @@ pub struct Spec {
     pub control_step: f64,
     /// Steps after which an episode is truncated.
     pub time_limit: u32,
+    /// Mean return at which the task counts as solved, if anybody has agreed on one.
+    pub reward_threshold: Option<f32>,
 }
 
 /// A named number with its unit and the range over which it is displayed and its coverage is counted.

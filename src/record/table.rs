@@ -1,1 +1,115 @@
-//! To be written.
+//! The tables `episodes.csv` and `rounds.csv`: what reports and other tools read.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::{RecordError, Recorder, RoundRecord};
+
+/// Writes both tables of a run.
+pub struct TableRecorder {
+    episodes: Table,
+    rounds: Table,
+}
+
+impl TableRecorder {
+    /// Starts empty tables in `folder`.
+    ///
+    /// # Errors
+    /// A file cannot be created.
+    pub fn create(folder: &Path) -> Result<Self, RecordError> {
+        Self::open(folder, [0, 0])
+    }
+
+    /// Goes on with the tables in `folder` where [`checkpoint`](Recorder::checkpoint) left them; later rows are cut off.
+    ///
+    /// # Errors
+    /// A file is missing or shorter than it was.
+    pub fn resume(folder: &Path, checkpoint: &[u8]) -> Result<Self, RecordError> {
+        let lengths = postcard::from_bytes(checkpoint)
+            .map_err(|error| RecordError { path: folder.to_owned(), reason: format!("unreadable checkpoint: {error}") })?;
+        Self::open(folder, lengths)
+    }
+
+    fn open(folder: &Path, [episodes, rounds]: [u64; 2]) -> Result<Self, RecordError> {
+        Ok(Self {
+            episodes: Table::open(folder.join("episodes.csv"), episodes)?,
+            rounds: Table::open(folder.join("rounds.csv"), rounds)?,
+        })
+    }
+}
+
+impl Recorder for TableRecorder {
+    fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError> {
+        self.episodes.append(round.episode_rows)?;
+        self.rounds.append(round.round_rows)
+    }
+
+    fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError> {
+        let lengths = [self.episodes.sync()?, self.rounds.sync()?];
+        Ok(postcard::to_stdvec(&lengths).expect("two numbers always serialise"))
+    }
+
+    fn finish(&mut self) -> Result<(), RecordError> {
+        self.episodes.sync()?;
+        self.rounds.sync().map(|_| ())
+    }
+}
+
+/// Reads a whole table.
+///
+/// # Errors
+/// The file cannot be read, or a row is not an `R`.
+pub fn read_rows<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, RecordError> {
+    let fault = |error: csv::Error| RecordError { path: path.to_owned(), reason: error.to_string() };
+    csv::Reader::from_path(path).map_err(fault)?.deserialize().map(|row| row.map_err(fault)).collect()
+}
+
+struct Table {
+    path: PathBuf,
+    writer: csv::Writer<File>,
+}
+
+impl Table {
+    /// Opens the file and cuts it to `length` bytes; an empty one will open with a header.
+    fn open(path: PathBuf, length: u64) -> Result<Self, RecordError> {
+        let cut = || -> std::io::Result<File> {
+            let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(&path)?;
+            if file.metadata()?.len() < length {
+                return Err(std::io::Error::other(format!("shorter than the {length} bytes of its checkpoint")));
+            }
+            file.set_len(length)?;
+            file.seek(SeekFrom::End(0))?;
+            Ok(file)
+        };
+        match cut() {
+            Ok(file) => Ok(Self { writer: csv::WriterBuilder::new().has_headers(length == 0).from_writer(file), path }),
+            Err(error) => Err(RecordError { path, reason: error.to_string() }),
+        }
+    }
+
+    fn append<R: Serialize>(&mut self, rows: &[R]) -> Result<(), RecordError> {
+        rows.iter().try_for_each(|row| self.writer.serialize(row)).map_err(|error| self.fault(error))
+    }
+
+    /// Brings all rows to disk and returns the file's length in bytes.
+    fn sync(&mut self) -> Result<u64, RecordError> {
+        let length = self.flush();
+        length.map_err(|error| self.fault(error))
+    }
+
+    fn flush(&mut self) -> std::io::Result<u64> {
+        self.writer.flush()?;
+        let mut file = self.writer.get_ref();
+        file.flush()?;
+        file.sync_data()?;
+        Ok(file.metadata()?.len())
+    }
+
+    fn fault(&self, error: impl std::fmt::Display) -> RecordError {
+        RecordError { path: self.path.clone(), reason: error.to_string() }
+    }
+}

@@ -256,6 +256,7 @@ mod tests {
             actions: Vec::new(),
             control_step: 0.02,
             time_limit: 200,
+            reward_threshold: None,
         }
     }
 

@@ -44,15 +44,16 @@ fn facts(about: &RecordingAbout<'_>) -> Vec<(String, String)> {
 fn page(about: &RecordingAbout<'_>) -> String {
     let RecordingAbout { name, spec, agents, scenario, .. } = about;
     let description = &spec.description;
-    let facts: Vec<String> = facts(about).iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
-    let facts = facts.concat();
+    let rows: Vec<String> = facts(about).iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
+    let facts = rows.concat();
     let (observed, done) = (observations(spec), actions(spec));
     format!(
         "# {name}\n\n\
          {agents} concurrent agents learn in as many copies of one task and share what they experience. {description}\n\n\
          ## How to read this recording\n\n\
          - **States visited**: one upright axis for each observed quantity, one line across them for each state. Lines are \
-         a sample of the latest episodes, from dark (an episode's start) to bright (its end); pictures count all states so far, brighter where more lines pass.\n\
+         a sample of the latest episodes, from dark (an episode's start) to bright (its end); \
+         pictures count all states so far, brighter where more lines pass.\n\
          - **Returns**: the sum of rewards of each episode. Each agent has one colour throughout.\n\
          - **In motion**: one episode in one picture, from dark (its start) to bright (its end).\n\
          - **Time** is counted in episodes. Choose `env_step` in the time panel to watch the bodies move.\n\n\

@@ -1,4 +1,5 @@
-//! Writes `run.rrd`, a recording for the Rerun viewer and for queries. The sole importer of the Rerun SDK; training may not enter.
+//! Writes `run.rrd`, a recording for the Rerun viewer and for queries.
+//! The sole importer of the Rerun SDK; training may not enter.
 //!
 //! A recording in the making is `run.rrd.part`; it takes its final name when it is complete. Rows are collected and written in
 //! pieces, because each piece has a head of its own; [`checkpoint`](Recorder::checkpoint) writes them out.

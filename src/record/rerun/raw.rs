@@ -51,8 +51,8 @@ impl RawColumns {
         let done = spec.actions.iter().map(|action| action.quantity.name.as_str());
         let mut names: Vec<&str> = observed.chain(done).chain(["reward", "log_prob", "outcome"]).collect();
         names.sort_unstable();
-        if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(format!("two columns would be named `{}`", pair[0]));
+        if let Some([name, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(format!("two columns would be named `{name}`"));
         }
         let observations = spec.observations.iter().map(|quantity| column(&quantity.name)).collect();
         let actions = spec.actions.iter().map(|action| (column(&action.quantity.name), action.choice.clone())).collect();
@@ -84,7 +84,7 @@ impl RawTable {
             put_values(choice, &mut column[acted..]);
         }
         rewards.extend(&episode.rewards);
-        log_probs.extend(&episode.log_probs);
+        log_probs.extend(episode.action_log_probs());
         outcomes.push(outcome(episode.outcome));
         is_last.resize(is_last.len() + steps, false);
         is_last.push(true);

@@ -4,6 +4,8 @@
 //! bears) is a [`Complaint`] about a [`Located`] value: the file is then read once more, up to that value, so that such an error
 //! carries the same position and field path as any other. What the files mean may not enter.
 
+pub mod numbers;
+
 use std::cell::RefCell;
 use std::fmt;
 use std::ops::Deref;
@@ -63,6 +65,8 @@ pub struct Complaint {
     ordinal: Option<u32>,
     message: String,
     help: Option<String>,
+    /// Line and character within the value, both from 0.
+    within: (usize, usize),
 }
 
 /// What the first word of a file says that it is.
@@ -125,14 +129,13 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
             let before = &text[..offset];
             let line = before.matches('\n').count() + 1;
             let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
+            let opening = text[offset..].split_whitespace().next().unwrap_or_default();
+            let found = if opening.is_empty() { "is empty".to_owned() } else { format!("opens with `{opening}`") };
             Err(InputError {
                 origin: origin.to_owned(),
-                position: Some(position(text, line, column)),
+                position: (!opening.is_empty()).then(|| position(text, line, column)),
                 field: String::new(),
-                message: format!(
-                    "a file opens with its kind, `Environment(` or `Scenario(`, but this one opens with `{}`",
-                    if word.is_empty() { text[offset..].chars().take(1).collect::<String>() } else { word.to_owned() }
-                ),
+                message: format!("a file opens with its kind, `Environment(` or `Scenario(`, but this one {found}"),
                 help: suggestion(word, ["Environment", "Scenario"]),
             })
         }
@@ -165,8 +168,9 @@ impl<T> Document<T> {
     {
         let help = complaint.help.clone();
         let message = complaint.message.clone();
+        let within = complaint.within;
         match deserialize::<T>(&self.origin, &self.text, Some(complaint)) {
-            Err(error) => InputError { help, ..error },
+            Err(error) => InputError { help, position: error.position.map(|place| place.moved(within, &self.text)), ..error },
             // A value that was filled in by a default stands nowhere in the text.
             Ok(_) => InputError { origin: self.origin.clone(), position: None, field: String::new(), message, help },
         }
@@ -177,7 +181,7 @@ impl<T> Located<T> {
     /// Complains about this value.
     #[must_use]
     pub fn complain(&self, message: impl Into<String>) -> Complaint {
-        Complaint { ordinal: self.ordinal, message: message.into(), help: None }
+        Complaint { ordinal: self.ordinal, message: message.into(), help: None, within: (0, 0) }
     }
 
     /// The value itself.
@@ -198,16 +202,39 @@ impl<T: AsRef<str>> Located<T> {
             ordinal: self.ordinal,
             message: format!("no {what} is named `{found}`, {expected}"),
             help: suggestion(found, valid),
+            within: (0, 0),
         }
     }
 }
 
 impl Complaint {
+    /// The same complaint about one character of a text: `line` and `column` within it count from 0.
+    #[must_use]
+    pub fn at(mut self, line: usize, column: usize) -> Self {
+        self.within = (line, column);
+        self
+    }
+
     /// The same complaint with a hint.
     #[must_use]
     pub fn with_help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
+    }
+}
+
+impl Position {
+    /// The place of a character within the string whose text begins here. In a string with escapes it cannot be told.
+    fn moved(self, (line, column): (usize, usize), text: &str) -> Self {
+        let before: String = self.text.chars().take(self.column - 1).collect();
+        let raw = before.ends_with("r\"") || before.ends_with("#\"");
+        if !before.ends_with('"') || (!raw && self.text.contains('\\')) {
+            return self;
+        }
+        match line {
+            0 => Self { column: self.column + column, ..self },
+            _ => position(text, self.line + line, column + 1),
+        }
     }
 }
 
@@ -271,7 +298,7 @@ impl fmt::Display for InputError {
         write!(formatter, ": {}", self.message)?;
         if let Some(position) = &self.position {
             let (lead, shown) = excerpt(position);
-            write!(formatter, "\n  | {shown}\n  | {}^", " ".repeat(lead))?;
+            write!(formatter, "\n  | {}\n  | {}^", shown.trim_end(), " ".repeat(lead))?;
         }
         if let Some(help) = &self.help {
             write!(formatter, "\n  = help: {help}")?;
@@ -298,7 +325,7 @@ fn deserialize<T: DeserializeOwned>(origin: &str, text: &str, complaint: Option<
 }
 
 fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
-    let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
+    let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let located = |spanned: &ron::error::SpannedError, field: String| located_error(origin, text, spanned, field);
     let mut deserializer =
         ron::Deserializer::from_str_with_options(text, &options).map_err(|spanned| located(&spanned, String::new()))?;
@@ -310,47 +337,57 @@ fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<
     Ok(value)
 }
 
+/// Such as `bodies[0].mass`.
 fn field_path(path: &serde_path_to_error::Path) -> String {
     use serde_path_to_error::Segment;
-    let mut text = String::new();
-    for segment in path {
-        match segment {
-            Segment::Seq { index } => text.push_str(&format!("[{index}]")),
-            Segment::Map { key } | Segment::Enum { variant: key } => {
-                if !text.is_empty() {
-                    text.push('.');
-                }
-                text.push_str(key);
-            }
-            Segment::Unknown => {}
-        }
-    }
-    text
+    let segments = path.iter().filter_map(|segment| match segment {
+        Segment::Seq { index } => Some(format!("[{index}]")),
+        Segment::Map { key } | Segment::Enum { variant: key } => Some(format!(".{key}")),
+        Segment::Unknown => None,
+    });
+    segments.collect::<String>().trim_start_matches('.').to_owned()
 }
 
 fn located_error(origin: &str, text: &str, spanned: &ron::error::SpannedError, field: String) -> InputError {
-    let (message, help) = explain(&spanned.code);
-    InputError {
-        origin: origin.to_owned(),
-        position: Some(position(text, spanned.span.start.line, spanned.span.start.col)),
-        field,
-        message,
-        help,
-    }
+    let position = position(text, spanned.span.start.line, spanned.span.start.col);
+    let (message, help) = explain(&spanned.code, &position);
+    InputError { origin: origin.to_owned(), position: Some(position), field, message, help }
 }
 
-fn explain(error: &ron::Error) -> (String, Option<String>) {
-    match error {
-        ron::Error::NoSuchStructField { expected, found, .. } => (
-            format!("unexpected field `{found}`, expected one of {}", listed(expected.iter().copied())),
-            suggestion(found, expected.iter().copied()),
-        ),
-        ron::Error::NoSuchEnumVariant { expected, found, .. } => (
-            format!("unexpected variant `{found}`, expected one of {}", listed(expected.iter().copied())),
-            suggestion(found, expected.iter().copied()),
-        ),
-        other => (other.to_string(), None),
-    }
+fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
+    let message = match error {
+        ron::Error::NoSuchStructField { expected, found, .. } => {
+            let help = suggestion(found, expected.iter().copied());
+            return (format!("unexpected field `{found}`, expected one of {}", listed(expected.iter().copied())), help);
+        }
+        ron::Error::NoSuchEnumVariant { expected, found, .. } => {
+            let help = suggestion(found, expected.iter().copied());
+            return (format!("unexpected variant `{found}`, expected one of {}", listed(expected.iter().copied())), help);
+        }
+        ron::Error::MissingStructField { field, .. } => format!("missing field `{field}`"),
+        ron::Error::DuplicateStructField { field, .. } => format!("field `{field}` stands here twice"),
+        ron::Error::ExpectedInteger => "expected a whole number".to_owned(),
+        ron::Error::ExpectedFloat => "expected a number".to_owned(),
+        ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd if splits_number(at) => {
+            "expected a whole number, found a fraction".to_owned()
+        }
+        ron::Error::ExpectedComma => "expected a comma or the end of the list of fields".to_owned(),
+        ron::Error::TrailingCharacters => "unexpected text after the end".to_owned(),
+        ron::Error::IntegerOutOfBounds => "this whole number is too large or below zero".to_owned(),
+        other => lowercased(&other.to_string()),
+    };
+    (message, None)
+}
+
+/// Whether the parser of whole numbers has stopped at a decimal point.
+fn splits_number(at: &Position) -> bool {
+    let mut around = at.text.chars().skip(at.column.saturating_sub(2));
+    around.next().is_some_and(|c| c.is_ascii_digit()) && around.next() == Some('.')
+}
+
+fn lowercased(sentence: &str) -> String {
+    let mut characters = sentence.chars();
+    characters.next().map_or_else(String::new, |first| first.to_lowercase().chain(characters).collect())
 }
 
 fn suggestion<'a>(found: &str, valid: impl IntoIterator<Item = &'a str>) -> Option<String> {

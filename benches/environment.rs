@@ -1,0 +1,100 @@
+//! Control steps per second of the cart-pole, by number of copies M: the bare motion of its rigid bodies, the whole environment with
+//! observations, rewards, endings and resets as a run uses it, and the same over the closed-form twin. One core.
+
+use std::path::Path;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use rand::RngExt;
+use seedbed::env::description::Description;
+use seedbed::env::expression::{Formula, Table, Type, Variable, compile};
+use seedbed::env::task::dynamics;
+use seedbed::env::{Physics, Status, build, load};
+use seedbed::random::{Purpose, stream};
+
+criterion_group!(benches, environment, idle_copies, formulas);
+criterion_main!(benches);
+
+const COPIES: [usize; 3] = [1, 16, 64];
+
+/// Steps of random actions that are drawn beforehand and repeated.
+const STEPS: usize = 1024;
+
+fn environment(criterion: &mut Criterion) {
+    let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron")).expect("the task file is right");
+    let mut group = criterion.benchmark_group("cartpole");
+    for copies in COPIES {
+        group.throughput(Throughput::Elements(copies as u64));
+        group.bench_function(BenchmarkId::new("bare", copies), |bencher| bencher.iter(bare(&task, copies)));
+        for physics in [Physics::Rapier, Physics::Analytic] {
+            let name = format!("{physics:?}").to_lowercase();
+            group.bench_function(BenchmarkId::new(name, copies), |bencher| bencher.iter(whole(&task, physics, copies)));
+        }
+    }
+    group.finish();
+}
+
+/// One live copy among 63 that have ended: what idle copies cost.
+fn idle_copies(criterion: &mut Criterion) {
+    let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron")).expect("the task file is right");
+    let mut bodies = dynamics(&task, Physics::Rapier, 64).expect("every task has rigid bodies");
+    bodies.start(20, &[0.0, 0.05], &[0.0, 0.0]);
+    criterion.bench_function("cartpole/one live of 64", |bencher| bencher.iter(|| bodies.step(&[1.0; 64])));
+}
+
+/// Formulas of three names over 16 copies.
+fn formulas(criterion: &mut Criterion) {
+    const COPIES: usize = 16;
+    let names = ["x", "v", "a"].map(str::to_owned);
+    let variables: Vec<_> =
+        names.into_iter().enumerate().map(|(column, name)| Variable { name, column, previous: None }).collect();
+    let mut table = Table::new(3, COPIES);
+    table.values_mut().iter_mut().enumerate().for_each(|(index, value)| *value = 0.03 * index as f32);
+    let mut group = criterion.benchmark_group("formula");
+    group.throughput(Throughput::Elements(COPIES as u64));
+    for (kind, text) in [
+        (Type::Boolean, "abs(x) > 2.4 || abs(a) > 12 * degree || v > 10"),
+        (Type::Number, "1 - 0.1 * x * x - 0.01 * v * v - if abs(a) > 0.2 { 1 } else { 0 }"),
+        (Type::Number, "cos(a) - 0.1 * x * x - 0.01 * v * v"),
+    ] {
+        let program = compile(text, kind, &variables).expect("the formula is right");
+        let mut formula = Formula::new(&program, COPIES);
+        group.bench_function(text, |bencher| bencher.iter(|| formula.evaluate(table.view(), 0..COPIES)[0]));
+    }
+    group.finish();
+}
+
+/// One control step of all copies under random forces; nothing ends, nothing is observed.
+fn bare(task: &Description, copies: usize) -> impl FnMut() {
+    let mut bodies = dynamics(task, Physics::Rapier, copies).expect("every task has rigid bodies");
+    (0..copies).for_each(|copy| bodies.start(copy, &[0.0, 0.05], &[0.0, 0.0]));
+    let forces: Vec<_> = random_choices(copies).iter().map(|choice| 20.0 * choice - 10.0).collect();
+    let mut step = 0;
+    move || {
+        bodies.step(&forces[step * copies..][..copies]);
+        step = (step + 1) % STEPS;
+    }
+}
+
+/// One control step of all copies under random actions; a copy that has ended starts again.
+fn whole(task: &Description, physics: Physics, copies: usize) -> impl FnMut() {
+    let mut environment = build(task, physics, copies).expect("the cart-pole has a twin");
+    let mut random = stream(0, Purpose::Preview, 1, 0);
+    (0..copies).for_each(|copy| environment.reset(copy, &mut random));
+    let actions = random_choices(copies);
+    let mut step = 0;
+    move || {
+        environment.step(&actions[step * copies..][..copies]);
+        for copy in 0..copies {
+            if environment.statuses()[copy] != Status::Running {
+                environment.reset(copy, &mut random);
+            }
+        }
+        step = (step + 1) % STEPS;
+    }
+}
+
+/// Zeros and ones: `[STEPS × copies]`.
+fn random_choices(copies: usize) -> Vec<f32> {
+    let mut random = stream(0, Purpose::Preview, 0, 0);
+    (0..STEPS * copies).map(|_| f32::from(u8::from(random.random::<bool>()))).collect()
+}

@@ -1,0 +1,135 @@
+//! Agents: what acts in one copy of an environment and learns from the team's shared experience.
+//!
+//! One algorithm a file: its configuration, its agent, its references, its tests. [`Algorithm`] lists them. Files, threads and
+//! recordings may not enter.
+
+pub mod catalogue;
+mod network;
+mod policy;
+pub mod random;
+pub mod seed_pg;
+
+use serde::{Deserialize, Serialize};
+
+use crate::env::Spec;
+use crate::experience::SharedBuffer;
+use crate::input::numbers::{Count, known, known_count};
+use crate::nn::{Activations, Initial};
+use crate::random::Stream;
+use crate::seed::SeedDistribution;
+
+/// One of K agents. `act` takes `&self` and `update` takes `&SharedBuffer`: agents may act at once, and may learn at once
+/// from a buffer that nobody changes meanwhile.
+pub trait Agent: Send + Sync {
+    /// Chooses an action, and says how likely each of its components was.   `observation: [observation width]` →
+    /// `action`, `log_prob`: `[action width]`
+    fn act(&self, observation: &[f32], random: &mut Stream, scratch: &mut ActScratch, action: &mut [f32], log_prob: &mut [f32]);
+
+    /// Learns from the shared buffer at the end of `round`.
+    fn update(&mut self, buffer: &SharedBuffer, round: u32) -> UpdateReport;
+
+    /// The parameters of the agent's networks, named.
+    fn tensors(&self) -> Vec<Tensor<'_>>;
+
+    /// Everything that learning changed, as bytes.
+    fn save(&self) -> Vec<u8>;
+
+    /// Takes up what [`save`](Self::save) wrote.
+    ///
+    /// # Errors
+    /// Says what is wrong where the bytes are not of such an agent.
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
+}
+
+/// The algorithms, each with its configuration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Algorithm {
+    /// Seed policy gradient (thesis §3.4).
+    SeedPg(seed_pg::SeedPg),
+    /// Uniformly random actions: the control that every claim of learning has to beat.
+    Random,
+}
+
+/// The team: how many agents, and how they differ from the start.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Team {
+    /// K.
+    pub count: Count,
+    /// What an agent's own perturbations of the rewards are drawn from.
+    pub seeds: SeedDistribution,
+    /// How networks start.
+    pub initial: Initial,
+}
+
+impl Default for Team {
+    fn default() -> Self {
+        Self { count: known_count(4), seeds: SeedDistribution::Normal { sigma: known(0.1) }, initial: Initial::Random }
+    }
+}
+
+/// Who is being built: one agent of a team in one run.
+#[derive(Clone, Copy, Debug)]
+pub struct Membership<'a> {
+    /// The run's seed.
+    pub run_seed: u64,
+    /// The agent's number, from 0.
+    pub agent: u32,
+    /// The team it belongs to.
+    pub team: &'a Team,
+    /// The task.
+    pub spec: &'a Spec,
+}
+
+/// Room for one forward pass at a time; one for each thread that acts.
+#[derive(Debug, Default)]
+pub struct ActScratch {
+    activations: Activations,
+    outputs: Vec<f32>,
+}
+
+/// What one update was like: means over all that was trained on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct UpdateReport {
+    /// ½ mean squared error against the normalised target.
+    pub value_loss: f32,
+    /// Mean surrogate loss.
+    pub policy_loss: f32,
+    /// Mean |ρ − 1| + 1.
+    pub ratio_deviation: f32,
+    /// Share of samples whose policy gradient clipping took away.
+    pub clipped_fraction: f32,
+    /// Mean entropy, nats.
+    pub entropy: f32,
+}
+
+/// A named block of parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tensor<'a> {
+    /// Such as `policy.layer_0.weight`.
+    pub name: String,
+    /// Row-major.
+    pub shape: Vec<usize>,
+    /// The numbers.
+    pub values: &'a [f32],
+}
+
+impl Algorithm {
+    /// Builds one agent.
+    #[must_use]
+    pub fn build(&self, member: &Membership<'_>) -> Box<dyn Agent> {
+        match self {
+            Self::SeedPg(config) => Box::new(seed_pg::SeedPgAgent::new(config, member)),
+            Self::Random => Box::new(random::RandomAgent::new(member.spec)),
+        }
+    }
+
+    /// Rounds of episodes that the shared buffer has to keep.
+    #[must_use]
+    pub fn rounds_kept(&self) -> usize {
+        match self {
+            Self::SeedPg(_) | Self::Random => 1,
+        }
+    }
+}

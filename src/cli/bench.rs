@@ -1,0 +1,72 @@
+//! `seedbed bench`: when several seeds of a scenario solved their task, and how fast they ran.
+
+use std::time::Instant;
+
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
+
+use super::{BenchArgs, Failure};
+use crate::input::InputError;
+use crate::run::Plan;
+use crate::run::trainer::Trainer;
+
+/// What one run came to.
+struct Outcome {
+    episodes: Option<usize>,
+    env_steps: u64,
+    seconds: f64,
+}
+
+pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
+    let plans: Result<Vec<Plan>, InputError> = args.scenarios.iter().map(|path| Plan::load(path, &args.overrides)).collect();
+    let pool = ThreadPoolBuilder::new().num_threads(args.jobs.unwrap_or(0)).build();
+    let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
+    println!("Episodes per agent until solved, of {} seeds from {} on:\n", args.seeds, args.first_seed);
+    println!("| scenario | K | solved | median | least | most | env steps/s of one thread |");
+    println!("|---|---|---|---|---|---|---|");
+    for plan in plans? {
+        let seeds = args.first_seed..args.first_seed + args.seeds;
+        let outcomes: Result<Vec<Outcome>, InputError> =
+            pool.install(|| seeds.into_par_iter().map(|seed| outcome(&plan, seed)).collect());
+        println!("{}", row(&plan, &outcomes?));
+    }
+    Ok(())
+}
+
+/// Trains once, on one thread and without a recording, until the task is solved or the scenario ends.
+fn outcome(plan: &Plan, seed: u64) -> Result<Outcome, InputError> {
+    let mut plan = plan.clone();
+    plan.scenario.seed = seed;
+    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
+    let started = Instant::now();
+    let until = |trainer: &Trainer| trainer.threshold().and_then(|threshold| trainer.measures().episodes_until(threshold));
+    while !trainer.is_done() && until(&trainer).is_none() {
+        let played = trainer.play();
+        trainer.learn(played.episodes);
+    }
+    let seconds = started.elapsed().as_secs_f64();
+    Ok(Outcome { episodes: until(&trainer), env_steps: trainer.measures().env_steps(), seconds })
+}
+
+/// Seeds that did not solve the task count as slower than all that did, so the median stays honest.
+fn row(plan: &Plan, outcomes: &[Outcome]) -> String {
+    let mut episodes: Vec<usize> = outcomes.iter().map(|outcome| outcome.episodes.unwrap_or(usize::MAX)).collect();
+    episodes.sort_unstable();
+    let shown = |episodes: Option<usize>| match episodes {
+        None | Some(usize::MAX) => format!("> {}", plan.scenario.most_episodes()),
+        Some(episodes) => episodes.to_string(),
+    };
+    let (low, high) = (episodes[(episodes.len() - 1) / 2], episodes[episodes.len() / 2]);
+    let median = if high == usize::MAX { shown(Some(high)) } else { format!("{:.1}", (low + high) as f64 / 2.0) };
+    let solved = episodes.iter().filter(|&&episodes| episodes != usize::MAX).count();
+    let (steps, seconds) = outcomes.iter().fold((0, 0.0), |(steps, seconds), o| (steps + o.env_steps, seconds + o.seconds));
+    format!(
+        "| {} | {} | {solved}/{} | {median} | {} | {} | {:.0} |",
+        plan.name,
+        plan.scenario.agents.count.get(),
+        outcomes.len(),
+        shown(episodes.first().copied()),
+        shown(episodes.last().copied()),
+        steps as f64 / seconds
+    )
+}

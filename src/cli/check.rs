@@ -1,0 +1,53 @@
+//! `seedbed check`.
+
+use std::path::{Path, PathBuf};
+
+use super::Failure;
+use crate::env::{self, Choice, Spec};
+use crate::input::{self, InputError, Kind};
+use crate::run::Plan;
+
+/// Checks every file, and fails if one of them is wrong.
+pub(super) fn check(files: &[PathBuf]) -> Result<(), Failure> {
+    let mut wrong = 0;
+    for path in files {
+        match check_file(path) {
+            Ok(said) => println!("ok: {}: {said}", path.display()),
+            Err(error) => {
+                wrong += 1;
+                eprintln!("error: {error}");
+            }
+        }
+    }
+    if wrong == 0 { Ok(()) } else { Err(Failure::Files(wrong)) }
+}
+
+fn check_file(path: &Path) -> Result<String, InputError> {
+    let text = input::read_text(path)?;
+    match input::kind(&path.display().to_string(), &text)? {
+        Kind::Environment => Ok(format!("environment with {}", described(&env::load(path)?.spec))),
+        Kind::Scenario => {
+            let plan = Plan::load(path, &[])?;
+            let agents = plan.scenario.agents.count.get();
+            Ok(format!("scenario of {agents} agents in `{}`, {}", plan.description.spec.name, described(&plan.description.spec)))
+        }
+    }
+}
+
+fn described(spec: &Spec) -> String {
+    let observations: Vec<&str> = spec.observations.iter().map(|quantity| quantity.name.as_str()).collect();
+    format!("observations {}; actions {}", observations.join(", "), actions(spec))
+}
+
+/// Such as `force (-10 or 10 N)`.
+pub(super) fn actions(spec: &Spec) -> String {
+    let described = spec.actions.iter().map(|action| {
+        let quantity = &action.quantity;
+        let values = match &action.choice {
+            Choice::Discrete(values) => values.iter().map(f32::to_string).collect::<Vec<_>>().join(" or "),
+            Choice::Continuous => format!("{} to {}", quantity.range[0], quantity.range[1]),
+        };
+        format!("{} ({})", quantity.name, format!("{values} {}", quantity.unit).trim_end())
+    });
+    described.collect::<Vec<_>>().join(", ")
+}

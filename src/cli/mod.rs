@@ -1,0 +1,170 @@
+//! The command line: what the user typed becomes a call, what came of it becomes words and an exit code.
+//!
+//! Exit codes: 0 done, 1 the work failed, 2 the input is wrong. Science may not enter.
+
+mod bench;
+mod check;
+mod list;
+mod progress;
+mod run;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::input::InputError;
+use crate::run::RunError;
+
+/// Coordinated exploration in concurrent reinforcement learning, with every visited state on record.
+#[derive(Debug, Parser)]
+#[command(name = "seedbed", version, about, max_term_width = 110)]
+#[command(after_help = "Examples:
+  seedbed run scenarios/cartpole.ron                      train, and record to recordings/cartpole/seed-0/
+  seedbed run scenarios/cartpole.ron --seed 7 --set agents.count=16
+  seedbed check scenarios/*.ron envs/*.ron                validate files without running
+  seedbed list algorithms                                 what can be set, and the defaults
+  rerun recordings/cartpole/seed-0/run.rrd                look at a recording (the viewer: pip install rerun-sdk==0.36.3)")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Train a team as a scenario file says, and record it
+    Run(RunArgs),
+    /// Validate scenario and environment files without running them
+    Check {
+        /// Files in RON, of either kind
+        #[arg(required = true)]
+        files: Vec<PathBuf>,
+    },
+    /// Show what there is: environments, scenarios, algorithms with their parameters and defaults
+    List {
+        /// One of them only
+        #[arg(value_enum)]
+        what: Option<Listed>,
+    },
+    /// Train scenarios with several seeds and print when each solved its task, and how fast
+    Bench(BenchArgs),
+}
+
+#[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch on the command line")]
+#[command(after_help = "Examples:
+  seedbed run scenarios/cartpole.ron --seed 3
+  seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)' --out results/unseeded
+  seedbed run scenarios/cartpole.ron --resume             go on after an interruption, to the same bits")]
+struct RunArgs {
+    /// A scenario file
+    scenario: PathBuf,
+    /// The run's seed, in place of the scenario's
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Where results go [default: recordings/<scenario>/seed-<N>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Threads for updates; the results do not depend on it [default: one a core]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Replace one value of the scenario, such as agents.count=16; may be repeated
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    overrides: Vec<String>,
+    /// Write no run.rrd
+    #[arg(long)]
+    no_recording: bool,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    quiet: bool,
+    /// Go on with the interrupted run in the output folder
+    #[arg(long, conflicts_with = "overwrite")]
+    resume: bool,
+    /// Replace the run in the output folder
+    #[arg(long)]
+    overwrite: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed bench scenarios/cartpole_1.ron scenarios/cartpole.ron scenarios/cartpole_16.ron
+  seedbed bench scenarios/cartpole.ron --seeds 5 --set 'agents.seeds=Normal(sigma: 0)'")]
+struct BenchArgs {
+    /// Scenario files
+    #[arg(required = true)]
+    scenarios: Vec<PathBuf>,
+    /// How many seeds
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    seeds: u64,
+    /// The first of them
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    first_seed: u64,
+    /// Runs at once, each on one thread [default: one a core]
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
+    /// Replace one value of every scenario, such as agents.count=16; may be repeated
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    overrides: Vec<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Listed {
+    /// Tasks in `envs/`
+    Environments,
+    /// Files in `scenarios/`
+    Scenarios,
+    /// Learners, with their parameters and defaults
+    Algorithms,
+}
+
+/// Why a command did not do what was asked.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    /// The input is wrong.
+    #[error("{0}")]
+    Input(String),
+    /// So many files are wrong; each was complained about already.
+    #[error("{0} files cannot be used")]
+    Files(usize),
+    /// The work failed.
+    #[error("{0}")]
+    Work(String),
+}
+
+/// Runs the command line of this process.
+#[must_use]
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let done = match cli.command {
+        Command::Run(args) => run::run(&args),
+        Command::Check { files } => check::check(&files),
+        Command::List { what } => {
+            list::list(what);
+            Ok(())
+        }
+        Command::Bench(args) => bench::bench(&args),
+    };
+    let Err(failure) = done else { return ExitCode::SUCCESS };
+    if !matches!(failure, Failure::Files(1)) {
+        eprintln!("error: {failure}");
+    }
+    match failure {
+        Failure::Input(_) | Failure::Files(_) => ExitCode::from(2),
+        Failure::Work(_) => ExitCode::from(1),
+    }
+}
+
+impl From<InputError> for Failure {
+    fn from(error: InputError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Input(_) | RunError::AnotherRun(_) => Self::Input(error.to_string()),
+            RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. } => Self::Work(error.to_string()),
+        }
+    }
+}

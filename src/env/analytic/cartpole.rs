@@ -1,0 +1,173 @@
+//! A pole that swings without friction on a cart on a level rail.
+//!
+//! With x the cart's position, α the clockwise angle of the pole's centre of mass from straight up, M and m the masses of cart and
+//! pole, l the distance from hinge to centre of mass, I the inertia about that centre, F and τ the generalised forces, Lagrange's
+//! equations of T = ½ (M + m) ẋ² + m l cos α ẋ α̇ + ½ (I + m l²) α̇² and V = m g l cos α are
+//!
+//! ```text
+//! (M + m) ẍ      + m l cos α α̈   = F + m l sin α α̇²
+//! m l cos α ẍ    + (I + m l²) α̈ = τ + m g l sin α
+//! ```
+//!
+//! (Florian, "Correct equations for the dynamics of the cart-pole system", 2007, without friction; a thin rod has I = m l² / 3).
+
+use super::Equations;
+use crate::env::description::{Description, JointKind, Twin};
+use crate::env::kinematics::{Frame, Motion, Tree};
+
+/// The parameters of a cart-pole, and how the task's joint coordinates map onto x and α.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CartPole {
+    /// M + m, kg.
+    pub total_mass: f64,
+    /// m l, kg m.
+    pub moment: f64,
+    /// I + m l², kg m².
+    pub inertia: f64,
+    /// g, m/s².
+    pub gravity: f64,
+    /// +1 if the slider's coordinate grows to the right, else −1.
+    slider_sense: f64,
+    /// +1 if the hinge's coordinate grows clockwise, else −1.
+    hinge_sense: f64,
+    /// α at hinge coordinate 0.
+    upright: f64,
+    /// Which joint is the slider: 0 or 1.
+    slider: usize,
+    control_step: f64,
+    substeps: u32,
+}
+
+/// Longest time step of the fourth-order Runge–Kutta integration, s. Its error over one control step is below what an f32 resolves
+/// (tested against steps of 1e-4 s).
+const LONGEST_STEP: f64 = 0.005;
+
+impl CartPole {
+    /// Takes the parameters from the bodies of a description with a cart-pole twin.
+    ///
+    /// # Errors
+    /// The bodies are no cart-pole; says why.
+    pub fn of(description: &Description) -> Result<Self, String> {
+        let Some(Twin::CartPole { slider, hinge }) = description.twin else {
+            return Err("the task has no cart-pole twin".to_owned());
+        };
+        let (rail, pivot) = (&description.joints[slider], &description.joints[hinge]);
+        let Motion::Slide(axis) = Tree::new(description).links()[slider].motion else {
+            return Err(format!("a cart-pole has a slider, but `{}` is none", rail.name));
+        };
+        let JointKind::Hinge { sense } = pivot.kind else {
+            return Err(format!("a cart-pole has a hinge, but `{}` is none", pivot.name));
+        };
+        require(description.joints.len() == 2, "a cart-pole has no other joints than its slider and its hinge")?;
+        require(rail.parent.is_none() && axis[1] == 0.0, "the slider of a cart-pole is level and holds the cart to the world")?;
+        require(pivot.parent == Some(rail.child), "the hinge of a cart-pole holds the pole to the cart")?;
+        require(description.gravity[0] == 0.0, "gravity is vertical where a cart-pole stands")?;
+        Ok(Self::new(description, [slider, hinge], axis[0], -sense))
+    }
+
+    fn new(description: &Description, [slider, hinge]: [usize; 2], slider_sense: f64, hinge_sense: f64) -> Self {
+        let pole = &description.bodies[description.joints[hinge].child];
+        let cart = &description.bodies[description.joints[slider].child];
+        let anchor = description.joints[hinge].anchor;
+        let arm = [pole.inertial.com[0] - anchor[0], pole.inertial.com[1] - anchor[1]];
+        let length = libm::hypot(arm[0], arm[1]);
+        let [right, up] = Frame::at([0.0; 2], pole.angle).point(arm);
+        let control_step = description.spec.control_step;
+        Self {
+            total_mass: cart.inertial.mass + pole.inertial.mass,
+            moment: pole.inertial.mass * length,
+            inertia: pole.inertial.inertia + pole.inertial.mass * length * length,
+            gravity: -description.gravity[1],
+            slider_sense,
+            hinge_sense,
+            upright: libm::atan2(right, up),
+            slider,
+            control_step,
+            substeps: (control_step / LONGEST_STEP).ceil().max(1.0) as u32,
+        }
+    }
+
+    /// The same cart-pole, integrated in this many Runge–Kutta steps a control step.
+    #[must_use]
+    pub fn with_substeps(self, substeps: u32) -> Self {
+        Self { substeps, ..self }
+    }
+
+    /// ẍ and α̈ at angle α and rate α̇, under force F (N) on the cart and torque τ (N m) on the hinge.
+    #[must_use]
+    pub fn accelerations(&self, angle: f64, rate: f64, force: f64, torque: f64) -> [f64; 2] {
+        let (sine, cosine) = libm::sincos(angle);
+        let coupling = self.moment * cosine;
+        let push = force + self.moment * sine * rate * rate;
+        let turn = torque + self.moment * self.gravity * sine;
+        let determinant = self.total_mass * self.inertia - coupling * coupling;
+        [(self.inertia * push - coupling * turn) / determinant, (self.total_mass * turn - coupling * push) / determinant]
+    }
+
+    /// T + V, J, of the state x, α, ẋ, α̇.
+    #[must_use]
+    pub fn energy(&self, [_, angle, speed, rate]: [f64; 4]) -> f64 {
+        let (linear, angular) = (self.total_mass * speed * speed, self.inertia * rate * rate);
+        let coupling = self.moment * angle.cos() * speed * rate;
+        0.5 * (linear + angular) + coupling + self.moment * self.gravity * angle.cos()
+    }
+
+    /// x, α, ẋ, α̇ after one Runge–Kutta step (Kutta's fourth-order rule) of `duration` s.
+    #[must_use]
+    pub fn runge_kutta(&self, state: [f64; 4], force: f64, torque: f64, duration: f64) -> [f64; 4] {
+        let slope = |[_, angle, speed, rate]: [f64; 4]| {
+            let [acceleration, spin] = self.accelerations(angle, rate, force, torque);
+            [speed, rate, acceleration, spin]
+        };
+        let ahead = |by: f64, slope: [f64; 4]| std::array::from_fn(|i| state[i] + by * slope[i]);
+        let k1 = slope(state);
+        let k2 = slope(ahead(0.5 * duration, k1));
+        let k3 = slope(ahead(0.5 * duration, k2));
+        let k4 = slope(ahead(duration, k3));
+        std::array::from_fn(|i| state[i] + duration / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
+    }
+
+    /// x, α, ẋ, α̇ after one step of Gym's explicit Euler integration: all rates are those before the step.
+    ///
+    /// Source: `CartPoleEnv.step` with `kinematics_integrator == "euler"`, `gymnasium/envs/classic_control/cartpole.py`, whose
+    /// `temp` and `thetaacc` are the equations above solved for a thin rod.
+    #[must_use]
+    pub fn gym_euler(&self, [position, angle, speed, rate]: [f64; 4], force: f64, duration: f64) -> [f64; 4] {
+        let [acceleration, spin] = self.accelerations(angle, rate, force, 0.0);
+        [position + duration * speed, angle + duration * rate, speed + duration * acceleration, rate + duration * spin]
+    }
+
+    /// x, α, ẋ, α̇ of joint coordinates: positions, then velocities.
+    fn physical(&self, joints: [f64; 4]) -> [f64; 4] {
+        let (slider, hinge) = (self.slider, 1 - self.slider);
+        let angle = self.upright + self.hinge_sense * joints[hinge];
+        let (speed, rate) = (self.slider_sense * joints[2 + slider], self.hinge_sense * joints[2 + hinge]);
+        [self.slider_sense * joints[slider], angle, speed, rate]
+    }
+
+    /// The inverse of [`physical`](Self::physical).
+    fn joints(&self, [position, angle, speed, rate]: [f64; 4]) -> [f64; 4] {
+        let mut joints = [0.0; 4];
+        let (slider, hinge) = (self.slider, 1 - self.slider);
+        joints[slider] = self.slider_sense * position;
+        joints[hinge] = self.hinge_sense * (angle - self.upright);
+        joints[2 + slider] = self.slider_sense * speed;
+        joints[2 + hinge] = self.hinge_sense * rate;
+        joints
+    }
+}
+
+impl Equations for CartPole {
+    fn advance(&self, joints: [f64; 4], forces: [f64; 2]) -> [f64; 4] {
+        let force = self.slider_sense * forces[self.slider];
+        let torque = self.hinge_sense * forces[1 - self.slider];
+        let duration = self.control_step / f64::from(self.substeps);
+        let start = self.physical(joints);
+        let end = (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, force, torque, duration));
+        self.joints(end)
+    }
+}
+
+fn require(condition: bool, otherwise: &str) -> Result<(), String> {
+    if condition { Ok(()) } else { Err(otherwise.to_owned()) }
+}

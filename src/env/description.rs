@@ -1,0 +1,285 @@
+//! A task as checked and resolved data: names have become indices, formulas programs, defaults numbers.
+//!
+//! [`file`](super::file) makes it from `envs/*.ron`; [`task`](super::task) and the [`dynamics`](super::dynamics) are built from
+//! it. Its fields may be varied before building, as tests of solver settings do. Reading files may not enter.
+
+use rand::RngExt;
+use rand_distr::{Distribution as _, Normal};
+
+use super::expression::Program;
+use super::{Choice, Scene, Shape, Spec};
+use crate::random::Stream;
+
+/// One task.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    /// The file it was read from.
+    pub origin: String,
+    /// The task as seen from outside.
+    pub spec: Spec,
+    /// What is drawn: the world's own shapes first, if there are any, then every body.
+    pub scene: Option<Scene>,
+    /// m/s², to the right and upwards.
+    pub gravity: [f64; 2],
+    /// How exactly motion is computed.
+    pub solver: Solver,
+    /// The rigid bodies.
+    pub bodies: Vec<Body>,
+    /// One joint a body, parents before their children.
+    pub joints: Vec<Joint>,
+    /// One for each component of an action, in the same order.
+    pub actuators: Vec<Actuator>,
+    /// What formulas may read beside observations and actions.
+    pub sensors: Vec<Sensor>,
+    /// Observations, reward, termination.
+    pub formulas: Formulas,
+    /// Where episodes start; joints that are not mentioned start at rest at coordinate 0.
+    pub reset: Vec<Start>,
+    /// The task's closed-form twin, if it has one.
+    pub twin: Option<Twin>,
+}
+
+/// How exactly motion is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Solver {
+    /// Substeps in one control step. The error falls as 1 / iterations.
+    pub iterations: u32,
+    /// Passes over all joints in one substep; chains of several hinges need more than 1.
+    pub passes: u32,
+}
+
+/// A rigid body, described at its reference pose: where it is when all joint coordinates are 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// Unique among bodies.
+    pub name: String,
+    /// Origin of the body's frame in the world, m.
+    pub position: [f64; 2],
+    /// Angle of the body's frame, rad, counter-clockwise.
+    pub angle: f64,
+    /// Mass, centre and inertia.
+    pub inertial: Inertial,
+    /// Shapes in the body's frame.
+    pub shapes: Vec<Shape>,
+}
+
+/// How a body resists forces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inertial {
+    /// kg
+    pub mass: f64,
+    /// Centre of mass in the body's frame, m.
+    pub com: [f64; 2],
+    /// About the centre of mass, kg m².
+    pub inertia: f64,
+}
+
+/// What a body hangs on. Its coordinate is 0 at the reference poses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Unique among joints.
+    pub name: String,
+    /// The body that carries it; none is the world.
+    pub parent: Option<usize>,
+    /// The body that moves with it.
+    pub child: usize,
+    /// Where the joint is, in the child's frame, m.
+    pub anchor: [f64; 2],
+    /// How the child may move.
+    pub kind: JointKind,
+}
+
+/// How a joint lets its child move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum JointKind {
+    /// Along an axis; the coordinate is in m.
+    Slide {
+        /// Unit vector in the child's frame.
+        axis: [f64; 2],
+    },
+    /// About the anchor; the coordinate is in rad.
+    Hinge {
+        /// +1 if the coordinate grows counter-clockwise, −1 if clockwise.
+        sense: f64,
+    },
+}
+
+/// What one component of an action drives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Actuator {
+    /// Unique among actions, observations and sensors.
+    pub name: String,
+    /// What it acts on.
+    pub drive: Drive,
+    /// Force or torque for each unit of control.
+    pub gear: f64,
+    /// Values that the control may take.
+    pub choice: Choice,
+    /// Lowest and highest control.
+    pub range: [f32; 2],
+}
+
+/// What an actuator acts on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drive {
+    /// A force (N) or torque (N m) along the coordinate of the joint with this index.
+    JointForce(usize),
+}
+
+/// A number that formulas may read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensor {
+    /// Unique among sensors.
+    pub name: String,
+    /// What it measures.
+    pub reading: Reading,
+}
+
+/// What a sensor measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// The coordinate of the joint with this index, m or rad; a hinge counts full turns.
+    JointPosition(usize),
+    /// Its rate, m/s or rad/s.
+    JointVelocity(usize),
+}
+
+/// The task's formulas over a table whose columns are: sensors, observations, actions, sensors before the step, observations
+/// before the step. See [`Columns`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Formulas {
+    /// One program an observation, over sensors only.
+    pub observations: Vec<Program>,
+    /// The reward of a step.
+    pub reward: Program,
+    /// Whether the task ends after a step.
+    pub terminated: Program,
+}
+
+/// Where each kind of number stands in the table that formulas read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Columns {
+    /// Number of sensors.
+    pub sensors: usize,
+    /// Number of observations.
+    pub observations: usize,
+    /// Number of action components.
+    pub actions: usize,
+}
+
+/// Where a joint starts an episode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Which joint.
+    pub joint: usize,
+    /// m or rad.
+    pub position: Distribution,
+    /// m/s or rad/s.
+    pub velocity: Distribution,
+}
+
+/// How a number is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Distribution {
+    /// Always the same.
+    Constant(f64),
+    /// Any number from low up to high.
+    Uniform {
+        /// Lowest.
+        low: f64,
+        /// Highest.
+        high: f64,
+    },
+    /// Gaussian.
+    Normal {
+        /// Expectation.
+        mean: f64,
+        /// Standard deviation.
+        deviation: f64,
+    },
+}
+
+/// A closed-form twin: exact equations of motion instead of rigid bodies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Twin {
+    /// A cart on a level rail with a pole that swings without friction.
+    CartPole {
+        /// Joint between the world and the cart.
+        slider: usize,
+        /// Joint between the cart and the pole.
+        hinge: usize,
+    },
+}
+
+impl Columns {
+    /// The first observation's column.
+    #[must_use]
+    pub fn first_observation(&self) -> usize {
+        self.sensors
+    }
+
+    /// The first action's column.
+    #[must_use]
+    pub fn first_action(&self) -> usize {
+        self.sensors + self.observations
+    }
+
+    /// The column of the first sensor's value before the step.
+    #[must_use]
+    pub fn first_previous(&self) -> usize {
+        self.sensors + self.observations + self.actions
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.first_previous() + self.sensors + self.observations
+    }
+}
+
+impl Description {
+    /// Where each kind of number stands in the table that formulas read.
+    #[must_use]
+    pub fn columns(&self) -> Columns {
+        Columns { sensors: self.sensors.len(), observations: self.spec.observations.len(), actions: self.actuators.len() }
+    }
+}
+
+impl Distribution {
+    /// Draws a number.
+    pub fn draw(&self, random: &mut Stream) -> f64 {
+        match *self {
+            Self::Constant(value) => value,
+            Self::Uniform { low, high } => low + (high - low) * random.random::<f64>(),
+            Self::Normal { mean, deviation } => Normal::new(mean, deviation).map_or(mean, |normal| normal.sample(random)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Purpose, stream};
+
+    /// Mean and standard deviation of 10,000 draws.
+    fn moments(distribution: Distribution) -> (f64, f64) {
+        let mut random = stream(0, Purpose::Reset, 0, 0);
+        let draws: Vec<_> = (0..10_000).map(|_| distribution.draw(&mut random)).collect();
+        let mean = draws.iter().sum::<f64>() / 1e4;
+        (mean, (draws.iter().map(|draw| (draw - mean).powi(2)).sum::<f64>() / 1e4).sqrt())
+    }
+
+    /// Standard errors of 10,000 draws are about 1 % of the deviation; a uniform one's deviation is its width / √12.
+    #[test]
+    fn draws_are_distributed_as_described() {
+        assert_eq!(moments(Distribution::Constant(2.5)), (2.5, 0.0));
+        for (distribution, expected) in [
+            (Distribution::Uniform { low: -1.0, high: 3.0 }, (1.0, 4.0 / 12.0_f64.sqrt())),
+            (Distribution::Normal { mean: -2.0, deviation: 0.5 }, (-2.0, 0.5)),
+        ] {
+            let found = moments(distribution);
+            assert!((found.0 - expected.0).abs() < 0.04 * expected.1, "{distribution:?}: {found:?}");
+            assert!((found.1 / expected.1 - 1.0).abs() < 0.03, "{distribution:?}: {found:?}");
+        }
+    }
+}

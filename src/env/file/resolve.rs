@@ -1,0 +1,332 @@
+//! From what a file says to what it means: names become indices, formulas programs, omitted fields their defaults.
+
+use super::{
+    Actuator, ActuatorKind, Body, Control, Distribution, Environment, Geom, Joint, JointKind, Name, Observation, Sense, Sensor,
+    SensorKind, Start, Twin,
+};
+use crate::env::analytic;
+use crate::env::description::{self, Columns, Description, Drive, Formulas, Inertial, Reading};
+use crate::env::expression::{Mistake, Program, Type, Variable, compile};
+use crate::env::{Action, Choice, Quantity, Scene, SceneBody, Shape, Spec, physics};
+use crate::input::numbers::Finite;
+use crate::input::{Complaint, Located};
+
+/// Checks every reference of a task file and turns it into a description.
+pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Result<Description, Complaint> {
+    check_unique_names(file)?;
+    let bodies = file.bodies.iter().map(body).collect::<Result<Vec<_>, _>>()?;
+    let description = Description {
+        origin: origin.to_owned(),
+        spec: spec(name, file),
+        scene: scene(&file.scenery, &bodies),
+        gravity: file.gravity.get(),
+        solver: description::Solver { iterations: file.solver.iterations.get(), passes: file.solver.passes.get() },
+        joints: joints(file)?,
+        actuators: file.actuators.iter().map(|actuator| drive(actuator, &file.joints)).collect::<Result<_, _>>()?,
+        sensors: file.sensors.iter().map(|sensor| reading(sensor, &file.joints)).collect::<Result<_, _>>()?,
+        formulas: formulas(file)?,
+        reset: starts(file)?,
+        twin: file.analytic.as_ref().map(|twin| twin_of(twin, &file.joints)).transpose()?,
+        bodies,
+    };
+    check_twin(file, &description)?;
+    Ok(description)
+}
+
+fn spec(name: &str, file: &Environment) -> Spec {
+    Spec {
+        name: name.to_owned(),
+        description: file.description.clone(),
+        observations: file.observations.iter().map(quantity).collect(),
+        actions: file.actuators.iter().map(action).collect(),
+        control_step: file.control_step.get(),
+        time_limit: file.time_limit.get(),
+        reward_threshold: file.reward_threshold.map(|threshold| threshold.get() as f32),
+    }
+}
+
+fn check_unique_names(file: &Environment) -> Result<(), Complaint> {
+    unique("body", file.bodies.iter().map(|body| &body.name))?;
+    unique("joint", file.joints.iter().map(|joint| &joint.name))?;
+    unique("sensor", file.sensors.iter().map(|sensor| &sensor.name))?;
+    unique("observation", file.observations.iter().map(|observation| &observation.name))?;
+    let read = file.sensors.iter().map(|sensor| &sensor.name).chain(file.observations.iter().map(|seen| &seen.name));
+    for name in file.actuators.iter().map(|actuator| &actuator.name) {
+        if read.clone().any(|other| other == name) {
+            return Err(name.complain(format!("`{}` also names a sensor or an observation", name.as_ref())));
+        }
+    }
+    unique("actuator", file.actuators.iter().map(|actuator| &actuator.name))?;
+    match file.bodies.iter().find(|body| body.name.as_ref() == WORLD) {
+        Some(body) => Err(body.name.complain("`world` is what stands still and cannot name a body")),
+        None => Ok(()),
+    }
+}
+
+fn unique<'a>(what: &str, names: impl Iterator<Item = &'a Located<Name>>) -> Result<(), Complaint> {
+    let mut seen: Vec<&str> = Vec::new();
+    for name in names {
+        if seen.contains(&name.as_ref()) {
+            return Err(name.complain(format!("another {what} is named `{}` already", name.as_ref())));
+        }
+        seen.push(name.value().as_ref());
+    }
+    Ok(())
+}
+
+/// Position of the name in a list.
+fn find<'a>(
+    name: &Located<String>,
+    what: &str,
+    names: impl Iterator<Item = &'a Located<Name>> + Clone,
+) -> Result<usize, Complaint> {
+    let names = names.map(|known| known.value().as_ref());
+    names.clone().position(|known| known == name.as_str()).ok_or_else(|| name.complain_unknown(what, names))
+}
+
+fn find_joint(name: &Located<String>, joints: &[Joint]) -> Result<usize, Complaint> {
+    find(name, "joint", joints.iter().map(|joint| &joint.name))
+}
+
+fn body(body: &Body) -> Result<description::Body, Complaint> {
+    let shapes: Vec<_> = body.geoms.iter().map(shape).collect();
+    Ok(description::Body {
+        name: body.name.value().as_ref().to_owned(),
+        position: body.position.get(),
+        angle: body.angle.map_or(0.0, Finite::get),
+        inertial: inertial(body, &shapes)?,
+        shapes,
+    })
+}
+
+/// What is omitted follows from the shapes.
+fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, Complaint> {
+    let mass = body.mass.get();
+    let filled = physics::inertial(mass, shapes);
+    let com = body.com.map(super::Vector::get);
+    match (body.inertia, filled) {
+        (Some(inertia), filled) => {
+            let com = com.or(filled.map(|filled| filled.com)).unwrap_or_default();
+            Ok(Inertial { mass, com, inertia: inertia.get() })
+        }
+        (None, Some(filled)) => Ok(Inertial { com: com.unwrap_or(filled.com), ..filled }),
+        (None, None) => {
+            let message = format!("body `{}` has neither an `inertia` nor a shape with an area", body.name.as_ref());
+            Err(body.name.complain(message))
+        }
+    }
+}
+
+fn shape(geom: &Geom) -> Shape {
+    let point = |vector: super::Vector| vector.get().map(|value| value as f32);
+    match geom {
+        Geom::Ball { center, radius } => Shape::Ball { center: point(*center), radius: radius.get() as f32 },
+        Geom::Box { center, half_size: (width, height), angle } => Shape::Box {
+            center: point(*center),
+            half_size: [width.get() as f32, height.get() as f32],
+            angle: angle.map_or(0.0, Finite::get) as f32,
+        },
+        Geom::Capsule { from, to, radius } => Shape::Capsule { from: point(*from), to: point(*to), radius: radius.get() as f32 },
+        Geom::Convex(points) => Shape::Polygon(points.get()),
+        Geom::Polyline(points) => Shape::Polyline(points.get()),
+    }
+}
+
+/// The world first, if there is anything of it to draw, then every body. None if nothing has a shape.
+fn scene(scenery: &[Geom], bodies: &[description::Body]) -> Option<Scene> {
+    let world = SceneBody { name: WORLD.to_owned(), shapes: scenery.iter().map(shape).collect() };
+    let drawn = bodies.iter().map(|body| SceneBody { name: body.name.clone(), shapes: body.shapes.clone() });
+    let bodies: Vec<_> = Some(world).filter(|world| !world.shapes.is_empty()).into_iter().chain(drawn).collect();
+    bodies.iter().any(|body| !body.shapes.is_empty()).then_some(Scene { bodies })
+}
+
+/// A tree rooted in the world: each body hangs on one joint, each parent on an earlier one.
+fn joints(file: &Environment) -> Result<Vec<description::Joint>, Complaint> {
+    let mut hung: Vec<Option<&Joint>> = vec![None; file.bodies.len()];
+    let mut joints = Vec::new();
+    for joint in &file.joints {
+        let (parent, child) = (parent(joint, file, &hung)?, child(joint, file, &hung)?);
+        hung[child] = Some(joint);
+        let name = joint.name.value().as_ref().to_owned();
+        joints.push(description::Joint { name, parent, child, anchor: joint.anchor.get(), kind: joint_kind(joint.kind) });
+    }
+    match file.bodies.iter().zip(&hung).find(|(_, joint)| joint.is_none()) {
+        Some((body, _)) => Err(body.name.complain(format!("body `{}` hangs on no joint", body.name.as_ref()))),
+        None => Ok(joints),
+    }
+}
+
+fn parent(joint: &Joint, file: &Environment, hung: &[Option<&Joint>]) -> Result<Option<usize>, Complaint> {
+    if joint.parent.as_str() == WORLD {
+        return Ok(None);
+    }
+    let known = || [WORLD].into_iter().chain(file.bodies.iter().map(|body| body.name.value().as_ref()));
+    let Some(parent) = file.bodies.iter().position(|body| body.name.as_ref() == joint.parent.as_str()) else {
+        let names: Vec<_> = known().collect();
+        return Err(joint.parent.complain_unknown("body", names));
+    };
+    if hung[parent].is_none() {
+        let message = format!("no earlier joint holds body `{}`: joints form a tree, parents before children", &*joint.parent);
+        return Err(joint.parent.complain(message));
+    }
+    Ok(Some(parent))
+}
+
+fn child(joint: &Joint, file: &Environment, hung: &[Option<&Joint>]) -> Result<usize, Complaint> {
+    let child = find(&joint.child, "body", file.bodies.iter().map(|body| &body.name))?;
+    match hung[child] {
+        Some(other) => {
+            let message = format!("body `{}` hangs on joint `{}` already", &*joint.child, other.name.as_ref());
+            Err(joint.child.complain(message))
+        }
+        None => Ok(child),
+    }
+}
+
+fn joint_kind(kind: JointKind) -> description::JointKind {
+    match kind {
+        JointKind::Slide { axis } => description::JointKind::Slide { axis: axis.get() },
+        JointKind::Hinge { positive: Sense::CounterClockwise } => description::JointKind::Hinge { sense: 1.0 },
+        JointKind::Hinge { positive: Sense::Clockwise } => description::JointKind::Hinge { sense: -1.0 },
+    }
+}
+
+fn quantity(observation: &Observation) -> Quantity {
+    Quantity {
+        name: observation.name.value().as_ref().to_owned(),
+        unit: observation.unit.clone(),
+        range: observation.range.get().map(|end| end as f32),
+    }
+}
+
+fn action(actuator: &Actuator) -> Action {
+    let (choice, range) = choice(&actuator.control);
+    let name = actuator.name.value().as_ref().to_owned();
+    Action { quantity: Quantity { name, unit: actuator.unit.clone(), range }, choice }
+}
+
+/// What may be chosen, and its lowest and highest value.
+fn choice(control: &Control) -> (Choice, [f32; 2]) {
+    match control {
+        Control::Continuous(interval) => (Choice::Continuous, interval.get().map(|end| end as f32)),
+        Control::Discrete(values) => {
+            let values = values.get();
+            let range = [values.iter().copied().fold(f32::MAX, f32::min), values.iter().copied().fold(f32::MIN, f32::max)];
+            (Choice::Discrete(values), range)
+        }
+    }
+}
+
+fn drive(actuator: &Actuator, joints: &[Joint]) -> Result<description::Actuator, Complaint> {
+    let ActuatorKind::JointForce(joint) = &actuator.kind;
+    let (choice, range) = choice(&actuator.control);
+    Ok(description::Actuator {
+        name: actuator.name.value().as_ref().to_owned(),
+        drive: Drive::JointForce(find_joint(joint, joints)?),
+        gear: actuator.gear.map_or(1.0, Finite::get),
+        choice,
+        range,
+    })
+}
+
+fn reading(sensor: &Sensor, joints: &[Joint]) -> Result<description::Sensor, Complaint> {
+    let reading = match &sensor.kind {
+        SensorKind::JointPosition(joint) => Reading::JointPosition(find_joint(joint, joints)?),
+        SensorKind::JointVelocity(joint) => Reading::JointVelocity(find_joint(joint, joints)?),
+    };
+    Ok(description::Sensor { name: sensor.name.value().as_ref().to_owned(), reading })
+}
+
+fn formulas(file: &Environment) -> Result<Formulas, Complaint> {
+    let columns = Columns { sensors: file.sensors.len(), observations: file.observations.len(), actions: file.actuators.len() };
+    let sensors = sensor_variables(file, columns);
+    let all = all_variables(file, columns, &sensors);
+    Ok(Formulas {
+        observations: file.observations.iter().map(|seen| observation(seen, &sensors)).collect::<Result<_, _>>()?,
+        reward: formula(&file.reward, Type::Number, &all)?,
+        terminated: formula(&file.terminated, Type::Boolean, &all)?,
+    })
+}
+
+fn sensor_variables(file: &Environment, columns: Columns) -> Vec<Variable> {
+    let names = file.sensors.iter().map(|sensor| sensor.name.value().as_ref().to_owned()).enumerate();
+    names.map(|(column, name)| Variable { name, column, previous: Some(columns.first_previous() + column) }).collect()
+}
+
+/// Observations, then the sensors that are not observed under their own name, then actions.
+fn all_variables(file: &Environment, columns: Columns, sensors: &[Variable]) -> Vec<Variable> {
+    let observations = file.observations.iter().enumerate().map(|(index, seen)| Variable {
+        name: seen.name.value().as_ref().to_owned(),
+        column: columns.first_observation() + index,
+        previous: Some(columns.first_previous() + columns.sensors + index),
+    });
+    let unseen = |sensor: &&Variable| !file.observations.iter().any(|seen| seen.name.as_ref() == sensor.name);
+    let actions = file.actuators.iter().enumerate().map(|(index, actuator)| Variable {
+        name: actuator.name.value().as_ref().to_owned(),
+        column: columns.first_action() + index,
+        previous: None,
+    });
+    observations.chain(sensors.iter().filter(unseen).cloned()).chain(actions).collect()
+}
+
+/// Observations are functions of the present, so `previous` means nothing in them.
+fn observation(seen: &Observation, sensors: &[Variable]) -> Result<Program, Complaint> {
+    let name = seen.name.value().as_ref();
+    let present: Vec<_> = sensors.iter().map(|sensor| Variable { previous: None, ..sensor.clone() }).collect();
+    let same = sensors.iter().any(|sensor| sensor.name == name);
+    match &seen.value {
+        Some(_) if same => Err(seen.name.complain(format!("`{name}` also names a sensor, but has a formula of its own"))),
+        Some(value) => formula(value, Type::Number, &present),
+        None if same => compile(name, Type::Number, &present).map_err(|mistake| seen.name.complain(mistake.message)),
+        None => {
+            let names = sensors.iter().map(|sensor| sensor.name.as_str());
+            Err(seen.name.complain_unknown("sensor", names).with_help("an observation that is not a sensor needs a `value`"))
+        }
+    }
+}
+
+fn formula(text: &Located<String>, kind: Type, variables: &[Variable]) -> Result<Program, Complaint> {
+    compile(text, kind, variables).map_err(|Mistake { message, help, line, column }| {
+        let complaint = text.complain(message).at(line, column);
+        help.into_iter().fold(complaint, Complaint::with_help)
+    })
+}
+
+fn starts(file: &Environment) -> Result<Vec<description::Start>, Complaint> {
+    let mut starts: Vec<description::Start> = Vec::new();
+    for start in &file.reset {
+        let joint = find_joint(&start.joint, &file.joints)?;
+        if starts.iter().any(|other| other.joint == joint) {
+            return Err(start.joint.complain(format!("joint `{}` has a start already", &*start.joint)));
+        }
+        starts.push(resolved_start(joint, start));
+    }
+    Ok(starts)
+}
+
+fn resolved_start(joint: usize, start: &Start) -> description::Start {
+    let resolved = |distribution: &Distribution| match *distribution {
+        Distribution::Constant(value) => description::Distribution::Constant(value.get()),
+        Distribution::Uniform(interval) => {
+            let [low, high] = interval.get();
+            description::Distribution::Uniform { low, high }
+        }
+        Distribution::Normal(mean, deviation) => {
+            description::Distribution::Normal { mean: mean.get(), deviation: deviation.get() }
+        }
+    };
+    description::Start { joint, position: resolved(&start.position), velocity: resolved(&start.velocity) }
+}
+
+fn twin_of(twin: &Twin, joints: &[Joint]) -> Result<description::Twin, Complaint> {
+    let Twin::CartPole { slider, hinge } = twin;
+    Ok(description::Twin::CartPole { slider: find_joint(slider, joints)?, hinge: find_joint(hinge, joints)? })
+}
+
+/// The twin's equations must be those of the bodies.
+fn check_twin(file: &Environment, description: &Description) -> Result<(), Complaint> {
+    let Some(Twin::CartPole { slider, .. }) = &file.analytic else { return Ok(()) };
+    analytic::check(description).map_err(|message| slider.complain(message))
+}
+
+const WORLD: &str = "world";

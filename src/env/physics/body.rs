@@ -1,0 +1,65 @@
+//! Single bodies: from a description to Rapier, to a place, and to bytes.
+
+use rapier2d::prelude::{MassProperties, Pose, RigidBody, RigidBodyBuilder, Rotation, Vector};
+use serde::{Deserialize, Serialize};
+
+use super::vector;
+use crate::env::description::Body;
+use crate::env::kinematics::Frame;
+
+/// What Rapier carries from one step to the next for a body without contacts.
+#[derive(Serialize, Deserialize)]
+pub(super) struct SavedBody {
+    translation: [f32; 2],
+    rotation: [f32; 2],
+    velocity: [f32; 2],
+    angular_velocity: f32,
+}
+
+/// A disabled body; on a rail it moves in x or y only. Fast rotation is allowed: Rapier clamps it by default.
+pub(super) fn rigid_body(body: &Body, rail: Option<[bool; 2]>) -> RigidBody {
+    let inertial = &body.inertial;
+    let properties = MassProperties::new(vector(inertial.com), inertial.mass as f32, inertial.inertia as f32);
+    let builder = RigidBodyBuilder::dynamic()
+        .pose(Pose::new(vector(body.position), body.angle as f32))
+        .additional_mass_properties(properties)
+        .can_sleep(false)
+        .allow_fast_rotation(true)
+        .enabled(false);
+    match rail {
+        Some([x, y]) => builder.enabled_translations(x, y).lock_rotations().build(),
+        None => builder.build(),
+    }
+}
+
+/// Puts a body to where its frame is and lets it move as its frame does.
+pub(super) fn place(body: &mut RigidBody, frame: &Frame, com: [f64; 2]) {
+    let rotation = Rotation::from_cos_sin_unchecked(frame.rotation[0] as f32, frame.rotation[1] as f32);
+    body.set_position(Pose::from_parts(vector(frame.position), rotation), false);
+    set_velocities(body, vector(frame.velocity_at(frame.point(com))), frame.angular_velocity as f32);
+}
+
+impl SavedBody {
+    pub(super) fn of(body: &RigidBody) -> Self {
+        Self {
+            translation: body.translation().to_array(),
+            rotation: [body.rotation().re, body.rotation().im],
+            velocity: body.linvel().to_array(),
+            angular_velocity: body.angvel(),
+        }
+    }
+
+    pub(super) fn put(&self, body: &mut RigidBody) {
+        let rotation = Rotation::from_cos_sin_unchecked(self.rotation[0], self.rotation[1]);
+        body.set_position(Pose::from_parts(Vector::from_array(self.translation), rotation), false);
+        set_velocities(body, Vector::from_array(self.velocity), self.angular_velocity);
+    }
+}
+
+/// Rapier does not write a velocity that equals the old one, and 0 equals −0: write another one before.
+fn set_velocities(body: &mut RigidBody, linear: Vector, angular: f32) {
+    body.set_linvel(Vector::ONE, false);
+    body.set_linvel(linear, false);
+    body.set_angvel(1.0, false);
+    body.set_angvel(angular, false);
+}

@@ -1,0 +1,12 @@
+//! Networks over flat parameter vectors: the layers and their gradients, the optimiser, the normaliser of targets.
+//!
+//! Everything here computes on slices and returns no `Result`: shapes are asserted. Words of reinforcement learning may not enter.
+
+pub mod adam;
+mod kernels;
+pub mod mlp;
+pub mod pop_art;
+
+pub use adam::{Adam, AdamSettings};
+pub use mlp::{Activations, Initial, Mlp};
+pub use pop_art::PopArt;

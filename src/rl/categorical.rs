@@ -1,0 +1,83 @@
+//! The categorical policy over n choices (thesis §1.5.4): π(a|s) = softmax(logits).
+
+/// log π(a) = `x_a` − log Σ exp x, row by row in place.   `logits: [B × n]` → log-probabilities
+pub fn log_softmax_in_place(logits: &mut [f32], choices: usize) {
+    for row in logits.chunks_exact_mut(choices) {
+        let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let log_sum = row.iter().map(|x| (x - largest).exp()).sum::<f32>().ln() + largest;
+        for x in row {
+            *x -= log_sum;
+        }
+    }
+}
+
+/// The choice at which the cumulative probability first exceeds `uniform`, a number in `[0, 1)`.   `log_probs: [n]`
+#[must_use]
+pub fn choose(log_probs: &[f32], uniform: f32) -> usize {
+    let mut cumulative = 0.0;
+    let chosen = log_probs.iter().position(|log_prob| {
+        cumulative += log_prob.exp();
+        uniform < cumulative
+    });
+    // The probabilities may add up to a little less than 1.
+    chosen.unwrap_or(log_probs.len() - 1)
+}
+
+/// H = −Σ π log π, nats.   `log_probs: [n]`
+#[must_use]
+pub fn entropy(log_probs: &[f32]) -> f32 {
+    -log_probs.iter().map(|log_prob| log_prob.exp() * log_prob).filter(|term| term.is_finite()).sum::<f32>()
+}
+
+/// ∂/∂logits of w log π(a): w (1{i = a} − πᵢ).   `log_probs: [n]` → `gradient: [n]`
+pub fn log_prob_gradient(log_probs: &[f32], choice: usize, weight: f32, gradient: &mut [f32]) {
+    for (index, (slot, log_prob)) in gradient.iter_mut().zip(log_probs).enumerate() {
+        let chosen = if index == choice { 1.0 } else { 0.0 };
+        *slot = weight * (chosen - log_prob.exp());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Logits 0 and ln 3: π = ¼, ¾; H = ¼ ln 4 + ¾ ln(4/3) = 0.5623351.
+    #[test]
+    fn two_choices_by_hand() {
+        let mut row = [0.0, 3.0_f32.ln()];
+        log_softmax_in_place(&mut row, 2);
+        assert!((row[0].exp() - 0.25).abs() < 1e-6 && (row[1].exp() - 0.75).abs() < 1e-6);
+        assert!((entropy(&row) - 0.562_335_1).abs() < 1e-6);
+        assert_eq!([choose(&row, 0.0), choose(&row, 0.24), choose(&row, 0.26), choose(&row, 0.999_999_9)], [0, 0, 1, 1]);
+    }
+
+    #[test]
+    fn far_apart_logits_stay_finite() {
+        let mut row = [-1e4, 1e4];
+        log_softmax_in_place(&mut row, 2);
+        assert_eq!((row[1], entropy(&row)), (0.0, 0.0));
+        assert!(row[0].is_finite());
+    }
+
+    proptest! {
+        #[test]
+        fn gradient_agrees_with_central_differences(logits in prop::collection::vec(-3.0_f32..3.0, 2..6), pick: usize) {
+            let choice = pick % logits.len();
+            let log_prob = |logits: &[f32]| {
+                let mut row = logits.to_vec();
+                log_softmax_in_place(&mut row, logits.len());
+                row
+            };
+            let mut gradient = vec![0.0; logits.len()];
+            log_prob_gradient(&log_prob(&logits), choice, 2.0, &mut gradient);
+            for index in 0..logits.len() {
+                let (mut above, mut below) = (logits.clone(), logits.clone());
+                above[index] += 1e-2;
+                below[index] -= 1e-2;
+                let numeric = 2.0 * (log_prob(&above)[choice] - log_prob(&below)[choice]) / 2e-2;
+                prop_assert!((numeric - gradient[index]).abs() < 2e-3);
+            }
+        }
+    }
+}

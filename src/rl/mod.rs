@@ -1,0 +1,10 @@
+//! The formulas of reinforcement learning as pure functions on slices, each with its source.
+//!
+//! Index t of a reward slice holds `R_{t+1}`, what followed action t; index t of a seed slice holds `z_{k,t+1}`. State, files
+//! and threads may not enter.
+
+pub mod advantage;
+pub mod categorical;
+pub mod gaussian;
+pub mod policy_loss;
+pub mod returns;

@@ -1,0 +1,148 @@
+//! Returns: what followed a step, summed (thesis §1.3, §3.1).
+
+/// Importance-weighted sums are held within ±this, so that their squares stay finite in f32.
+const LIMIT: f32 = 1e15;
+
+/// Return-to-go (thesis §1.3): Gₜ = rₜ₊₁ + γ Gₜ₊₁, `G_T` = 0.   `rewards: [T]` → `returns: [T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
+    assert_eq!(rewards.len(), returns.len());
+    let mut next = 0.0;
+    for (reward, value) in rewards.iter().zip(returns).rev() {
+        next = discount.mul_add(next, *reward);
+        *value = next;
+    }
+}
+
+/// Per-decision importance-sampled return (thesis Eq. 12, 18):
+/// G̃ₜ = Σ_{k≥t} γᵏ⁻ᵗ min(c, Π_{j=t..k} ρⱼ) rₖ₊₁.   `ratios`, `rewards`: `[T]` → `returns: [T]`
+///
+/// `cap` is c, a bound on each product of ratios, not on each ratio: with `None` it is the printed form, for which
+/// G̃ₜ = ρₜ (rₜ₊₁ + γ G̃ₜ₊₁). With a cap there is no recursion, and the sum takes O(T²).
+/// `products: [T]` is scratch space.
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn per_decision(
+    ratios: &[f32],
+    rewards: &[f32],
+    discount: f32,
+    cap: Option<f32>,
+    products: &mut Vec<f32>,
+    returns: &mut [f32],
+) {
+    assert_eq!(ratios.len(), rewards.len());
+    assert_eq!(ratios.len(), returns.len());
+    match cap {
+        None => per_decision_uncapped(ratios, rewards, discount, returns),
+        Some(cap) => per_decision_capped(ratios, rewards, discount, cap, products, returns),
+    }
+}
+
+/// Ordinary importance sampling (thesis Eq. 11): ρ_{t:T−1} Gₜ.   `ratios`, `rewards`: `[T]` → `returns: [T]`
+///
+/// `cap` bounds the product of ratios from above.
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn ordinary(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>, returns: &mut [f32]) {
+    discounted(rewards, discount, returns);
+    let mut product = 1.0_f32;
+    for (ratio, value) in ratios.iter().zip(returns).rev() {
+        product = (product * ratio).min(LIMIT);
+        *value = (*value * product.min(cap.unwrap_or(LIMIT))).clamp(-LIMIT, LIMIT);
+    }
+}
+
+fn per_decision_uncapped(ratios: &[f32], rewards: &[f32], discount: f32, returns: &mut [f32]) {
+    let mut next = 0.0_f32;
+    for ((ratio, reward), value) in ratios.iter().zip(rewards).zip(returns).rev() {
+        next = (ratio * discount.mul_add(next, *reward)).clamp(-LIMIT, LIMIT);
+        *value = next;
+    }
+}
+
+/// Lag by lag, so that all t advance together: after lag d, `products[t]` is Π_{j=t..t+d} ρⱼ.
+fn per_decision_capped(ratios: &[f32], rewards: &[f32], discount: f32, cap: f32, products: &mut Vec<f32>, returns: &mut [f32]) {
+    let steps = ratios.len();
+    products.clear();
+    products.resize(steps, 1.0);
+    returns.fill(0.0);
+    let mut weight = 1.0_f32;
+    for lag in 0..steps {
+        let later = ratios[lag..].iter().zip(&rewards[lag..]);
+        for ((product, value), (ratio, reward)) in products.iter_mut().zip(returns.iter_mut()).zip(later) {
+            *product = (*product * ratio).min(LIMIT);
+            *value += weight * product.min(cap) * reward;
+        }
+        weight *= discount;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn per_decision_of(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>) -> Vec<f32> {
+        let mut returns = vec![f32::NAN; ratios.len()];
+        per_decision(ratios, rewards, discount, cap, &mut Vec::new(), &mut returns);
+        returns
+    }
+
+    /// γ = 0.5, r = 1, 2, 4: G₂ = 4, G₁ = 2 + 2 = 4, G₀ = 1 + 2 = 3.
+    #[test]
+    fn discounted_by_hand() {
+        let mut returns = [0.0; 3];
+        discounted(&[1.0, 2.0, 4.0], 0.5, &mut returns);
+        assert_eq!(returns, [3.0, 4.0, 4.0]);
+    }
+
+    /// γ = 0.5, r = 1, 2, 4, ρ = 2, 0.5, 3, no cap: G̃₂ = 3·4 = 12, G̃₁ = ½(2 + 6) = 4, G̃₀ = 2(1 + 2) = 6.
+    #[test]
+    fn per_decision_by_hand() {
+        assert_eq!(per_decision_of(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, None), [6.0, 4.0, 12.0]);
+    }
+
+    /// The same with c = 1. Products from 0: 2, 1, 3 → 1, 1, 1: G̃₀ = 1 + ½·2 + ¼·4 = 3. From 1: ½, 3/2 → ½, 1:
+    /// G̃₁ = ½·2 + ½·4 = 3. From 2: 3 → 1: G̃₂ = 4. Capping each factor instead would give G̃₀ = 1 + ½·½·2 + ¼·½·4 = 2.
+    #[test]
+    fn the_cap_is_on_products() {
+        assert_eq!(per_decision_of(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, Some(1.0)), [3.0, 3.0, 4.0]);
+    }
+
+    /// γ = 0.5, ρ = 2, 0.5, 3: ρ_{0:2} = 3, ρ_{1:2} = 1.5, ρ_2 = 3, times G = 3, 4, 4.
+    #[test]
+    fn ordinary_by_hand() {
+        let mut returns = [0.0; 3];
+        ordinary(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, None, &mut returns);
+        assert_eq!(returns, [9.0, 6.0, 12.0]);
+        ordinary(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, Some(1.0), &mut returns);
+        assert_eq!(returns, [3.0, 4.0, 4.0]);
+    }
+
+    proptest! {
+        #[test]
+        fn on_policy_all_forms_are_the_plain_return(rewards in prop::collection::vec(-2.0_f32..2.0, 1..60)) {
+            let ones = vec![1.0; rewards.len()];
+            let mut plain = ones.clone();
+            discounted(&rewards, 0.97, &mut plain);
+            for cap in [None, Some(1.0)] {
+                let weighted = per_decision_of(&ones, &rewards, 0.97, cap);
+                prop_assert!(plain.iter().zip(&weighted).all(|(a, b)| (a - b).abs() < 1e-3));
+            }
+        }
+
+        #[test]
+        fn a_cap_that_never_binds_changes_nothing(
+            steps in prop::collection::vec((0.2_f32..1.8, -1.0_f32..1.0), 1..20),
+        ) {
+            let (ratios, rewards): (Vec<f32>, Vec<f32>) = steps.into_iter().unzip();
+            let free = per_decision_of(&ratios, &rewards, 0.9, None);
+            let capped = per_decision_of(&ratios, &rewards, 0.9, Some(1e9));
+            prop_assert!(free.iter().zip(&capped).all(|(a, b)| (a - b).abs() < 1e-3 * (1.0 + a.abs())));
+        }
+    }
+}

@@ -1,0 +1,263 @@
+//! What is measured while a run goes on: returns, coverage of the state space, and whether the task counts as solved.
+
+use serde::{Deserialize, Serialize};
+
+use crate::agent::UpdateReport;
+use crate::env::Spec;
+use crate::experience::Episode;
+use crate::record::{EpisodeRow, RoundRow};
+
+/// The measures of one run so far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measures {
+    env_steps: u64,
+    coverage: Vec<Coverage>,
+    /// Entry n is the mean over agents of their n-th return.
+    team_returns: Vec<f64>,
+}
+
+/// When a task counts as solved: the mean over agents and over a full trailing window of episodes reaches a return.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Threshold {
+    /// The return to reach.
+    pub r#return: f64,
+    /// Episodes per agent in the window.
+    pub window: usize,
+}
+
+/// The rows that a round adds to the tables.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RoundRows {
+    /// One row an episode, in (agent, episode) order.
+    pub episodes: Vec<EpisodeRow>,
+    /// One row an agent.
+    pub updates: Vec<RoundRow>,
+}
+
+impl Measures {
+    /// Nothing measured yet, for a team of `agents`.
+    #[must_use]
+    pub fn new(spec: &Spec, agents: usize) -> Self {
+        Self { env_steps: 0, coverage: vec![Coverage::new(spec); agents], team_returns: Vec::new() }
+    }
+
+    /// Takes in a finished round.   `episodes` in (agent, episode) order, `reports: [K]`.
+    pub fn take_in(&mut self, spec: &Spec, round: u32, episodes: &[Episode], reports: &[UpdateReport]) -> RoundRows {
+        let episode_rows = episodes.iter().map(|episode| self.take_in_episode(spec, episode)).collect();
+        self.extend_team_returns(episodes);
+        let rows = self.coverage.iter().zip(reports).zip(0..);
+        let updates = rows.map(|((coverage, report), agent)| RoundRow {
+            agent,
+            round,
+            value_loss: report.value_loss,
+            policy_loss: report.policy_loss,
+            ratio_deviation: report.ratio_deviation,
+            clipped_fraction: report.clipped_fraction,
+            entropy: report.entropy,
+            coverage: coverage.fraction(),
+        });
+        RoundRows { episodes: episode_rows, updates: updates.collect() }
+    }
+
+    /// Steps of the whole team.
+    #[must_use]
+    pub fn env_steps(&self) -> u64 {
+        self.env_steps
+    }
+
+    /// Episodes that every agent has finished.
+    #[must_use]
+    pub fn episodes_per_agent(&self) -> usize {
+        self.team_returns.len()
+    }
+
+    /// The team's mean return over the last `window` episodes per agent, or over fewer where there are fewer.
+    #[must_use]
+    pub fn recent_return(&self, window: usize) -> Option<f64> {
+        let recent = &self.team_returns[self.team_returns.len().saturating_sub(window)..];
+        (!recent.is_empty()).then(|| mean(recent))
+    }
+
+    /// Episodes per agent after which the trailing window first reached the threshold.
+    #[must_use]
+    pub fn episodes_until(&self, threshold: Threshold) -> Option<usize> {
+        let windows = self.team_returns.windows(threshold.window);
+        windows.zip(threshold.window..).find(|(window, _)| mean(window) >= threshold.r#return).map(|(_, episodes)| episodes)
+    }
+
+    /// Each agent's coverage, from 0 to 1: `[K]`.
+    pub fn coverage(&self) -> impl Iterator<Item = f64> {
+        self.coverage.iter().map(Coverage::fraction)
+    }
+
+    /// The coverage of all agents together, from 0 to 1.
+    #[must_use]
+    pub fn team_coverage(&self) -> f64 {
+        let mut union = self.coverage[0].clone();
+        self.coverage[1..].iter().for_each(|other| union.join(other));
+        union.fraction()
+    }
+
+    fn take_in_episode(&mut self, spec: &Spec, episode: &Episode) -> EpisodeRow {
+        let coverage = &mut self.coverage[episode.agent as usize];
+        coverage.visit(spec, &episode.observations);
+        self.env_steps += episode.length() as u64;
+        EpisodeRow {
+            agent: episode.agent,
+            episode: episode.episode,
+            round: episode.round,
+            env_steps: self.env_steps,
+            r#return: episode.total_reward(),
+            length: episode.length() as u32,
+            outcome: episode.outcome,
+            coverage: coverage.fraction(),
+        }
+    }
+
+    fn extend_team_returns(&mut self, episodes: &[Episode]) {
+        let agents = self.coverage.len();
+        let each = episodes.len() / agents;
+        for index in 0..each {
+            let returns: Vec<f64> = (0..agents).map(|agent| episodes[agent * each + index].total_reward()).collect();
+            self.team_returns.push(mean(&returns));
+        }
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Which part of the state space was visited.
+///
+/// For each pair of observations, a fixed grid of 20 × 20 cells spans their display ranges; values beyond count in the outermost
+/// cells. The coverage is the visited share of cells, averaged over pairs, so it means the same in any dimension. A single
+/// observation has a grid of 20 cells.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Coverage {
+    /// One bit a cell.
+    visited: Vec<u64>,
+    cells: usize,
+}
+
+/// Cells along one axis.
+const CELLS: usize = 20;
+
+impl Coverage {
+    /// Nothing visited yet.
+    #[must_use]
+    pub fn new(spec: &Spec) -> Self {
+        let axes = spec.observation_width();
+        let cells = if axes == 1 { CELLS } else { axes * (axes - 1) / 2 * CELLS * CELLS };
+        Self { visited: vec![0; cells.div_ceil(64)], cells }
+    }
+
+    /// Visits states.   `observations: [N × observation width]`
+    pub fn visit(&mut self, spec: &Spec, observations: &[f32]) {
+        let mut bins = vec![0; spec.observation_width()];
+        for row in observations.chunks_exact(bins.len()) {
+            for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(&spec.observations) {
+                let [low, high] = quantity.range;
+                *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0) as usize;
+            }
+            self.mark(&bins);
+        }
+    }
+
+    /// Visited share, from 0 to 1.
+    #[must_use]
+    pub fn fraction(&self) -> f64 {
+        self.visited.iter().map(|word| f64::from(word.count_ones())).sum::<f64>() / self.cells as f64
+    }
+
+    /// Adds what another has visited.
+    pub fn join(&mut self, other: &Self) {
+        self.visited.iter_mut().zip(&other.visited).for_each(|(ours, theirs)| *ours |= theirs);
+    }
+
+    fn mark(&mut self, bins: &[usize]) {
+        if let [bin] = bins {
+            self.visited[0] |= 1 << bin;
+        }
+        let mut grid = 0;
+        for (index, first) in bins.iter().enumerate() {
+            for second in &bins[index + 1..] {
+                let cell = grid + first * CELLS + second;
+                self.visited[cell / 64] |= 1 << (cell % 64);
+                grid += CELLS * CELLS;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::env::{Quantity, Status};
+
+    fn spec(axes: usize) -> Spec {
+        let quantity = |index| Quantity { name: format!("o{index}"), unit: String::new(), range: [0.0, 20.0] };
+        Spec {
+            name: "test".into(),
+            description: String::new(),
+            observations: (0..axes).map(quantity).collect(),
+            actions: Vec::new(),
+            control_step: 0.1,
+            time_limit: 9,
+            reward_threshold: None,
+        }
+    }
+
+    fn episode(agent: u32, episode: u32, rewards: &[f32]) -> Episode {
+        let observations = vec![agent as f32; 2 * (rewards.len() + 1)];
+        Episode {
+            rewards: rewards.to_vec(),
+            observations,
+            outcome: Status::Terminated,
+            ..Episode::start(agent, episode, episode, &spec(2))
+        }
+    }
+
+    /// Three axes make three grids of 400 cells; the states (0.5, 1.5, 2.5) and (0.5, 1.5, 19.5) share a cell in the first.
+    #[test]
+    fn coverage_counts_cells_of_pairs() {
+        let mut coverage = Coverage::new(&spec(3));
+        coverage.visit(&spec(3), &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
+        assert!((coverage.fraction() - 5.0 / 1200.0).abs() < 1e-12);
+        coverage.visit(&spec(3), &[0.5, 1.5, 99.0]);
+        assert!((coverage.fraction() - 5.0 / 1200.0).abs() < 1e-12, "beyond the range counts in the outermost cell");
+    }
+
+    #[test]
+    fn one_axis_has_twenty_cells() {
+        let mut coverage = Coverage::new(&spec(1));
+        coverage.visit(&spec(1), &[0.5, 0.6, 7.0, -3.0]);
+        assert!((coverage.fraction() - 2.0 / 20.0).abs() < 1e-12);
+    }
+
+    /// Two agents, returns (1, 3), (2, 4), (6, 6): team means 2, 3, 6. A window of 2 first reaches 4 at episodes 2 and 3.
+    #[test]
+    fn a_threshold_needs_a_full_window() {
+        let mut measures = Measures::new(&spec(2), 2);
+        for (round, [a, b]) in [[1.0, 3.0], [2.0, 4.0], [6.0, 6.0]].into_iter().enumerate() {
+            let episodes = [episode(0, round as u32, &[a]), episode(1, round as u32, &[b])];
+            measures.take_in(&spec(2), round as u32, &episodes, &[UpdateReport::default(); 2]);
+        }
+        assert_eq!(measures.episodes_until(Threshold { r#return: 4.0, window: 2 }), Some(3));
+        assert_eq!(measures.episodes_until(Threshold { r#return: 2.0, window: 1 }), Some(1));
+        assert_eq!(measures.episodes_until(Threshold { r#return: 2.0, window: 4 }), None);
+        assert_eq!(measures.recent_return(2), Some(4.5));
+        assert_eq!(measures.env_steps(), 6);
+    }
+
+    /// Agent 0 saw (0, 0), agent 1 saw (1, 1): one cell each of 400, two together.
+    #[test]
+    fn team_coverage_is_the_union() {
+        let mut measures = Measures::new(&spec(2), 2);
+        let episodes = [episode(0, 0, &[1.0, 1.0]), episode(1, 0, &[1.0])];
+        let rows = measures.take_in(&spec(2), 0, &episodes, &[UpdateReport::default(); 2]);
+        assert_eq!(rows.episodes.iter().map(|row| row.env_steps).collect::<Vec<_>>(), [2, 3]);
+        assert!((rows.updates[1].coverage - 1.0 / 400.0).abs() < 1e-12);
+        assert!((measures.team_coverage() - 2.0 / 400.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,277 @@
+//! Runs: the loop of concurrent episodes, exchange, updates and records (thesis Alg. 3), and what surrounds it.
+//!
+//! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round, [`exchange`] shares its episodes,
+//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas may not enter.
+
+pub mod checkpoint;
+pub mod exchange;
+pub mod folder;
+pub mod measures;
+pub mod rollout;
+pub mod summary;
+pub mod trainer;
+pub mod weights;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use self::checkpoint::{Checkpoint, CheckpointError};
+use self::folder::RunFolder;
+use self::summary::{FINAL_WINDOW, Summary};
+use self::trainer::Trainer;
+use crate::env::description::Description;
+use crate::env::{self};
+use crate::input::{self, Document, InputError};
+use crate::record::rerun::{RecordingAbout, RerunRecorder};
+use crate::record::table::TableRecorder;
+use crate::record::{RecordError, Recorder, RoundRecord};
+use crate::scenario::{self, Scenario};
+
+/// A scenario with its task, read and checked: what will run.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The scenario's name: its file's stem.
+    pub name: String,
+    /// The scenario.
+    pub scenario: Scenario,
+    /// The task.
+    pub description: Description,
+    /// The text of the task's file.
+    pub environment_text: String,
+}
+
+/// How a plan is run; never what comes of it.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Where results go.
+    pub folder: RunFolder,
+    /// Go on from the folder's checkpoint.
+    pub resume: bool,
+    /// Threads for updates; 0 is one a core.
+    pub threads: usize,
+    /// Whether to write `run.rrd`.
+    pub recording: bool,
+}
+
+/// Told how far a run has come.
+pub trait Observer {
+    /// A round is finished.
+    fn round_finished(&mut self, progress: &Progress);
+}
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Episodes of each agent.
+    pub episodes_per_agent: usize,
+    /// Episodes of each agent after which the run ends at the latest.
+    pub at_most: usize,
+    /// The team's mean return over the last episodes.
+    pub recent_return: f64,
+    /// Steps of the whole team.
+    pub env_steps: u64,
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ending {
+    /// It reached the scenario's end.
+    Finished(Summary),
+    /// It was asked to stop, and can be resumed.
+    Interrupted {
+        /// Rounds finished.
+        rounds: u32,
+    },
+}
+
+/// What keeps a run from going on.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// What the user wrote is wrong.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A recording or table could not be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// A checkpoint could not be written or read.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// Another file of the run could not be written.
+    #[error("cannot write {path}: {error}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        error: std::io::Error,
+    },
+    /// The folder holds another run than the one to resume.
+    #[error("{0}")]
+    AnotherRun(String),
+}
+
+impl Plan {
+    /// Reads and checks a scenario and its task.
+    ///
+    /// # Errors
+    /// Whatever is wrong with either, with its place.
+    pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
+        let document = scenario::load(path, overrides)?;
+        let environment = scenario::environment_path(&document, path)?;
+        let description = env::load(&environment)?;
+        check(&document, &description)?;
+        Ok(Self {
+            name: path.file_stem().map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned()),
+            environment_text: input::read_text(&environment)?,
+            scenario: document.value,
+            description,
+        })
+    }
+
+    /// The default folder of its results.
+    #[must_use]
+    pub fn default_folder(&self) -> RunFolder {
+        RunFolder::new(Path::new("recordings").join(&self.name).join(format!("seed-{}", self.scenario.seed)))
+    }
+}
+
+/// Whether the algorithm fits the task, and the task the physics.
+fn check(document: &Document<Scenario>, description: &Description) -> Result<(), InputError> {
+    env::build(description, document.value.physics, 1).map(|_| ())
+}
+
+/// Runs a plan to its end, or until `interrupted` is set.
+///
+/// # Errors
+/// Something could not be read or written; what was written before stays readable.
+pub fn execute(
+    plan: &Plan,
+    options: &Options,
+    observer: &mut dyn Observer,
+    interrupted: &AtomicBool,
+) -> Result<Ending, RunError> {
+    let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
+    let mut recorders = if options.resume { resume(plan, options, &mut trainer)? } else { begin(plan, options, &trainer)? };
+    while !trainer.is_done() {
+        let played = trainer.play();
+        let rows = trainer.learn(played.episodes);
+        let round = RoundRecord {
+            round: trainer.rounds() - 1,
+            episodes: trainer.newest_episodes(),
+            episode_rows: &rows.episodes,
+            round_rows: &rows.updates,
+            footage: played.footage.as_ref(),
+        };
+        recorders.iter_mut().try_for_each(|recorder| recorder.record_round(&round))?;
+        observer.round_finished(&progress(plan, &trainer));
+        let interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
+        if interrupted || trainer.rounds().is_multiple_of(plan.scenario.checkpoint_every.get()) {
+            write_checkpoint(options, &trainer, &mut recorders)?;
+        }
+        if interrupted {
+            return Ok(Ending::Interrupted { rounds: trainer.rounds() });
+        }
+    }
+    finish(plan, options, &trainer, &mut recorders)
+}
+
+type Recorders = Vec<Box<dyn Recorder>>;
+
+fn begin(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<Recorders, RunError> {
+    let folder = &options.folder;
+    write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
+    write(&folder.environment(), plan.environment_text.as_bytes())?;
+    let mut recorders: Recorders = vec![Box::new(TableRecorder::create(folder.path())?)];
+    if options.recording {
+        let settings = &plan.scenario.recording;
+        let create = |about: &RecordingAbout<'_>| RerunRecorder::create(&folder.recording(), about, settings);
+        recorders.push(Box::new(with_about(plan, trainer, create)?));
+    }
+    Ok(recorders)
+}
+
+fn resume(plan: &Plan, options: &Options, trainer: &mut Trainer) -> Result<Recorders, RunError> {
+    let folder = &options.folder;
+    same_run(plan, options)?;
+    let checkpoint = Checkpoint::read(folder.path())?;
+    let damaged = |reason| CheckpointError { path: checkpoint::file(folder.path()), reason };
+    trainer.restore(&checkpoint.trainer).map_err(damaged)?;
+    let [table, recording @ ..] = checkpoint.recorders.as_slice() else {
+        return Err(damaged("holds no tables".to_owned()).into());
+    };
+    let mut recorders: Recorders = vec![Box::new(TableRecorder::resume(folder.path(), table)?)];
+    if let (true, [bytes]) = (options.recording, recording) {
+        let settings = &plan.scenario.recording;
+        let resume = |about: &RecordingAbout<'_>| RerunRecorder::resume(&folder.recording(), about, settings, bytes);
+        recorders.push(Box::new(with_about(plan, trainer, resume)?));
+    }
+    Ok(recorders)
+}
+
+/// A run may be resumed to a later end, but not as another run.
+fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
+    let path = options.folder.scenario();
+    let mut stored: Document<Scenario> = input::read(&path)?;
+    stored.value.stop = plan.scenario.stop;
+    let (stored, wanted) = (stored.value.resolved(), plan.scenario.resolved());
+    let differs = stored.lines().zip(wanted.lines()).find(|(stored, wanted)| stored != wanted);
+    let task = std::fs::read_to_string(options.folder.environment()).is_ok_and(|text| text != plan.environment_text);
+    match differs {
+        Some((stored, wanted)) => Err(RunError::AnotherRun(format!(
+            "{} holds another run, which cannot be resumed as this one: it has `{}`, this one has `{}`",
+            options.folder.path().display(),
+            stored.trim().trim_end_matches(','),
+            wanted.trim().trim_end_matches(',')
+        ))),
+        None if task => Err(RunError::AnotherRun(format!(
+            "the task `{}` has changed since the run in {} began",
+            plan.description.spec.name,
+            options.folder.path().display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingAbout<'_>) -> R) -> R {
+    let scenario = plan.scenario.resolved();
+    record(&RecordingAbout {
+        name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
+        spec: trainer.spec(),
+        scene: trainer.environment().scene(),
+        agents: trainer.agents().len() as u32,
+        run_seed: plan.scenario.seed,
+        scenario: &scenario,
+        properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
+    })
+}
+
+fn write_checkpoint(options: &Options, trainer: &Trainer, recorders: &mut Recorders) -> Result<(), RunError> {
+    let states: Result<Vec<Vec<u8>>, RecordError> = recorders.iter_mut().map(|recorder| recorder.checkpoint()).collect();
+    Ok(Checkpoint::new(trainer.save(), states?).write(options.folder.path())?)
+}
+
+/// Writes what only a finished run has; the summary comes last, because it says that the rest is there.
+fn finish(plan: &Plan, options: &Options, trainer: &Trainer, recorders: &mut Recorders) -> Result<Ending, RunError> {
+    write_checkpoint(options, trainer, recorders)?;
+    recorders.iter_mut().try_for_each(|recorder| recorder.finish())?;
+    let policies = options.folder.policies();
+    weights::write(&policies, trainer.agents()).map_err(|error| RunError::File { path: policies, error })?;
+    let summary = Summary::of(&plan.name, plan.scenario.seed, trainer);
+    let text = serde_json::to_string_pretty(&summary).map_err(std::io::Error::other);
+    let path = options.folder.summary();
+    let text = text.map_err(|error| RunError::File { path: path.clone(), error })?;
+    write(&path, format!("{text}\n").as_bytes())?;
+    Ok(Ending::Finished(summary))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    checkpoint::replace(path, bytes).map_err(|error| RunError::File { path: path.to_owned(), error })
+}
+
+fn progress(plan: &Plan, trainer: &Trainer) -> Progress {
+    Progress {
+        episodes_per_agent: trainer.measures().episodes_per_agent(),
+        at_most: plan.scenario.most_episodes() as usize,
+        recent_return: trainer.measures().recent_return(FINAL_WINDOW).unwrap_or(0.0),
+        env_steps: trainer.measures().env_steps(),
+    }
+}

@@ -1,0 +1,69 @@
+//! What came of a run, in a few numbers: `summary.json`.
+
+use serde::{Deserialize, Serialize};
+
+use super::trainer::Trainer;
+
+/// What came of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// The scenario's name.
+    pub scenario: String,
+    /// The task's name.
+    pub environment: String,
+    /// The run's seed.
+    pub seed: u64,
+    /// K.
+    pub agents: usize,
+    /// Rounds played.
+    pub rounds: u32,
+    /// Episodes of each agent.
+    pub episodes_per_agent: usize,
+    /// Steps of the whole team.
+    pub env_steps: u64,
+    /// When the task counts as solved, if anything says so.
+    pub solved_at: Option<SolvedAt>,
+    /// Episodes of each agent until then; none if it was not reached.
+    pub episodes_until_solved: Option<usize>,
+    /// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each.
+    pub final_return: f64,
+    /// Part of the state space that each agent visited, 0 to 1: `[K]`.
+    pub coverage: Vec<f64>,
+    /// Part of the state space that the team visited, 0 to 1.
+    pub team_coverage: f64,
+}
+
+/// When a task counts as solved.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SolvedAt {
+    /// Mean return over agents and over the window.
+    pub r#return: f64,
+    /// Episodes of each agent.
+    pub window: usize,
+}
+
+/// Episodes of each agent over which the final return is averaged.
+pub const FINAL_WINDOW: usize = 25;
+
+impl Summary {
+    /// The summary of a run so far.
+    #[must_use]
+    pub fn of(scenario: &str, seed: u64, trainer: &Trainer) -> Self {
+        let measures = trainer.measures();
+        let threshold = trainer.threshold();
+        Self {
+            scenario: scenario.to_owned(),
+            environment: trainer.spec().name.clone(),
+            seed,
+            agents: trainer.agents().len(),
+            rounds: trainer.rounds(),
+            episodes_per_agent: measures.episodes_per_agent(),
+            env_steps: measures.env_steps(),
+            solved_at: threshold.map(|threshold| SolvedAt { r#return: threshold.r#return, window: threshold.window }),
+            episodes_until_solved: threshold.and_then(|threshold| measures.episodes_until(threshold)),
+            final_return: measures.recent_return(FINAL_WINDOW).unwrap_or(0.0),
+            coverage: measures.coverage().collect(),
+            team_coverage: measures.team_coverage(),
+        }
+    }
+}

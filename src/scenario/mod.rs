@@ -1,0 +1,198 @@
+//! Scenarios: which environment, which team, which algorithm, for how long. The RON that a researcher writes.
+//!
+//! [`load`] reads a file and applies overrides; [`Scenario::resolved`] writes a scenario with every default spelled out.
+//! Building and running may not enter.
+
+mod overrides;
+
+use std::path::{Path, PathBuf};
+
+use ron::extensions::Extensions;
+use ron::ser::PrettyConfig;
+use serde::{Deserialize, Serialize};
+
+use crate::agent::{Algorithm, Team, seed_pg};
+use crate::env::Physics;
+use crate::input::numbers::{Count, Finite, known_count};
+use crate::input::{self, Document, InputError, Located};
+use crate::record::RecordingSettings;
+
+/// A scenario file: `Scenario(…)` in `scenarios/`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// The task: the stem of a file in `envs/`, or the path of a file.
+    pub environment: Located<String>,
+    /// Rigid bodies, or the closed-form twin where the task has one.
+    #[serde(default)]
+    pub physics: Physics,
+    /// How many agents, and how they differ.
+    #[serde(default)]
+    pub agents: Team,
+    /// How they learn.
+    #[serde(default = "default_algorithm")]
+    pub algorithm: Located<Algorithm>,
+    /// When agents learn.
+    #[serde(default)]
+    pub schedule: Schedule,
+    /// When the run ends.
+    #[serde(default)]
+    pub stop: Stop,
+    /// What the recording shows.
+    #[serde(default)]
+    pub recording: RecordingSettings,
+    /// Rounds between two checkpoints.
+    #[serde(default = "default_checkpoint_every")]
+    pub checkpoint_every: Count,
+    /// The run's seed, from which every random number derives.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+/// When agents learn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Schedule {
+    /// In rounds: when every agent has finished its episodes, all learn at once.
+    Synchronous {
+        /// Episodes of each agent in a round.
+        #[serde(default = "one")]
+        episodes: Count,
+    },
+}
+
+/// When the run ends.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Stop {
+    /// After so many episodes of each agent.
+    Episodes(Count),
+    /// When the mean over agents and over a full trailing window of episodes reaches a return.
+    Solved {
+        /// The return to reach.
+        r#return: Finite,
+        /// Episodes of each agent in the window.
+        #[serde(default = "default_window")]
+        window: Count,
+        /// Episodes of each agent after which the run ends even so.
+        at_most: Count,
+    },
+}
+
+impl Default for Schedule {
+    fn default() -> Self {
+        Self::Synchronous { episodes: one() }
+    }
+}
+
+impl Default for Stop {
+    fn default() -> Self {
+        Self::Episodes(known_count(200))
+    }
+}
+
+fn default_algorithm() -> Located<Algorithm> {
+    Algorithm::SeedPg(seed_pg::SeedPg::default()).into()
+}
+
+fn default_checkpoint_every() -> Count {
+    known_count(25)
+}
+
+fn default_window() -> Count {
+    known_count(25)
+}
+
+fn one() -> Count {
+    known_count(1)
+}
+
+/// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.
+///
+/// # Errors
+/// The file or an override is wrong.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, InputError> {
+    let mut document: Document<Scenario> = input::read(path)?;
+    for assignment in overrides {
+        document = overrides::apply(&document, assignment)?;
+    }
+    Ok(document)
+}
+
+/// The file that a scenario's `environment` names: a path, taken from the scenario's folder, or the stem of a file in the
+/// nearest folder `envs` on the way up from the scenario or from the working directory.
+///
+/// # Errors
+/// There is no such file; says where it was looked for and what there is.
+pub fn environment_path(scenario: &Document<Scenario>, scenario_path: &Path) -> Result<PathBuf, InputError> {
+    let name = &scenario.value.environment;
+    let folder = scenario_path.parent().unwrap_or(Path::new("."));
+    let starts = [folder.canonicalize().unwrap_or_default(), std::env::current_dir().unwrap_or_default()];
+    if name.ends_with(".ron") {
+        let path = folder.join(name.as_str());
+        if path.is_file() {
+            return Ok(path);
+        }
+        return Err(scenario.locate(name.complain(format!("no file {}", path.display()))));
+    }
+    let file = format!("{}.ron", name.as_str());
+    let found = starts.iter().find_map(|start| input::find_upwards(start, "envs", &file));
+    found.map(|path| shortened(&path)).ok_or_else(|| {
+        let known = known_environments(&starts);
+        scenario.locate(name.complain_unknown("environment", known.iter().map(String::as_str)))
+    })
+}
+
+impl Scenario {
+    /// The scenario as a file with every default spelled out.
+    ///
+    /// # Panics
+    /// Never: a scenario always serialises.
+    #[must_use]
+    pub fn resolved(&self) -> String {
+        let config = PrettyConfig::new().compact_arrays(true).extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
+        let text = ron::ser::to_string_pretty(self, config).expect("a scenario always serialises");
+        let body = text.split_once("\n(").map_or(text.as_str(), |(_, body)| body);
+        format!("Scenario({body}\n")
+    }
+
+    /// Episodes of each agent after which the run ends at the latest.
+    #[must_use]
+    pub fn most_episodes(&self) -> u32 {
+        match self.stop {
+            Stop::Episodes(count) | Stop::Solved { at_most: count, .. } => count.get(),
+        }
+    }
+}
+
+/// The stems of all files in the `envs` folders that would be searched.
+fn known_environments(starts: &[PathBuf]) -> Vec<String> {
+    let folders = starts.iter().flat_map(|start| start.ancestors()).map(|ancestor| ancestor.join("envs"));
+    let entries = folders.filter_map(|folder| std::fs::read_dir(folder).ok()).flatten().flatten().map(|entry| entry.path());
+    let files = entries.filter(|path| path.extension().is_some_and(|extension| extension == "ron"));
+    let mut stems: Vec<String> = files.filter_map(|path| path.file_stem()?.to_str().map(str::to_owned)).collect();
+    stems.sort();
+    stems.dedup();
+    stems
+}
+
+/// The path from the working directory, where it lies below.
+fn shortened(path: &Path) -> PathBuf {
+    let below = std::env::current_dir().ok().and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
+    below.unwrap_or_else(|| path.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shortest_scenario_resolves_to_one_that_reads_back_the_same() {
+        let short: Document<Scenario> = input::parse("test", r#"Scenario(environment: "cartpole")"#.to_owned()).unwrap();
+        let text = short.value.resolved();
+        assert!(text.starts_with("Scenario(\n    environment: \"cartpole\",\n"), "{text}");
+        assert!(text.contains("algorithm: SeedPg(\n"), "{text}");
+        let again: Document<Scenario> = input::parse("test", text).unwrap();
+        assert_eq!(short.value, again.value);
+    }
+}

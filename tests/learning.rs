@@ -1,0 +1,59 @@
+//! Teams learn, and a random team fails the same tests.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::Path;
+
+use seedbed::run::Plan;
+use seedbed::run::measures::Threshold;
+use seedbed::run::trainer::Trainer;
+
+/// Trains without a recording and returns the episodes per agent until the team's mean return over 25 episodes reached 195.
+fn episodes_until_solved(scenario: &str, overrides: &[&str], at_most: usize) -> Option<usize> {
+    let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(scenario);
+    let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
+    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 2).unwrap();
+    let threshold = Threshold { r#return: 195.0, window: 25 };
+    while trainer.measures().episodes_per_agent() < at_most && trainer.measures().episodes_until(threshold).is_none() {
+        let played = trainer.play();
+        trainer.learn(played.episodes);
+    }
+    trainer.measures().episodes_until(threshold)
+}
+
+#[test]
+fn four_agents_of_seed_pg_solve_the_cartpole() {
+    let episodes = episodes_until_solved("cartpole.ron", &[], 200);
+    assert!(episodes.is_some_and(|episodes| episodes <= 160), "{episodes:?}");
+}
+
+#[test]
+fn sixteen_agents_learn_faster() {
+    let episodes = episodes_until_solved("cartpole_16.ron", &[], 120);
+    assert!(episodes.is_some_and(|episodes| episodes <= 100), "{episodes:?}");
+}
+
+#[test]
+fn one_agent_of_simple_policy_gradient_solves_the_cartpole() {
+    let episodes = episodes_until_solved("cartpole_1.ron", &[], 600);
+    assert!(episodes.is_some_and(|episodes| episodes > 100), "{episodes:?}");
+}
+
+#[test]
+fn the_closed_form_cartpole_trains_as_well() {
+    let episodes = episodes_until_solved("cartpole.ron", &["physics=Analytic"], 200);
+    assert!(episodes.is_some_and(|episodes| episodes <= 160), "{episodes:?}");
+}
+
+#[test]
+fn a_random_team_solves_nothing() {
+    assert_eq!(episodes_until_solved("cartpole.ron", &["algorithm=Random"], 200), None);
+}
+
+/// Where a single update of Seed-PG has no data to learn from, nothing is learned.
+#[test]
+fn without_gradient_steps_nothing_is_learned() {
+    let frozen = ["algorithm.policy_optimiser.step_size=0", "algorithm.value_optimiser.step_size=0"];
+    assert_eq!(episodes_until_solved("cartpole.ron", &frozen, 200), None);
+}
