@@ -457,7 +457,7 @@ fn made_up_update(agent: u32, round: u32, skill: f64) -> RoundRow {
 
 /// A pole held up by a controller that heeds its state more often with growing skill.
 fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
-    let mut noise = Noise(u64::from(agent) << 32 | u64::from(round) << 8 | 1);
+    let mut noise = Noise((u64::from(agent) << 32) | (u64::from(round) << 8) | 1);
     let mut state = [0.0_f64; 4].map(|_| noise.symmetric() * 0.05);
     let mut episode = Episode {
         agent,

@@ -1,7 +1,8 @@
 //! Recordings: what a run leaves behind for people to look at and for tools to read.
 //!
 //! [`Recorder`] is what the loop talks to. [`rerun`] is the sole importer of the Rerun SDK and writes `run.rrd`;
-//! [`table`] writes `episodes.csv` and `rounds.csv`. Training may not enter.
+//! [`table`] writes `episodes.csv` and `rounds.csv`. [`visitation`] computes what pictures of visited states show, and
+//! [`palette`] gives each agent its colour. Training may not enter.
 
 pub mod palette;
 pub mod rerun;
@@ -57,7 +58,7 @@ pub trait Recorder {
     /// The file could not be written; what was written before stays readable.
     fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError>;
 
-    /// Brings everything recorded so far to disk and returns what [resuming](RoundRecord) the recording needs.
+    /// Brings everything recorded so far to disk and returns what is needed to go on with it after an interruption.
     ///
     /// # Errors
     /// The file could not be written.

@@ -170,9 +170,13 @@ impl Density {
         let (left, right) = (row(left), row(right));
         let width = self.pairs * self.gap + 1;
         let columns = if pair + 1 == self.pairs { self.gap + 1 } else { self.gap };
+        // Heights in 65,536ths of a pixel, so that no column needs a division.
+        let rise = (((right as i64) - (left as i64)) << 16) / self.gap as i64;
+        let mut height = ((left as i64) << 16) + (1 << 15);
         for column in 0..columns {
-            let y = (left * (self.gap - column) + right * column + self.gap / 2) / self.gap;
-            self.pixels[y * width + pair * self.gap + column] += count;
+            let pixel = (height >> 16) as usize * width + pair * self.gap + column;
+            self.pixels[pixel] += count;
+            height += rise;
         }
     }
 }

@@ -52,7 +52,8 @@ fn page(about: &RecordingAbout<'_>) -> String {
          {agents} concurrent agents learn in as many copies of one task and share what they experience. {description}\n\n\
          ## How to read this recording\n\n\
          - **States visited**: one upright axis for each observed quantity, one line across them for each state. Lines are \
-         a sample of the latest episodes; pictures count all states so far, brighter where more lines pass.\n\
+         a sample of the latest episodes, from dark (an episode's start) to bright (its end); \
+         pictures count all states so far, brighter where more lines pass.\n\
          - **Returns**: the sum of rewards of each episode. Each agent has one colour throughout.\n\
          - **In motion**: one episode in one picture, from dark (its start) to bright (its end).\n\
          - **Time** is counted in episodes. Choose `env_step` in the time panel to watch the bodies move.\n\n\
@@ -63,7 +64,7 @@ fn page(about: &RecordingAbout<'_>) -> String {
 }
 
 fn observations(spec: &Spec) -> String {
-    spec.observations.iter().map(|quantity| row(quantity, &ends(quantity))).collect()
+    spec.observations.iter().map(|quantity| row(quantity, &ends(quantity))).collect::<Vec<_>>().concat()
 }
 
 fn actions(spec: &Spec) -> String {
@@ -71,7 +72,8 @@ fn actions(spec: &Spec) -> String {
         Choice::Discrete(values) => format!("one of {values:?}"),
         Choice::Continuous => ends(quantity),
     };
-    spec.actions.iter().map(|action| row(&action.quantity, &range(&action.choice, &action.quantity))).collect()
+    let rows = spec.actions.iter().map(|action| row(&action.quantity, &range(&action.choice, &action.quantity)));
+    rows.collect::<Vec<_>>().concat()
 }
 
 fn ends(quantity: &Quantity) -> String {

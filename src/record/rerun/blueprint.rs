@@ -13,10 +13,10 @@ use rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Corne
 use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoint, Timeline};
 
+use super::axes::Lettering;
 use super::curves::UPDATE_CURVES;
 use super::rows::{ENV_STEP, EPISODE, ROUND, rgb, single_row};
 use super::sink::Fault;
-use super::visitation::Lettering;
 use crate::record::visitation::{Axes, HEIGHT, LineQuota};
 
 /// With more agents than this, lines and densities share their place.

@@ -16,7 +16,7 @@ use crate::record::palette::agent_color;
 use crate::record::{EpisodeRow, RoundRow};
 
 /// Rows written as one piece.
-const ROWS_PER_CHUNK: usize = 64;
+const ROWS_PER_CHUNK: usize = 256;
 
 /// Rounds over which the smooth curve of returns is averaged.
 const SMOOTH: usize = 25;

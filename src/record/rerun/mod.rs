@@ -1,9 +1,11 @@
-//! Writes `run.rrd`, a recording for the Rerun viewer and for queries. The sole importer of the Rerun SDK; training may not enter.
+//! Writes `run.rrd`, a recording for the Rerun viewer and for queries.
+//! The sole importer of the Rerun SDK; training may not enter.
 //!
 //! A recording in the making is `run.rrd.part`; it takes its final name when it is complete. Rows are collected and written in
 //! pieces, because each piece has a head of its own; [`checkpoint`](Recorder::checkpoint) writes them out.
 
 mod about;
+mod axes;
 mod blueprint;
 mod curves;
 mod opening;
@@ -12,6 +14,7 @@ mod resume;
 mod rounds;
 mod rows;
 mod scene;
+mod shapes;
 mod sink;
 mod visitation;
 
@@ -26,7 +29,7 @@ use self::raw::{RawColumns, RawTable};
 use self::resume::Progress;
 use self::scene::Film;
 use self::sink::{Fault, Sink, Storage};
-use self::visitation::Visits;
+use self::visitation::{Gallery, Visits};
 use super::visitation::{Axes, LineQuota};
 use super::{RecordError, Recorder, RecordingSettings, RoundRecord};
 use crate::env::{Scene, Spec};
@@ -62,6 +65,7 @@ pub struct RerunRecorder {
     run_seed: u64,
     time_limit: u32,
     agents: Vec<AgentTrack>,
+    team_pictures: Gallery,
     curves: Curves,
     film: Option<Film>,
     /// Everything that is still needed after an interruption, save the densities.
@@ -145,6 +149,7 @@ impl RerunRecorder {
             run_seed: about.run_seed,
             time_limit: about.spec.time_limit,
             agents: densities.map(track).collect(),
+            team_pictures: Gallery::of_team(),
             curves: Curves::new(about.agents as usize),
             film: filmed.map(|(settings, scene)| Film::new(settings.agent, scene)),
             progress,
@@ -178,10 +183,10 @@ impl RerunRecorder {
     }
 
     fn complete(&mut self) -> Result<(), Fault> {
-        self.write(true)?;
         if self.progress.latest.is_some() && !self.progress.pictured {
-            self.picture()?;
+            self.picture();
         }
+        self.write(true)?;
         self.sink.finish()?;
         fs::rename(&self.paths.part, &self.paths.done).map_err(|error| error.to_string())
     }

@@ -4,7 +4,7 @@ use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
 use rerun::log::{LogMsg, RowId};
 
 use super::sink::Fault;
-use super::{APPLICATION, RecordingAbout, RerunRecorder, about, blueprint, visitation};
+use super::{APPLICATION, RecordingAbout, RerunRecorder, about, axes, blueprint};
 use crate::record::Footage;
 
 impl RerunRecorder {
@@ -15,11 +15,12 @@ impl RerunRecorder {
         self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo { row_id: *RowId::new(), info }))?;
         let mut chunks = about::chunks(about)?.to_vec();
         let layout = self.layout(None);
-        chunks.extend(visitation::furniture(&self.axes, layout.wide_lettering(), layout.narrow_lettering())?);
+        chunks.extend(axes::furniture(&self.axes, layout.wide_lettering(), layout.narrow_lettering())?);
         chunks.extend(self.curves.styles()?);
         for (agent, track) in (0..).zip(&self.agents) {
-            chunks.push(track.visits.style(agent, self.quota.per_round)?);
+            chunks.extend(track.visits.styles(&self.axes, agent, self.quota.per_round)?);
         }
+        chunks.push(self.team_pictures.style(&self.axes)?);
         if let Some(film) = &self.film {
             chunks.extend(film.shapes()?);
         }

@@ -90,15 +90,14 @@ impl RawTable {
         is_last.push(true);
     }
 
-    /// Enough rows to be written.
-    pub(super) fn is_ready(&self) -> bool {
-        self.rows.moments.len() >= ROWS_PER_CHUNK
-    }
-
-    /// All rows that are still to be written.
-    pub(super) fn take(&mut self) -> Option<Result<Chunk, Fault>> {
+    /// If there are enough for a piece, or any and all are wanted.
+    pub(super) fn take(&mut self, all: bool) -> Option<Result<Chunk, Fault>> {
+        let least = if all { 1 } else { ROWS_PER_CHUNK };
+        if self.rows.moments.len() < least {
+            return None;
+        }
         let rows = std::mem::replace(&mut self.rows, Rows::of(&self.columns));
-        (rows.moments.len() > 0).then(|| rows.into_chunk(&self.entity, &self.columns))
+        Some(rows.into_chunk(&self.entity, &self.columns))
     }
 }
 

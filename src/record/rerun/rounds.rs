@@ -2,11 +2,9 @@
 
 use std::slice::Iter;
 
-use rerun::log::Chunk;
-
 use super::rows::Moment;
 use super::sink::Fault;
-use super::{RerunRecorder, visitation};
+use super::{AgentTrack, RerunRecorder};
 use crate::experience::Episode;
 use crate::random::{Purpose, stream};
 use crate::record::{EpisodeRow, RoundRecord};
@@ -19,23 +17,20 @@ impl RerunRecorder {
         }
         let mut rows = round.episode_rows.iter();
         for episodes in round.episodes.chunk_by(|one, next| one.agent == next.agent) {
-            self.take_in_episodes(round, episodes, &mut rows)?;
+            self.take_in_episodes(round, episodes, &mut rows);
         }
         let latest_episode = round.episodes.iter().map(|episode| episode.episode.into()).max();
         (self.progress.latest, self.progress.pictured) = (Some((round.round.into(), latest_episode.unwrap_or(0))), false);
         let end = self.now();
         self.curves.add_round(round.episode_rows, round.round_rows, end, &mut self.progress.latest_returns);
-        self.write(false)?;
-        if round.round.is_multiple_of(self.density_every) { self.picture() } else { Ok(()) }
+        if round.round.is_multiple_of(self.density_every) {
+            self.picture();
+        }
+        self.write(false)
     }
 
     /// Takes in one agent's episodes of a round.
-    fn take_in_episodes(
-        &mut self,
-        round: &RoundRecord<'_>,
-        episodes: &[Episode],
-        rows: &mut Iter<'_, EpisodeRow>,
-    ) -> Result<(), Fault> {
+    fn take_in_episodes(&mut self, round: &RoundRecord<'_>, episodes: &[Episode], rows: &mut Iter<'_, EpisodeRow>) {
         let mut random = stream(self.run_seed, Purpose::Recording, episodes[0].agent, round.round);
         for (index, episode) in episodes.iter().enumerate() {
             let lines = self.quota.of_episode(index, episodes.len());
@@ -46,9 +41,8 @@ impl RerunRecorder {
             if let Some(row) = rows.next() {
                 self.curves.add_episode(row, end);
             }
-            self.film_episode(round, episode, first)?;
+            self.film_episode(round, episode, first);
         }
-        Ok(())
     }
 
     /// The first and the last row of an episode on the timelines; the agent's next episode begins after them.
@@ -60,13 +54,11 @@ impl RerunRecorder {
         (first, end)
     }
 
-    fn film_episode(&mut self, round: &RoundRecord<'_>, episode: &Episode, first: Moment) -> Result<(), Fault> {
+    fn film_episode(&mut self, round: &RoundRecord<'_>, episode: &Episode, first: Moment) {
         let footage = round.footage.filter(|footage| (footage.agent, footage.episode) == (episode.agent, episode.episode));
-        if let (Some(film), Some(footage)) = (&self.film, footage) {
-            let chunks = film.develop(footage, first)?;
-            chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
+        if let (Some(film), Some(footage)) = (&mut self.film, footage) {
+            film.develop(footage, first);
         }
-        Ok(())
     }
 
     /// The end of the latest round, at the step of the agent that has gone furthest.
@@ -78,23 +70,21 @@ impl RerunRecorder {
 
     /// Writes those collected rows that make a good piece, or all.
     pub(super) fn write(&mut self, all: bool) -> Result<(), Fault> {
-        for track in &mut self.agents {
-            let raw = if all || track.raw.is_ready() { track.raw.take() } else { None };
-            let lines = if all || track.visits.is_ready() { track.visits.take_lines(&self.axes) } else { None };
-            raw.into_iter().chain(lines).try_for_each(|chunk| self.sink.send_chunk(&chunk?))?;
+        for AgentTrack { raw, visits } in &mut self.agents {
+            let chunks = [raw.take(all), visits.lines.take(&self.axes, all), visits.pictures.take(all)];
+            chunks.into_iter().flatten().try_for_each(|chunk| self.sink.send_chunk(&chunk?))?;
         }
-        self.curves.take(all).try_for_each(|chunk| self.sink.send_chunk(&chunk?))
+        let filmed = self.film.as_mut().map_or(Ok(Vec::new()), |film| film.take(all))?;
+        filmed.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
+        let mut team = self.team_pictures.take(all).into_iter().chain(self.curves.take(all));
+        team.try_for_each(|chunk| self.sink.send_chunk(&chunk?))
     }
 
     /// Pictures all states visited so far.
-    pub(super) fn picture(&mut self) -> Result<(), Fault> {
+    pub(super) fn picture(&mut self) {
         let now = self.now();
-        let mut chunks: Vec<Chunk> = Vec::new();
-        for track in &mut self.agents {
-            chunks.push(track.visits.picture(&self.axes, now)?);
-        }
-        chunks.push(visitation::team_picture(self.agents.iter_mut().map(|track| &mut track.visits), &self.axes, now)?);
+        self.agents.iter_mut().for_each(|track| track.visits.picture(now));
+        self.team_pictures.hang_sum(&self.axes, self.agents.iter_mut().map(|track| &mut track.visits), now);
         self.progress.pictured = true;
-        chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))
     }
 }

@@ -7,7 +7,6 @@ use rerun::external::arrow::buffer::{NullBuffer, OffsetBuffer, ScalarBuffer};
 use rerun::external::arrow::datatypes::{DataType, Field};
 use rerun::external::nohash_hasher::IntMap;
 use rerun::log::{Chunk, ChunkComponents, ChunkId, RowId};
-use rerun::time::TimeInt;
 use rerun::{
     AsComponents, Color, ComponentDescriptor, EntityPath, SerializedComponentColumn, TimeColumn, TimePoint, Timeline,
     TimelineName,
@@ -94,15 +93,6 @@ pub(super) fn timeless(entity: impl Into<EntityPath>, content: &dyn AsComponents
 }
 
 /// A single row.
-pub(super) fn single(entity: impl Into<EntityPath>, at: Moment, content: &dyn AsComponents) -> Result<Chunk, Fault> {
-    let time = |value| TimeInt::new_temporal(value);
-    let point = TimePoint::default()
-        .with(Timeline::new_sequence(ENV_STEP), time(at.env_step))
-        .with(Timeline::new_sequence(EPISODE), time(at.episode))
-        .with(Timeline::new_sequence(ROUND), time(at.round));
-    single_row(entity, point, content)
-}
-
 pub(super) fn single_row(
     entity: impl Into<EntityPath>,
     at: impl Into<TimePoint>,

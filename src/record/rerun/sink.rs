@@ -135,6 +135,7 @@ impl Write for Synced {
 #[cfg(test)]
 mod tests {
     use std::io::Cursor;
+    use std::sync::atomic::{AtomicUsize, Ordering};
     use std::sync::{Arc, Mutex};
 
     use rerun::external::re_log_encoding::rrd::DecoderApp;
@@ -147,13 +148,19 @@ mod tests {
     #[derive(Clone)]
     struct Disk {
         bytes: Arc<Mutex<Vec<u8>>>,
-        room: usize,
+        room: Arc<AtomicUsize>,
+    }
+
+    impl Disk {
+        fn used(&self) -> usize {
+            self.bytes.lock().unwrap().len()
+        }
     }
 
     impl Write for Disk {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             let mut held = self.bytes.lock().unwrap();
-            let fitting = bytes.len().min(self.room - held.len());
+            let fitting = bytes.len().min(self.room.load(Ordering::Relaxed) - held.len());
             held.extend(&bytes[..fitting]);
             if fitting == 0 { Err(io::ErrorKind::StorageFull.into()) } else { Ok(fitting) }
         }
@@ -179,7 +186,7 @@ mod tests {
     }
 
     fn filled(room: usize, messages: u64) -> (Disk, Sink, Result<(), Fault>) {
-        let disk = Disk { bytes: Arc::default(), room };
+        let disk = Disk { bytes: Arc::default(), room: Arc::new(room.into()) };
         let mut sink = Sink::new(StoreId::recording("test", "test"), Box::new(disk.clone())).unwrap();
         let chunk = timeless(EntityPath::from("text"), &TextDocument::new("some words")).unwrap();
         let sent = (0..messages).try_for_each(|_| sink.send_chunk(&chunk));
@@ -197,35 +204,32 @@ mod tests {
         let (disk, mut sink, sent) = filled(10_000, 1000);
         assert_eq!(sent, Err(full()));
         assert!(sink.messages() > 3);
-        let before = disk.bytes.lock().unwrap().len();
+        let before = disk.used();
         assert!(before < 10_000);
         assert_eq!(readable(&disk), sink.messages());
         assert_eq!((sink.sync(), sink.finish()), (Err(full()), Err(full())));
         drop(sink);
-        assert_eq!(disk.bytes.lock().unwrap().len(), before);
+        assert_eq!(disk.used(), before);
     }
 
     #[test]
     fn an_index_that_does_not_fit_is_left_out() {
-        let (full, mut sink, sent) = filled(1_000_000, 10);
+        let (disk, mut sink, sent) = filled(1_000_000, 10);
         sent.unwrap();
-        let without_index = full.bytes.lock().unwrap().len();
-        sink.finish().unwrap();
-        assert!(full.bytes.lock().unwrap().len() > without_index + 100);
-
-        let (disk, mut sink, _) = filled(without_index + 100, 10);
-        sink.finish().unwrap_err();
+        let without_index = disk.used();
+        disk.room.store(without_index + 100, Ordering::Relaxed);
+        assert_eq!(sink.finish(), Err(full()));
         drop(sink);
-        assert_eq!(disk.bytes.lock().unwrap().len(), without_index);
+        assert_eq!(disk.used(), without_index);
         assert_eq!(readable(&disk), 10);
     }
 
     #[test]
     fn a_dropped_sink_is_indexed() {
         let (disk, sink, _) = filled(1_000_000, 10);
-        let without_index = disk.bytes.lock().unwrap().len();
+        let without_index = disk.used();
         drop(sink);
-        assert!(disk.bytes.lock().unwrap().len() > without_index);
+        assert!(disk.used() > without_index);
         assert_eq!(readable(&disk), 10);
     }
 }
