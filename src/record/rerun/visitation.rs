@@ -34,7 +34,8 @@ pub(super) struct Lines {
     entity: EntityPath,
     moments: Moments,
     points: Vec<f32>,
-    lines_per_row: Vec<usize>,
+    /// One a row.
+    counts: Vec<usize>,
 }
 
 /// Pictures that are still to be written.
@@ -64,7 +65,7 @@ impl Visits {
             }
         }
         self.lines.moments.push(end);
-        self.lines.lines_per_row.push(picked.len());
+        self.lines.counts.push(picked.len());
     }
 
     /// Pictures all states so far.
@@ -81,7 +82,7 @@ impl Visits {
 impl Lines {
     fn new(entity: &EntityPath) -> Self {
         let entity = entity.join(&"lines".into());
-        Self { entity, moments: Moments::default(), points: Vec::new(), lines_per_row: Vec::new() }
+        Self { entity, moments: Moments::default(), points: Vec::new(), counts: Vec::new() }
     }
 
     /// If there are enough for a piece, or any and all are wanted.
@@ -90,7 +91,7 @@ impl Lines {
             return None;
         }
         let (moments, points) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.points));
-        let lines_per_row = std::mem::take(&mut self.lines_per_row);
+        let lines_per_row = std::mem::take(&mut self.counts);
         let points_per_line = vec![axes.all().len(); lines_per_row.iter().sum()];
         if points_per_line.is_empty() {
             return None;
