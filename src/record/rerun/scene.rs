@@ -102,7 +102,7 @@ impl Film {
         });
         let all = bounds(lying).map_or(acted, |lying| united(acted, lying));
         let margin = 0.1 * extent(acted);
-        let near = widened(acted, extent(acted) + margin);
+        let near = widened(acted, 3.0 * extent(acted) + margin);
         let [left, right, top, bottom] = widened(all, margin);
         Some([left.max(near[0]), right.min(near[1]), top.max(near[2]), bottom.min(near[3])])
     }
