@@ -35,8 +35,9 @@ impl Geometry {
     #[must_use]
     pub fn touch(&self, one: usize, other: usize, frames: &[Frame]) -> bool {
         let (one, other) = (&self.surfaces[one], &self.surfaces[other]);
-        let contact = query::contact(&one.pose_in(frames), &*one.form, &other.pose_in(frames), &*other.form, TOLERANCE);
-        contact.is_ok_and(|contact| contact.is_some())
+        // Not `query::contact`, which is wrong where the second form is a half-space.
+        let distance = query::distance(&one.pose_in(frames), &*one.form, &other.pose_in(frames), &*other.form);
+        distance.is_ok_and(|distance| distance <= TOLERANCE)
     }
 
     /// Distance, m, to the first surface of the world or of another body than the ray's own. `frames`: `[bodies]`
