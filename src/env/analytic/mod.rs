@@ -63,7 +63,7 @@ impl<E: Equations> ClosedForm<E> {
     fn new(equations: E, description: &Description, copies: usize) -> Self {
         Self {
             equations,
-            motors: description.actuators.iter().map(Motor::new).collect(),
+            motors: description.actuators.iter().filter_map(Motor::new).collect(),
             tree: Tree::new(description),
             state: State { live: vec![false; copies], rows: vec![[0.0; 4]; copies] },
             columns: JointColumns::new(description.joints.len(), copies),
@@ -135,9 +135,10 @@ impl<E: Equations> Dynamics for ClosedForm<E> {
 }
 
 impl Motor {
-    fn new(actuator: &super::description::Actuator) -> Self {
-        let Drive::JointForce(joint) = actuator.drive;
-        Self { joint, gear: actuator.gear }
+    /// None for what a twin cannot drive, which [`check`] refuses.
+    fn new(actuator: &super::description::Actuator) -> Option<Self> {
+        let Drive::JointForce(joint) = actuator.drive else { return None };
+        Some(Self { joint, gear: actuator.gear })
     }
 }
 

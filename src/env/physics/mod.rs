@@ -1,11 +1,13 @@
 //! Rigid bodies: the sole importer of Rapier and Parry.
 //!
-//! M copies of a task stand in one world at the same place, so that one step of the solver serves them all, four in a vector;
+//! Tasks whose copies need worlds of their own are `contact`'s. M copies of any other stand in one world at the same place, so that one step of the solver serves them all, four in a vector;
 //! without colliders nothing of one copy can meet another. (Offsetting the copies would round their coordinates differently.)
 //! Numbers cross to Rapier's types in this folder only. Observations, rewards and agents may not enter.
 
 mod batch;
 mod body;
+mod contact;
+mod geometry;
 mod joint;
 mod shape;
 
@@ -14,6 +16,8 @@ use serde::{Deserialize, Serialize};
 
 use self::batch::Batch;
 use self::body::SavedBody;
+pub use self::contact::ContactWorlds;
+pub use self::geometry::Geometry;
 use self::joint::Hold;
 pub use self::shape::inertial;
 use super::Pose;
@@ -142,7 +146,7 @@ impl Dynamics for RigidBodies {
 impl Plan {
     fn new(description: &Description, tree: &Tree) -> Self {
         let holds: Vec<_> = tree.links().iter().map(Hold::new).collect();
-        let motors: Vec<_> = description.actuators.iter().map(Motor::new).collect();
+        let motors: Vec<_> = description.actuators.iter().filter_map(Motor::new).collect();
         let mut driven: Vec<_> = motors.iter().flat_map(|motor| holds[motor.joint].bodies()).collect();
         driven.sort_unstable();
         driven.dedup();
@@ -161,9 +165,10 @@ impl Plan {
 }
 
 impl Motor {
-    fn new(actuator: &Actuator) -> Self {
-        let Drive::JointForce(joint) = actuator.drive;
-        Self { joint, gear: actuator.gear as f32 }
+    /// None for forces on bodies, which only worlds with contacts know.
+    fn new(actuator: &Actuator) -> Option<Self> {
+        let Drive::JointForce(joint) = actuator.drive else { return None };
+        Some(Self { joint, gear: actuator.gear as f32 })
     }
 }
 
