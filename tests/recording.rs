@@ -404,7 +404,7 @@ fn cart_pole() -> Spec {
 }
 
 fn cart_and_pole() -> Scene {
-    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), shapes };
+    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), fixed: name == "rail", shapes };
     Scene {
         bodies: vec![
             body("rail", vec![Shape::Polyline(vec![[-2.4, 0.0], [2.4, 0.0]])]),

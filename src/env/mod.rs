@@ -160,6 +160,8 @@ pub struct Scene {
 pub struct SceneBody {
     /// The body's name in its file.
     pub name: String,
+    /// Whether it stands still throughout.
+    pub fixed: bool,
     /// Shapes in the body's own frame.
     pub shapes: Vec<Shape>,
 }

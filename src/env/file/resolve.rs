@@ -147,8 +147,8 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, Complaint> {
 /// The world first, if there is anything of it to draw, then every body. None if nothing has a shape.
 fn scene(file: &Environment, bodies: &[description::Body]) -> Option<Scene> {
     let standing = file.scenery.iter().chain(file.colliders.iter().map(|collider| &*collider.geom));
-    let world = SceneBody { name: WORLD.to_owned(), shapes: standing.map(shape).collect() };
-    let drawn = bodies.iter().map(|body| SceneBody { name: body.name.clone(), shapes: body.shapes.clone() });
+    let world = SceneBody { name: WORLD.to_owned(), fixed: true, shapes: standing.map(shape).collect() };
+    let drawn = bodies.iter().map(|body| SceneBody { name: body.name.clone(), fixed: false, shapes: body.shapes.clone() });
     let bodies: Vec<_> = Some(world).filter(|world| !world.shapes.is_empty()).into_iter().chain(drawn).collect();
     bodies.iter().any(|body| !body.shapes.is_empty()).then_some(Scene { bodies })
 }

@@ -96,15 +96,13 @@ impl Film {
     pub(super) fn view(&self, footage: &Footage) -> Option<[f32; 4]> {
         let moving = self.placed_shapes(footage).filter_map(|(shape, pose)| Some((outline(shape)?, pose)));
         let acted = bounds(moving)?;
-        let lying = self.placed_shapes(footage).filter_map(|(shape, pose)| match shape {
-            Shape::Polyline(points) => Some((points.clone(), pose)),
+        // A rail belongs to the picture; ground that goes on for ever does not.
+        let lines = self.placed_shapes(footage).filter_map(|(shape, pose)| match shape {
+            Shape::Polyline(points) => bounds([(points.clone(), pose)].into_iter()),
             _ => None,
         });
-        let all = bounds(lying).map_or(acted, |lying| united(acted, lying));
-        let margin = 0.1 * extent(acted);
-        let near = widened(acted, 3.0 * extent(acted) + margin);
-        let [left, right, top, bottom] = widened(all, margin);
-        Some([left.max(near[0]), right.min(near[1]), top.max(near[2]), bottom.min(near[3])])
+        let all = lines.filter(|line| extent(*line) <= 5.0 * extent(acted)).fold(acted, united);
+        Some(widened(all, 0.1 * extent(acted)))
     }
 
     fn placed_shapes<'a>(&'a self, footage: &'a Footage) -> impl Iterator<Item = (&'a Shape, Pose)> {
@@ -128,7 +126,7 @@ impl Film {
 
     /// What only lies about is grey; of the others, neighbours differ.
     fn color(&self, index: usize) -> [u8; 3] {
-        let is_ground = |body: &SceneBody| body.shapes.iter().all(|shape| matches!(shape, Shape::Polyline(_)));
+        let is_ground = |body: &SceneBody| body.fixed;
         let before = self.bodies[..index].iter().filter(|body| !is_ground(body)).count();
         match (is_ground(&self.bodies[index]), before % 2) {
             (true, _) => GROUND_COLOR,
