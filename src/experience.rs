@@ -93,11 +93,6 @@ impl SharedBuffer {
         self.rounds.push(episodes);
     }
 
-    /// All kept episodes in (round, agent) order.
-    pub fn episodes(&self) -> impl Iterator<Item = &Episode> {
-        self.rounds.iter().flatten()
-    }
-
     /// The episodes of the newest round, in agent order.
     #[must_use]
     pub fn newest_round(&self) -> &[Episode] {

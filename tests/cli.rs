@@ -81,16 +81,8 @@ fn a_run_leaves_what_is_promised() {
     let mut names: Vec<String> =
         std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
-    let promised = [
-        "checkpoint",
-        "environment.ron",
-        "episodes.csv",
-        "policies.safetensors",
-        "rounds.csv",
-        "run.rrd",
-        "scenario.ron",
-        "summary.json",
-    ];
+    let promised =
+        ["checkpoint", "envs", "episodes.csv", "policies.safetensors", "rounds.csv", "run.rrd", "scenario.ron", "summary.json"];
     assert_eq!(names, promised);
 
     let episodes = std::fs::read_to_string(path.join("episodes.csv")).unwrap();
@@ -104,7 +96,7 @@ fn a_run_leaves_what_is_promised() {
     let weights = std::fs::read(path.join("policies.safetensors")).unwrap();
     let tensors = safetensors::SafeTensors::deserialize(&weights).unwrap();
     assert_eq!(tensors.tensor("agent_1.policy.layer_0.weight").unwrap().shape(), [4, 32]);
-    assert_eq!(tensors.names().len(), 2 * 2 * 3 * 2, "agents × networks × layers × (weight, bias)");
+    assert_eq!(tensors.names().len(), 2 * (2 * 3 * 2 + 2), "agents × (networks × layers × (weight, bias) + moments)");
 
     let said = stdout(&output);
     for word in ["finished", "solved", "return", "coverage", "results", "recording"] {
@@ -112,17 +104,28 @@ fn a_run_leaves_what_is_promised() {
     }
 }
 
-/// The resolved scenario, run again, gives the same episodes.
+/// The resolved scenario, run again, gives the same episodes, whatever has become of the task's file since.
 #[test]
 fn the_resolved_scenario_repeats_the_run() {
     let folder = tempfile::tempdir().unwrap();
-    let (first, second) = (folder.path().join("first"), folder.path().join("second"));
-    assert!(small_run(&first, &["--no-recording"]).status.success());
-    let resolved = first.join("scenario.ron");
-    let output = seedbed(&["run", resolved.to_str().unwrap(), "--no-recording", "--out", second.to_str().unwrap()]);
-    assert!(output.status.success(), "{}", stderr(&output));
+    let (lab, first, second) = (folder.path().join("lab"), folder.path().join("first"), folder.path().join("second"));
+    std::fs::create_dir_all(lab.join("envs")).unwrap();
+    let task = std::fs::read_to_string("envs/cartpole.ron").unwrap();
+    std::fs::write(lab.join("envs/cartpole.ron"), &task).unwrap();
+    let scenario = lab.join("short.ron");
+    std::fs::write(&scenario, r#"Scenario(environment: "cartpole", stop: Episodes(6))"#).unwrap();
+
+    let run = |scenario: &Path, out: &Path| {
+        let output = seedbed(&["run", scenario.to_str().unwrap(), "--no-recording", "--out", out.to_str().unwrap()]);
+        assert!(output.status.success(), "{}", stderr(&output));
+    };
+    run(&scenario, &first);
+    std::fs::write(lab.join("envs/cartpole.ron"), task.replace("mass: 0.1", "mass: 0.3")).unwrap();
+    run(&first.join("scenario.ron"), &second);
     let read = |folder: &Path| std::fs::read_to_string(folder.join("episodes.csv")).unwrap();
     assert_eq!(read(&first), read(&second));
+    run(&scenario, &folder.path().join("third"));
+    assert_ne!(read(&first), read(&folder.path().join("third")), "the other task does make a difference");
 }
 
 #[test]
@@ -134,10 +137,8 @@ fn nothing_is_overwritten_unasked() {
 
     let refused = small_run(&path, &["--no-recording", "--seed", "1"]);
     assert_eq!(refused.status.code(), Some(2));
-    let expected = format!(
-        "error: {} holds a finished run; keep both with --seed N or --out DIR, replace it with --overwrite\n",
-        path.display()
-    );
+    let expected =
+        format!("error: {} holds a finished run; keep both with another --out, replace it with --overwrite\n", path.display());
     assert_eq!(stderr(&refused), expected);
     assert_eq!(std::fs::read(path.join("episodes.csv")).unwrap(), before);
 
@@ -153,9 +154,11 @@ fn nothing_is_overwritten_unasked() {
 fn a_folder_of_other_files_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("thesis.tex"), "precious").unwrap();
-    let refused = small_run(folder.path(), &[]);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(stderr(&refused).contains("is not empty"), "{}", stderr(&refused));
+    for more in [&[][..], &["--overwrite"], &["--resume"]] {
+        let refused = small_run(folder.path(), more);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(stderr(&refused).contains("is not empty"), "{}", stderr(&refused));
+    }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
@@ -202,4 +205,74 @@ fn preview_records_a_task_without_training() {
     let mistyped = seedbed(&["preview", "cartpol"]);
     assert_eq!(mistyped.status.code(), Some(2));
     assert!(stderr(&mistyped).ends_with("  = help: did you mean `cartpole`?\n"), "{}", stderr(&mistyped));
+}
+
+#[test]
+fn numbers_that_cease_to_be_finite_end_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let exploding = ["--set", "agents.seeds=Normal(sigma: 1e30)", "--no-recording"];
+    let output = small_run(&folder.path().join("learning"), &exploding);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(stderr(&output).contains("ceased to be finite in round"), "{}", stderr(&output));
+    assert!(!folder.path().join("learning/summary.json").exists());
+
+    std::fs::create_dir(folder.path().join("envs")).unwrap();
+    let task = std::fs::read_to_string("envs/cartpole.ron").unwrap().replace("reward: \"1\"", "reward: \"1 / (x - x)\"");
+    std::fs::write(folder.path().join("envs/absurd.ron"), task).unwrap();
+    let scenario = folder.path().join("absurd.ron");
+    std::fs::write(&scenario, r#"Scenario(environment: "absurd")"#).unwrap();
+    let out = folder.path().join("simulation");
+    let output = seedbed(&["run", scenario.to_str().unwrap(), "--no-recording", "--out", out.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(stderr(&output).contains("the reward of agent 0 ceased to be finite in its episode 0"), "{}", stderr(&output));
+}
+
+#[test]
+fn one_run_at_a_time_writes_to_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let claim = seedbed::run::folder::RunFolder::new(folder.path().join("run")).claim().unwrap();
+    let output = small_run(&folder.path().join("run"), &["--overwrite"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("another seedbed is writing to"), "{}", stderr(&output));
+    drop(claim);
+    assert!(
+        small_run(&folder.path().join("run"), &["--no-recording"]).status.success(),
+        "a run that broke off is in nobody's way"
+    );
+}
+
+#[test]
+fn settings_that_contradict_each_other_are_refused() {
+    for (setting, said) in [
+        ("algorithm.policy_loss=SimplePg", "`policy_loss: SimplePg` is sound only with"),
+        ("algorithm.hidden=[]", "`hidden` names no layer"),
+        ("stop=Solved(return: 195, window: 25, at_most: 10)", "expected a window of at most the 10 episodes"),
+        ("recording.scene.agent=9", "expected an agent from 0 to 3"),
+        ("recording.scene.every=0", "expected a whole number from 1 to"),
+        ("agents.count=4000000000", "expected a whole number from 1 to 10000"),
+        ("algorithm.discount=1e-300", "beyond what single precision can hold"),
+    ] {
+        let output = seedbed(&["run", "scenarios/cartpole.ron", "--set", setting]);
+        assert_eq!(output.status.code(), Some(2), "{setting}: {}", stderr(&output));
+        assert!(stderr(&output).contains(said), "{setting}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn a_reader_who_has_seen_enough_is_no_error() {
+    let command = format!("{} list | head -1", env!("CARGO_BIN_EXE_seedbed"));
+    let output = Command::new("sh").args(["-c", &command]).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    assert_eq!(stderr(&output), "");
+}
+
+#[test]
+fn an_unknown_environment_is_answered_with_those_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wrong.ron");
+    std::fs::write(&path, "Scenario(\n    environment: \"cartpol\",\n)").unwrap();
+    let output = seedbed(&["check", path.to_str().unwrap()]);
+    let said = stderr(&output);
+    let place = format!("error: {}:2:19: in `environment`: no environment is named `cartpol`, expected one of ", path.display());
+    assert!(output.status.code() == Some(2) && said.starts_with(&place) && said.contains("`cartpole`, "), "{said}");
+    assert!(said.ends_with("\n  = help: did you mean `cartpole`?\n"), "{said}");
 }

@@ -77,7 +77,7 @@ fn a_killed_run_resumes_to_the_same_bits() {
 #[test]
 fn only_the_same_run_resumes() {
     let (_guard, folder, _) = folders();
-    let long = ["--set", "stop=Episodes(100000)", "--set", "checkpoint_every=1", "--no-recording"];
+    let long = ["--set", "stop=Episodes(100000)", "--set", "checkpoint_every=5", "--no-recording"];
     let mut child = seedbed(&folder, &long).spawn().unwrap();
     wait_for(&mut child, &folder.join("checkpoint/state.bin"));
     child.kill().unwrap();
@@ -85,7 +85,15 @@ fn only_the_same_run_resumes() {
 
     let other = seedbed(&folder, &["--no-recording", "--resume", "--set", "algorithm.discount=0.9"]).status().unwrap();
     assert_eq!(other.code(), Some(2));
-    finish(seedbed(&folder, &["--no-recording", "--resume", "--set", "checkpoint_every=1", "--set", "stop=Episodes(1)"]));
+    let before = std::fs::read_to_string(folder.join("rounds.csv")).unwrap().lines().count() / 4;
+    let resume = |episodes: usize| {
+        let stop = format!("stop=Episodes({episodes})");
+        seedbed(&folder, &["--no-recording", "--resume", "--set", "checkpoint_every=5", "--set", &stop]).status().unwrap()
+    };
+    assert_eq!(resume(1).code(), Some(2), "an end that has passed");
+    assert!(resume(before + 50).success());
+    let stop = format!("stop: Episodes({})", before + 50);
+    assert!(std::fs::read_to_string(folder.join("scenario.ron")).unwrap().contains(&stop), "the stored scenario tells the truth");
 }
 
 fn wait_for(child: &mut Child, file: &Path) {

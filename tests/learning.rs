@@ -16,8 +16,8 @@ fn episodes_until_solved(scenario: &str, overrides: &[&str], at_most: usize) -> 
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 2).unwrap();
     let threshold = Threshold { r#return: 195.0, window: 25 };
     while trainer.measures().episodes_per_agent() < at_most && trainer.measures().episodes_until(threshold).is_none() {
-        let played = trainer.play();
-        trainer.learn(played.episodes);
+        let played = trainer.play().unwrap();
+        trainer.learn(played.episodes).unwrap();
     }
     trainer.measures().episodes_until(threshold)
 }
@@ -51,7 +51,7 @@ fn a_random_team_solves_nothing() {
     assert_eq!(episodes_until_solved("cartpole.ron", &["algorithm=Random"], 200), None);
 }
 
-/// Where a single update of Seed-PG has no data to learn from, nothing is learned.
+/// Learning is due to the gradient steps: without them the same team solves nothing.
 #[test]
 fn without_gradient_steps_nothing_is_learned() {
     let frozen = ["algorithm.policy_optimiser.step_size=0", "algorithm.value_optimiser.step_size=0"];

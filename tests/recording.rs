@@ -15,6 +15,7 @@ use rerun::log::{Chunk, LogMsg};
 use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 use seedbed::env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
 use seedbed::experience::Episode;
+use seedbed::input::numbers::known_count;
 use seedbed::record::rerun::{RecordingAbout, RerunRecorder};
 use seedbed::record::{EpisodeRow, Footage, Recorder, RecordingSettings, RoundRecord, RoundRow};
 
@@ -48,7 +49,7 @@ fn no_more_lines_are_visible_than_wanted() {
     let folder = tempfile::tempdir().unwrap();
     let run = Run::new(2, 70);
     for wanted in [0, 7, 120, 1000] {
-        let settings = RecordingSettings { lines: wanted, ..RecordingSettings::default() };
+        let settings = RecordingSettings { lines: known_count(wanted), ..RecordingSettings::default() };
         let contents = Contents::of(&record(&run, folder.path(), &settings));
         let lines = contents.lines_per_row("/visitation/agent_1/lines", "LineStrips2D:strips");
         let most = lines.windows(50.min(wanted.max(1) as usize)).map(|window| window.iter().sum::<usize>()).max();
@@ -60,7 +61,7 @@ fn no_more_lines_are_visible_than_wanted() {
 #[test]
 fn pictures_come_as_often_as_wanted_and_at_the_end() {
     let folder = tempfile::tempdir().unwrap();
-    let settings = RecordingSettings { density_every: 5, ..RecordingSettings::default() };
+    let settings = RecordingSettings { density_every: known_count(5), ..RecordingSettings::default() };
     let contents = Contents::of(&record(&Run::new(2, 12), folder.path(), &settings));
     for entity in ["/visitation/agent_0/density", "/visitation/agent_1/density", "/visitation/team/density"] {
         assert_eq!(contents.times(entity, "round"), [0, 5, 10, 11]);

@@ -9,6 +9,8 @@ mod policy;
 pub mod random;
 pub mod seed_pg;
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::env::Spec;
@@ -56,7 +58,7 @@ pub enum Algorithm {
 #[serde(default, deny_unknown_fields)]
 pub struct Team {
     /// K.
-    pub count: Count,
+    pub count: Count<10_000>,
     /// What an agent's own perturbations of the rewards are drawn from.
     pub seeds: SeedDistribution,
     /// How networks start.
@@ -112,7 +114,7 @@ pub struct Tensor<'a> {
     /// Row-major.
     pub shape: Vec<usize>,
     /// The numbers.
-    pub values: &'a [f32],
+    pub values: Cow<'a, [f32]>,
 }
 
 impl Algorithm {
@@ -122,6 +124,17 @@ impl Algorithm {
         match self {
             Self::SeedPg(config) => Box::new(seed_pg::SeedPgAgent::new(config, member)),
             Self::Random => Box::new(random::RandomAgent::new(member.spec)),
+        }
+    }
+
+    /// Says what is wrong with a configuration that no single field can tell.
+    ///
+    /// # Errors
+    /// A sentence for the user.
+    pub fn check(&self) -> Result<(), String> {
+        match self {
+            Self::SeedPg(config) => config.check(),
+            Self::Random => Ok(()),
         }
     }
 

@@ -1,6 +1,10 @@
 //! A network that learns: its shape, parameters, optimiser, and the seed that it may be pulled back to.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
+
+use super::Tensor;
 
 use crate::nn::{Activations, Adam, AdamSettings, Mlp};
 
@@ -58,6 +62,12 @@ impl Network {
     /// The output layer's weights and biases.
     pub(super) fn output_layer(&mut self) -> (&mut [f32], &mut [f32]) {
         self.mlp.output_layer(&mut self.learned.parameters)
+    }
+
+    /// The parameters layer by layer, named after the network's `role`.
+    pub(super) fn tensors<'a>(&'a self, role: &'a str) -> impl Iterator<Item = Tensor<'a>> {
+        let tensors = self.mlp.tensors(&self.learned.parameters);
+        tensors.map(move |(name, shape, values)| Tensor { name: format!("{role}.{name}"), shape, values: Cow::Borrowed(values) })
     }
 
     pub(super) fn learned(&self) -> &Learned {

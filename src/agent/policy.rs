@@ -112,8 +112,7 @@ impl Policy {
     }
 
     pub(super) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
-        let named = |(name, shape, values)| Tensor { name: format!("policy.{name}"), shape, values };
-        self.network.mlp().tensors(self.network.parameters()).map(named)
+        self.network.tensors("policy")
     }
 
     pub(super) fn network(&self) -> &Network {

@@ -13,7 +13,7 @@ use super::network::{Learned, Network};
 use super::policy::{self, Policy};
 use super::{ActScratch, Agent, Membership, Tensor, UpdateReport};
 use crate::experience::{Episode, SharedBuffer};
-use crate::input::numbers::{Count, Fraction, NonNegative, Positive, known, known_count};
+use crate::input::numbers::{Count, Fraction, NonNegative, Positive, PositiveFraction, known, known_count};
 use crate::nn::{AdamSettings, Mlp, PopArt};
 use crate::random::{Purpose, Stream, stream};
 use crate::rl::policy_loss::{self, Surrogate};
@@ -63,9 +63,9 @@ pub struct SeedPg {
     /// γ
     pub discount: Fraction,
     /// Units of the hidden layers, of both networks.
-    pub hidden: Vec<Count>,
+    pub hidden: Vec<Count<4096>>,
     /// Passes over the data of a round.
-    pub epochs: Count,
+    pub epochs: Count<10_000>,
     /// λ, the pull of both networks back to their seeds θ̂ and φ̂.
     pub regularisation: NonNegative,
     /// Spread of continuous actions at the start, as a part of half their range.
@@ -167,10 +167,29 @@ pub enum ReturnNormalisation {
     PopArt {
         /// β, how far the moments move at each minibatch.
         #[serde(default = "default_beta")]
-        beta: Fraction,
+        beta: PositiveFraction,
     },
     /// Not at all.
     Raw,
+}
+
+impl SeedPg {
+    /// Says which parameters contradict each other.
+    ///
+    /// # Errors
+    /// A sentence for the user.
+    pub fn check(&self) -> Result<(), String> {
+        let on_policy = self.policy_data == Data::Own && self.epochs.get() == 1;
+        if self.policy_loss == PolicyLoss::SimplePg && !on_policy {
+            return Err("`policy_loss: SimplePg` is sound only with `policy_data: Own` and `epochs: 1`: it does not weigh samples by how \
+                        likely the policy is to act so"
+                .to_owned());
+        }
+        if self.hidden.is_empty() {
+            return Err("`hidden` names no layer; expected at least one, such as `hidden: [32, 32]`".to_owned());
+        }
+        Ok(())
+    }
 }
 
 impl Default for SeedPg {
@@ -202,7 +221,7 @@ fn default_clip() -> NonNegative {
     known(0.2)
 }
 
-fn default_beta() -> Fraction {
+fn default_beta() -> PositiveFraction {
     known(0.1)
 }
 
@@ -409,9 +428,10 @@ impl Agent for SeedPgAgent {
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let value = self.value.mlp().tensors(self.value.parameters());
-        let named = |(name, shape, values)| Tensor { name: format!("value.{name}"), shape, values };
-        self.policy.tensors().chain(value.map(named)).collect()
+        let moments = [("mean", self.normaliser.mean()), ("deviation", self.normaliser.deviation())];
+        let moments =
+            moments.map(|(name, moment)| Tensor { name: format!("value.{name}"), shape: vec![1], values: vec![moment].into() });
+        self.policy.tensors().chain(self.value.tensors("value")).chain(moments).collect()
     }
 
     fn save(&self) -> Vec<u8> {

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use super::{BenchArgs, Failure};
 use crate::input::InputError;
-use crate::run::Plan;
 use crate::run::trainer::Trainer;
+use crate::run::{Plan, RunError};
 
 /// What one run came to.
 struct Outcome {
@@ -19,33 +19,34 @@ struct Outcome {
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let plans: Result<Vec<Plan>, InputError> = args.scenarios.iter().map(|path| Plan::load(path, &args.overrides)).collect();
-    let pool = ThreadPoolBuilder::new().num_threads(args.jobs.unwrap_or(0)).build();
+    let pool = ThreadPoolBuilder::new().num_threads(args.jobs.map_or(0, usize::from)).build();
     let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
-    println!("Episodes per agent until solved, of {} seeds from {} on:\n", args.seeds, args.first_seed);
-    println!("| scenario | K | solved | median | least | most | env steps/s of one thread |");
-    println!("|---|---|---|---|---|---|---|");
-    for plan in plans? {
-        let seeds = args.first_seed..args.first_seed + args.seeds;
-        let outcomes: Result<Vec<Outcome>, InputError> =
+    let plans = plans?;
+    say!("Episodes per agent until solved, of {} seeds from {} on:\n", args.seeds, args.first_seed);
+    say!("| scenario | K | solved | median | least | most | env steps/s of one thread |");
+    say!("|---|---|---|---|---|---|---|");
+    for plan in plans {
+        let seeds = args.first_seed..args.first_seed.saturating_add(args.seeds);
+        let outcomes: Result<Vec<Outcome>, RunError> =
             pool.install(|| seeds.into_par_iter().map(|seed| outcome(&plan, seed)).collect());
-        println!("{}", row(&plan, &outcomes?));
+        say!("{}", row(&plan, &outcomes?));
     }
     Ok(())
 }
 
 /// Trains once, on one thread and without a recording, until the task is solved or the scenario ends.
-fn outcome(plan: &Plan, seed: u64) -> Result<Outcome, InputError> {
+fn outcome(plan: &Plan, seed: u64) -> Result<Outcome, RunError> {
     let mut plan = plan.clone();
     plan.scenario.seed = seed;
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
     let started = Instant::now();
-    let until = |trainer: &Trainer| trainer.threshold().and_then(|threshold| trainer.measures().episodes_until(threshold));
-    while !trainer.is_done() && until(&trainer).is_none() {
-        let played = trainer.play();
-        trainer.learn(played.episodes);
+    while !trainer.is_done() && !trainer.is_solved() {
+        let played = trainer.play()?;
+        trainer.learn(played.episodes)?;
     }
     let seconds = started.elapsed().as_secs_f64();
-    Ok(Outcome { episodes: until(&trainer), env_steps: trainer.measures().env_steps(), seconds })
+    let episodes = trainer.is_solved().then(|| trainer.measures().episodes_per_agent());
+    Ok(Outcome { episodes, env_steps: trainer.measures().env_steps(), seconds })
 }
 
 /// Seeds that did not solve the task count as slower than all that did, so the median stays honest.

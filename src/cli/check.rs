@@ -12,7 +12,7 @@ pub(super) fn check(files: &[PathBuf]) -> Result<(), Failure> {
     let mut wrong = 0;
     for path in files {
         match check_file(path) {
-            Ok(said) => println!("ok: {}: {said}", path.display()),
+            Ok(said) => say!("ok: {}: {said}", path.display()),
             Err(error) => {
                 wrong += 1;
                 eprintln!("error: {error}");

@@ -22,51 +22,51 @@ pub(super) fn list(what: Option<Listed>) {
 }
 
 fn environments() {
-    println!("Environments (envs/)");
+    say!("Environments (envs/)");
     for path in ron_files(Path::new("envs")) {
         match env::load(&path) {
             Ok(description) => print_environment(&description.spec),
-            Err(error) => println!("  {}\n      cannot be used: {error}", path.display()),
+            Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
         }
     }
-    println!();
+    say!("");
 }
 
 fn print_environment(spec: &env::Spec) {
-    println!("  {}\n      {}", spec.name, spec.description);
+    say!("  {}\n      {}", spec.name, spec.description);
     for quantity in &spec.observations {
         let [low, high] = quantity.range;
-        println!("      observes  {:<12} {low} to {high} {}", quantity.name, quantity.unit);
+        say!("      observes  {:<12} {low} to {high} {}", quantity.name, quantity.unit);
     }
-    println!("      acts      {}", actions(spec));
-    println!("      {} steps of {} s at most", spec.time_limit, spec.control_step);
+    say!("      acts      {}", actions(spec));
+    say!("      {} steps of {} s at most", spec.time_limit, spec.control_step);
 }
 
 fn scenarios() {
-    println!("Scenarios (scenarios/)");
+    say!("Scenarios (scenarios/)");
     for path in ron_files(Path::new("scenarios")) {
         match Plan::load(&path, &[]) {
             Ok(plan) => {
                 let (agents, task) = (plan.scenario.agents.count.get(), &plan.description.spec.name);
-                println!(
+                say!(
                     "  {:<32} {agents} agents in {task}, {} episodes each at most",
                     path.display(),
                     plan.scenario.most_episodes()
                 );
             }
-            Err(error) => println!("  {}\n      cannot be used: {error}", path.display()),
+            Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
         }
     }
-    println!();
+    say!("");
 }
 
 fn algorithms() {
-    println!("Algorithms (`algorithm:` in a scenario)");
+    say!("Algorithms (`algorithm:` in a scenario)");
     for catalogued in Algorithm::catalogue() {
-        println!("  {}\n      {}", catalogued.name, catalogued.purpose);
+        say!("  {}\n      {}", catalogued.name, catalogued.purpose);
         for parameter in &catalogued.parameters {
-            println!("      {:<18} {}", parameter.name, parameter.meaning);
-            println!("      {:<18}   default {}", "", parameter.default);
+            say!("      {:<18} {}", parameter.name, parameter.meaning);
+            say!("      {:<18}   default {}", "", parameter.default);
         }
     }
 }

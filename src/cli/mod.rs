@@ -2,6 +2,11 @@
 //!
 //! Exit codes: 0 done, 1 the work failed, 2 the input is wrong. Science may not enter.
 
+/// Prints a line; a reader who has seen enough, such as `head`, ends the command quietly.
+macro_rules! say {
+    ($($words:tt)*) => { $crate::cli::say_line(format_args!($($words)*)) };
+}
+
 mod bench;
 mod check;
 mod list;
@@ -9,6 +14,7 @@ mod preview;
 mod progress;
 mod run;
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -70,8 +76,8 @@ struct RunArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Threads for updates; the results do not depend on it [default: one a core]
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// Replace one value of the scenario, such as agents.count=16; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
@@ -99,7 +105,7 @@ struct PreviewArgs {
     environment: String,
     /// How many episodes
     #[arg(long, value_name = "N", default_value_t = 3)]
-    episodes: u32,
+    episodes: u64,
     /// Seed of the starts and actions
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -120,14 +126,14 @@ struct BenchArgs {
     #[arg(required = true)]
     scenarios: Vec<PathBuf>,
     /// How many seeds
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     seeds: u64,
     /// The first of them
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=u64::MAX - 100_000))]
     first_seed: u64,
     /// Runs at once, each on one thread [default: one a core]
-    #[arg(long, value_name = "N")]
-    jobs: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
     /// Replace one value of every scenario, such as agents.count=16; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
@@ -182,6 +188,16 @@ pub fn main() -> ExitCode {
     }
 }
 
+fn say_line(line: std::fmt::Arguments<'_>) {
+    if let Err(error) = writeln!(std::io::stdout(), "{line}") {
+        if error.kind() == std::io::ErrorKind::BrokenPipe {
+            std::process::exit(0);
+        }
+        eprintln!("error: cannot write to the standard output: {error}");
+        std::process::exit(1);
+    }
+}
+
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
         Self::Input(error.to_string())
@@ -192,7 +208,9 @@ impl From<RunError> for Failure {
     fn from(error: RunError) -> Self {
         match error {
             RunError::Input(_) | RunError::AnotherRun(_) => Self::Input(error.to_string()),
-            RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. } => Self::Work(error.to_string()),
+            RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. } | RunError::Diverged(_) => {
+                Self::Work(error.to_string())
+            }
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::scenario;
 
 pub(super) fn preview(args: &PreviewArgs) -> Result<(), Failure> {
     let description = env::load(&task_file(&args.environment)?)?;
-    let episodes = Count::try_from(args.episodes).map_err(Failure::Input)?;
+    let episodes = Count::try_from(args.episodes).map_err(|message| Failure::Input(format!("--episodes: {message}")))?;
     let physics = if args.analytic { Physics::Analytic } else { Physics::Rapier };
     let path = args.out.clone().unwrap_or_else(|| default_path(&description.spec.name));
     if let Some(folder) = path.parent() {
@@ -20,9 +20,9 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), Failure> {
     let rows = preview::record(&description, physics, episodes, args.seed, &path)?;
     for row in rows {
         let outcome = format!("{:?}", row.outcome).to_lowercase();
-        println!("episode {}: {} steps, return {:.3}, {outcome}", row.episode, row.length, row.r#return);
+        say!("episode {}: {} steps, return {:.3}, {outcome}", row.episode, row.length, row.r#return);
     }
-    println!("look at it with\n  rerun {}", path.display());
+    say!("look at it with\n  rerun {}", path.display());
     Ok(())
 }
 

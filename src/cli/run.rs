@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::progress::{Bar, Silent};
 use super::{Failure, RunArgs};
-use crate::run::folder::{Contents, RunFolder};
+use crate::run::folder::{Claim, Contents, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
 use crate::run::{self, Ending, Observer, Options, Plan};
 
@@ -16,45 +16,64 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
     let plan = Plan::load(&args.scenario, &overrides)?;
     let folder = args.out.as_ref().map_or_else(|| plan.default_folder(), RunFolder::new);
-    make_room(args, &folder)?;
-    let options = Options { folder, resume: args.resume, threads: args.threads.unwrap_or(0), recording: !args.no_recording };
+    let claim = make_room(args, &folder)?;
+    let threads = args.threads.map_or(0, usize::from);
+    let options = Options { folder, resume: args.resume, threads, recording: !args.no_recording };
     let started = Instant::now();
     let ending =
         if args.quiet { execute(&plan, &options, &mut Silent)? } else { execute(&plan, &options, &mut Bar::new(&plan))? };
     match ending {
-        Ending::Interrupted { rounds } => Err(Failure::Work(format!(
-            "interrupted after {rounds} rounds; go on with\n  seedbed run {} --resume{}",
-            args.scenario.display(),
-            args.out.as_ref().map(|out| format!(" --out {}", out.display())).unwrap_or_default()
-        ))),
+        Ending::Interrupted { rounds } => {
+            Err(Failure::Work(format!("interrupted after {rounds} rounds; go on with\n  {}", resuming_command(args))))
+        }
         Ending::Finished(summary) => {
+            claim.release().map_err(|error| Failure::Work(error.to_string()))?;
             if !args.quiet {
-                print(&summary, &options.folder, args.no_recording, started.elapsed().as_secs_f64());
+                print(&summary, &options.folder, started.elapsed().as_secs_f64());
             }
             Ok(())
         }
     }
 }
 
-/// Sees to it that nothing is overwritten unasked.
-fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<(), Failure> {
-    let shown = folder.path().display();
-    let elsewhere = "keep both with --seed N or --out DIR, replace it with --overwrite";
-    match folder.contents() {
-        Contents::FinishedRun if args.resume => {
-            Err(Failure::Input(format!("the run in {shown} is finished; there is nothing to resume")))
-        }
-        Contents::FinishedRun if !args.overwrite => Err(Failure::Input(format!("{shown} holds a finished run; {elsewhere}"))),
-        Contents::UnfinishedRun if !args.resume && !args.overwrite => {
-            Err(Failure::Input(format!("{shown} holds a run that was interrupted; go on with --resume, {elsewhere}")))
-        }
-        Contents::Nothing | Contents::Other if args.resume => {
-            Err(Failure::Input(format!("{shown} holds no checkpoint to resume from; start afresh without --resume")))
-        }
-        Contents::Other if !args.overwrite => Err(Failure::Input(format!("{shown} is not empty; {elsewhere}"))),
-        _ if args.overwrite => folder.clear().map_err(|error| Failure::Work(format!("cannot clear {shown}: {error}"))),
-        _ => Ok(()),
+/// What was typed, and `--resume`.
+fn resuming_command(args: &RunArgs) -> String {
+    let quoted = |word: String| if word.contains([' ', '(', '\'', '"', '*']) { format!("'{word}'") } else { word };
+    let mut words: Vec<String> = std::env::args().map(quoted).filter(|word| word != "--overwrite").collect();
+    if !args.resume {
+        words.push("--resume".to_owned());
     }
+    words.join(" ")
+}
+
+/// Claims the folder, and sees to it that nothing is overwritten unasked.
+fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Failure> {
+    let shown = folder.path().display();
+    let before = folder.contents();
+    let elsewhere = if args.out.is_some() { "another --out" } else { "another --seed or --out" };
+    let choice = format!("keep both with {elsewhere}, replace it with --overwrite");
+    let refusal = match (before, args.resume, args.overwrite) {
+        (Contents::Other, _, _) => Some(format!("{shown} is not empty, and what it holds is of no run; choose {elsewhere}")),
+        (Contents::FinishedRun, true, _) => Some(format!("the run in {shown} is finished; there is nothing to resume")),
+        (Contents::Nothing | Contents::BrokenOffRun, true, _) => {
+            Some(format!("{shown} holds no checkpoint to resume from; start afresh without --resume"))
+        }
+        (Contents::FinishedRun, false, false) => Some(format!("{shown} holds a finished run; {choice}")),
+        (Contents::UnfinishedRun, false, false) => {
+            Some(format!("{shown} holds a run that was interrupted; go on with --resume, {choice}"))
+        }
+        _ => None,
+    };
+    if let Some(refusal) = refusal {
+        return Err(Failure::Input(refusal));
+    }
+    let fault = |error: std::io::Error| Failure::Work(format!("cannot write to {shown}: {error}"));
+    let claim = folder.claim().map_err(fault)?;
+    let claim = claim.ok_or_else(|| Failure::Input(format!("another seedbed is writing to {shown}; choose {elsewhere}")))?;
+    if !args.resume && before != Contents::Nothing {
+        folder.clear().map_err(fault)?;
+    }
+    Ok(claim)
 }
 
 fn execute(plan: &Plan, options: &Options, observer: &mut dyn Observer) -> Result<Ending, Failure> {
@@ -77,20 +96,20 @@ fn interruption() -> Arc<AtomicBool> {
     interrupted
 }
 
-fn print(summary: &Summary, folder: &RunFolder, no_recording: bool, seconds: f64) {
+fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
     let Summary { agents, episodes_per_agent, env_steps, final_return, .. } = summary;
     let rate = *env_steps as f64 / seconds;
-    println!(
+    say!(
         "finished   {episodes_per_agent} episodes of {agents} agents, {env_steps} env steps in {seconds:.1} s ({rate:.0} a second)"
     );
-    println!("solved     {}", solved(summary));
-    println!("return     {final_return:.1}, mean over the team's last {} episodes", FINAL_WINDOW.min(*episodes_per_agent));
-    println!("coverage   {}", coverage(summary));
-    println!("results    {}", folder.path().display());
-    if !no_recording {
-        let recording = folder.recording();
-        println!("recording  {} ({}); look at it with", recording.display(), size(&recording));
-        println!("             rerun {}", recording.display());
+    say!("solved     {}", solved(summary));
+    say!("return     {final_return:.1}, mean over the team's last {} episodes", FINAL_WINDOW.min(*episodes_per_agent));
+    say!("coverage   {}", coverage(summary));
+    say!("results    {}", folder.path().display());
+    let recording = folder.recording();
+    if recording.is_file() {
+        say!("recording  {} ({}); look at it with", recording.display(), size(&recording));
+        say!("             rerun {}", recording.display());
     }
 }
 

@@ -91,7 +91,8 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError>
 /// # Errors
 /// The file cannot be read.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
-    std::fs::read_to_string(path).map_err(|error| InputError {
+    let text = std::fs::read_to_string(path).map(|text| text.trim_start_matches('\u{feff}').to_owned());
+    text.map_err(|error| InputError {
         origin: path.display().to_string(),
         position: None,
         field: String::new(),
@@ -130,7 +131,8 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
             let line = before.matches('\n').count() + 1;
             let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
             let opening = text[offset..].split_whitespace().next().unwrap_or_default();
-            let found = if opening.is_empty() { "is empty".to_owned() } else { format!("opens with `{opening}`") };
+            let shown: String = opening.chars().take(40).flat_map(char::escape_debug).collect();
+            let found = if opening.is_empty() { "is empty".to_owned() } else { format!("opens with `{shown}`") };
             Err(InputError {
                 origin: origin.to_owned(),
                 position: (!opening.is_empty()).then(|| position(text, line, column)),
@@ -366,14 +368,14 @@ fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
         }
         ron::Error::MissingStructField { field, .. } => format!("missing field `{field}`"),
         ron::Error::DuplicateStructField { field, .. } => format!("field `{field}` stands here twice"),
-        ron::Error::ExpectedInteger => "expected a whole number".to_owned(),
+        ron::Error::ExpectedInteger | ron::Error::InvalidIntegerDigit { .. } => "expected a whole number".to_owned(),
         ron::Error::ExpectedFloat => "expected a number".to_owned(),
         ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd if splits_number(at) => {
             "expected a whole number, found a fraction".to_owned()
         }
         ron::Error::ExpectedComma => "expected a comma or the end of the list of fields".to_owned(),
         ron::Error::TrailingCharacters => "unexpected text after the end".to_owned(),
-        ron::Error::IntegerOutOfBounds => "this whole number is too large or below zero".to_owned(),
+        ron::Error::IntegerOutOfBounds => "this whole number is below zero or beyond 64 bits".to_owned(),
         other => lowercased(&other.to_string()),
     };
     (message, None)
@@ -407,12 +409,12 @@ fn excerpt(position: &Position) -> (usize, String) {
     const WIDTH: usize = 100;
     let lead = position.column.saturating_sub(1);
     let start = lead.saturating_sub(WIDTH / 2);
-    let shown = position.text.chars().skip(start).take(WIDTH).map(|c| if c == '\t' { ' ' } else { c }).collect();
+    let shown = position.text.chars().skip(start).take(WIDTH).map(|c| if c.is_control() { ' ' } else { c }).collect();
     (lead - start, shown)
 }
 
 fn first_word(text: &str) -> &str {
-    let mut rest = text.trim_start_matches('\u{feff}').trim_start();
+    let mut rest = text.trim_start();
     loop {
         let skipped = if let Some(comment) = rest.strip_prefix("//") {
             comment.find('\n').map_or("", |end| &comment[end..])

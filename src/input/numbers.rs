@@ -29,11 +29,14 @@ macro_rules! ranged_number {
 
             fn try_from(value: f64) -> Result<Self, String> {
                 let holds: fn(f64) -> bool = $holds;
-                if value.is_finite() && holds(value) {
-                    Ok(Self(value))
-                } else {
-                    Err(format!(concat!("expected ", $expected, ", found {}"), value))
+                if !value.is_finite() || !holds(value) {
+                    return Err(format!(concat!("expected ", $expected, ", found {:?}"), value));
                 }
+                // Physics and learning run in single precision.
+                if !(value as f32).is_finite() || (value != 0.0 && (value as f32).abs() < f32::MIN_POSITIVE) {
+                    return Err(format!("{value:e} is beyond what single precision can hold"));
+                }
+                Ok(Self(value))
             }
         }
 
@@ -64,18 +67,30 @@ ranged_number!(
     "a number from 0 to 1"
 );
 ranged_number!(
+    /// A number above 0 and at most 1.
+    PositiveFraction,
+    |value| value > 0.0 && value <= 1.0,
+    "a number above 0 and at most 1"
+);
+ranged_number!(
+    /// A number from 0 to less than 1: how much of the past is kept.
+    Decay,
+    |value| (0.0..1.0).contains(&value),
+    "a number of at least 0 and below 1"
+);
+ranged_number!(
     /// Any number but infinity and NaN.
     Finite,
     |_| true,
     "a finite number"
 );
 
-/// A count of at least 1.
+/// A count from 1 to `MOST`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(try_from = "u32", into = "u32")]
-pub struct Count(u32);
+#[serde(try_from = "u64", into = "u64")]
+pub struct Count<const MOST: u32 = 1_000_000>(u32);
 
-impl Count {
+impl<const MOST: u32> Count<MOST> {
     /// The count itself.
     #[must_use]
     pub const fn get(self) -> u32 {
@@ -83,17 +98,18 @@ impl Count {
     }
 }
 
-impl TryFrom<u32> for Count {
+impl<const MOST: u32> TryFrom<u64> for Count<MOST> {
     type Error = String;
 
-    fn try_from(value: u32) -> Result<Self, String> {
-        if value > 0 { Ok(Self(value)) } else { Err("expected a whole number of at least 1, found 0".to_owned()) }
+    fn try_from(value: u64) -> Result<Self, String> {
+        let fits = u32::try_from(value).ok().filter(|count| (1..=MOST).contains(count));
+        fits.map(Self).ok_or_else(|| format!("expected a whole number from 1 to {MOST}, found {value}"))
     }
 }
 
-impl From<Count> for u32 {
-    fn from(value: Count) -> Self {
-        value.0
+impl<const MOST: u32> From<Count<MOST>> for u64 {
+    fn from(value: Count<MOST>) -> Self {
+        u64::from(value.0)
     }
 }
 
@@ -106,11 +122,11 @@ pub fn known<N: TryFrom<f64, Error = String>>(value: f64) -> N {
     N::try_from(value).unwrap_or_else(|message| panic!("{message}"))
 }
 
-/// A count that is known to be at least 1: for defaults.
+/// A count that is known to lie in its range: for defaults.
 ///
 /// # Panics
-/// If it is 0.
+/// If it does not.
 #[must_use]
-pub fn known_count(value: u32) -> Count {
-    Count::try_from(value).unwrap_or_else(|message| panic!("{message}"))
+pub fn known_count<const MOST: u32>(value: u32) -> Count<MOST> {
+    Count::try_from(u64::from(value)).unwrap_or_else(|message| panic!("{message}"))
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kernels::AdamStep;
-use crate::input::numbers::{Fraction, NonNegative, known};
+use crate::input::numbers::{Decay, NonNegative, Positive, known};
 
 /// Adam's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -12,11 +12,11 @@ pub struct AdamSettings {
     /// α, the step size.
     pub step_size: NonNegative,
     /// β₁, how long the mean of gradients remembers.
-    pub beta1: Fraction,
+    pub beta1: Decay,
     /// β₂, how long the mean of squared gradients remembers.
-    pub beta2: Fraction,
+    pub beta2: Decay,
     /// ε, added to the root of the second moment.
-    pub epsilon: NonNegative,
+    pub epsilon: Positive,
 }
 
 impl Default for AdamSettings {
@@ -61,12 +61,12 @@ impl Adam {
 mod tests {
     use super::*;
 
-    /// By hand, α = 0.1, β₁ = 0.9, β₂ = 0.999, ε = 0: the first step moves by α·sign g; then with g = 1, 3:
+    /// By hand, α = 0.1, β₁ = 0.9, β₂ = 0.999, ε ≈ 0: the first step moves by α·sign g; then with g = 1, 3:
     /// m = 0.09 + 0.3 = 0.39, m̂ = 0.39/0.19; v = 0.000999 + 0.009 = 0.009999, v̂ = 0.009999/0.001999;
     /// step 2 = 0.1·2.0526316/2.2365110 = 0.0917783.
     #[test]
     fn two_steps_by_hand() {
-        let settings = AdamSettings { step_size: known(0.1), epsilon: known(0.0), ..AdamSettings::default() };
+        let settings = AdamSettings { step_size: known(0.1), epsilon: known(1e-30), ..AdamSettings::default() };
         let mut adam = Adam::new(settings, 2);
         let mut parameters = [1.0, -1.0];
         adam.descend(&mut parameters, &[1.0, -2.0]);

@@ -15,22 +15,24 @@ use serde::{Deserialize, Serialize};
 
 use crate::env::{Pose, Status};
 use crate::experience::Episode;
+use crate::input::Located;
+use crate::input::numbers::{Count, known_count};
 
 /// What a recording holds, and how much of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordingSettings {
     /// Parallel-coordinates lines visible at once, for each agent.
-    pub lines: u32,
+    pub lines: Count<10_000>,
     /// Rounds between two density images.
-    pub density_every: u32,
+    pub density_every: Count,
     /// The scene of one agent, or none.
     pub scene: Option<SceneSettings>,
 }
 
 impl Default for RecordingSettings {
     fn default() -> Self {
-        Self { lines: 1000, density_every: 10, scene: Some(SceneSettings::default()) }
+        Self { lines: known_count(1000), density_every: known_count(10), scene: Some(SceneSettings::default()) }
     }
 }
 
@@ -39,14 +41,14 @@ impl Default for RecordingSettings {
 #[serde(default, deny_unknown_fields)]
 pub struct SceneSettings {
     /// The agent whose bodies are drawn.
-    pub agent: u32,
+    pub agent: Located<u32>,
     /// Every how many episodes of that agent are drawn. The first is.
-    pub every: u32,
+    pub every: Count,
 }
 
 impl Default for SceneSettings {
     fn default() -> Self {
-        Self { agent: 0, every: 10 }
+        Self { agent: 0.into(), every: known_count(10) }
     }
 }
 

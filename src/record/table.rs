@@ -5,7 +5,6 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 
 use super::{RecordError, Recorder, RoundRecord};
 
@@ -57,15 +56,6 @@ impl Recorder for TableRecorder {
         self.episodes.sync()?;
         self.rounds.sync().map(|_| ())
     }
-}
-
-/// Reads a whole table.
-///
-/// # Errors
-/// The file cannot be read, or a row is not an `R`.
-pub fn read_rows<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, RecordError> {
-    let fault = |error: csv::Error| RecordError { path: path.to_owned(), reason: error.to_string() };
-    csv::Reader::from_path(path).map_err(fault)?.deserialize().map(|row| row.map_err(fault)).collect()
 }
 
 struct Table {

@@ -26,7 +26,8 @@ pub fn choose(log_probs: &[f32], uniform: f32) -> usize {
 /// H = −Σ π log π, nats.   `log_probs: [n]`
 #[must_use]
 pub fn entropy(log_probs: &[f32]) -> f32 {
-    -log_probs.iter().map(|log_prob| log_prob.exp() * log_prob).filter(|term| term.is_finite()).sum::<f32>()
+    // A choice that is never made has π log π = 0, which 0 · −∞ would not give.
+    -log_probs.iter().filter(|log_prob| **log_prob != f32::NEG_INFINITY).map(|log_prob| log_prob.exp() * log_prob).sum::<f32>()
 }
 
 /// ∂/∂logits of w log π(a): w (1{i = a} − πᵢ).   `log_probs: [n]` → `gradient: [n]`

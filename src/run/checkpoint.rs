@@ -1,10 +1,11 @@
 //! Checkpoints: all that a run needs to go on, written so that a crash at any moment leaves the newest complete one.
 
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+
+use super::files;
 
 /// What `checkpoint/state.bin` holds.
 #[derive(Serialize, Deserialize)]
@@ -46,7 +47,7 @@ impl Checkpoint {
     pub fn write(&self, folder: &Path) -> Result<(), CheckpointError> {
         let path = file(folder);
         let bytes = postcard::to_stdvec(self).expect("bytes always serialise");
-        replace(&path, &bytes).map_err(|error| CheckpointError { path, reason: error.to_string() })
+        files::replace(&path, &bytes).map_err(|error| CheckpointError { path, reason: error.to_string() })
     }
 
     /// Reads the checkpoint in a run's folder.
@@ -69,19 +70,4 @@ impl Checkpoint {
 #[must_use]
 pub fn file(folder: &Path) -> PathBuf {
     folder.join("checkpoint").join("state.bin")
-}
-
-/// Writes a file in full or not at all.
-///
-/// # Errors
-/// The system refuses; the old file stays.
-pub fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder)?;
-    }
-    let part = path.with_extension("part");
-    let mut file = File::create(&part)?;
-    file.write_all(bytes)?;
-    file.sync_all()?;
-    fs::rename(part, path)
 }

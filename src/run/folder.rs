@@ -1,6 +1,7 @@
-//! A run's folder: what lies where, and whether a run may write there.
+//! A run's folder: what lies where, whether a run may write there, and that only one does at a time.
 
-use std::fs;
+use std::fs::{self, File, TryLockError};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::checkpoint;
@@ -20,8 +21,17 @@ pub enum Contents {
     FinishedRun,
     /// A run that can go on from its checkpoint.
     UnfinishedRun,
-    /// Files that no run left there, or a run that ended before its first checkpoint.
+    /// A run that ended before its first checkpoint.
+    BrokenOffRun,
+    /// Files that no run left there.
     Other,
+}
+
+/// The right to write into a folder. Given back when dropped, or when the process ends however it ends.
+#[derive(Debug)]
+pub struct Claim {
+    lock: File,
+    path: PathBuf,
 }
 
 impl RunFolder {
@@ -38,6 +48,8 @@ impl RunFolder {
             Contents::FinishedRun
         } else if checkpoint::file(&self.path).is_file() {
             Contents::UnfinishedRun
+        } else if self.lock().is_file() {
+            Contents::BrokenOffRun
         } else if fs::read_dir(&self.path).is_ok_and(|mut entries| entries.next().is_some()) {
             Contents::Other
         } else {
@@ -45,16 +57,33 @@ impl RunFolder {
         }
     }
 
+    /// Claims the folder, creating it where there is none. `None` where another process holds it.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn claim(&self) -> io::Result<Option<Claim>> {
+        fs::create_dir_all(&self.path)?;
+        let path = self.lock();
+        let lock = File::options().create(true).truncate(false).write(true).open(&path)?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Some(Claim { lock, path })),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(error)) => Err(error),
+        }
+    }
+
     /// Removes what a run left here, and nothing else.
     ///
     /// # Errors
     /// A file cannot be removed.
-    pub fn clear(&self) -> std::io::Result<()> {
-        let recording_part = self.path.join("run.rrd.part");
-        let files = [self.summary(), self.recording(), recording_part, self.scenario(), self.environment(), self.policies()];
-        for path in files.into_iter().chain(self.tables()) {
+    pub fn clear(&self) -> io::Result<()> {
+        let recording = self.recording();
+        let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
+        let files = [self.summary(), recording, self.scenario(), self.policies()];
+        for path in files.into_iter().chain(unfinished).chain(self.tables()) {
             remove(fs::remove_file(path))?;
         }
+        remove(fs::remove_dir_all(self.tasks()))?;
         remove(fs::remove_dir_all(self.path.join("checkpoint")))
     }
 
@@ -76,16 +105,16 @@ impl RunFolder {
         [self.path.join("episodes.csv"), self.path.join("rounds.csv")]
     }
 
-    /// The scenario with every default spelled out.
+    /// The scenario with every default spelled out. It finds the run's own copy of the task.
     #[must_use]
     pub fn scenario(&self) -> PathBuf {
         self.path.join("scenario.ron")
     }
 
-    /// The task file as it was.
+    /// The file of the task `name` as it was.
     #[must_use]
-    pub fn environment(&self) -> PathBuf {
-        self.path.join("environment.ron")
+    pub fn task(&self, name: &str) -> PathBuf {
+        self.tasks().join(format!("{name}.ron"))
     }
 
     /// What came of the run; its presence says that the run is finished.
@@ -99,11 +128,30 @@ impl RunFolder {
     pub fn policies(&self) -> PathBuf {
         self.path.join("policies.safetensors")
     }
+
+    fn tasks(&self) -> PathBuf {
+        self.path.join("envs")
+    }
+
+    fn lock(&self) -> PathBuf {
+        self.path.join(".lock")
+    }
 }
 
-fn remove(result: std::io::Result<()>) -> std::io::Result<()> {
+impl Claim {
+    /// Gives the folder back after a finished run, which needs no mark of having begun.
+    ///
+    /// # Errors
+    /// The mark cannot be removed.
+    pub fn release(self) -> io::Result<()> {
+        fs::remove_file(&self.path)?;
+        self.lock.unlock()
+    }
+}
+
+fn remove(result: io::Result<()>) -> io::Result<()> {
     match result {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         _ => Ok(()),
     }
 }

@@ -78,6 +78,13 @@ impl Measures {
         (!recent.is_empty()).then(|| mean(recent))
     }
 
+    /// Whether the newest full window reaches the threshold.
+    #[must_use]
+    pub fn reaches(&self, threshold: Threshold) -> bool {
+        let full = self.team_returns.len() >= threshold.window;
+        full && self.recent_return(threshold.window).is_some_and(|mean| mean >= threshold.r#return)
+    }
+
     /// Episodes per agent after which the trailing window first reached the threshold.
     #[must_use]
     pub fn episodes_until(&self, threshold: Threshold) -> Option<usize> {

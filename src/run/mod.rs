@@ -5,6 +5,7 @@
 
 pub mod checkpoint;
 pub mod exchange;
+pub mod files;
 pub mod folder;
 pub mod measures;
 pub mod preview;
@@ -19,9 +20,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use self::checkpoint::{Checkpoint, CheckpointError};
 use self::folder::RunFolder;
 use self::summary::{FINAL_WINDOW, Summary};
-use self::trainer::Trainer;
+use self::trainer::{Diverged, Trainer};
+use crate::env;
 use crate::env::description::Description;
-use crate::env::{self};
 use crate::input::{self, Document, InputError};
 use crate::record::rerun::{RecordingAbout, RerunRecorder};
 use crate::record::table::TableRecorder;
@@ -50,7 +51,7 @@ pub struct Options {
     pub resume: bool,
     /// Threads for updates; 0 is one a core.
     pub threads: usize,
-    /// Whether to write `run.rrd`.
+    /// Whether to write `run.rrd`. A resumed run goes on as it began.
     pub recording: bool,
 }
 
@@ -108,6 +109,9 @@ pub enum RunError {
     /// The folder holds another run than the one to resume.
     #[error("{0}")]
     AnotherRun(String),
+    /// Numbers ceased to be finite.
+    #[error(transparent)]
+    Diverged(#[from] Diverged),
 }
 
 impl Plan {
@@ -135,9 +139,11 @@ impl Plan {
     }
 }
 
-/// Whether the algorithm fits the task, and the task the physics.
+/// What can only be said of a scenario and its task together, or of several fields.
 fn check(document: &Document<Scenario>, description: &Description) -> Result<(), InputError> {
-    env::build(description, document.value.physics, 1).map(|_| ())
+    let scenario = &document.value;
+    scenario.check().map_err(|complaint| document.locate(complaint))?;
+    env::build(description, scenario.physics, 1).map(|_| ())
 }
 
 /// Runs a plan to its end, or until `interrupted` is set.
@@ -153,8 +159,8 @@ pub fn execute(
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders = if options.resume { resume(plan, options, &mut trainer)? } else { begin(plan, options, &trainer)? };
     while !trainer.is_done() {
-        let played = trainer.play();
-        let rows = trainer.learn(played.episodes);
+        let played = trainer.play()?;
+        let rows = trainer.learn(played.episodes)?;
         let round = RoundRecord {
             round: trainer.rounds() - 1,
             episodes: trainer.newest_episodes(),
@@ -180,7 +186,7 @@ type Recorders = Vec<Box<dyn Recorder>>;
 fn begin(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
-    write(&folder.environment(), plan.environment_text.as_bytes())?;
+    write(&folder.task(&plan.description.spec.name), plan.environment_text.as_bytes())?;
     let mut recorders: Recorders = vec![Box::new(TableRecorder::create(folder.path())?)];
     if options.recording {
         let settings = &plan.scenario.recording;
@@ -199,8 +205,17 @@ fn resume(plan: &Plan, options: &Options, trainer: &mut Trainer) -> Result<Recor
     let [table, recording @ ..] = checkpoint.recorders.as_slice() else {
         return Err(damaged("holds no tables".to_owned()).into());
     };
+    if trainer.measures().episodes_per_agent() > plan.scenario.most_episodes() as usize {
+        return Err(RunError::AnotherRun(format!(
+            "the run in {} has {} episodes per agent already; it cannot end after {}",
+            folder.path().display(),
+            trainer.measures().episodes_per_agent(),
+            plan.scenario.most_episodes()
+        )));
+    }
+    write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
     let mut recorders: Recorders = vec![Box::new(TableRecorder::resume(folder.path(), table)?)];
-    if let (true, [bytes]) = (options.recording, recording) {
+    if let [bytes] = recording {
         let settings = &plan.scenario.recording;
         let resume = |about: &RecordingAbout<'_>| RerunRecorder::resume(&folder.recording(), about, settings, bytes);
         recorders.push(Box::new(with_about(plan, trainer, resume)?));
@@ -212,10 +227,10 @@ fn resume(plan: &Plan, options: &Options, trainer: &mut Trainer) -> Result<Recor
 fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
     let path = options.folder.scenario();
     let mut stored: Document<Scenario> = input::read(&path)?;
-    stored.value.stop = plan.scenario.stop;
+    stored.value.stop = plan.scenario.stop.clone();
     let (stored, wanted) = (stored.value.resolved(), plan.scenario.resolved());
     let differs = stored.lines().zip(wanted.lines()).find(|(stored, wanted)| stored != wanted);
-    let task = std::fs::read_to_string(options.folder.environment()).is_ok_and(|text| text != plan.environment_text);
+    let task = input::read_text(&options.folder.task(&plan.description.spec.name))? != plan.environment_text;
     match differs {
         Some((stored, wanted)) => Err(RunError::AnotherRun(format!(
             "{} holds another run, which cannot be resumed as this one: it has `{}`, this one has `{}`",
@@ -265,7 +280,7 @@ fn finish(plan: &Plan, options: &Options, trainer: &Trainer, recorders: &mut Rec
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
-    checkpoint::replace(path, bytes).map_err(|error| RunError::File { path: path.to_owned(), error })
+    files::replace(path, bytes).map_err(|error| RunError::File { path: path.to_owned(), error })
 }
 
 fn progress(plan: &Plan, trainer: &Trainer) -> Progress {

@@ -40,8 +40,8 @@ pub fn record(
     let mut recorder = RerunRecorder::create(path, &about, &scenario.recording)?;
     let mut all = Vec::new();
     while !trainer.is_done() {
-        let played = trainer.play();
-        let rows = trainer.learn(played.episodes);
+        let played = trainer.play()?;
+        let rows = trainer.learn(played.episodes)?;
         recorder.record_round(&RoundRecord {
             round: trainer.rounds() - 1,
             episodes: trainer.newest_episodes(),
@@ -65,8 +65,8 @@ fn scenario(description: &Description, physics: Physics, episodes: Count, seed: 
         schedule: Schedule::default(),
         stop: Stop::Episodes(episodes),
         recording: RecordingSettings {
-            density_every: 1,
-            scene: Some(SceneSettings { agent: 0, every: 1 }),
+            density_every: known_count(1),
+            scene: Some(SceneSettings { agent: 0.into(), every: known_count(1) }),
             ..Default::default()
         },
         checkpoint_every: episodes,

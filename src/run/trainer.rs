@@ -36,6 +36,29 @@ struct Saved {
     measures: Measures,
 }
 
+/// Numbers that ceased to be finite: nothing that follows would mean anything.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Diverged {
+    /// In the simulation.
+    #[error("{what} of agent {agent} ceased to be finite in its episode {episode}; the task's numbers are too extreme")]
+    Simulation {
+        /// Whose copy.
+        agent: u32,
+        /// The agent's own count.
+        episode: u32,
+        /// An observation's name, or the reward.
+        what: String,
+    },
+    /// In learning.
+    #[error("the networks of agent {agent} ceased to be finite in round {round}; its step sizes or seeds are too large")]
+    Learning {
+        /// Whose.
+        agent: usize,
+        /// Counts from 0.
+        round: u32,
+    },
+}
+
 impl Trainer {
     /// A team at its seeds. Updates run on `threads` threads, 0 being one a core; the bits do not depend on it.
     ///
@@ -64,46 +87,66 @@ impl Trainer {
     }
 
     /// Plays one round of concurrent episodes.
-    pub fn play(&mut self) -> Played {
+    ///
+    /// # Errors
+    /// An observation or reward is not finite.
+    pub fn play(&mut self) -> Result<Played, Diverged> {
         let Schedule::Synchronous { episodes } = self.scenario.schedule;
         let scene = self.scenario.recording.scene.as_ref();
         let plan = RoundPlan {
             run_seed: self.scenario.seed,
             round: self.round,
             episodes: episodes.get(),
-            camera: scene.map(|scene| Camera { agent: scene.agent, every: scene.every }),
+            camera: scene.map(|scene| Camera { agent: *scene.agent, every: scene.every.get() }),
         };
-        rollout::play(&mut *self.environment, &self.agents, &plan)
+        let played = rollout::play(&mut *self.environment, &self.agents, &plan);
+        played.episodes.iter().try_for_each(|episode| self.check_episode(episode))?;
+        Ok(played)
     }
 
     /// Shares a round's episodes, lets every agent learn from them, and measures what came of it.
-    pub fn learn(&mut self, episodes: Vec<Episode>) -> RoundRows {
+    ///
+    /// # Errors
+    /// A network's parameters are not finite.
+    pub fn learn(&mut self, episodes: Vec<Episode>) -> Result<RoundRows, Diverged> {
         self.buffer.push_round(self.exchange.gather(episodes));
         let (buffer, round) = (&self.buffer, self.round);
         let update = |agent: &mut Box<dyn Agent>| agent.update(buffer, round);
         let reports: Vec<UpdateReport> = self.pool.install(|| self.agents.par_iter_mut().map(update).collect());
+        if let Some(agent) = self.agents.iter().position(|agent| !is_finite(&**agent)) {
+            return Err(Diverged::Learning { agent, round });
+        }
         let rows = self.measures.take_in(self.environment.spec(), round, self.buffer.newest_round(), &reports);
         self.round += 1;
-        rows
+        Ok(rows)
+    }
+
+    fn check_episode(&self, episode: &Episode) -> Result<(), Diverged> {
+        let observations = &self.spec().observations;
+        let lost = episode.observations.iter().position(|value| !value.is_finite());
+        let observed = lost.map(|index| format!("observation `{}`", observations[index % observations.len()].name));
+        let rewarded = || (!episode.rewards.iter().all(|reward| reward.is_finite())).then(|| "the reward".to_owned());
+        let Some(what) = observed.or_else(rewarded) else { return Ok(()) };
+        Err(Diverged::Simulation { agent: episode.agent, episode: episode.episode, what })
     }
 
     /// Whether the scenario's end is reached.
     #[must_use]
     pub fn is_done(&self) -> bool {
-        self.measures.episodes_per_agent() >= self.scenario.most_episodes() as usize || self.is_solved()
+        let ends_when_solved = matches!(self.scenario.stop, Stop::Solved { .. });
+        self.measures.episodes_per_agent() >= self.scenario.most_episodes() as usize || (ends_when_solved && self.is_solved())
     }
 
-    /// Whether the scenario ends when the task is solved, and it is.
+    /// Whether the newest full window of episodes counts as solving the task.
     #[must_use]
     pub fn is_solved(&self) -> bool {
-        let ends_when_solved = matches!(self.scenario.stop, Stop::Solved { .. });
-        ends_when_solved && self.threshold().is_some_and(|threshold| self.measures.episodes_until(threshold).is_some())
+        self.threshold().is_some_and(|threshold| self.measures.reaches(threshold))
     }
 
     /// When the task counts as solved: as the scenario says, or else as the task does, over 25 episodes.
     #[must_use]
     pub fn threshold(&self) -> Option<Threshold> {
-        match self.scenario.stop {
+        match &self.scenario.stop {
             Stop::Solved { r#return, window, .. } => Some(Threshold { r#return: r#return.get(), window: window.get() as usize }),
             Stop::Episodes(_) => {
                 self.spec().reward_threshold.map(|r#return| Threshold { r#return: f64::from(r#return), window: 25 })
@@ -177,4 +220,8 @@ impl Trainer {
         (self.buffer, self.measures, self.round) = (saved.buffer, saved.measures, saved.round);
         Ok(())
     }
+}
+
+fn is_finite(agent: &dyn Agent) -> bool {
+    agent.tensors().iter().all(|tensor| tensor.values.iter().all(|value| value.is_finite()))
 }

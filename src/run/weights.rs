@@ -5,7 +5,7 @@ use std::path::Path;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError};
 
-use super::checkpoint;
+use super::files;
 use crate::agent::Agent;
 
 /// Writes the weights of a team. Weights are `[in × out]`, biases `[out]`, little-endian f32.
@@ -29,5 +29,5 @@ pub fn write(path: &Path, agents: &[Box<dyn Agent>]) -> std::io::Result<()> {
         .map(|(name, shape, bytes)| Ok((name.as_str(), TensorView::new(Dtype::F32, shape.clone(), bytes)?)))
         .collect();
     let bytes = views.and_then(|views| safetensors::serialize(views, None)).map_err(std::io::Error::other)?;
-    checkpoint::replace(path, &bytes)
+    files::replace(path, &bytes)
 }

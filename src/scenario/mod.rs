@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::agent::{Algorithm, Team, seed_pg};
 use crate::env::Physics;
 use crate::input::numbers::{Count, Finite, known_count};
-use crate::input::{self, Document, InputError, Located};
+use crate::input::{self, Complaint, Document, InputError, Located};
 use crate::record::RecordingSettings;
 
 /// A scenario file: `Scenario(…)` in `scenarios/`.
@@ -57,12 +57,12 @@ pub enum Schedule {
     Synchronous {
         /// Episodes of each agent in a round.
         #[serde(default = "one")]
-        episodes: Count,
+        episodes: Count<10_000>,
     },
 }
 
 /// When the run ends.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Stop {
     /// After so many episodes of each agent.
@@ -73,7 +73,7 @@ pub enum Stop {
         r#return: Finite,
         /// Episodes of each agent in the window.
         #[serde(default = "default_window")]
-        window: Count,
+        window: Located<Count>,
         /// Episodes of each agent after which the run ends even so.
         at_most: Count,
     },
@@ -99,11 +99,11 @@ fn default_checkpoint_every() -> Count {
     known_count(25)
 }
 
-fn default_window() -> Count {
-    known_count(25)
+fn default_window() -> Located<Count> {
+    known_count(25).into()
 }
 
-fn one() -> Count {
+fn one() -> Count<10_000> {
     known_count(1)
 }
 
@@ -150,6 +150,26 @@ pub fn task_file(name: &str, starts: &[PathBuf]) -> Result<PathBuf, Vec<String>>
 }
 
 impl Scenario {
+    /// What no single field can tell.
+    ///
+    /// # Errors
+    /// The field to blame, and why.
+    pub fn check(&self) -> Result<(), Complaint> {
+        self.algorithm.check().map_err(|reason| self.algorithm.complain(reason))?;
+        if let Stop::Solved { window, at_most, .. } = &self.stop
+            && window.get() > at_most.get()
+        {
+            return Err(window.complain(format!("expected a window of at most the {} episodes of `at_most`", at_most.get())));
+        }
+        let (count, scene) = (self.agents.count.get(), self.recording.scene.as_ref());
+        match scene {
+            Some(scene) if *scene.agent >= count => {
+                Err(scene.agent.complain(format!("expected an agent from 0 to {}, for the team has {count}", count - 1)))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The scenario as a file with every default spelled out.
     ///
     /// # Panics
@@ -165,7 +185,7 @@ impl Scenario {
     /// Episodes of each agent after which the run ends at the latest.
     #[must_use]
     pub fn most_episodes(&self) -> u32 {
-        match self.stop {
+        match &self.stop {
             Stop::Episodes(count) | Stop::Solved { at_most: count, .. } => count.get(),
         }
     }

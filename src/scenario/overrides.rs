@@ -122,7 +122,7 @@ mod tests {
         );
         assert_eq!(
             message("agents.count=0"),
-            "--set agents.count=0: in `agents.count`: expected a whole number of at least 1, found 0"
+            "--set agents.count=0: in `agents.count`: expected a whole number from 1 to 10000, found 0"
         );
         assert_eq!(message("agents"), "--set agents: expected PATH=VALUE, such as agents.count=16");
     }

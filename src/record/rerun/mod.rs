@@ -144,14 +144,14 @@ impl RerunRecorder {
             paths,
             sink,
             axes: Axes::of(about.spec),
-            quota: LineQuota::of(settings.lines),
-            density_every: settings.density_every.max(1),
+            quota: LineQuota::of(settings.lines.get()),
+            density_every: settings.density_every.get(),
             run_seed: about.run_seed,
             time_limit: about.spec.time_limit,
             agents: densities.map(track).collect(),
             team_pictures: Gallery::of_team(),
             curves: Curves::new(about.agents as usize),
-            film: filmed.map(|(settings, scene)| Film::new(settings.agent, scene)),
+            film: filmed.map(|(settings, scene)| Film::new(*settings.agent, scene)),
             progress,
         })
     }
