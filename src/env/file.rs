@@ -5,6 +5,7 @@
 //! ranges are checked while reading, names that refer to something by `resolve`. Building and stepping may not enter.
 
 mod checked;
+mod joint;
 mod resolve;
 
 use std::path::Path;
@@ -14,7 +15,7 @@ use serde::Deserialize;
 pub use checked::{Direction, Interval, Name, Vector};
 
 use super::description::Description;
-use crate::input::numbers::{Count, Finite, Positive, known, known_count};
+use crate::input::numbers::{Count, Finite, NonNegative, Positive, known, known_count};
 use crate::input::{self, Document, InputError, Located};
 
 /// A task file: `Environment(…)`.
@@ -94,6 +95,21 @@ pub struct Body {
     /// Shapes in the body's frame.
     #[serde(default)]
     pub geoms: Vec<Geom>,
+    /// Where it is drawn, if elsewhere than it is.
+    #[serde(default)]
+    pub drawn: Option<Drawn>,
+}
+
+/// Draws a body elsewhere than it is. Motion does not change.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drawn {
+    /// Formula over sensors: added to the drawn height, m.
+    #[serde(default = "zero")]
+    pub y: Located<String>,
+    /// Formula over sensors: added to the drawn angle, rad.
+    #[serde(default = "zero")]
+    pub angle: Located<String>,
 }
 
 /// A shape in its body's frame.
@@ -154,7 +170,28 @@ pub struct Joint {
     pub anchor: Vector,
     /// How the child may move.
     #[serde(rename = "type")]
-    pub kind: JointKind,
+    pub kind: Located<JointKind>,
+    /// Lowest and highest coordinate, m or rad.
+    #[serde(default)]
+    pub range: Option<Located<Interval>>,
+    /// Resistance per rate, N s/m or N m s/rad.
+    #[serde(default)]
+    pub damping: Option<Located<NonNegative>>,
+    /// Dry friction, N or N m.
+    #[serde(default)]
+    pub frictionloss: Option<Located<NonNegative>>,
+    /// Inertia of a rotor that turns with the coordinate, kg or kg m².
+    #[serde(default)]
+    pub armature: Option<Located<NonNegative>>,
+    /// Of a spring, N/m or N m/rad.
+    #[serde(default)]
+    pub stiffness: Option<Located<NonNegative>>,
+    /// Where the spring is at rest; 0 by default.
+    #[serde(default)]
+    pub springref: Option<Located<Finite>>,
+    /// Formula over sensors of a force along the coordinate, N or N m. Computed before each control step, constant during it.
+    #[serde(default)]
+    pub force: Option<Located<String>>,
 }
 
 /// How a joint lets its child move.
@@ -172,6 +209,8 @@ pub enum JointKind {
         #[serde(default)]
         positive: Sense,
     },
+    /// Not at all.
+    Weld,
 }
 
 /// A sense of rotation.
@@ -209,6 +248,29 @@ pub struct Actuator {
 pub enum ActuatorKind {
     /// A force (N) or torque (N m) along a joint's coordinate.
     JointForce(Located<String>),
+    /// A motor with the force kv (control − q̇).
+    VelocityServo {
+        /// Which joint.
+        joint: Located<String>,
+        /// N s/m or N m s/rad.
+        kv: Positive,
+        /// Largest force, N or N m.
+        #[serde(default)]
+        force_limit: Option<Positive>,
+    },
+    /// A motor with the force kp (control − q) − kv q̇.
+    PositionServo {
+        /// Which joint.
+        joint: Located<String>,
+        /// N/m or N m/rad.
+        kp: Positive,
+        /// N s/m or N m s/rad; 0 by default.
+        #[serde(default)]
+        kv: Option<NonNegative>,
+        /// Largest force, N or N m.
+        #[serde(default)]
+        force_limit: Option<Positive>,
+    },
 }
 
 /// What the agent may choose.
@@ -242,6 +304,8 @@ pub struct Sensor {
 pub enum SensorKind {
     /// A joint's coordinate, m or rad; a hinge counts full turns.
     JointPosition(Located<String>),
+    /// A hinge's coordinate, rad, without its full turns: in (−π, π].
+    WrappedJointPosition(Located<String>),
     /// Its rate, m/s or rad/s.
     JointVelocity(Located<String>),
 }
@@ -298,6 +362,23 @@ pub enum Twin {
         slider: Located<String>,
         /// Joint between the cart and the pole.
         hinge: Located<String>,
+    },
+    /// A body that swings about a fixed point without friction.
+    Pendulum {
+        /// Joint between the world and the body.
+        hinge: Located<String>,
+    },
+    /// Two links in a chain that swings about a fixed point without friction.
+    Acrobot {
+        /// Joint between the world and the upper link.
+        shoulder: Located<String>,
+        /// Joint between the links.
+        elbow: Located<String>,
+    },
+    /// A car on a level rail in a field of force, between inelastic walls.
+    MountainCar {
+        /// Joint between the world and the car.
+        slider: Located<String>,
     },
 }
 
@@ -367,6 +448,10 @@ impl<const MINIMUM: usize> TryFrom<Vec<Vector>> for Points<MINIMUM> {
         }
         Err(format!("expected at least {MINIMUM} points, found {}", points.len()))
     }
+}
+
+fn zero() -> Located<String> {
+    Located::from("0".to_owned())
 }
 
 fn never() -> Located<String> {

@@ -4,6 +4,8 @@
 //! sensors, observations, actions, and the sensors and observations before the step. Stepping allocates nothing. What moves the
 //! bodies may not enter.
 
+use std::f32::consts::{PI, TAU};
+
 use serde::{Deserialize, Serialize};
 
 use super::description::{Columns, Description, Reading};
@@ -46,6 +48,7 @@ struct Task {
     /// What the formulas read. Its layout is [`Columns`].
     table: Table,
     observation_formulas: Vec<Formula>,
+    fields: Vec<Formula>,
     reward: Formula,
     /// Constant rewards are not computed.
     constant_reward: Option<f32>,
@@ -86,6 +89,7 @@ impl Task {
             dynamics,
             table: Table::new(columns.count(), copies),
             observation_formulas: formulas.observations.iter().map(|program| Formula::new(program, copies)).collect(),
+            fields: description.fields.iter().map(|field| Formula::new(&field.force, copies)).collect(),
             reward: Formula::new(&formulas.reward, copies),
             constant_reward: formulas.reward.constant(),
             terminated: Formula::new(&formulas.terminated, copies),
@@ -125,6 +129,7 @@ impl Environment for Task {
         if self.reads_previous {
             self.table.copy_columns(0..self.columns.first_action(), self.columns.first_previous());
         }
+        self.apply_fields();
         self.dynamics.step(self.table.columns(self.columns.first_action()..self.columns.first_previous()));
         self.observe(0..self.copies());
         self.judge();
@@ -175,6 +180,7 @@ impl Environment for Task {
         let still = poses.len() - self.description.bodies.len();
         poses[..still].fill(Pose::default());
         self.dynamics.poses(copy, &mut poses[still..]);
+        self.draw_elsewhere(copy, &mut poses[still..]);
     }
 }
 
@@ -195,15 +201,34 @@ impl Task {
         }
     }
 
+    /// Computes the forces that depend on the state before the step.
+    fn apply_fields(&mut self) {
+        let copies = 0..self.copies();
+        for (index, field) in self.fields.iter_mut().enumerate() {
+            let (before, column) = self.table.split_at(self.columns.first_field() + index);
+            column.copy_from_slice(field.evaluate(before, copies.clone()));
+        }
+    }
+
+    /// Only pictures ask for this, so that it may allocate.
+    fn draw_elsewhere(&self, copy: usize, poses: &mut [Pose]) {
+        let value = |program| Formula::new(program, self.copies()).evaluate(self.table.view(), copy..copy + 1)[0];
+        for drawing in &self.description.drawings {
+            poses[drawing.body].y += value(&drawing.y);
+            poses[drawing.body].angle += value(&drawing.angle);
+        }
+    }
+
     /// Reads the sensors of some copies and computes what is observed.
     fn observe(&mut self, copies: std::ops::Range<usize>) {
         let joints = self.dynamics.joints();
         for (column, sensor) in self.description.sensors.iter().enumerate() {
-            let values = match sensor.reading {
-                Reading::JointPosition(joint) => joints.positions(joint),
-                Reading::JointVelocity(joint) => joints.velocities(joint),
-            };
-            self.table.column_mut(column)[copies.clone()].copy_from_slice(&values[copies.clone()]);
+            let column = &mut self.table.column_mut(column)[copies.clone()];
+            match sensor.reading {
+                Reading::JointPosition(joint) => column.copy_from_slice(&joints.positions(joint)[copies.clone()]),
+                Reading::WrappedJointPosition(joint) => wrap(column, &joints.positions(joint)[copies.clone()]),
+                Reading::JointVelocity(joint) => column.copy_from_slice(&joints.velocities(joint)[copies.clone()]),
+            }
         }
         let width = self.columns.observations;
         for (index, formula) in self.observation_formulas.iter_mut().enumerate() {
@@ -233,6 +258,13 @@ impl Task {
                 }
             }
         }
+    }
+}
+
+/// Takes full turns off angles: into (−π, π].
+fn wrap(wrapped: &mut [f32], angles: &[f32]) {
+    for (wrapped, &angle) in wrapped.iter_mut().zip(angles) {
+        *wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
     }
 }
 

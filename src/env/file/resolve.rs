@@ -1,11 +1,12 @@
 //! From what a file says to what it means: names become indices, formulas programs, omitted fields their defaults.
 
+use super::joint::{check_start, drawings, drive, fields, find_hinge, find_moving, passive, range};
 use super::{
-    Actuator, ActuatorKind, Body, Control, Distribution, Environment, Geom, Joint, JointKind, Name, Observation, Sense, Sensor,
-    SensorKind, Start, Twin,
+    Actuator, Body, Control, Distribution, Environment, Geom, Joint, JointKind, Name, Observation, Sense, Sensor, SensorKind,
+    Start, Twin,
 };
 use crate::env::analytic;
-use crate::env::description::{self, Columns, Description, Drive, Formulas, Inertial, Reading};
+use crate::env::description::{self, Columns, Description, Formulas, Inertial, Reading};
 use crate::env::expression::{Mistake, Program, Type, Variable, compile};
 use crate::env::{Action, Choice, Quantity, Scene, SceneBody, Shape, Spec, physics};
 use crate::input::numbers::Finite;
@@ -15,6 +16,7 @@ use crate::input::{Complaint, Located};
 pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Result<Description, Complaint> {
     check_unique_names(file)?;
     let bodies = file.bodies.iter().map(body).collect::<Result<Vec<_>, _>>()?;
+    let columns = columns(file);
     let description = Description {
         origin: origin.to_owned(),
         spec: spec(name, file),
@@ -22,9 +24,11 @@ pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Resul
         gravity: file.gravity.get(),
         solver: description::Solver { iterations: file.solver.iterations.get(), passes: file.solver.passes.get() },
         joints: joints(file)?,
-        actuators: file.actuators.iter().map(|actuator| drive(actuator, &file.joints)).collect::<Result<_, _>>()?,
+        actuators: file.actuators.iter().map(|actuator| driven(actuator, &file.joints)).collect::<Result<_, _>>()?,
         sensors: file.sensors.iter().map(|sensor| reading(sensor, &file.joints)).collect::<Result<_, _>>()?,
-        formulas: formulas(file)?,
+        fields: fields(file, columns)?,
+        drawings: drawings(file, columns)?,
+        formulas: formulas(file, columns)?,
         reset: starts(file)?,
         twin: file.analytic.as_ref().map(|twin| twin_of(twin, &file.joints)).transpose()?,
         bodies,
@@ -75,7 +79,7 @@ fn unique<'a>(what: &str, names: impl Iterator<Item = &'a Located<Name>>) -> Res
 }
 
 /// Position of the name in a list.
-fn find<'a>(
+pub(super) fn find<'a>(
     name: &Located<String>,
     what: &str,
     names: impl Iterator<Item = &'a Located<Name>> + Clone,
@@ -148,7 +152,9 @@ fn joints(file: &Environment) -> Result<Vec<description::Joint>, Complaint> {
         let (parent, child) = (parent(joint, file, &hung)?, child(joint, file, &hung)?);
         hung[child] = Some(joint);
         let name = joint.name.value().as_ref().to_owned();
-        joints.push(description::Joint { name, parent, child, anchor: joint.anchor.get(), kind: joint_kind(joint.kind) });
+        let (anchor, kind) = (joint.anchor.get(), joint_kind(*joint.kind));
+        let (range, passive) = (range(joint)?, passive(joint, file)?);
+        joints.push(description::Joint { name, parent, child, anchor, kind, range, passive });
     }
     match file.bodies.iter().zip(&hung).find(|(_, joint)| joint.is_none()) {
         Some((body, _)) => Err(body.name.complain(format!("body `{}` hangs on no joint", body.name.as_ref()))),
@@ -188,6 +194,7 @@ fn joint_kind(kind: JointKind) -> description::JointKind {
         JointKind::Slide { axis } => description::JointKind::Slide { axis: axis.get() },
         JointKind::Hinge { positive: Sense::CounterClockwise } => description::JointKind::Hinge { sense: 1.0 },
         JointKind::Hinge { positive: Sense::Clockwise } => description::JointKind::Hinge { sense: -1.0 },
+        JointKind::Weld => description::JointKind::Weld,
     }
 }
 
@@ -217,12 +224,11 @@ fn choice(control: &Control) -> (Choice, [f32; 2]) {
     }
 }
 
-fn drive(actuator: &Actuator, joints: &[Joint]) -> Result<description::Actuator, Complaint> {
-    let ActuatorKind::JointForce(joint) = &actuator.kind;
+fn driven(actuator: &Actuator, joints: &[Joint]) -> Result<description::Actuator, Complaint> {
     let (choice, range) = choice(&actuator.control);
     Ok(description::Actuator {
         name: actuator.name.value().as_ref().to_owned(),
-        drive: Drive::JointForce(find_joint(joint, joints)?),
+        drive: drive(actuator, joints)?,
         gear: actuator.gear.map_or(1.0, Finite::get),
         choice,
         range,
@@ -231,14 +237,23 @@ fn drive(actuator: &Actuator, joints: &[Joint]) -> Result<description::Actuator,
 
 fn reading(sensor: &Sensor, joints: &[Joint]) -> Result<description::Sensor, Complaint> {
     let reading = match &sensor.kind {
-        SensorKind::JointPosition(joint) => Reading::JointPosition(find_joint(joint, joints)?),
-        SensorKind::JointVelocity(joint) => Reading::JointVelocity(find_joint(joint, joints)?),
+        SensorKind::JointPosition(joint) => Reading::JointPosition(find_moving(joint, joints)?),
+        SensorKind::WrappedJointPosition(joint) => Reading::WrappedJointPosition(find_hinge(joint, joints)?),
+        SensorKind::JointVelocity(joint) => Reading::JointVelocity(find_moving(joint, joints)?),
     };
     Ok(description::Sensor { name: sensor.name.value().as_ref().to_owned(), reading })
 }
 
-fn formulas(file: &Environment) -> Result<Formulas, Complaint> {
-    let columns = Columns { sensors: file.sensors.len(), observations: file.observations.len(), actions: file.actuators.len() };
+fn columns(file: &Environment) -> Columns {
+    Columns {
+        sensors: file.sensors.len(),
+        observations: file.observations.len(),
+        actions: file.actuators.len(),
+        fields: file.joints.iter().filter(|joint| joint.force.is_some()).count(),
+    }
+}
+
+fn formulas(file: &Environment, columns: Columns) -> Result<Formulas, Complaint> {
     let sensors = sensor_variables(file, columns);
     let all = all_variables(file, columns, &sensors);
     Ok(Formulas {
@@ -248,7 +263,7 @@ fn formulas(file: &Environment) -> Result<Formulas, Complaint> {
     })
 }
 
-fn sensor_variables(file: &Environment, columns: Columns) -> Vec<Variable> {
+pub(super) fn sensor_variables(file: &Environment, columns: Columns) -> Vec<Variable> {
     let names = file.sensors.iter().map(|sensor| sensor.name.value().as_ref().to_owned()).enumerate();
     names.map(|(column, name)| Variable { name, column, previous: Some(columns.first_previous() + column) }).collect()
 }
@@ -285,7 +300,7 @@ fn observation(seen: &Observation, sensors: &[Variable]) -> Result<Program, Comp
     }
 }
 
-fn formula(text: &Located<String>, kind: Type, variables: &[Variable]) -> Result<Program, Complaint> {
+pub(super) fn formula(text: &Located<String>, kind: Type, variables: &[Variable]) -> Result<Program, Complaint> {
     compile(text, kind, variables).map_err(|Mistake { message, help, line, column }| {
         let complaint = text.complain(message).at(line, column);
         help.into_iter().fold(complaint, Complaint::with_help)
@@ -295,7 +310,8 @@ fn formula(text: &Located<String>, kind: Type, variables: &[Variable]) -> Result
 fn starts(file: &Environment) -> Result<Vec<description::Start>, Complaint> {
     let mut starts: Vec<description::Start> = Vec::new();
     for start in &file.reset {
-        let joint = find_joint(&start.joint, &file.joints)?;
+        let joint = find_moving(&start.joint, &file.joints)?;
+        check_start(start, &file.joints[joint])?;
         if starts.iter().any(|other| other.joint == joint) {
             return Err(start.joint.complain(format!("joint `{}` has a start already", &*start.joint)));
         }
@@ -319,14 +335,23 @@ fn resolved_start(joint: usize, start: &Start) -> description::Start {
 }
 
 fn twin_of(twin: &Twin, joints: &[Joint]) -> Result<description::Twin, Complaint> {
-    let Twin::CartPole { slider, hinge } = twin;
-    Ok(description::Twin::CartPole { slider: find_joint(slider, joints)?, hinge: find_joint(hinge, joints)? })
+    let find = |name| find_joint(name, joints);
+    Ok(match twin {
+        Twin::CartPole { slider, hinge } => description::Twin::CartPole { slider: find(slider)?, hinge: find(hinge)? },
+        Twin::Pendulum { hinge } => description::Twin::Pendulum { hinge: find(hinge)? },
+        Twin::Acrobot { shoulder, elbow } => description::Twin::Acrobot { shoulder: find(shoulder)?, elbow: find(elbow)? },
+        Twin::MountainCar { slider } => description::Twin::MountainCar { slider: find(slider)? },
+    })
 }
 
 /// The twin's equations must be those of the bodies.
 fn check_twin(file: &Environment, description: &Description) -> Result<(), Complaint> {
-    let Some(Twin::CartPole { slider, .. }) = &file.analytic else { return Ok(()) };
-    analytic::check(description).map_err(|message| slider.complain(message))
+    let Some(twin) = &file.analytic else { return Ok(()) };
+    let (Twin::CartPole { slider: first, .. }
+    | Twin::Pendulum { hinge: first }
+    | Twin::Acrobot { shoulder: first, .. }
+    | Twin::MountainCar { slider: first }) = twin;
+    analytic::check(description).map_err(|message| first.complain(message))
 }
 
 const WORLD: &str = "world";
