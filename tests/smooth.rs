@@ -74,7 +74,7 @@ fn one_step_errors(task: &Description, most: &[f64], trials: usize) -> Vec<f64> 
 #[test]
 fn one_step_errors_are_as_stated_and_halve_when_substeps_double() {
     for (name, most, stated) in [
-        ("pendulum", vec![PI, 8.0], vec![4e-3]),
+        ("pendulum", vec![PI, 8.0], vec![7e-3]),
         ("acrobot", vec![PI, PI, 3.0, 5.0], vec![8e-3, 2e-2]),
         ("cartpole_swingup", vec![3.0, PI, 4.0, 6.0], vec![1e-3, 2e-3]),
         ("cartpole_swingup_concurrent", vec![3.0, PI, 4.0, 8.0], vec![2e-4, 4e-4]),
@@ -85,15 +85,15 @@ fn one_step_errors_are_as_stated_and_halve_when_substeps_double() {
         for (joint, &stated) in stated.iter().enumerate() {
             assert!(coarse[joint] < stated, "{name}: {coarse:?}");
             let ratio = coarse[joint] / fine[joint];
-            assert!((1.85..2.15).contains(&ratio), "{name}: joint {joint}: a ratio of {ratio}");
+            assert!((1.8..2.2).contains(&ratio), "{name}: joint {joint}: a ratio of {ratio}");
         }
     }
 }
 
-/// Gym's own step of 0.05 s (`newthdot = thdot + (3 g / (2 l) sin θ + 3 u / (m l²)) dt; newth = th + newthdot dt`) is eight times as far
-/// off as eight substeps, and the equations are Gym's.
+/// Gym's own step of 0.05 s (`newthdot = thdot + (3 g / (2 l) sin θ + 3 u / (m l²)) dt; newth = th + newthdot dt`) is about five
+/// times as far off as five substeps, and the equations are Gym's.
 #[test]
-fn a_pendulum_is_eight_times_closer_than_gyms() {
+fn a_pendulum_is_four_times_closer_than_gyms() {
     let task = task("pendulum");
     let (equations, mut random) = (Pendulum::of(&task).unwrap(), random());
     let mut worst = 0.0_f64;
@@ -107,7 +107,7 @@ fn a_pendulum_is_eight_times_closer_than_gyms() {
         worst = worst.max((theta + rate_after * 0.05 - exact[0]).abs());
     }
     let ratio = worst / one_step_errors(&task, &[PI, 8.0], 300)[0];
-    assert!((7.0..9.0).contains(&ratio), "{ratio}");
+    assert!((4.0..6.0).contains(&ratio), "{ratio}");
 }
 
 /// Gym's `_dsdt` with `book_or_nips = "book"`, written as it stands there, for masses, lengths and inertias of 1 and centres at 0.5.
@@ -135,7 +135,7 @@ fn the_acrobots_equations_are_gyms() {
 #[test]
 fn free_swings_stay_near_the_truth() {
     for (name, steps, from, stated) in
-        [("pendulum", 100, vec![2.0, 0.0], vec![0.03]), ("acrobot", 25, vec![0.8, 0.0, 0.0, 0.0], vec![0.03, 0.08])]
+        [("pendulum", 100, vec![2.0, 0.0], vec![0.05]), ("acrobot", 25, vec![0.8, 0.0, 0.0, 0.0], vec![0.03, 0.08])]
     {
         let task = task(name);
         let (mut bodies, mut twin) = (rigid(&task), dynamics(&task, Physics::Analytic, 1).unwrap());
@@ -159,11 +159,11 @@ fn free_swings_keep_their_energy() {
     let pendulum = task("pendulum");
     let equations = Pendulum::of(&pendulum).unwrap();
     let change = energy_change(&pendulum, &[1.0, 5.0], 400, &|state| equations.energy([state[0], state[1]]));
-    assert!(change < 0.35, "pendulum: {change} J of 18");
+    assert!(change < 0.5, "pendulum: {change} J of 7");
     let acrobot = task("acrobot");
     let equations = Acrobot::of(&acrobot).unwrap();
     let change = energy_change(&acrobot, &[1.5, 0.5, 0.0, 0.0], 100, &|state| equations.energy(equations.physical(state)));
-    assert!(change < 0.3, "acrobot: {change} J of 20");
+    assert!(change < 0.3, "acrobot: {change} J of 1, of a swing of 20");
     for name in ["cartpole_continuous", "cartpole_swingup", "cartpole_swingup_concurrent"] {
         let task = task(name);
         let equations = CartPole::of(&task).unwrap();
