@@ -37,7 +37,7 @@ impl Geometry {
         let (one, other) = (&self.surfaces[one], &self.surfaces[other]);
         // Not `query::contact`, which is wrong where the second form is a half-space.
         let distance = query::distance(&one.pose_in(frames), &*one.form, &other.pose_in(frames), &*other.form);
-        distance.is_ok_and(|distance| distance <= TOLERANCE)
+        distance.is_ok_and(|distance| distance.distance <= TOLERANCE)
     }
 
     /// Distance, m, to the first surface of the world or of another body than the ray's own. `frames`: `[bodies]`
