@@ -1,5 +1,7 @@
 //! What a user reads who has written something wrong: every file in `tests/broken_envs/` has its exact message beside it.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::{Path, PathBuf};
 
 use seedbed::env::load;

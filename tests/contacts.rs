@@ -83,7 +83,13 @@ fn motion(task: &Description, bodies: &dyn Dynamics) -> Motion {
     let mass: f64 = parts.iter().map(|(inertial, _)| inertial.mass).sum();
     let at = |frame: &Frame, com| (frame.point(com), frame.velocity_at(frame.point(com)));
     let total = |value: &dyn Fn([f64; 2], [f64; 2]) -> f64| -> f64 {
-        parts.iter().map(|(inertial, frame)| { let (p, v) = at(frame, inertial.com); inertial.mass * value(p, v) }).sum()
+        parts
+            .iter()
+            .map(|(inertial, frame)| {
+                let (p, v) = at(frame, inertial.com);
+                inertial.mass * value(p, v)
+            })
+            .sum()
     };
     let center = [total(&|p, _| p[0]) / mass, total(&|p, _| p[1]) / mass];
     let spin = |value: &dyn Fn(f64) -> f64| -> f64 {

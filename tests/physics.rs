@@ -1,5 +1,7 @@
 //! Rigid bodies against closed forms: how far they are off, that the error falls as it should, and what they must conserve.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::Path;
 
 use rand::RngExt;

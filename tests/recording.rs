@@ -1,5 +1,9 @@
 //! Recordings are read back and compared with what was recorded, number by number.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(clippy::iter_over_hash_type, reason = "chunks of the viewer's format hold hash maps; the columns are sorted here")]
+#![allow(clippy::struct_field_names, reason = "a round's rows are named as in the record")]
+
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;

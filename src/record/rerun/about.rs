@@ -44,7 +44,8 @@ fn facts(about: &RecordingAbout<'_>) -> Vec<(String, String)> {
 fn page(about: &RecordingAbout<'_>) -> String {
     let RecordingAbout { name, spec, agents, scenario, .. } = about;
     let description = &spec.description;
-    let facts: String = facts(about).iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
+    let rows: Vec<String> = facts(about).iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
+    let facts = rows.concat();
     let (observed, done) = (observations(spec), actions(spec));
     format!(
         "# {name}\n\n\

@@ -25,8 +25,11 @@ const SMOOTH: usize = 25;
 const TEAM_COLOR: [u8; 3] = [255; 3];
 const PALE_COLOR: [u8; 3] = [120, 120, 130];
 
+/// Finds a curve's value in a row.
+type OfRow = fn(&RoundRow) -> f64;
+
 /// What is drawn of each update: its entity and where it is found.
-pub(super) const UPDATE_CURVES: [(&str, fn(&RoundRow) -> f64); 6] = [
+pub(super) const UPDATE_CURVES: [(&str, OfRow); 6] = [
     ("coverage", |row| row.coverage),
     ("entropy", |row| f64::from(row.entropy)),
     ("ratio_deviation", |row| f64::from(row.ratio_deviation)),
@@ -77,7 +80,9 @@ impl Curves {
         }
         for (curve, (_, value)) in self.updates.iter_mut().zip(UPDATE_CURVES) {
             let mut values = vec![f64::NAN; curve.series];
-            rounds.iter().for_each(|row| values[row.agent as usize] = value(row));
+            for row in rounds {
+                values[row.agent as usize] = value(row);
+            }
             curve.add(end, values);
         }
     }

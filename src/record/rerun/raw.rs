@@ -51,8 +51,8 @@ impl RawColumns {
         let done = spec.actions.iter().map(|action| action.quantity.name.as_str());
         let mut names: Vec<&str> = observed.chain(done).chain(["reward", "log_prob", "outcome"]).collect();
         names.sort_unstable();
-        if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(format!("two columns would be named `{}`", pair[0]));
+        if let Some([name, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(format!("two columns would be named `{name}`"));
         }
         let observations = spec.observations.iter().map(|quantity| column(&quantity.name)).collect();
         let actions = spec.actions.iter().map(|action| (column(&action.quantity.name), action.choice.clone())).collect();
