@@ -25,19 +25,23 @@ pub struct Description {
     pub solver: Solver,
     /// The rigid bodies.
     pub bodies: Vec<Body>,
-    /// One joint a body, parents before their children.
+    /// What bodies hang on: at most one joint a body, parents before their children.
     pub joints: Vec<Joint>,
+    /// The bodies that hang on nothing.
+    pub free: Vec<usize>,
+    /// What bodies and the world touch each other with.
+    pub colliders: Vec<Collider>,
     /// One for each component of an action, in the same order.
     pub actuators: Vec<Actuator>,
     /// What formulas may read beside observations and actions.
     pub sensors: Vec<Sensor>,
-    /// Forces of nature along joints, beside gravity.
+    /// Forces of nature beside gravity.
     pub fields: Vec<Field>,
     /// Bodies that are drawn elsewhere than they are.
     pub drawings: Vec<Drawing>,
     /// Observations, reward, termination.
     pub formulas: Formulas,
-    /// Where episodes start; joints that are not mentioned start at rest at coordinate 0.
+    /// Where episodes start; coordinates that are not mentioned start at rest at the reference poses.
     pub reset: Vec<Start>,
     /// The task's closed-form twin, if it has one.
     pub twin: Option<Twin>,
@@ -50,6 +54,8 @@ pub struct Solver {
     pub iterations: u32,
     /// Passes over all joints in one substep; chains of several hinges need more than 1.
     pub passes: u32,
+    /// Times in a control step that contacts are searched for; each is followed by `iterations` substeps.
+    pub searches: u32,
 }
 
 /// A rigid body, described at its reference pose: where it is when all joint coordinates are 0.
@@ -76,6 +82,39 @@ pub struct Inertial {
     pub com: [f64; 2],
     /// About the centre of mass, kg m².
     pub inertia: f64,
+}
+
+/// A surface that touches others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Collider {
+    /// By which sensors refer to it; unique among colliders.
+    pub name: Option<String>,
+    /// The body that it belongs to; none is the world.
+    pub body: Option<usize>,
+    /// In the body's frame.
+    pub surface: Surface,
+    /// Coefficient μ of dry friction; of two surfaces the larger counts.
+    pub friction: f64,
+    /// Coefficient of restitution, from 0 (no bounce) to 1; of two surfaces the larger counts.
+    pub restitution: f64,
+    /// Bits of the kinds that the surface is of.
+    pub contype: u32,
+    /// Bits of the kinds that it touches. Two surfaces touch if one is of a kind that the other touches.
+    pub conaffinity: u32,
+}
+
+/// The form of a collider.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Surface {
+    /// An area, or an open line whose right-hand side is outside.
+    Shape(Shape),
+    /// All that lies behind an endless line.
+    HalfSpace {
+        /// A point of the line.
+        point: [f32; 2],
+        /// Unit vector to the outside.
+        normal: [f32; 2],
+    },
 }
 
 /// What a body hangs on. Its coordinate is 0 at the reference poses.
@@ -112,12 +151,12 @@ pub struct Passive {
     pub springref: f64,
 }
 
-/// A force along a joint that depends on the state. It is computed before each control step and constant during it.
+/// A force that depends on the state and on the action. It is computed before each control step and constant during it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
-    /// Along whose coordinate.
-    pub joint: usize,
-    /// N or N m, over sensors.
+    /// What it acts on: a joint or a body.
+    pub drive: Drive,
+    /// N or N m, over sensors and actions.
     pub force: Program,
 }
 
@@ -169,6 +208,19 @@ pub struct Actuator {
 pub enum Drive {
     /// A force (N) or torque (N m) along the coordinate of the joint with this index.
     JointForce(usize),
+    /// Nothing by itself.
+    Nothing,
+    /// A force (N) on a body.
+    BodyForce {
+        /// Which body.
+        body: usize,
+        /// Where, in the body's frame, m; none is the centre of mass.
+        at: Option<[f64; 2]>,
+        /// Unit vector along which a positive force pushes.
+        direction: [f64; 2],
+        /// Whether the direction turns with the body.
+        local: bool,
+    },
     /// A motor that drives a joint's coordinate or rate to gear × control.
     Servo(Servo),
 }
@@ -207,14 +259,50 @@ pub struct Sensor {
 }
 
 /// What a sensor measures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reading {
-    /// The coordinate of the joint with this index, m or rad; a hinge counts full turns.
+    /// The coordinate with this index, m or rad; angles count full turns.
     JointPosition(usize),
     /// The coordinate of the hinge with this index, rad, without its full turns: in (−π, π].
     WrappedJointPosition(usize),
     /// A joint's rate, m/s or rad/s.
     JointVelocity(usize),
+    /// Where a point of a body is along one of the world's axes, m.
+    BodyPosition(BodyPoint),
+    /// How fast it moves along that axis, m/s.
+    BodyVelocity(BodyPoint),
+    /// The angle of the body with this index, rad, counting full turns.
+    BodyAngle(usize),
+    /// Its rate, rad/s.
+    BodyAngularVelocity(usize),
+    /// 1 if the colliders with these indices touch, 0 if not.
+    Contact(usize, usize),
+    /// Distance to the first surface of another body or of the world, m.
+    Ray(Ray),
+}
+
+/// A point of a body, seen along one of the world's axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyPoint {
+    /// Which body.
+    pub body: usize,
+    /// In the body's frame, m.
+    pub at: [f64; 2],
+    /// 0 for x, 1 for y.
+    pub axis: usize,
+}
+
+/// A ray that turns with its body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Which body.
+    pub body: usize,
+    /// Where it starts, in the body's frame, m.
+    pub from: [f64; 2],
+    /// Unit vector in the body's frame.
+    pub direction: [f64; 2],
+    /// What is measured if nothing is nearer, m.
+    pub length: f64,
 }
 
 /// The task's formulas over a table whose columns are: sensors, observations, actions, fields, sensors before the step,
@@ -246,7 +334,7 @@ pub struct Columns {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     /// Which joint.
-    pub joint: usize,
+    pub coordinate: usize,
     /// m or rad.
     pub position: Distribution,
     /// m/s or rad/s.
@@ -345,6 +433,30 @@ impl Description {
             actions: self.actuators.len(),
             fields: self.fields.len(),
         }
+    }
+
+    /// Number of coordinates: one a joint, then x, y and angle of each free body.
+    #[must_use]
+    pub fn coordinates(&self) -> usize {
+        self.joints.len() + 3 * self.free.len()
+    }
+
+    /// The coordinates at the reference poses: 0 for joints.
+    #[must_use]
+    pub fn reference(&self) -> Vec<f64> {
+        let pose = |&body: &usize| {
+            let Body { position: [x, y], angle, .. } = self.bodies[body];
+            [x, y, angle]
+        };
+        vec![0.0; self.joints.len()].into_iter().chain(self.free.iter().flat_map(pose)).collect()
+    }
+
+    /// Whether each copy needs a world of its own: if bodies may touch something, hang on nothing, or are pushed directly.
+    #[must_use]
+    pub fn needs_worlds(&self) -> bool {
+        let drives = self.actuators.iter().map(|actuator| actuator.drive).chain(self.fields.iter().map(|field| field.drive));
+        let pushes = |drive| matches!(drive, Drive::BodyForce { .. });
+        drives.into_iter().any(pushes) || !self.colliders.is_empty() || !self.free.is_empty()
     }
 }
 

@@ -1,4 +1,4 @@
-//! Motion: what turns the actuators' controls into joint coordinates, one control step at a time.
+//! Motion: what turns the actuators' controls into coordinates, one control step at a time.
 //!
 //! A [`Dynamics`] holds M copies of one task's bodies: rigid bodies ([`physics`](super::physics)) or closed-form equations
 //! ([`analytic`](super::analytic)). Observations, rewards and episodes may not enter.
@@ -10,7 +10,7 @@ use super::Pose;
 
 /// M copies of a task's bodies. Only live copies move; the bits of one do not depend on the others.
 pub trait Dynamics: Send {
-    /// Makes `copy` live, with each joint at the given coordinate and rate. `positions`, `velocities`: `[joints]`
+    /// Makes `copy` live, with each coordinate at the given value and rate. `positions`, `velocities`: `[coordinates]`
     fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]);
 
     /// Makes `copy` stand still until it is started again.
@@ -20,7 +20,7 @@ pub trait Dynamics: Send {
     /// constant during the step.
     fn step(&mut self, controls: &[f32]);
 
-    /// The joints of all copies as they are now.
+    /// The coordinates of all copies as they are now: those of the joints, then x, y and angle of each free body.
     fn joints(&self) -> &JointColumns;
 
     /// Where the bodies of `copy` are now: `[bodies]`.
@@ -36,7 +36,7 @@ pub trait Dynamics: Send {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
 }
 
-/// Joint coordinates of M copies: `[joints × M]`, column by joint.
+/// Coordinates of M copies: `[coordinates × M]`, column by coordinate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JointColumns {
     copies: usize,

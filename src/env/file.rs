@@ -5,14 +5,18 @@
 //! ranges are checked while reading, names that refer to something by `resolve`. Building and stepping may not enter.
 
 mod checked;
+mod instruments;
 mod joint;
 mod resolve;
+mod surfaces;
 
 use std::path::Path;
 
 use serde::Deserialize;
 
 pub use checked::{Direction, Interval, Name, Vector};
+pub use instruments::{ActuatorKind, Axis, ForceFrame, SensorKind};
+pub use surfaces::{Collider, Geom, Points};
 
 use super::description::Description;
 use crate::input::numbers::{Count, Finite, NonNegative, Positive, known, known_count};
@@ -39,9 +43,14 @@ pub struct Environment {
     /// Shapes that stand still in the world, for drawing.
     #[serde(default)]
     pub scenery: Vec<Geom>,
+    /// What stands still in the world and can be touched; drawn as well.
+    #[serde(default)]
+    pub colliders: Vec<Collider>,
     /// The rigid bodies.
     pub bodies: Vec<Body>,
-    /// What the bodies hang on: one joint a body, parents before their children.
+    /// What the bodies hang on: at most one joint a body, parents before their children. A body without one is free: it has the
+    /// coordinates `NAME.x`, `NAME.y` and `NAME.angle`, where its frame is in the world.
+    #[serde(default)]
     pub joints: Vec<Joint>,
     /// What the agent drives.
     pub actuators: Vec<Actuator>,
@@ -54,7 +63,7 @@ pub struct Environment {
     /// Formula that says whether the task has come to its own end.
     #[serde(default = "never")]
     pub terminated: Located<String>,
-    /// Where episodes start; joints that are not mentioned start at rest at 0.
+    /// Where episodes start; joints that are not mentioned start at rest at 0, free bodies at rest where the file puts them.
     #[serde(default)]
     pub reset: Vec<Start>,
     /// The closed-form twin of the task.
@@ -70,6 +79,8 @@ pub struct Solver {
     pub iterations: Count,
     /// Passes over all joints in one substep; chains of several hinges need more than 1.
     pub passes: Count,
+    /// Times in a control step that contacts are searched for; each is followed by `iterations` substeps.
+    pub searches: Count,
 }
 
 /// A rigid body at its reference pose: where it is when all joint coordinates are 0.
@@ -92,12 +103,36 @@ pub struct Body {
     /// About the centre of mass, kg m²; by default that of the shapes, filled evenly.
     #[serde(default)]
     pub inertia: Option<Positive>,
-    /// Shapes in the body's frame.
+    /// Shapes in the body's frame, for drawing and for what of mass, centre and inertia is left out.
     #[serde(default)]
     pub geoms: Vec<Geom>,
+    /// Shapes in the body's frame that touch others; drawn and weighed as well.
+    #[serde(default)]
+    pub colliders: Vec<Collider>,
+    /// Forces of nature on the body.
+    #[serde(default)]
+    pub forces: Vec<Force>,
     /// Where it is drawn, if elsewhere than it is.
     #[serde(default)]
     pub drawn: Option<Drawn>,
+}
+
+/// A force on a body. Computed before each control step, constant during it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Force {
+    /// Formula over sensors and actions of its part to the right, N.
+    #[serde(default = "zero")]
+    pub x: Located<String>,
+    /// Formula over sensors and actions of its part upwards, N.
+    #[serde(default = "zero")]
+    pub y: Located<String>,
+    /// Where it acts, in the body's frame; by default at the centre of mass.
+    #[serde(default)]
+    pub at: Option<Vector>,
+    /// Whose right and up are meant.
+    #[serde(default)]
+    pub frame: ForceFrame,
 }
 
 /// Draws a body elsewhere than it is. Motion does not change.
@@ -111,49 +146,6 @@ pub struct Drawn {
     #[serde(default = "zero")]
     pub angle: Located<String>,
 }
-
-/// A shape in its body's frame.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum Geom {
-    /// A disc.
-    Ball {
-        /// Centre.
-        #[serde(default)]
-        center: Vector,
-        /// Radius.
-        radius: Positive,
-    },
-    /// A rectangle.
-    Box {
-        /// Centre.
-        #[serde(default)]
-        center: Vector,
-        /// Half width and half height.
-        half_size: (Positive, Positive),
-        /// Rotation about the centre.
-        #[serde(default)]
-        angle: Option<Finite>,
-    },
-    /// A segment with a thickness.
-    Capsule {
-        /// One end of the segment.
-        from: Vector,
-        /// The other end.
-        to: Vector,
-        /// Half the thickness.
-        radius: Positive,
-    },
-    /// The convex hull of at least three points.
-    Convex(Points<3>),
-    /// An open line of at least two points, which weighs nothing.
-    Polyline(Points<2>),
-}
-
-/// At least `MINIMUM` points.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "Vec<Vector>")]
-pub struct Points<const MINIMUM: usize>(Vec<Vector>);
 
 /// What a body hangs on. The coordinate is 0 at the reference poses.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -189,7 +181,7 @@ pub struct Joint {
     /// Where the spring is at rest; 0 by default.
     #[serde(default)]
     pub springref: Option<Located<Finite>>,
-    /// Formula over sensors of a force along the coordinate, N or N m. Computed before each control step, constant during it.
+    /// Formula over sensors and actions of a force along the coordinate, N or N m. Computed before each control step, constant during it.
     #[serde(default)]
     pub force: Option<Located<String>>,
 }
@@ -242,37 +234,6 @@ pub struct Actuator {
     pub unit: String,
 }
 
-/// What an actuator acts on.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum ActuatorKind {
-    /// A force (N) or torque (N m) along a joint's coordinate.
-    JointForce(Located<String>),
-    /// A motor with the force kv (control − q̇).
-    VelocityServo {
-        /// Which joint.
-        joint: Located<String>,
-        /// N s/m or N m s/rad.
-        kv: Positive,
-        /// Largest force, N or N m.
-        #[serde(default)]
-        force_limit: Option<Positive>,
-    },
-    /// A motor with the force kp (control − q) − kv q̇.
-    PositionServo {
-        /// Which joint.
-        joint: Located<String>,
-        /// N/m or N m/rad.
-        kp: Positive,
-        /// N s/m or N m s/rad; 0 by default.
-        #[serde(default)]
-        kv: Option<NonNegative>,
-        /// Largest force, N or N m.
-        #[serde(default)]
-        force_limit: Option<Positive>,
-    },
-}
-
 /// What the agent may choose.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "checked::AnyControl")]
@@ -299,17 +260,6 @@ pub struct Sensor {
     pub kind: SensorKind,
 }
 
-/// What a sensor measures.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-pub enum SensorKind {
-    /// A joint's coordinate, m or rad; a hinge counts full turns.
-    JointPosition(Located<String>),
-    /// A hinge's coordinate, rad, without its full turns: in (−π, π].
-    WrappedJointPosition(Located<String>),
-    /// Its rate, m/s or rad/s.
-    JointVelocity(Located<String>),
-}
-
 /// A number that the agent sees.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -326,11 +276,11 @@ pub struct Observation {
     pub range: Interval,
 }
 
-/// Where a joint starts an episode.
+/// Where a coordinate starts an episode.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
-    /// Which joint.
+    /// Which joint, or which coordinate of a free body, such as `NAME.x`.
     pub joint: Located<String>,
     /// m or rad.
     #[serde(default)]
@@ -405,7 +355,7 @@ fn describe(name: &str, document: &Document<Environment>) -> Result<Description,
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { iterations: known_count(4), passes: known_count(1) }
+        Self { iterations: known_count(4), passes: known_count(1), searches: known_count(1) }
     }
 }
 
@@ -428,25 +378,6 @@ impl TryFrom<Vec<Finite>> for Values {
 
     fn try_from(values: Vec<Finite>) -> Result<Self, String> {
         if values.len() >= 2 { Ok(Self(values)) } else { Err(format!("expected at least 2 values, found {}", values.len())) }
-    }
-}
-
-impl<const MINIMUM: usize> Points<MINIMUM> {
-    /// The points, in f32.
-    #[must_use]
-    pub fn get(&self) -> Vec<[f32; 2]> {
-        self.0.iter().map(|point| point.get().map(|value| value as f32)).collect()
-    }
-}
-
-impl<const MINIMUM: usize> TryFrom<Vec<Vector>> for Points<MINIMUM> {
-    type Error = String;
-
-    fn try_from(points: Vec<Vector>) -> Result<Self, String> {
-        if points.len() >= MINIMUM {
-            return Ok(Self(points));
-        }
-        Err(format!("expected at least {MINIMUM} points, found {}", points.len()))
     }
 }
 

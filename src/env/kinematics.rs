@@ -3,11 +3,14 @@
 //! Both the rigid bodies' reset and the twins' drawing start from here. Time, forces and masses may not enter.
 
 use super::description::{Description, Joint, JointKind};
+use super::dynamics::JointColumns;
 
 /// The joints of a task as rigid transforms, parents before their children.
 #[derive(Clone, Debug)]
 pub struct Tree {
     links: Vec<Link>,
+    /// Bodies that hang on nothing: the first three coordinates after those of the joints are the first one's.
+    free: Vec<usize>,
     bodies: usize,
 }
 
@@ -59,7 +62,7 @@ impl Tree {
     #[must_use]
     pub fn new(description: &Description) -> Self {
         let links = description.joints.iter().map(|joint| Link::new(joint, description)).collect();
-        Self { links, bodies: description.bodies.len() }
+        Self { links, free: description.free.clone(), bodies: description.bodies.len() }
     }
 
     /// The joints, parents before their children.
@@ -74,8 +77,25 @@ impl Tree {
         vec![Frame::WORLD; self.bodies]
     }
 
-    /// Writes each body's frame, given each joint's position and velocity. `positions`, `velocities`: `[joints]`; `frames`: `[bodies]`
+    /// Where the bodies of one copy are: `[bodies]`
+    #[must_use]
+    pub fn frames_of(&self, columns: &JointColumns, copy: usize) -> Vec<Frame> {
+        let coordinates = (0..self.links.len() + 3 * self.free.len()).map(|coordinate| columns.get(coordinate, copy));
+        let (positions, velocities): (Vec<_>, Vec<_>) = coordinates.map(|(q, v)| (f64::from(q), f64::from(v))).unzip();
+        let mut frames = self.frames();
+        self.place(&positions, &velocities, &mut frames);
+        frames
+    }
+
+    /// Writes each body's frame, given each coordinate's position and velocity. `positions`, `velocities`: `[coordinates]`;
+    /// `frames`: `[bodies]`
     pub fn place(&self, positions: &[f64], velocities: &[f64], frames: &mut [Frame]) {
+        for (index, &body) in self.free.iter().enumerate() {
+            let first = self.links.len() + 3 * index;
+            let [x, y, angle] = std::array::from_fn(|axis| positions[first + axis]);
+            let [right, up, spin] = std::array::from_fn(|axis| velocities[first + axis]);
+            frames[body] = Frame { velocity: [right, up], angular_velocity: spin, ..Frame::at([x, y], angle) };
+        }
         for ((link, &position), &velocity) in self.links.iter().zip(positions).zip(velocities) {
             let parent = link.parent.map_or(Frame::WORLD, |body| frames[body]);
             frames[link.child] = link.moved(&parent, position, velocity);
@@ -142,6 +162,12 @@ impl Frame {
     #[must_use]
     pub fn into_frame(&self, point: [f64; 2]) -> [f64; 2] {
         turn(conjugate(self.rotation), difference(point, self.position))
+    }
+
+    /// A vector of this frame in the world.
+    #[must_use]
+    pub fn vector(&self, local: [f64; 2]) -> [f64; 2] {
+        turn(self.rotation, local)
     }
 
     /// Velocity, m/s, of what moves with this frame at a point of the world.

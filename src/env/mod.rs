@@ -11,6 +11,7 @@ pub mod expression;
 pub mod file;
 pub mod kinematics;
 pub mod physics;
+mod sensing;
 pub mod task;
 
 pub use file::load;

@@ -4,13 +4,12 @@
 //! sensors, observations, actions, and the sensors and observations before the step. Stepping allocates nothing. What moves the
 //! bodies may not enter.
 
-use std::f32::consts::{PI, TAU};
-
 use serde::{Deserialize, Serialize};
 
-use super::description::{Columns, Description, Reading};
+use super::description::{Columns, Description};
 use super::dynamics::{Dynamics, from_bytes, to_bytes};
 use super::expression::{Formula, Table};
+use super::sensing::Senses;
 use super::{Choice, Environment, Physics, Pose, Scene, Spec, Status, analytic, physics};
 use crate::input::InputError;
 use crate::random::Stream;
@@ -29,6 +28,7 @@ pub fn build(description: &Description, physics: Physics, copies: usize) -> Resu
 /// The task has no closed-form twin, but `physics` asks for it.
 pub fn dynamics(description: &Description, physics: Physics, copies: usize) -> Result<Box<dyn Dynamics>, InputError> {
     match physics {
+        Physics::Rapier if description.needs_worlds() => Ok(Box::new(physics::ContactWorlds::new(description, copies))),
         Physics::Rapier => Ok(Box::new(physics::RigidBodies::new(description, copies))),
         Physics::Analytic => analytic::build(description, copies).ok_or_else(|| InputError {
             origin: description.origin.clone(),
@@ -45,6 +45,7 @@ struct Task {
     description: Description,
     columns: Columns,
     dynamics: Box<dyn Dynamics>,
+    senses: Senses,
     /// What the formulas read. Its layout is [`Columns`].
     table: Table,
     observation_formulas: Vec<Formula>,
@@ -55,7 +56,7 @@ struct Task {
     terminated: Formula,
     reads_previous: bool,
     progress: Progress,
-    /// Start coordinates of the copy that is being reset: `[joints]`.
+    /// Start coordinates and rates of the copy that is being reset: `[coordinates]`.
     start: [Vec<f64>; 2],
 }
 
@@ -83,7 +84,6 @@ impl Task {
         let columns = description.columns();
         let formulas = &description.formulas;
         let previous = columns.first_previous()..columns.count();
-        let joints = description.joints.len();
         Self {
             columns,
             dynamics,
@@ -95,7 +95,8 @@ impl Task {
             terminated: Formula::new(&formulas.terminated, copies),
             reads_previous: formulas.reward.reads(&previous) || formulas.terminated.reads(&previous),
             progress: Progress::new(copies, columns.observations),
-            start: [vec![0.0; joints], vec![0.0; joints]],
+            senses: Senses::new(description),
+            start: [description.reference(), vec![0.0; description.coordinates()]],
             description: description.clone(),
         }
     }
@@ -113,8 +114,8 @@ impl Environment for Task {
     fn reset(&mut self, copy: usize, random: &mut Stream) {
         let [positions, velocities] = &mut self.start;
         for start in &self.description.reset {
-            positions[start.joint] = start.position.draw(random);
-            velocities[start.joint] = start.velocity.draw(random);
+            positions[start.coordinate] = start.position.draw(random);
+            velocities[start.coordinate] = start.velocity.draw(random);
         }
         self.dynamics.start(copy, positions, velocities);
         self.progress.rewards[copy] = 0.0;
@@ -221,15 +222,7 @@ impl Task {
 
     /// Reads the sensors of some copies and computes what is observed.
     fn observe(&mut self, copies: std::ops::Range<usize>) {
-        let joints = self.dynamics.joints();
-        for (column, sensor) in self.description.sensors.iter().enumerate() {
-            let column = &mut self.table.column_mut(column)[copies.clone()];
-            match sensor.reading {
-                Reading::JointPosition(joint) => column.copy_from_slice(&joints.positions(joint)[copies.clone()]),
-                Reading::WrappedJointPosition(joint) => wrap(column, &joints.positions(joint)[copies.clone()]),
-                Reading::JointVelocity(joint) => column.copy_from_slice(&joints.velocities(joint)[copies.clone()]),
-            }
-        }
+        self.senses.read(self.dynamics.joints(), copies.clone(), &mut self.table);
         let width = self.columns.observations;
         for (index, formula) in self.observation_formulas.iter_mut().enumerate() {
             let (before, column) = self.table.split_at(self.columns.first_observation() + index);
@@ -258,13 +251,6 @@ impl Task {
                 }
             }
         }
-    }
-}
-
-/// Takes full turns off angles: into (−π, π].
-fn wrap(wrapped: &mut [f32], angles: &[f32]) {
-    for (wrapped, &angle) in wrapped.iter_mut().zip(angles) {
-        *wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
     }
 }
 

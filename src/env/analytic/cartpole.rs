@@ -61,6 +61,7 @@ impl CartPole {
         };
         require(description.joints.len() == 2, "a cart-pole has no other joints than its slider and its hinge")?;
         require(rail.parent.is_none() && axis[1] == 0.0, "the slider of a cart-pole is level and holds the cart to the world")?;
+        require(!description.needs_worlds(), "a cart-pole has no free bodies, colliders, or forces on bodies")?;
         require(pivot.parent == Some(rail.child), "the hinge of a cart-pole holds the pole to the cart")?;
         require(description.gravity[0] == 0.0, "gravity is vertical where a cart-pole stands")?;
         Ok(Self::new(description, [slider, hinge], axis[0], -sense))

@@ -80,6 +80,7 @@ pub fn check(description: &Description) -> Result<(), String> {
 
 /// What all twins have in common: nothing resists their motion, and actuators are forces.
 fn require_plain(description: &Description) -> Result<(), String> {
+    require(!description.needs_worlds(), "a twin has no free bodies, colliders, or forces on bodies")?;
     for Joint { name, passive, .. } in &description.joints {
         require(
             *passive == Passive::default(),
@@ -119,10 +120,15 @@ fn substeps(control_step: f64, longest: f64) -> u32 {
 impl<E: Equations> ClosedForm<E> {
     fn new(equations: E, description: &Description, copies: usize) -> Self {
         let joints = description.joints.len();
-        let fields = description.fields.iter().map(|field| Motor { joint: field.joint, gear: 1.0 });
+        let fields = description.fields.iter().filter_map(|field| Motor::new(field.drive, 1.0));
         Self {
             equations,
-            motors: description.actuators.iter().filter_map(Motor::new).chain(fields).collect(),
+            motors: description
+                .actuators
+                .iter()
+                .filter_map(|actuator| Motor::new(actuator.drive, actuator.gear))
+                .chain(fields)
+                .collect(),
             tree: Tree::new(description),
             state: State { live: vec![false; copies], rows: vec![0.0; copies * 2 * joints] },
             columns: JointColumns::new(joints, copies),
@@ -206,10 +212,10 @@ impl<E: Equations> Dynamics for ClosedForm<E> {
 }
 
 impl Motor {
-    fn new(actuator: &super::description::Actuator) -> Option<Self> {
-        match actuator.drive {
-            Drive::JointForce(joint) => Some(Self { joint, gear: actuator.gear }),
-            Drive::Servo(_) => None,
+    fn new(drive: Drive, gear: f64) -> Option<Self> {
+        match drive {
+            Drive::JointForce(joint) => Some(Self { joint, gear }),
+            Drive::Nothing | Drive::Servo(_) | Drive::BodyForce { .. } => None,
         }
     }
 }

@@ -1,12 +1,12 @@
-//! What joints do beside holding: their ranges, passive forces and fields, and the servos that drive them.
+//! What joints do beside holding: their ranges, passive forces and fields.
 
 use std::f64::consts::TAU;
 
-use super::resolve::{find, formula, sensor_variables};
-use super::{Actuator, ActuatorKind, Distribution, Environment, Joint, JointKind, Start};
-use crate::env::description::{self, Columns, Drive, Passive, Servo, Target};
+use super::resolve::{self, action_variables, find, formula, sensor_variables};
+use super::{Distribution, Environment, Force, ForceFrame, Joint, JointKind, Start, Vector};
+use crate::env::description::{self, Columns, Drive, Passive};
 use crate::env::expression::{Program, Type, Variable};
-use crate::input::numbers::{NonNegative, Positive};
+use crate::input::numbers::NonNegative;
 use crate::input::{Complaint, Located};
 
 /// The joint's range. A hinge's is at most a full turn wide: bodies do not tell how often they have turned.
@@ -40,9 +40,13 @@ pub(super) fn passive(joint: &Joint, file: &Environment) -> Result<Passive, Comp
     })
 }
 
-/// A rotor's inertia is added to the child's, which is exact only where nothing but this joint moves the child along the coordinate.
+/// A rotor's inertia is added to the child's, which is exact only where nothing but this joint moves the child along the coordinate; the
+/// joints of worlds with contacts have rotors of their own.
 fn check_armature(joint: &Joint, file: &Environment) -> Result<(), Complaint> {
     let Some(armature) = &joint.armature else { return Ok(()) };
+    if resolve::needs_worlds(file) {
+        return Ok(());
+    }
     let holder = |body: &str| file.joints.iter().find(|other| other.child.as_str() == body);
     let parents = || std::iter::successors(holder(&joint.parent), |other| holder(&other.parent)).map(|other| *other.kind);
     match *joint.kind {
@@ -74,32 +78,26 @@ pub(super) fn find_hinge(name: &Located<String>, joints: &[Joint]) -> Result<usi
     }
 }
 
-/// What an actuator drives.
-pub(super) fn drive(actuator: &Actuator, joints: &[Joint]) -> Result<Drive, Complaint> {
-    let limit = |force: &Option<Positive>| force.map(Positive::get);
-    match &actuator.kind {
-        ActuatorKind::JointForce(joint) => Ok(Drive::JointForce(find_moving(joint, joints)?)),
-        ActuatorKind::VelocityServo { joint, kv, force_limit } => {
-            let joint = find_moving(joint, joints)?;
-            let servo = Servo { joint, target: Target::Velocity, kp: 0.0, kv: kv.get(), force_limit: limit(force_limit) };
-            Ok(Drive::Servo(servo))
-        }
-        ActuatorKind::PositionServo { joint, kp, kv, force_limit } => {
-            let (joint, kv) = (find_moving(joint, joints)?, kv.map_or(0.0, NonNegative::get));
-            Ok(Drive::Servo(Servo { joint, target: Target::Position, kp: kp.get(), kv, force_limit: limit(force_limit) }))
-        }
-    }
-}
-
-/// Forces that depend on the state before a control step.
+/// Forces that depend on the state before a control step and on the action: on joints, then on bodies.
 pub(super) fn fields(file: &Environment, columns: Columns) -> Result<Vec<description::Field>, Complaint> {
-    let sensors = present_sensors(file, columns);
+    let known: Vec<_> = present_sensors(file, columns).into_iter().chain(action_variables(file, columns)).collect();
     let with_force = file.joints.iter().enumerate().filter_map(|(index, joint)| Some((index, joint, joint.force.as_ref()?)));
     let field = |(index, joint, force): (usize, &Joint, &Located<String>)| match *joint.kind {
         JointKind::Weld => Err(force.complain("a weld has no coordinate along which a force could act")),
-        _ => Ok(description::Field { joint: index, force: formula(force, Type::Number, &sensors)? }),
+        _ => Ok(description::Field { drive: Drive::JointForce(index), force: formula(force, Type::Number, &known)? }),
     };
-    with_force.map(field).collect()
+    let on_joints: Vec<_> = with_force.map(field).collect::<Result<_, _>>()?;
+    let bodies = file.bodies.iter().enumerate();
+    let forces = bodies.flat_map(|(body, described)| described.forces.iter().flat_map(move |force| parts(body, force)));
+    let on_bodies = forces.map(|(drive, force)| Ok(description::Field { drive, force: formula(force, Type::Number, &known)? }));
+    on_joints.into_iter().map(Ok).chain(on_bodies).collect()
+}
+
+/// The two parts of a force on a body.
+fn parts(body: usize, force: &Force) -> [(Drive, &Located<String>); 2] {
+    let (at, local) = (force.at.map(Vector::get), force.frame == ForceFrame::Local);
+    let drive = |direction| Drive::BodyForce { body, at, direction, local };
+    [(drive([1.0, 0.0]), &force.x), (drive([0.0, 1.0]), &force.y)]
 }
 
 /// Bodies that are drawn elsewhere than they are.

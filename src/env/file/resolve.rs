@@ -1,12 +1,13 @@
 //! From what a file says to what it means: names become indices, formulas programs, omitted fields their defaults.
 
-use super::joint::{check_start, drawings, drive, fields, find_hinge, find_moving, passive, range};
+use super::joint::{check_start, drawings, fields, passive, range};
+use super::surfaces::{self, shape};
 use super::{
-    Actuator, Body, Control, Distribution, Environment, Geom, Joint, JointKind, Name, Observation, Sense, Sensor, SensorKind,
-    Start, Twin,
+    Actuator, ActuatorKind, Body, Control, Distribution, Environment, Joint, JointKind, Name, Observation, Sense, Start, Twin,
+    instruments,
 };
 use crate::env::analytic;
-use crate::env::description::{self, Columns, Description, Formulas, Inertial, Reading};
+use crate::env::description::{self, Columns, Description, Formulas, Inertial};
 use crate::env::expression::{Mistake, Program, Type, Variable, compile};
 use crate::env::{Action, Choice, Quantity, Scene, SceneBody, Shape, Spec, physics};
 use crate::input::numbers::Finite;
@@ -20,12 +21,18 @@ pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Resul
     let description = Description {
         origin: origin.to_owned(),
         spec: spec(name, file),
-        scene: scene(&file.scenery, &bodies),
+        scene: scene(file, &bodies),
         gravity: file.gravity.get(),
-        solver: description::Solver { iterations: file.solver.iterations.get(), passes: file.solver.passes.get() },
+        solver: description::Solver {
+            iterations: file.solver.iterations.get(),
+            passes: file.solver.passes.get(),
+            searches: file.solver.searches.get(),
+        },
         joints: joints(file)?,
-        actuators: file.actuators.iter().map(|actuator| driven(actuator, &file.joints)).collect::<Result<_, _>>()?,
-        sensors: file.sensors.iter().map(|sensor| reading(sensor, &file.joints)).collect::<Result<_, _>>()?,
+        free: free_bodies(file),
+        colliders: surfaces::colliders(file)?,
+        actuators: file.actuators.iter().map(|actuator| instruments::actuator(actuator, file)).collect::<Result<_, _>>()?,
+        sensors: file.sensors.iter().map(|sensor| instruments::sensor(sensor, file)).collect::<Result<_, _>>()?,
         fields: fields(file, columns)?,
         drawings: drawings(file, columns)?,
         formulas: formulas(file, columns)?,
@@ -51,6 +58,8 @@ fn spec(name: &str, file: &Environment) -> Spec {
 
 fn check_unique_names(file: &Environment) -> Result<(), Complaint> {
     unique("body", file.bodies.iter().map(|body| &body.name))?;
+    let colliders = file.colliders.iter().chain(file.bodies.iter().flat_map(|body| &body.colliders));
+    unique("collider", colliders.filter_map(|collider| collider.name.as_ref()))?;
     unique("joint", file.joints.iter().map(|joint| &joint.name))?;
     unique("sensor", file.sensors.iter().map(|sensor| &sensor.name))?;
     unique("observation", file.observations.iter().map(|observation| &observation.name))?;
@@ -88,12 +97,42 @@ pub(super) fn find<'a>(
     names.clone().position(|known| known == name.as_str()).ok_or_else(|| name.complain_unknown(what, names))
 }
 
-fn find_joint(name: &Located<String>, joints: &[Joint]) -> Result<usize, Complaint> {
+pub(super) fn find_joint(name: &Located<String>, joints: &[Joint]) -> Result<usize, Complaint> {
     find(name, "joint", joints.iter().map(|joint| &joint.name))
 }
 
+pub(super) fn find_body(name: &Located<String>, file: &Environment) -> Result<usize, Complaint> {
+    find(name, "body", file.bodies.iter().map(|body| &body.name))
+}
+
+/// Index of a joint's coordinate, or of one that a free body has, such as `NAME.x`.
+pub(super) fn find_coordinate(name: &Located<String>, file: &Environment) -> Result<usize, Complaint> {
+    let joints = file.joints.iter().map(|joint| joint.name.as_ref().to_owned());
+    let free = free_bodies(file).into_iter().map(|body| file.bodies[body].name.as_ref());
+    let names: Vec<_> = joints.chain(free.flat_map(|body| ["x", "y", "angle"].map(|axis| format!("{body}.{axis}")))).collect();
+    let position = names.iter().position(|known| *known == **name);
+    let index = position.ok_or_else(|| name.complain_unknown("joint", names.iter().map(String::as_str)))?;
+    match file.joints.get(index).map(|joint| *joint.kind) {
+        Some(JointKind::Weld) => Err(name.complain(format!("joint `{}` is a weld and has no coordinate", name.as_str()))),
+        _ => Ok(index),
+    }
+}
+
+/// Whether the task is one of bodies that touch, float, or are pushed directly; see [`Description::needs_worlds`].
+pub(super) fn needs_worlds(file: &Environment) -> bool {
+    let pushed = file.actuators.iter().any(|actuator| matches!(actuator.kind, ActuatorKind::BodyForce { .. }));
+    let touching = |body: &Body| !body.colliders.is_empty() || !body.forces.is_empty();
+    pushed || !file.colliders.is_empty() || file.bodies.iter().any(touching) || !free_bodies(file).is_empty()
+}
+
+/// The bodies that no joint holds.
+fn free_bodies(file: &Environment) -> Vec<usize> {
+    let held = |body: &Body| file.joints.iter().any(|joint| *joint.child == *body.name.as_ref());
+    (0..file.bodies.len()).filter(|&body| !held(&file.bodies[body])).collect()
+}
+
 fn body(body: &Body) -> Result<description::Body, Complaint> {
-    let shapes: Vec<_> = body.geoms.iter().map(shape).collect();
+    let shapes: Vec<_> = body.geoms.iter().chain(body.colliders.iter().map(|collider| &*collider.geom)).map(shape).collect();
     Ok(description::Body {
         name: body.name.value().as_ref().to_owned(),
         position: body.position.get(),
@@ -121,30 +160,16 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, Complaint> {
     }
 }
 
-fn shape(geom: &Geom) -> Shape {
-    let point = |vector: super::Vector| vector.get().map(|value| value as f32);
-    match geom {
-        Geom::Ball { center, radius } => Shape::Ball { center: point(*center), radius: radius.get() as f32 },
-        Geom::Box { center, half_size: (width, height), angle } => Shape::Box {
-            center: point(*center),
-            half_size: [width.get() as f32, height.get() as f32],
-            angle: angle.map_or(0.0, Finite::get) as f32,
-        },
-        Geom::Capsule { from, to, radius } => Shape::Capsule { from: point(*from), to: point(*to), radius: radius.get() as f32 },
-        Geom::Convex(points) => Shape::Polygon(points.get()),
-        Geom::Polyline(points) => Shape::Polyline(points.get()),
-    }
-}
-
 /// The world first, if there is anything of it to draw, then every body. None if nothing has a shape.
-fn scene(scenery: &[Geom], bodies: &[description::Body]) -> Option<Scene> {
-    let world = SceneBody { name: WORLD.to_owned(), shapes: scenery.iter().map(shape).collect() };
+fn scene(file: &Environment, bodies: &[description::Body]) -> Option<Scene> {
+    let standing = file.scenery.iter().chain(file.colliders.iter().map(|collider| &*collider.geom));
+    let world = SceneBody { name: WORLD.to_owned(), shapes: standing.map(shape).collect() };
     let drawn = bodies.iter().map(|body| SceneBody { name: body.name.clone(), shapes: body.shapes.clone() });
     let bodies: Vec<_> = Some(world).filter(|world| !world.shapes.is_empty()).into_iter().chain(drawn).collect();
     bodies.iter().any(|body| !body.shapes.is_empty()).then_some(Scene { bodies })
 }
 
-/// A tree rooted in the world: each body hangs on one joint, each parent on an earlier one.
+/// Trees rooted in the world or in free bodies: each body hangs on one joint at most, each parent on an earlier one.
 fn joints(file: &Environment) -> Result<Vec<description::Joint>, Complaint> {
     let mut hung: Vec<Option<&Joint>> = vec![None; file.bodies.len()];
     let mut joints = Vec::new();
@@ -156,10 +181,7 @@ fn joints(file: &Environment) -> Result<Vec<description::Joint>, Complaint> {
         let (range, passive) = (range(joint)?, passive(joint, file)?);
         joints.push(description::Joint { name, parent, child, anchor, kind, range, passive });
     }
-    match file.bodies.iter().zip(&hung).find(|(_, joint)| joint.is_none()) {
-        Some((body, _)) => Err(body.name.complain(format!("body `{}` hangs on no joint", body.name.as_ref()))),
-        None => Ok(joints),
-    }
+    Ok(joints)
 }
 
 fn parent(joint: &Joint, file: &Environment, hung: &[Option<&Joint>]) -> Result<Option<usize>, Complaint> {
@@ -171,7 +193,7 @@ fn parent(joint: &Joint, file: &Environment, hung: &[Option<&Joint>]) -> Result<
         let names: Vec<_> = known().collect();
         return Err(joint.parent.complain_unknown("body", names));
     };
-    if hung[parent].is_none() {
+    if hung[parent].is_none() && !free_bodies(file).contains(&parent) {
         let message = format!("no earlier joint holds body `{}`: joints form a tree, parents before children", &*joint.parent);
         return Err(joint.parent.complain(message));
     }
@@ -179,7 +201,7 @@ fn parent(joint: &Joint, file: &Environment, hung: &[Option<&Joint>]) -> Result<
 }
 
 fn child(joint: &Joint, file: &Environment, hung: &[Option<&Joint>]) -> Result<usize, Complaint> {
-    let child = find(&joint.child, "body", file.bodies.iter().map(|body| &body.name))?;
+    let child = find_body(&joint.child, file)?;
     match hung[child] {
         Some(other) => {
             let message = format!("body `{}` hangs on joint `{}` already", &*joint.child, other.name.as_ref());
@@ -213,7 +235,7 @@ fn action(actuator: &Actuator) -> Action {
 }
 
 /// What may be chosen, and its lowest and highest value.
-fn choice(control: &Control) -> (Choice, [f32; 2]) {
+pub(super) fn choice(control: &Control) -> (Choice, [f32; 2]) {
     match control {
         Control::Continuous(interval) => (Choice::Continuous, interval.get().map(|end| end as f32)),
         Control::Discrete(values) => {
@@ -224,32 +246,14 @@ fn choice(control: &Control) -> (Choice, [f32; 2]) {
     }
 }
 
-fn driven(actuator: &Actuator, joints: &[Joint]) -> Result<description::Actuator, Complaint> {
-    let (choice, range) = choice(&actuator.control);
-    Ok(description::Actuator {
-        name: actuator.name.value().as_ref().to_owned(),
-        drive: drive(actuator, joints)?,
-        gear: actuator.gear.map_or(1.0, Finite::get),
-        choice,
-        range,
-    })
-}
-
-fn reading(sensor: &Sensor, joints: &[Joint]) -> Result<description::Sensor, Complaint> {
-    let reading = match &sensor.kind {
-        SensorKind::JointPosition(joint) => Reading::JointPosition(find_moving(joint, joints)?),
-        SensorKind::WrappedJointPosition(joint) => Reading::WrappedJointPosition(find_hinge(joint, joints)?),
-        SensorKind::JointVelocity(joint) => Reading::JointVelocity(find_moving(joint, joints)?),
-    };
-    Ok(description::Sensor { name: sensor.name.value().as_ref().to_owned(), reading })
-}
-
 fn columns(file: &Environment) -> Columns {
+    let on_joints = file.joints.iter().filter(|joint| joint.force.is_some()).count();
+    let on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
     Columns {
         sensors: file.sensors.len(),
         observations: file.observations.len(),
         actions: file.actuators.len(),
-        fields: file.joints.iter().filter(|joint| joint.force.is_some()).count(),
+        fields: on_joints + on_bodies,
     }
 }
 
@@ -276,12 +280,17 @@ fn all_variables(file: &Environment, columns: Columns, sensors: &[Variable]) -> 
         previous: Some(columns.first_previous() + columns.sensors + index),
     });
     let unseen = |sensor: &&Variable| !file.observations.iter().any(|seen| seen.name.as_ref() == sensor.name);
+    observations.chain(sensors.iter().filter(unseen).cloned()).chain(action_variables(file, columns)).collect()
+}
+
+/// The actions, under their actuators' names.
+pub(super) fn action_variables(file: &Environment, columns: Columns) -> Vec<Variable> {
     let actions = file.actuators.iter().enumerate().map(|(index, actuator)| Variable {
         name: actuator.name.value().as_ref().to_owned(),
         column: columns.first_action() + index,
         previous: None,
     });
-    observations.chain(sensors.iter().filter(unseen).cloned()).chain(actions).collect()
+    actions.collect()
 }
 
 /// Observations are functions of the present, so `previous` means nothing in them.
@@ -310,17 +319,19 @@ pub(super) fn formula(text: &Located<String>, kind: Type, variables: &[Variable]
 fn starts(file: &Environment) -> Result<Vec<description::Start>, Complaint> {
     let mut starts: Vec<description::Start> = Vec::new();
     for start in &file.reset {
-        let joint = find_moving(&start.joint, &file.joints)?;
-        check_start(start, &file.joints[joint])?;
-        if starts.iter().any(|other| other.joint == joint) {
+        let coordinate = find_coordinate(&start.joint, file)?;
+        if let Some(joint) = file.joints.get(coordinate) {
+            check_start(start, joint)?;
+        }
+        if starts.iter().any(|other| other.coordinate == coordinate) {
             return Err(start.joint.complain(format!("joint `{}` has a start already", &*start.joint)));
         }
-        starts.push(resolved_start(joint, start));
+        starts.push(resolved_start(coordinate, start));
     }
     Ok(starts)
 }
 
-fn resolved_start(joint: usize, start: &Start) -> description::Start {
+fn resolved_start(coordinate: usize, start: &Start) -> description::Start {
     let resolved = |distribution: &Distribution| match *distribution {
         Distribution::Constant(value) => description::Distribution::Constant(value.get()),
         Distribution::Uniform(interval) => {
@@ -331,7 +342,7 @@ fn resolved_start(joint: usize, start: &Start) -> description::Start {
             description::Distribution::Normal { mean: mean.get(), deviation: deviation.get() }
         }
     };
-    description::Start { joint, position: resolved(&start.position), velocity: resolved(&start.velocity) }
+    description::Start { coordinate, position: resolved(&start.position), velocity: resolved(&start.velocity) }
 }
 
 fn twin_of(twin: &Twin, joints: &[Joint]) -> Result<description::Twin, Complaint> {

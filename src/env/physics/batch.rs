@@ -90,6 +90,7 @@ impl Batch {
                 let value = motor.gear * controls[index * copies + first + copy];
                 let hold = &plan.holds[motor.joint];
                 match motor.kind {
+                    MotorKind::Idle => {}
                     MotorKind::Force => hold.push(value, handles, &mut self.world.bodies),
                     MotorKind::Servo(servo, target) => {
                         let handle = self.servos[copy * plan.servos.len() + servo];

@@ -1,12 +1,14 @@
 //! Rigid bodies: the sole importer of Rapier and Parry.
 //!
-//! M copies of a task stand in one world at the same place, so that one step of the solver serves them all, four in a vector;
+//! Tasks whose copies need worlds of their own are `contact`'s. M copies of any other stand in one world at the same place, so that one step of the solver serves them all, four in a vector;
 //! without colliders nothing of one copy can meet another. (Offsetting the copies would round their coordinates differently.)
 //! Numbers cross to Rapier's types in this folder only. Observations, rewards and agents may not enter.
 
 mod batch;
 mod body;
+mod contact;
 mod drive;
+mod geometry;
 mod joint;
 mod shape;
 
@@ -15,11 +17,13 @@ use serde::{Deserialize, Serialize};
 
 use self::batch::Batch;
 use self::body::{Rotor, SavedBody};
+pub use self::contact::ContactWorlds;
 use self::drive::Drive;
+pub use self::geometry::Geometry;
 use self::joint::Hold;
 pub use self::shape::inertial;
 use super::Pose;
-use super::description::{self, Description, Servo, Target};
+use super::description::{self, Description, Field, Servo, Target};
 use super::dynamics::{Dynamics, JointColumns, from_bytes, to_bytes};
 use super::kinematics::{Frame, Tree};
 
@@ -66,6 +70,8 @@ enum MotorKind {
     Force,
     /// Tells the servo of this number where to go.
     Servo(usize, Target),
+    /// Does nothing by itself.
+    Idle,
 }
 
 /// All that Rapier carries from one step to the next for bodies without contacts.
@@ -207,10 +213,15 @@ fn motors(description: &Description) -> (Vec<Motor>, Vec<Servo>) {
                 servos.push(servo);
                 (servo.joint, MotorKind::Servo(servos.len() - 1, servo.target))
             }
+            description::Drive::Nothing | description::Drive::BodyForce { .. } => (0, MotorKind::Idle),
         };
         motors.push(Motor { joint, gear: actuator.gear as f32, kind });
     }
-    motors.extend(description.fields.iter().map(|field| Motor { joint: field.joint, gear: 1.0, kind: MotorKind::Force }));
+    let on_joint = |field: &Field| match field.drive {
+        description::Drive::JointForce(joint) => Some(Motor { joint, gear: 1.0, kind: MotorKind::Force }),
+        _ => None,
+    };
+    motors.extend(description.fields.iter().filter_map(on_joint));
     (motors, servos)
 }
 

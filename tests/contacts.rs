@@ -1,0 +1,291 @@
+//! Bodies that fly, fall, touch, slide and bounce, against closed forms.
+
+use seedbed::env::description::Description;
+use seedbed::env::dynamics::Dynamics;
+use seedbed::env::file::parse;
+use seedbed::env::kinematics::{Frame, Tree};
+use seedbed::env::task::dynamics;
+use seedbed::env::{Physics, build};
+use seedbed::random::{Purpose, stream};
+
+const CONTROL_STEP: f64 = 0.01;
+const SUBSTEPS: f64 = 4.0;
+
+/// A task without purpose: `gravity`, then what else the file says of bodies, joints, colliders and sensors.
+fn task(gravity: &str, rest: &str) -> Description {
+    let text = format!(
+        r#"Environment(
+            description: "A test.", gravity: {gravity}, control_step: {CONTROL_STEP}, time_limit: 100000,
+            solver: (iterations: {SUBSTEPS}), {rest}
+            actuators: [], observations: [], reward: "0",
+        )"#
+    );
+    parse("test", "test", text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn bodies(task: &Description) -> Box<dyn Dynamics> {
+    dynamics(task, Physics::Rapier, 1).expect("every task has rigid bodies")
+}
+
+/// Steps without actuators.
+fn run(bodies: &mut dyn Dynamics, seconds: f64) {
+    (0..(seconds / CONTROL_STEP).round() as u32).for_each(|_| bodies.step(&[]));
+}
+
+fn coordinate(bodies: &dyn Dynamics, index: usize) -> (f64, f64) {
+    let (position, velocity) = bodies.joints().get(index, 0);
+    (f64::from(position), f64::from(velocity))
+}
+
+/// Semi-implicit Euler with a substep h gives exactly v = v₀ − g t and y = v₀ t − ½ g t² − ½ g t h. A rotation advances by
+/// arctan(ω h): Rapier turns the unit vector of the angle along its tangent, and normalises it.
+#[test]
+fn a_free_body_falls_as_galilei_says() {
+    let task = task("(0.0, -9.8)", r#"bodies: [(name: "ball", mass: 2.0, com: (0.3, 0.0), inertia: 0.5)], sensors: [],"#);
+    let mut falling = bodies(&task);
+    // The frame's origin is 0.3 m behind the centre of mass, which moves at (1 − 0, 2 + 0.3 × 5) m/s.
+    falling.start(0, &[0.0, 10.0, 0.0], &[1.0, 2.0, 5.0]);
+    run(&mut *falling, 1.0);
+    let ((x, _), (y, _), (angle, spin)) = (coordinate(&*falling, 0), coordinate(&*falling, 1), coordinate(&*falling, 2));
+    let (sine, cosine) = angle.sin_cos();
+    let (right, up) = (x + 0.3 * cosine - 0.3, y + 0.3 * sine - 10.0);
+    let fallen = 3.5 - 0.5 * 9.8 * (1.0 + CONTROL_STEP / SUBSTEPS);
+    let turned = (1.0 / CONTROL_STEP * SUBSTEPS) * (5.0 * CONTROL_STEP / SUBSTEPS).atan();
+    assert!((angle - turned).abs() < 1e-5 && (spin - 5.0).abs() < 1e-5, "{angle} rad, {spin} rad/s");
+    assert!((right - 1.0).abs() < 1e-4 && (up - fallen).abs() < 2e-4, "{right} m, {up} m instead of {fallen} m");
+}
+
+/// Three links that fly, joined by two hinges; none is at its centre of mass.
+const CHAIN: &str = r#"
+    bodies: [
+        (name: "root", position: (0.0, 5.0), mass: 1.0, com: (0.1, 0.05), inertia: 0.03),
+        (name: "arm", position: (0.5, 5.0), angle: 0.4, mass: 0.5, com: (0.25, 0.0), inertia: 0.01),
+        (name: "hand", position: (1.0, 5.2), mass: 0.3, com: (0.2, -0.1), inertia: 0.008),
+    ],
+    joints: [
+        (name: "shoulder", parent: "root", child: "arm", type: Hinge()),
+        (name: "elbow", parent: "arm", child: "hand", type: Hinge(positive: Clockwise)),
+    ],
+    sensors: [],
+"#;
+
+/// Momentum (kg m/s), angular momentum about the common centre of mass (kg m²/s), kinetic energy (J), and that centre (m).
+struct Motion {
+    momentum: [f64; 2],
+    angular: f64,
+    energy: f64,
+    center: [f64; 2],
+}
+
+fn motion(task: &Description, bodies: &dyn Dynamics) -> Motion {
+    let frames = Tree::new(task).frames_of(bodies.joints(), 0);
+    let parts: Vec<_> = task.bodies.iter().zip(&frames).map(|(body, frame)| (body.inertial, frame)).collect();
+    let mass: f64 = parts.iter().map(|(inertial, _)| inertial.mass).sum();
+    let at = |frame: &Frame, com| (frame.point(com), frame.velocity_at(frame.point(com)));
+    let total = |value: &dyn Fn([f64; 2], [f64; 2]) -> f64| -> f64 {
+        parts
+            .iter()
+            .map(|(inertial, frame)| {
+                let (p, v) = at(frame, inertial.com);
+                inertial.mass * value(p, v)
+            })
+            .sum()
+    };
+    let center = [total(&|p, _| p[0]) / mass, total(&|p, _| p[1]) / mass];
+    let spin = |value: &dyn Fn(f64) -> f64| -> f64 {
+        parts.iter().map(|(inertial, frame)| inertial.inertia * value(frame.angular_velocity)).sum()
+    };
+    Motion {
+        momentum: [total(&|_, v| v[0]), total(&|_, v| v[1])],
+        angular: total(&|p, v| (p[0] - center[0]) * v[1] - (p[1] - center[1]) * v[0]) + spin(&|rate| rate),
+        energy: total(&|_, v| 0.5 * (v[0] * v[0] + v[1] * v[1])) + spin(&|rate| 0.5 * rate * rate),
+        center,
+    }
+}
+
+const FLING: [f64; 5] = [2.0, -1.0, 0.5, 3.0, 1.5];
+
+/// In flight the momentum changes by m g t, and the centre of mass follows a parabola, whatever the links do.
+#[test]
+fn the_centre_of_mass_of_a_flying_chain_follows_a_parabola() {
+    let task = task("(0.0, -9.8)", CHAIN);
+    let mut chain = bodies(&task);
+    chain.start(0, &[0.3, -0.5, 0.0, 5.0, 0.2], &FLING);
+    let before = motion(&task, &*chain);
+    run(&mut *chain, 0.5);
+    let after = motion(&task, &*chain);
+    let weight = 1.8 * 9.8;
+    let expected = [before.momentum[0], before.momentum[1] - weight * 0.5];
+    for axis in [0, 1] {
+        assert!((after.momentum[axis] - expected[axis]).abs() < 0.02, "{:?} instead of {expected:?}", after.momentum);
+        let mean = 0.5 * (before.momentum[axis] + after.momentum[axis]) / 1.8;
+        let moved = after.center[axis] - before.center[axis];
+        assert!((moved - 0.5 * mean).abs() < 0.01, "{moved} m instead of {} m", 0.5 * mean);
+    }
+}
+
+/// Without gravity, energy and angular momentum stay, up to the first order of the substep.
+#[test]
+fn a_flying_chain_keeps_energy_and_angular_momentum() {
+    let task = task("(0.0, 0.0)", CHAIN);
+    let mut chain = bodies(&task);
+    chain.start(0, &[0.3, -0.5, 0.0, 5.0, 0.2], &FLING);
+    let before = motion(&task, &*chain);
+    run(&mut *chain, 2.0);
+    let after = motion(&task, &*chain);
+    println!("energy {} to {}, angular momentum {} to {}", before.energy, after.energy, before.angular, after.angular);
+    assert!((after.energy / before.energy - 1.0).abs() < 0.02, "{} J to {} J", before.energy, after.energy);
+    assert!((after.angular / before.angular - 1.0).abs() < 0.02, "{} to {}", before.angular, after.angular);
+}
+
+/// A rod on a hinge at the world is a physical pendulum: its period at small swings is 2π √((I + m l²) / (m g l)).
+#[test]
+fn a_multibody_pendulum_has_its_period() {
+    let task = task(
+        "(0.0, -9.8)",
+        r#"
+        bodies: [(name: "rod", mass: 2.0, com: (0.0, -0.5), inertia: 0.1, colliders: [(geom: Ball(center: (0.0, -1.0), radius: 0.01))])],
+        joints: [(name: "hinge", parent: "world", child: "rod", type: Hinge())],
+        sensors: [],"#,
+    );
+    let expected = std::f64::consts::TAU * ((0.1 + 2.0 * 0.25_f64) / (2.0 * 9.8 * 0.5)).sqrt();
+    let mut rod = bodies(&task);
+    rod.start(0, &[0.02], &[0.0]);
+    let (mut before, mut crossings) = (0.02, Vec::new());
+    for step in 1..1500 {
+        run(&mut *rod, CONTROL_STEP);
+        let (angle, _) = coordinate(&*rod, 0);
+        if before > 0.0 && angle <= 0.0 {
+            crossings.push(CONTROL_STEP * (f64::from(step) - angle / (angle - before)));
+        }
+        before = angle;
+    }
+    let period = (crossings[crossings.len() - 1] - crossings[0]) / (crossings.len() - 1) as f64;
+    assert!((period / expected - 1.0).abs() < 2e-3, "{period} s instead of {expected} s");
+}
+
+/// A box that lies on the ground stays where it is and touches it; one in the air does not.
+#[test]
+fn a_box_at_rest_stays_and_touches() {
+    let task = task(
+        "(0.0, -9.8)",
+        r#"
+        colliders: [(name: "ground", geom: HalfSpace(normal: (0.0, 1.0)))],
+        bodies: [(name: "block", position: (0.0, 0.2), mass: 3.0, colliders: [(name: "sides", geom: Box(half_size: (0.3, 0.2)))])],
+        sensors: [(name: "touches", type: Contact("sides", "ground"))],"#,
+    );
+    let mut lying = bodies(&task);
+    lying.start(0, &[0.0, 0.2, 0.0], &[0.0; 3]);
+    run(&mut *lying, 10.0);
+    let [x, y, angle] = [0, 1, 2].map(|index| coordinate(&*lying, index).0);
+    assert!(x.abs() < 1e-4 && (y - 0.2).abs() < 1.5e-3 && angle.abs() < 1e-4, "{x} m, {y} m, {angle} rad");
+    let geometry = seedbed::env::physics::Geometry::new(&task);
+    assert!(geometry.touch(1, 0, &Tree::new(&task).frames_of(lying.joints(), 0)));
+    assert!(!geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.0)]));
+    assert!(geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.1)]), "turned by 0.1 rad, its corner is 0.03 m lower");
+}
+
+/// How far (m) and how fast (m/s) a box has slid down a slope of angle `slope` after a second.
+fn slide(slope: f64, friction: f64) -> (f64, f64) {
+    let (sine, cosine) = slope.sin_cos();
+    let rest = format!(
+        r#"
+        colliders: [(geom: HalfSpace(normal: ({sine}, {cosine})), friction: 0.0)],
+        bodies: [(name: "block", mass: 3.0, colliders: [(geom: Box(half_size: (0.3, 0.05)), friction: {friction})])],
+        sensors: [],"#
+    );
+    let mut sliding = bodies(&task("(0.0, -9.8)", &rest));
+    sliding.start(0, &[0.05 * sine, 0.05 * cosine, -slope], &[0.0; 3]);
+    run(&mut *sliding, 1.0);
+    let along = |(x, dx): (f64, f64), (y, dy): (f64, f64)| (x * cosine - y * sine, dx * cosine - dy * sine);
+    along(coordinate(&*sliding, 0), coordinate(&*sliding, 1))
+}
+
+/// Coulomb: a block on a slope α stays iff tan α ≤ μ; otherwise it slides with g (sin α − μ cos α).
+#[test]
+fn a_block_slips_iff_the_slope_is_steeper_than_its_friction() {
+    for slope in [0.2, 0.5, 0.8] {
+        let (moved, speed) = slide(slope, 1.05 * slope.tan());
+        assert!(moved.abs() < 2e-3 && speed.abs() < 2e-3, "{slope} rad: it slid {moved} m");
+        let friction = 0.7 * slope.tan();
+        let (_, speed) = slide(slope, friction);
+        let expected = 9.8 * (slope.sin() - friction * slope.cos());
+        assert!((speed / expected - 1.0).abs() < 0.02, "{slope} rad: {speed} m/s instead of {expected} m/s");
+    }
+}
+
+/// Newton: a ball that falls from h hits with √(2 g h) and leaves with e times that, to rise by e² h.
+#[test]
+fn a_ball_bounces_as_high_as_its_restitution_says() {
+    for restitution in [0.0, 0.5, 0.8, 1.0] {
+        let rest = format!(
+            r#"
+            colliders: [(geom: HalfSpace(normal: (0.0, 1.0)), restitution: {restitution})],
+            bodies: [(name: "ball", mass: 1.0, colliders: [(geom: Ball(radius: 0.1))])],
+            sensors: [],"#
+        );
+        let mut ball = bodies(&task("(0.0, -9.8)", &rest));
+        ball.start(0, &[0.0, 1.1, 0.0], &[0.0; 3]);
+        let mut highest = 0.0_f64;
+        let mut has_hit = false;
+        for _ in 0..100 {
+            run(&mut *ball, CONTROL_STEP);
+            let (y, rate) = coordinate(&*ball, 1);
+            has_hit |= rate >= 0.0;
+            highest = highest.max(if has_hit { y - 0.1 } else { 0.0 });
+        }
+        let expected = restitution * restitution;
+        assert!((highest - expected).abs() < 0.06, "restitution {restitution}: {highest} m instead of {expected} m");
+    }
+}
+
+/// MuJoCo's rule: kinds 1 and 2 touch iff one's `conaffinity` has a bit of the other's `contype`.
+#[test]
+fn contact_filters_let_bodies_through() {
+    for (contype, conaffinity, stays) in [(1, 1, true), (1, 0, true), (2, 1, true), (2, 0, false), (2, 4, false)] {
+        let rest = format!(
+            r#"
+            colliders: [(geom: HalfSpace(normal: (0.0, 1.0)))],
+            bodies: [(name: "ball", mass: 1.0, colliders: [
+                (geom: Ball(radius: 0.1), contype: {contype}, conaffinity: {conaffinity})
+            ])],
+            sensors: [],"#
+        );
+        let mut ball = bodies(&task("(0.0, -9.8)", &rest));
+        ball.start(0, &[0.0, 0.1, 0.0], &[0.0; 3]);
+        run(&mut *ball, 0.5);
+        assert_eq!(coordinate(&*ball, 1).0 > 0.0, stays, "contype {contype}, conaffinity {conaffinity}");
+    }
+}
+
+/// Each distance by hand: the rays start 0.5 m right of the body's origin, in the body's frame, which is turned by a right angle.
+#[test]
+fn rays_measure_distances() {
+    let ray = |name: &str, direction: &str| {
+        format!(r#"(name: "{name}", type: Ray(body: "eye", from: (0.5, 0.0), direction: {direction}, length: 10.0)),"#)
+    };
+    let rays = [ray("ahead", "(1.0, 0.0)"), ray("left", "(0.0, 1.0)"), ray("right", "(0.0, -2.0)"), ray("back", "(-1.0, 0.0)")];
+    let names = ["ahead", "left", "right", "back"].map(|name| format!(r#"(name: "{name}", range: (0.0, 10.0)),"#));
+    let text = format!(
+        r#"Environment(
+            description: "Rays.", gravity: (0.0, 0.0), control_step: 0.01, time_limit: 10,
+            colliders: [
+                (geom: HalfSpace(point: (0.0, 4.0), normal: (0.0, -1.0))),
+                (geom: Ball(center: (-3.0, 1.5), radius: 0.5)),
+                (geom: Box(center: (2.0, 1.5), half_size: (0.25, 0.25), angle: 0.7853981633974483)),
+            ],
+            bodies: [(name: "eye", position: (0.0, 1.0), angle: 1.5707963267948966, mass: 1.0,
+                colliders: [(geom: Ball(radius: 0.6))])],
+            actuators: [], sensors: [{}], observations: [{}], reward: "0",
+        )"#,
+        rays.concat(),
+        names.concat()
+    );
+    let mut environment = build(&parse("rays", "rays", text).unwrap(), Physics::Rapier, 1).unwrap();
+    environment.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
+    // From (0, 1.5): up to the half-space at 4; to −x, the ball's near side at −2.5; to +x, the turned box's corner at
+    // 2 − 0.25 √2; down, nothing but the body's own ball.
+    for (found, expected) in environment.observations().iter().zip([2.5, 2.5, 2.0 - 0.25 * std::f32::consts::SQRT_2, 10.0]) {
+        assert!((found - expected).abs() < 1e-5, "{found} m instead of {expected} m");
+    }
+}
