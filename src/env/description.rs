@@ -259,7 +259,7 @@ pub struct Sensor {
 }
 
 /// What a sensor measures.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Reading {
     /// The coordinate with this index, m or rad; angles count full turns.
     JointPosition(usize),
@@ -279,6 +279,8 @@ pub enum Reading {
     Contact(usize, usize),
     /// Distance to the first surface of another body or of the world, m.
     Ray(Ray),
+    /// A formula over the sensors before this one.
+    Formula(Program),
 }
 
 /// A point of a body, seen along one of the world's axes.

@@ -95,7 +95,7 @@ impl Task {
             terminated: Formula::new(&formulas.terminated, copies),
             reads_previous: formulas.reward.reads(&previous) || formulas.terminated.reads(&previous),
             progress: Progress::new(copies, columns.observations),
-            senses: Senses::new(description),
+            senses: Senses::new(description, copies),
             start: [description.reference(), vec![0.0; description.coordinates()]],
             description: description.clone(),
         }

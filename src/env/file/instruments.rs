@@ -5,6 +5,7 @@ use serde::Deserialize;
 use super::joint::{find_hinge, find_moving};
 use super::{Actuator, Collider, Direction, Environment, Sensor, Vector, resolve};
 use crate::env::description::{self, BodyPoint, Drive, Reading, Servo, Target};
+use crate::env::expression::Type;
 use crate::input::numbers::{Finite, NonNegative, Positive};
 use crate::input::{Complaint, Located};
 
@@ -121,6 +122,8 @@ pub enum SensorKind {
         /// What is measured if nothing is nearer.
         length: Positive,
     },
+    /// A formula over the sensors that are listed before.
+    Formula(Located<String>),
 }
 
 /// An actuator with the indices of what it acts on.
@@ -133,6 +136,20 @@ pub(super) fn actuator(actuator: &Actuator, file: &Environment) -> Result<descri
         choice,
         range,
     })
+}
+
+/// Where contacts are, a joint has one motor.
+pub(super) fn check_servos(file: &Environment) -> Result<(), Complaint> {
+    let mut driven: Vec<&str> = Vec::new();
+    for actuator in file.actuators.iter().filter(|_| resolve::needs_worlds(file)) {
+        if let ActuatorKind::VelocityServo { joint, .. } | ActuatorKind::PositionServo { joint, .. } = &actuator.kind {
+            if driven.contains(&joint.as_str()) {
+                return Err(joint.complain(format!("joint `{}` has a servo already: with contacts, it takes one", joint.as_str())));
+            }
+            driven.push(joint.as_str());
+        }
+    }
+    Ok(())
 }
 
 fn drive(kind: &ActuatorKind, file: &Environment) -> Result<Drive, Complaint> {
@@ -165,12 +182,16 @@ fn drive(kind: &ActuatorKind, file: &Environment) -> Result<Drive, Complaint> {
 }
 
 /// A sensor with the indices of what it measures.
-pub(super) fn sensor(sensor: &Sensor, file: &Environment) -> Result<description::Sensor, Complaint> {
-    Ok(description::Sensor { name: sensor.name.value().as_ref().to_owned(), reading: reading(&sensor.kind, file)? })
+pub(super) fn sensor(index: usize, sensor: &Sensor, file: &Environment) -> Result<description::Sensor, Complaint> {
+    Ok(description::Sensor { name: sensor.name.value().as_ref().to_owned(), reading: reading(index, &sensor.kind, file)? })
 }
 
-fn reading(kind: &SensorKind, file: &Environment) -> Result<Reading, Complaint> {
+fn reading(index: usize, kind: &SensorKind, file: &Environment) -> Result<Reading, Complaint> {
     Ok(match kind {
+        SensorKind::Formula(text) => {
+            let before: Vec<_> = resolve::present_sensors(file, resolve::columns(file)).into_iter().take(index).collect();
+            Reading::Formula(resolve::formula(text, Type::Number, &before)?)
+        }
         SensorKind::JointPosition(name) => Reading::JointPosition(resolve::find_coordinate(name, file)?),
         SensorKind::WrappedJointPosition(joint) => Reading::WrappedJointPosition(find_hinge(joint, &file.joints)?),
         SensorKind::JointVelocity(name) => Reading::JointVelocity(resolve::find_coordinate(name, file)?),

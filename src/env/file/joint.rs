@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::resolve::{self, action_variables, find, formula, sensor_variables};
+use super::resolve::{self, action_variables, find, formula, present_sensors};
 use super::{Distribution, Environment, Force, ForceFrame, Joint, JointKind, Start, Vector};
 use crate::env::description::{self, Columns, Drive, Passive};
 use crate::env::expression::{Program, Type, Variable};
@@ -106,11 +106,6 @@ pub(super) fn drawings(file: &Environment, columns: Columns) -> Result<Vec<descr
     let number = |text: &Located<String>| -> Result<Program, Complaint> { formula(text, Type::Number, &sensors) };
     let drawn = file.bodies.iter().enumerate().filter_map(|(body, described)| Some((body, described.drawn.as_ref()?)));
     drawn.map(|(body, drawn)| Ok(description::Drawing { body, y: number(&drawn.y)?, angle: number(&drawn.angle)? })).collect()
-}
-
-/// The sensors without a look back: what acts during a step depends on the present.
-fn present_sensors(file: &Environment, columns: Columns) -> Vec<Variable> {
-    sensor_variables(file, columns).into_iter().map(|sensor| Variable { previous: None, ..sensor }).collect()
 }
 
 /// A start lies within the joint's range.

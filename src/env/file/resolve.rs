@@ -16,8 +16,10 @@ use crate::input::{Complaint, Located};
 /// Checks every reference of a task file and turns it into a description.
 pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Result<Description, Complaint> {
     check_unique_names(file)?;
+    instruments::check_servos(file)?;
     let bodies = file.bodies.iter().map(body).collect::<Result<Vec<_>, _>>()?;
     let columns = columns(file);
+    let sensors = file.sensors.iter().enumerate();
     let description = Description {
         origin: origin.to_owned(),
         spec: spec(name, file),
@@ -32,7 +34,7 @@ pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Resul
         free: free_bodies(file),
         colliders: surfaces::colliders(file)?,
         actuators: file.actuators.iter().map(|actuator| instruments::actuator(actuator, file)).collect::<Result<_, _>>()?,
-        sensors: file.sensors.iter().map(|sensor| instruments::sensor(sensor, file)).collect::<Result<_, _>>()?,
+        sensors: sensors.map(|(index, sensor)| instruments::sensor(index, sensor, file)).collect::<Result<_, _>>()?,
         fields: fields(file, columns)?,
         drawings: drawings(file, columns)?,
         formulas: formulas(file, columns)?,
@@ -246,7 +248,7 @@ pub(super) fn choice(control: &Control) -> (Choice, [f32; 2]) {
     }
 }
 
-fn columns(file: &Environment) -> Columns {
+pub(super) fn columns(file: &Environment) -> Columns {
     let on_joints = file.joints.iter().filter(|joint| joint.force.is_some()).count();
     let on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
     Columns {
@@ -281,6 +283,11 @@ fn all_variables(file: &Environment, columns: Columns, sensors: &[Variable]) -> 
     });
     let unseen = |sensor: &&Variable| !file.observations.iter().any(|seen| seen.name.as_ref() == sensor.name);
     observations.chain(sensors.iter().filter(unseen).cloned()).chain(action_variables(file, columns)).collect()
+}
+
+/// The sensors without a look back: what acts during a step depends on the present.
+pub(super) fn present_sensors(file: &Environment, columns: Columns) -> Vec<Variable> {
+    sensor_variables(file, columns).into_iter().map(|sensor| Variable { previous: None, ..sensor }).collect()
 }
 
 /// The actions, under their actuators' names.

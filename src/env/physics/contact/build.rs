@@ -61,16 +61,20 @@ impl Pristine {
     }
 }
 
+/// What closes in more slowly than this, m/s, is found before it touches, however long it is until contacts are searched for again.
+const CLOSING_SPEED: f32 = 4.0;
+
 /// Contacts are solved anew in each search: recycled ones gain energy on sloping ground. Bodies are slow enough, or walls thick
 /// enough, to do without continuous detection, which moves multibodies without their coordinates.
 fn parameters(description: &Description) -> IntegrationParameters {
-    let control_step = description.spec.control_step as f32;
+    let dt = description.spec.control_step as f32 / description.solver.searches as f32;
     IntegrationParameters {
-        dt: control_step / description.solver.searches as f32,
+        dt,
         num_solver_iterations: description.solver.iterations as usize,
         num_internal_pgs_iterations: description.solver.passes as usize,
         num_internal_stabilization_iterations: 1,
         normalized_allowed_linear_error: TOLERANCE,
+        normalized_prediction_distance: CLOSING_SPEED * dt,
         normalized_max_linear_velocity: f32::MAX,
         max_ccd_substeps: 0,
         contact_recycling: false,
