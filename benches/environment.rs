@@ -1,5 +1,6 @@
-//! Control steps per second of the cart-pole, by number of copies M: the bare motion of its rigid bodies, the whole environment with
-//! observations, rewards, endings and resets as a run uses it, and the same over the closed-form twin. One core.
+//! Control steps per second. Of every task in `envs/` with 16 copies: the whole environment with observations, rewards, endings and
+//! resets under random actions, over rigid bodies and over the closed-form twin. Of the cart-pole by number of copies M, and the bare
+//! motion of its rigid bodies. One core.
 
 use std::path::Path;
 
@@ -8,10 +9,10 @@ use rand::RngExt;
 use seedbed::env::description::Description;
 use seedbed::env::expression::{Formula, Table, Type, Variable, compile};
 use seedbed::env::task::dynamics;
-use seedbed::env::{Physics, Status, build, load};
+use seedbed::env::{Action, Choice, Physics, Status, build, load};
 use seedbed::random::{Purpose, stream};
 
-criterion_group!(benches, environment, idle_copies, formulas);
+criterion_group!(benches, tasks, cart_pole, idle_copies, formulas);
 criterion_main!(benches);
 
 const COPIES: [usize; 3] = [1, 16, 64];
@@ -19,7 +20,25 @@ const COPIES: [usize; 3] = [1, 16, 64];
 /// Steps of random actions that are drawn beforehand and repeated.
 const STEPS: usize = 1024;
 
-fn environment(criterion: &mut Criterion) {
+fn tasks(criterion: &mut Criterion) {
+    const COPIES: usize = 16;
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("envs");
+    let mut files: Vec<_> = std::fs::read_dir(folder).expect("the folder is there").flatten().map(|entry| entry.path()).collect();
+    files.retain(|path| path.extension().is_some_and(|extension| extension == "ron"));
+    files.sort();
+    let mut group = criterion.benchmark_group("tasks");
+    group.throughput(Throughput::Elements(COPIES as u64));
+    for task in files.iter().map(|path| load(path).expect("the task file is right")) {
+        let twin = task.twin.is_some().then_some(Physics::Analytic);
+        for physics in [Physics::Rapier].into_iter().chain(twin) {
+            let name = format!("{physics:?}").to_lowercase();
+            group.bench_function(BenchmarkId::new(&task.spec.name, name), |bencher| bencher.iter(whole(&task, physics, COPIES)));
+        }
+    }
+    group.finish();
+}
+
+fn cart_pole(criterion: &mut Criterion) {
     let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron")).expect("the task file is right");
     let mut group = criterion.benchmark_group("cartpole");
     for copies in COPIES {
@@ -77,13 +96,14 @@ fn bare(task: &Description, copies: usize) -> impl FnMut() {
 
 /// One control step of all copies under random actions; a copy that has ended starts again.
 fn whole(task: &Description, physics: Physics, copies: usize) -> impl FnMut() {
-    let mut environment = build(task, physics, copies).expect("the cart-pole has a twin");
+    let mut environment = build(task, physics, copies).expect("the task has this physics");
     let mut random = stream(0, Purpose::Preview, 1, 0);
     (0..copies).for_each(|copy| environment.reset(copy, &mut random));
-    let actions = random_choices(copies);
+    let row = copies * task.actuators.len();
+    let actions = random_actions(&task.spec.actions, copies);
     let mut step = 0;
     move || {
-        environment.step(&actions[step * copies..][..copies]);
+        environment.step(&actions[step * row..][..row]);
         for copy in 0..copies {
             if environment.statuses()[copy] != Status::Running {
                 environment.reset(copy, &mut random);
@@ -97,4 +117,17 @@ fn whole(task: &Description, physics: Physics, copies: usize) -> impl FnMut() {
 fn random_choices(copies: usize) -> Vec<f32> {
     let mut random = stream(0, Purpose::Preview, 0, 0);
     (0..STEPS * copies).map(|_| f32::from(u8::from(random.random::<bool>()))).collect()
+}
+
+/// Any choice of any component: `[STEPS × copies × actions]`.
+fn random_actions(actions: &[Action], copies: usize) -> Vec<f32> {
+    let mut random = stream(0, Purpose::Preview, 2, 0);
+    let mut choose = |action: &Action| match &action.choice {
+        Choice::Discrete(values) => random.random_range(0..values.len()) as f32,
+        Choice::Continuous => {
+            let [low, high] = action.quantity.range;
+            low + (high - low) * random.random::<f32>()
+        }
+    };
+    (0..STEPS * copies).flat_map(|_| actions.iter().map(&mut choose).collect::<Vec<_>>()).collect()
 }

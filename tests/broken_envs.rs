@@ -18,7 +18,7 @@ fn broken_files() -> Vec<PathBuf> {
 #[test]
 fn every_mistake_is_told_with_its_place() {
     let files = broken_files();
-    assert!(files.len() >= 10);
+    assert!(files.len() >= 40);
     for file in files {
         let Err(error) = load(&file) else { panic!("{} is not broken", file.display()) };
         let expected = file.with_extension("txt");

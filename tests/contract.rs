@@ -119,6 +119,22 @@ fn observations_are_finite_and_none_is_constant() {
     }
 }
 
+/// A million steps of random actions, episode after episode: nothing that is seen or rewarded is infinite or no number.
+#[test]
+fn a_million_random_steps_stay_finite() {
+    const COPIES: usize = 64;
+    for path in files("envs") {
+        let task = load(&path).unwrap_or_else(|error| panic!("{error}"));
+        let names: Vec<_> = (0..COPIES).collect();
+        let mut crowd = Crowd::new(&task, Physics::Rapier, &names);
+        for _ in 0..1_000_000 / COPIES {
+            crowd.step(&names, &names);
+            let seen = crowd.environment.observations().iter().chain(crowd.environment.rewards());
+            assert!(seen.clone().all(|value| value.is_finite()), "{}", task.spec.name);
+        }
+    }
+}
+
 #[test]
 fn the_same_seeds_give_the_same_bits() {
     for (task, physics) in tasks() {
@@ -234,18 +250,20 @@ fn a_foreign_state_is_refused() {
 /// Only a running copy moves; each ends once, by its own end or by the time limit, exactly then.
 #[test]
 fn episodes_end_by_themselves_or_by_the_time_limit() {
+    // A double pendulum falls within few steps.
+    const LIMIT: u32 = 4;
     for (task, physics) in tasks() {
         let mut limited = task.clone();
-        limited.spec.time_limit = 15;
+        limited.spec.time_limit = LIMIT;
         let names: Vec<_> = (0..32).collect();
         let mut crowd = Crowd::new(&limited, physics, &names);
-        for step in 1..=15 {
+        for step in 1..=LIMIT {
             let before: Vec<_> = names.iter().map(|&copy| (crowd.environment.statuses()[copy], crowd.bits(copy))).collect();
             crowd.step(&names, &[]);
             for (copy, (status, bits)) in before.into_iter().enumerate() {
                 match (status, crowd.environment.statuses()[copy]) {
-                    (Status::Running, Status::Truncated) => assert_eq!(step, 15),
-                    (Status::Running, Status::Running) => assert!(step < 15),
+                    (Status::Running, Status::Truncated) => assert_eq!(step, LIMIT),
+                    (Status::Running, Status::Running) => assert!(step < LIMIT),
                     (Status::Running, Status::Terminated) => assert_ne!(bits, crowd.bits(copy)),
                     (_, _) => assert_eq!(bits, crowd.bits(copy), "{}: an ended copy moved", task.spec.name),
                 }

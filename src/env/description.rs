@@ -35,6 +35,10 @@ pub struct Description {
     pub actuators: Vec<Actuator>,
     /// What formulas may read beside observations and actions.
     pub sensors: Vec<Sensor>,
+    /// Forces of nature beside gravity.
+    pub fields: Vec<Field>,
+    /// Bodies that are drawn elsewhere than they are.
+    pub drawings: Vec<Drawing>,
     /// Observations, reward, termination.
     pub formulas: Formulas,
     /// Where episodes start; coordinates that are not mentioned start at rest at the reference poses.
@@ -126,6 +130,45 @@ pub struct Joint {
     pub anchor: [f64; 2],
     /// How the child may move.
     pub kind: JointKind,
+    /// Lowest and highest coordinate, m or rad.
+    pub range: Option<[f64; 2]>,
+    /// What resists motion along the coordinate.
+    pub passive: Passive,
+}
+
+/// What resists motion along a joint's coordinate q: the force −damping q̇ − stiffness (q − springref) and dry friction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Passive {
+    /// N s/m or N m s/rad.
+    pub damping: f64,
+    /// Dry friction, N or N m: holds up to this force, then slides against it.
+    pub frictionloss: f64,
+    /// Inertia of a rotor that turns with the coordinate, kg or kg m². It has no weight.
+    pub armature: f64,
+    /// N/m or N m/rad.
+    pub stiffness: f64,
+    /// Where the spring is at rest, m or rad.
+    pub springref: f64,
+}
+
+/// A force that depends on the state and on the action. It is computed before each control step and constant during it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// What it acts on: a joint or a body.
+    pub drive: Drive,
+    /// N or N m, over sensors and actions.
+    pub force: Program,
+}
+
+/// Draws a body elsewhere than it is: a car that the equations move along x only, on its hill.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    /// Which body.
+    pub body: usize,
+    /// Added to the drawn height, m, over sensors.
+    pub y: Program,
+    /// Added to the drawn angle, rad, over sensors.
+    pub angle: Program,
 }
 
 /// How a joint lets its child move.
@@ -141,6 +184,8 @@ pub enum JointKind {
         /// +1 if the coordinate grows counter-clockwise, −1 if clockwise.
         sense: f64,
     },
+    /// Not at all; the coordinate is always 0.
+    Weld,
 }
 
 /// What one component of an action drives.
@@ -163,17 +208,45 @@ pub struct Actuator {
 pub enum Drive {
     /// A force (N) or torque (N m) along the coordinate of the joint with this index.
     JointForce(usize),
+    /// Nothing by itself.
+    Nothing,
     /// A force (N) on a body.
     BodyForce {
         /// Which body.
         body: usize,
-        /// Where, in the body's frame, m.
-        at: [f64; 2],
+        /// Where, in the body's frame, m; none is the centre of mass.
+        at: Option<[f64; 2]>,
         /// Unit vector along which a positive force pushes.
         direction: [f64; 2],
         /// Whether the direction turns with the body.
         local: bool,
     },
+    /// A motor that drives a joint's coordinate or rate to gear × control.
+    Servo(Servo),
+}
+
+/// A motor with the force kp (target − q) + kv (rate − q̇), computed anew in each substep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Servo {
+    /// Which joint.
+    pub joint: usize,
+    /// What gear × control says.
+    pub target: Target,
+    /// N/m or N m/rad; 0 for a velocity servo.
+    pub kp: f64,
+    /// N s/m or N m s/rad.
+    pub kv: f64,
+    /// Largest force, N or N m.
+    pub force_limit: Option<f64>,
+}
+
+/// What a servo is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// The coordinate, m or rad; the rate is 0.
+    Position,
+    /// The rate, m/s or rad/s.
+    Velocity,
 }
 
 /// A number that formulas may read.
@@ -186,11 +259,13 @@ pub struct Sensor {
 }
 
 /// What a sensor measures.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Reading {
     /// The coordinate with this index, m or rad; angles count full turns.
     JointPosition(usize),
-    /// Its rate, m/s or rad/s.
+    /// The coordinate of the hinge with this index, rad, without its full turns: in (−π, π].
+    WrappedJointPosition(usize),
+    /// A joint's rate, m/s or rad/s.
     JointVelocity(usize),
     /// Where a point of a body is along one of the world's axes, m.
     BodyPosition(BodyPoint),
@@ -204,6 +279,8 @@ pub enum Reading {
     Contact(usize, usize),
     /// Distance to the first surface of another body or of the world, m.
     Ray(Ray),
+    /// A formula over the sensors before this one.
+    Formula(Program),
 }
 
 /// A point of a body, seen along one of the world's axes.
@@ -230,8 +307,8 @@ pub struct Ray {
     pub length: f64,
 }
 
-/// The task's formulas over a table whose columns are: sensors, observations, actions, sensors before the step, observations
-/// before the step. See [`Columns`].
+/// The task's formulas over a table whose columns are: sensors, observations, actions, fields, sensors before the step,
+/// observations before the step. See [`Columns`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Formulas {
     /// One program an observation, over sensors only.
@@ -251,6 +328,8 @@ pub struct Columns {
     pub observations: usize,
     /// Number of action components.
     pub actions: usize,
+    /// Number of fields.
+    pub fields: usize,
 }
 
 /// Where a joint starts an episode.
@@ -295,6 +374,23 @@ pub enum Twin {
         /// Joint between the cart and the pole.
         hinge: usize,
     },
+    /// A body that swings about a fixed point without friction.
+    Pendulum {
+        /// Joint between the world and the body.
+        hinge: usize,
+    },
+    /// Two bodies in a chain that swings about a fixed point without friction.
+    Acrobot {
+        /// Joint between the world and the upper link.
+        shoulder: usize,
+        /// Joint between the links.
+        elbow: usize,
+    },
+    /// A car on a level rail in a field of force, between inelastic walls.
+    MountainCar {
+        /// Joint between the world and the car.
+        slider: usize,
+    },
 }
 
 impl Columns {
@@ -310,10 +406,16 @@ impl Columns {
         self.sensors + self.observations
     }
 
+    /// The first field's column.
+    #[must_use]
+    pub fn first_field(&self) -> usize {
+        self.first_action() + self.actions
+    }
+
     /// The column of the first sensor's value before the step.
     #[must_use]
     pub fn first_previous(&self) -> usize {
-        self.sensors + self.observations + self.actions
+        self.first_field() + self.fields
     }
 
     /// Number of columns.
@@ -327,7 +429,12 @@ impl Description {
     /// Where each kind of number stands in the table that formulas read.
     #[must_use]
     pub fn columns(&self) -> Columns {
-        Columns { sensors: self.sensors.len(), observations: self.spec.observations.len(), actions: self.actuators.len() }
+        Columns {
+            sensors: self.sensors.len(),
+            observations: self.spec.observations.len(),
+            actions: self.actuators.len(),
+            fields: self.fields.len(),
+        }
     }
 
     /// Number of coordinates: one a joint, then x, y and angle of each free body.
@@ -349,8 +456,9 @@ impl Description {
     /// Whether each copy needs a world of its own: if bodies may touch something, hang on nothing, or are pushed directly.
     #[must_use]
     pub fn needs_worlds(&self) -> bool {
-        let pushed = self.actuators.iter().any(|actuator| matches!(actuator.drive, Drive::BodyForce { .. }));
-        pushed || !self.colliders.is_empty() || !self.free.is_empty()
+        let drives = self.actuators.iter().map(|actuator| actuator.drive).chain(self.fields.iter().map(|field| field.drive));
+        let pushes = |drive| matches!(drive, Drive::BodyForce { .. });
+        drives.into_iter().any(pushes) || !self.colliders.is_empty() || !self.free.is_empty()
     }
 }
 

@@ -16,7 +16,8 @@ pub trait Dynamics: Send {
     /// Makes `copy` stand still until it is started again.
     fn stop(&mut self, copy: usize);
 
-    /// Advances every live copy by one control step. `controls`: `[actuators × M]`, column by actuator; constant during the step.
+    /// Advances every live copy by one control step. `controls`: `[(actuators + fields) × M]`, column by actuator, then by field;
+    /// constant during the step.
     fn step(&mut self, controls: &[f32]);
 
     /// The coordinates of all copies as they are now: those of the joints, then x, y and angle of each free body.

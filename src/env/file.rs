@@ -6,6 +6,7 @@
 
 mod checked;
 mod instruments;
+mod joint;
 mod resolve;
 mod surfaces;
 
@@ -18,7 +19,7 @@ pub use instruments::{ActuatorKind, Axis, ForceFrame, SensorKind};
 pub use surfaces::{Collider, Geom, Points};
 
 use super::description::Description;
-use crate::input::numbers::{Count, Finite, Positive, known, known_count};
+use crate::input::numbers::{Count, Finite, NonNegative, Positive, known, known_count};
 use crate::input::{self, Document, InputError, Located};
 
 /// A task file: `Environment(…)`.
@@ -108,6 +109,42 @@ pub struct Body {
     /// Shapes in the body's frame that touch others; drawn and weighed as well.
     #[serde(default)]
     pub colliders: Vec<Collider>,
+    /// Forces of nature on the body.
+    #[serde(default)]
+    pub forces: Vec<Force>,
+    /// Where it is drawn, if elsewhere than it is.
+    #[serde(default)]
+    pub drawn: Option<Drawn>,
+}
+
+/// A force on a body. Computed before each control step, constant during it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Force {
+    /// Formula over sensors and actions of its part to the right, N.
+    #[serde(default = "zero")]
+    pub x: Located<String>,
+    /// Formula over sensors and actions of its part upwards, N.
+    #[serde(default = "zero")]
+    pub y: Located<String>,
+    /// Where it acts, in the body's frame; by default at the centre of mass.
+    #[serde(default)]
+    pub at: Option<Vector>,
+    /// Whose right and up are meant.
+    #[serde(default)]
+    pub frame: ForceFrame,
+}
+
+/// Draws a body elsewhere than it is. Motion does not change.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drawn {
+    /// Formula over sensors: added to the drawn height, m.
+    #[serde(default = "zero")]
+    pub y: Located<String>,
+    /// Formula over sensors: added to the drawn angle, rad.
+    #[serde(default = "zero")]
+    pub angle: Located<String>,
 }
 
 /// What a body hangs on. The coordinate is 0 at the reference poses.
@@ -125,7 +162,28 @@ pub struct Joint {
     pub anchor: Vector,
     /// How the child may move.
     #[serde(rename = "type")]
-    pub kind: JointKind,
+    pub kind: Located<JointKind>,
+    /// Lowest and highest coordinate, m or rad.
+    #[serde(default)]
+    pub range: Option<Located<Interval>>,
+    /// Resistance per rate, N s/m or N m s/rad.
+    #[serde(default)]
+    pub damping: Option<Located<NonNegative>>,
+    /// Dry friction, N or N m.
+    #[serde(default)]
+    pub frictionloss: Option<Located<NonNegative>>,
+    /// Inertia of a rotor that turns with the coordinate, kg or kg m².
+    #[serde(default)]
+    pub armature: Option<Located<NonNegative>>,
+    /// Of a spring, N/m or N m/rad.
+    #[serde(default)]
+    pub stiffness: Option<Located<NonNegative>>,
+    /// Where the spring is at rest; 0 by default.
+    #[serde(default)]
+    pub springref: Option<Located<Finite>>,
+    /// Formula over sensors and actions of a force along the coordinate, N or N m. Computed before each control step, constant during it.
+    #[serde(default)]
+    pub force: Option<Located<String>>,
 }
 
 /// How a joint lets its child move.
@@ -143,6 +201,8 @@ pub enum JointKind {
         #[serde(default)]
         positive: Sense,
     },
+    /// Not at all.
+    Weld,
 }
 
 /// A sense of rotation.
@@ -253,6 +313,23 @@ pub enum Twin {
         /// Joint between the cart and the pole.
         hinge: Located<String>,
     },
+    /// A body that swings about a fixed point without friction.
+    Pendulum {
+        /// Joint between the world and the body.
+        hinge: Located<String>,
+    },
+    /// Two links in a chain that swings about a fixed point without friction.
+    Acrobot {
+        /// Joint between the world and the upper link.
+        shoulder: Located<String>,
+        /// Joint between the links.
+        elbow: Located<String>,
+    },
+    /// A car on a level rail in a field of force, between inelastic walls.
+    MountainCar {
+        /// Joint between the world and the car.
+        slider: Located<String>,
+    },
 }
 
 /// Reads and checks the task file at `path`.
@@ -302,6 +379,10 @@ impl TryFrom<Vec<Finite>> for Values {
     fn try_from(values: Vec<Finite>) -> Result<Self, String> {
         if values.len() >= 2 { Ok(Self(values)) } else { Err(format!("expected at least 2 values, found {}", values.len())) }
     }
+}
+
+fn zero() -> Located<String> {
+    Located::from("0".to_owned())
 }
 
 fn never() -> Located<String> {

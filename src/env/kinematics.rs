@@ -38,6 +38,8 @@ pub enum Motion {
     Slide([f64; 2]),
     /// Counter-clockwise (+1) or clockwise (−1).
     Hinge(f64),
+    /// Not at all.
+    Weld,
 }
 
 /// Position and velocity of a body's frame in the world.
@@ -115,6 +117,7 @@ impl Link {
             motion: match joint.kind {
                 JointKind::Slide { axis } => Motion::Slide(turn(conjugate(parent.rotation), turn(child.rotation, axis))),
                 JointKind::Hinge { sense } => Motion::Hinge(sense),
+                JointKind::Weld => Motion::Weld,
             },
         }
     }
@@ -124,6 +127,7 @@ impl Link {
         let (offset, slip, turned, spin) = match self.motion {
             Motion::Slide(axis) => (scaled(axis, position), scaled(axis, velocity), 0.0, 0.0),
             Motion::Hinge(sense) => ([0.0; 2], [0.0; 2], sense * position, sense * velocity),
+            Motion::Weld => ([0.0; 2], [0.0; 2], 0.0, 0.0),
         };
         let anchor = parent.point(sum(self.anchor_in_parent, offset));
         let mut child = Frame::at([0.0; 2], parent.angle + self.angle + turned);

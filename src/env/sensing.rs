@@ -3,17 +3,20 @@
 //! All that a sensor can measure follows from where the bodies are and how fast they move, and that from the coordinates. What
 //! moves the bodies may not enter.
 
+use std::f32::consts::{PI, TAU};
 use std::ops::Range;
 
 use super::description::{BodyPoint, Description, Reading};
 use super::dynamics::JointColumns;
-use super::expression::Table;
+use super::expression::{Formula, Table};
 use super::kinematics::{Frame, Tree};
 use super::physics::Geometry;
 
 /// Reads the sensors of a task.
 pub(super) struct Senses {
     readings: Vec<Reading>,
+    /// Sensors that are formulas over earlier ones, with their columns.
+    formulas: Vec<(usize, Formula)>,
     /// Whether some sensor needs to know where the bodies are.
     reads_bodies: bool,
     tree: Tree,
@@ -25,11 +28,16 @@ pub(super) struct Senses {
 }
 
 impl Senses {
-    pub(super) fn new(description: &Description) -> Self {
-        let readings: Vec<_> = description.sensors.iter().map(|sensor| sensor.reading).collect();
+    pub(super) fn new(description: &Description, copies: usize) -> Self {
+        let readings: Vec<_> = description.sensors.iter().map(|sensor| sensor.reading.clone()).collect();
         let tree = Tree::new(description);
         Self {
-            reads_bodies: !readings.iter().all(is_coordinate),
+            reads_bodies: readings.iter().any(is_of_bodies),
+            formulas: readings
+                .iter()
+                .enumerate()
+                .filter_map(|(column, reading)| Some((column, formula(reading, copies)?)))
+                .collect(),
             readings,
             frames: tree.frames(),
             tree,
@@ -42,15 +50,20 @@ impl Senses {
     /// Writes what the sensors of some copies measure into the table's first columns.
     pub(super) fn read(&mut self, columns: &JointColumns, copies: Range<usize>, table: &mut Table) {
         for (column, reading) in self.readings.iter().enumerate() {
-            let values = match *reading {
-                Reading::JointPosition(coordinate) => columns.positions(coordinate),
-                Reading::JointVelocity(coordinate) => columns.velocities(coordinate),
-                _ => continue,
-            };
-            table.column_mut(column)[copies.clone()].copy_from_slice(&values[copies.clone()]);
+            let column = &mut table.column_mut(column)[copies.clone()];
+            match reading {
+                Reading::JointPosition(coordinate) => column.copy_from_slice(&columns.positions(*coordinate)[copies.clone()]),
+                Reading::WrappedJointPosition(coordinate) => wrap(column, &columns.positions(*coordinate)[copies.clone()]),
+                Reading::JointVelocity(coordinate) => column.copy_from_slice(&columns.velocities(*coordinate)[copies.clone()]),
+                _ => {}
+            }
         }
         if self.reads_bodies {
-            copies.for_each(|copy| self.read_bodies(columns, copy, table));
+            copies.clone().for_each(|copy| self.read_bodies(columns, copy, table));
+        }
+        for (column, formula) in &mut self.formulas {
+            let (before, column) = table.split_at(*column);
+            column[copies.clone()].copy_from_slice(formula.evaluate(before, copies.clone()));
         }
     }
 
@@ -60,22 +73,26 @@ impl Senses {
             (*position, *velocity) = (f64::from(place), f64::from(rate));
         }
         self.tree.place(&self.positions, &self.velocities, &mut self.frames);
-        for (column, reading) in self.readings.iter().enumerate().filter(|(_, reading)| !is_coordinate(reading)) {
-            table.column_mut(column)[copy] = self.measured(reading);
+        for (column, reading) in self.readings.iter().enumerate() {
+            if let Some(value) = self.measured(reading) {
+                table.column_mut(column)[copy] = value;
+            }
         }
     }
 
-    fn measured(&self, reading: &Reading) -> f32 {
-        match reading {
-            Reading::JointPosition(coordinate) => self.positions[*coordinate] as f32,
-            Reading::JointVelocity(coordinate) => self.velocities[*coordinate] as f32,
+    /// None for what does not depend on where the bodies are.
+    fn measured(&self, reading: &Reading) -> Option<f32> {
+        Some(match reading {
+            Reading::JointPosition(_) | Reading::WrappedJointPosition(_) | Reading::JointVelocity(_) | Reading::Formula(_) => {
+                return None;
+            }
             Reading::BodyPosition(point) => self.place_of(point)[point.axis] as f32,
             Reading::BodyVelocity(point) => self.frames[point.body].velocity_at(self.place_of(point))[point.axis] as f32,
             Reading::BodyAngle(body) => self.frames[*body].angle as f32,
             Reading::BodyAngularVelocity(body) => self.frames[*body].angular_velocity as f32,
             Reading::Contact(one, other) => f32::from(u8::from(self.geometry.touch(*one, *other, &self.frames))),
             Reading::Ray(ray) => self.geometry.distance(ray, &self.frames),
-        }
+        })
     }
 
     fn place_of(&self, point: &BodyPoint) -> [f64; 2] {
@@ -83,6 +100,18 @@ impl Senses {
     }
 }
 
-fn is_coordinate(reading: &Reading) -> bool {
-    matches!(reading, Reading::JointPosition(_) | Reading::JointVelocity(_))
+/// Takes full turns off angles: into (−π, π].
+fn wrap(wrapped: &mut [f32], angles: &[f32]) {
+    for (wrapped, &angle) in wrapped.iter_mut().zip(angles) {
+        *wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
+    }
+}
+
+fn is_of_bodies(reading: &Reading) -> bool {
+    use Reading::{Formula, JointPosition, JointVelocity, WrappedJointPosition};
+    !matches!(reading, JointPosition(_) | WrappedJointPosition(_) | JointVelocity(_) | Formula(_))
+}
+
+fn formula(reading: &Reading, copies: usize) -> Option<Formula> {
+    if let Reading::Formula(program) = reading { Some(Formula::new(program, copies)) } else { None }
 }

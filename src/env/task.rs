@@ -49,6 +49,7 @@ struct Task {
     /// What the formulas read. Its layout is [`Columns`].
     table: Table,
     observation_formulas: Vec<Formula>,
+    fields: Vec<Formula>,
     reward: Formula,
     /// Constant rewards are not computed.
     constant_reward: Option<f32>,
@@ -88,12 +89,13 @@ impl Task {
             dynamics,
             table: Table::new(columns.count(), copies),
             observation_formulas: formulas.observations.iter().map(|program| Formula::new(program, copies)).collect(),
+            fields: description.fields.iter().map(|field| Formula::new(&field.force, copies)).collect(),
             reward: Formula::new(&formulas.reward, copies),
             constant_reward: formulas.reward.constant(),
             terminated: Formula::new(&formulas.terminated, copies),
             reads_previous: formulas.reward.reads(&previous) || formulas.terminated.reads(&previous),
             progress: Progress::new(copies, columns.observations),
-            senses: Senses::new(description),
+            senses: Senses::new(description, copies),
             start: [description.reference(), vec![0.0; description.coordinates()]],
             description: description.clone(),
         }
@@ -128,6 +130,7 @@ impl Environment for Task {
         if self.reads_previous {
             self.table.copy_columns(0..self.columns.first_action(), self.columns.first_previous());
         }
+        self.apply_fields();
         self.dynamics.step(self.table.columns(self.columns.first_action()..self.columns.first_previous()));
         self.observe(0..self.copies());
         self.judge();
@@ -178,6 +181,7 @@ impl Environment for Task {
         let still = poses.len() - self.description.bodies.len();
         poses[..still].fill(Pose::default());
         self.dynamics.poses(copy, &mut poses[still..]);
+        self.draw_elsewhere(copy, &mut poses[still..]);
     }
 }
 
@@ -195,6 +199,24 @@ impl Task {
                     };
                 }
             }
+        }
+    }
+
+    /// Computes the forces that depend on the state before the step.
+    fn apply_fields(&mut self) {
+        let copies = 0..self.copies();
+        for (index, field) in self.fields.iter_mut().enumerate() {
+            let (before, column) = self.table.split_at(self.columns.first_field() + index);
+            column.copy_from_slice(field.evaluate(before, copies.clone()));
+        }
+    }
+
+    /// Only pictures ask for this, so that it may allocate.
+    fn draw_elsewhere(&self, copy: usize, poses: &mut [Pose]) {
+        let value = |program| Formula::new(program, self.copies()).evaluate(self.table.view(), copy..copy + 1)[0];
+        for drawing in &self.description.drawings {
+            poses[drawing.body].y += value(&drawing.y);
+            poses[drawing.body].angle += value(&drawing.angle);
         }
     }
 

@@ -11,7 +11,7 @@
 //!
 //! (Florian, "Correct equations for the dynamics of the cart-pole system", 2007, without friction; a thin rod has I = m l² / 3).
 
-use super::Equations;
+use super::{Equations, require, require_free, runge_kutta, substeps};
 use crate::env::description::{Description, JointKind, Twin};
 use crate::env::kinematics::{Frame, Motion, Tree};
 
@@ -51,6 +51,7 @@ impl CartPole {
         let Some(Twin::CartPole { slider, hinge }) = description.twin else {
             return Err("the task has no cart-pole twin".to_owned());
         };
+        require_free(description)?;
         let (rail, pivot) = (&description.joints[slider], &description.joints[hinge]);
         let Motion::Slide(axis) = Tree::new(description).links()[slider].motion else {
             return Err(format!("a cart-pole has a slider, but `{}` is none", rail.name));
@@ -84,7 +85,7 @@ impl CartPole {
             upright: libm::atan2(right, up),
             slider,
             control_step,
-            substeps: (control_step / LONGEST_STEP).ceil().max(1.0) as u32,
+            substeps: substeps(control_step, LONGEST_STEP),
         }
     }
 
@@ -116,16 +117,10 @@ impl CartPole {
     /// x, α, ẋ, α̇ after one Runge–Kutta step (Kutta's fourth-order rule) of `duration` s.
     #[must_use]
     pub fn runge_kutta(&self, state: [f64; 4], force: f64, torque: f64, duration: f64) -> [f64; 4] {
-        let slope = |[_, angle, speed, rate]: [f64; 4]| {
+        runge_kutta(state, duration, |[_, angle, speed, rate]| {
             let [acceleration, spin] = self.accelerations(angle, rate, force, torque);
             [speed, rate, acceleration, spin]
-        };
-        let ahead = |by: f64, slope: [f64; 4]| std::array::from_fn(|i| state[i] + by * slope[i]);
-        let k1 = slope(state);
-        let k2 = slope(ahead(0.5 * duration, k1));
-        let k3 = slope(ahead(0.5 * duration, k2));
-        let k4 = slope(ahead(duration, k3));
-        std::array::from_fn(|i| state[i] + duration / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
+        })
     }
 
     /// x, α, ẋ, α̇ after one step of Gym's explicit Euler integration: all rates are those before the step.
@@ -139,7 +134,7 @@ impl CartPole {
     }
 
     /// x, α, ẋ, α̇ of joint coordinates: positions, then velocities.
-    fn physical(&self, joints: [f64; 4]) -> [f64; 4] {
+    fn physical(&self, joints: &[f64]) -> [f64; 4] {
         let (slider, hinge) = (self.slider, 1 - self.slider);
         let angle = self.upright + self.hinge_sense * joints[hinge];
         let (speed, rate) = (self.slider_sense * joints[2 + slider], self.hinge_sense * joints[2 + hinge]);
@@ -159,16 +154,12 @@ impl CartPole {
 }
 
 impl Equations for CartPole {
-    fn advance(&self, joints: [f64; 4], forces: [f64; 2]) -> [f64; 4] {
+    fn advance(&self, joints: &mut [f64], forces: &[f64]) {
         let force = self.slider_sense * forces[self.slider];
         let torque = self.hinge_sense * forces[1 - self.slider];
         let duration = self.control_step / f64::from(self.substeps);
         let start = self.physical(joints);
         let end = (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, force, torque, duration));
-        self.joints(end)
+        joints.copy_from_slice(&self.joints(end));
     }
-}
-
-fn require(condition: bool, otherwise: &str) -> Result<(), String> {
-    if condition { Ok(()) } else { Err(otherwise.to_owned()) }
 }

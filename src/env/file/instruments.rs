@@ -2,9 +2,11 @@
 
 use serde::Deserialize;
 
+use super::joint::{find_hinge, find_moving};
 use super::{Actuator, Collider, Direction, Environment, Sensor, Vector, resolve};
-use crate::env::description::{self, BodyPoint, Drive, Reading};
-use crate::input::numbers::{Finite, Positive};
+use crate::env::description::{self, BodyPoint, Drive, Reading, Servo, Target};
+use crate::env::expression::Type;
+use crate::input::numbers::{Finite, NonNegative, Positive};
 use crate::input::{Complaint, Located};
 
 /// What an actuator acts on.
@@ -13,13 +15,38 @@ use crate::input::{Complaint, Located};
 pub enum ActuatorKind {
     /// A force (N) or torque (N m) along a joint's coordinate.
     JointForce(Located<String>),
+    /// A motor with the force kv (control − q̇).
+    VelocityServo {
+        /// Which joint.
+        joint: Located<String>,
+        /// N s/m or N m s/rad.
+        kv: Positive,
+        /// Largest force, N or N m.
+        #[serde(default)]
+        force_limit: Option<Positive>,
+    },
+    /// A motor with the force kp (control − q) − kv q̇.
+    PositionServo {
+        /// Which joint.
+        joint: Located<String>,
+        /// N/m or N m/rad.
+        kp: Positive,
+        /// N s/m or N m s/rad; 0 by default.
+        #[serde(default)]
+        kv: Option<NonNegative>,
+        /// Largest force, N or N m.
+        #[serde(default)]
+        force_limit: Option<Positive>,
+    },
+    /// Nothing by itself: formulas of forces read it.
+    Signal,
     /// A force (N) on a body.
     BodyForce {
         /// Which body.
         body: Located<String>,
-        /// Where, in the body's frame.
+        /// Where, in the body's frame; by default at the centre of mass.
         #[serde(default)]
-        at: Vector,
+        at: Option<Vector>,
         /// Where a positive force pushes.
         direction: Direction,
         /// Whose direction it is.
@@ -53,7 +80,9 @@ pub enum Axis {
 pub enum SensorKind {
     /// A coordinate of a joint or of a free body, m or rad; angles count full turns.
     JointPosition(Located<String>),
-    /// Its rate, m/s or rad/s.
+    /// A hinge's coordinate, rad, without its full turns: in (−π, π].
+    WrappedJointPosition(Located<String>),
+    /// The rate of a coordinate, m/s or rad/s.
     JointVelocity(Located<String>),
     /// Where a point of a body is in the world, m.
     BodyPosition {
@@ -93,6 +122,8 @@ pub enum SensorKind {
         /// What is measured if nothing is nearer.
         length: Positive,
     },
+    /// A formula over the sensors that are listed before.
+    Formula(Located<String>),
 }
 
 /// An actuator with the indices of what it acts on.
@@ -107,26 +138,62 @@ pub(super) fn actuator(actuator: &Actuator, file: &Environment) -> Result<descri
     })
 }
 
+/// Where contacts are, a joint has one motor.
+pub(super) fn check_servos(file: &Environment) -> Result<(), Complaint> {
+    let mut driven: Vec<&str> = Vec::new();
+    for actuator in file.actuators.iter().filter(|_| resolve::needs_worlds(file)) {
+        if let ActuatorKind::VelocityServo { joint, .. } | ActuatorKind::PositionServo { joint, .. } = &actuator.kind {
+            if driven.contains(&joint.as_str()) {
+                return Err(joint.complain(format!("joint `{}` has a servo already: with contacts, it takes one", joint.as_str())));
+            }
+            driven.push(joint.as_str());
+        }
+    }
+    Ok(())
+}
+
 fn drive(kind: &ActuatorKind, file: &Environment) -> Result<Drive, Complaint> {
+    let limit = |force: &Option<Positive>| force.map(Positive::get);
+    let moving = |joint| find_moving(joint, &file.joints);
     Ok(match kind {
-        ActuatorKind::JointForce(joint) => Drive::JointForce(resolve::find_joint(joint, &file.joints)?),
+        ActuatorKind::JointForce(joint) => Drive::JointForce(moving(joint)?),
+        ActuatorKind::VelocityServo { joint, kv, force_limit } => Drive::Servo(Servo {
+            joint: moving(joint)?,
+            target: Target::Velocity,
+            kp: 0.0,
+            kv: kv.get(),
+            force_limit: limit(force_limit),
+        }),
+        ActuatorKind::PositionServo { joint, kp, kv, force_limit } => Drive::Servo(Servo {
+            joint: moving(joint)?,
+            target: Target::Position,
+            kp: kp.get(),
+            kv: kv.map_or(0.0, NonNegative::get),
+            force_limit: limit(force_limit),
+        }),
         ActuatorKind::BodyForce { body, at, direction, frame } => Drive::BodyForce {
             body: resolve::find_body(body, file)?,
-            at: at.get(),
+            at: at.map(Vector::get),
             direction: direction.get(),
             local: *frame == ForceFrame::Local,
         },
+        ActuatorKind::Signal => Drive::Nothing,
     })
 }
 
 /// A sensor with the indices of what it measures.
-pub(super) fn sensor(sensor: &Sensor, file: &Environment) -> Result<description::Sensor, Complaint> {
-    Ok(description::Sensor { name: sensor.name.value().as_ref().to_owned(), reading: reading(&sensor.kind, file)? })
+pub(super) fn sensor(index: usize, sensor: &Sensor, file: &Environment) -> Result<description::Sensor, Complaint> {
+    Ok(description::Sensor { name: sensor.name.value().as_ref().to_owned(), reading: reading(index, &sensor.kind, file)? })
 }
 
-fn reading(kind: &SensorKind, file: &Environment) -> Result<Reading, Complaint> {
+fn reading(index: usize, kind: &SensorKind, file: &Environment) -> Result<Reading, Complaint> {
     Ok(match kind {
+        SensorKind::Formula(text) => {
+            let before: Vec<_> = resolve::present_sensors(file, resolve::columns(file)).into_iter().take(index).collect();
+            Reading::Formula(resolve::formula(text, Type::Number, &before)?)
+        }
         SensorKind::JointPosition(name) => Reading::JointPosition(resolve::find_coordinate(name, file)?),
+        SensorKind::WrappedJointPosition(joint) => Reading::WrappedJointPosition(find_hinge(joint, &file.joints)?),
         SensorKind::JointVelocity(name) => Reading::JointVelocity(resolve::find_coordinate(name, file)?),
         SensorKind::BodyPosition { body, axis, at } => Reading::BodyPosition(point(body, *axis, *at, file)?),
         SensorKind::BodyVelocity { body, axis, at } => Reading::BodyVelocity(point(body, *axis, *at, file)?),

@@ -1,8 +1,10 @@
 //! From what a file says to what it means: names become indices, formulas programs, omitted fields their defaults.
 
+use super::joint::{check_start, drawings, fields, passive, range};
 use super::surfaces::{self, shape};
 use super::{
-    Actuator, Body, Control, Distribution, Environment, Joint, JointKind, Name, Observation, Sense, Start, Twin, instruments,
+    Actuator, ActuatorKind, Body, Control, Distribution, Environment, Joint, JointKind, Name, Observation, Sense, Start, Twin,
+    instruments,
 };
 use crate::env::analytic;
 use crate::env::description::{self, Columns, Description, Formulas, Inertial};
@@ -14,7 +16,10 @@ use crate::input::{Complaint, Located};
 /// Checks every reference of a task file and turns it into a description.
 pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Result<Description, Complaint> {
     check_unique_names(file)?;
+    instruments::check_servos(file)?;
     let bodies = file.bodies.iter().map(body).collect::<Result<Vec<_>, _>>()?;
+    let columns = columns(file);
+    let sensors = file.sensors.iter().enumerate();
     let description = Description {
         origin: origin.to_owned(),
         spec: spec(name, file),
@@ -29,8 +34,10 @@ pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Resul
         free: free_bodies(file),
         colliders: surfaces::colliders(file)?,
         actuators: file.actuators.iter().map(|actuator| instruments::actuator(actuator, file)).collect::<Result<_, _>>()?,
-        sensors: file.sensors.iter().map(|sensor| instruments::sensor(sensor, file)).collect::<Result<_, _>>()?,
-        formulas: formulas(file)?,
+        sensors: sensors.map(|(index, sensor)| instruments::sensor(index, sensor, file)).collect::<Result<_, _>>()?,
+        fields: fields(file, columns)?,
+        drawings: drawings(file, columns)?,
+        formulas: formulas(file, columns)?,
         reset: starts(file)?,
         twin: file.analytic.as_ref().map(|twin| twin_of(twin, &file.joints)).transpose()?,
         bodies,
@@ -83,7 +90,7 @@ fn unique<'a>(what: &str, names: impl Iterator<Item = &'a Located<Name>>) -> Res
 }
 
 /// Position of the name in a list.
-fn find<'a>(
+pub(super) fn find<'a>(
     name: &Located<String>,
     what: &str,
     names: impl Iterator<Item = &'a Located<Name>> + Clone,
@@ -106,7 +113,18 @@ pub(super) fn find_coordinate(name: &Located<String>, file: &Environment) -> Res
     let free = free_bodies(file).into_iter().map(|body| file.bodies[body].name.as_ref());
     let names: Vec<_> = joints.chain(free.flat_map(|body| ["x", "y", "angle"].map(|axis| format!("{body}.{axis}")))).collect();
     let position = names.iter().position(|known| *known == **name);
-    position.ok_or_else(|| name.complain_unknown("joint", names.iter().map(String::as_str)))
+    let index = position.ok_or_else(|| name.complain_unknown("joint", names.iter().map(String::as_str)))?;
+    match file.joints.get(index).map(|joint| *joint.kind) {
+        Some(JointKind::Weld) => Err(name.complain(format!("joint `{}` is a weld and has no coordinate", name.as_str()))),
+        _ => Ok(index),
+    }
+}
+
+/// Whether the task is one of bodies that touch, float, or are pushed directly; see [`Description::needs_worlds`].
+pub(super) fn needs_worlds(file: &Environment) -> bool {
+    let pushed = file.actuators.iter().any(|actuator| matches!(actuator.kind, ActuatorKind::BodyForce { .. }));
+    let touching = |body: &Body| !body.colliders.is_empty() || !body.forces.is_empty();
+    pushed || !file.colliders.is_empty() || file.bodies.iter().any(touching) || !free_bodies(file).is_empty()
 }
 
 /// The bodies that no joint holds.
@@ -161,7 +179,9 @@ fn joints(file: &Environment) -> Result<Vec<description::Joint>, Complaint> {
         let (parent, child) = (parent(joint, file, &hung)?, child(joint, file, &hung)?);
         hung[child] = Some(joint);
         let name = joint.name.value().as_ref().to_owned();
-        joints.push(description::Joint { name, parent, child, anchor: joint.anchor.get(), kind: joint_kind(joint.kind) });
+        let (anchor, kind) = (joint.anchor.get(), joint_kind(*joint.kind));
+        let (range, passive) = (range(joint)?, passive(joint, file)?);
+        joints.push(description::Joint { name, parent, child, anchor, kind, range, passive });
     }
     Ok(joints)
 }
@@ -198,6 +218,7 @@ fn joint_kind(kind: JointKind) -> description::JointKind {
         JointKind::Slide { axis } => description::JointKind::Slide { axis: axis.get() },
         JointKind::Hinge { positive: Sense::CounterClockwise } => description::JointKind::Hinge { sense: 1.0 },
         JointKind::Hinge { positive: Sense::Clockwise } => description::JointKind::Hinge { sense: -1.0 },
+        JointKind::Weld => description::JointKind::Weld,
     }
 }
 
@@ -227,8 +248,18 @@ pub(super) fn choice(control: &Control) -> (Choice, [f32; 2]) {
     }
 }
 
-fn formulas(file: &Environment) -> Result<Formulas, Complaint> {
-    let columns = Columns { sensors: file.sensors.len(), observations: file.observations.len(), actions: file.actuators.len() };
+pub(super) fn columns(file: &Environment) -> Columns {
+    let on_joints = file.joints.iter().filter(|joint| joint.force.is_some()).count();
+    let on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
+    Columns {
+        sensors: file.sensors.len(),
+        observations: file.observations.len(),
+        actions: file.actuators.len(),
+        fields: on_joints + on_bodies,
+    }
+}
+
+fn formulas(file: &Environment, columns: Columns) -> Result<Formulas, Complaint> {
     let sensors = sensor_variables(file, columns);
     let all = all_variables(file, columns, &sensors);
     Ok(Formulas {
@@ -238,7 +269,7 @@ fn formulas(file: &Environment) -> Result<Formulas, Complaint> {
     })
 }
 
-fn sensor_variables(file: &Environment, columns: Columns) -> Vec<Variable> {
+pub(super) fn sensor_variables(file: &Environment, columns: Columns) -> Vec<Variable> {
     let names = file.sensors.iter().map(|sensor| sensor.name.value().as_ref().to_owned()).enumerate();
     names.map(|(column, name)| Variable { name, column, previous: Some(columns.first_previous() + column) }).collect()
 }
@@ -251,12 +282,22 @@ fn all_variables(file: &Environment, columns: Columns, sensors: &[Variable]) -> 
         previous: Some(columns.first_previous() + columns.sensors + index),
     });
     let unseen = |sensor: &&Variable| !file.observations.iter().any(|seen| seen.name.as_ref() == sensor.name);
+    observations.chain(sensors.iter().filter(unseen).cloned()).chain(action_variables(file, columns)).collect()
+}
+
+/// The sensors without a look back: what acts during a step depends on the present.
+pub(super) fn present_sensors(file: &Environment, columns: Columns) -> Vec<Variable> {
+    sensor_variables(file, columns).into_iter().map(|sensor| Variable { previous: None, ..sensor }).collect()
+}
+
+/// The actions, under their actuators' names.
+pub(super) fn action_variables(file: &Environment, columns: Columns) -> Vec<Variable> {
     let actions = file.actuators.iter().enumerate().map(|(index, actuator)| Variable {
         name: actuator.name.value().as_ref().to_owned(),
         column: columns.first_action() + index,
         previous: None,
     });
-    observations.chain(sensors.iter().filter(unseen).cloned()).chain(actions).collect()
+    actions.collect()
 }
 
 /// Observations are functions of the present, so `previous` means nothing in them.
@@ -275,7 +316,7 @@ fn observation(seen: &Observation, sensors: &[Variable]) -> Result<Program, Comp
     }
 }
 
-fn formula(text: &Located<String>, kind: Type, variables: &[Variable]) -> Result<Program, Complaint> {
+pub(super) fn formula(text: &Located<String>, kind: Type, variables: &[Variable]) -> Result<Program, Complaint> {
     compile(text, kind, variables).map_err(|Mistake { message, help, line, column }| {
         let complaint = text.complain(message).at(line, column);
         help.into_iter().fold(complaint, Complaint::with_help)
@@ -286,6 +327,9 @@ fn starts(file: &Environment) -> Result<Vec<description::Start>, Complaint> {
     let mut starts: Vec<description::Start> = Vec::new();
     for start in &file.reset {
         let coordinate = find_coordinate(&start.joint, file)?;
+        if let Some(joint) = file.joints.get(coordinate) {
+            check_start(start, joint)?;
+        }
         if starts.iter().any(|other| other.coordinate == coordinate) {
             return Err(start.joint.complain(format!("joint `{}` has a start already", &*start.joint)));
         }
@@ -309,14 +353,23 @@ fn resolved_start(coordinate: usize, start: &Start) -> description::Start {
 }
 
 fn twin_of(twin: &Twin, joints: &[Joint]) -> Result<description::Twin, Complaint> {
-    let Twin::CartPole { slider, hinge } = twin;
-    Ok(description::Twin::CartPole { slider: find_joint(slider, joints)?, hinge: find_joint(hinge, joints)? })
+    let find = |name| find_joint(name, joints);
+    Ok(match twin {
+        Twin::CartPole { slider, hinge } => description::Twin::CartPole { slider: find(slider)?, hinge: find(hinge)? },
+        Twin::Pendulum { hinge } => description::Twin::Pendulum { hinge: find(hinge)? },
+        Twin::Acrobot { shoulder, elbow } => description::Twin::Acrobot { shoulder: find(shoulder)?, elbow: find(elbow)? },
+        Twin::MountainCar { slider } => description::Twin::MountainCar { slider: find(slider)? },
+    })
 }
 
 /// The twin's equations must be those of the bodies.
 fn check_twin(file: &Environment, description: &Description) -> Result<(), Complaint> {
-    let Some(Twin::CartPole { slider, .. }) = &file.analytic else { return Ok(()) };
-    analytic::check(description).map_err(|message| slider.complain(message))
+    let Some(twin) = &file.analytic else { return Ok(()) };
+    let (Twin::CartPole { slider: first, .. }
+    | Twin::Pendulum { hinge: first }
+    | Twin::Acrobot { shoulder: first, .. }
+    | Twin::MountainCar { slider: first }) = twin;
+    analytic::check(description).map_err(|message| first.complain(message))
 }
 
 const WORLD: &str = "world";

@@ -1,9 +1,10 @@
 //! Some copies of a task in one Rapier world.
 
-use rapier2d::prelude::{PhysicsWorld, RigidBody, RigidBodyBuilder, RigidBodyHandle};
+use rapier2d::prelude::{ImpulseJointHandle, PhysicsWorld, RigidBody, RigidBodyBuilder, RigidBodyHandle};
 
 use super::body::{SavedBody, place, rigid_body};
-use super::{Plan, vector};
+use super::drive::Drive;
+use super::{MotorKind, Plan, vector};
 use crate::env::description::Description;
 use crate::env::dynamics::JointColumns;
 use crate::env::kinematics::Frame;
@@ -13,6 +14,8 @@ pub(super) struct Batch {
     world: PhysicsWorld,
     /// `[copies × bodies]`, row by copy.
     handles: Vec<RigidBodyHandle>,
+    /// `[copies × servos]`, row by copy.
+    servos: Vec<ImpulseJointHandle>,
     /// Which copies shall move: `[copies]`.
     pub(super) live: Vec<bool>,
     /// Which copies Rapier moves. Catches up with `live` before a step, so that a copy that ends and starts again costs nothing.
@@ -23,9 +26,14 @@ impl Batch {
     pub(super) fn new(description: &Description, plan: &Plan, copies: usize) -> Self {
         let mut world = empty_world(description);
         let anchor = world.insert_body(RigidBodyBuilder::fixed());
-        let handles = (0..copies).flat_map(|_| insert_copy(&mut world, anchor, description, plan)).collect();
+        let (mut handles, mut servos) = (Vec::new(), Vec::new());
+        for _ in 0..copies {
+            let bodies = insert_bodies(&mut world, description, plan);
+            servos.extend(insert_joints(&mut world, anchor, &bodies, plan));
+            handles.extend(bodies);
+        }
         apply_changes(&mut world);
-        Self { world, handles, live: vec![false; copies], enabled: vec![false; copies] }
+        Self { world, handles, servos, live: vec![false; copies], enabled: vec![false; copies] }
     }
 
     pub(super) fn bodies(&self, copy: usize, plan: &Plan) -> impl Iterator<Item = &RigidBody> {
@@ -54,6 +62,7 @@ impl Batch {
         if self.live.contains(&true) {
             self.push(first, controls, columns.copies(), plan);
             self.world.step();
+            self.stop(plan);
             self.read_joints(first, columns, plan);
         }
     }
@@ -78,8 +87,25 @@ impl Batch {
                 body.reset_torques(false);
             }
             for (index, motor) in plan.motors.iter().enumerate() {
-                let force = motor.gear * controls[index * copies + first + copy];
-                plan.holds[motor.joint].push(force, handles, &mut self.world.bodies);
+                let value = motor.gear * controls[index * copies + first + copy];
+                let hold = &plan.holds[motor.joint];
+                match motor.kind {
+                    MotorKind::Idle => {}
+                    MotorKind::Force => hold.push(value, handles, &mut self.world.bodies),
+                    MotorKind::Servo(servo, target) => {
+                        let handle = self.servos[copy * plan.servos.len() + servo];
+                        Drive::aim(handle, &mut self.world.impulse_joints, hold, target, value);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Stops what has run against a wall.
+    fn stop(&mut self, plan: &Plan) {
+        for hold in plan.holds.iter().filter(|hold| hold.stops()) {
+            for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
+                hold.stop(&self.handles[copy * plan.bodies..][..plan.bodies], &mut self.world.bodies);
             }
         }
     }
@@ -111,20 +137,27 @@ fn empty_world(description: &Description) -> PhysicsWorld {
     world
 }
 
-/// Inserts the bodies and joints of one copy, disabled, and returns the bodies' handles.
-fn insert_copy(
+/// Inserts the bodies of one copy, disabled.
+fn insert_bodies(world: &mut PhysicsWorld, description: &Description, plan: &Plan) -> Vec<RigidBodyHandle> {
+    let rail = |body| plan.holds.iter().find_map(|hold| hold.rail_of(body));
+    let bodies = description.bodies.iter().zip(&plan.rotors).enumerate();
+    bodies.map(|(index, (body, rotor))| world.insert_body(rigid_body(body, rotor, rail(index)))).collect()
+}
+
+/// Inserts the joints of one copy, whose bodies are `handles`; returns its servos.
+fn insert_joints(
     world: &mut PhysicsWorld,
     anchor: RigidBodyHandle,
-    description: &Description,
+    handles: &[RigidBodyHandle],
     plan: &Plan,
-) -> Vec<RigidBodyHandle> {
-    let rail = |body| plan.holds.iter().find_map(|hold| hold.rail_of(body));
-    let bodies = description.bodies.iter().enumerate();
-    let handles: Vec<_> = bodies.map(|(index, body)| world.insert_body(rigid_body(body, rail(index)))).collect();
+) -> Vec<ImpulseJointHandle> {
     for hold in &plan.holds {
-        hold.insert(world, anchor, &handles);
+        hold.insert(world, anchor, handles);
     }
-    handles
+    for drive in &plan.passive {
+        drive.insert(world, anchor, handles, &plan.holds);
+    }
+    plan.servos.iter().map(|servo| servo.insert(world, anchor, handles, &plan.holds)).collect()
 }
 
 /// Lets Rapier take in new bodies (their masses count from then on) without time passing.

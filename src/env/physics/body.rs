@@ -4,7 +4,7 @@ use rapier2d::prelude::{MassProperties, Pose, RigidBody, RigidBodyBuilder, Rotat
 use serde::{Deserialize, Serialize};
 
 use super::vector;
-use crate::env::description::Body;
+use crate::env::description::{Body, Description, JointKind};
 use crate::env::kinematics::Frame;
 
 /// What Rapier carries from one step to the next for a body without contacts.
@@ -16,13 +16,33 @@ pub(super) struct SavedBody {
     angular_velocity: f32,
 }
 
+/// The armature of a body's joint. It moves as the body does, so that it can be part of it; gravity does not pull it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rotor {
+    mass: f64,
+    inertia: f64,
+}
+
+impl Rotor {
+    pub(super) fn of(description: &Description, body: usize) -> Self {
+        let joint = description.joints.iter().find(|joint| joint.child == body);
+        match joint.map(|joint| (joint.kind, joint.passive.armature)) {
+            Some((JointKind::Slide { .. }, mass)) => Self { mass, inertia: 0.0 },
+            Some((JointKind::Hinge { .. }, inertia)) => Self { mass: 0.0, inertia },
+            _ => Self::default(),
+        }
+    }
+}
+
 /// A disabled body; on a rail it moves in x or y only. Fast rotation is allowed: Rapier clamps it by default.
-pub(super) fn rigid_body(body: &Body, rail: Option<[bool; 2]>) -> RigidBody {
+pub(super) fn rigid_body(body: &Body, rotor: &Rotor, rail: Option<[bool; 2]>) -> RigidBody {
     let inertial = &body.inertial;
-    let properties = MassProperties::new(vector(inertial.com), inertial.mass as f32, inertial.inertia as f32);
+    let (mass, inertia) = (inertial.mass + rotor.mass, inertial.inertia + rotor.inertia);
+    let properties = MassProperties::new(vector(inertial.com), mass as f32, inertia as f32);
     let builder = RigidBodyBuilder::dynamic()
         .pose(Pose::new(vector(body.position), body.angle as f32))
         .additional_mass_properties(properties)
+        .gravity_scale((inertial.mass / mass) as f32)
         .can_sleep(false)
         .allow_fast_rotation(true)
         .enabled(false);

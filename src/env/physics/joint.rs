@@ -3,9 +3,10 @@
 use std::f32::consts::TAU;
 
 use rapier2d::prelude::{
-    GenericJointBuilder, JointAxesMask, PhysicsWorld, Pose, RigidBody, RigidBodyHandle, RigidBodySet, Rotation, Vector,
+    GenericJointBuilder, JointAxesMask, JointAxis, PhysicsWorld, Pose, RigidBody, RigidBodyHandle, RigidBodySet, Rotation, Vector,
 };
 
+use super::drive::{ABOUT, ALONG};
 use super::vector;
 use crate::env::kinematics::{Link, Motion};
 
@@ -22,24 +23,32 @@ pub(super) struct Hold {
 
 enum Kind {
     /// A slide along one of the world's axes is no joint at all: the body cannot move otherwise. Exact, and cheaper than a joint.
-    Rail { axis: Vector, origin: f32 },
+    Rail { axis: Vector, origin: f32, stop: Option<[f32; 2]> },
     /// A prismatic joint along a unit vector in the parent's frame.
     Slide { axis: Vector },
     /// A revolute joint, counter-clockwise (+1) or clockwise (−1).
     Hinge { sense: f32 },
+    /// A weld to the world is no joint either: the body cannot move.
+    Still,
+    /// A weld to another body.
+    Weld,
 }
 
 impl Hold {
-    pub(super) fn new(link: &Link) -> Self {
+    /// `stop`: the range of a joint that carries no other. On a rail it needs no constraint.
+    pub(super) fn new(link: &Link, stop: Option<[f64; 2]>) -> Self {
         let reference = Rotation::new(link.angle as f32);
         let (anchor_in_parent, anchor_in_child) = (vector(link.anchor_in_parent), vector(link.anchor_in_child));
         let kind = match link.motion {
             Motion::Hinge(sense) => Kind::Hinge { sense: sense as f32 },
             Motion::Slide(axis) if link.parent.is_none() && axis.contains(&0.0) => {
                 let axis = vector(axis);
-                Kind::Rail { axis, origin: axis.dot(anchor_in_parent - reference * anchor_in_child) }
+                let origin = axis.dot(anchor_in_parent - reference * anchor_in_child);
+                Kind::Rail { axis, origin, stop: stop.map(|range| range.map(|end| end as f32)) }
             }
             Motion::Slide(axis) => Kind::Slide { axis: vector(axis) },
+            Motion::Weld if link.parent.is_none() => Kind::Still,
+            Motion::Weld => Kind::Weld,
         };
         Self { parent: link.parent, child: link.child, anchor_in_parent, anchor_in_child, reference, kind }
     }
@@ -51,34 +60,76 @@ impl Hold {
 
     /// Whether Rapier holds the child by a joint.
     pub(super) fn is_joint(&self) -> bool {
-        !matches!(self.kind, Kind::Rail { .. })
+        !matches!(self.kind, Kind::Rail { .. } | Kind::Still)
     }
 
-    /// Whether that joint is a slide.
-    pub(super) fn is_sliding_joint(&self) -> bool {
-        matches!(self.kind, Kind::Slide { .. })
+    /// Whether that joint is a hinge.
+    pub(super) fn is_hinge(&self) -> bool {
+        matches!(self.kind, Kind::Hinge { .. })
+    }
+
+    /// Whether the child stops dead at the ends of its range.
+    pub(super) fn stops(&self) -> bool {
+        matches!(self.kind, Kind::Rail { stop: Some(_), .. })
+    }
+
+    /// The bodies that the joint holds together.
+    pub(super) fn ends(&self, anchor: RigidBodyHandle, handles: &[RigidBodyHandle]) -> (RigidBodyHandle, RigidBodyHandle) {
+        (self.parent.map_or(anchor, |body| handles[body]), handles[self.child])
+    }
+
+    /// The axis of Rapier's joints that is the coordinate.
+    pub(super) fn axis(&self) -> JointAxis {
+        if self.is_hinge() { ABOUT } else { ALONG }
+    }
+
+    /// +1 if the coordinate grows as that of Rapier's joints, else −1.
+    pub(super) fn sense(&self) -> f32 {
+        if let Kind::Hinge { sense } = self.kind { sense } else { 1.0 }
+    }
+
+    /// The joint's frames in its parent and in its child: the same frame at coordinate 0, with the x-axis along a slide.
+    pub(super) fn frames(&self) -> [Pose; 2] {
+        let turned = match self.kind {
+            Kind::Rail { axis, .. } | Kind::Slide { axis } => Rotation::from_cos_sin_unchecked(axis.x, axis.y),
+            Kind::Hinge { .. } | Kind::Still | Kind::Weld => Rotation::IDENTITY,
+        };
+        let in_child = Pose::from_parts(self.anchor_in_child, self.reference.inverse() * turned);
+        [Pose::from_parts(self.anchor_in_parent, turned), in_child]
     }
 
     /// Whether `body` may move in x and in y, if a rail holds it.
     pub(super) fn rail_of(&self, body: usize) -> Option<[bool; 2]> {
         match self.kind {
             Kind::Rail { axis, .. } if self.child == body => Some([axis.x != 0.0, axis.y != 0.0]),
+            Kind::Still if self.child == body => Some([false; 2]),
             _ => None,
         }
     }
 
     /// Inserts the joint for the copy whose bodies are `handles`; `anchor` is a body of the world.
     pub(super) fn insert(&self, world: &mut PhysicsWorld, anchor: RigidBodyHandle, handles: &[RigidBodyHandle]) {
-        let (locked, turned) = match self.kind {
-            Kind::Rail { .. } => return,
-            Kind::Slide { axis } => (JointAxesMask::LOCKED_PRISMATIC_AXES, Rotation::from_cos_sin_unchecked(axis.x, axis.y)),
-            Kind::Hinge { .. } => (JointAxesMask::LOCKED_REVOLUTE_AXES, Rotation::IDENTITY),
+        let locked = match self.kind {
+            Kind::Rail { .. } | Kind::Still => return,
+            Kind::Slide { .. } => JointAxesMask::LOCKED_PRISMATIC_AXES,
+            Kind::Hinge { .. } => JointAxesMask::LOCKED_REVOLUTE_AXES,
+            Kind::Weld => JointAxesMask::LOCKED_FIXED_AXES,
         };
-        let joint = GenericJointBuilder::new(locked)
-            .local_frame1(Pose::from_parts(self.anchor_in_parent, turned))
-            .local_frame2(Pose::from_parts(self.anchor_in_child, self.reference.inverse() * turned));
-        let parent = self.parent.map_or(anchor, |body| handles[body]);
-        world.impulse_joints.insert(parent, handles[self.child], joint.build(), false);
+        let ([frame1, frame2], (parent, child)) = (self.frames(), self.ends(anchor, handles));
+        let joint = GenericJointBuilder::new(locked).local_frame1(frame1).local_frame2(frame2);
+        world.impulse_joints.insert(parent, child, joint.build(), false);
+    }
+
+    /// Sets a child that has left its range back to its end, at rest: an inelastic wall.
+    pub(super) fn stop(&self, handles: &[RigidBodyHandle], bodies: &mut RigidBodySet) {
+        let Kind::Rail { axis, origin, stop: Some([low, high]) } = self.kind else { return };
+        let child = &mut bodies[handles[self.child]];
+        let position = axis.dot(child.translation()) - origin;
+        if position < low || position > high {
+            let end = position.clamp(low, high);
+            child.set_translation(child.translation() + axis * (origin + end - axis.dot(child.translation())), false);
+            child.set_linvel(Vector::ZERO, false);
+        }
     }
 
     /// Adds a force (N) or torque (N m) along the joint's coordinate, and its reaction on the parent.
@@ -101,6 +152,7 @@ impl Hold {
                     bodies[parent].add_torque(-sense * force, false);
                 }
             }
+            Kind::Still | Kind::Weld => {}
         }
     }
 
@@ -109,7 +161,8 @@ impl Hold {
         let parent = find(bodies, self.parent.map(|body| handles[body]));
         let child = &bodies[handles[self.child]];
         match self.kind {
-            Kind::Rail { axis, origin } => (axis.dot(child.translation()) - origin, axis.dot(child.linvel())),
+            Kind::Still | Kind::Weld => (0.0, 0.0),
+            Kind::Rail { axis, origin, .. } => (axis.dot(child.translation()) - origin, axis.dot(child.linvel())),
             Kind::Slide { axis } => self.read_slide(axis, parent, child),
             Kind::Hinge { sense } => {
                 let base = parent.map_or(self.reference, |parent| *parent.rotation() * self.reference);

@@ -7,6 +7,7 @@
 mod batch;
 mod body;
 mod contact;
+mod drive;
 mod geometry;
 mod joint;
 mod shape;
@@ -15,13 +16,14 @@ use rapier2d::prelude::{RigidBody, Vector};
 use serde::{Deserialize, Serialize};
 
 use self::batch::Batch;
-use self::body::SavedBody;
+use self::body::{Rotor, SavedBody};
 pub use self::contact::ContactWorlds;
+use self::drive::Drive;
 pub use self::geometry::Geometry;
 use self::joint::Hold;
 pub use self::shape::inertial;
 use super::Pose;
-use super::description::{Actuator, Description, Drive};
+use super::description::{self, Description, Field, Servo, Target};
 use super::dynamics::{Dynamics, JointColumns, from_bytes, to_bytes};
 use super::kinematics::{Frame, Tree};
 
@@ -42,17 +44,34 @@ struct Plan {
     bodies: usize,
     /// One a joint.
     holds: Vec<Hold>,
+    /// What resists motion.
+    passive: Vec<Drive>,
+    /// One for each control.
     motors: Vec<Motor>,
+    /// Motors that are constraints, in the order of their numbers.
+    servos: Vec<Drive>,
+    /// One a body: what turns with it.
+    rotors: Vec<Rotor>,
     /// Bodies that motors push: their forces are set anew in each step.
     driven: Vec<usize>,
     /// Centres of mass in the bodies' frames.
     coms: Vec<[f64; 2]>,
 }
 
-/// An actuator that pushes a joint.
+/// What a control does.
 struct Motor {
     joint: usize,
     gear: f32,
+    kind: MotorKind,
+}
+
+enum MotorKind {
+    /// Pushes the joint.
+    Force,
+    /// Tells the servo of this number where to go.
+    Servo(usize, Target),
+    /// Does nothing by itself.
+    Idle,
 }
 
 /// All that Rapier carries from one step to the next for bodies without contacts.
@@ -145,30 +164,70 @@ impl Dynamics for RigidBodies {
 
 impl Plan {
     fn new(description: &Description, tree: &Tree) -> Self {
-        let holds: Vec<_> = tree.links().iter().map(Hold::new).collect();
-        let motors: Vec<_> = description.actuators.iter().filter_map(Motor::new).collect();
-        let mut driven: Vec<_> = motors.iter().flat_map(|motor| holds[motor.joint].bodies()).collect();
+        let holds: Vec<_> =
+            tree.links().iter().enumerate().map(|(joint, link)| Hold::new(link, leaf_range(description, joint))).collect();
+        let (motors, servos) = motors(description);
+        let mut driven: Vec<_> =
+            motors.iter().filter(|motor| motor.pushes()).flat_map(|motor| holds[motor.joint].bodies()).collect();
         driven.sort_unstable();
         driven.dedup();
-        let coms = description.bodies.iter().map(|body| body.inertial.com).collect();
-        Self { bodies: description.bodies.len(), holds, motors, driven, coms }
+        Self {
+            bodies: description.bodies.len(),
+            passive: Drive::passive(description, &holds),
+            holds,
+            motors,
+            servos: servos.iter().map(Drive::servo).collect(),
+            rotors: (0..description.bodies.len()).map(|body| Rotor::of(description, body)).collect(),
+            driven,
+            coms: description.bodies.iter().map(|body| body.inertial.com).collect(),
+        }
     }
 
-    /// How many copies share a world: all, unless a slide is a joint of Rapier's. Rapier solves such joints in vectors from 64 joints
-    /// on, and their vectors round otherwise than single joints do (hinges' do not): their copies would not keep their bits.
+    /// How many copies share a world: all, if all of Rapier's joints are hinges. Rapier solves joints in vectors from 64 joints
+    /// on, and vectors of others round otherwise than single joints do: their copies would not keep their bits.
     fn batch_size(&self, copies: usize) -> usize {
         const VECTORS_FROM: usize = 64;
-        let joints = self.holds.iter().filter(|hold| hold.is_joint()).count();
-        let most = if self.holds.iter().any(Hold::is_sliding_joint) { (VECTORS_FROM - 1) / joints } else { copies };
+        let held = self.holds.iter().filter(|hold| hold.is_joint());
+        let drives = self.passive.len() + self.servos.len();
+        let alike = drives == 0 && held.clone().all(Hold::is_hinge);
+        let most = if alike { copies } else { (VECTORS_FROM - 1) / (held.count() + drives) };
         most.clamp(1, copies.max(1))
     }
 }
 
+/// The range of a joint whose child carries no other joint.
+fn leaf_range(description: &Description, joint: usize) -> Option<[f64; 2]> {
+    let described = &description.joints[joint];
+    let carries = description.joints.iter().any(|other| other.parent == Some(described.child));
+    described.range.filter(|_| !carries)
+}
+
+/// What actuators and fields do, and the servos among them.
+fn motors(description: &Description) -> (Vec<Motor>, Vec<Servo>) {
+    let mut servos = Vec::new();
+    let mut motors = Vec::new();
+    for actuator in &description.actuators {
+        let (joint, kind) = match actuator.drive {
+            description::Drive::JointForce(joint) => (joint, MotorKind::Force),
+            description::Drive::Servo(servo) => {
+                servos.push(servo);
+                (servo.joint, MotorKind::Servo(servos.len() - 1, servo.target))
+            }
+            description::Drive::Nothing | description::Drive::BodyForce { .. } => (0, MotorKind::Idle),
+        };
+        motors.push(Motor { joint, gear: actuator.gear as f32, kind });
+    }
+    let on_joint = |field: &Field| match field.drive {
+        description::Drive::JointForce(joint) => Some(Motor { joint, gear: 1.0, kind: MotorKind::Force }),
+        _ => None,
+    };
+    motors.extend(description.fields.iter().filter_map(on_joint));
+    (motors, servos)
+}
+
 impl Motor {
-    /// None for forces on bodies, which only worlds with contacts know.
-    fn new(actuator: &Actuator) -> Option<Self> {
-        let Drive::JointForce(joint) = actuator.drive else { return None };
-        Some(Self { joint, gear: actuator.gear as f32 })
+    fn pushes(&self) -> bool {
+        matches!(self.kind, MotorKind::Force)
     }
 }
 

@@ -9,7 +9,7 @@ use rapier2d::prelude::{
 use super::super::geometry::{Placed, TOLERANCE};
 use super::super::vector;
 use super::link::{Link, Motor, Root, joint};
-use crate::env::description::{self, Body, Description};
+use crate::env::description::{self, Body, Description, Drive};
 use crate::env::kinematics::{Link as TreeLink, Tree};
 
 /// What all copies have in common.
@@ -39,19 +39,21 @@ impl Pristine {
         let handles: Vec<_> = description.bodies.iter().map(|body| bodies.insert(rigid_body(body))).collect();
         let coms: Vec<_> = description.bodies.iter().map(|body| body.inertial.com).collect();
         let colliders = colliders(description, &handles, &mut bodies);
-        let mut multibody_joints = MultibodyJointSet::new();
-        let insert = |link: &TreeLink| insert_link(link, &handles, &coms, &mut bodies, &mut multibody_joints);
-        let links = tree.links().iter().map(insert).collect();
+        let mut joints = MultibodyJointSet::new();
+        let insert = |(index, link)| insert_link(index, link, description, &handles, &mut bodies, &mut joints);
+        let links: Vec<_> = tree.links().iter().enumerate().map(insert).collect();
+        let multibodies = undamped(&bodies, &handles, &mut joints);
+        links.iter().zip(&description.joints).for_each(|(link, described)| link.resist(&described.passive, &mut joints));
         Self {
             gravity: vector(description.gravity),
             parameters: parameters(description),
             searches: description.solver.searches,
-            multibodies: undamped(&bodies, &handles, &mut multibody_joints),
             roots: description.free.iter().map(|&body| root(body, description)).collect(),
-            motors: description.actuators.iter().map(Motor::new).collect(),
+            motors: Motor::all(description),
+            multibodies,
+            multibody_joints: joints,
             bodies,
             colliders,
-            multibody_joints,
             handles,
             coms,
             links,
@@ -59,16 +61,20 @@ impl Pristine {
     }
 }
 
+/// What closes in more slowly than this, m/s, is found before it touches, however long it is until contacts are searched for again.
+const CLOSING_SPEED: f32 = 4.0;
+
 /// Contacts are solved anew in each search: recycled ones gain energy on sloping ground. Bodies are slow enough, or walls thick
 /// enough, to do without continuous detection, which moves multibodies without their coordinates.
 fn parameters(description: &Description) -> IntegrationParameters {
-    let control_step = description.spec.control_step as f32;
+    let dt = description.spec.control_step as f32 / description.solver.searches as f32;
     IntegrationParameters {
-        dt: control_step / description.solver.searches as f32,
+        dt,
         num_solver_iterations: description.solver.iterations as usize,
         num_internal_pgs_iterations: description.solver.passes as usize,
         num_internal_stabilization_iterations: 1,
         normalized_allowed_linear_error: TOLERANCE,
+        normalized_prediction_distance: CLOSING_SPEED * dt,
         normalized_max_linear_velocity: f32::MAX,
         max_ccd_substeps: 0,
         contact_recycling: false,
@@ -115,16 +121,23 @@ fn collider(surface: &description::Collider, com: Vector) -> Collider {
 
 /// What hangs on the world hangs on a fixed body of its own, so that trees do not depend on each other.
 fn insert_link(
+    index: usize,
     link: &TreeLink,
+    description: &Description,
     handles: &[RigidBodyHandle],
-    coms: &[[f64; 2]],
     bodies: &mut RigidBodySet,
     joints: &mut MultibodyJointSet,
 ) -> Link {
     let parent = link.parent.map_or_else(|| bodies.insert(RigidBodyBuilder::fixed()), |parent| handles[parent]);
-    let both = [link.parent.map_or([0.0; 2], |parent| coms[parent]), coms[link.child]];
-    let handle = joints.insert(parent, handles[link.child], joint(link, both), false);
-    Link::new(link, handle.expect("joints form trees"), handles, coms[link.child])
+    let com = |body: usize| description.bodies[body].inertial.com;
+    let coms = [link.parent.map_or([0.0; 2], com), com(link.child)];
+    let servo = description.actuators.iter().find_map(|actuator| match &actuator.drive {
+        Drive::Servo(servo) if servo.joint == index => Some(servo),
+        _ => None,
+    });
+    let joint = joint(link, &description.joints[index], servo, coms);
+    let handle = joints.insert(parent, handles[link.child], joint, false);
+    Link::new(link, handle.expect("joints form trees"), handles, coms[1])
 }
 
 fn root(body: usize, description: &Description) -> Root {

@@ -1,13 +1,13 @@
 //! How a body hangs on a multibody joint, or floats; and how motors push.
 
 use rapier2d::prelude::{
-    GenericJoint, GenericJointBuilder, JointAxesMask, JointAxis, MultibodyJoint, MultibodyJointHandle, MultibodyJointSet, Pose,
-    RigidBody, RigidBodyHandle, RigidBodySet, Rotation, Vector,
+    GenericJoint, GenericJointBuilder, JointAxesMask, JointAxis, MotorModel, MultibodyJoint, MultibodyJointHandle,
+    MultibodyJointSet, Pose, RigidBody, RigidBodyHandle, RigidBodySet, Rotation, Vector,
 };
 
 use super::super::vector;
 use super::build::Pristine;
-use crate::env::description::{Actuator, Drive};
+use crate::env::description::{Description, Drive, Joint, Passive, Servo, Target};
 use crate::env::kinematics::{Frame, Link as TreeLink, Motion};
 
 /// A multibody joint.
@@ -45,17 +45,28 @@ pub(super) struct Motor {
 }
 
 /// Rapier's joint; `coms` are the centres of mass of parent and child in their frames.
-pub(super) fn joint(link: &TreeLink, coms: [[f64; 2]; 2]) -> GenericJoint {
+pub(super) fn joint(link: &TreeLink, described: &Joint, servo: Option<&Servo>, coms: [[f64; 2]; 2]) -> GenericJoint {
     let (locked, turned) = match link.motion {
         Motion::Slide([x, y]) => (JointAxesMask::LOCKED_PRISMATIC_AXES, Rotation::from_cos_sin_unchecked(x as f32, y as f32)),
         Motion::Hinge(_) => (JointAxesMask::LOCKED_REVOLUTE_AXES, Rotation::IDENTITY),
+        Motion::Weld => (JointAxesMask::LOCKED_FIXED_AXES, Rotation::IDENTITY),
     };
     let reference = Rotation::new(link.angle as f32);
-    GenericJointBuilder::new(locked)
+    let builder = GenericJointBuilder::new(locked)
         .local_frame1(Pose::from_parts(vector(link.anchor_in_parent) - vector(coms[0]), turned))
         .local_frame2(Pose::from_parts(vector(link.anchor_in_child) - vector(coms[1]), reference.inverse() * turned))
-        .contacts_enabled(false)
-        .build()
+        .contacts_enabled(false);
+    let mut joint = builder.build();
+    if let (Some((sense, axis)), Some([low, high])) = (axis(&link.motion), described.range) {
+        let ends = [sense * low as f32, sense * high as f32];
+        joint.set_limits(axis, [ends[0].min(ends[1]), ends[0].max(ends[1])]);
+    }
+    if let (Some((_, axis)), Some(servo)) = (axis(&link.motion), servo) {
+        joint.set_motor_model(axis, MotorModel::ForceBased);
+        joint.set_motor(axis, 0.0, 0.0, servo.kp as f32, servo.kv as f32);
+        joint.set_motor_max_force(axis, servo.force_limit.map_or(f32::MAX, |force| force as f32));
+    }
+    joint
 }
 
 impl Link {
@@ -69,17 +80,32 @@ impl Link {
         }
     }
 
-    /// Rapier's coordinate for a unit of ours, and its index among the joint's three.
-    fn axis(&self) -> (f32, usize) {
-        match self.motion {
-            Motion::Slide(_) => (1.0, JointAxis::LinX as usize),
-            Motion::Hinge(sense) => (sense as f32, JointAxis::AngX as usize),
+    /// Gives the joint what resists its motion.
+    pub(super) fn resist(&self, passive: &Passive, joints: &mut MultibodyJointSet) {
+        let Some((sense, axis)) = axis(&self.motion) else { return };
+        let Some((multibody, id)) = joints.get_mut(self.handle) else { return };
+        let Some(link) = multibody.link_mut(id) else { return };
+        link.joint.set_spring(axis as usize, passive.stiffness as f32, sense * passive.springref as f32);
+        let dof = link.assembly_id();
+        multibody.damping_mut()[dof] = passive.damping as f32;
+        multibody.armature_mut()[dof] = passive.armature as f32;
+        multibody.frictions_mut()[dof] = passive.frictionloss as f32;
+    }
+
+    /// Tells the joint's servo where to go.
+    fn aim(&self, target: Target, value: f32, joints: &mut MultibodyJointSet) {
+        let Some((sense, axis)) = axis(&self.motion) else { return };
+        let link = joints.get_mut(self.handle).and_then(|(multibody, id)| multibody.link_mut(id));
+        let Some(motor) = link.map(|link| &mut link.joint.data.motors[axis as usize]) else { return };
+        match target {
+            Target::Position => motor.target_pos = sense * value,
+            Target::Velocity => motor.target_vel = sense * value,
         }
     }
 
     /// Puts a joint that is at 0 to a coordinate, and lets it move at a rate.
     pub(super) fn place(&self, position: f32, velocity: f32, joints: &mut MultibodyJointSet) {
-        let (sense, _) = self.axis();
+        let Some((sense, _)) = axis(&self.motion) else { return };
         let Some((multibody, id)) = joints.get_mut(self.handle) else { return };
         let Some(link) = multibody.link_mut(id) else { return };
         link.joint.apply_displacement(&[sense * position]);
@@ -88,15 +114,16 @@ impl Link {
     }
 
     pub(super) fn read(&self, joints: &MultibodyJointSet) -> (f32, f32) {
-        let (sense, axis) = self.axis();
+        let Some((sense, axis)) = axis(&self.motion) else { return (0.0, 0.0) };
         let link = joints.get(self.handle).and_then(|(multibody, id)| Some((multibody, multibody.link(id)?)));
         let Some((multibody, link)) = link else { return (0.0, 0.0) };
-        (sense * link.joint().coords()[axis], sense * multibody.generalized_velocity()[link.assembly_id()])
+        (sense * link.joint().coords()[axis as usize], sense * multibody.generalized_velocity()[link.assembly_id()])
     }
 
     /// Adds a force (N) or torque (N m) along the coordinate, and its reaction on the parent.
     fn push(&self, force: f32, bodies: &mut RigidBodySet) {
         match self.motion {
+            Motion::Weld => {}
             Motion::Hinge(sense) => {
                 let torque = sense as f32 * force;
                 bodies[self.child].add_torque(torque, false);
@@ -113,6 +140,15 @@ impl Link {
                 }
             }
         }
+    }
+}
+
+/// Rapier's coordinate for a unit of ours, and its axis; a weld has none.
+pub(super) fn axis(motion: &Motion) -> Option<(f32, JointAxis)> {
+    match motion {
+        Motion::Slide(_) => Some((1.0, JointAxis::LinX)),
+        Motion::Hinge(sense) => Some((*sense as f32, JointAxis::AngX)),
+        Motion::Weld => None,
     }
 }
 
@@ -160,17 +196,22 @@ fn multibody_of(handle: RigidBodyHandle, joints: &mut MultibodyJointSet) -> Opti
 }
 
 impl Motor {
-    pub(super) fn new(actuator: &Actuator) -> Self {
-        Self { drive: actuator.drive, gear: actuator.gear as f32 }
+    /// One for each actuator, then one for each field.
+    pub(super) fn all(description: &Description) -> Vec<Self> {
+        let actuators = description.actuators.iter().map(|actuator| Self { drive: actuator.drive, gear: actuator.gear as f32 });
+        actuators.chain(description.fields.iter().map(|field| Self { drive: field.drive, gear: 1.0 })).collect()
     }
 
-    pub(super) fn push(&self, control: f32, pristine: &Pristine, bodies: &mut RigidBodySet) {
-        let force = self.gear * control;
+    pub(super) fn push(&self, control: f32, pristine: &Pristine, bodies: &mut RigidBodySet, joints: &mut MultibodyJointSet) {
+        let value = self.gear * control;
         match self.drive {
-            Drive::JointForce(joint) => pristine.links[joint].push(force, bodies),
+            Drive::Nothing => {}
+            Drive::JointForce(joint) => pristine.links[joint].push(value, bodies),
+            Drive::Servo(servo) => pristine.links[servo.joint].aim(servo.target, value, joints),
             Drive::BodyForce { body, at, direction, local } => {
-                let (arm, along) = (vector(at) - vector(pristine.coms[body]), vector(direction));
-                push_body(&mut bodies[pristine.handles[body]], arm, along * force, local);
+                let com = pristine.coms[body];
+                let arm = at.map_or(Vector::ZERO, |at| vector(at) - vector(com));
+                push_body(&mut bodies[pristine.handles[body]], arm, vector(direction) * value, local);
             }
         }
     }

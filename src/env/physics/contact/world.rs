@@ -94,7 +94,8 @@ impl World {
             body.reset_torques(false);
         }
         for (index, motor) in pristine.motors.iter().enumerate() {
-            motor.push(controls[index * copies + copy], pristine, &mut self.world.bodies);
+            let control = controls[index * copies + copy];
+            motor.push(control, pristine, &mut self.world.bodies, &mut self.world.multibody_joints);
         }
     }
 
