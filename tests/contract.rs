@@ -273,3 +273,30 @@ fn episodes_end_by_themselves_or_by_the_time_limit() {
         assert!(!crowd.environment.statuses().contains(&Status::Running));
     }
 }
+
+/// Whether a task stays finite under this many random steps in all, in 16 copies.
+fn assert_finite(task: &Description, physics: Physics, steps: usize) {
+    let names: Vec<_> = (0..16).collect();
+    let mut crowd = Crowd::new(task, physics, &names);
+    for step in 0..steps / names.len() {
+        crowd.step(&names, &names);
+        let numbers = crowd.environment.observations().iter().chain(crowd.environment.rewards());
+        assert!(numbers.copied().all(f32::is_finite), "{} {physics:?}: step {step}", task.spec.name);
+    }
+}
+
+#[test]
+fn nothing_is_lost_in_a_hundred_thousand_random_steps() {
+    for (task, physics) in tasks() {
+        assert_finite(&task, physics, 100_000);
+    }
+}
+
+/// Takes some minutes.
+#[test]
+#[ignore = "the same as the test before, ten times as long"]
+fn nothing_is_lost_in_a_million_random_steps() {
+    for (task, physics) in tasks() {
+        assert_finite(&task, physics, 1_000_000);
+    }
+}

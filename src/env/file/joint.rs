@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use super::resolve::{self, action_variables, find, formula, present_sensors};
 use super::{Distribution, Environment, Force, ForceFrame, Joint, JointKind, Start, Vector};
 use crate::env::description::{self, Columns, Drive, Passive};
-use crate::env::expression::{Program, Type, Variable};
+use crate::env::expression::{Program, Type};
 use crate::input::numbers::NonNegative;
 use crate::input::{Complaint, Located};
 
