@@ -291,7 +291,7 @@ fn only_a_run_down_from_the_goal_is_faster_than_gyms_clip() {
 #[test]
 fn a_push_gives_the_double_pendulum_its_momentum() {
     let mut task = frictionless("double_pendulum_cart");
-    task.solver = seedbed::env::description::Solver { iterations: 64, passes: 4 };
+    (task.solver.iterations, task.solver.passes) = (64, 4);
     let mut bodies = rigid(&task);
     start(&mut *bodies, &[0.0, 0.3, -0.5, 0.1, 0.5, -0.2]);
     let [cart, pole, pole2] = [0, 1, 2].map(|body| task.bodies[body].inertial.mass);
@@ -600,7 +600,7 @@ fn a_wrapped_angle_stays_within_half_a_turn() {
     let mut task = weightless("Hinge()", "", PUSH);
     task.sensors[0].reading = seedbed::env::description::Reading::WrappedJointPosition(0);
     task.reset = vec![seedbed::env::description::Start {
-        joint: 0,
+        coordinate: 0,
         position: seedbed::env::description::Distribution::Uniform { low: -50.0, high: 50.0 },
         velocity: seedbed::env::description::Distribution::Constant(0.0),
     }];
