@@ -35,11 +35,13 @@ fn gyms_heuristic(s: &[f32]) -> Vec<f32> {
     let landed = s[6] + s[7] > 0.5;
     let turn = if landed { 0.0 } else { (target - s[4]) * 0.5 - s[5] };
     let hover = if landed { -s[3] * 0.5 } else { (hover_target - s[1]) * 0.5 - s[3] * 0.5 };
-    let engine = match () {
-        () if hover > turn.abs() && hover > 0.05 => 2.0,
-        () if turn < -0.05 => 3.0,
-        () if turn > 0.05 => 1.0,
-        () => 0.0,
+    if hover > turn.abs() && hover > 0.05 {
+        return vec![2.0];
+    }
+    let engine = match turn {
+        ..-0.05 => 3.0,
+        0.05.. => 1.0,
+        _ => 0.0,
     };
     vec![engine]
 }
