@@ -347,7 +347,7 @@ fn fixed_runs_have_golden_bits() {
 }
 
 const GOLDEN_CART_POLE: &str = "e307e24cf556cf26";
-const GOLDEN_WORKSHOP: &str = "0";
+const GOLDEN_WORKSHOP: &str = "f21bea4bddc9b145";
 const GOLDEN_CRANE: &str = "2b3f94bdaa4db048";
 
 /// FNV-1a over the joint coordinates of 200 steps under a fixed pattern of controls.

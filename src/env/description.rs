@@ -3,16 +3,16 @@
 //! [`file`](super::file) makes it from `envs/*.ron`; [`task`](super::task) and the [`dynamics`](super::dynamics) are built from
 //! it. Its fields may be varied before building, as tests of solver settings do. Reading files may not enter.
 
+mod columns;
+mod distribution;
 mod instruments;
 
-use rand::RngExt;
-use rand_distr::{Distribution as _, Normal};
-
+pub use columns::Columns;
+pub use distribution::Distribution;
 pub use instruments::{Actuator, BodyPoint, Drive, Ray, Reading, Sensor, Servo, Target};
 
 use super::expression::Program;
 use super::{Scene, Shape, Spec};
-use crate::random::Stream;
 
 /// One task.
 #[derive(Clone, Debug, PartialEq)]
@@ -204,19 +204,6 @@ pub struct Formulas {
     pub terminated: Program,
 }
 
-/// Where each kind of number stands in the table that formulas read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Columns {
-    /// Number of sensors.
-    pub sensors: usize,
-    /// Number of observations.
-    pub observations: usize,
-    /// Number of action components.
-    pub actions: usize,
-    /// Number of fields.
-    pub fields: usize,
-}
-
 /// Where a joint starts an episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
@@ -226,27 +213,6 @@ pub struct Start {
     pub position: Distribution,
     /// m/s or rad/s.
     pub velocity: Distribution,
-}
-
-/// How a number is drawn.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Distribution {
-    /// Always the same.
-    Constant(f64),
-    /// Any number from low up to high.
-    Uniform {
-        /// Lowest.
-        low: f64,
-        /// Highest.
-        high: f64,
-    },
-    /// Gaussian.
-    Normal {
-        /// Expectation.
-        mean: f64,
-        /// Standard deviation.
-        deviation: f64,
-    },
 }
 
 /// A closed-form twin: exact equations of motion instead of rigid bodies.
@@ -276,38 +242,6 @@ pub enum Twin {
         /// Joint between the world and the car.
         slider: usize,
     },
-}
-
-impl Columns {
-    /// The first observation's column.
-    #[must_use]
-    pub fn first_observation(&self) -> usize {
-        self.sensors
-    }
-
-    /// The first action's column.
-    #[must_use]
-    pub fn first_action(&self) -> usize {
-        self.sensors + self.observations
-    }
-
-    /// The first field's column.
-    #[must_use]
-    pub fn first_field(&self) -> usize {
-        self.first_action() + self.actions
-    }
-
-    /// The column of the first sensor's value before the step.
-    #[must_use]
-    pub fn first_previous(&self) -> usize {
-        self.first_field() + self.fields
-    }
-
-    /// Number of columns.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.first_previous() + self.sensors + self.observations
-    }
 }
 
 impl Description {
@@ -344,44 +278,5 @@ impl Description {
         let drives = self.actuators.iter().map(|actuator| actuator.drive).chain(self.fields.iter().map(|field| field.drive));
         let pushes = |drive| matches!(drive, Drive::BodyForce { .. });
         drives.into_iter().any(pushes) || !self.colliders.is_empty() || !self.free.is_empty()
-    }
-}
-
-impl Distribution {
-    /// Draws a number.
-    pub fn draw(&self, random: &mut Stream) -> f64 {
-        match *self {
-            Self::Constant(value) => value,
-            Self::Uniform { low, high } => low + (high - low) * random.random::<f64>(),
-            Self::Normal { mean, deviation } => Normal::new(mean, deviation).map_or(mean, |normal| normal.sample(random)),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::random::{Purpose, stream};
-
-    /// Mean and standard deviation of 10,000 draws.
-    fn moments(distribution: Distribution) -> (f64, f64) {
-        let mut random = stream(0, Purpose::Reset, 0, 0);
-        let draws: Vec<_> = (0..10_000).map(|_| distribution.draw(&mut random)).collect();
-        let mean = draws.iter().sum::<f64>() / 1e4;
-        (mean, (draws.iter().map(|draw| (draw - mean).powi(2)).sum::<f64>() / 1e4).sqrt())
-    }
-
-    /// Standard errors of 10,000 draws are about 1 % of the deviation; a uniform one's deviation is its width / √12.
-    #[test]
-    fn draws_are_distributed_as_described() {
-        assert_eq!(moments(Distribution::Constant(2.5)), (2.5, 0.0));
-        for (distribution, expected) in [
-            (Distribution::Uniform { low: -1.0, high: 3.0 }, (1.0, 4.0 / 12.0_f64.sqrt())),
-            (Distribution::Normal { mean: -2.0, deviation: 0.5 }, (-2.0, 0.5)),
-        ] {
-            let found = moments(distribution);
-            assert!((found.0 - expected.0).abs() < 0.04 * expected.1, "{distribution:?}: {found:?}");
-            assert!((found.1 / expected.1 - 1.0).abs() < 0.03, "{distribution:?}: {found:?}");
-        }
     }
 }
