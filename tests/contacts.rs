@@ -289,3 +289,118 @@ fn rays_measure_distances() {
         assert!((found - expected).abs() < 1e-5, "{found} m instead of {expected} m");
     }
 }
+
+/// A rod on a hinge in a world with contacts: I = 0.1 kg m² about its centre of mass in the hinge, with what `resists` says.
+fn wheel(resists: &str, actuators: &str) -> Description {
+    let text = format!(
+        r#"Environment(
+            description: "A wheel.", gravity: (0.0, -9.8), control_step: {CONTROL_STEP}, time_limit: 100000,
+            solver: (iterations: {SUBSTEPS}),
+            bodies: [(name: "wheel", mass: 2.0, inertia: 0.1, colliders: [(geom: Ball(radius: 0.1))])],
+            joints: [(name: "axle", parent: "world", child: "wheel", type: Hinge(positive: Clockwise), {resists})],
+            actuators: [{actuators}], sensors: [], observations: [], reward: "0",
+        )"#
+    );
+    parse("wheel", "wheel", text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// J q̈ = −c q̇ − k (q − q₀) with the rotor's inertia in J: for J = 0.1 + 0.15, c = 0.2, k = 4, the decay is c / 2 J = 0.4 1/s and the
+/// frequency √(k / J − 0.4²). Implicit Euler damps a little more: by k h / 2 J = 0.02 1/s.
+#[test]
+fn a_spring_swings_as_its_stiffness_damping_and_armature_say() {
+    let task = wheel("stiffness: 4.0, springref: 0.5, damping: 0.2, armature: 0.15", "");
+    let mut wheel = bodies(&task);
+    wheel.start(0, &[1.5], &[0.0]);
+    let (decay, frequency): (f64, f64) = (0.4, (16.0_f64 - 0.16).sqrt());
+    for step in 1..=200 {
+        run(&mut *wheel, CONTROL_STEP);
+        let time = CONTROL_STEP * f64::from(step);
+        let swing = (frequency * time).cos() + decay / frequency * (frequency * time).sin();
+        let expected = 0.5 + (-decay * time).exp() * swing;
+        let (angle, _) = coordinate(&*wheel, 0);
+        assert!((angle - expected).abs() < 0.03, "after {time} s: {angle} rad instead of {expected} rad");
+    }
+}
+
+/// Dry friction of 0.3 N m takes ω = 0.3 / 0.1 × t off a wheel's speed, and then holds it.
+#[test]
+fn dry_friction_brakes_a_joint_evenly_and_then_holds_it() {
+    let mut wheel = bodies(&wheel("frictionloss: 0.3", ""));
+    wheel.start(0, &[0.0], &[3.0]);
+    run(&mut *wheel, 0.5);
+    let (_, rate) = coordinate(&*wheel, 0);
+    assert!((rate - 1.5).abs() < 0.02, "{rate} rad/s");
+    run(&mut *wheel, 1.5);
+    let (angle, rate) = coordinate(&*wheel, 0);
+    assert!(
+        rate.abs() < 1e-3 && (angle - 1.5).abs() < 0.02,
+        "it turned by ω² J / 2 M = 1.5 rad, not {angle} rad, at {rate} rad/s"
+    );
+}
+
+/// A joint stops at the end of its range and stays within it, up to a hundredth of a radian.
+#[test]
+fn a_joint_stops_at_its_range() {
+    let push = r#"(name: "push", type: JointForce("axle"), control: Continuous(-1.0, 1.0))"#;
+    let mut wheel = bodies(&wheel("range: (-0.4, 0.7)", push));
+    for (force, end) in [(1.0_f32, 0.7), (-1.0, -0.4)] {
+        wheel.start(0, &[0.0], &[0.0]);
+        (0..300).for_each(|_| wheel.step(&[force]));
+        let (angle, rate) = coordinate(&*wheel, 0);
+        assert!((angle - end).abs() < 0.01 && rate.abs() < 0.05, "{angle} rad instead of {end} rad, {rate} rad/s");
+    }
+}
+
+/// Servos come to their targets: a position servo of critical damping, and a velocity servo as exp(−kv t / J) whose force is limited.
+#[test]
+fn servos_reach_their_targets() {
+    let position = r#"(name: "aim", type: PositionServo(joint: "axle", kp: 10.0, kv: 2.0), control: Continuous(-2.0, 2.0))"#;
+    let mut aiming = bodies(&wheel("", position));
+    aiming.start(0, &[0.0], &[0.0]);
+    (0..200).for_each(|_| aiming.step(&[1.2]));
+    let (angle, rate) = coordinate(&*aiming, 0);
+    assert!((angle - 1.2).abs() < 1e-3 && rate.abs() < 1e-3, "{angle} rad, {rate} rad/s");
+    let velocity =
+        r#"(name: "go", type: VelocityServo(joint: "axle", kv: 5.0, force_limit: 0.2), control: Continuous(-5.0, 5.0))"#;
+    let mut going = bodies(&wheel("", velocity));
+    going.start(0, &[0.0], &[0.0]);
+    (0..50).for_each(|_| going.step(&[-3.0]));
+    let (_, rate) = coordinate(&*going, 0);
+    assert!((rate + 1.0).abs() < 0.01, "0.2 N m for 0.5 s give 0.1 kg m² a rate of −1 rad/s, not {rate} rad/s");
+    (0..150).for_each(|_| going.step(&[-3.0]));
+    let (_, rate) = coordinate(&*going, 0);
+    assert!((rate + 3.0).abs() < 0.01, "{rate} rad/s");
+}
+
+/// A force at a point: F / m along it, r × F / I about the centre of mass; in the body's frame it turns with the body.
+#[test]
+fn a_body_force_pushes_and_turns() {
+    let text = |frame: &str| {
+        format!(
+            r#"Environment(
+                description: "A disc.", gravity: (0.0, 0.0), control_step: {CONTROL_STEP}, time_limit: 1000,
+                solver: (iterations: {SUBSTEPS}),
+                bodies: [(name: "disc", mass: 2.0, com: (0.5, 0.0), inertia: 0.4, forces: [(y: "-push", frame: {frame})])],
+                actuators: [
+                    (name: "thrust", type: BodyForce(body: "disc", at: (0.5, 0.2), direction: (1.0, 0.0), frame: {frame}),
+                     control: Continuous(-5.0, 5.0)),
+                    (name: "push", type: Signal, control: Continuous(-5.0, 5.0)),
+                ],
+                sensors: [], observations: [], reward: "0",
+            )"#
+        )
+    };
+    // The disc starts turned by a right angle: what is 0.2 m above its centre of mass is 0.2 m to the left in the world.
+    let quarter = std::f64::consts::FRAC_PI_2;
+    for (frame, velocity, spin) in [("World", [0.05, -0.02], 0.0), ("Local", [0.02, 0.05], -0.05)] {
+        let mut disc = bodies(&parse("disc", "disc", text(frame)).unwrap());
+        disc.start(0, &[0.0, 0.0, quarter], &[0.0; 3]);
+        disc.step(&[10.0, 4.0, 0.0, -4.0]);
+        let [(_, right), (_, up), (_, turn)] = [0, 1, 2].map(|index| coordinate(&*disc, index));
+        // The centre of mass is 0.5 m above the frame's origin in the world: the origin is faster to the right by ω × 0.5.
+        let center = [right - turn * 0.5, up];
+        println!("{frame}: {center:?} {turn}");
+        assert!((center[0] - velocity[0]).abs() < 1e-4 && (center[1] - velocity[1]).abs() < 1e-4, "{frame}: {center:?}");
+        assert!((turn - spin).abs() < 1e-4, "{frame}: {turn} rad/s");
+    }
+}

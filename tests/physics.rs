@@ -337,14 +337,17 @@ fn episode_lengths(task: &Description, physics: Physics) -> Vec<f64> {
     lengths
 }
 
-/// The bits of two fixed runs, the same on every machine. They change only when Rapier, its settings or a task file do.
+/// The bits of fixed runs, the same on every machine. They change only when Rapier, its settings or a task file do.
 #[test]
 fn fixed_runs_have_golden_bits() {
     assert_eq!(format!("{:016x}", hash_of_run(&cart_pole(4), 2, 1)), GOLDEN_CART_POLE);
     assert_eq!(format!("{:016x}", hash_of_run(&task("tests/envs/crane.ron"), 4, 3)), GOLDEN_CRANE);
+    // Six joints and a free body; four actuators and a field.
+    assert_eq!(format!("{:016x}", hash_of_run(&task("tests/envs/workshop.ron"), 9, 5)), GOLDEN_WORKSHOP);
 }
 
 const GOLDEN_CART_POLE: &str = "e307e24cf556cf26";
+const GOLDEN_WORKSHOP: &str = "f21bea4bddc9b145";
 const GOLDEN_CRANE: &str = "2b3f94bdaa4db048";
 
 /// FNV-1a over the joint coordinates of 200 steps under a fixed pattern of controls.

@@ -48,7 +48,7 @@ fn curves_hold_the_rows_of_the_tables() {
 fn no_more_lines_are_visible_than_wanted() {
     let folder = tempfile::tempdir().unwrap();
     let run = Run::new(2, 70);
-    for wanted in [0, 7, 120, 1000] {
+    for wanted in [1, 7, 120, 1000] {
         let settings = RecordingSettings { lines: known_count(wanted), ..RecordingSettings::default() };
         let contents = Contents::of(&record(&run, folder.path(), &settings));
         let lines = contents.lines_per_row("/visitation/agent_1/lines", "LineStrips2D:strips");

@@ -3,12 +3,16 @@
 //! [`file`](super::file) makes it from `envs/*.ron`; [`task`](super::task) and the [`dynamics`](super::dynamics) are built from
 //! it. Its fields may be varied before building, as tests of solver settings do. Reading files may not enter.
 
-use rand::RngExt;
-use rand_distr::{Distribution as _, Normal};
+mod columns;
+mod distribution;
+mod instruments;
+
+pub use columns::Columns;
+pub use distribution::Distribution;
+pub use instruments::{Actuator, BodyPoint, Drive, Ray, Reading, Sensor, Servo, Target};
 
 use super::expression::Program;
-use super::{Choice, Scene, Shape, Spec};
-use crate::random::Stream;
+use super::{Scene, Shape, Spec};
 
 /// One task.
 #[derive(Clone, Debug, PartialEq)]
@@ -188,125 +192,6 @@ pub enum JointKind {
     Weld,
 }
 
-/// What one component of an action drives.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Actuator {
-    /// Unique among actions, observations and sensors.
-    pub name: String,
-    /// What it acts on.
-    pub drive: Drive,
-    /// Force or torque for each unit of control.
-    pub gear: f64,
-    /// Values that the control may take.
-    pub choice: Choice,
-    /// Lowest and highest control.
-    pub range: [f32; 2],
-}
-
-/// What an actuator acts on.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Drive {
-    /// A force (N) or torque (N m) along the coordinate of the joint with this index.
-    JointForce(usize),
-    /// Nothing by itself.
-    Nothing,
-    /// A force (N) on a body.
-    BodyForce {
-        /// Which body.
-        body: usize,
-        /// Where, in the body's frame, m; none is the centre of mass.
-        at: Option<[f64; 2]>,
-        /// Unit vector along which a positive force pushes.
-        direction: [f64; 2],
-        /// Whether the direction turns with the body.
-        local: bool,
-    },
-    /// A motor that drives a joint's coordinate or rate to gear × control.
-    Servo(Servo),
-}
-
-/// A motor with the force kp (target − q) + kv (rate − q̇), computed anew in each substep.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Servo {
-    /// Which joint.
-    pub joint: usize,
-    /// What gear × control says.
-    pub target: Target,
-    /// N/m or N m/rad; 0 for a velocity servo.
-    pub kp: f64,
-    /// N s/m or N m s/rad.
-    pub kv: f64,
-    /// Largest force, N or N m.
-    pub force_limit: Option<f64>,
-}
-
-/// What a servo is told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
-    /// The coordinate, m or rad; the rate is 0.
-    Position,
-    /// The rate, m/s or rad/s.
-    Velocity,
-}
-
-/// A number that formulas may read.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Sensor {
-    /// Unique among sensors.
-    pub name: String,
-    /// What it measures.
-    pub reading: Reading,
-}
-
-/// What a sensor measures.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Reading {
-    /// The coordinate with this index, m or rad; angles count full turns.
-    JointPosition(usize),
-    /// The coordinate of the hinge with this index, rad, without its full turns: in (−π, π].
-    WrappedJointPosition(usize),
-    /// A joint's rate, m/s or rad/s.
-    JointVelocity(usize),
-    /// Where a point of a body is along one of the world's axes, m.
-    BodyPosition(BodyPoint),
-    /// How fast it moves along that axis, m/s.
-    BodyVelocity(BodyPoint),
-    /// The angle of the body with this index, rad, counting full turns.
-    BodyAngle(usize),
-    /// Its rate, rad/s.
-    BodyAngularVelocity(usize),
-    /// 1 if the colliders with these indices touch, 0 if not.
-    Contact(usize, usize),
-    /// Distance to the first surface of another body or of the world, m.
-    Ray(Ray),
-    /// A formula over the sensors before this one.
-    Formula(Program),
-}
-
-/// A point of a body, seen along one of the world's axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BodyPoint {
-    /// Which body.
-    pub body: usize,
-    /// In the body's frame, m.
-    pub at: [f64; 2],
-    /// 0 for x, 1 for y.
-    pub axis: usize,
-}
-
-/// A ray that turns with its body.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ray {
-    /// Which body.
-    pub body: usize,
-    /// Where it starts, in the body's frame, m.
-    pub from: [f64; 2],
-    /// Unit vector in the body's frame.
-    pub direction: [f64; 2],
-    /// What is measured if nothing is nearer, m.
-    pub length: f64,
-}
-
 /// The task's formulas over a table whose columns are: sensors, observations, actions, fields, sensors before the step,
 /// observations before the step. See [`Columns`].
 #[derive(Clone, Debug, PartialEq)]
@@ -319,19 +204,6 @@ pub struct Formulas {
     pub terminated: Program,
 }
 
-/// Where each kind of number stands in the table that formulas read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Columns {
-    /// Number of sensors.
-    pub sensors: usize,
-    /// Number of observations.
-    pub observations: usize,
-    /// Number of action components.
-    pub actions: usize,
-    /// Number of fields.
-    pub fields: usize,
-}
-
 /// Where a joint starts an episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
@@ -341,27 +213,6 @@ pub struct Start {
     pub position: Distribution,
     /// m/s or rad/s.
     pub velocity: Distribution,
-}
-
-/// How a number is drawn.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Distribution {
-    /// Always the same.
-    Constant(f64),
-    /// Any number from low up to high.
-    Uniform {
-        /// Lowest.
-        low: f64,
-        /// Highest.
-        high: f64,
-    },
-    /// Gaussian.
-    Normal {
-        /// Expectation.
-        mean: f64,
-        /// Standard deviation.
-        deviation: f64,
-    },
 }
 
 /// A closed-form twin: exact equations of motion instead of rigid bodies.
@@ -391,38 +242,6 @@ pub enum Twin {
         /// Joint between the world and the car.
         slider: usize,
     },
-}
-
-impl Columns {
-    /// The first observation's column.
-    #[must_use]
-    pub fn first_observation(&self) -> usize {
-        self.sensors
-    }
-
-    /// The first action's column.
-    #[must_use]
-    pub fn first_action(&self) -> usize {
-        self.sensors + self.observations
-    }
-
-    /// The first field's column.
-    #[must_use]
-    pub fn first_field(&self) -> usize {
-        self.first_action() + self.actions
-    }
-
-    /// The column of the first sensor's value before the step.
-    #[must_use]
-    pub fn first_previous(&self) -> usize {
-        self.first_field() + self.fields
-    }
-
-    /// Number of columns.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.first_previous() + self.sensors + self.observations
-    }
 }
 
 impl Description {
@@ -459,44 +278,5 @@ impl Description {
         let drives = self.actuators.iter().map(|actuator| actuator.drive).chain(self.fields.iter().map(|field| field.drive));
         let pushes = |drive| matches!(drive, Drive::BodyForce { .. });
         drives.into_iter().any(pushes) || !self.colliders.is_empty() || !self.free.is_empty()
-    }
-}
-
-impl Distribution {
-    /// Draws a number.
-    pub fn draw(&self, random: &mut Stream) -> f64 {
-        match *self {
-            Self::Constant(value) => value,
-            Self::Uniform { low, high } => low + (high - low) * random.random::<f64>(),
-            Self::Normal { mean, deviation } => Normal::new(mean, deviation).map_or(mean, |normal| normal.sample(random)),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::random::{Purpose, stream};
-
-    /// Mean and standard deviation of 10,000 draws.
-    fn moments(distribution: Distribution) -> (f64, f64) {
-        let mut random = stream(0, Purpose::Reset, 0, 0);
-        let draws: Vec<_> = (0..10_000).map(|_| distribution.draw(&mut random)).collect();
-        let mean = draws.iter().sum::<f64>() / 1e4;
-        (mean, (draws.iter().map(|draw| (draw - mean).powi(2)).sum::<f64>() / 1e4).sqrt())
-    }
-
-    /// Standard errors of 10,000 draws are about 1 % of the deviation; a uniform one's deviation is its width / √12.
-    #[test]
-    fn draws_are_distributed_as_described() {
-        assert_eq!(moments(Distribution::Constant(2.5)), (2.5, 0.0));
-        for (distribution, expected) in [
-            (Distribution::Uniform { low: -1.0, high: 3.0 }, (1.0, 4.0 / 12.0_f64.sqrt())),
-            (Distribution::Normal { mean: -2.0, deviation: 0.5 }, (-2.0, 0.5)),
-        ] {
-            let found = moments(distribution);
-            assert!((found.0 - expected.0).abs() < 0.04 * expected.1, "{distribution:?}: {found:?}");
-            assert!((found.1 / expected.1 - 1.0).abs() < 0.03, "{distribution:?}: {found:?}");
-        }
     }
 }

@@ -375,7 +375,7 @@ fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
         }
         ron::Error::ExpectedComma => "expected a comma or the end of the list of fields".to_owned(),
         ron::Error::TrailingCharacters => "unexpected text after the end".to_owned(),
-        ron::Error::IntegerOutOfBounds => "this whole number is below zero or beyond 64 bits".to_owned(),
+        ron::Error::IntegerOutOfBounds => "this whole number is too large or below zero".to_owned(),
         other => lowercased(&other.to_string()),
     };
     (message, None)

@@ -144,7 +144,9 @@ pub(super) fn check_servos(file: &Environment) -> Result<(), Complaint> {
     for actuator in file.actuators.iter().filter(|_| resolve::needs_worlds(file)) {
         if let ActuatorKind::VelocityServo { joint, .. } | ActuatorKind::PositionServo { joint, .. } = &actuator.kind {
             if driven.contains(&joint.as_str()) {
-                return Err(joint.complain(format!("joint `{}` has a servo already: with contacts, it takes one", joint.as_str())));
+                return Err(
+                    joint.complain(format!("joint `{}` has a servo already: with contacts, it takes one", joint.as_str()))
+                );
             }
             driven.push(joint.as_str());
         }

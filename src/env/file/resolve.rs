@@ -17,6 +17,7 @@ use crate::input::{Complaint, Located};
 pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Result<Description, Complaint> {
     check_unique_names(file)?;
     instruments::check_servos(file)?;
+    let colliders = surfaces::colliders(file)?;
     let bodies = file.bodies.iter().map(body).collect::<Result<Vec<_>, _>>()?;
     let columns = columns(file);
     let sensors = file.sensors.iter().enumerate();
@@ -32,7 +33,7 @@ pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Resul
         },
         joints: joints(file)?,
         free: free_bodies(file),
-        colliders: surfaces::colliders(file)?,
+        colliders,
         actuators: file.actuators.iter().map(|actuator| instruments::actuator(actuator, file)).collect::<Result<_, _>>()?,
         sensors: sensors.map(|(index, sensor)| instruments::sensor(index, sensor, file)).collect::<Result<_, _>>()?,
         fields: fields(file, columns)?,
