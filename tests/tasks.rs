@@ -102,7 +102,9 @@ fn shake(name: &str, hold: usize, look: &mut dyn FnMut(&[f32])) -> (u32, u32) {
     let (mut ended, mut rewarded, mut actions) = (0, 0, vec![0.0; COPIES * width]);
     for step in 0..10_000 / COPIES {
         if step % hold == 0 {
-            actions.iter_mut().for_each(|action| *action = random.random_range(-1.0..=1.0));
+            for action in &mut actions {
+                *action = random.random_range(-1.0..=1.0);
+            }
         }
         environment.step(&actions);
         environment.observations().chunks(environment.spec().observation_width()).for_each(&mut *look);

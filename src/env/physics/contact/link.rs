@@ -158,7 +158,7 @@ impl Root {
     }
 
     /// Puts the root of a multibody to where its frame is.
-    pub(super) fn place(&self, frame: &Frame, com: [f64; 2], handle: RigidBodyHandle, joints: &mut MultibodyJointSet) {
+    pub(super) fn place(frame: &Frame, com: [f64; 2], handle: RigidBodyHandle, joints: &mut MultibodyJointSet) {
         let Some(multibody) = multibody_of(handle, joints) else { return };
         let ([x, y], [right, up]) = (frame.point(com), frame.velocity_at(frame.point(com)));
         let root = multibody.root_mut();

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::vector;
 use super::build::Pristine;
+use super::link::Root;
 use crate::env::dynamics::JointColumns;
 use crate::env::kinematics::Frame;
 
@@ -62,7 +63,7 @@ impl World {
     fn place_roots(&mut self, pristine: &Pristine, frames: &[Frame]) {
         for root in pristine.roots.iter().filter(|root| root.is_linked) {
             let (frame, com) = (&frames[root.body], pristine.coms[root.body]);
-            root.place(frame, com, pristine.handles[root.body], &mut self.world.multibody_joints);
+            Root::place(frame, com, pristine.handles[root.body], &mut self.world.multibody_joints);
         }
         let Self { world, .. } = self;
         for &index in &pristine.multibodies {
