@@ -329,4 +329,13 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn endless_nesting_is_refused_before_it_is_read() {
+        let deep = format!("{}1{}", "(".repeat(100_000), ")".repeat(100_000));
+        let mistake = compile(&deep, Type::Number, &[]).unwrap_err();
+        assert_eq!(mistake.message, "a formula has at most 1000 characters, this one has 200001");
+        let allowed = format!("{}1{}", "(".repeat(499), ")".repeat(499));
+        assert!(compile(&allowed, Type::Number, &[]).is_ok());
+    }
 }

@@ -76,11 +76,11 @@ pub struct Environment {
 #[serde(default, deny_unknown_fields)]
 pub struct Solver {
     /// Substeps in one control step. The error falls as 1 / iterations.
-    pub iterations: Count,
+    pub iterations: Count<1000>,
     /// Passes over all joints in one substep; chains of several hinges need more than 1.
-    pub passes: Count,
+    pub passes: Count<1000>,
     /// Times in a control step that contacts are searched for; each is followed by `iterations` substeps.
-    pub searches: Count,
+    pub searches: Count<1000>,
 }
 
 /// A rigid body at its reference pose: where it is when all joint coordinates are 0.

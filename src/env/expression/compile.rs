@@ -34,11 +34,18 @@ pub struct Mistake {
 /// Names that mean something in every formula and cannot name anything else.
 pub const RESERVED: [&str; 3] = ["pi", "degree", "previous"];
 
+/// Characters in a formula. Bounds how deep it can be nested, and with it the stack that reading it takes.
+const LONGEST: usize = 1000;
+
 /// Compiles a formula of the given type over `variables`.
 ///
 /// # Errors
 /// The text is no formula, names something unknown, or has another type.
 pub fn compile(text: &str, expected: Type, variables: &[Variable]) -> Result<Program, Mistake> {
+    if text.len() > LONGEST {
+        let message = format!("a formula has at most {LONGEST} characters, this one has {}", text.len());
+        return Err(Mistake { message, help: None, line: 0, column: 0 });
+    }
     let expression = syn::parse_str::<Expr>(text).map_err(|error| syntax_mistake(text, &error))?;
     let mut compiler = Compiler { variables, constants: Vec::new(), instructions: Vec::new() };
     let result = compiler.typed(&expression, expected)?;
