@@ -19,6 +19,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use self::checkpoint::{Checkpoint, CheckpointError};
 use self::folder::RunFolder;
+use self::measures::RoundRows;
 use self::summary::{FINAL_WINDOW, Summary};
 use self::trainer::{Diverged, Trainer};
 use crate::env;
@@ -159,16 +160,7 @@ pub fn execute(
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders = if options.resume { resume(plan, options, &mut trainer)? } else { begin(plan, options, &trainer)? };
     while !trainer.is_done() {
-        let played = trainer.play()?;
-        let rows = trainer.learn(played.episodes)?;
-        let round = RoundRecord {
-            round: trainer.rounds() - 1,
-            episodes: trainer.newest_episodes(),
-            episode_rows: &rows.episodes,
-            round_rows: &rows.updates,
-            footage: played.footage.as_ref(),
-        };
-        recorders.iter_mut().try_for_each(|recorder| recorder.record_round(&round))?;
+        play_round(&mut trainer, &mut recorders)?;
         observer.round_finished(&progress(plan, &trainer));
         let interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
         if interrupted || trainer.rounds().is_multiple_of(plan.scenario.checkpoint_every.get()) {
@@ -182,6 +174,21 @@ pub fn execute(
 }
 
 type Recorders = Vec<Box<dyn Recorder>>;
+
+/// Plays a round, learns from it, and records it.
+fn play_round(trainer: &mut Trainer, recorders: &mut [Box<dyn Recorder>]) -> Result<RoundRows, RunError> {
+    let played = trainer.play()?;
+    let rows = trainer.learn(played.episodes)?;
+    let round = RoundRecord {
+        round: trainer.rounds() - 1,
+        episodes: trainer.newest_episodes(),
+        episode_rows: &rows.episodes,
+        round_rows: &rows.updates,
+        footage: played.footage.as_ref(),
+    };
+    recorders.iter_mut().try_for_each(|recorder| recorder.record_round(&round))?;
+    Ok(rows)
+}
 
 fn begin(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<Recorders, RunError> {
     let folder = &options.folder;

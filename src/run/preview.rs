@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use super::RunError;
 use super::trainer::Trainer;
+use super::{Recorders, RunError, play_round};
 use crate::agent::{Algorithm, Team};
 use crate::env::Physics;
 use crate::env::description::Description;
 use crate::input::numbers::{Count, known_count};
 use crate::record::rerun::{RecordingAbout, RerunRecorder};
-use crate::record::{EpisodeRow, Recorder, RecordingSettings, RoundRecord, SceneSettings};
+use crate::record::{EpisodeRow, RecordingSettings, SceneSettings};
 use crate::scenario::{Scenario, Schedule, Stop};
 
 /// Plays `episodes` episodes of a task with random actions and records all of them, bodies included, to `path`.
@@ -37,21 +37,12 @@ pub fn record(
         scenario: &text,
         properties: &[],
     };
-    let mut recorder = RerunRecorder::create(path, &about, &scenario.recording)?;
+    let mut recorders: Recorders = vec![Box::new(RerunRecorder::create(path, &about, &scenario.recording)?)];
     let mut all = Vec::new();
     while !trainer.is_done() {
-        let played = trainer.play()?;
-        let rows = trainer.learn(played.episodes)?;
-        recorder.record_round(&RoundRecord {
-            round: trainer.rounds() - 1,
-            episodes: trainer.newest_episodes(),
-            episode_rows: &rows.episodes,
-            round_rows: &rows.updates,
-            footage: played.footage.as_ref(),
-        })?;
-        all.extend(rows.episodes);
+        all.extend(play_round(&mut trainer, &mut recorders)?.episodes);
     }
-    recorder.finish()?;
+    recorders.iter_mut().try_for_each(|recorder| recorder.finish())?;
     Ok(all)
 }
 
