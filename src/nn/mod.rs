@@ -1,4 +1,4 @@
-//! Networks over flat parameter vectors: the layers and their gradients, the optimiser, the normaliser of targets.
+//! Networks over flat parameter vectors: the layers and their gradients, the optimiser, the normalisers of inputs and targets.
 //!
 //! Everything here computes on slices and returns no `Result`: shapes are asserted. Words of reinforcement learning may not enter.
 
@@ -6,7 +6,9 @@ pub mod adam;
 mod kernels;
 pub mod mlp;
 pub mod pop_art;
+pub mod standardiser;
 
 pub use adam::{Adam, AdamSettings};
 pub use mlp::{Activations, Initial, Mlp};
 pub use pop_art::PopArt;
+pub use standardiser::Standardiser;
