@@ -244,8 +244,8 @@ fn one_run_at_a_time_writes_to_a_folder() {
 #[test]
 fn settings_that_contradict_each_other_are_refused() {
     for (setting, said) in [
-        ("algorithm.policy_loss=SimplePg", "`policy_loss: SimplePg` is sound only with"),
-        ("algorithm.hidden=[]", "`hidden` names no layer"),
+        ("algorithm.policy_loss=SimplePg", "`SimplePg` is sound only with"),
+        ("algorithm.hidden=[]", "names no layer"),
         ("stop=Solved(return: 195, window: 25, at_most: 10)", "expected a window of at most the 10 episodes"),
         ("recording.scene.agent=9", "expected an agent from 0 to 3"),
         ("recording.scene.every=0", "expected a whole number from 1 to"),

@@ -16,8 +16,7 @@ fn episodes_until_solved(scenario: &str, overrides: &[&str], at_most: usize) -> 
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 2).unwrap();
     let threshold = Threshold { r#return: 195.0, window: 25 };
     while trainer.measures().episodes_per_agent() < at_most && trainer.measures().episodes_until(threshold).is_none() {
-        let played = trainer.play().unwrap();
-        trainer.learn(played.episodes).unwrap();
+        trainer.advance().unwrap();
     }
     trainer.measures().episodes_until(threshold)
 }

@@ -97,14 +97,14 @@ fn a_killed_and_resumed_run_equals_an_uninterrupted_one() {
     let path = folder.path().join("killed.rrd");
     let settings = RecordingSettings::default();
     let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
-    run.rounds[..13].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[..13].iter().for_each(|round| round.record(&mut recorder));
     let checkpoint = recorder.checkpoint().unwrap();
-    run.rounds[13..21].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[13..21].iter().for_each(|round| round.record(&mut recorder));
     drop(recorder);
     assert!(!path.exists());
 
     let mut recorder = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).unwrap();
-    run.rounds[13..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[13..].iter().for_each(|round| round.record(&mut recorder));
     recorder.finish().unwrap();
     let resumed = Contents::of(&path);
     compare_raw(&run, &resumed);
@@ -117,17 +117,17 @@ fn a_torn_file_is_resumed_from_its_checkpoint() {
     let (run, settings) = (Run::new(2, 8), RecordingSettings::default());
     let path = folder.path().join("run.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
-    run.rounds[..4].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[..4].iter().for_each(|round| round.record(&mut recorder));
     let checkpoint = recorder.checkpoint().unwrap();
     let part = folder.path().join("run.rrd.part");
     let length = std::fs::metadata(&part).unwrap().len();
-    run.rounds[4..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[4..].iter().for_each(|round| round.record(&mut recorder));
     drop(recorder);
     File::options().write(true).open(&part).unwrap().set_len(length + 100).unwrap();
 
     for _ in 0..2 {
         let mut recorder = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).unwrap();
-        run.rounds[4..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+        run.rounds[4..].iter().for_each(|round| round.record(&mut recorder));
         recorder.finish().unwrap();
         compare_raw(&run, &Contents::of(&path));
     }
@@ -147,7 +147,7 @@ fn a_recording_that_is_dropped_early_stays_readable() {
     let run = Run::new(2, 5);
     let path = folder.path().join("run.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()).unwrap();
-    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds.iter().for_each(|round| round.record(&mut recorder));
     drop(recorder);
     compare_raw(&run, &Contents::of(&folder.path().join("run.rrd.part")));
 }
@@ -180,7 +180,7 @@ fn a_long_recording_is_small_and_quick() {
     let start = std::time::Instant::now();
     let mut recorder = RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()).unwrap();
     let created = start.elapsed();
-    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds.iter().for_each(|round| round.record(&mut recorder));
     recorder.finish().unwrap();
     let seconds = start.elapsed().as_secs_f64();
     let states = run.rounds.iter().flat_map(|round| &round.episodes).map(|episode| episode.length() + 1).sum::<usize>() as f64;
@@ -212,7 +212,7 @@ fn kind(entity: &str) -> String {
 fn record(run: &Run, folder: &Path, settings: &RecordingSettings) -> PathBuf {
     let path = folder.join("run.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.about(), settings).unwrap();
-    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds.iter().for_each(|round| round.record(&mut recorder));
     recorder.finish().unwrap();
     path
 }
@@ -355,14 +355,15 @@ struct Round {
 }
 
 impl Round {
-    fn record(&self) -> RoundRecord<'_> {
-        RoundRecord {
+    fn record(&self, recorder: &mut impl Recorder) {
+        let round = RoundRecord {
             round: self.round,
-            episodes: &self.episodes,
+            episodes: &self.episodes.iter().collect::<Vec<_>>(),
             episode_rows: &self.episode_rows,
             round_rows: &self.round_rows,
             footage: self.footage.as_ref(),
-        }
+        };
+        recorder.record_round(&round).unwrap();
     }
 }
 

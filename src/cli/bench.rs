@@ -41,8 +41,7 @@ fn outcome(plan: &Plan, seed: u64) -> Result<Outcome, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
     let started = Instant::now();
     while !trainer.is_done() && !trainer.is_solved() {
-        let played = trainer.play()?;
-        trainer.learn(played.episodes)?;
+        trainer.advance()?;
     }
     let seconds = started.elapsed().as_secs_f64();
     let episodes = trainer.is_solved().then(|| trainer.measures().episodes_per_agent());

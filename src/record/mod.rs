@@ -78,18 +78,18 @@ pub trait Recorder {
 pub struct RoundRecord<'a> {
     /// Counts from 0.
     pub round: u32,
-    /// The round's episodes in agent order.
-    pub episodes: &'a [Episode],
+    /// The round's episodes in (agent, episode) order.
+    pub episodes: &'a [&'a Episode],
     /// One row an episode, in the same order.
     pub episode_rows: &'a [EpisodeRow],
-    /// One row an agent, in agent order.
+    /// One row an update, in the order in which agents learned.
     pub round_rows: &'a [RoundRow],
     /// The filmed episode of this round, if one was.
     pub footage: Option<&'a Footage>,
 }
 
 /// Where the bodies were throughout one episode.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Footage {
     /// Whose episode.
     pub agent: u32,

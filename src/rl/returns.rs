@@ -1,4 +1,6 @@
-//! Returns: what followed a step, summed (thesis §1.3, §3.1).
+//! Returns: what followed a step, summed (thesis §1.3, §3.1), and the targets that value functions learn.
+
+use super::advantage;
 
 /// Importance-weighted sums are held within ±this, so that their squares stay finite in f32.
 const LIMIT: f32 = 1e15;
@@ -53,6 +55,52 @@ pub fn ordinary(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>
     for (ratio, value) in ratios.iter().zip(returns).rev() {
         product = (product * ratio).min(LIMIT);
         *value = (*value * product.min(cap.unwrap_or(LIMIT))).clamp(-LIMIT, LIMIT);
+    }
+}
+
+/// TD(0)'s target (thesis Eq. 2, 14, 19): rₜ₊₁ + γ v(sₜ₊₁), `v(s_T)` = 0.   `rewards`, `values`: `[T]` → `targets: [T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn temporal_difference(rewards: &[f32], values: &[f32], discount: f32, targets: &mut [f32]) {
+    advantage::temporal_difference_errors(rewards, values, discount, targets);
+    targets.iter_mut().zip(values).for_each(|(target, value)| *target += value);
+}
+
+/// λ-return (Schulman et al. 2016): v(sₜ) + Aₜ with the [advantage](advantage::gae) of the same λ.   `rewards`, `values`: `[T]` →
+/// `targets: [T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn lambda(rewards: &[f32], values: &[f32], discount: f32, lambda: f32, targets: &mut [f32]) {
+    advantage::gae(rewards, values, discount, lambda, targets);
+    targets.iter_mut().zip(values).for_each(|(target, value)| *target += value);
+}
+
+/// How far V-trace trusts ratios (Espeholt et al. 2018, Eq. 1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truncation {
+    /// ρ̄, a bound on the ratio that weighs a TD error: it decides what is learned.
+    pub ratio: f32,
+    /// c̄, a bound on the ratios of a trace: it decides how fast.
+    pub trace: f32,
+    /// λ
+    pub lambda: f32,
+}
+
+/// V-trace (Espeholt et al. 2018, Remark 1): vsₜ = v(sₜ) + Δₜ with Δₜ = min(ρ̄, ρₜ) δₜ + γ λ min(c̄, ρₜ) Δₜ₊₁.
+/// Where all ρ are 1 and no bound is below 1 it is the [λ-return](lambda).   `rewards`, `values`, `ratios`: `[T]` → `targets: [T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn v_trace(rewards: &[f32], values: &[f32], ratios: &[f32], discount: f32, truncation: Truncation, targets: &mut [f32]) {
+    assert_eq!(ratios.len(), rewards.len());
+    advantage::temporal_difference_errors(rewards, values, discount, targets);
+    let mut correction = 0.0_f32;
+    for ((target, value), ratio) in targets.iter_mut().zip(values).zip(ratios).rev() {
+        let trace = discount * truncation.lambda * ratio.min(truncation.trace);
+        correction = trace.mul_add(correction, ratio.min(truncation.ratio) * *target);
+        *target = value + correction;
     }
 }
 
@@ -144,5 +192,31 @@ mod tests {
             let capped = per_decision_of(&ratios, &rewards, 0.9, Some(1e9));
             prop_assert!(free.iter().zip(&capped).all(|(a, b)| (a - b).abs() < 1e-3 * (1.0 + a.abs())));
         }
+    }
+
+    /// γ = ½, r = 1, 2, 4, v = 2, 4, 6 (δ = 1, 1, −2).
+    fn target_of(estimate: impl Fn(&[f32], &[f32], &mut [f32])) -> [f32; 3] {
+        let mut targets = [f32::NAN; 3];
+        estimate(&[1.0, 2.0, 4.0], &[2.0, 4.0, 6.0], &mut targets);
+        targets
+    }
+
+    /// TD: 1 + 2, 2 + 3, 4. λ = ½: A = 1.125, 0.5, −2 plus v.
+    #[test]
+    fn bootstrapped_targets_by_hand() {
+        assert_eq!(target_of(|r, v, y| temporal_difference(r, v, 0.5, y)), [3.0, 5.0, 4.0]);
+        assert_eq!(target_of(|r, v, y| lambda(r, v, 0.5, 0.5, y)), [3.125, 4.5, 4.0]);
+    }
+
+    /// ρ = 4, ½, 3, ρ̄ = 2, c̄ = 1, λ = 1: Δ₂ = 2·(−2) = −4; Δ₁ = ½·1 + ½·½·(−4) = −½; Δ₀ = 2·1 + ½·1·(−½) = 1.75.
+    #[test]
+    fn v_trace_by_hand() {
+        let truncation = Truncation { ratio: 2.0, trace: 1.0, lambda: 1.0 };
+        assert_eq!(target_of(|r, v, y| v_trace(r, v, &[4.0, 0.5, 3.0], 0.5, truncation, y)), [3.75, 3.5, 2.0]);
+        let on_policy = Truncation { lambda: 0.5, ..truncation };
+        assert_eq!(
+            target_of(|r, v, y| v_trace(r, v, &[1.0; 3], 0.5, on_policy, y)),
+            target_of(|r, v, y| lambda(r, v, 0.5, 0.5, y))
+        );
     }
 }
