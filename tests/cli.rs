@@ -258,6 +258,38 @@ fn settings_that_contradict_each_other_are_refused() {
     }
 }
 
+/// A trained policy keeps the pole up longer when it is greedy than when it is nearly random; the same seed plays the same episodes.
+#[test]
+fn a_run_is_evaluated() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    let trained = ["run", "scenarios/cartpole_16.ron", "--quiet", "--no-recording", "--out", run, "--set", "stop=Episodes(40)"];
+    assert!(seedbed(&trained).status.success());
+    let team_mean = |more: &[&str]| -> f64 {
+        let output = seedbed(&[&["evaluate", run, "--episodes", "5"], more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let said = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(said.lines().filter(|line| line.starts_with("| ")).count(), 1 + 16 + 1, "{said}");
+        let team = said.lines().find(|line| line.starts_with("| team")).unwrap();
+        team.split('|').nth(2).unwrap().trim().parse().unwrap()
+    };
+    let (greedy, random) = (team_mean(&["--actions", "greedy"]), team_mean(&["--temperature", "100"]));
+    assert!(greedy > 100.0 && random < 50.0, "{greedy} {random}");
+    assert_eq!(team_mean(&[]), team_mean(&["--actions", "sampled"]));
+    assert_ne!(team_mean(&[]), team_mean(&["--seed", "1"]));
+
+    let wrong = seedbed(&["evaluate", run, "--temperature", "-1"]);
+    assert_eq!(
+        (wrong.status.code(), stderr(&wrong)),
+        (Some(2), "error: --temperature: expected a number above 0, found -1.0\n".to_owned())
+    );
+    let nowhere = folder.path().join("nowhere");
+    let nothing = seedbed(&["evaluate", nowhere.to_str().unwrap()]);
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(stderr(&nothing).contains("scenario.ron: no such file"), "{}", stderr(&nothing));
+}
+
 #[test]
 fn a_reader_who_has_seen_enough_is_no_error() {
     let command = format!("{} list | head -1", env!("CARGO_BIN_EXE_seedbed"));

@@ -14,6 +14,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use self::policy::ActionSelection;
 use crate::env::Spec;
 use crate::experience::Experience;
 use crate::input::Complaint;
@@ -131,6 +132,16 @@ impl Algorithm {
             Self::SeedPg(config) => Box::new(seed_pg::SeedPgAgent::new(config, member)),
             Self::Random => Box::new(random::RandomAgent::new(member.spec)),
         }
+    }
+
+    /// The same with actions chosen in another way.
+    #[must_use]
+    pub fn with_actions(mut self, actions: ActionSelection) -> Self {
+        match &mut self {
+            Self::SeedPg(config) => config.actions = actions.into(),
+            Self::Random => {}
+        }
+        self
     }
 
     /// Says what is wrong with a configuration that no single field can tell.

@@ -6,6 +6,7 @@
 
 mod asynchronous;
 pub mod checkpoint;
+pub mod evaluate;
 pub mod exchange;
 pub mod files;
 pub mod folder;

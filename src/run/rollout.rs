@@ -47,7 +47,7 @@ pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: 
     let mut finished: Vec<Vec<Episode>> = vec![Vec::with_capacity(plan.episodes as usize); agents.len()];
     let mut footage = None;
     let mut room = Room::new(&*environment);
-    let first = plan.round * plan.episodes;
+    let first = plan.round.wrapping_mul(plan.episodes);
     for seat in &mut seats {
         seat.start(environment, first, plan.round, plan.camera);
     }
@@ -59,7 +59,7 @@ pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: 
             finished.push(episode);
             if finished.len() < plan.episodes as usize {
                 let camera = plan.camera.filter(|_| footage.is_none());
-                seat.start(environment, first + finished.len() as u32, plan.round, camera);
+                seat.start(environment, first.wrapping_add(finished.len() as u32), plan.round, camera);
             }
         }
     }

@@ -203,6 +203,11 @@ impl Trainer {
         }
     }
 
+    /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode) order.
+    pub fn play_without_learning(&mut self, plan: &RoundPlan) -> Vec<Episode> {
+        rollout::play(&mut *self.environment, &self.agents, plan).episodes
+    }
+
     fn camera(&self) -> Option<Camera> {
         let scene = self.scenario.recording.scene.as_ref();
         scene.map(|scene| Camera { agent: *scene.agent, every: scene.every.get() })
