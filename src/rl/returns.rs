@@ -105,7 +105,7 @@ impl WithSimd for Capped<'_> {
             for (ratios, rewards) in ratios.windows(TIMES).zip(rewards.windows(TIMES)).take(steps - from) {
                 for (((product, sum), ratio), reward) in products.iter_mut().zip(&mut sums).zip(ratios).zip(rewards) {
                     *product = lesser(*product * ratio, LIMIT);
-                    *sum += weight * lesser(*product, self.cap) * reward;
+                    *sum = (weight * lesser(*product, self.cap)).mul_add(*reward, *sum);
                 }
                 weight *= self.discount;
             }

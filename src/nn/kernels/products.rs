@@ -303,8 +303,8 @@ fn inner_product<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
 fn transpose(from: &[f32], columns: usize, to: &mut [f32]) {
     let rows = from.len() / columns;
     for (column, to) in to.chunks_exact_mut(rows).enumerate() {
-        for (to, row) in to.iter_mut().zip(from.chunks_exact(columns)) {
-            *to = row[column];
+        for (to, number) in to.iter_mut().zip(from[column..].iter().step_by(columns)) {
+            *to = *number;
         }
     }
 }
