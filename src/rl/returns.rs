@@ -15,7 +15,7 @@ pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
     assert_eq!(rewards.len(), returns.len());
     let mut next = 0.0;
     for (reward, value) in rewards.iter().zip(returns).rev() {
-        next = discount.mul_add(next, *reward);
+        next = discount * next + reward;
         *value = next;
     }
 }
@@ -63,7 +63,7 @@ pub fn ordinary(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>
 fn per_decision_uncapped(ratios: &[f32], rewards: &[f32], discount: f32, returns: &mut [f32]) {
     let mut next = 0.0_f32;
     for ((ratio, reward), value) in ratios.iter().zip(rewards).zip(returns).rev() {
-        next = (ratio * discount.mul_add(next, *reward)).clamp(-LIMIT, LIMIT);
+        next = (ratio * (discount * next + reward)).clamp(-LIMIT, LIMIT);
         *value = next;
     }
 }

@@ -190,48 +190,49 @@ impl Tiled for ColumnSums<'_> {
         [1, self.sum.len()]
     }
 
-    /// Four sums at once, so that none waits for its last addition.
+    /// Even and odd rows apart, so that no sum waits for its last addition.
     #[inline(always)]
     fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(&mut self, simd: S, _: usize, column: usize) {
         let columns = self.sum.len();
-        let mut sums = [[simd.splat_f32s(0.0); WIDTH]; 4];
-        let fours = self.rows.chunks_exact(4 * columns);
-        for row in fours.remainder().chunks_exact(columns) {
+        let mut sums = [[simd.splat_f32s(0.0); WIDTH]; 2];
+        let pairs = self.rows.chunks_exact(2 * columns);
+        for row in pairs.remainder().chunks_exact(columns) {
             add(simd, &mut sums[0], load::<S, WIDTH>(&row[column..]));
         }
-        for rows in fours {
+        for rows in pairs {
             for (row, sums) in sums.iter_mut().enumerate() {
                 add(simd, sums, load::<S, WIDTH>(&rows[row * columns + column..]));
             }
         }
-        let [mut sum, rest @ ..] = sums;
-        rest.iter().for_each(|other| add(simd, &mut sum, *other));
+        let [mut sum, odd] = sums;
+        add(simd, &mut sum, odd);
         store::<S, 1, WIDTH>([sum], &mut self.sum[column..], columns);
     }
 }
 
+/// A single row needs a wider tile, so that no sum waits for its last addition.
 #[inline(always)]
 fn cover<S: Simd, T: Tiled>(simd: S, work: &mut T) {
-    if work.shape()[1] < 2 * S::F32_LANES { cover_columns::<S, T, 1>(simd, work) } else { cover_columns::<S, T, 2>(simd, work) }
-}
-
-#[inline(always)]
-fn cover_columns<S: Simd, T: Tiled, const WIDTH: usize>(simd: S, work: &mut T) {
     let [rows, columns] = work.shape();
-    for column in blocks(columns, WIDTH * S::F32_LANES) {
-        match rows {
-            ..4 => cover_rows::<S, T, 1, WIDTH>(simd, work, column),
-            4..6 => cover_rows::<S, T, 4, WIDTH>(simd, work, column),
-            6.. => cover_rows::<S, T, 6, WIDTH>(simd, work, column),
-        }
+    match (rows, columns / S::F32_LANES) {
+        (..4, 4..) => cover_with::<S, T, 1, 4>(simd, work),
+        (..4, 2..4) => cover_with::<S, T, 1, 2>(simd, work),
+        (..4, ..2) => cover_with::<S, T, 1, 1>(simd, work),
+        (4..6, 2..) => cover_with::<S, T, 4, 2>(simd, work),
+        (4..6, ..2) => cover_with::<S, T, 4, 1>(simd, work),
+        (6.., 2..) => cover_with::<S, T, 6, 2>(simd, work),
+        (6.., ..2) => cover_with::<S, T, 6, 1>(simd, work),
     }
 }
 
 #[inline(always)]
-fn cover_rows<S: Simd, T: Tiled, const HEIGHT: usize, const WIDTH: usize>(simd: S, work: &mut T, column: usize) {
+fn cover_with<S: Simd, T: Tiled, const HEIGHT: usize, const WIDTH: usize>(simd: S, work: &mut T) {
+    let [rows, columns] = work.shape();
     // A closure given to an iterator would not be compiled for the level of SIMD.
-    for row in blocks(work.shape()[0], HEIGHT) {
-        work.tile::<S, HEIGHT, WIDTH>(simd, row, column);
+    for column in blocks(columns, WIDTH * S::F32_LANES) {
+        for row in blocks(rows, HEIGHT) {
+            work.tile::<S, HEIGHT, WIDTH>(simd, row, column);
+        }
     }
 }
 
