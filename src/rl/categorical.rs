@@ -3,12 +3,22 @@
 /// log π(a) = `x_a` − log Σ exp x, row by row in place.   `logits: [B × n]` → log-probabilities
 pub fn log_softmax_in_place(logits: &mut [f32], choices: usize) {
     for row in logits.chunks_exact_mut(choices) {
-        let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-        let log_sum = row.iter().map(|x| (x - largest).exp()).sum::<f32>().ln() + largest;
+        let log_sum = log_sum_exp(row);
         for x in row {
             *x -= log_sum;
         }
     }
+}
+
+/// log Σ exp x, by way of the largest, so that nothing overflows.   `logits: [n]`
+fn log_sum_exp(logits: &[f32]) -> f32 {
+    // Two choices, the commonest case, need one exponential: that of the largest is 1.
+    if let &[a, b] = logits {
+        let largest = if a > b { a } else { b };
+        return (1.0 + (-(a - b).abs()).exp()).ln() + largest;
+    }
+    let largest = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    logits.iter().map(|x| (x - largest).exp()).sum::<f32>().ln() + largest
 }
 
 /// The choice at which the cumulative probability first exceeds `uniform`, a number in `[0, 1)`.   `log_probs: [n]`
@@ -98,6 +108,15 @@ mod tests {
     }
 
     proptest! {
+        /// A third choice that is never made changes nothing.
+        #[test]
+        fn two_choices_are_a_case_of_three(a in -30.0_f32..30.0, b in -30.0_f32..30.0) {
+            let (mut two, mut three) = ([a, b], [a, b, f32::NEG_INFINITY]);
+            log_softmax_in_place(&mut two, 2);
+            log_softmax_in_place(&mut three, 3);
+            prop_assert_eq!(two, [three[0], three[1]]);
+        }
+
         #[test]
         fn entropy_gradient_agrees_with_central_differences(logits in prop::collection::vec(-3.0_f32..3.0, 2..6)) {
             let entropy_of = |logits: &[f32]| {

@@ -2,6 +2,10 @@
 
 use super::advantage;
 
+#![expect(clippy::inline_always, reason = "a loop is compiled for a level of SIMD only where it is inlined into the dispatch")]
+
+use pulp::{Arch, Simd, WithSimd};
+
 /// Importance-weighted sums are held within ±this, so that their squares stay finite in f32.
 const LIMIT: f32 = 1e15;
 
@@ -13,7 +17,7 @@ pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
     assert_eq!(rewards.len(), returns.len());
     let mut next = 0.0;
     for (reward, value) in rewards.iter().zip(returns).rev() {
-        next = discount.mul_add(next, *reward);
+        next = discount * next + reward;
         *value = next;
     }
 }
@@ -23,7 +27,7 @@ pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
 ///
 /// `cap` is c, a bound on each product of ratios, not on each ratio: with `None` it is the printed form, for which
 /// G̃ₜ = ρₜ (rₜ₊₁ + γ G̃ₜ₊₁). With a cap there is no recursion, and the sum takes O(T²).
-/// `products: [T]` is scratch space.
+/// `scratch` is room that grows to the longest trajectory and stays.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -32,14 +36,14 @@ pub fn per_decision(
     rewards: &[f32],
     discount: f32,
     cap: Option<f32>,
-    products: &mut Vec<f32>,
+    scratch: &mut Vec<f32>,
     returns: &mut [f32],
 ) {
     assert_eq!(ratios.len(), rewards.len());
     assert_eq!(ratios.len(), returns.len());
     match cap {
         None => per_decision_uncapped(ratios, rewards, discount, returns),
-        Some(cap) => per_decision_capped(ratios, rewards, discount, cap, products, returns),
+        Some(cap) => per_decision_capped(ratios, rewards, discount, cap, scratch, returns),
     }
 }
 
@@ -107,26 +111,61 @@ pub fn v_trace(rewards: &[f32], values: &[f32], ratios: &[f32], discount: f32, t
 fn per_decision_uncapped(ratios: &[f32], rewards: &[f32], discount: f32, returns: &mut [f32]) {
     let mut next = 0.0_f32;
     for ((ratio, reward), value) in ratios.iter().zip(rewards).zip(returns).rev() {
-        next = (ratio * discount.mul_add(next, *reward)).clamp(-LIMIT, LIMIT);
+        next = (ratio * (discount * next + reward)).clamp(-LIMIT, LIMIT);
         *value = next;
     }
 }
 
-/// Lag by lag, so that all t advance together: after lag d, `products[t]` is Π_{j=t..t+d} ρⱼ.
-fn per_decision_capped(ratios: &[f32], rewards: &[f32], discount: f32, cap: f32, products: &mut Vec<f32>, returns: &mut [f32]) {
-    let steps = ratios.len();
-    products.clear();
-    products.resize(steps, 1.0);
-    returns.fill(0.0);
-    let mut weight = 1.0_f32;
-    for lag in 0..steps {
-        let later = ratios[lag..].iter().zip(&rewards[lag..]);
-        for ((product, value), (ratio, reward)) in products.iter_mut().zip(returns.iter_mut()).zip(later) {
-            *product = (*product * ratio).min(LIMIT);
-            *value += weight * product.min(cap) * reward;
-        }
-        weight *= discount;
+fn per_decision_capped(ratios: &[f32], rewards: &[f32], discount: f32, cap: f32, padded: &mut Vec<f32>, returns: &mut [f32]) {
+    let length = ratios.len() + TIMES;
+    padded.clear();
+    for column in [ratios, rewards] {
+        padded.extend_from_slice(column);
+        padded.extend([0.0; TIMES]);
     }
+    let (ratios, rewards) = padded.split_at(length);
+    Arch::new().dispatch(Capped { ratios, rewards, discount, cap, returns });
+}
+
+/// Times t that advance together.
+const TIMES: usize = 32;
+
+/// `ratios`, `rewards`: `[T + TIMES]`, 0 from T on, so that no block of times is ragged.
+struct Capped<'a> {
+    ratios: &'a [f32],
+    rewards: &'a [f32],
+    discount: f32,
+    cap: f32,
+    returns: &'a mut [f32],
+}
+
+impl WithSimd for Capped<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let steps = self.returns.len();
+        for (block, returns) in self.returns.chunks_mut(TIMES).enumerate() {
+            let from = block * TIMES;
+            let (ratios, rewards) = (&self.ratios[from..], &self.rewards[from..]);
+            let (mut products, mut sums, mut weight) = ([1.0_f32; TIMES], [0.0_f32; TIMES], 1.0_f32);
+            // Lag by lag: after lag d, a product is Π_{j=t..t+d} ρⱼ.
+            for (ratios, rewards) in ratios.windows(TIMES).zip(rewards.windows(TIMES)).take(steps - from) {
+                for (((product, sum), ratio), reward) in products.iter_mut().zip(&mut sums).zip(ratios).zip(rewards) {
+                    *product = lesser(*product * ratio, LIMIT);
+                    *sum = (weight * lesser(*product, self.cap)).mul_add(*reward, *sum);
+                }
+                weight *= self.discount;
+            }
+            returns.copy_from_slice(&sums[..returns.len()]);
+        }
+    }
+}
+
+/// `f32::min` as one instruction; where `a` is no number it is `b` as well.
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 #[cfg(test)]
@@ -180,6 +219,25 @@ mod tests {
             for cap in [None, Some(1.0)] {
                 let weighted = per_decision_of(&ones, &rewards, 0.97, cap);
                 prop_assert!(plain.iter().zip(&weighted).all(|(a, b)| (a - b).abs() < 1e-3));
+            }
+        }
+
+        /// The sum of the definition, in double precision.
+        #[test]
+        fn a_cap_bounds_every_product(
+            steps in prop::collection::vec((0.2_f32..3.0, -1.0_f32..1.0), 1..100), cap in 0.5_f32..3.0,
+        ) {
+            let (ratios, rewards): (Vec<f32>, Vec<f32>) = steps.into_iter().unzip();
+            let expected = |from: usize| -> f64 {
+                let mut product = 1.0;
+                let terms = ratios.iter().zip(&rewards).skip(from).enumerate().map(|(lag, (ratio, reward))| {
+                    product *= f64::from(*ratio);
+                    0.95_f64.powi(lag as i32) * product.min(f64::from(cap)) * f64::from(*reward)
+                });
+                terms.sum()
+            };
+            for (from, value) in per_decision_of(&ratios, &rewards, 0.95, Some(cap)).into_iter().enumerate() {
+                prop_assert!((f64::from(value) - expected(from)).abs() < 1e-3, "{from}: {value} {}", expected(from));
             }
         }
 
