@@ -193,6 +193,33 @@ fn list_shows_what_there_is() {
     }
 }
 
+/// Names of tasks are looked for here and further up, and so is what is listed.
+#[test]
+fn list_looks_upwards() {
+    let lab = tempfile::tempdir().unwrap();
+    let (deep, lab) = (lab.path().join("notes/today"), lab.path().canonicalize().unwrap());
+    std::fs::create_dir_all(&deep).unwrap();
+    let list = |what| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_seedbed"));
+        let output = command.args(["list", what]).current_dir(&deep).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        stdout(&output)
+    };
+    let nothing = list("environments");
+    assert!(nothing.contains("there is no folder `envs` in ") && nothing.contains("notes/today"), "{nothing}");
+    assert!(list("scenarios").contains("there is no folder `scenarios` in "));
+
+    std::fs::create_dir(lab.join("envs")).unwrap();
+    std::fs::create_dir(lab.join("scenarios")).unwrap();
+    std::fs::copy("envs/cartpole.ron", lab.join("envs/broom.ron")).unwrap();
+    let lonely = r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
+    std::fs::write(lab.join("scenarios/lonely.ron"), lonely).unwrap();
+    let found = list("environments");
+    assert!(found.starts_with(&format!("Environments ({})\n  broom\n", lab.join("envs/").display())), "{found}");
+    let path = lab.join("scenarios/lonely.ron");
+    assert!(list("scenarios").contains(&format!("{} 1 agent in broom, 1 episode each at most\n", path.display())));
+}
+
 #[test]
 fn preview_records_a_task_without_training() {
     let folder = tempfile::tempdir().unwrap();

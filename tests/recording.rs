@@ -80,6 +80,17 @@ fn the_filmed_episodes_move_and_leave_a_trace() {
 }
 
 #[test]
+fn a_tracked_body_is_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Run::new(2, 12);
+    run.scene.tracked = Some(1);
+    let contents = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
+    let followed = contents.times("/scene/agent_0/camera", "env_step");
+    assert!(!followed.is_empty());
+    assert_eq!(followed, contents.times("/scene/agent_0/bodies/cart", "env_step"));
+}
+
+#[test]
 fn a_layout_comes_with_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let messages = messages(&record(&Run::new(16, 2), folder.path(), &RecordingSettings::default()));
@@ -134,7 +145,7 @@ fn a_torn_file_is_resumed_from_its_checkpoint() {
 
     File::options().write(true).open(&path).unwrap().set_len(length / 2).unwrap();
     let error = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).map(drop).unwrap_err().to_string();
-    assert!(error.contains("ends before the checkpoint"), "{error}");
+    assert!(error.starts_with("cannot go on with ") && error.contains("ends before the checkpoint"), "{error}");
     let error = RerunRecorder::resume(&path, &run.about(), &settings, b"nonsense").map(drop).unwrap_err().to_string();
     assert!(error.contains("the checkpoint is damaged"), "{error}");
     let error = RerunRecorder::resume(&path, &Run::new(3, 1).about(), &settings, &checkpoint).map(drop).unwrap_err().to_string();
@@ -157,7 +168,8 @@ fn a_missing_folder_is_an_error_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("nowhere/run.rrd");
     let error = RerunRecorder::create(&path, &Run::new(1, 1).about(), &RecordingSettings::default()).map(drop).unwrap_err();
-    assert!(error.to_string().contains("nowhere/run.rrd.part: No such file"), "{error}");
+    let error = error.to_string();
+    assert!(error.starts_with("cannot write ") && error.contains("nowhere/run.rrd.part: No such file"), "{error}");
 }
 
 #[test]
@@ -413,6 +425,7 @@ fn cart_and_pole() -> Scene {
             body("cart", vec![Shape::Box { center: [0.0, 0.0], half_size: [0.25, 0.125], angle: 0.0 }]),
             body("pole", vec![Shape::Capsule { from: [0.0, 0.0], to: [0.0, 1.0], radius: 0.04 }]),
         ],
+        tracked: None,
     }
 }
 

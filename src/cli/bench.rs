@@ -5,7 +5,7 @@ use std::time::Instant;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
-use super::{BenchArgs, Failure};
+use super::{BenchArgs, Failure, counted};
 use crate::input::InputError;
 use crate::run::trainer::Trainer;
 use crate::run::{Plan, RunError};
@@ -22,7 +22,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let pool = ThreadPoolBuilder::new().num_threads(args.jobs.map_or(0, usize::from)).build();
     let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
     let plans = plans?;
-    say!("Episodes per agent until solved, of {} seeds from {} on:\n", args.seeds, args.first_seed);
+    say!("Episodes per agent until solved, of {} from {} on:\n", counted(args.seeds as usize, "seed"), args.first_seed);
     say!("| scenario | K | solved | median | least | most | median env steps of the team | env steps/s of one thread |");
     say!("|---|---|---|---|---|---|---|---|");
     for plan in plans {

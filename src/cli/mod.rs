@@ -191,7 +191,7 @@ enum Failure {
     #[error("{0}")]
     Input(String),
     /// So many files are wrong; each was complained about already.
-    #[error("{0} files cannot be used")]
+    #[error("{} cannot be used", counted(*.0, "file"))]
     Files(usize),
     /// The work failed.
     #[error("{0}")]
@@ -221,6 +221,11 @@ pub fn main() -> ExitCode {
         Failure::Input(_) | Failure::Files(_) => ExitCode::from(2),
         Failure::Work(_) => ExitCode::from(1),
     }
+}
+
+/// Such as `1 agent` and `4 agents`.
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 fn say_line(line: std::fmt::Arguments<'_>) {

@@ -141,12 +141,32 @@ pub struct RoundRow {
     pub coverage: f64,
 }
 
-/// A recording that could not be written.
+/// A recording that could not be written, or not be gone on with.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {path}: {reason}")]
+#[error("cannot {attempt} {path}: {reason}")]
 pub struct RecordError {
     /// The file.
     pub path: PathBuf,
+    /// What was to be done with it.
+    pub attempt: Attempt,
     /// What the system said.
     pub reason: String,
+}
+
+/// What a recorder does with its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attempt {
+    /// Begins it or adds to it.
+    Write,
+    /// Reads how far it had come.
+    GoOn,
+}
+
+impl std::fmt::Display for Attempt {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::Write => "write",
+            Self::GoOn => "go on with",
+        })
+    }
 }

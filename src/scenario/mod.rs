@@ -207,7 +207,7 @@ impl Scenario {
 
 /// The stems of all files in the `envs` folders that would be searched.
 fn known_environments(starts: &[PathBuf]) -> Vec<String> {
-    let folders = starts.iter().flat_map(|start| start.ancestors()).map(|ancestor| ancestor.join("envs"));
+    let folders = starts.iter().flat_map(|start| input::folders_upwards(start, "envs"));
     let entries = folders.filter_map(|folder| std::fs::read_dir(folder).ok()).flatten().flatten().map(|entry| entry.path());
     let files = entries.filter(|path| path.extension().is_some_and(|extension| extension == "ron"));
     let mut stems: Vec<String> = files.filter_map(|path| path.file_stem()?.to_str().map(str::to_owned)).collect();
@@ -217,7 +217,8 @@ fn known_environments(starts: &[PathBuf]) -> Vec<String> {
 }
 
 /// The path from the working directory, where it lies below.
-fn shortened(path: &Path) -> PathBuf {
+#[must_use]
+pub fn shortened(path: &Path) -> PathBuf {
     let below = std::env::current_dir().ok().and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
     below.unwrap_or_else(|| path.to_owned())
 }
