@@ -5,12 +5,14 @@
 pub mod adam;
 pub mod bayesian;
 mod kernels;
+pub mod median_scale;
 pub mod mlp;
 pub mod pop_art;
 pub mod standardiser;
 
 pub use adam::{Adam, AdamSettings};
 pub use bayesian::{BayesianNetwork, BayesianSettings, BayesianState, DiagonalGaussian, Likelihood};
+pub use median_scale::MedianScale;
 pub use mlp::{Activations, Initial, Mlp};
 pub use pop_art::PopArt;
 pub use standardiser::Standardiser;
