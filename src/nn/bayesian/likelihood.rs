@@ -30,6 +30,7 @@ pub struct Pass {
 pub struct Draws {
     weights: Vec<Vec<f32>>,
     passes: Vec<Pass>,
+    gradient: Vec<f32>,
     mean_slope: Vec<f32>,
     deviation_slope: Vec<f32>,
 }
@@ -212,37 +213,39 @@ impl Draws {
 
     /// Σ over draws of x δᵀ, and of ε times it, for one sample of the block.
     fn add_up_gradients(&mut self, layers: &[Layer], noise: &[f32], sample: usize, input: &[f32]) {
-        let count = self.weights[0].len();
-        for slope in [&mut self.mean_slope, &mut self.deviation_slope] {
+        let Self { weights, passes, gradient, mean_slope, deviation_slope } = self;
+        let count = weights[0].len();
+        for slope in [&mut *gradient, mean_slope, deviation_slope] {
             slope.clear();
             slope.resize(count, 0.0);
         }
-        for (pass, noise) in self.passes.iter().zip(noise.chunks_exact(count)) {
+        for (pass, noise) in passes.iter().zip(noise.chunks_exact(count)) {
             for layer in layers {
                 let x = if layer.index == 0 { input } else { row(&pass.layers[layer.index - 1], layer.inputs, sample) };
-                let delta = row(&pass.deltas[layer.index], layer.outputs, sample);
-                let by_mean = &mut self.mean_slope[layer.range()];
-                add_outer(x, delta, &noise[layer.range()], by_mean, &mut self.deviation_slope[layer.range()]);
+                write_outer(x, row(&pass.deltas[layer.index], layer.outputs, sample), &mut gradient[layer.range()]);
             }
+            add_draw(gradient, noise, mean_slope, deviation_slope);
         }
+    }
+}
+
+/// Adds one draw's gradient to those of μ and σ, as ∂w/∂μ = 1 and ∂w/∂σ = ε.   all `[P]`
+pub(super) fn add_draw(gradient: &[f32], noise: &[f32], by_mean: &mut [f32], by_deviation: &mut [f32]) {
+    for (((by_mean, by_deviation), slope), noise) in by_mean.iter_mut().zip(by_deviation).zip(gradient).zip(noise) {
+        *by_mean += slope;
+        *by_deviation += noise * slope;
+    }
+}
+
+/// x δᵀ, where x ends with the 1 that the bias multiplies.   `x: [in]`, `delta: [out]` → `outer: [(in + 1) × out]`
+fn write_outer(x: &[f32], delta: &[f32], outer: &mut [f32]) {
+    for (x, row) in x.iter().chain(&[1.0]).zip(outer.chunks_exact_mut(delta.len())) {
+        row.iter_mut().zip(delta).for_each(|(slot, delta)| *slot = x * delta);
     }
 }
 
 fn row(matrix: &[f32], width: usize, index: usize) -> &[f32] {
     &matrix[index * width..(index + 1) * width]
-}
-
-/// Adds x δᵀ, and ε times it, where x ends with the 1 that the bias multiplies.   `x: [in]`, `delta: [out]`, `noise`, `by_mean`,
-/// `by_deviation`: `[(in + 1) × out]`
-fn add_outer(x: &[f32], delta: &[f32], noise: &[f32], by_mean: &mut [f32], by_deviation: &mut [f32]) {
-    let width = delta.len();
-    let rows = by_mean.chunks_exact_mut(width).zip(by_deviation.chunks_exact_mut(width)).zip(noise.chunks_exact(width));
-    for (&x, ((by_mean, by_deviation), noise)) in x.iter().chain(&[1.0]).zip(rows) {
-        for (((by_mean, by_deviation), noise), delta) in by_mean.iter_mut().zip(by_deviation).zip(noise).zip(delta) {
-            *by_mean += x * delta;
-            *by_deviation += noise * x * delta;
-        }
-    }
 }
 
 #[cfg(test)]

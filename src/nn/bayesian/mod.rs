@@ -191,10 +191,7 @@ impl BayesianNetwork {
         let log_likelihood = self.likelihood.backward(weights, inputs, targets, scale, pass);
         self.likelihood.gradient(inputs, pass, weight_gradient);
         let (by_mean, by_deviation) = gradient.split_at_mut(noise.len());
-        for (((by_mean, by_deviation), slope), noise) in by_mean.iter_mut().zip(by_deviation).zip(weight_gradient).zip(noise) {
-            *by_mean += *slope;
-            *by_deviation += noise * *slope;
-        }
+        likelihood::add_draw(weight_gradient, noise, by_mean, by_deviation);
         log_likelihood
     }
 
