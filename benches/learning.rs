@@ -7,11 +7,10 @@ use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rand::RngExt;
-use seedbed::agent::seed_pg::SeedPg;
 use seedbed::agent::{ActScratch, Agent, Algorithm, Membership, Team};
 use seedbed::env::description::Description;
 use seedbed::env::{Physics, Spec, Status, build, load};
-use seedbed::experience::{Episode, SharedBuffer};
+use seedbed::experience::{Episode, Experience};
 use seedbed::input::numbers::known_count;
 use seedbed::nn::{Activations, Adam, AdamSettings, Initial, Mlp};
 use seedbed::random::{Purpose, stream};
@@ -29,18 +28,17 @@ const STEPS: usize = 200;
 /// Transition-updates per second. Every update starts from the same parameters.
 fn update(criterion: &mut Criterion) {
     let task = cart_pole();
-    let mut buffer = SharedBuffer::new(1);
-    buffer.push_round((0..AGENTS).map(|number| play(&task, number)).collect());
+    let fresh: Vec<Episode> = (0..AGENTS).map(|number| play(&task, number)).collect();
     let mut learner = agent(&task.spec, 0);
-    let fresh = learner.save();
+    let saved = learner.save();
     let mut group = criterion.benchmark_group("update");
     group.throughput(Throughput::Elements(u64::from(AGENTS) * STEPS as u64));
     group.bench_function("one agent of 16, a round of 16 × 200 steps", |bencher| {
         bencher.iter_custom(|iterations| {
             let timed = |_| {
-                learner.restore(&fresh).expect("these are the agent's own bytes");
+                learner.restore(&saved).expect("these are the agent's own bytes");
                 let start = Instant::now();
-                black_box(learner.update(&buffer, 0));
+                black_box(learner.update(&Experience { fresh: &fresh, round: 0 }));
                 start.elapsed()
             };
             (0..iterations).map(timed).sum::<Duration>()
@@ -77,7 +75,7 @@ fn network(criterion: &mut Criterion) {
     let (mut parameters, gradient) = (parameters_of(&network), numbers(network.parameter_count()));
     let mut optimiser = Adam::new(AdamSettings::default(), parameters.len());
     criterion.bench_function("network 4-32-32-2/adam", |bencher| {
-        bencher.iter(|| optimiser.descend(&mut parameters, black_box(&gradient)));
+        bencher.iter(|| optimiser.descend(&mut parameters, black_box(&gradient), 1.0));
     });
 }
 
@@ -121,7 +119,7 @@ fn cart_pole() -> Description {
 
 fn agent(spec: &Spec, number: u32) -> Box<dyn Agent> {
     let team = Team { count: known_count(AGENTS), ..Team::default() };
-    Algorithm::SeedPg(SeedPg::default()).build(&Membership { run_seed: 0, agent: number, team: &team, spec })
+    Algorithm::SeedPg(Box::default()).build(&Membership { run_seed: 0, agent: number, team: &team, spec })
 }
 
 /// The agent's first steps, set one after the other: where the pole falls, it goes on from a new start.

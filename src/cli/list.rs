@@ -62,7 +62,9 @@ fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path)) {
     }
     for found in folders.iter().map(|found| scenario::shortened(found)) {
         say!("{title} ({})", found.join("").display());
-        ron_files(&found).iter().for_each(|path| print(path));
+        for path in ron_files(&found) {
+            print(&path);
+        }
         say!("");
     }
 }

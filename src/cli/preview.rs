@@ -46,11 +46,9 @@ fn task_file(environment: &str) -> Result<PathBuf, InputError> {
 }
 
 fn neither(known: &[String]) -> String {
-    match known {
-        [] => "is no file, and there is no folder `envs` with tasks here or further up".to_owned(),
-        _ => {
-            let known = crate::input::listed(known.iter().map(String::as_str));
-            format!("is neither a file nor a task in `envs/`, where there are {known}")
-        }
+    if known.is_empty() {
+        return "is no file, and there is no folder `envs` with tasks here or further up".to_owned();
     }
+    let known = crate::input::listed(known.iter().map(String::as_str));
+    format!("is neither a file nor a task in `envs/`, where there are {known}")
 }

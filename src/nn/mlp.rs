@@ -1,5 +1,7 @@
 //! Multi-layer perceptrons with tanh between the layers and a linear output.
 
+use std::ops::Range;
+
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
@@ -124,7 +126,7 @@ impl Mlp {
         delta.extend_from_slice(output_gradient);
         for layer in self.layers.iter().rev() {
             let x = if layer.index == 0 { inputs } else { &layers[layer.index - 1] };
-            let (dw, db) = gradient[layer.start..layer.end()].split_at_mut(layer.inputs * layer.outputs);
+            let (dw, db) = layer.split_mut(gradient);
             kernels::parameter_gradient(x, delta, dw, db, scratch);
             if layer.index > 0 {
                 below.resize(x.len(), 0.0);
@@ -137,8 +139,7 @@ impl Mlp {
 
     /// The output layer's weights and biases: `[in × out]` and `[out]`.
     pub fn output_layer<'a>(&self, parameters: &'a mut [f32]) -> (&'a mut [f32], &'a mut [f32]) {
-        let layer = self.output();
-        parameters[layer.start..].split_at_mut(layer.inputs * layer.outputs)
+        self.output().split_mut(parameters)
     }
 
     /// Names, shapes and values of the parameters, layer by layer.
@@ -149,6 +150,10 @@ impl Mlp {
                 (format!("layer_{}.bias", layer.index), vec![layer.outputs], layer.bias(parameters)),
             ]
         })
+    }
+
+    pub(super) fn layers(&self) -> &[Layer] {
+        &self.layers
     }
 
     fn output(&self) -> &Layer {
@@ -166,20 +171,30 @@ impl Activations {
 
 /// Where one layer's parameters lie in the flat vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Layer {
-    index: usize,
-    inputs: usize,
-    outputs: usize,
+pub(super) struct Layer {
+    pub(super) index: usize,
+    pub(super) inputs: usize,
+    pub(super) outputs: usize,
     start: usize,
 }
 
 impl Layer {
-    fn weight<'a>(&self, parameters: &'a [f32]) -> &'a [f32] {
+    pub(super) fn weight<'a>(&self, parameters: &'a [f32]) -> &'a [f32] {
         &parameters[self.start..self.start + self.inputs * self.outputs]
     }
 
-    fn bias<'a>(&self, parameters: &'a [f32]) -> &'a [f32] {
+    pub(super) fn bias<'a>(&self, parameters: &'a [f32]) -> &'a [f32] {
         &parameters[self.start + self.inputs * self.outputs..self.end()]
+    }
+
+    /// Weight and bias of a vector that is to change.
+    pub(super) fn split_mut<'a>(&self, parameters: &'a mut [f32]) -> (&'a mut [f32], &'a mut [f32]) {
+        parameters[self.range()].split_at_mut(self.inputs * self.outputs)
+    }
+
+    /// Weight and bias together: `[(in + 1) × out]`, the bias being the last row.
+    pub(super) fn range(&self) -> Range<usize> {
+        self.start..self.end()
     }
 
     fn end(&self) -> usize {

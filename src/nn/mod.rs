@@ -3,12 +3,16 @@
 //! Everything here computes on slices and returns no `Result`: shapes are asserted. Words of reinforcement learning may not enter.
 
 pub mod adam;
+pub mod bayesian;
 mod kernels;
+pub mod median_scale;
 pub mod mlp;
 pub mod pop_art;
 pub mod standardiser;
 
 pub use adam::{Adam, AdamSettings};
+pub use bayesian::{BayesianNetwork, BayesianSettings, BayesianState, DiagonalGaussian, Likelihood};
+pub use median_scale::MedianScale;
 pub use mlp::{Activations, Initial, Mlp};
 pub use pop_art::PopArt;
 pub use standardiser::Standardiser;

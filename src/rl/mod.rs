@@ -6,5 +6,6 @@
 pub mod advantage;
 pub mod categorical;
 pub mod gaussian;
+pub mod information_gain;
 pub mod policy_loss;
 pub mod returns;

@@ -1,10 +1,10 @@
 //! Returns: what followed a step, summed (thesis §1.3, §3.1), and the targets that value functions learn.
 
-use super::advantage;
-
 #![expect(clippy::inline_always, reason = "a loop is compiled for a level of SIMD only where it is inlined into the dispatch")]
 
 use pulp::{Arch, Simd, WithSimd};
+
+use super::advantage;
 
 /// Importance-weighted sums are held within ±this, so that their squares stay finite in f32.
 const LIMIT: f32 = 1e15;
