@@ -1,6 +1,6 @@
 //! What agents experienced: episodes, and the buffer in which a team shares them.
 //!
-//! Order is by (round, agent), never by arrival. Learning may not enter.
+//! Order is by simulated time and agent, never by what a thread did first. Learning may not enter.
 
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +62,12 @@ impl Episode {
         self.log_probs.chunks_exact(width.max(1)).map(|components| components.iter().sum())
     }
 
+    /// What was seen at the end: `[observation width]`.
+    #[must_use]
+    pub fn last_observation(&self) -> &[f32] {
+        &self.observations[self.states().len()..]
+    }
+
     /// The observations before each action: `[T × observation width]`, without the last row.
     #[must_use]
     pub fn states(&self) -> &[f32] {
@@ -70,32 +76,80 @@ impl Episode {
     }
 }
 
-/// The team's shared experience: the episodes of the latest rounds, ordered by (round, agent).
+/// The team's shared experience: episodes in the order in which they were finished, those of one moment in agent order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SharedBuffer {
-    rounds_kept: usize,
-    rounds: Vec<Vec<Episode>>,
+    /// Episodes that were forgotten.
+    forgotten: u64,
+    episodes: Vec<Episode>,
+}
+
+/// What an agent learns from at one time.
+#[derive(Clone, Copy, Debug)]
+pub struct Experience<'a> {
+    /// The team's episodes that this agent has not learned from before, its own among them.
+    pub fresh: &'a [Episode],
+    /// How often this agent has learned before.
+    pub round: u32,
 }
 
 impl SharedBuffer {
-    /// An empty buffer that will keep the episodes of the latest `rounds_kept` rounds.
-    #[must_use]
-    pub fn new(rounds_kept: usize) -> Self {
-        Self { rounds_kept: rounds_kept.max(1), rounds: Vec::new() }
+    /// Adds episodes that were finished at one moment.
+    ///
+    /// # Panics
+    /// If they are not in agent order.
+    pub fn push(&mut self, episodes: Vec<Episode>) {
+        assert!(episodes.is_sorted_by_key(|episode| episode.agent), "episodes come in agent order");
+        self.episodes.extend(episodes);
     }
 
-    /// Adds a round's episodes, in (agent) order, and forgets the oldest round beyond those kept.
-    pub fn push_round(&mut self, episodes: Vec<Episode>) {
-        debug_assert!(episodes.is_sorted_by_key(|episode| episode.agent), "episodes come in agent order");
-        if self.rounds.len() == self.rounds_kept {
-            self.rounds.remove(0);
-        }
-        self.rounds.push(episodes);
+    /// Episodes added so far, forgotten ones included.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.forgotten + self.episodes.len() as u64
     }
 
-    /// The episodes of the newest round, in agent order.
+    /// The episodes after the first `total`, as far as they are kept.
     #[must_use]
-    pub fn newest_round(&self) -> &[Episode] {
-        self.rounds.last().map_or(&[], Vec::as_slice)
+    pub fn since(&self, total: u64) -> &[Episode] {
+        &self.episodes[total.saturating_sub(self.forgotten) as usize..]
+    }
+
+    /// Forgets the first `total` episodes.
+    pub fn forget(&mut self, total: u64) {
+        let count = total.saturating_sub(self.forgotten).min(self.episodes.len() as u64);
+        self.episodes.drain(..count as usize);
+        self.forgotten += count;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn episode(agent: u32) -> Episode {
+        let spec = Spec {
+            name: String::new(),
+            description: String::new(),
+            observations: Vec::new(),
+            actions: Vec::new(),
+            control_step: 0.1,
+            time_limit: 1,
+            reward_threshold: None,
+        };
+        Episode::start(agent, 0, 0, &spec)
+    }
+
+    #[test]
+    fn what_is_forgotten_still_counts() {
+        let mut buffer = SharedBuffer::default();
+        buffer.push(vec![episode(0), episode(1)]);
+        buffer.push(vec![episode(0), episode(2)]);
+        buffer.forget(1);
+        let agents = |total| buffer.since(total).iter().map(|episode| episode.agent).collect::<Vec<_>>();
+        assert_eq!((agents(0), agents(2), agents(4)), (vec![1, 0, 2], vec![0, 2], vec![]));
+        assert_eq!(buffer.total(), 4);
+        buffer.forget(9);
+        assert_eq!((buffer.total(), buffer.since(0).len()), (4, 0));
     }
 }

@@ -193,6 +193,33 @@ fn list_shows_what_there_is() {
     }
 }
 
+/// Names of tasks are looked for here and further up, and so is what is listed.
+#[test]
+fn list_looks_upwards() {
+    let lab = tempfile::tempdir().unwrap();
+    let (deep, lab) = (lab.path().join("notes/today"), lab.path().canonicalize().unwrap());
+    std::fs::create_dir_all(&deep).unwrap();
+    let list = |what| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_seedbed"));
+        let output = command.args(["list", what]).current_dir(&deep).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        stdout(&output)
+    };
+    let nothing = list("environments");
+    assert!(nothing.contains("there is no folder `envs` in ") && nothing.contains("notes/today"), "{nothing}");
+    assert!(list("scenarios").contains("there is no folder `scenarios` in "));
+
+    std::fs::create_dir(lab.join("envs")).unwrap();
+    std::fs::create_dir(lab.join("scenarios")).unwrap();
+    std::fs::copy("envs/cartpole.ron", lab.join("envs/broom.ron")).unwrap();
+    let lonely = r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
+    std::fs::write(lab.join("scenarios/lonely.ron"), lonely).unwrap();
+    let found = list("environments");
+    assert!(found.starts_with(&format!("Environments ({})\n  broom\n", lab.join("envs/").display())), "{found}");
+    let path = lab.join("scenarios/lonely.ron");
+    assert!(list("scenarios").contains(&format!("{} 1 agent in broom, 1 episode each at most\n", path.display())));
+}
+
 #[test]
 fn preview_records_a_task_without_training() {
     let folder = tempfile::tempdir().unwrap();
@@ -244,8 +271,8 @@ fn one_run_at_a_time_writes_to_a_folder() {
 #[test]
 fn settings_that_contradict_each_other_are_refused() {
     for (setting, said) in [
-        ("algorithm.policy_loss=SimplePg", "`policy_loss: SimplePg` is sound only with"),
-        ("algorithm.hidden=[]", "`hidden` names no layer"),
+        ("algorithm.policy_loss=SimplePg", "`SimplePg` is sound only with"),
+        ("algorithm.hidden=[]", "names no layer"),
         ("stop=Solved(return: 195, window: 25, at_most: 10)", "expected a window of at most the 10 episodes"),
         ("recording.scene.agent=9", "expected an agent from 0 to 3"),
         ("recording.scene.every=0", "expected a whole number from 1 to"),
@@ -256,6 +283,38 @@ fn settings_that_contradict_each_other_are_refused() {
         assert_eq!(output.status.code(), Some(2), "{setting}: {}", stderr(&output));
         assert!(stderr(&output).contains(said), "{setting}: {}", stderr(&output));
     }
+}
+
+/// A trained policy keeps the pole up longer when it is greedy than when it is nearly random; the same seed plays the same episodes.
+#[test]
+fn a_run_is_evaluated() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    let trained = ["run", "scenarios/cartpole_16.ron", "--quiet", "--no-recording", "--out", run, "--set", "stop=Episodes(40)"];
+    assert!(seedbed(&trained).status.success());
+    let team_mean = |more: &[&str]| -> f64 {
+        let output = seedbed(&[&["evaluate", run, "--episodes", "5"], more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let said = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(said.lines().filter(|line| line.starts_with("| ")).count(), 1 + 16 + 1, "{said}");
+        let team = said.lines().find(|line| line.starts_with("| team")).unwrap();
+        team.split('|').nth(2).unwrap().trim().parse().unwrap()
+    };
+    let (greedy, random) = (team_mean(&["--actions", "greedy"]), team_mean(&["--temperature", "100"]));
+    assert!(greedy > 100.0 && random < 50.0, "{greedy} {random}");
+    assert_eq!(team_mean(&[]), team_mean(&["--actions", "sampled"]));
+    assert_ne!(team_mean(&[]), team_mean(&["--seed", "1"]));
+
+    let wrong = seedbed(&["evaluate", run, "--temperature", "-1"]);
+    assert_eq!(
+        (wrong.status.code(), stderr(&wrong)),
+        (Some(2), "error: --temperature: expected a number above 0, found -1.0\n".to_owned())
+    );
+    let nowhere = folder.path().join("nowhere");
+    let nothing = seedbed(&["evaluate", nowhere.to_str().unwrap()]);
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(stderr(&nothing).contains("scenario.ron: no such file"), "{}", stderr(&nothing));
 }
 
 #[test]

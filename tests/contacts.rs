@@ -290,6 +290,28 @@ fn rays_measure_distances() {
     }
 }
 
+/// Of a free body that is drawn at (0.5, 2) and turned by 1, the height is drawn anew and the rest keeps its place.
+#[test]
+fn a_start_without_a_position_is_where_the_file_draws_it() {
+    let text = r#"Environment(
+        description: "A stone.", gravity: (0.0, 0.0), control_step: 0.01, time_limit: 10,
+        bodies: [(name: "peg", mass: 1.0, inertia: 1.0), (name: "stone", position: (0.5, 2.0), angle: 1.0, mass: 1.0, inertia: 1.0)],
+        joints: [(name: "nail", parent: "world", child: "peg", type: Hinge())],
+        reset: [
+            (joint: "nail", velocity: Constant(1.0)), (joint: "stone.x", velocity: Constant(1.0)),
+            (joint: "stone.y", position: Constant(3.0)), (joint: "stone.angle", velocity: Constant(1.0)),
+        ],
+        sensors: [(name: "turn", type: JointPosition("nail")), (name: "x", type: JointPosition("stone.x")),
+            (name: "y", type: JointPosition("stone.y")), (name: "angle", type: JointPosition("stone.angle"))],
+        observations: [(name: "turn", range: (-1.0, 1.0)), (name: "x", range: (-1.0, 1.0)), (name: "y", range: (-1.0, 1.0)),
+            (name: "angle", range: (-1.0, 1.0))],
+        actuators: [], reward: "0",
+    )"#;
+    let mut environment = build(&parse("stone", "stone", text.to_owned()).unwrap(), Physics::Rapier, 1).unwrap();
+    environment.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
+    assert_eq!(environment.observations(), [0.0, 0.5, 3.0, 1.0]);
+}
+
 /// A rod on a hinge in a world with contacts: I = 0.1 kg m² about its centre of mass in the hinge, with what `resists` says.
 fn wheel(resists: &str, actuators: &str) -> Description {
     let text = format!(

@@ -55,11 +55,42 @@ fn another_seed_gives_another_run() {
     assert_ne!(results(&zero), results(&one));
 }
 
-/// Kills a run between checkpoints, as often as it takes to have some rounds behind the newest one.
+#[test]
+fn asynchronous_agents_do_not_wait_for_threads_either() {
+    let (_guard, one, three) = folders();
+    let asynchronous = [&SHORT[..], &["--set", ASYNCHRONOUS]].concat();
+    finish(seedbed(&one, &[&asynchronous[..], &["--threads", "1"]].concat()));
+    finish(seedbed(&three, &[&asynchronous[..], &["--threads", "3"]].concat()));
+    assert_eq!(results(&one), results(&three));
+}
+
+/// A single agent has nobody to wait for, so both schedules are the same.
+#[test]
+fn alone_an_asynchronous_agent_is_a_synchronous_one() {
+    let (_guard, waiting, hurried) = folders();
+    let alone = ["--set", "stop=Episodes(30)", "--set", "agents.count=1"];
+    finish(seedbed(&waiting, &alone));
+    finish(seedbed(&hurried, &[&alone[..], &["--set", ASYNCHRONOUS]].concat()));
+    assert_eq!(results(&waiting), results(&hurried));
+}
+
+const ASYNCHRONOUS: &str = "schedule=Asynchronous(training: (env_steps: 15))";
+
 #[test]
 fn a_killed_run_resumes_to_the_same_bits() {
+    is_resumed_to_the_same_bits(&[]);
+}
+
+/// There the checkpoint finds episodes half played and updates half done.
+#[test]
+fn a_killed_asynchronous_run_resumes_to_the_same_bits() {
+    is_resumed_to_the_same_bits(&["--set", ASYNCHRONOUS, "--set", "algorithm.observations=Running"]);
+}
+
+/// Kills a run between checkpoints, as often as it takes to have some rounds behind the newest one.
+fn is_resumed_to_the_same_bits(more: &[&str]) {
     let (_guard, whole, killed) = folders();
-    let long = ["--set", "stop=Episodes(120)", "--set", "checkpoint_every=20"];
+    let long = [&["--set", "stop=Episodes(120)", "--set", "checkpoint_every=20"], more].concat();
     finish(seedbed(&whole, &long));
 
     let mut child = seedbed(&killed, &long).spawn().unwrap();

@@ -5,21 +5,18 @@
 use std::path::Path;
 
 use seedbed::run::Plan;
-use seedbed::run::measures::Threshold;
 use seedbed::run::trainer::Trainer;
 
-/// Trains without a recording and returns the episodes per agent until the team's mean return over 25 episodes reached 195.
+/// Trains without a recording and returns the episodes per agent until the team solved the task, over 25 episodes of each agent.
 fn episodes_until_solved(scenario: &str, overrides: &[&str], at_most: usize) -> Option<usize> {
     let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(scenario);
     let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 2).unwrap();
-    let threshold = Threshold { r#return: 195.0, window: 25 };
-    while trainer.measures().episodes_per_agent() < at_most && trainer.measures().episodes_until(threshold).is_none() {
-        let played = trainer.play().unwrap();
-        trainer.learn(played.episodes).unwrap();
+    while trainer.measures().episodes_per_agent() < at_most && !trainer.is_solved() {
+        trainer.advance().unwrap();
     }
-    trainer.measures().episodes_until(threshold)
+    trainer.is_solved().then(|| trainer.measures().episodes_per_agent())
 }
 
 #[test]
@@ -47,8 +44,28 @@ fn the_closed_form_cartpole_trains_as_well() {
 }
 
 #[test]
+fn a_gaussian_policy_solves_the_continuous_cartpole() {
+    let episodes = episodes_until_solved("cartpole_continuous.ron", &[], 300);
+    assert!(episodes.is_some_and(|episodes| episodes <= 280), "{episodes:?}");
+}
+
+#[test]
+fn eight_agents_swing_up_the_pendulum() {
+    let episodes = episodes_until_solved("pendulum.ron", &[], 200);
+    assert!(episodes.is_some_and(|episodes| episodes <= 150), "{episodes:?}");
+}
+
+#[test]
 fn a_random_team_solves_nothing() {
     assert_eq!(episodes_until_solved("cartpole.ron", &["algorithm=Random"], 200), None);
+    assert_eq!(episodes_until_solved("cartpole_continuous.ron", &["algorithm=Random"], 300), None);
+    assert_eq!(episodes_until_solved("pendulum.ron", &["algorithm=Random"], 200), None);
+}
+
+#[test]
+fn agents_that_do_not_wait_for_each_other_learn() {
+    let episodes = episodes_until_solved("cartpole.ron", &["schedule=Asynchronous(training: (env_steps: 50))"], 250);
+    assert!(episodes.is_some_and(|episodes| episodes <= 220), "{episodes:?}");
 }
 
 /// Learning is due to the gradient steps: without them the same team solves nothing.

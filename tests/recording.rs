@@ -80,6 +80,17 @@ fn the_filmed_episodes_move_and_leave_a_trace() {
 }
 
 #[test]
+fn a_tracked_body_is_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Run::new(2, 12);
+    run.scene.tracked = Some(1);
+    let contents = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
+    let followed = contents.times("/scene/agent_0/camera", "env_step");
+    assert!(!followed.is_empty());
+    assert_eq!(followed, contents.times("/scene/agent_0/bodies/cart", "env_step"));
+}
+
+#[test]
 fn a_layout_comes_with_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let messages = messages(&record(&Run::new(16, 2), folder.path(), &RecordingSettings::default()));
@@ -97,14 +108,14 @@ fn a_killed_and_resumed_run_equals_an_uninterrupted_one() {
     let path = folder.path().join("killed.rrd");
     let settings = RecordingSettings::default();
     let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
-    run.rounds[..13].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[..13].iter().for_each(|round| round.record(&mut recorder));
     let checkpoint = recorder.checkpoint().unwrap();
-    run.rounds[13..21].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[13..21].iter().for_each(|round| round.record(&mut recorder));
     drop(recorder);
     assert!(!path.exists());
 
     let mut recorder = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).unwrap();
-    run.rounds[13..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[13..].iter().for_each(|round| round.record(&mut recorder));
     recorder.finish().unwrap();
     let resumed = Contents::of(&path);
     compare_raw(&run, &resumed);
@@ -117,24 +128,24 @@ fn a_torn_file_is_resumed_from_its_checkpoint() {
     let (run, settings) = (Run::new(2, 8), RecordingSettings::default());
     let path = folder.path().join("run.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
-    run.rounds[..4].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[..4].iter().for_each(|round| round.record(&mut recorder));
     let checkpoint = recorder.checkpoint().unwrap();
     let part = folder.path().join("run.rrd.part");
     let length = std::fs::metadata(&part).unwrap().len();
-    run.rounds[4..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds[4..].iter().for_each(|round| round.record(&mut recorder));
     drop(recorder);
     File::options().write(true).open(&part).unwrap().set_len(length + 100).unwrap();
 
     for _ in 0..2 {
         let mut recorder = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).unwrap();
-        run.rounds[4..].iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+        run.rounds[4..].iter().for_each(|round| round.record(&mut recorder));
         recorder.finish().unwrap();
         compare_raw(&run, &Contents::of(&path));
     }
 
     File::options().write(true).open(&path).unwrap().set_len(length / 2).unwrap();
     let error = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).map(drop).unwrap_err().to_string();
-    assert!(error.contains("ends before the checkpoint"), "{error}");
+    assert!(error.starts_with("cannot go on with ") && error.contains("ends before the checkpoint"), "{error}");
     let error = RerunRecorder::resume(&path, &run.about(), &settings, b"nonsense").map(drop).unwrap_err().to_string();
     assert!(error.contains("the checkpoint is damaged"), "{error}");
     let error = RerunRecorder::resume(&path, &Run::new(3, 1).about(), &settings, &checkpoint).map(drop).unwrap_err().to_string();
@@ -147,7 +158,7 @@ fn a_recording_that_is_dropped_early_stays_readable() {
     let run = Run::new(2, 5);
     let path = folder.path().join("run.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()).unwrap();
-    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds.iter().for_each(|round| round.record(&mut recorder));
     drop(recorder);
     compare_raw(&run, &Contents::of(&folder.path().join("run.rrd.part")));
 }
@@ -157,7 +168,8 @@ fn a_missing_folder_is_an_error_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("nowhere/run.rrd");
     let error = RerunRecorder::create(&path, &Run::new(1, 1).about(), &RecordingSettings::default()).map(drop).unwrap_err();
-    assert!(error.to_string().contains("nowhere/run.rrd.part: No such file"), "{error}");
+    let error = error.to_string();
+    assert!(error.starts_with("cannot write ") && error.contains("nowhere/run.rrd.part: No such file"), "{error}");
 }
 
 #[test]
@@ -180,7 +192,7 @@ fn a_long_recording_is_small_and_quick() {
     let start = std::time::Instant::now();
     let mut recorder = RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()).unwrap();
     let created = start.elapsed();
-    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds.iter().for_each(|round| round.record(&mut recorder));
     recorder.finish().unwrap();
     let seconds = start.elapsed().as_secs_f64();
     let states = run.rounds.iter().flat_map(|round| &round.episodes).map(|episode| episode.length() + 1).sum::<usize>() as f64;
@@ -212,7 +224,7 @@ fn kind(entity: &str) -> String {
 fn record(run: &Run, folder: &Path, settings: &RecordingSettings) -> PathBuf {
     let path = folder.join("run.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.about(), settings).unwrap();
-    run.rounds.iter().for_each(|round| recorder.record_round(&round.record()).unwrap());
+    run.rounds.iter().for_each(|round| round.record(&mut recorder));
     recorder.finish().unwrap();
     path
 }
@@ -355,14 +367,15 @@ struct Round {
 }
 
 impl Round {
-    fn record(&self) -> RoundRecord<'_> {
-        RoundRecord {
+    fn record(&self, recorder: &mut impl Recorder) {
+        let round = RoundRecord {
             round: self.round,
-            episodes: &self.episodes,
+            episodes: &self.episodes.iter().collect::<Vec<_>>(),
             episode_rows: &self.episode_rows,
             round_rows: &self.round_rows,
             footage: self.footage.as_ref(),
-        }
+        };
+        recorder.record_round(&round).unwrap();
     }
 }
 
@@ -412,6 +425,7 @@ fn cart_and_pole() -> Scene {
             body("cart", vec![Shape::Box { center: [0.0, 0.0], half_size: [0.25, 0.125], angle: 0.0 }]),
             body("pole", vec![Shape::Capsule { from: [0.0, 0.0], to: [0.0, 1.0], radius: 0.04 }]),
         ],
+        tracked: None,
     }
 }
 

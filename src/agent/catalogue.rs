@@ -4,7 +4,8 @@ use ron::extensions::Extensions;
 use ron::ser::PrettyConfig;
 use serde::Serialize;
 
-use super::{Algorithm, seed_pg};
+use super::Algorithm;
+use super::seed_pg::config as seed_pg;
 
 /// An algorithm as a user may choose it.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -5,30 +5,36 @@
 
 pub mod catalogue;
 mod network;
-mod policy;
+pub mod policy;
 pub mod random;
+pub mod scaling;
 pub mod seed_pg;
 
 use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use self::policy::ActionSelection;
 use crate::env::Spec;
-use crate::experience::SharedBuffer;
+use crate::experience::Experience;
+use crate::input::Complaint;
 use crate::input::numbers::{Count, known, known_count};
 use crate::nn::{Activations, Initial};
 use crate::random::Stream;
 use crate::seed::SeedDistribution;
 
-/// One of K agents. `act` takes `&self` and `update` takes `&SharedBuffer`: agents may act at once, and may learn at once
-/// from a buffer that nobody changes meanwhile.
+/// One of K agents. `act` takes `&self` and `update` takes an `&Experience`: agents may act at once, and may learn at once
+/// from episodes that nobody changes meanwhile.
 pub trait Agent: Send + Sync {
     /// Chooses an action, and says how likely each of its components was.   `observation: [observation width]` →
     /// `action`, `log_prob`: `[action width]`
     fn act(&self, observation: &[f32], random: &mut Stream, scratch: &mut ActScratch, action: &mut [f32], log_prob: &mut [f32]);
 
-    /// Learns from the shared buffer at the end of `round`.
-    fn update(&mut self, buffer: &SharedBuffer, round: u32) -> UpdateReport;
+    /// Learns from what the team has experienced.
+    fn update(&mut self, experience: &Experience<'_>) -> UpdateReport;
+
+    /// Whether every learned number is finite.
+    fn is_finite(&self) -> bool;
 
     /// The parameters of the agent's networks, named.
     fn tensors(&self) -> Vec<Tensor<'_>>;
@@ -48,7 +54,7 @@ pub trait Agent: Send + Sync {
 #[serde(deny_unknown_fields)]
 pub enum Algorithm {
     /// Seed policy gradient (thesis §3.4).
-    SeedPg(seed_pg::SeedPg),
+    SeedPg(Box<seed_pg::config::SeedPg>),
     /// Uniformly random actions: the control that every claim of learning has to beat.
     Random,
 }
@@ -87,6 +93,7 @@ pub struct Membership<'a> {
 /// Room for one forward pass at a time; one for each thread that acts.
 #[derive(Debug, Default)]
 pub struct ActScratch {
+    state: Vec<f32>,
     activations: Activations,
     outputs: Vec<f32>,
 }
@@ -127,22 +134,24 @@ impl Algorithm {
         }
     }
 
+    /// The same with actions chosen in another way.
+    #[must_use]
+    pub fn with_actions(mut self, actions: ActionSelection) -> Self {
+        match &mut self {
+            Self::SeedPg(config) => config.actions = actions.into(),
+            Self::Random => {}
+        }
+        self
+    }
+
     /// Says what is wrong with a configuration that no single field can tell.
     ///
     /// # Errors
-    /// A sentence for the user.
-    pub fn check(&self) -> Result<(), String> {
+    /// The parameter to blame, and why.
+    pub fn check(&self) -> Result<(), Complaint> {
         match self {
             Self::SeedPg(config) => config.check(),
             Self::Random => Ok(()),
-        }
-    }
-
-    /// Rounds of episodes that the shared buffer has to keep.
-    #[must_use]
-    pub fn rounds_kept(&self) -> usize {
-        match self {
-            Self::SeedPg(_) | Self::Random => 1,
         }
     }
 }

@@ -25,6 +25,17 @@ pub(super) struct Learned {
     optimiser: Adam,
 }
 
+/// How a gradient becomes a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Descent {
+    /// λ
+    pub(super) regularisation: f32,
+    /// A bound on the gradient's Euclidean norm.
+    pub(super) gradient_clip: Option<f32>,
+    /// On the optimiser's step size.
+    pub(super) step_size_factor: f64,
+}
+
 impl Network {
     /// A network that starts at `seed`: `[parameter count]`.
     pub(super) fn new(mlp: Mlp, seed: Vec<f32>, optimiser: AdamSettings) -> Self {
@@ -48,15 +59,18 @@ impl Network {
     /// One step of Adam along ∇L + λ (θ − θ̂), the seed regulariser being ψ = ½‖θ − θ̂‖² (thesis §3.4.3).
     ///
     /// `output_gradient: [B × out]` belongs to the latest forward pass, of these `inputs`.
-    pub(super) fn descend(&mut self, inputs: &[f32], output_gradient: &[f32], regularisation: f32) {
+    pub(super) fn descend(&mut self, inputs: &[f32], output_gradient: &[f32], descent: &Descent) {
         let parameters = &mut self.learned.parameters;
         self.mlp.backward(parameters, inputs, &mut self.activations, output_gradient, &mut self.gradient);
-        if regularisation > 0.0 {
+        if descent.regularisation > 0.0 {
             for ((slope, parameter), seed) in self.gradient.iter_mut().zip(parameters.iter()).zip(&self.seed) {
-                *slope += regularisation * (parameter - seed);
+                *slope += descent.regularisation * (parameter - seed);
             }
         }
-        self.learned.optimiser.descend(parameters, &self.gradient);
+        if let Some(most) = descent.gradient_clip {
+            clip_norm(&mut self.gradient, most);
+        }
+        self.learned.optimiser.descend(parameters, &self.gradient, descent.step_size_factor);
     }
 
     /// The output layer's weights and biases.
@@ -70,6 +84,10 @@ impl Network {
         tensors.map(move |(name, shape, values)| Tensor { name: format!("{role}.{name}"), shape, values: Cow::Borrowed(values) })
     }
 
+    pub(super) fn is_finite(&self) -> bool {
+        self.learned.parameters.iter().all(|parameter| parameter.is_finite())
+    }
+
     pub(super) fn learned(&self) -> &Learned {
         &self.learned
     }
@@ -80,5 +98,43 @@ impl Network {
         }
         self.learned = learned;
         Ok(())
+    }
+}
+
+/// g ← g min(1, c / ‖g‖).
+fn clip_norm(gradient: &mut [f32], most: f32) {
+    let norm = gradient.iter().map(|slope| f64::from(*slope).powi(2)).sum::<f64>().sqrt() as f32;
+    if norm > most {
+        for slope in gradient {
+            *slope *= most / norm;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// ‖(3, 4)‖ = 5: bounded by 2.5 it is halved, bounded by 6 it stays.
+    #[test]
+    fn norms_are_clipped() {
+        let clipped = |most| {
+            let mut gradient = [3.0, 4.0];
+            clip_norm(&mut gradient, most);
+            gradient
+        };
+        assert_eq!((clipped(2.5), clipped(6.0)), ([1.5, 2.0], [3.0, 4.0]));
+    }
+
+    /// Adam's first step is α wherever the gradient points, so a factor on α shows.
+    #[test]
+    fn the_step_size_factor_scales_a_step() {
+        let moved = |step_size_factor| {
+            let mut network = Network::new(Mlp::new(&[1, 1]), vec![0.5, 0.5], AdamSettings::default());
+            network.forward(&[1.0]);
+            network.descend(&[1.0], &[1.0], &Descent { regularisation: 0.0, gradient_clip: None, step_size_factor });
+            0.5 - network.parameters()[0]
+        };
+        assert!((moved(1.0) - 1e-3).abs() < 1e-6 && (moved(0.25) - 2.5e-4).abs() < 1e-6);
     }
 }

@@ -5,16 +5,34 @@
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution as _, StandardNormal};
+use serde::{Deserialize, Serialize};
 
-use super::network::Network;
+use super::network::{Descent, Network};
 use super::{ActScratch, Tensor};
 use crate::env::{Action, Choice, Spec};
-use crate::nn::{AdamSettings, Mlp};
+use crate::input::numbers::Positive;
+use crate::nn::Mlp;
 use crate::rl::{categorical, gaussian};
+
+/// How an action is chosen from the policy's distribution.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ActionSelection {
+    /// Drawn from it.
+    Sampled,
+    /// Drawn from π^{1/τ} / Σ π^{1/τ}, for a Gaussian 𝒩(μ, τσ²); ratios then are relative to that.
+    Tempered {
+        /// τ: below 1 is greedier than the policy, above 1 is more random.
+        temperature: Positive,
+    },
+    /// The likeliest, or the mean.
+    Greedy,
+}
 
 /// A policy over actions of C components.
 pub(super) struct Policy {
     network: Network,
+    selection: ActionSelection,
     components: Vec<Component>,
     /// Of the latest evaluated trajectory: the network's outputs, logits turned to log-probabilities. `[T × outputs]`
     outputs: Vec<f32>,
@@ -46,10 +64,10 @@ pub(super) fn shape(spec: &Spec, hidden: &[usize]) -> Mlp {
 }
 
 impl Policy {
-    /// A policy that starts at `seed`; continuous actions spread by about `initial_deviation` of half their range.
-    pub(super) fn new(spec: &Spec, mlp: Mlp, seed: Vec<f32>, optimiser: AdamSettings, initial_deviation: f32) -> Self {
-        let network = Network::new(mlp, seed, optimiser);
-        Self { network, components: components(spec, initial_deviation), outputs: Vec::new(), output_gradient: Vec::new() }
+    /// A policy over the task's actions; continuous ones spread at first by about `initial_deviation` of half their range.
+    pub(super) fn new(spec: &Spec, network: Network, selection: ActionSelection, initial_deviation: f32) -> Self {
+        let components = components(spec, initial_deviation);
+        Self { network, selection, components, outputs: Vec::new(), output_gradient: Vec::new() }
     }
 
     /// Samples an action and its log-probability, component by component.   `action`, `log_prob`: `[C]`
@@ -67,8 +85,7 @@ impl Policy {
         for ((component, action), log_prob) in self.components.iter().zip(action).zip(log_prob) {
             let outputs = component.slice_mut(&mut scratch.outputs);
             component.normalise(outputs);
-            *action = component.sample(outputs, random);
-            *log_prob = component.log_prob(outputs, *action);
+            (*action, *log_prob) = component.choose(outputs, self.selection, random);
         }
     }
 
@@ -88,7 +105,7 @@ impl Policy {
         }
     }
 
-    /// Mean entropy over the latest evaluated trajectory, nats.
+    /// Mean entropy over the latest evaluated rows, nats.
     pub(super) fn mean_entropy(&self) -> f32 {
         let rows = self.outputs.chunks_exact(self.network.mlp().outputs());
         let count = rows.len().max(1) as f32;
@@ -96,23 +113,32 @@ impl Policy {
         rows.map(entropy).sum::<f32>() / count
     }
 
-    /// One step along the gradient of the mean loss, given ∂lossₜ/∂log π(a_{t,c}|sₜ) on the latest evaluated trajectory.
-    /// `slopes: [T × C]`
-    pub(super) fn descend(&mut self, states: &[f32], actions: &[f32], slopes: &[f32], regularisation: f32) {
+    /// One step along the gradient of (mean loss − `entropy_bonus` · mean entropy), given ∂lossₜ/∂log π(a_{t,c}|sₜ) on the latest
+    /// evaluated rows.   `states: [T × observation width]`, `actions`, `slopes`: `[T × C]`
+    pub(super) fn descend(&mut self, states: &[f32], actions: &[f32], slopes: &[f32], entropy_bonus: f32, descent: &Descent) {
         let (width, count) = (self.network.mlp().outputs(), self.components.len());
         self.output_gradient.resize(self.outputs.len(), 0.0);
         let weight = count as f32 / slopes.len() as f32;
         let rows = self.outputs.chunks_exact(width).zip(self.output_gradient.chunks_exact_mut(width));
         for ((outputs, gradient), (actions, slopes)) in rows.zip(actions.chunks_exact(count).zip(slopes.chunks_exact(count))) {
             for ((component, &action), slope) in self.components.iter().zip(actions).zip(slopes) {
-                component.gradient(component.slice(outputs), action, weight * slope, component.slice_mut(gradient));
+                let (outputs, gradient) = (component.slice(outputs), component.slice_mut(gradient));
+                component.gradient(outputs, action, weight * slope, gradient);
+                if entropy_bonus > 0.0 {
+                    component.add_entropy_gradient(outputs, -weight * entropy_bonus, gradient);
+                }
             }
         }
-        self.network.descend(states, &self.output_gradient, regularisation);
+        self.network.descend(states, &self.output_gradient, descent);
     }
 
     pub(super) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
         self.network.tensors("policy")
+    }
+
+    /// C
+    pub(super) fn components(&self) -> usize {
+        self.components.len()
     }
 
     pub(super) fn network(&self) -> &Network {
@@ -165,13 +191,21 @@ impl Component {
         }
     }
 
-    fn sample(&self, outputs: &[f32], random: &mut impl Rng) -> f32 {
+    /// An action, and its log-probability under what it was drawn from; a greedy action counts as certain.
+    /// `outputs` may be changed.
+    fn choose(&self, outputs: &mut [f32], selection: ActionSelection, random: &mut impl Rng) -> (f32, f32) {
         match self.kind {
-            Kind::Categorical { .. } => categorical::choose(outputs, random.random()) as f32,
+            Kind::Categorical { .. } => choose_category(outputs, selection, random),
             Kind::Gaussian { .. } => {
                 let (mean, log_deviation) = self.moments(outputs);
+                let log_deviation = match selection {
+                    ActionSelection::Sampled => log_deviation,
+                    ActionSelection::Tempered { temperature } => log_deviation + 0.5 * temperature.get_f32().ln(),
+                    ActionSelection::Greedy => return (mean, 0.0),
+                };
                 let standard: f32 = StandardNormal.sample(random);
-                log_deviation.exp().mul_add(standard, mean)
+                let action = log_deviation.exp().mul_add(standard, mean);
+                (action, gaussian::log_density(action, mean, log_deviation))
             }
         }
     }
@@ -200,9 +234,19 @@ impl Component {
             Kind::Gaussian { half_range, initial_log_deviation, .. } => {
                 let (mean, log_deviation) = self.moments(outputs);
                 let [by_mean, by_log_deviation] = gaussian::log_density_gradient(action, mean, log_deviation);
-                let free = (LOG_DEVIATION[0]..=LOG_DEVIATION[1]).contains(&(outputs[1] + initial_log_deviation));
                 gradient[0] = weight * by_mean * half_range;
-                gradient[1] = if free { weight * by_log_deviation } else { 0.0 };
+                gradient[1] = if is_free(outputs[1], initial_log_deviation) { weight * by_log_deviation } else { 0.0 };
+            }
+        }
+    }
+
+    /// Adds `weight` ∂H/∂outputs.
+    fn add_entropy_gradient(&self, outputs: &[f32], weight: f32, gradient: &mut [f32]) {
+        match self.kind {
+            Kind::Categorical { .. } => categorical::add_entropy_gradient(outputs, weight, gradient),
+            Kind::Gaussian { initial_log_deviation, .. } => {
+                // H = log σ + a constant.
+                gradient[1] += if is_free(outputs[1], initial_log_deviation) { weight } else { 0.0 };
             }
         }
     }
@@ -219,11 +263,27 @@ impl Component {
     }
 }
 
+fn choose_category(log_probs: &mut [f32], selection: ActionSelection, random: &mut impl Rng) -> (f32, f32) {
+    match selection {
+        ActionSelection::Sampled => {}
+        ActionSelection::Tempered { temperature } => categorical::temper(log_probs, temperature.get_f32()),
+        ActionSelection::Greedy => return (categorical::likeliest(log_probs) as f32, 0.0),
+    }
+    let choice = categorical::choose(log_probs, random.random());
+    (choice as f32, log_probs[choice])
+}
+
+/// Whether a log-deviation lies within its bounds, so that it has a gradient.
+fn is_free(output: f32, initial_log_deviation: f32) -> bool {
+    (LOG_DEVIATION[0]..=LOG_DEVIATION[1]).contains(&(output + initial_log_deviation))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::env::Quantity;
-    use crate::nn::Initial;
+    use crate::input::numbers::known;
+    use crate::nn::{AdamSettings, Initial};
     use crate::random::{Purpose, stream};
 
     fn spec(choices: Vec<Choice>) -> Spec {
@@ -239,18 +299,18 @@ mod tests {
         }
     }
 
-    fn mixed_policy() -> Policy {
+    fn mixed_policy(selection: ActionSelection) -> Policy {
         let spec = spec(vec![Choice::Discrete(vec![0.0, 1.0, 2.0]), Choice::Continuous, Choice::Continuous]);
         let mlp = shape(&spec, &[8]);
         assert_eq!(mlp.outputs(), 3 + 2 + 2);
         let seed = mlp.initial(Initial::Random, &mut stream(3, Purpose::InitialParameters, 0, 0));
-        Policy::new(&spec, mlp, seed, AdamSettings::default(), 0.5)
+        Policy::new(&spec, Network::new(mlp, seed, AdamSettings::default()), selection, 0.5)
     }
 
     /// The network's parameters are not touched here, so the gradient is with respect to the outputs: by central differences.
     #[test]
     fn output_gradient_agrees_with_central_differences() {
-        let policy = mixed_policy();
+        let policy = mixed_policy(ActionSelection::Sampled);
         let raw = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
         let actions = [2.0_f32, 3.5, -1.0];
         let log_prob = |raw: &[f32]| -> f32 {
@@ -276,10 +336,62 @@ mod tests {
         }
     }
 
+    /// The entropy's gradient with respect to the outputs, by central differences.
+    #[test]
+    fn entropy_gradient_agrees_with_central_differences() {
+        let policy = mixed_policy(ActionSelection::Sampled);
+        let raw = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
+        let normalised = |raw: &[f32]| {
+            let mut row = raw.to_vec();
+            policy.components.iter().for_each(|component| component.normalise(component.slice_mut(&mut row)));
+            row
+        };
+        let entropy = |raw: &[f32]| -> f32 {
+            let row = normalised(raw);
+            policy.components.iter().map(|component| component.entropy(component.slice(&row))).sum()
+        };
+        let (row, mut gradient) = (normalised(&raw), [0.0; 7]);
+        for component in &policy.components {
+            component.add_entropy_gradient(component.slice(&row), 1.0, component.slice_mut(&mut gradient));
+        }
+        for index in 0..raw.len() {
+            let (mut above, mut below) = (raw, raw);
+            above[index] += 1e-2;
+            below[index] -= 1e-2;
+            let numeric = (entropy(&above) - entropy(&below)) / 2e-2;
+            assert!((numeric - gradient[index]).abs() < 5e-3, "{index}: {numeric} {}", gradient[index]);
+        }
+    }
+
+    /// Greedy actions are the likeliest choice and the mean. Tempered ones carry the log-probability of what they were drawn from:
+    /// for the Gaussian at τ = ¼, half the deviation.
+    #[test]
+    fn actions_are_selected_as_asked() {
+        let (state, mut scratch) = ([0.1, -0.4, 0.7], ActScratch::default());
+        let mut acted = |selection| {
+            let (mut action, mut log_prob) = ([0.0; 3], [0.0; 3]);
+            let mut random = stream(5, Purpose::Action, 0, 0);
+            mixed_policy(selection).sample(&state, &mut random, &mut scratch, &mut action, &mut log_prob);
+            (action, log_prob)
+        };
+        let mut policy = mixed_policy(ActionSelection::Sampled);
+        let (greedy, certain) = acted(ActionSelection::Greedy);
+        policy.evaluate(&state, &greedy, &mut Vec::new());
+        let gaussian = policy.components[1];
+        assert_eq!(greedy[0], categorical::likeliest(&policy.outputs[..3]) as f32);
+        assert_eq!((greedy[1], certain), (gaussian.moments(gaussian.slice(&policy.outputs)).0, [0.0; 3]));
+
+        let (sampled, _) = acted(ActionSelection::Sampled);
+        let (tempered, log_prob) = acted(ActionSelection::Tempered { temperature: known(0.25) });
+        assert!((2.0 * (tempered[1] - greedy[1]) - (sampled[1] - greedy[1])).abs() < 1e-5, "{tempered:?} {sampled:?}");
+        let (mean, log_deviation) = gaussian.moments(gaussian.slice(&policy.outputs));
+        assert!((log_prob[1] - gaussian::log_density(tempered[1], mean, log_deviation - 2.0_f32.ln())).abs() < 1e-4);
+    }
+
     /// Sampled actions have the likelihoods that evaluation gives them, and the spread that the deviation promises.
     #[test]
     fn samples_agree_with_evaluation() {
-        let mut policy = mixed_policy();
+        let mut policy = mixed_policy(ActionSelection::Sampled);
         let (state, mut random) = ([0.1, -0.4, 0.7], stream(5, Purpose::Action, 0, 0));
         let mut scratch = ActScratch::default();
         let (mut actions, mut log_probs) = (vec![0.0; 3 * 4000], vec![0.0; 3 * 4000]);

@@ -4,7 +4,7 @@ use rand::RngExt;
 
 use super::{ActScratch, Agent, Tensor, UpdateReport};
 use crate::env::{Action, Choice, Spec};
-use crate::experience::SharedBuffer;
+use crate::experience::Experience;
 use crate::random::Stream;
 
 /// An agent that chooses uniformly and learns nothing.
@@ -31,9 +31,13 @@ impl Agent for RandomAgent {
         }
     }
 
-    fn update(&mut self, _: &SharedBuffer, _: u32) -> UpdateReport {
+    fn update(&mut self, _: &Experience<'_>) -> UpdateReport {
         let entropy = self.actions.iter().map(entropy).sum();
         UpdateReport { ratio_deviation: 1.0, entropy, ..UpdateReport::default() }
+    }
+
+    fn is_finite(&self) -> bool {
+        true
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {

@@ -5,7 +5,7 @@ use std::time::Instant;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
-use super::{BenchArgs, Failure};
+use super::{BenchArgs, Failure, counted};
 use crate::input::InputError;
 use crate::run::trainer::Trainer;
 use crate::run::{Plan, RunError};
@@ -22,9 +22,9 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let pool = ThreadPoolBuilder::new().num_threads(args.jobs.map_or(0, usize::from)).build();
     let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
     let plans = plans?;
-    say!("Episodes per agent until solved, of {} seeds from {} on:\n", args.seeds, args.first_seed);
-    say!("| scenario | K | solved | median | least | most | env steps/s of one thread |");
-    say!("|---|---|---|---|---|---|---|");
+    say!("Episodes per agent until solved, of {} from {} on:\n", counted(args.seeds as usize, "seed"), args.first_seed);
+    say!("| scenario | K | solved | median | least | most | median env steps of the team | env steps/s of one thread |");
+    say!("|---|---|---|---|---|---|---|---|");
     for plan in plans {
         let seeds = args.first_seed..args.first_seed.saturating_add(args.seeds);
         let outcomes: Result<Vec<Outcome>, RunError> =
@@ -41,33 +41,43 @@ fn outcome(plan: &Plan, seed: u64) -> Result<Outcome, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
     let started = Instant::now();
     while !trainer.is_done() && !trainer.is_solved() {
-        let played = trainer.play()?;
-        trainer.learn(played.episodes)?;
+        trainer.advance()?;
     }
     let seconds = started.elapsed().as_secs_f64();
     let episodes = trainer.is_solved().then(|| trainer.measures().episodes_per_agent());
     Ok(Outcome { episodes, env_steps: trainer.measures().env_steps(), seconds })
 }
 
-/// Seeds that did not solve the task count as slower than all that did, so the median stays honest.
+/// Seeds that did not solve the task count as slower than all that did, so the medians stay honest.
 fn row(plan: &Plan, outcomes: &[Outcome]) -> String {
-    let mut episodes: Vec<usize> = outcomes.iter().map(|outcome| outcome.episodes.unwrap_or(usize::MAX)).collect();
-    episodes.sort_unstable();
-    let shown = |episodes: Option<usize>| match episodes {
-        None | Some(usize::MAX) => format!("> {}", plan.scenario.most_episodes()),
-        Some(episodes) => episodes.to_string(),
-    };
-    let (low, high) = (episodes[(episodes.len() - 1) / 2], episodes[episodes.len() / 2]);
-    let median = if high == usize::MAX { shown(Some(high)) } else { format!("{:.1}", (low + high) as f64 / 2.0) };
-    let solved = episodes.iter().filter(|&&episodes| episodes != usize::MAX).count();
+    let solved = outcomes.iter().filter(|outcome| outcome.episodes.is_some()).count();
+    let episodes = sorted(outcomes.iter().map(|outcome| outcome.episodes.map(|episodes| episodes as u64)));
+    let env_steps = sorted(outcomes.iter().map(|outcome| outcome.episodes.map(|_| outcome.env_steps)));
+    let at_most = format!("> {}", plan.scenario.most_episodes());
+    let shown = |episodes: Option<u64>| episodes.map_or(at_most.clone(), |episodes| episodes.to_string());
     let (steps, seconds) = outcomes.iter().fold((0, 0.0), |(steps, seconds), o| (steps + o.env_steps, seconds + o.seconds));
     format!(
-        "| {} | {} | {solved}/{} | {median} | {} | {} | {:.0} |",
+        "| {} | {} | {solved}/{} | {} | {} | {} | {} | {:.0} |",
         plan.name,
         plan.scenario.agents.count.get(),
         outcomes.len(),
-        shown(episodes.first().copied()),
-        shown(episodes.last().copied()),
+        median(&episodes).map_or(at_most.clone(), |median| format!("{median:.1}")),
+        shown(episodes[0]),
+        shown(episodes[episodes.len() - 1]),
+        median(&env_steps).map_or("unknown".to_owned(), |median| format!("{median:.0}")),
         steps as f64 / seconds
     )
+}
+
+/// From small to large, those that never came last.
+fn sorted(values: impl Iterator<Item = Option<u64>>) -> Vec<Option<u64>> {
+    let mut values: Vec<Option<u64>> = values.collect();
+    values.sort_unstable_by_key(|value| value.unwrap_or(u64::MAX));
+    values
+}
+
+/// The middle of sorted values, if it is known.
+fn median(values: &[Option<u64>]) -> Option<f64> {
+    let (low, high) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
+    Some((low? + high?) as f64 / 2.0)
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Failure;
+use super::{Failure, counted};
 use crate::env::{self, Choice, Spec};
 use crate::input::{self, InputError, Kind};
 use crate::run::Plan;
@@ -28,8 +28,8 @@ fn check_file(path: &Path) -> Result<String, InputError> {
         Kind::Environment => Ok(format!("environment with {}", described(&env::load(path)?.spec))),
         Kind::Scenario => {
             let plan = Plan::load(path, &[])?;
-            let agents = plan.scenario.agents.count.get();
-            Ok(format!("scenario of {agents} agents in `{}`, {}", plan.description.spec.name, described(&plan.description.spec)))
+            let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
+            Ok(format!("scenario of {agents} in `{}`, {}", plan.description.spec.name, described(&plan.description.spec)))
         }
     }
 }

@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Listed;
 use super::check::actions;
+use super::{Listed, counted};
 use crate::agent::Algorithm;
 use crate::env;
+use crate::input;
 use crate::run::Plan;
+use crate::scenario;
 
 pub(super) fn list(what: Option<Listed>) {
     let wanted = |kind| what.is_none() || what == Some(kind);
@@ -22,14 +24,10 @@ pub(super) fn list(what: Option<Listed>) {
 }
 
 fn environments() {
-    say!("Environments (envs/)");
-    for path in ron_files(Path::new("envs")) {
-        match env::load(&path) {
-            Ok(description) => print_environment(&description.spec),
-            Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
-        }
-    }
-    say!("");
+    for_each_file("Environments", "envs", |path| match env::load(path) {
+        Ok(description) => print_environment(&description.spec),
+        Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
+    });
 }
 
 fn print_environment(spec: &env::Spec) {
@@ -39,25 +37,36 @@ fn print_environment(spec: &env::Spec) {
         say!("      observes  {:<12} {low} to {high} {}", quantity.name, quantity.unit);
     }
     say!("      acts      {}", actions(spec));
-    say!("      {} steps of {} s at most", spec.time_limit, spec.control_step);
+    say!("      {} of {} s at most", counted(spec.time_limit as usize, "step"), spec.control_step);
 }
 
 fn scenarios() {
-    say!("Scenarios (scenarios/)");
-    for path in ron_files(Path::new("scenarios")) {
-        match Plan::load(&path, &[]) {
-            Ok(plan) => {
-                let (agents, task) = (plan.scenario.agents.count.get(), &plan.description.spec.name);
-                say!(
-                    "  {:<32} {agents} agents in {task}, {} episodes each at most",
-                    path.display(),
-                    plan.scenario.most_episodes()
-                );
-            }
-            Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
-        }
+    for_each_file("Scenarios", "scenarios", |path| match Plan::load(path, &[]) {
+        Ok(plan) => print_scenario(path, &plan),
+        Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
+    });
+}
+
+fn print_scenario(path: &Path, plan: &Plan) {
+    let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
+    let episodes = counted(plan.scenario.most_episodes() as usize, "episode");
+    say!("  {:<32} {agents} in {}, {episodes} each at most", path.display(), plan.description.spec.name);
+}
+
+/// Goes through the folders of this name here and further up, where names are looked for.
+fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path)) {
+    let here = std::env::current_dir().unwrap_or_default();
+    let folders = input::folders_upwards(&here, folder);
+    if folders.is_empty() {
+        say!("{title}: none, for there is no folder `{folder}` in {} or further up\n", here.display());
     }
-    say!("");
+    for found in folders.iter().map(|found| scenario::shortened(found)) {
+        say!("{title} ({})", found.join("").display());
+        for path in ron_files(&found) {
+            print(&path);
+        }
+        say!("");
+    }
 }
 
 fn algorithms() {

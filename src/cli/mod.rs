@@ -9,6 +9,7 @@ macro_rules! say {
 
 mod bench;
 mod check;
+mod evaluate;
 mod list;
 mod preview;
 mod progress;
@@ -31,6 +32,7 @@ use crate::run::RunError;
   seedbed run scenarios/cartpole.ron --seed 7 --set agents.count=16
   seedbed check scenarios/*.ron envs/*.ron                validate files without running
   seedbed preview cartpole                                record a few random episodes of a task
+  seedbed evaluate recordings/cartpole/seed-0 --actions greedy
   seedbed list algorithms                                 what can be set, and the defaults
   rerun recordings/cartpole/seed-0/run.rrd                look at a recording (the viewer: pip install rerun-sdk==0.36.3)")]
 struct Cli {
@@ -58,6 +60,8 @@ enum Command {
     Preview(PreviewArgs),
     /// Train scenarios with several seeds and print when each solved its task, and how fast
     Bench(BenchArgs),
+    /// Play the policies of a run without learning, and print what they reach
+    Evaluate(EvaluateArgs),
 }
 
 #[derive(Debug, Args)]
@@ -139,6 +143,36 @@ struct BenchArgs {
     overrides: Vec<String>,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed evaluate recordings/cartpole/seed-0                          as in training
+  seedbed evaluate recordings/cartpole/seed-0 --actions greedy --episodes 100
+  seedbed evaluate recordings/cartpole/seed-0/run.rrd --temperature 0.5")]
+struct EvaluateArgs {
+    /// A run's folder, or the recording in it
+    run: PathBuf,
+    /// Episodes of each agent
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    episodes: u32,
+    /// How actions are chosen [default: as in training]
+    #[arg(long, value_enum)]
+    actions: Option<ActionsArg>,
+    /// Sample from the policy to the power 1/T: below 1 is greedier
+    #[arg(long, value_name = "T", conflicts_with = "actions", allow_negative_numbers = true)]
+    temperature: Option<f64>,
+    /// Seed of the starts and the actions
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ActionsArg {
+    /// Drawn from the policy
+    Sampled,
+    /// The likeliest, or the mean
+    Greedy,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Listed {
     /// Tasks in `envs/`
@@ -157,7 +191,7 @@ enum Failure {
     #[error("{0}")]
     Input(String),
     /// So many files are wrong; each was complained about already.
-    #[error("{0} files cannot be used")]
+    #[error("{} cannot be used", counted(*.0, "file"))]
     Files(usize),
     /// The work failed.
     #[error("{0}")]
@@ -177,6 +211,7 @@ pub fn main() -> ExitCode {
         }
         Command::Preview(args) => preview::preview(&args),
         Command::Bench(args) => bench::bench(&args),
+        Command::Evaluate(args) => evaluate::evaluate(&args),
     };
     let Err(failure) = done else { return ExitCode::SUCCESS };
     if !matches!(failure, Failure::Files(1)) {
@@ -186,6 +221,11 @@ pub fn main() -> ExitCode {
         Failure::Input(_) | Failure::Files(_) => ExitCode::from(2),
         Failure::Work(_) => ExitCode::from(1),
     }
+}
+
+/// Such as `1 agent` and `4 agents`.
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 fn say_line(line: std::fmt::Arguments<'_>) {

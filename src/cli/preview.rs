@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Failure, PreviewArgs};
+use super::{Failure, PreviewArgs, counted};
 use crate::env::{self, Physics};
 use crate::input::InputError;
 use crate::input::numbers::Count;
@@ -20,7 +20,7 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), Failure> {
     let rows = preview::record(&description, physics, episodes, args.seed, &path)?;
     for row in rows {
         let outcome = format!("{:?}", row.outcome).to_lowercase();
-        say!("episode {}: {} steps, return {:.3}, {outcome}", row.episode, row.length, row.r#return);
+        say!("episode {}: {}, return {:.3}, {outcome}", row.episode, counted(row.length as usize, "step"), row.r#return);
     }
     say!("look at it with\n  rerun {}", path.display());
     Ok(())
@@ -40,10 +40,15 @@ fn task_file(environment: &str) -> Result<PathBuf, InputError> {
         origin: environment.to_owned(),
         position: None,
         field: String::new(),
-        message: format!(
-            "is neither a file nor a task in `envs/`, where there are {}",
-            crate::input::listed(known.iter().map(String::as_str))
-        ),
+        message: neither(&known),
         help: crate::input::nearest(environment, known.iter().map(String::as_str)).map(|name| format!("did you mean `{name}`?")),
     })
+}
+
+fn neither(known: &[String]) -> String {
+    if known.is_empty() {
+        return "is no file, and there is no folder `envs` with tasks here or further up".to_owned();
+    }
+    let known = crate::input::listed(known.iter().map(String::as_str));
+    format!("is neither a file nor a task in `envs/`, where there are {known}")
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use super::progress::{Bar, Silent};
-use super::{Failure, RunArgs};
+use super::{Failure, RunArgs, counted};
 use crate::run::folder::{Claim, Contents, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
 use crate::run::{self, Ending, Observer, Options, Plan};
@@ -23,9 +23,11 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let ending =
         if args.quiet { execute(&plan, &options, &mut Silent)? } else { execute(&plan, &options, &mut Bar::new(&plan))? };
     match ending {
-        Ending::Interrupted { rounds } => {
-            Err(Failure::Work(format!("interrupted after {rounds} rounds; go on with\n  {}", resuming_command(args))))
-        }
+        Ending::Interrupted { rounds } => Err(Failure::Work(format!(
+            "interrupted after {}; go on with\n  {}",
+            counted(rounds as usize, "round"),
+            resuming_command(args)
+        ))),
         Ending::Finished(summary) => {
             claim.release().map_err(|error| Failure::Work(error.to_string()))?;
             if !args.quiet {
@@ -99,11 +101,11 @@ fn interruption() -> Arc<AtomicBool> {
 fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
     let Summary { agents, episodes_per_agent, env_steps, final_return, .. } = summary;
     let rate = *env_steps as f64 / seconds;
-    say!(
-        "finished   {episodes_per_agent} episodes of {agents} agents, {env_steps} env steps in {seconds:.1} s ({rate:.0} a second)"
-    );
+    let (episodes, team) = (counted(*episodes_per_agent, "episode"), counted(*agents, "agent"));
+    say!("finished   {episodes} of {team}, {env_steps} env steps in {seconds:.1} s ({rate:.0} a second)");
     say!("solved     {}", solved(summary));
-    say!("return     {final_return:.1}, mean over the team's last {} episodes", FINAL_WINDOW.min(*episodes_per_agent));
+    let last = counted(FINAL_WINDOW.min(*episodes_per_agent), "episode");
+    say!("return     {final_return:.1}, mean over the team's last {last}");
     say!("coverage   {}", coverage(summary));
     say!("results    {}", folder.path().display());
     let recording = folder.recording();
@@ -117,9 +119,13 @@ fn solved(summary: &Summary) -> String {
     match (summary.solved_at, summary.episodes_until_solved) {
         (None, _) => "nothing says when this task counts as solved".to_owned(),
         (Some(at), Some(episodes)) => {
-            format!("after {episodes} episodes per agent (mean return of {} over {} episodes)", at.r#return, at.window)
+            let (episodes, window) = (counted(episodes, "episode"), counted(at.window, "episode"));
+            format!("after {episodes} per agent (mean return of {} over {window})", at.r#return)
         }
-        (Some(at), None) => format!("no: a mean return of {} over {} episodes was not reached", at.r#return, at.window),
+        (Some(at), None) => {
+            let window = counted(at.window, "episode");
+            format!("no: a mean return of {} over {window} was not reached", at.r#return)
+        }
     }
 }
 

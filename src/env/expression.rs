@@ -8,6 +8,7 @@
 //! What the names mean may not enter.
 
 mod compile;
+mod delimiters;
 mod operation;
 
 use std::ops::Range;

@@ -19,7 +19,7 @@ pub use instruments::{ActuatorKind, Axis, ForceFrame, SensorKind};
 pub use surfaces::{Collider, Geom, Points};
 
 use super::description::Description;
-use crate::input::numbers::{Count, Finite, NonNegative, Positive, known, known_count};
+use crate::input::numbers::{Count, Finite, NonNegative, Positive, UpToTen, known, known_count};
 use crate::input::{self, Document, InputError, Located};
 
 /// A task file: `Environment(…)`.
@@ -31,7 +31,7 @@ pub struct Environment {
     /// Acceleration of free fall, m/s².
     pub gravity: Vector,
     /// Seconds between two actions.
-    pub control_step: Positive,
+    pub control_step: UpToTen,
     /// Steps after which an episode is truncated.
     pub time_limit: Count,
     /// Mean return at which the task counts as solved.
@@ -46,6 +46,9 @@ pub struct Environment {
     /// What stands still in the world and can be touched; drawn as well.
     #[serde(default)]
     pub colliders: Vec<Collider>,
+    /// The body that pictures go along with; by default they stand still.
+    #[serde(default)]
+    pub tracked: Option<Located<String>>,
     /// The rigid bodies.
     pub bodies: Vec<Body>,
     /// What the bodies hang on: at most one joint a body, parents before their children. A body without one is free: it has the
@@ -282,9 +285,9 @@ pub struct Observation {
 pub struct Start {
     /// Which joint, or which coordinate of a free body, such as `NAME.x`.
     pub joint: Located<String>,
-    /// m or rad.
+    /// m or rad; by default where the file draws it.
     #[serde(default)]
-    pub position: Distribution,
+    pub position: Option<Distribution>,
     /// m/s or rad/s.
     #[serde(default)]
     pub velocity: Distribution,

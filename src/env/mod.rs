@@ -153,6 +153,8 @@ pub struct Pose {
 pub struct Scene {
     /// One entry a body, in the order of the poses.
     pub bodies: Vec<SceneBody>,
+    /// The body that pictures go along with, by its index here.
+    pub tracked: Option<usize>,
 }
 
 /// One drawable body.

@@ -4,6 +4,7 @@
 //! bears) is a [`Complaint`] about a [`Located`] value: the file is then read once more, up to that value, so that such an error
 //! carries the same position and field path as any other. What the files mean may not enter.
 
+mod explanation;
 pub mod numbers;
 
 use std::cell::RefCell;
@@ -11,6 +12,7 @@ use std::fmt;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
+use explanation::{explain, suggestion};
 use ron::extensions::Extensions;
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -356,46 +358,6 @@ fn located_error(origin: &str, text: &str, spanned: &ron::error::SpannedError, f
     InputError { origin: origin.to_owned(), position: Some(position), field, message, help }
 }
 
-fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
-    let message = match error {
-        ron::Error::NoSuchStructField { expected, found, .. } => {
-            let help = suggestion(found, expected.iter().copied());
-            return (format!("unexpected field `{found}`, expected one of {}", listed(expected.iter().copied())), help);
-        }
-        ron::Error::NoSuchEnumVariant { expected, found, .. } => {
-            let help = suggestion(found, expected.iter().copied());
-            return (format!("unexpected variant `{found}`, expected one of {}", listed(expected.iter().copied())), help);
-        }
-        ron::Error::MissingStructField { field, .. } => format!("missing field `{field}`"),
-        ron::Error::DuplicateStructField { field, .. } => format!("field `{field}` stands here twice"),
-        ron::Error::ExpectedInteger | ron::Error::InvalidIntegerDigit { .. } => "expected a whole number".to_owned(),
-        ron::Error::ExpectedFloat => "expected a number".to_owned(),
-        ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd if splits_number(at) => {
-            "expected a whole number, found a fraction".to_owned()
-        }
-        ron::Error::ExpectedComma => "expected a comma or the end of the list of fields".to_owned(),
-        ron::Error::TrailingCharacters => "unexpected text after the end".to_owned(),
-        ron::Error::IntegerOutOfBounds => "this whole number is too large or below zero".to_owned(),
-        other => lowercased(&other.to_string()),
-    };
-    (message, None)
-}
-
-/// Whether the parser of whole numbers has stopped at a decimal point.
-fn splits_number(at: &Position) -> bool {
-    let mut around = at.text.chars().skip(at.column.saturating_sub(2));
-    around.next().is_some_and(|c| c.is_ascii_digit()) && around.next() == Some('.')
-}
-
-fn lowercased(sentence: &str) -> String {
-    let mut characters = sentence.chars();
-    characters.next().map_or_else(String::new, |first| first.to_lowercase().chain(characters).collect())
-}
-
-fn suggestion<'a>(found: &str, valid: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    nearest(found, valid).map(|name| format!("did you mean `{name}`?"))
-}
-
 /// Points at the first character from `column` on that is not a space: the parser may stop before one.
 fn position(text: &str, line: usize, column: usize) -> Position {
     let text = text.lines().nth(line.saturating_sub(1)).unwrap_or_default();
@@ -429,6 +391,12 @@ fn first_word(text: &str) -> &str {
     }
     let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
     &rest[..end]
+}
+
+/// The folders named `folder` under `start` and its ancestors, nearest first.
+#[must_use]
+pub fn folders_upwards(start: &Path, folder: &str) -> Vec<PathBuf> {
+    start.ancestors().map(|ancestor| ancestor.join(folder)).filter(|path| path.is_dir()).collect()
 }
 
 /// The path of the nearest existing file named `name` under a folder `folder` of `start` or of one of its ancestors.

@@ -55,6 +55,12 @@ ranged_number!(
     "a number above 0"
 );
 ranged_number!(
+    /// A number above 0 and at most 10.
+    UpToTen,
+    |value| value > 0.0 && value <= 10.0,
+    "a number above 0 and at most 10"
+);
+ranged_number!(
     /// A finite number of at least 0.
     NonNegative,
     |value| value >= 0.0,

@@ -41,15 +41,15 @@ impl Adam {
         Self { settings, first_moment: vec![0.0; count], second_moment: vec![0.0; count], steps: 0 }
     }
 
-    /// Descends: m ← β₁m + (1−β₁)g, v ← β₂v + (1−β₂)g², θ ← θ − α m̂ / (√v̂ + ε), with m̂ = m/(1−β₁ᵗ), v̂ = v/(1−β₂ᵗ).
+    /// Descends, α being the step size times `factor`: m ← β₁m + (1−β₁)g, v ← β₂v + (1−β₂)g², θ ← θ − α m̂ / (√v̂ + ε), with m̂ = m/(1−β₁ᵗ), v̂ = v/(1−β₂ᵗ).
     ///
     /// # Panics
     /// If the slices do not have the optimiser's length.
-    pub fn descend(&mut self, parameters: &mut [f32], gradient: &[f32]) {
+    pub fn descend(&mut self, parameters: &mut [f32], gradient: &[f32], factor: f64) {
         let AdamSettings { step_size, beta1, beta2, epsilon } = self.settings;
         self.steps = self.steps.saturating_add(1);
         let root = (1.0 - beta2.get().powi(self.steps)).sqrt();
-        let rate = (step_size.get() * root / (1.0 - beta1.get().powi(self.steps))) as f32;
+        let rate = (step_size.get() * factor * root / (1.0 - beta1.get().powi(self.steps))) as f32;
         let epsilon = (epsilon.get() * root) as f32;
         let (beta1, beta2) = (beta1.get_f32(), beta2.get_f32());
         let (first_moment, second_moment) = (&mut self.first_moment[..], &mut self.second_moment[..]);
@@ -69,9 +69,9 @@ mod tests {
         let settings = AdamSettings { step_size: known(0.1), epsilon: known(1e-30), ..AdamSettings::default() };
         let mut adam = Adam::new(settings, 2);
         let mut parameters = [1.0, -1.0];
-        adam.descend(&mut parameters, &[1.0, -2.0]);
+        adam.descend(&mut parameters, &[1.0, -2.0], 1.0);
         assert!((parameters[0] - 0.9).abs() < 1e-6 && (parameters[1] + 0.9).abs() < 1e-6);
-        adam.descend(&mut parameters, &[3.0, 0.0]);
+        adam.descend(&mut parameters, &[3.0, 0.0], 1.0);
         assert!((parameters[0] - (0.9 - 0.091_778_3)).abs() < 1e-5, "{}", parameters[0]);
     }
 }

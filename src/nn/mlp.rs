@@ -33,6 +33,7 @@ pub struct Activations {
     layers: Vec<Vec<f32>>,
     /// ∂L/∂(what enters the layer's activation), of the layer at hand and of the one below.
     deltas: [Vec<f32>; 2],
+    scratch: Vec<f32>,
 }
 
 impl Mlp {
@@ -98,7 +99,7 @@ impl Mlp {
             let (below, here) = activations.layers.split_at_mut(layer.index);
             let x = below.last().map_or(inputs, Vec::as_slice);
             here[0].resize(batch * layer.outputs, 0.0);
-            kernels::affine(layer.weight(parameters), layer.bias(parameters), x, &mut here[0]);
+            kernels::affine(layer.weight(parameters), layer.bias(parameters), x, &mut here[0], &mut activations.scratch);
             if layer.index + 1 < self.layers.len() {
                 kernels::tanh_in_place(&mut here[0]);
             }
@@ -120,16 +121,16 @@ impl Mlp {
         gradient: &mut [f32],
     ) {
         assert_eq!(gradient.len(), self.parameter_count());
-        let Activations { layers, deltas: [delta, below] } = activations;
+        let Activations { layers, deltas: [delta, below], scratch } = activations;
         delta.clear();
         delta.extend_from_slice(output_gradient);
         for layer in self.layers.iter().rev() {
             let x = if layer.index == 0 { inputs } else { &layers[layer.index - 1] };
             let (dw, db) = layer.split_mut(gradient);
-            kernels::parameter_gradient(x, delta, dw, db);
+            kernels::parameter_gradient(x, delta, dw, db, scratch);
             if layer.index > 0 {
                 below.resize(x.len(), 0.0);
-                kernels::input_gradient(layer.weight(parameters), delta, below, layer.outputs);
+                kernels::input_gradient(layer.weight(parameters), delta, below, layer.outputs, scratch);
                 kernels::tanh_gradient_in_place(x, below);
                 std::mem::swap(delta, below);
             }

@@ -27,6 +27,12 @@ impl PopArt {
         Self::new(0.0)
     }
 
+    /// Whether the moments are finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.mean.is_finite() && self.second_moment.is_finite()
+    }
+
     /// μ
     #[must_use]
     pub fn mean(&self) -> f32 {

@@ -78,18 +78,18 @@ pub trait Recorder {
 pub struct RoundRecord<'a> {
     /// Counts from 0.
     pub round: u32,
-    /// The round's episodes in agent order.
-    pub episodes: &'a [Episode],
+    /// The round's episodes in (agent, episode) order.
+    pub episodes: &'a [&'a Episode],
     /// One row an episode, in the same order.
     pub episode_rows: &'a [EpisodeRow],
-    /// One row an agent, in agent order.
+    /// One row an update, in the order in which agents learned.
     pub round_rows: &'a [RoundRow],
     /// The filmed episode of this round, if one was.
     pub footage: Option<&'a Footage>,
 }
 
 /// Where the bodies were throughout one episode.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Footage {
     /// Whose episode.
     pub agent: u32,
@@ -141,12 +141,32 @@ pub struct RoundRow {
     pub coverage: f64,
 }
 
-/// A recording that could not be written.
+/// A recording that could not be written, or not be gone on with.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {path}: {reason}")]
+#[error("cannot {attempt} {path}: {reason}")]
 pub struct RecordError {
     /// The file.
     pub path: PathBuf,
+    /// What was to be done with it.
+    pub attempt: Attempt,
     /// What the system said.
     pub reason: String,
+}
+
+/// What a recorder does with its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attempt {
+    /// Begins it or adds to it.
+    Write,
+    /// Reads how far it had come.
+    GoOn,
+}
+
+impl std::fmt::Display for Attempt {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::Write => "write",
+            Self::GoOn => "go on with",
+        })
+    }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{RecordError, Recorder, RoundRecord};
+use super::{Attempt, RecordError, Recorder, RoundRecord};
 
 /// Writes both tables of a run.
 pub struct TableRecorder {
@@ -28,8 +28,11 @@ impl TableRecorder {
     /// # Errors
     /// A file is missing or shorter than it was.
     pub fn resume(folder: &Path, checkpoint: &[u8]) -> Result<Self, RecordError> {
-        let lengths = postcard::from_bytes(checkpoint)
-            .map_err(|error| RecordError { path: folder.to_owned(), reason: format!("unreadable checkpoint: {error}") })?;
+        let lengths = postcard::from_bytes(checkpoint).map_err(|error| RecordError {
+            path: folder.to_owned(),
+            attempt: Attempt::GoOn,
+            reason: format!("unreadable checkpoint: {error}"),
+        })?;
         Self::open(folder, lengths)
     }
 
@@ -77,7 +80,10 @@ impl Table {
         };
         match cut() {
             Ok(file) => Ok(Self { writer: csv::WriterBuilder::new().has_headers(length == 0).from_writer(file), path }),
-            Err(error) => Err(RecordError { path, reason: error.to_string() }),
+            Err(error) => {
+                let attempt = if length > 0 { Attempt::GoOn } else { Attempt::Write };
+                Err(RecordError { path, attempt, reason: error.to_string() })
+            }
         }
     }
 
@@ -100,6 +106,6 @@ impl Table {
     }
 
     fn fault(&self, error: impl std::fmt::Display) -> RecordError {
-        RecordError { path: self.path.clone(), reason: error.to_string() }
+        RecordError { path: self.path.clone(), attempt: Attempt::Write, reason: error.to_string() }
     }
 }

@@ -28,6 +28,13 @@ pub fn ppo(ratio: f32, advantage: f32, clip: f32) -> Surrogate {
     Surrogate { loss: -free.min(bounded), slope: if clipped { 0.0 } else { -free }, clipped }
 }
 
+/// Off-PAC (thesis Eq. 15, 22): −ρ log π(a|s) A, with ρ held constant and, where `cap` says so, bounded.
+#[must_use]
+pub fn off_pac(log_prob: f32, ratio: f32, advantage: f32, cap: Option<f32>) -> Surrogate {
+    let weight = ratio.min(cap.unwrap_or(f32::INFINITY));
+    Surrogate { loss: -weight * log_prob * advantage, slope: -weight * advantage, clipped: false }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -46,6 +53,13 @@ mod tests {
         assert_eq!(at(1.0, 2.0), Surrogate { loss: -2.0, slope: -2.0, clipped: false });
     }
 
+    /// ρ = 4, A = 2, log π = −0.5: slope −8, loss 4; capped at 1: −2 and 1.
+    #[test]
+    fn off_pac_by_hand() {
+        assert_eq!(off_pac(-0.5, 4.0, 2.0, None), Surrogate { loss: 4.0, slope: -8.0, clipped: false });
+        assert_eq!(off_pac(-0.5, 4.0, 2.0, Some(1.0)), Surrogate { loss: 1.0, slope: -2.0, clipped: false });
+    }
+
     proptest! {
         /// ρ = exp(log π − log μ) with log μ = −0.7; away from the kinks at 1 ± ε.
         #[test]
@@ -57,6 +71,9 @@ mod tests {
             let clipped = ppo(ratio(log_prob), advantage, clip);
             prop_assert!((numeric(&|x| ppo(ratio(x), advantage, clip).loss) - clipped.slope).abs() < 2e-2);
             prop_assert!((numeric(&|x| simple(x, advantage).loss) - simple(log_prob, advantage).slope).abs() < 2e-2);
+            let constant = ratio(log_prob);
+            let weighed = off_pac(log_prob, constant, advantage, None).slope;
+            prop_assert!((numeric(&|x| off_pac(x, constant, advantage, None).loss) - weighed).abs() < 5e-2);
         }
     }
 }

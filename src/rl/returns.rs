@@ -1,4 +1,10 @@
-//! Returns: what followed a step, summed (thesis §1.3, §3.1).
+//! Returns: what followed a step, summed (thesis §1.3, §3.1), and the targets that value functions learn.
+
+#![expect(clippy::inline_always, reason = "a loop is compiled for a level of SIMD only where it is inlined into the dispatch")]
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::advantage;
 
 /// Importance-weighted sums are held within ±this, so that their squares stay finite in f32.
 const LIMIT: f32 = 1e15;
@@ -11,7 +17,7 @@ pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
     assert_eq!(rewards.len(), returns.len());
     let mut next = 0.0;
     for (reward, value) in rewards.iter().zip(returns).rev() {
-        next = discount.mul_add(next, *reward);
+        next = discount * next + reward;
         *value = next;
     }
 }
@@ -21,7 +27,7 @@ pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
 ///
 /// `cap` is c, a bound on each product of ratios, not on each ratio: with `None` it is the printed form, for which
 /// G̃ₜ = ρₜ (rₜ₊₁ + γ G̃ₜ₊₁). With a cap there is no recursion, and the sum takes O(T²).
-/// `products: [T]` is scratch space.
+/// `scratch` is room that grows to the longest trajectory and stays.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -30,14 +36,14 @@ pub fn per_decision(
     rewards: &[f32],
     discount: f32,
     cap: Option<f32>,
-    products: &mut Vec<f32>,
+    scratch: &mut Vec<f32>,
     returns: &mut [f32],
 ) {
     assert_eq!(ratios.len(), rewards.len());
     assert_eq!(ratios.len(), returns.len());
     match cap {
         None => per_decision_uncapped(ratios, rewards, discount, returns),
-        Some(cap) => per_decision_capped(ratios, rewards, discount, cap, products, returns),
+        Some(cap) => per_decision_capped(ratios, rewards, discount, cap, scratch, returns),
     }
 }
 
@@ -56,29 +62,110 @@ pub fn ordinary(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>
     }
 }
 
+/// TD(0)'s target (thesis Eq. 2, 14, 19): rₜ₊₁ + γ v(sₜ₊₁), `v(s_T)` = 0.   `rewards`, `values`: `[T]` → `targets: [T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn temporal_difference(rewards: &[f32], values: &[f32], discount: f32, targets: &mut [f32]) {
+    advantage::temporal_difference_errors(rewards, values, discount, targets);
+    targets.iter_mut().zip(values).for_each(|(target, value)| *target += value);
+}
+
+/// λ-return (Schulman et al. 2016): v(sₜ) + Aₜ with the [advantage](advantage::gae) of the same λ.   `rewards`, `values`: `[T]` →
+/// `targets: [T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn lambda(rewards: &[f32], values: &[f32], discount: f32, lambda: f32, targets: &mut [f32]) {
+    advantage::gae(rewards, values, discount, lambda, targets);
+    targets.iter_mut().zip(values).for_each(|(target, value)| *target += value);
+}
+
+/// How far V-trace trusts ratios (Espeholt et al. 2018, Eq. 1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truncation {
+    /// ρ̄, a bound on the ratio that weighs a TD error: it decides what is learned.
+    pub ratio: f32,
+    /// c̄, a bound on the ratios of a trace: it decides how fast.
+    pub trace: f32,
+    /// λ
+    pub lambda: f32,
+}
+
+/// V-trace (Espeholt et al. 2018, Remark 1): vsₜ = v(sₜ) + Δₜ with Δₜ = min(ρ̄, ρₜ) δₜ + γ λ min(c̄, ρₜ) Δₜ₊₁.
+/// Where all ρ are 1 and no bound is below 1 it is the [λ-return](lambda).   `rewards`, `values`, `ratios`: `[T]` → `targets: [T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn v_trace(rewards: &[f32], values: &[f32], ratios: &[f32], discount: f32, truncation: Truncation, targets: &mut [f32]) {
+    assert_eq!(ratios.len(), rewards.len());
+    advantage::temporal_difference_errors(rewards, values, discount, targets);
+    let mut correction = 0.0_f32;
+    for ((target, value), ratio) in targets.iter_mut().zip(values).zip(ratios).rev() {
+        let trace = discount * truncation.lambda * ratio.min(truncation.trace);
+        correction = trace.mul_add(correction, ratio.min(truncation.ratio) * *target);
+        *target = value + correction;
+    }
+}
+
 fn per_decision_uncapped(ratios: &[f32], rewards: &[f32], discount: f32, returns: &mut [f32]) {
     let mut next = 0.0_f32;
     for ((ratio, reward), value) in ratios.iter().zip(rewards).zip(returns).rev() {
-        next = (ratio * discount.mul_add(next, *reward)).clamp(-LIMIT, LIMIT);
+        next = (ratio * (discount * next + reward)).clamp(-LIMIT, LIMIT);
         *value = next;
     }
 }
 
-/// Lag by lag, so that all t advance together: after lag d, `products[t]` is Π_{j=t..t+d} ρⱼ.
-fn per_decision_capped(ratios: &[f32], rewards: &[f32], discount: f32, cap: f32, products: &mut Vec<f32>, returns: &mut [f32]) {
-    let steps = ratios.len();
-    products.clear();
-    products.resize(steps, 1.0);
-    returns.fill(0.0);
-    let mut weight = 1.0_f32;
-    for lag in 0..steps {
-        let later = ratios[lag..].iter().zip(&rewards[lag..]);
-        for ((product, value), (ratio, reward)) in products.iter_mut().zip(returns.iter_mut()).zip(later) {
-            *product = (*product * ratio).min(LIMIT);
-            *value += weight * product.min(cap) * reward;
-        }
-        weight *= discount;
+fn per_decision_capped(ratios: &[f32], rewards: &[f32], discount: f32, cap: f32, padded: &mut Vec<f32>, returns: &mut [f32]) {
+    let length = ratios.len() + TIMES;
+    padded.clear();
+    for column in [ratios, rewards] {
+        padded.extend_from_slice(column);
+        padded.extend([0.0; TIMES]);
     }
+    let (ratios, rewards) = padded.split_at(length);
+    Arch::new().dispatch(Capped { ratios, rewards, discount, cap, returns });
+}
+
+/// Times t that advance together.
+const TIMES: usize = 32;
+
+/// `ratios`, `rewards`: `[T + TIMES]`, 0 from T on, so that no block of times is ragged.
+struct Capped<'a> {
+    ratios: &'a [f32],
+    rewards: &'a [f32],
+    discount: f32,
+    cap: f32,
+    returns: &'a mut [f32],
+}
+
+impl WithSimd for Capped<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let steps = self.returns.len();
+        for (block, returns) in self.returns.chunks_mut(TIMES).enumerate() {
+            let from = block * TIMES;
+            let (ratios, rewards) = (&self.ratios[from..], &self.rewards[from..]);
+            let (mut products, mut sums, mut weight) = ([1.0_f32; TIMES], [0.0_f32; TIMES], 1.0_f32);
+            // Lag by lag: after lag d, a product is Π_{j=t..t+d} ρⱼ.
+            for (ratios, rewards) in ratios.windows(TIMES).zip(rewards.windows(TIMES)).take(steps - from) {
+                for (((product, sum), ratio), reward) in products.iter_mut().zip(&mut sums).zip(ratios).zip(rewards) {
+                    *product = lesser(*product * ratio, LIMIT);
+                    *sum = (weight * lesser(*product, self.cap)).mul_add(*reward, *sum);
+                }
+                weight *= self.discount;
+            }
+            returns.copy_from_slice(&sums[..returns.len()]);
+        }
+    }
+}
+
+/// `f32::min` as one instruction; where `a` is no number it is `b` as well.
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 #[cfg(test)]
@@ -135,6 +222,25 @@ mod tests {
             }
         }
 
+        /// The sum of the definition, in double precision.
+        #[test]
+        fn a_cap_bounds_every_product(
+            steps in prop::collection::vec((0.2_f32..3.0, -1.0_f32..1.0), 1..100), cap in 0.5_f32..3.0,
+        ) {
+            let (ratios, rewards): (Vec<f32>, Vec<f32>) = steps.into_iter().unzip();
+            let expected = |from: usize| -> f64 {
+                let mut product = 1.0;
+                let terms = ratios.iter().zip(&rewards).skip(from).enumerate().map(|(lag, (ratio, reward))| {
+                    product *= f64::from(*ratio);
+                    0.95_f64.powi(lag as i32) * product.min(f64::from(cap)) * f64::from(*reward)
+                });
+                terms.sum()
+            };
+            for (from, value) in per_decision_of(&ratios, &rewards, 0.95, Some(cap)).into_iter().enumerate() {
+                prop_assert!((f64::from(value) - expected(from)).abs() < 1e-3, "{from}: {value} {}", expected(from));
+            }
+        }
+
         #[test]
         fn a_cap_that_never_binds_changes_nothing(
             steps in prop::collection::vec((0.2_f32..1.8, -1.0_f32..1.0), 1..20),
@@ -144,5 +250,31 @@ mod tests {
             let capped = per_decision_of(&ratios, &rewards, 0.9, Some(1e9));
             prop_assert!(free.iter().zip(&capped).all(|(a, b)| (a - b).abs() < 1e-3 * (1.0 + a.abs())));
         }
+    }
+
+    /// γ = ½, r = 1, 2, 4, v = 2, 4, 6 (δ = 1, 1, −2).
+    fn target_of(estimate: impl Fn(&[f32], &[f32], &mut [f32])) -> [f32; 3] {
+        let mut targets = [f32::NAN; 3];
+        estimate(&[1.0, 2.0, 4.0], &[2.0, 4.0, 6.0], &mut targets);
+        targets
+    }
+
+    /// TD: 1 + 2, 2 + 3, 4. λ = ½: A = 1.125, 0.5, −2 plus v.
+    #[test]
+    fn bootstrapped_targets_by_hand() {
+        assert_eq!(target_of(|r, v, y| temporal_difference(r, v, 0.5, y)), [3.0, 5.0, 4.0]);
+        assert_eq!(target_of(|r, v, y| lambda(r, v, 0.5, 0.5, y)), [3.125, 4.5, 4.0]);
+    }
+
+    /// ρ = 4, ½, 3, ρ̄ = 2, c̄ = 1, λ = 1: Δ₂ = 2·(−2) = −4; Δ₁ = ½·1 + ½·½·(−4) = −½; Δ₀ = 2·1 + ½·1·(−½) = 1.75.
+    #[test]
+    fn v_trace_by_hand() {
+        let truncation = Truncation { ratio: 2.0, trace: 1.0, lambda: 1.0 };
+        assert_eq!(target_of(|r, v, y| v_trace(r, v, &[4.0, 0.5, 3.0], 0.5, truncation, y)), [3.75, 3.5, 2.0]);
+        let on_policy = Truncation { lambda: 0.5, ..truncation };
+        assert_eq!(
+            target_of(|r, v, y| v_trace(r, v, &[1.0; 3], 0.5, on_policy, y)),
+            target_of(|r, v, y| lambda(r, v, 0.5, 0.5, y))
+        );
     }
 }

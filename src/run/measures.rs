@@ -1,5 +1,7 @@
 //! What is measured while a run goes on: returns, coverage of the state space, and whether the task counts as solved.
 
+use std::collections::VecDeque;
+
 use serde::{Deserialize, Serialize};
 
 use crate::agent::UpdateReport;
@@ -14,6 +16,8 @@ pub struct Measures {
     coverage: Vec<Coverage>,
     /// Entry n is the mean over agents of their n-th return.
     team_returns: Vec<f64>,
+    /// Of each agent, returns that wait for the other agents' of the same number.
+    waiting: Vec<VecDeque<f64>>,
 }
 
 /// When a task counts as solved: the mean over agents and over a full trailing window of episodes reaches a return.
@@ -38,15 +42,19 @@ impl Measures {
     /// Nothing measured yet, for a team of `agents`.
     #[must_use]
     pub fn new(spec: &Spec, agents: usize) -> Self {
-        Self { env_steps: 0, coverage: vec![Coverage::new(spec); agents], team_returns: Vec::new() }
+        Self {
+            env_steps: 0,
+            coverage: vec![Coverage::new(spec); agents],
+            team_returns: Vec::new(),
+            waiting: vec![VecDeque::new(); agents],
+        }
     }
 
-    /// Takes in a finished round.   `episodes` in (agent, episode) order, `reports: [K]`.
-    pub fn take_in(&mut self, spec: &Spec, round: u32, episodes: &[Episode], reports: &[UpdateReport]) -> RoundRows {
+    /// Takes in a finished round.   `episodes` in (agent, episode) order; `reports` tell who learned, in the order in which they did.
+    pub fn take_in(&mut self, spec: &Spec, round: u32, episodes: &[&Episode], reports: &[(u32, UpdateReport)]) -> RoundRows {
         let episode_rows = episodes.iter().map(|episode| self.take_in_episode(spec, episode)).collect();
         self.extend_team_returns(episodes);
-        let rows = self.coverage.iter().zip(reports).zip(0..);
-        let updates = rows.map(|((coverage, report), agent)| RoundRow {
+        let updates = reports.iter().map(|&(agent, report)| RoundRow {
             agent,
             round,
             value_loss: report.value_loss,
@@ -54,7 +62,7 @@ impl Measures {
             ratio_deviation: report.ratio_deviation,
             clipped_fraction: report.clipped_fraction,
             entropy: report.entropy,
-            coverage: coverage.fraction(),
+            coverage: self.coverage[agent as usize].fraction(),
         });
         RoundRows { episodes: episode_rows, updates: updates.collect() }
     }
@@ -121,11 +129,12 @@ impl Measures {
         }
     }
 
-    fn extend_team_returns(&mut self, episodes: &[Episode]) {
-        let agents = self.coverage.len();
-        let each = episodes.len() / agents;
-        for index in 0..each {
-            let returns: Vec<f64> = (0..agents).map(|agent| episodes[agent * each + index].total_reward()).collect();
+    fn extend_team_returns(&mut self, episodes: &[&Episode]) {
+        for episode in episodes {
+            self.waiting[episode.agent as usize].push_back(episode.total_reward());
+        }
+        while self.waiting.iter().all(|returns| !returns.is_empty()) {
+            let returns: Vec<f64> = self.waiting.iter_mut().filter_map(VecDeque::pop_front).collect();
             self.team_returns.push(mean(&returns));
         }
     }
@@ -248,7 +257,7 @@ mod tests {
         let mut measures = Measures::new(&spec(2), 2);
         for (round, [a, b]) in [[1.0, 3.0], [2.0, 4.0], [6.0, 6.0]].into_iter().enumerate() {
             let episodes = [episode(0, round as u32, &[a]), episode(1, round as u32, &[b])];
-            measures.take_in(&spec(2), round as u32, &episodes, &[UpdateReport::default(); 2]);
+            measures.take_in(&spec(2), round as u32, &episodes.each_ref(), &[]);
         }
         assert_eq!(measures.episodes_until(Threshold { r#return: 4.0, window: 2 }), Some(3));
         assert_eq!(measures.episodes_until(Threshold { r#return: 2.0, window: 1 }), Some(1));
@@ -257,12 +266,25 @@ mod tests {
         assert_eq!(measures.env_steps(), 6);
     }
 
+    /// Agent 0 is an episode ahead: its second return, 8, waits for agent 1's.
+    #[test]
+    fn a_team_return_waits_for_every_agent() {
+        let mut measures = Measures::new(&spec(2), 2);
+        let mut take_in = |episodes: &[Episode]| {
+            measures.take_in(&spec(2), 0, &episodes.iter().collect::<Vec<_>>(), &[]);
+            (measures.episodes_per_agent(), measures.recent_return(1))
+        };
+        assert_eq!(take_in(&[episode(0, 0, &[2.0]), episode(0, 0, &[8.0])]), (0, None));
+        assert_eq!(take_in(&[episode(1, 0, &[4.0])]), (1, Some(3.0)));
+        assert_eq!(take_in(&[episode(1, 0, &[0.0])]), (2, Some(4.0)));
+    }
+
     /// Agent 0 saw (0, 0), agent 1 saw (1, 1): one cell each of 400, two together.
     #[test]
     fn team_coverage_is_the_union() {
         let mut measures = Measures::new(&spec(2), 2);
         let episodes = [episode(0, 0, &[1.0, 1.0]), episode(1, 0, &[1.0])];
-        let rows = measures.take_in(&spec(2), 0, &episodes, &[UpdateReport::default(); 2]);
+        let rows = measures.take_in(&spec(2), 0, &episodes.each_ref(), &[0, 1].map(|agent| (agent, UpdateReport::default())));
         assert_eq!(rows.episodes.iter().map(|row| row.env_steps).collect::<Vec<_>>(), [2, 3]);
         assert!((rows.updates[1].coverage - 1.0 / 400.0).abs() < 1e-12);
         assert!((measures.team_coverage() - 2.0 / 400.0).abs() < 1e-12);

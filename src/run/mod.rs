@@ -1,9 +1,12 @@
 //! Runs: the loop of concurrent episodes, exchange, updates and records (thesis Alg. 3), and what surrounds it.
 //!
-//! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round, [`exchange`] shares its episodes,
+//! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round
+//! (`asynchronous` one in which nobody waits), [`exchange`] shares its episodes,
 //! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas may not enter.
 
+mod asynchronous;
 pub mod checkpoint;
+pub mod evaluate;
 pub mod exchange;
 pub mod files;
 pub mod folder;
@@ -21,7 +24,7 @@ use self::checkpoint::{Checkpoint, CheckpointError};
 use self::folder::RunFolder;
 use self::measures::RoundRows;
 use self::summary::{FINAL_WINDOW, Summary};
-use self::trainer::{Diverged, Trainer};
+use self::trainer::{Diverged, Round, Trainer};
 use crate::env;
 use crate::env::description::Description;
 use crate::input::{self, Document, InputError};
@@ -177,14 +180,13 @@ type Recorders = Vec<Box<dyn Recorder>>;
 
 /// Plays a round, learns from it, and records it.
 fn play_round(trainer: &mut Trainer, recorders: &mut [Box<dyn Recorder>]) -> Result<RoundRows, RunError> {
-    let played = trainer.play()?;
-    let rows = trainer.learn(played.episodes)?;
+    let Round { rows, footage } = trainer.advance()?;
     let round = RoundRecord {
         round: trainer.rounds() - 1,
-        episodes: trainer.newest_episodes(),
+        episodes: &trainer.newest_episodes(),
         episode_rows: &rows.episodes,
         round_rows: &rows.updates,
-        footage: played.footage.as_ref(),
+        footage: footage.as_ref(),
     };
     recorders.iter_mut().try_for_each(|recorder| recorder.record_round(&round))?;
     Ok(rows)

@@ -1,4 +1,8 @@
 //! Concurrent episodes: every agent acts in its own copy, all copies in lockstep (thesis Alg. 3).
+//!
+//! [`play`] plays a synchronous round. What one agent does in its copy is its [`Seat`], which asynchronous rounds use as well.
+
+use serde::{Deserialize, Serialize};
 
 use crate::agent::{ActScratch, Agent};
 use crate::env::{Environment, Pose, Status};
@@ -39,100 +43,121 @@ pub struct Played {
 
 /// Plays one round. Agent k acts in copy k; a copy that has played its episodes waits for the others.
 pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: &RoundPlan) -> Played {
-    let mut seats: Vec<Seat> = (0..agents.len() as u32).map(|agent| Seat::new(environment, agent, plan)).collect();
-    let mut scratch = ActScratch::default();
-    let mut actions = vec![0.0; agents.len() * environment.spec().action_width()];
-    let mut log_prob = vec![0.0; environment.spec().action_width()];
-    while environment.statuses().contains(&Status::Running) {
-        act(environment, agents, &mut seats, &mut scratch, &mut actions, &mut log_prob);
-        environment.step(&actions);
-        for seat in &mut seats {
-            seat.observe(environment, plan);
+    let mut seats: Vec<Seat> = (0..agents.len() as u32).map(|agent| Seat::new(plan.run_seed, agent, plan.round)).collect();
+    let mut finished: Vec<Vec<Episode>> = vec![Vec::with_capacity(plan.episodes as usize); agents.len()];
+    let mut footage = None;
+    let mut room = Room::new(&*environment);
+    let first = plan.round.wrapping_mul(plan.episodes);
+    for seat in &mut seats {
+        seat.start(environment, first, plan.round, plan.camera);
+    }
+    while seats.iter().any(Seat::is_playing) {
+        room.step(environment, agents, &mut seats);
+        for (seat, finished) in seats.iter_mut().zip(&mut finished) {
+            let Some(episode) = seat.observe(environment) else { continue };
+            footage = footage.or(seat.footage.take());
+            finished.push(episode);
+            if finished.len() < plan.episodes as usize {
+                let camera = plan.camera.filter(|_| footage.is_none());
+                seat.start(environment, first.wrapping_add(finished.len() as u32), plan.round, camera);
+            }
         }
     }
-    let footage = seats.iter_mut().find_map(|seat| seat.footage.take());
-    Played { episodes: seats.into_iter().flat_map(|seat| seat.finished).collect(), footage }
+    Played { episodes: finished.into_iter().flatten().collect(), footage }
 }
 
-fn act(
-    environment: &dyn Environment,
-    agents: &[Box<dyn Agent>],
-    seats: &mut [Seat],
-    scratch: &mut ActScratch,
-    actions: &mut [f32],
-    log_prob: &mut [f32],
-) {
-    let (observed, acted) = (environment.spec().observation_width(), environment.spec().action_width());
-    let rows = environment.observations().chunks_exact(observed).zip(actions.chunks_exact_mut(acted));
-    for ((agent, seat), (observation, action)) in agents.iter().zip(seats).zip(rows) {
-        if let Some(episode) = &mut seat.playing {
-            agent.act(observation, &mut seat.actions, scratch, action, log_prob);
-            episode.actions.extend_from_slice(action);
-            episode.log_probs.extend_from_slice(log_prob);
+/// Room for the actions of all agents, reused from step to step.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    scratch: ActScratch,
+    actions: Vec<f32>,
+    log_prob: Vec<f32>,
+}
+
+impl Room {
+    pub(super) fn new(environment: &dyn Environment) -> Self {
+        let width = environment.spec().action_width();
+        let copies = environment.statuses().len();
+        Self { scratch: ActScratch::default(), actions: vec![0.0; copies * width], log_prob: vec![0.0; width] }
+    }
+
+    /// Every agent that plays acts, and time goes on by a step.
+    pub(super) fn step(&mut self, environment: &mut dyn Environment, agents: &[Box<dyn Agent>], seats: &mut [Seat]) {
+        let (observed, acted) = (environment.spec().observation_width(), environment.spec().action_width());
+        let rows = environment.observations().chunks_exact(observed).zip(self.actions.chunks_exact_mut(acted));
+        for ((agent, seat), (observation, action)) in agents.iter().zip(seats).zip(rows) {
+            if let Some(episode) = &mut seat.playing {
+                agent.act(observation, &mut seat.actions, &mut self.scratch, action, &mut self.log_prob);
+                episode.actions.extend_from_slice(action);
+                episode.log_probs.extend_from_slice(&self.log_prob);
+            }
         }
+        environment.step(&self.actions);
     }
 }
 
-/// One agent's place in the round: its streams and its episodes.
-struct Seat {
+/// One agent's place: its streams, and the episode that it plays.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Seat {
     agent: u32,
     resets: Stream,
     actions: Stream,
     playing: Option<Episode>,
     filming: bool,
-    footage: Option<Footage>,
-    finished: Vec<Episode>,
+    /// Of the episode that plays, or played last.
+    pub(super) footage: Option<Footage>,
 }
 
 impl Seat {
-    fn new(environment: &mut dyn Environment, agent: u32, plan: &RoundPlan) -> Self {
-        let mut seat = Self {
+    /// A seat whose starts and actions are those of (run seed, agent, `round`).
+    pub(super) fn new(run_seed: u64, agent: u32, round: u32) -> Self {
+        Self {
             agent,
-            resets: stream(plan.run_seed, Purpose::Reset, agent, plan.round),
-            actions: stream(plan.run_seed, Purpose::Action, agent, plan.round),
+            resets: stream(run_seed, Purpose::Reset, agent, round),
+            actions: stream(run_seed, Purpose::Action, agent, round),
             playing: None,
             filming: false,
             footage: None,
-            finished: Vec::with_capacity(plan.episodes as usize),
-        };
-        seat.start_episode(environment, plan);
-        seat
+        }
     }
 
-    fn start_episode(&mut self, environment: &mut dyn Environment, plan: &RoundPlan) {
-        let copy = self.agent as usize;
-        environment.reset(copy, &mut self.resets);
-        let episode = plan.round * plan.episodes + self.finished.len() as u32;
-        let mut started = Episode::start(self.agent, episode, plan.round, environment.spec());
-        started.observations.extend_from_slice(row(environment.observations(), copy, environment.spec().observation_width()));
+    pub(super) fn is_playing(&self) -> bool {
+        self.playing.is_some()
+    }
+
+    /// Starts the agent's episode number `episode`.
+    pub(super) fn start(&mut self, environment: &mut dyn Environment, episode: u32, round: u32, camera: Option<Camera>) {
+        environment.reset(self.agent as usize, &mut self.resets);
+        let mut started = Episode::start(self.agent, episode, round, environment.spec());
+        started.observations.extend_from_slice(self.observation(environment));
         self.playing = Some(started);
-        let due = |camera: Camera| camera.agent == self.agent && episode.is_multiple_of(camera.every);
-        self.filming = self.footage.is_none() && plan.camera.is_some_and(due);
+        self.filming = camera.is_some_and(|camera| camera.agent == self.agent && episode.is_multiple_of(camera.every));
         if self.filming {
             self.footage = Some(Footage { agent: self.agent, episode, poses: Vec::new() });
             self.film(environment);
         }
     }
 
-    /// Takes in what the step just made brought to this agent.
-    fn observe(&mut self, environment: &mut dyn Environment, plan: &RoundPlan) {
-        let Some(mut episode) = self.playing.take() else { return };
+    /// Takes in what the step just made brought to this agent; returns the episode if that was its end.
+    pub(super) fn observe(&mut self, environment: &dyn Environment) -> Option<Episode> {
+        let mut episode = self.playing.take()?;
         let copy = self.agent as usize;
         episode.rewards.push(environment.rewards()[copy]);
-        episode.observations.extend_from_slice(row(environment.observations(), copy, environment.spec().observation_width()));
+        episode.observations.extend_from_slice(self.observation(environment));
         if self.filming {
             self.film(environment);
         }
-        let status = environment.statuses()[copy];
-        if status == Status::Running {
+        episode.outcome = environment.statuses()[copy];
+        if episode.outcome == Status::Running {
             self.playing = Some(episode);
-            return;
+            return None;
         }
-        episode.outcome = status;
-        self.finished.push(episode);
-        if self.finished.len() < plan.episodes as usize {
-            self.start_episode(environment, plan);
-        }
+        Some(episode)
+    }
+
+    fn observation<'a>(&self, environment: &'a dyn Environment) -> &'a [f32] {
+        let (copy, width) = (self.agent as usize, environment.spec().observation_width());
+        &environment.observations()[copy * width..(copy + 1) * width]
     }
 
     fn film(&mut self, environment: &dyn Environment) {
@@ -141,8 +166,4 @@ impl Seat {
         footage.poses.resize(start + scene.bodies.len(), Pose::default());
         environment.poses(self.agent as usize, &mut footage.poses[start..]);
     }
-}
-
-fn row(rows: &[f32], index: usize, width: usize) -> &[f32] {
-    &rows[index * width..(index + 1) * width]
 }

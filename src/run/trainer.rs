@@ -4,14 +4,16 @@ use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
 
+use super::asynchronous::{Desk, Pace};
 use super::exchange::{Exchange, OneProcess};
 use super::measures::{Measures, RoundRows, Threshold};
-use super::rollout::{self, Camera, Played, RoundPlan};
+use super::rollout::{self, Camera, RoundPlan};
 use crate::agent::{Agent, Membership, UpdateReport};
 use crate::env::description::Description;
 use crate::env::{self, Environment, Spec};
-use crate::experience::{Episode, SharedBuffer};
+use crate::experience::{Episode, Experience, SharedBuffer};
 use crate::input::InputError;
+use crate::record::Footage;
 use crate::scenario::{Scenario, Schedule, Stop};
 
 /// Everything of a run that learns or is learned from.
@@ -21,19 +23,44 @@ pub struct Trainer {
     agents: Vec<Box<dyn Agent>>,
     exchange: Box<dyn Exchange>,
     buffer: SharedBuffer,
+    /// The team's episodes before the newest round.
+    recorded: u64,
+    /// Where asynchronous agents stand.
+    desk: Option<Desk>,
     measures: Measures,
     round: u32,
     pool: ThreadPool,
 }
 
-/// What a trainer goes on from: see [`Trainer::save`].
+/// What came of a round.
+#[derive(Debug)]
+pub struct Round {
+    /// What it adds to the tables.
+    pub rows: RoundRows,
+    /// The filmed episode, if one was.
+    pub footage: Option<Footage>,
+}
+
+/// Who learned and what it was like, in order, and the filmed episode.
+type Advance = (Vec<(u32, UpdateReport)>, Option<Footage>);
+
+/// An agent about to learn from the team's episodes after the first `start`, for the (`round` + 1)-th time.
+struct Learner {
+    agent: u32,
+    start: u64,
+    round: u32,
+}
+
+/// What a trainer goes on from: see [`Trainer::save`]. `B`, `D` and `M` are borrowed where it is written.
 #[derive(Serialize, Deserialize)]
-struct Saved {
+struct Saved<B, D, M> {
     round: u32,
     environment: Vec<u8>,
     agents: Vec<Vec<u8>>,
-    buffer: SharedBuffer,
-    measures: Measures,
+    buffer: B,
+    recorded: u64,
+    desk: D,
+    measures: M,
 }
 
 /// Numbers that ceased to be finite: nothing that follows would mean anything.
@@ -53,7 +80,7 @@ pub enum Diverged {
     #[error("the networks of agent {agent} ceased to be finite in round {round}; its step sizes or seeds are too large")]
     Learning {
         /// Whose.
-        agent: usize,
+        agent: u32,
         /// Counts from 0.
         round: u32,
     },
@@ -76,7 +103,9 @@ impl Trainer {
         let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|index| format!("agents-{index}")).build();
         Ok(Self {
             measures: Measures::new(spec, count as usize),
-            buffer: SharedBuffer::new(scenario.algorithm.rounds_kept()),
+            buffer: SharedBuffer::default(),
+            recorded: 0,
+            desk: None,
             scenario: scenario.clone(),
             environment,
             agents,
@@ -86,39 +115,102 @@ impl Trainer {
         })
     }
 
-    /// Plays one round of concurrent episodes.
+    /// Plays a round of concurrent episodes, shares them, lets every agent learn from them, and measures what came of it.
+    ///
+    /// An asynchronous round is over when as many episodes have ended as there are agents.
     ///
     /// # Errors
-    /// An observation or reward is not finite.
-    pub fn play(&mut self) -> Result<Played, Diverged> {
-        let Schedule::Synchronous { episodes } = self.scenario.schedule;
-        let scene = self.scenario.recording.scene.as_ref();
-        let plan = RoundPlan {
-            run_seed: self.scenario.seed,
-            round: self.round,
-            episodes: episodes.get(),
-            camera: scene.map(|scene| Camera { agent: *scene.agent, every: scene.every.get() }),
+    /// An observation, a reward or a network's parameters are not finite.
+    pub fn advance(&mut self) -> Result<Round, Diverged> {
+        self.buffer.forget(self.desk.as_ref().map_or(u64::MAX, Desk::learned_by_all));
+        self.recorded = self.buffer.total();
+        let (reports, footage) = match self.scenario.schedule {
+            Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
+            Schedule::Asynchronous { training } => self.advance_each(training.env_steps)?,
         };
-        let played = rollout::play(&mut *self.environment, &self.agents, &plan);
-        played.episodes.iter().try_for_each(|episode| self.check_episode(episode))?;
-        Ok(played)
+        let episodes = newest_episodes(&self.buffer, self.recorded);
+        let rows = self.measures.take_in(self.environment.spec(), self.round, &episodes, &reports);
+        self.round += 1;
+        Ok(Round { rows, footage })
     }
 
-    /// Shares a round's episodes, lets every agent learn from them, and measures what came of it.
-    ///
-    /// # Errors
-    /// A network's parameters are not finite.
-    pub fn learn(&mut self, episodes: Vec<Episode>) -> Result<RoundRows, Diverged> {
-        self.buffer.push_round(self.exchange.gather(episodes));
-        let (buffer, round) = (&self.buffer, self.round);
-        let update = |agent: &mut Box<dyn Agent>| agent.update(buffer, round);
-        let reports: Vec<UpdateReport> = self.pool.install(|| self.agents.par_iter_mut().map(update).collect());
-        if let Some(agent) = self.agents.iter().position(|agent| !is_finite(&**agent)) {
-            return Err(Diverged::Learning { agent, round });
+    /// Every agent plays `episodes`, then all learn.
+    fn advance_together(&mut self, episodes: u32) -> Result<Advance, Diverged> {
+        let plan = RoundPlan { run_seed: self.scenario.seed, round: self.round, episodes, camera: self.camera() };
+        let played = rollout::play(&mut *self.environment, &self.agents, &plan);
+        let start = self.buffer.total();
+        self.share(played.episodes)?;
+        let learners = (0..self.agents.len() as u32).map(|agent| Learner { agent, start, round: self.round });
+        let reports = self.learn(&learners.collect::<Vec<_>>())?;
+        Ok((reports, played.footage))
+    }
+
+    /// Agents whose episodes end learn while the others play.
+    fn advance_each(&mut self, learning: u32) -> Result<Advance, Diverged> {
+        let pace =
+            Pace { run_seed: self.scenario.seed, episodes: self.scenario.most_episodes(), learning, camera: self.camera() };
+        let mut desk = self.desk.take().unwrap_or_else(|| Desk::new(self.scenario.seed, self.agents.len()));
+        let (mut reports, mut footage) = (Vec::new(), None);
+        let enough = self.recorded + self.agents.len() as u64;
+        while self.buffer.total() < enough {
+            let ended = desk.play(&mut *self.environment, &self.agents, &pace);
+            if ended.episodes.is_empty() {
+                break;
+            }
+            let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
+            self.share(ended.episodes)?;
+            footage = footage.or(ended.footage);
+            let learner = |agent| {
+                let (start, round) = desk.learn(agent, self.buffer.total(), &pace);
+                Learner { agent, start, round }
+            };
+            let learners: Vec<Learner> = agents.into_iter().map(learner).collect();
+            reports.extend(self.learn(&learners)?);
         }
-        let rows = self.measures.take_in(self.environment.spec(), round, self.buffer.newest_round(), &reports);
-        self.round += 1;
-        Ok(rows)
+        self.desk = Some(desk);
+        Ok((reports, footage))
+    }
+
+    /// Brings episodes that ended at one moment to all agents.
+    fn share(&mut self, episodes: Vec<Episode>) -> Result<(), Diverged> {
+        episodes.iter().try_for_each(|episode| self.check_episode(episode))?;
+        let mut episodes = self.exchange.gather(episodes);
+        for episode in &mut episodes {
+            episode.round = self.round;
+        }
+        self.buffer.push(episodes);
+        Ok(())
+    }
+
+    /// Some agents learn, at once, each from what is fresh to it.   `learners` in agent order.
+    fn learn(&mut self, learners: &[Learner]) -> Result<Vec<(u32, UpdateReport)>, Diverged> {
+        let (buffer, round) = (&self.buffer, self.round);
+        let mut learning = learners.iter().peekable();
+        let mut pairs = Vec::with_capacity(learners.len());
+        for (agent, number) in self.agents.iter_mut().zip(0..) {
+            if let Some(learner) = learning.next_if(|learner| learner.agent == number) {
+                pairs.push((agent, learner));
+            }
+        }
+        let update = |(agent, learner): (&mut Box<dyn Agent>, &Learner)| {
+            let report = agent.update(&Experience { fresh: buffer.since(learner.start), round: learner.round });
+            (learner.agent, report, agent.is_finite())
+        };
+        let learned: Vec<(u32, UpdateReport, bool)> = self.pool.install(|| pairs.into_par_iter().map(update).collect());
+        match learned.iter().find(|(_, _, finite)| !finite) {
+            Some(&(agent, ..)) => Err(Diverged::Learning { agent, round }),
+            None => Ok(learned.into_iter().map(|(agent, report, _)| (agent, report)).collect()),
+        }
+    }
+
+    /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode) order.
+    pub fn play_without_learning(&mut self, plan: &RoundPlan) -> Vec<Episode> {
+        rollout::play(&mut *self.environment, &self.agents, plan).episodes
+    }
+
+    fn camera(&self) -> Option<Camera> {
+        let scene = self.scenario.recording.scene.as_ref();
+        scene.map(|scene| Camera { agent: *scene.agent, every: scene.every.get() })
     }
 
     fn check_episode(&self, episode: &Episode) -> Result<(), Diverged> {
@@ -172,10 +264,10 @@ impl Trainer {
         &self.agents
     }
 
-    /// The newest round's episodes.
+    /// The newest round's episodes, in (agent, episode) order.
     #[must_use]
-    pub fn newest_episodes(&self) -> &[Episode] {
-        self.buffer.newest_round()
+    pub fn newest_episodes(&self) -> Vec<&Episode> {
+        newest_episodes(&self.buffer, self.recorded)
     }
 
     /// What was measured so far.
@@ -200,8 +292,10 @@ impl Trainer {
             round: self.round,
             environment: self.environment.save(),
             agents: self.agents.iter().map(|agent| agent.save()).collect(),
-            buffer: self.buffer.clone(),
-            measures: self.measures.clone(),
+            buffer: &self.buffer,
+            recorded: self.recorded,
+            desk: &self.desk,
+            measures: &self.measures,
         };
         postcard::to_stdvec(&saved).expect("plain data always serialises")
     }
@@ -211,17 +305,22 @@ impl Trainer {
     /// # Errors
     /// Says what is wrong where the bytes are of another run.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let saved: Saved<SharedBuffer, Option<Desk>, Measures> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         if saved.agents.len() != self.agents.len() {
             return Err(format!("{} agents stored for a team of {}", saved.agents.len(), self.agents.len()));
         }
         self.environment.restore(&saved.environment)?;
         self.agents.iter_mut().zip(&saved.agents).try_for_each(|(agent, bytes)| agent.restore(bytes))?;
-        (self.buffer, self.measures, self.round) = (saved.buffer, saved.measures, saved.round);
+        (self.buffer, self.recorded, self.desk) = (saved.buffer, saved.recorded, saved.desk);
+        (self.measures, self.round) = (saved.measures, saved.round);
         Ok(())
     }
 }
 
-fn is_finite(agent: &dyn Agent) -> bool {
-    agent.tensors().iter().all(|tensor| tensor.values.iter().all(|value| value.is_finite()))
+/// The episodes after the first `recorded`, in (agent, episode) order.
+fn newest_episodes(buffer: &SharedBuffer, recorded: u64) -> Vec<&Episode> {
+    let mut episodes: Vec<&Episode> = buffer.since(recorded).iter().collect();
+    episodes.sort_by_key(|episode| (episode.agent, episode.episode));
+    episodes
 }

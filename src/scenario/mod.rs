@@ -11,7 +11,7 @@ use ron::extensions::Extensions;
 use ron::ser::PrettyConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{Algorithm, Team, seed_pg};
+use crate::agent::{Algorithm, Team};
 use crate::env::Physics;
 use crate::input::numbers::{Count, Finite, known_count};
 use crate::input::{self, Complaint, Document, InputError, Located};
@@ -59,6 +59,20 @@ pub enum Schedule {
         #[serde(default = "one")]
         episodes: Count<10_000>,
     },
+    /// An agent whose episode has ended learns at once from all that has reached it, while the others go on (thesis Fig. 5.2).
+    Asynchronous {
+        /// How long learning takes.
+        #[serde(default)]
+        training: Training,
+    },
+}
+
+/// How long an update takes in the time of the environments, so that a schedule is the same on any machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Training {
+    /// Steps that the others make meanwhile.
+    pub env_steps: u32,
 }
 
 /// When the run ends.
@@ -92,7 +106,7 @@ impl Default for Stop {
 }
 
 fn default_algorithm() -> Located<Algorithm> {
-    Algorithm::SeedPg(seed_pg::SeedPg::default()).into()
+    Algorithm::SeedPg(Box::default()).into()
 }
 
 fn default_checkpoint_every() -> Count {
@@ -155,7 +169,7 @@ impl Scenario {
     /// # Errors
     /// The field to blame, and why.
     pub fn check(&self) -> Result<(), Complaint> {
-        self.algorithm.check().map_err(|reason| self.algorithm.complain(reason))?;
+        self.algorithm.check()?;
         if let Stop::Solved { window, at_most, .. } = &self.stop
             && window.get() > at_most.get()
         {
@@ -193,7 +207,7 @@ impl Scenario {
 
 /// The stems of all files in the `envs` folders that would be searched.
 fn known_environments(starts: &[PathBuf]) -> Vec<String> {
-    let folders = starts.iter().flat_map(|start| start.ancestors()).map(|ancestor| ancestor.join("envs"));
+    let folders = starts.iter().flat_map(|start| input::folders_upwards(start, "envs"));
     let entries = folders.filter_map(|folder| std::fs::read_dir(folder).ok()).flatten().flatten().map(|entry| entry.path());
     let files = entries.filter(|path| path.extension().is_some_and(|extension| extension == "ron"));
     let mut stems: Vec<String> = files.filter_map(|path| path.file_stem()?.to_str().map(str::to_owned)).collect();
@@ -203,7 +217,8 @@ fn known_environments(starts: &[PathBuf]) -> Vec<String> {
 }
 
 /// The path from the working directory, where it lies below.
-fn shortened(path: &Path) -> PathBuf {
+#[must_use]
+pub fn shortened(path: &Path) -> PathBuf {
     let below = std::env::current_dir().ok().and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
     below.unwrap_or_else(|| path.to_owned())
 }

@@ -3,6 +3,7 @@
 use proc_macro2::Span;
 use syn::{BinOp, Block, Expr, ExprBinary, ExprCall, ExprIf, ExprLit, ExprUnary, Lit, Stmt, UnOp};
 
+use super::delimiters::broken_word;
 use super::operation::{FUNCTIONS, Operation};
 use super::{Instruction, Place, Program, Type};
 use crate::input::{listed, nearest};
@@ -75,7 +76,14 @@ impl Compiler<'_> {
     fn typed(&mut self, expression: &Expr, expected: Type) -> Result<Value, Mistake> {
         match self.part(expression)? {
             (value, found) if found == expected => Ok(value),
-            (_, found) => Err(mistake(start(expression), format!("expected {}, found {}", expected.words(), found.words()))),
+            (_, found) => {
+                let mistake = mistake(start(expression), format!("expected {}, found {}", expected.words(), found.words()));
+                Err(if expected == Type::Number {
+                    mistake.with_help("a condition becomes a number by `if … { 1 } else { 0 }`")
+                } else {
+                    mistake
+                })
+            }
         }
     }
 
@@ -108,9 +116,10 @@ impl Compiler<'_> {
     }
 
     fn unary(&mut self, unary: &ExprUnary, whole: &Expr) -> Part {
-        match unary.op {
+        match &unary.op {
             UnOp::Neg(_) => self.apply(Operation::Negate, &[&unary.expr]),
             UnOp::Not(_) => self.apply(Operation::Not, &[&unary.expr]),
+            UnOp::Deref(token) => Err(mistake(token.span, NO_FORMULA).with_help("a power is written `pow(x, y)`")),
             _ => Err(foreign(whole)),
         }
     }
@@ -302,13 +311,33 @@ fn foreign(expression: &Expr) -> Mistake {
     }
 }
 
+/// What the parser says where brackets do not match, or where a character begins no word.
+const NO_WORDS: &str = "cannot parse string into token stream";
+
 fn syntax_mistake(text: &str, error: &syn::Error) -> Mistake {
     let found = mistake(error.span(), error.to_string());
+    if found.message == NO_WORDS {
+        let unknown = || mistake(error.span(), "this is no formula");
+        return broken_word(text).unwrap_or_else(unknown);
+    }
     if found.message.starts_with("unexpected end of input") {
         let (line, last) = text.lines().enumerate().last().unwrap_or_default();
         return Mistake { line, column: last.trim_end().chars().count(), ..found };
     }
-    found
+    let help = habit(text.lines().nth(found.line).unwrap_or_default(), found.column);
+    Mistake { help: help.map(str::to_owned), ..found }
+}
+
+/// How what stands here in other languages is written in formulas.
+fn habit(line: &str, column: usize) -> Option<&'static str> {
+    let at = line.char_indices().nth(column).map_or(line.len(), |(at, _)| at);
+    let (before, rest) = line.split_at(at);
+    match rest.split(|c: char| !c.is_alphanumeric()).next() {
+        Some("and") => Some("both conditions are joined by `&&`"),
+        Some("or") => Some("either condition is enough with `||`"),
+        _ if before.trim_end().ends_with('?') => Some("a choice is written `if … { … } else { … }`"),
+        _ => None,
+    }
 }
 
 fn mistake(span: Span, message: impl Into<String>) -> Mistake {

@@ -111,7 +111,7 @@ pub(super) fn drawings(file: &Environment, columns: Columns) -> Result<Vec<descr
 /// A start lies within the joint's range.
 pub(super) fn check_start(start: &Start, joint: &Joint) -> Result<(), Complaint> {
     let Some([low, high]) = joint.range.as_ref().map(|range| range.get()) else { return Ok(()) };
-    let (least, most) = match start.position {
+    let (least, most) = match start.position.unwrap_or_default() {
         Distribution::Constant(value) => (value.get(), value.get()),
         Distribution::Uniform(interval) => (interval.get()[0], interval.get()[1]),
         Distribution::Normal(mean, _) => (mean.get(), mean.get()),

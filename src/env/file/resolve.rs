@@ -24,7 +24,7 @@ pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Resul
     let description = Description {
         origin: origin.to_owned(),
         spec: spec(name, file),
-        scene: scene(file, &bodies),
+        scene: scene(file, &bodies)?,
         gravity: file.gravity.get(),
         solver: description::Solver {
             iterations: file.solver.iterations.get(),
@@ -164,12 +164,16 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, Complaint> {
 }
 
 /// The world first, if there is anything of it to draw, then every body. None if nothing has a shape.
-fn scene(file: &Environment, bodies: &[description::Body]) -> Option<Scene> {
+fn scene(file: &Environment, bodies: &[description::Body]) -> Result<Option<Scene>, Complaint> {
     let standing = file.scenery.iter().chain(file.colliders.iter().map(|collider| &*collider.geom));
     let world = SceneBody { name: WORLD.to_owned(), fixed: true, shapes: standing.map(shape).collect() };
+    let world = Some(world).filter(|world| !world.shapes.is_empty());
+    let tracked = file.tracked.as_ref().map(|name| find_body(name, file)).transpose()?;
+    let tracked = tracked.map(|body| body + usize::from(world.is_some()));
     let drawn = bodies.iter().map(|body| SceneBody { name: body.name.clone(), fixed: false, shapes: body.shapes.clone() });
-    let bodies: Vec<_> = Some(world).filter(|world| !world.shapes.is_empty()).into_iter().chain(drawn).collect();
-    bodies.iter().any(|body| !body.shapes.is_empty()).then_some(Scene { bodies })
+    let bodies: Vec<_> = world.into_iter().chain(drawn).collect();
+    let shown = bodies.iter().any(|body| !body.shapes.is_empty());
+    Ok(shown.then_some(Scene { bodies, tracked }))
 }
 
 /// Trees rooted in the world or in free bodies: each body hangs on one joint at most, each parent on an earlier one.
@@ -334,12 +338,20 @@ fn starts(file: &Environment) -> Result<Vec<description::Start>, Complaint> {
         if starts.iter().any(|other| other.coordinate == coordinate) {
             return Err(start.joint.complain(format!("joint `{}` has a start already", &*start.joint)));
         }
-        starts.push(resolved_start(coordinate, start));
+        starts.push(resolved_start(coordinate, start, drawn_at(coordinate, file)));
     }
     Ok(starts)
 }
 
-fn resolved_start(coordinate: usize, start: &Start) -> description::Start {
+/// A coordinate where the file draws the bodies.
+fn drawn_at(coordinate: usize, file: &Environment) -> f64 {
+    let Some(free) = coordinate.checked_sub(file.joints.len()) else { return 0.0 };
+    let body = &file.bodies[free_bodies(file)[free / 3]];
+    let [x, y] = body.position.get();
+    [x, y, body.angle.map_or(0.0, Finite::get)][free % 3]
+}
+
+fn resolved_start(coordinate: usize, start: &Start, drawn_at: f64) -> description::Start {
     let resolved = |distribution: &Distribution| match *distribution {
         Distribution::Constant(value) => description::Distribution::Constant(value.get()),
         Distribution::Uniform(interval) => {
@@ -350,7 +362,8 @@ fn resolved_start(coordinate: usize, start: &Start) -> description::Start {
             description::Distribution::Normal { mean: mean.get(), deviation: deviation.get() }
         }
     };
-    description::Start { coordinate, position: resolved(&start.position), velocity: resolved(&start.velocity) }
+    let position = start.position.as_ref().map_or(description::Distribution::Constant(drawn_at), resolved);
+    description::Start { coordinate, position, velocity: resolved(&start.velocity) }
 }
 
 fn twin_of(twin: &Twin, joints: &[Joint]) -> Result<description::Twin, Complaint> {

@@ -137,8 +137,8 @@ fn surface(geom: &Geom) -> Surface {
     }
 }
 
-/// Half the length at which an endless line is drawn, m.
-const DRAWN: f32 = 100.0;
+/// Half the length at which an endless line is drawn, m; a notch marks each metre.
+const DRAWN: i16 = 100;
 
 /// The shape as it is drawn.
 pub(super) fn shape(geom: &Geom) -> Shape {
@@ -156,9 +156,16 @@ pub(super) fn shape(geom: &Geom) -> Shape {
         Geom::Polyline(points) => Shape::Polyline(points.get()),
         Geom::HalfSpace { point, normal } => {
             let ([x, y], [right, up]) = (single(point.get()), single(normal.get()));
-            Shape::Polyline([DRAWN, -DRAWN].map(|along| [x - along * up, y + along * right]).to_vec())
+            let at = |[along, depth]: [f32; 2]| [x + along * up - depth * right, y - along * right - depth * up];
+            Shape::Polyline(notched_line().map(at).collect())
         }
     }
+}
+
+/// Along an endless line and into what lies behind it: notches show on which side that is, and that bodies get on.
+fn notched_line() -> impl Iterator<Item = [f32; 2]> {
+    const NOTCH: f32 = 0.04;
+    (-DRAWN..=DRAWN).map(f32::from).flat_map(|metre| [[metre, 0.0], [metre, NOTCH], [metre, 0.0]])
 }
 
 fn single(a: [f64; 2]) -> [f32; 2] {

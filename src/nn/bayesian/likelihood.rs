@@ -23,6 +23,8 @@ pub struct Pass {
     deltas: Vec<Vec<f32>>,
     /// x² of one layer, and its product with the layer's coefficients.
     squares: [Vec<f32>; 2],
+    /// For the kernels.
+    scratch: Vec<f32>,
 }
 
 /// Several draws of weights and a pass for each.
@@ -70,8 +72,9 @@ impl Likelihood {
         pass.layers.resize_with(last + 1, Vec::new);
         for layer in self.mlp.layers() {
             let (below, here) = pass.layers.split_at_mut(layer.index);
+            let x = below.last().map_or(inputs, Vec::as_slice);
             here[0].resize(batch * layer.outputs, 0.0);
-            kernels::affine(layer.weight(weights), layer.bias(weights), below.last().map_or(inputs, Vec::as_slice), &mut here[0]);
+            kernels::affine(layer.weight(weights), layer.bias(weights), x, &mut here[0], &mut pass.scratch);
             if layer.index < last {
                 here[0].iter_mut().for_each(|y| *y = y.max(0.0));
             }
@@ -142,7 +145,7 @@ impl Likelihood {
             let (below, here) = pass.deltas.split_at_mut(layer.index);
             let (below, outputs) = (&mut below[layer.index - 1], &pass.layers[layer.index - 1]);
             below.resize(outputs.len(), 0.0);
-            kernels::input_gradient(layer.weight(weights), &here[0], below, layer.outputs);
+            kernels::input_gradient(layer.weight(weights), &here[0], below, layer.outputs, &mut pass.scratch);
             below.iter_mut().zip(outputs).for_each(|(delta, y)| *delta = if *y > 0.0 { *delta } else { 0.0 });
         }
         log_likelihood
@@ -150,10 +153,12 @@ impl Likelihood {
 
     /// The gradient with respect to the weights that belongs to the latest [`backward`](Self::backward), summed over its batch.
     /// `gradient: [P]`, overwritten
-    pub(super) fn gradient(&self, inputs: &[f32], pass: &Pass, gradient: &mut [f32]) {
+    pub(super) fn gradient(&self, inputs: &[f32], pass: &mut Pass, gradient: &mut [f32]) {
+        let Pass { layers, deltas, scratch, .. } = pass;
         for layer in self.mlp.layers() {
             let (by_weight, by_bias) = layer.split_mut(gradient);
-            kernels::parameter_gradient(pass.entering(layer, inputs), &pass.deltas[layer.index], by_weight, by_bias);
+            let x = if layer.index == 0 { inputs } else { &layers[layer.index - 1] };
+            kernels::parameter_gradient(x, &deltas[layer.index], by_weight, by_bias, scratch);
         }
     }
 
@@ -190,7 +195,7 @@ impl Pass {
         squares.clear();
         squares.extend(self.entering(layer, inputs).iter().map(|x| x * x));
         products.resize(sums.len() * layer.outputs, 0.0);
-        kernels::affine(layer.weight(coefficients), layer.bias(coefficients), &squares, &mut products);
+        kernels::affine(layer.weight(coefficients), layer.bias(coefficients), &squares, &mut products, &mut self.scratch);
         let rows = products.chunks_exact(layer.outputs).zip(self.deltas[layer.index].chunks_exact(layer.outputs));
         for (sum, (products, deltas)) in sums.iter_mut().zip(rows) {
             *sum += products.iter().zip(deltas).map(|(product, delta)| product * delta * delta).sum::<f32>();

@@ -108,7 +108,7 @@ impl BayesianNetwork {
     /// If a slice has another shape or is empty.
     pub fn descend(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], data_count: usize) -> BayesianLoss {
         let loss = self.compute_gradient(inputs, targets, noise, data_count);
-        self.state.optimiser.descend(&mut self.state.parameters, &self.scratch.gradient);
+        self.state.optimiser.descend(&mut self.state.parameters, &self.scratch.gradient, 1.0);
         let count = self.likelihood.weight_count();
         for rho in &mut self.state.parameters[count..] {
             *rho = rho.clamp(RHO[0], RHO[1]);

@@ -15,6 +15,7 @@ use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoi
 
 use super::axes::Lettering;
 use super::curves::UPDATE_CURVES;
+use super::framing::Bounds;
 use super::rows::{ENV_STEP, EPISODE, ROUND, rgb, single_row};
 use super::sink::Fault;
 use crate::record::visitation::{Axes, HEIGHT, LineQuota};
@@ -38,26 +39,36 @@ const TITLE: f32 = 28.0;
 const MARGIN: f32 = 28.0;
 
 /// What the layout depends on.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(super) struct Layout<'a> {
     pub(super) agents: u32,
     pub(super) axes: &'a Axes,
     pub(super) quota: LineQuota,
     pub(super) time_limit: u32,
-    /// The agent whose bodies are drawn, and where they were at first: left, right, upper and lower end.
-    pub(super) filmed: Option<(u32, Option<[f32; 4]>)>,
+    pub(super) filmed: Option<Filmed>,
+}
+
+/// The scene that is shown.
+#[derive(Clone)]
+pub(super) struct Filmed {
+    /// Whose bodies are drawn.
+    pub(super) agent: u32,
+    /// The entity from which they are seen.
+    pub(super) origin: String,
+    /// Where they were at first.
+    pub(super) bounds: Option<Bounds>,
 }
 
 impl Layout<'_> {
     /// For the views of up to four agents, and for the team's.
     pub(super) fn wide_lettering(&self) -> Lettering {
         let agents = self.agents.min(AGENTS_SIDE_BY_SIDE);
-        Lettering::new(self.axes, self.scale(Layout { agents, ..*self }.places(), 4.0), true)
+        Lettering::new(self.axes, self.scale(places(agents), 4.0), true)
     }
 
     /// For the views of more agents.
     pub(super) fn narrow_lettering(&self) -> Lettering {
-        Lettering::new(self.axes, self.scale(self.places(), 2.0), false)
+        Lettering::new(self.axes, self.scale(places(self.agents), 2.0), false)
     }
 
     fn lettering(&self) -> Lettering {
@@ -70,16 +81,16 @@ impl Layout<'_> {
         let down = (ROOM[1] / rows as f32 - TITLE - lines_of_words * Lettering::LINE) / HEIGHT as f32;
         across.min(down).max(0.5)
     }
+}
 
-    /// Columns and rows of pictures to the left. A picture is about twice as wide as high.
-    fn places(&self) -> [u32; 2] {
-        match self.agents {
-            0 | 1 => [1, 2],
-            2..=AGENTS_SIDE_BY_SIDE => [2, self.agents],
-            agents => {
-                let columns = (f64::from(agents) / 2.0).sqrt().ceil() as u32;
-                [columns, agents.div_ceil(columns)]
-            }
+/// Columns and rows of pictures to the left. A picture is about twice as wide as high.
+fn places(agents: u32) -> [u32; 2] {
+    match agents {
+        0 | 1 => [1, 2],
+        2..=AGENTS_SIDE_BY_SIDE => [2, agents],
+        agents => {
+            let columns = (f64::from(agents) / 2.0).sqrt().ceil() as u32;
+            [columns, agents.div_ceil(columns)]
         }
     }
 }
@@ -130,7 +141,7 @@ impl Sheet {
 
     /// Lines beside the density of each agent, or both as tabs.
     fn visited(&mut self, layout: &Layout<'_>) -> ContainerLike {
-        let (agents, [columns, _]) = (0..layout.agents, layout.places());
+        let (agents, [columns, _]) = (0..layout.agents, places(layout.agents));
         if layout.agents <= AGENTS_SIDE_BY_SIDE {
             let views: Vec<_> = agents.flat_map(|agent| [self.lines(layout, agent), self.density(layout, agent)]).collect();
             return Grid::new(views).with_grid_columns(columns).into();
@@ -174,8 +185,8 @@ impl Sheet {
         let updates: Vec<_> = UPDATE_CURVES.iter().map(|(name, _)| self.update(name)).collect();
         let team = self.team(layout);
         let mut rest = vec![team, TextDocumentView::new("Scenario").with_origin("/scenario").into()];
-        if let Some((agent, place)) = layout.filmed {
-            rest.insert(0, self.scene(agent, place));
+        if let Some(filmed) = &layout.filmed {
+            rest.insert(0, self.scene(filmed));
         }
         Vertical::new([returns, Tabs::new(updates).into(), Tabs::new(rest).into()]).with_row_shares([3.0, 2.0, 3.0]).into()
     }
@@ -201,10 +212,11 @@ impl Sheet {
         self.property(view, "TimeAxis", TimeAxis::new().with_view_range(always));
     }
 
-    fn scene(&mut self, agent: u32, place: Option<[f32; 4]>) -> ContainerLike {
-        let name = format!("Agent {agent} in motion");
-        let view: ContainerLike = Spatial2DView::new(name).with_origin(format!("/scene/agent_{agent}")).into();
-        if let Some([left, right, top, bottom]) = place.map(|place| place.map(f64::from)) {
+    fn scene(&mut self, filmed: &Filmed) -> ContainerLike {
+        let name = format!("Agent {} in motion", filmed.agent);
+        let view = Spatial2DView::new(name).with_origin(filmed.origin.as_str());
+        let view: ContainerLike = view.with_contents([format!("/scene/agent_{}/**", filmed.agent)]).into();
+        if let Some([left, right, top, bottom]) = filmed.bounds.map(|bounds| bounds.map(f64::from)) {
             let bounds = Range2D { x_range: [left, right].into(), y_range: [top, bottom].into() };
             self.property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
         }

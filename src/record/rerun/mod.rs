@@ -8,6 +8,7 @@ mod about;
 mod axes;
 mod blueprint;
 mod curves;
+mod framing;
 mod opening;
 mod raw;
 mod resume;
@@ -31,7 +32,7 @@ use self::scene::Film;
 use self::sink::{Fault, Sink, Storage};
 use self::visitation::{Gallery, Visits};
 use super::visitation::{Axes, LineQuota};
-use super::{RecordError, Recorder, RecordingSettings, RoundRecord};
+use super::{Attempt, RecordError, Recorder, RecordingSettings, RoundRecord};
 use crate::env::{Scene, Spec};
 
 const APPLICATION: &str = "seedbed";
@@ -113,7 +114,7 @@ impl RerunRecorder {
             let sink = resume::reopened(&paths.part, &paths.done, progress.messages, store)?;
             Self::with(paths.clone(), sink, about, settings, progress)
         });
-        resumed.map_err(|fault| paths.error(fault))
+        resumed.map_err(|reason| RecordError { path: paths.part, attempt: Attempt::GoOn, reason })
     }
 
     fn begin(
@@ -207,6 +208,6 @@ impl Paths {
     }
 
     fn error(&self, reason: Fault) -> RecordError {
-        RecordError { path: self.part.clone(), reason }
+        RecordError { path: self.part.clone(), attempt: Attempt::Write, reason }
     }
 }

@@ -39,7 +39,11 @@ impl RerunRecorder {
             axes: &self.axes,
             quota: self.quota,
             time_limit: self.time_limit,
-            filmed: self.film.as_ref().map(|film| (film.agent(), footage.and_then(|footage| film.view(footage)))),
+            filmed: self.film.as_ref().map(|film| blueprint::Filmed {
+                agent: film.agent(),
+                origin: film.origin(),
+                bounds: footage.and_then(|footage| film.view(footage)),
+            }),
         }
     }
 }

@@ -30,7 +30,7 @@ impl RerunRecorder {
     }
 
     /// Takes in one agent's episodes of a round.
-    fn take_in_episodes(&mut self, round: &RoundRecord<'_>, episodes: &[Episode], rows: &mut Iter<'_, EpisodeRow>) {
+    fn take_in_episodes(&mut self, round: &RoundRecord<'_>, episodes: &[&Episode], rows: &mut Iter<'_, EpisodeRow>) {
         let mut random = stream(self.run_seed, Purpose::Recording, episodes[0].agent, round.round);
         for (index, episode) in episodes.iter().enumerate() {
             let lines = self.quota.of_episode(index, episodes.len());

@@ -1,16 +1,18 @@
 //! `/scene/agent_K/…`: the bodies of the filmed agent.
 //!
-//! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each filmed step. On the timelines that count episodes and
+//! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each filmed step, `/scene/agent_K/camera` the place of the
+//! body that the task tracks, if it does. On the timelines that count episodes and
 //! rounds, `/scene/agent_K/trace` shows a whole episode in one picture, from dark (its start) to bright (its end).
 
 use rerun::components::Radius;
 use rerun::log::Chunk;
 use rerun::{Color, EntityPath, LineStrip2D, LineStrips2D, Transform3D};
 
+use super::framing::{Bounds, framed};
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, timeless};
-use super::shapes::{bounds, drawn, extent, outline, placed, shift, turn, united, widened};
+use super::shapes::{drawn, outline, placed, shift, turn};
 use super::sink::Fault;
-use crate::env::{Pose, Scene, SceneBody, Shape};
+use crate::env::{Pose, Scene, SceneBody};
 use crate::record::Footage;
 use crate::record::palette::agent_color;
 
@@ -20,14 +22,18 @@ const INSTANTS: usize = 24;
 /// Steps of a body written as one piece.
 const STEPS_PER_CHUNK: usize = 2048;
 
+/// The entity below the scene from which it is seen, if a body is tracked.
+const CAMERA: &str = "camera";
+
 const GROUND_COLOR: [u8; 3] = [120, 120, 130];
 const LIGHT_COLOR: [u8; 3] = [225, 225, 232];
 
 /// The scene of the filmed agent.
 pub(super) struct Film {
     agent: u32,
-    bodies: Vec<SceneBody>,
+    scene: Scene,
     reels: Vec<Reel>,
+    camera: Option<Camera>,
     trace: Trace,
 }
 
@@ -36,6 +42,12 @@ struct Reel {
     entity: EntityPath,
     moments: Moments,
     poses: Vec<Pose>,
+}
+
+/// What goes along with a body, but does not turn.
+struct Camera {
+    body: usize,
+    reel: Reel,
 }
 
 /// Traces that are still to be written.
@@ -51,7 +63,8 @@ impl Film {
     pub(super) fn new(agent: u32, scene: &Scene) -> Self {
         let entity = EntityPath::from(format!("scene/agent_{agent}"));
         let reels = scene.bodies.iter().map(|body| Reel::new(&entity, body)).collect();
-        Self { agent, bodies: scene.bodies.clone(), reels, trace: Trace::new(&entity) }
+        let camera = scene.tracked.map(|body| Camera { body, reel: Reel::of(entity.join(&CAMERA.into())) });
+        Self { agent, scene: scene.clone(), reels, camera, trace: Trace::new(&entity) }
     }
 
     /// The agent whose bodies are drawn.
@@ -59,10 +72,16 @@ impl Film {
         self.agent
     }
 
+    /// From where the scene is seen.
+    pub(super) fn origin(&self) -> String {
+        let moving = self.camera.as_ref().map_or(String::new(), |_| format!("/{CAMERA}"));
+        format!("/scene/agent_{}{moving}", self.agent)
+    }
+
     /// The shapes, which never change.
     pub(super) fn shapes(&self) -> Result<Vec<Chunk>, Fault> {
         let mut chunks = vec![self.trace.style()?];
-        for (index, (body, reel)) in self.bodies.iter().zip(&self.reels).enumerate() {
+        for (index, (body, reel)) in self.scene.bodies.iter().zip(&self.reels).enumerate() {
             let (lines, points) = drawn(body, self.color(index), index as f32);
             chunks.push(timeless(reel.entity.clone(), &lines)?);
             chunks.push(timeless(reel.entity.clone(), &points)?);
@@ -75,9 +94,13 @@ impl Film {
         if footage.agent != self.agent || footage.poses.is_empty() {
             return;
         }
-        let bodies = self.bodies.len();
+        let bodies = self.scene.bodies.len();
         for (index, reel) in self.reels.iter_mut().enumerate() {
-            reel.add(footage.poses.iter().skip(index).step_by(bodies), first);
+            reel.add(footage.poses.iter().skip(index).step_by(bodies).copied(), first);
+        }
+        if let Some(Camera { body, reel }) = &mut self.camera {
+            let tracked = footage.poses.iter().skip(*body).step_by(bodies);
+            reel.add(tracked.map(|pose| Pose { angle: 0.0, ..*pose }), first);
         }
         self.trace_episode(footage, first);
     }
@@ -88,34 +111,22 @@ impl Film {
         if !all && steps.is_none_or(|steps| steps < STEPS_PER_CHUNK) {
             return Ok(Vec::new());
         }
-        let reels = self.reels.iter_mut().filter_map(Reel::take);
+        let camera = self.camera.iter_mut().map(|camera| &mut camera.reel);
+        let reels = self.reels.iter_mut().chain(camera).filter_map(Reel::take);
         reels.chain(self.trace.take()).collect()
     }
 
-    /// The part of the picture in which an episode took place: left, right, upper and lower end.
-    pub(super) fn view(&self, footage: &Footage) -> Option<[f32; 4]> {
-        let moving = self.placed_shapes(footage).filter_map(|(shape, pose)| Some((outline(shape)?, pose)));
-        let acted = bounds(moving)?;
-        // A rail belongs to the picture; ground that goes on for ever does not.
-        let lines = self.placed_shapes(footage).filter_map(|(shape, pose)| match shape {
-            Shape::Polyline(points) => bounds([(points.clone(), pose)].into_iter()),
-            _ => None,
-        });
-        let all = lines.filter(|line| extent(*line) <= 5.0 * extent(acted)).fold(acted, united);
-        Some(widened(all, 0.1 * extent(acted)))
-    }
-
-    fn placed_shapes<'a>(&'a self, footage: &'a Footage) -> impl Iterator<Item = (&'a Shape, Pose)> {
-        let bodies = self.bodies.iter().cycle().zip(&footage.poses);
-        bodies.flat_map(|(body, pose)| body.shapes.iter().map(move |shape| (shape, *pose)))
+    /// The part of the picture in which an episode took place.
+    pub(super) fn view(&self, footage: &Footage) -> Option<Bounds> {
+        framed(&self.scene, &footage.poses)
     }
 
     fn trace_episode(&mut self, footage: &Footage, first: Moment) {
-        let frames: Vec<&[Pose]> = footage.poses.chunks_exact(self.bodies.len()).collect();
+        let frames: Vec<&[Pose]> = footage.poses.chunks_exact(self.scene.bodies.len()).collect();
         let (shown, before) = (frames.len().min(INSTANTS), self.trace.lines.len());
         for instant in 0..shown {
             let frame = frames[(frames.len() - 1) * instant / (shown - 1).max(1)];
-            for (index, (body, pose)) in self.bodies.iter().zip(frame).enumerate() {
+            for (index, (body, pose)) in self.scene.bodies.iter().zip(frame).enumerate() {
                 let color = faded(self.color(index), instant, shown);
                 body.shapes.iter().filter_map(outline).for_each(|line| self.trace.draw(&line, *pose, color));
             }
@@ -127,8 +138,8 @@ impl Film {
     /// What only lies about is grey; of the others, neighbours differ.
     fn color(&self, index: usize) -> [u8; 3] {
         let is_ground = |body: &SceneBody| body.fixed;
-        let before = self.bodies[..index].iter().filter(|body| !is_ground(body)).count();
-        match (is_ground(&self.bodies[index]), before % 2) {
+        let before = self.scene.bodies[..index].iter().filter(|body| !is_ground(body)).count();
+        match (is_ground(&self.scene.bodies[index]), before % 2) {
             (true, _) => GROUND_COLOR,
             (false, 0) => agent_color(self.agent),
             (false, _) => LIGHT_COLOR,
@@ -139,11 +150,15 @@ impl Film {
 impl Reel {
     fn new(scene: &EntityPath, body: &SceneBody) -> Self {
         let name = EntityPath::from_single_string(body.name.as_str());
-        Self { entity: scene.join(&"bodies".into()).join(&name), moments: Moments::default(), poses: Vec::new() }
+        Self::of(scene.join(&"bodies".into()).join(&name))
+    }
+
+    fn of(entity: EntityPath) -> Self {
+        Self { entity, moments: Moments::default(), poses: Vec::new() }
     }
 
     /// A body that stays where it is needs one row.
-    fn add<'a>(&mut self, poses: impl Iterator<Item = &'a Pose>, first: Moment) {
+    fn add(&mut self, poses: impl Iterator<Item = Pose>, first: Moment) {
         let before = self.poses.len();
         self.poses.extend(poses);
         if self.poses[before..].windows(2).all(|pair| pair[0] == pair[1]) {

@@ -15,8 +15,9 @@ pub(super) fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips
     (lines, Points2D::new(flipped(centers)).with_radii(radii).with_colors([rgb(color)]).with_draw_order(order))
 }
 
-/// Overlapping lines that fill a box. Lines have round ends, so that few would round its corners.
-const LINES_PER_BOX: u8 = 16;
+/// Frames that fill a box, one within the other and overlapping: how far within its border they are and half how thick, both as
+/// shares of half its thickness. Lines have round ends: the outermost are thin, for the sake of the corners.
+const FRAMES: [(f32, f32); 4] = [(0.08, 0.08), (0.26, 0.16), (0.65, 0.35), (0.99, 0.35)];
 
 fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
     match shape {
@@ -28,15 +29,20 @@ fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
     }
 }
 
-fn filled_box(center: [f32; 2], [half_width, half_height]: [f32; 2], angle: f32) -> Vec<(Vec<[f32; 2]>, Radius)> {
-    let radius = 1.5 * half_height / f32::from(LINES_PER_BOX);
-    let end = (half_width - radius).max(0.0);
-    let line = |index: u8| {
-        let up = (half_height - radius) * (2.0 * f32::from(index) / f32::from(LINES_PER_BOX - 1) - 1.0);
-        let ends = [[-end, up], [end, up]].map(|point| turned_point(point, angle, center));
-        (ends.to_vec(), Radius::new_scene_units(radius))
+fn filled_box(center: [f32; 2], half_size: [f32; 2], angle: f32) -> Vec<(Vec<[f32; 2]>, Radius)> {
+    let half_thickness = half_size[0].min(half_size[1]);
+    let frame = |(within, radius): (f32, f32)| {
+        let corners = corners(half_size.map(|half| half - within * half_thickness));
+        let corners = corners.map(|corner| turned_point(corner, angle, center));
+        let sides = [0, 1, 2, 3].map(|side| vec![corners[side], corners[side + 1]]);
+        sides.map(|side| (side, Radius::new_scene_units(radius * half_thickness)))
     };
-    (0..LINES_PER_BOX).map(line).collect()
+    FRAMES.into_iter().flat_map(frame).collect()
+}
+
+/// Around a box, back to the first.
+fn corners([w, h]: [f32; 2]) -> [[f32; 2]; 5] {
+    [[-w, -h], [w, -h], [w, h], [-w, h], [-w, -h]]
 }
 
 fn disc(shape: &Shape) -> Option<([f32; 2], Radius)> {
@@ -50,9 +56,8 @@ pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
             let point = |part: u8| turned_point([*radius, 0.0], f32::from(part) * std::f32::consts::TAU / 16.0, *center);
             Some((0..=16).map(point).collect())
         }
-        Shape::Box { center, half_size: [w, h], angle } => {
-            let corners = [[-w, -h], [*w, -h], [*w, *h], [-w, *h], [-w, -h]];
-            Some(corners.map(|corner| turned_point(corner, *angle, *center)).to_vec())
+        Shape::Box { center, half_size, angle } => {
+            Some(corners(*half_size).map(|corner| turned_point(corner, *angle, *center)).to_vec())
         }
         Shape::Capsule { from, to, .. } => Some(vec![*from, *to]),
         Shape::Polygon(points) => Some(points.iter().chain(points.first()).copied().collect()),
@@ -73,25 +78,6 @@ pub(super) fn placed(point: [f32; 2], pose: Pose) -> [f32; 2] {
 
 fn flipped(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     points.into_iter().map(|[x, y]| [x, -y]).collect()
-}
-
-/// Left, right, upper and lower end of placed outlines.
-pub(super) fn bounds(outlines: impl Iterator<Item = (Vec<[f32; 2]>, Pose)>) -> Option<[f32; 4]> {
-    let points = outlines.flat_map(|(outline, pose)| outline.into_iter().map(move |point| placed(point, pose)));
-    points.map(|[x, y]| [x, x, y, y]).reduce(united)
-}
-
-pub(super) fn united(one: [f32; 4], other: [f32; 4]) -> [f32; 4] {
-    [one[0].min(other[0]), one[1].max(other[1]), one[2].min(other[2]), one[3].max(other[3])]
-}
-
-pub(super) fn widened([left, right, top, bottom]: [f32; 4], margin: f32) -> [f32; 4] {
-    [left - margin, right + margin, top - margin, bottom + margin]
-}
-
-/// The longer side.
-pub(super) fn extent([left, right, top, bottom]: [f32; 4]) -> f32 {
-    (right - left).max(bottom - top)
 }
 
 /// Where a pose is in the picture.

@@ -1,0 +1,156 @@
+//! What learning costs, on one core: the update of one of 16 agents on a round of 16 episodes of 200 steps of the cart-pole, acting
+//! one step, a layer's products at a batch of 200, and the capped return of 200 steps.
+
+use std::hint::black_box;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use rand::RngExt;
+use seedbed::agent::{ActScratch, Agent, Algorithm, Membership, Team};
+use seedbed::env::description::Description;
+use seedbed::env::{Physics, Spec, Status, build, load};
+use seedbed::experience::{Episode, Experience};
+use seedbed::input::numbers::known_count;
+use seedbed::nn::{Activations, Adam, AdamSettings, Initial, Mlp};
+use seedbed::random::{Purpose, stream};
+use seedbed::rl::returns;
+
+criterion_group!(benches, update, act, layers, network, capped_returns);
+criterion_main!(benches);
+
+/// K.
+const AGENTS: u32 = 16;
+
+/// T.
+const STEPS: usize = 200;
+
+/// Transition-updates per second. Every update starts from the same parameters.
+fn update(criterion: &mut Criterion) {
+    let task = cart_pole();
+    let fresh: Vec<Episode> = (0..AGENTS).map(|number| play(&task, number)).collect();
+    let mut learner = agent(&task.spec, 0);
+    let saved = learner.save();
+    let mut group = criterion.benchmark_group("update");
+    group.throughput(Throughput::Elements(u64::from(AGENTS) * STEPS as u64));
+    group.bench_function("one agent of 16, a round of 16 × 200 steps", |bencher| {
+        bencher.iter_custom(|iterations| {
+            let timed = |_| {
+                learner.restore(&saved).expect("these are the agent's own bytes");
+                let start = Instant::now();
+                black_box(learner.update(&Experience { fresh: &fresh, round: 0 }));
+                start.elapsed()
+            };
+            (0..iterations).map(timed).sum::<Duration>()
+        });
+    });
+    group.finish();
+}
+
+fn act(criterion: &mut Criterion) {
+    let spec = cart_pole().spec;
+    let actor = agent(&spec, 0);
+    let (mut random, mut scratch) = (stream(0, Purpose::Action, 0, 0), ActScratch::default());
+    let (mut action, mut log_prob) = ([0.0], [0.0]);
+    criterion.bench_function("act/one step", |bencher| {
+        bencher.iter(|| {
+            actor.act(black_box(&[0.01, -0.2, 0.03, 0.4]), &mut random, &mut scratch, &mut action, &mut log_prob);
+            action[0]
+        });
+    });
+}
+
+/// One linear layer: its product, and the products of its parameters' gradient.
+fn layers(criterion: &mut Criterion) {
+    for (inputs, outputs) in [(4, 32), (32, 32), (32, 2), (64, 64)] {
+        network_of(criterion, &format!("layer {inputs}-{outputs}"), &[inputs, outputs]);
+    }
+}
+
+/// Whole networks, with tanh, the gradient of all parameters and one step of Adam.
+fn network(criterion: &mut Criterion) {
+    network_of(criterion, "network 4-32-32-2", &[4, 32, 32, 2]);
+    network_of(criterion, "network 4-64-64-1", &[4, 64, 64, 1]);
+    let network = Mlp::new(&[4, 32, 32, 2]);
+    let (mut parameters, gradient) = (parameters_of(&network), numbers(network.parameter_count()));
+    let mut optimiser = Adam::new(AdamSettings::default(), parameters.len());
+    criterion.bench_function("network 4-32-32-2/adam", |bencher| {
+        bencher.iter(|| optimiser.descend(&mut parameters, black_box(&gradient), 1.0));
+    });
+}
+
+fn network_of(criterion: &mut Criterion, name: &str, sizes: &[usize]) {
+    let network = Mlp::new(sizes);
+    let parameters = parameters_of(&network);
+    let (inputs, output_gradient) = (numbers(STEPS * network.inputs()), numbers(STEPS * network.outputs()));
+    let (mut activations, mut gradient) = (Activations::default(), vec![0.0; parameters.len()]);
+    let mut group = criterion.benchmark_group(name);
+    group.throughput(Throughput::Elements(STEPS as u64));
+    group.bench_function(BenchmarkId::new("forward", STEPS), |bencher| {
+        bencher.iter(|| network.forward(&parameters, black_box(&inputs), &mut activations)[0]);
+    });
+    network.forward(&parameters, &inputs, &mut activations);
+    group.bench_function(BenchmarkId::new("backward", STEPS), |bencher| {
+        bencher.iter(|| {
+            network.backward(&parameters, black_box(&inputs), &mut activations, &output_gradient, &mut gradient);
+            gradient[0]
+        });
+    });
+    group.finish();
+}
+
+fn capped_returns(criterion: &mut Criterion) {
+    let ratios: Vec<f32> = numbers(STEPS).iter().map(|number| (0.2 * number).exp()).collect();
+    let (rewards, mut products, mut returns) = (vec![1.0; STEPS], Vec::new(), vec![0.0; STEPS]);
+    let mut group = criterion.benchmark_group("returns");
+    group.throughput(Throughput::Elements(STEPS as u64));
+    group.bench_function("per decision, capped", |bencher| {
+        bencher.iter(|| {
+            returns::per_decision(black_box(&ratios), &rewards, 0.99, Some(1.0), &mut products, &mut returns);
+            returns[0]
+        });
+    });
+    group.finish();
+}
+
+fn cart_pole() -> Description {
+    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron")).expect("the task file is right")
+}
+
+fn agent(spec: &Spec, number: u32) -> Box<dyn Agent> {
+    let team = Team { count: known_count(AGENTS), ..Team::default() };
+    Algorithm::SeedPg(Box::default()).build(&Membership { run_seed: 0, agent: number, team: &team, spec })
+}
+
+/// The agent's first steps, set one after the other: where the pole falls, it goes on from a new start.
+fn play(task: &Description, number: u32) -> Episode {
+    let mut environment = build(task, Physics::Analytic, 1).expect("the task has a closed-form twin");
+    let (mut resets, mut actions) = (stream(0, Purpose::Reset, number, 0), stream(0, Purpose::Action, number, 0));
+    let (actor, mut scratch) = (agent(&task.spec, number), ActScratch::default());
+    let mut episode = Episode { outcome: Status::Truncated, ..Episode::start(number, 0, 0, &task.spec) };
+    let (mut action, mut log_prob) = ([0.0], [0.0]);
+    environment.reset(0, &mut resets);
+    for _ in 0..STEPS {
+        episode.observations.extend_from_slice(environment.observations());
+        actor.act(environment.observations(), &mut actions, &mut scratch, &mut action, &mut log_prob);
+        environment.step(&action);
+        episode.actions.extend_from_slice(&action);
+        episode.log_probs.extend_from_slice(&log_prob);
+        episode.rewards.push(environment.rewards()[0]);
+        if environment.statuses()[0] != Status::Running {
+            environment.reset(0, &mut resets);
+        }
+    }
+    episode.observations.extend_from_slice(environment.observations());
+    episode
+}
+
+fn parameters_of(network: &Mlp) -> Vec<f32> {
+    network.initial(Initial::Random, &mut stream(0, Purpose::InitialParameters, 0, 0))
+}
+
+/// Uniform within ±1.
+fn numbers(count: usize) -> Vec<f32> {
+    let mut random = stream(0, Purpose::Preview, 0, 0);
+    (0..count).map(|_| random.random_range(-1.0..=1.0)).collect()
+}

@@ -1,0 +1,51 @@
+//! What one update was like, summed sample by sample.
+
+use crate::agent::UpdateReport;
+use crate::rl::policy_loss::Surrogate;
+
+/// Sums over the samples of one update.
+#[derive(Default)]
+pub(super) struct Totals {
+    value_steps: u64,
+    value_loss: f64,
+    policy_steps: u64,
+    policy_loss: f64,
+    deviation: f64,
+    entropy: f64,
+    /// Components of actions, and those of them that were clipped.
+    components: u64,
+    clipped: u64,
+}
+
+impl Totals {
+    /// Adds one sample's error against its normalised target.
+    pub(super) fn value_sample(&mut self, error: f32) {
+        self.value_steps += 1;
+        self.value_loss += 0.5 * f64::from(error).powi(2);
+    }
+
+    /// Adds the surrogate of so many components of one action.
+    pub(super) fn surrogate(&mut self, surrogate: &Surrogate, components: usize) {
+        self.policy_loss += f64::from(surrogate.loss);
+        self.components += components as u64;
+        self.clipped += if surrogate.clipped { components as u64 } else { 0 };
+    }
+
+    /// Adds the ratios and the mean entropy of a minibatch.
+    pub(super) fn minibatch(&mut self, ratios: &[f32], mean_entropy: f32) {
+        self.policy_steps += ratios.len() as u64;
+        self.deviation += ratios.iter().map(|ratio| f64::from((ratio - 1.0).abs())).sum::<f64>();
+        self.entropy += f64::from(mean_entropy) * ratios.len() as f64;
+    }
+
+    pub(super) fn report(&self) -> UpdateReport {
+        let over = |sum: f64, count: u64| (sum / count.max(1) as f64) as f32;
+        UpdateReport {
+            value_loss: over(self.value_loss, self.value_steps),
+            policy_loss: over(self.policy_loss, self.policy_steps),
+            ratio_deviation: 1.0 + over(self.deviation, self.policy_steps),
+            clipped_fraction: over(self.clipped as f64, self.components),
+            entropy: over(self.entropy, self.policy_steps),
+        }
+    }
+}
