@@ -37,10 +37,9 @@ impl DiagonalGaussian {
     /// If `factors` has another length.
     pub fn copy_scaled(&mut self, original: &Self, factors: &[f32]) {
         assert_eq!(factors.len(), original.mean.len());
-        self.clone_from(original);
-        for (deviation, factor) in self.deviation.iter_mut().zip(factors) {
-            *deviation *= factor.abs();
-        }
+        self.mean.clone_from(&original.mean);
+        self.deviation.clear();
+        self.deviation.extend(original.deviation.iter().zip(factors).map(|(deviation, factor)| deviation * factor.abs()));
     }
 
     /// A perturbed copy (thesis §2.3): μ ← μ₀ + σ₀ z, σ ← σ₀.   `shifts: [P]`, the z

@@ -23,7 +23,7 @@ pub struct Pass {
     deltas: Vec<Vec<f32>>,
     /// x² of one layer, and its product with the layer's coefficients.
     squares: [Vec<f32>; 2],
-    /// For the kernels.
+    /// Room of the matrix products.
     scratch: Vec<f32>,
 }
 
@@ -72,8 +72,8 @@ impl Likelihood {
         pass.layers.resize_with(last + 1, Vec::new);
         for layer in self.mlp.layers() {
             let (below, here) = pass.layers.split_at_mut(layer.index);
-            let x = below.last().map_or(inputs, Vec::as_slice);
             here[0].resize(batch * layer.outputs, 0.0);
+            let x = below.last().map_or(inputs, Vec::as_slice);
             kernels::affine(layer.weight(weights), layer.bias(weights), x, &mut here[0], &mut pass.scratch);
             if layer.index < last {
                 here[0].iter_mut().for_each(|y| *y = y.max(0.0));
@@ -157,8 +157,7 @@ impl Likelihood {
         let Pass { layers, deltas, scratch, .. } = pass;
         for layer in self.mlp.layers() {
             let (by_weight, by_bias) = layer.split_mut(gradient);
-            let x = if layer.index == 0 { inputs } else { &layers[layer.index - 1] };
-            kernels::parameter_gradient(x, &deltas[layer.index], by_weight, by_bias, scratch);
+            kernels::parameter_gradient(entering(layer, layers, inputs), &deltas[layer.index], by_weight, by_bias, scratch);
         }
     }
 
@@ -184,23 +183,17 @@ impl Likelihood {
 }
 
 impl Pass {
-    /// What enters a layer: `[B × in]`.
-    fn entering<'a>(&'a self, layer: &Layer, inputs: &'a [f32]) -> &'a [f32] {
-        if layer.index == 0 { inputs } else { &self.layers[layer.index - 1] }
-    }
-
     /// Adds (x²)ᵀ C δ² of one layer.   `sums: [B]`
     fn add_weighted_squares(&mut self, layer: &Layer, coefficients: &[f32], inputs: &[f32], sums: &mut [f32]) {
-        let [mut squares, mut products] = std::mem::take(&mut self.squares);
+        let Self { layers, deltas, squares: [squares, products], scratch } = self;
         squares.clear();
-        squares.extend(self.entering(layer, inputs).iter().map(|x| x * x));
+        squares.extend(entering(layer, layers, inputs).iter().map(|x| x * x));
         products.resize(sums.len() * layer.outputs, 0.0);
-        kernels::affine(layer.weight(coefficients), layer.bias(coefficients), &squares, &mut products, &mut self.scratch);
-        let rows = products.chunks_exact(layer.outputs).zip(self.deltas[layer.index].chunks_exact(layer.outputs));
+        kernels::affine(layer.weight(coefficients), layer.bias(coefficients), squares, products, scratch);
+        let rows = products.chunks_exact(layer.outputs).zip(deltas[layer.index].chunks_exact(layer.outputs));
         for (sum, (products, deltas)) in sums.iter_mut().zip(rows) {
             *sum += products.iter().zip(deltas).map(|(product, delta)| product * delta * delta).sum::<f32>();
         }
-        self.squares = [squares, products];
     }
 }
 
@@ -247,6 +240,11 @@ fn write_outer(x: &[f32], delta: &[f32], outer: &mut [f32]) {
     for (x, row) in x.iter().chain(&[1.0]).zip(outer.chunks_exact_mut(delta.len())) {
         row.iter_mut().zip(delta).for_each(|(slot, delta)| *slot = x * delta);
     }
+}
+
+/// What enters a layer, given what every layer puts out: `[B × in]`.
+fn entering<'a>(layer: &Layer, layers: &'a [Vec<f32>], inputs: &'a [f32]) -> &'a [f32] {
+    if layer.index == 0 { inputs } else { &layers[layer.index - 1] }
 }
 
 fn row(matrix: &[f32], width: usize, index: usize) -> &[f32] {

@@ -344,12 +344,11 @@ mod tests {
 
     #[test]
     fn a_stored_state_goes_on_to_the_same_bits() {
-        let mut network = network(5, &[2, 6, 1], &BayesianSettings::default());
+        let [mut network, mut resumed] = [5, 6].map(|seed| network(seed, &[2, 6, 1], &BayesianSettings::default()));
         let (inputs, targets) = (normals(1, 8), normals(2, 4));
         network.descend(&inputs, &targets, &normals(3, 25), 4);
         network.make_posterior_the_prior();
         let stored = postcard::to_stdvec(network.state()).unwrap();
-        let mut resumed = super::tests::network(6, &[2, 6, 1], &BayesianSettings::default());
         resumed.restore(postcard::from_bytes(&stored).unwrap());
         let losses = [&mut network, &mut resumed].map(|network| network.descend(&inputs, &targets, &normals(4, 50), 4));
         assert_eq!(losses[0], losses[1]);
