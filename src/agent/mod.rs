@@ -6,6 +6,8 @@
 pub mod catalogue;
 mod network;
 pub mod policy;
+#[cfg(test)]
+mod policy_reference;
 pub mod random;
 pub mod scaling;
 pub mod seed_pg;
