@@ -464,6 +464,7 @@ fn made_up_update(agent: u32, round: u32, skill: f64) -> RoundRow {
         value_loss: left * left + wave.abs(),
         policy_loss: -0.02 * left + 0.1 * wave,
         ratio_deviation: 1.1 + wave,
+        largest_ratio: 2.0 + wave,
         clipped_fraction: 0.2 + wave,
         entropy: 0.69 * left + wave.abs(),
         coverage: 0.4 * skill.sqrt() + 0.01 * f64::from(agent),

@@ -49,7 +49,7 @@ impl Algorithm {
 }
 
 /// Pairs each field of a default configuration with its meaning.
-fn parameters(default: &impl Serialize, meanings: &[(&str, &'static str)]) -> Vec<Parameter> {
+pub(crate) fn parameters(default: &impl Serialize, meanings: &[(&str, &'static str)]) -> Vec<Parameter> {
     let config = PrettyConfig::new().depth_limit(1).extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
     let text = ron::ser::to_string_pretty(default, config).unwrap_or_default();
     let fields = text.lines().filter_map(|line| line.strip_prefix("    ")?.split_once(": "));

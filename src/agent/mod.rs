@@ -109,6 +109,8 @@ pub struct UpdateReport {
     pub policy_loss: f32,
     /// Mean |ρ − 1| + 1.
     pub ratio_deviation: f32,
+    /// The largest ρ.
+    pub largest_ratio: f32,
     /// Share of samples whose policy gradient clipping took away.
     pub clipped_fraction: f32,
     /// Mean entropy, nats.

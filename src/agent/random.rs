@@ -33,7 +33,7 @@ impl Agent for RandomAgent {
 
     fn update(&mut self, _: &Experience<'_>) -> UpdateReport {
         let entropy = self.actions.iter().map(entropy).sum();
-        UpdateReport { ratio_deviation: 1.0, entropy, ..UpdateReport::default() }
+        UpdateReport { ratio_deviation: 1.0, largest_ratio: 1.0, entropy, ..UpdateReport::default() }
     }
 
     fn is_finite(&self) -> bool {

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use super::check::actions;
 use super::{Listed, counted};
 use crate::agent::Algorithm;
+use crate::agent::catalogue::Parameter;
 use crate::env;
 use crate::input;
 use crate::run::Plan;
-use crate::scenario;
+use crate::scenario::{self, Scenario};
 
 pub(super) fn list(what: Option<Listed>) {
     let wanted = |kind| what.is_none() || what == Some(kind);
@@ -74,10 +75,40 @@ fn algorithms() {
     for catalogued in Algorithm::catalogue() {
         say!("  {}\n      {}", catalogued.name, catalogued.purpose);
         for parameter in &catalogued.parameters {
-            say!("      {:<18} {}", parameter.name, parameter.meaning);
-            say!("      {:<18}   default {}", "", parameter.default);
+            print_parameter(parameter);
         }
     }
+    say!("\nTeam and time (beside `algorithm:` in a scenario)");
+    for parameter in &Scenario::catalogue() {
+        print_parameter(parameter);
+    }
+}
+
+fn print_parameter(parameter: &Parameter) {
+    let mut lines = wrapped(parameter.meaning, WIDTH).into_iter();
+    say!("      {:<18} {}", parameter.name, lines.next().unwrap_or_default());
+    for line in lines {
+        say!("      {:<18}   {line}", "");
+    }
+    say!("      {:<18}   default {}", "", parameter.default);
+}
+
+/// Columns that a meaning may take.
+const WIDTH: usize = 100;
+
+/// A sentence in lines of at most `width` characters, broken between words.
+fn wrapped(sentence: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = vec![String::new()];
+    for word in sentence.split(' ') {
+        let line = lines.last_mut().expect("there is a line");
+        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > width {
+            lines.push(word.to_owned());
+        } else {
+            line.push_str(if line.is_empty() { "" } else { " " });
+            line.push_str(word);
+        }
+    }
+    lines
 }
 
 /// All `.ron` files below a folder, sorted.

@@ -133,6 +133,8 @@ pub struct RoundRow {
     pub policy_loss: f32,
     /// Mean |ρ − 1| + 1 (thesis Fig. 5.4).
     pub ratio_deviation: f32,
+    /// The largest ρ of all samples.
+    pub largest_ratio: f32,
     /// Share of samples with zero policy gradient because of clipping.
     pub clipped_fraction: f32,
     /// Mean entropy of the policy, nats.

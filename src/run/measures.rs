@@ -60,6 +60,7 @@ impl Measures {
             value_loss: report.value_loss,
             policy_loss: report.policy_loss,
             ratio_deviation: report.ratio_deviation,
+            largest_ratio: report.largest_ratio,
             clipped_fraction: report.clipped_fraction,
             entropy: report.entropy,
             coverage: self.coverage[agent as usize].fraction(),

@@ -3,6 +3,7 @@
 //! [`load`] reads a file and applies overrides; [`Scenario::resolved`] writes a scenario with every default spelled out.
 //! Building and running may not enter.
 
+mod catalogue;
 mod overrides;
 
 use std::path::{Path, PathBuf};
@@ -164,6 +165,21 @@ pub fn task_file(name: &str, starts: &[PathBuf]) -> Result<PathBuf, Vec<String>>
 }
 
 impl Scenario {
+    /// A scenario of nothing but defaults, in a task without a name.
+    fn shortest() -> Self {
+        Self {
+            environment: String::new().into(),
+            physics: Physics::default(),
+            agents: Team::default(),
+            algorithm: default_algorithm(),
+            schedule: Schedule::default(),
+            stop: Stop::default(),
+            recording: RecordingSettings::default(),
+            checkpoint_every: default_checkpoint_every(),
+            seed: 0,
+        }
+    }
+
     /// What no single field can tell.
     ///
     /// # Errors

@@ -11,6 +11,7 @@ pub(super) struct Totals {
     policy_steps: u64,
     policy_loss: f64,
     deviation: f64,
+    largest_ratio: f32,
     entropy: f64,
     /// Components of actions, and those of them that were clipped.
     components: u64,
@@ -35,6 +36,7 @@ impl Totals {
     pub(super) fn minibatch(&mut self, ratios: &[f32], mean_entropy: f32) {
         self.policy_steps += ratios.len() as u64;
         self.deviation += ratios.iter().map(|ratio| f64::from((ratio - 1.0).abs())).sum::<f64>();
+        self.largest_ratio = ratios.iter().fold(self.largest_ratio, |most, ratio| most.max(*ratio));
         self.entropy += f64::from(mean_entropy) * ratios.len() as f64;
     }
 
@@ -44,6 +46,7 @@ impl Totals {
             value_loss: over(self.value_loss, self.value_steps),
             policy_loss: over(self.policy_loss, self.policy_steps),
             ratio_deviation: 1.0 + over(self.deviation, self.policy_steps),
+            largest_ratio: self.largest_ratio,
             clipped_fraction: over(self.clipped as f64, self.components),
             entropy: over(self.entropy, self.policy_steps),
         }

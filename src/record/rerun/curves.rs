@@ -29,10 +29,11 @@ const PALE_COLOR: [u8; 3] = [120, 120, 130];
 type OfRow = fn(&RoundRow) -> f64;
 
 /// What is drawn of each update: its entity and where it is found.
-pub(super) const UPDATE_CURVES: [(&str, OfRow); 6] = [
+pub(super) const UPDATE_CURVES: [(&str, OfRow); 7] = [
     ("coverage", |row| row.coverage),
     ("entropy", |row| f64::from(row.entropy)),
     ("ratio_deviation", |row| f64::from(row.ratio_deviation)),
+    ("largest_ratio", |row| f64::from(row.largest_ratio)),
     ("clipped_fraction", |row| f64::from(row.clipped_fraction)),
     ("value_loss", |row| f64::from(row.value_loss)),
     ("policy_loss", |row| f64::from(row.policy_loss)),
