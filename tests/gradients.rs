@@ -16,10 +16,7 @@ use serde::Deserialize;
 const TOLERANCE: f64 = 2e-5;
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Reference {
-    #[serde(rename = "made_by")]
-    _made_by: serde_json::Value,
     networks: Vec<NetworkCase>,
     categorical: Vec<CategoricalCase>,
     gaussian: Vec<GaussianCase>,
