@@ -29,7 +29,8 @@ pub struct Trainer {
     desk: Option<Desk>,
     measures: Measures,
     round: u32,
-    pool: ThreadPool,
+    /// None on a single thread: a pool of one would only hand work to and fro, and let a waiting caller take up other work.
+    pool: Option<ThreadPool>,
 }
 
 /// What came of a round.
@@ -100,7 +101,7 @@ impl Trainer {
         let spec = environment.spec();
         let member = |agent| Membership { run_seed: scenario.seed, agent, team: &scenario.agents, spec };
         let agents = (0..count).map(|agent| scenario.algorithm.build(&member(agent))).collect();
-        let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|index| format!("agents-{index}")).build();
+        let several = || ThreadPoolBuilder::new().num_threads(threads).thread_name(|index| format!("agents-{index}")).build();
         Ok(Self {
             measures: Measures::new(spec, count as usize),
             buffer: SharedBuffer::default(),
@@ -111,7 +112,7 @@ impl Trainer {
             agents,
             exchange: Box::new(OneProcess),
             round: 0,
-            pool: pool.expect("the system starts threads"),
+            pool: (threads != 1 && count > 1).then(|| several().expect("the system starts threads")),
         })
     }
 
@@ -196,7 +197,10 @@ impl Trainer {
             let report = agent.update(&Experience { fresh: buffer.since(learner.start), round: learner.round });
             (learner.agent, report, agent.is_finite())
         };
-        let learned: Vec<(u32, UpdateReport, bool)> = self.pool.install(|| pairs.into_par_iter().map(update).collect());
+        let learned: Vec<(u32, UpdateReport, bool)> = match &self.pool {
+            Some(pool) => pool.install(|| pairs.into_par_iter().map(update).collect()),
+            None => pairs.into_iter().map(update).collect(),
+        };
         match learned.iter().find(|(_, _, finite)| !finite) {
             Some(&(agent, ..)) => Err(Diverged::Learning { agent, round }),
             None => Ok(learned.into_iter().map(|(agent, report, _)| (agent, report)).collect()),
