@@ -38,7 +38,7 @@ fn update(criterion: &mut Criterion) {
             let timed = |_| {
                 learner.restore(&saved).expect("these are the agent's own bytes");
                 let start = Instant::now();
-                black_box(learner.update(&Experience { fresh: &fresh, round: 0 }));
+                black_box(learner.update(&Experience { fresh: &fresh, kept: &fresh, round: 0 }));
                 start.elapsed()
             };
             (0..iterations).map(timed).sum::<Duration>()

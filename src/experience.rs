@@ -89,6 +89,8 @@ pub struct SharedBuffer {
 pub struct Experience<'a> {
     /// The team's episodes that this agent has not learned from before, its own among them.
     pub fresh: &'a [Episode],
+    /// The newest episodes of the team that are kept, the fresh ones last.
+    pub kept: &'a [Episode],
     /// How often this agent has learned before.
     pub round: u32,
 }
@@ -115,6 +117,18 @@ impl SharedBuffer {
         &self.episodes[total.saturating_sub(self.forgotten) as usize..]
     }
 
+    /// How many of the team's episodes lie before the newest ones that hold at least `transitions` together.
+    #[must_use]
+    pub fn before(&self, transitions: u64) -> u64 {
+        let mut held = 0;
+        let needed = self.episodes.iter().rev().take_while(|episode| {
+            let needed = held < transitions;
+            held += episode.length() as u64;
+            needed
+        });
+        self.total() - needed.count() as u64
+    }
+
     /// Forgets the first `total` episodes.
     pub fn forget(&mut self, total: u64) {
         let count = total.saturating_sub(self.forgotten).min(self.episodes.len() as u64);
@@ -138,6 +152,15 @@ mod tests {
             reward_threshold: None,
         };
         Episode::start(agent, 0, 0, &spec)
+    }
+
+    /// Episodes of 0, 3, 2 steps: 2 transitions need the last one, 3 the last two, 0 none.
+    #[test]
+    fn the_newest_transitions_are_kept() {
+        let mut buffer = SharedBuffer::default();
+        let of_length = |length| Episode { rewards: vec![0.0; length], ..episode(0) };
+        buffer.push(vec![of_length(0), of_length(3), of_length(2)]);
+        assert_eq!([0, 2, 3, 100].map(|transitions| buffer.before(transitions)), [3, 2, 1, 0]);
     }
 
     #[test]

@@ -27,6 +27,14 @@ pub enum Purpose {
     Recording = 6,
     /// Random behaviour in previews and benchmarks.
     Preview = 7,
+    /// The initial parameters of a model of the dynamics.
+    ModelParameters = 8,
+    /// What an agent's seeds make of such a model, drawn once.
+    ModelSeeds = 9,
+    /// Minibatches and draws of weights for a model's training in one round.
+    ModelTraining = 10,
+    /// Draws of weights for an agent's bonuses in one round.
+    BonusNoise = 11,
 }
 
 /// The stream of one (run seed, purpose, agent, round).

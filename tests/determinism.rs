@@ -64,6 +64,15 @@ fn asynchronous_agents_do_not_wait_for_threads_either() {
     assert_eq!(results(&one), results(&three));
 }
 
+#[test]
+fn curiosity_does_not_depend_on_threads() {
+    let (_guard, one, three) = folders();
+    let curious = [&SHORT[..], &["--set", "algorithm.bonus=Vime(seeds: Shift)"]].concat();
+    finish(seedbed(&one, &[&curious[..], &["--threads", "1"]].concat()));
+    finish(seedbed(&three, &[&curious[..], &["--threads", "3"]].concat()));
+    assert_eq!(results(&one), results(&three));
+}
+
 /// A single agent has nobody to wait for, so both schedules are the same.
 #[test]
 fn alone_an_asynchronous_agent_is_a_synchronous_one() {
@@ -85,6 +94,12 @@ fn a_killed_run_resumes_to_the_same_bits() {
 #[test]
 fn a_killed_asynchronous_run_resumes_to_the_same_bits() {
     is_resumed_to_the_same_bits(&["--set", ASYNCHRONOUS, "--set", "algorithm.observations=Running"]);
+}
+
+/// There the checkpoint holds a model of the dynamics and the transitions that it is trained on.
+#[test]
+fn a_killed_curious_run_resumes_to_the_same_bits() {
+    is_resumed_to_the_same_bits(&["--set", "algorithm.bonus=Vime(seeds: Scale, buffer: Kept(transitions: 5000))"]);
 }
 
 /// Kills a run between checkpoints, as often as it takes to have some rounds behind the newest one.

@@ -62,6 +62,29 @@ fn a_random_team_solves_nothing() {
     assert_eq!(episodes_until_solved("pendulum.ron", &["algorithm=Random"], 200), None);
 }
 
+/// Of four agents, those that reached the goal of the sparse mountain car within 40 episodes.
+fn agents_at_the_goal(overrides: &[&str]) -> usize {
+    let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/mountain_car_vime.ron");
+    let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
+    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 2).unwrap();
+    let mut reached = [false; 4];
+    for _ in 0..40 {
+        for row in trainer.advance().unwrap().rows.episodes {
+            reached[row.agent as usize] |= row.r#return > 0.0;
+        }
+    }
+    reached.into_iter().filter(|reached| *reached).count()
+}
+
+#[test]
+fn curious_agents_find_a_goal_that_others_do_not() {
+    assert_eq!(agents_at_the_goal(&[]), 4);
+    assert!(agents_at_the_goal(&["algorithm.bonus.Vime.seeds=Scale"]) >= 3);
+    assert!(agents_at_the_goal(&["algorithm.bonus=None"]) <= 1);
+    assert_eq!(agents_at_the_goal(&["algorithm=Random"]), 0);
+}
+
 #[test]
 fn agents_that_do_not_wait_for_each_other_learn() {
     let episodes = episodes_until_solved("cartpole.ron", &["schedule=Asynchronous(training: (env_steps: 50))"], 250);

@@ -4,6 +4,7 @@
 //! recordings may not enter.
 
 pub mod catalogue;
+pub mod curiosity;
 mod network;
 pub mod policy;
 #[cfg(test)]
@@ -115,6 +116,10 @@ pub struct UpdateReport {
     pub clipped_fraction: f32,
     /// Mean entropy, nats.
     pub entropy: f32,
+    /// Mean bonus of a step of the agent's own.
+    pub intrinsic_reward: f32,
+    /// Mean squared error of the model of the dynamics on fresh episodes, before it learned from them.
+    pub prediction_error: f32,
 }
 
 /// A named block of parameters.
@@ -146,6 +151,29 @@ impl Algorithm {
             Self::Random => {}
         }
         self
+    }
+
+    /// Transitions of the team that the shared buffer has to keep after all have learned from them.
+    #[must_use]
+    pub fn transitions_kept(&self) -> u64 {
+        match self {
+            Self::SeedPg(config) => config.bonus.transitions_kept(),
+            Self::Random => 0,
+        }
+    }
+
+    /// Says what in a configuration needs agents that learn at the same time.
+    ///
+    /// # Errors
+    /// The parameter to blame, and why.
+    pub fn check_asynchronous(&self) -> Result<(), Complaint> {
+        match self {
+            Self::SeedPg(config) if config.bonus.is_shared() => Err(config.bonus.complain(
+                "a shared model is the same for all agents only where all learn at the same time; expected `schedule: Synchronous(…)`, or \
+                 `model: Independent`",
+            )),
+            Self::SeedPg(_) | Self::Random => Ok(()),
+        }
     }
 
     /// Says what is wrong with a configuration that no single field can tell.

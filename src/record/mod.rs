@@ -139,6 +139,10 @@ pub struct RoundRow {
     pub clipped_fraction: f32,
     /// Mean entropy of the policy, nats.
     pub entropy: f32,
+    /// Mean bonus of a step of the agent's own; 0 without curiosity.
+    pub intrinsic_reward: f32,
+    /// Mean squared error of the model of the dynamics on fresh episodes, before it learned from them; 0 without curiosity.
+    pub prediction_error: f32,
     /// Part of the state space that the agent has visited so far, 0 to 1.
     pub coverage: f64,
 }

@@ -63,6 +63,8 @@ impl Measures {
             largest_ratio: report.largest_ratio,
             clipped_fraction: report.clipped_fraction,
             entropy: report.entropy,
+            intrinsic_reward: report.intrinsic_reward,
+            prediction_error: report.prediction_error,
             coverage: self.coverage[agent as usize].fraction(),
         });
         RoundRows { episodes: episode_rows, updates: updates.collect() }

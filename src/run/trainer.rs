@@ -123,7 +123,8 @@ impl Trainer {
     /// # Errors
     /// An observation, a reward or a network's parameters are not finite.
     pub fn advance(&mut self) -> Result<Round, Diverged> {
-        self.buffer.forget(self.desk.as_ref().map_or(u64::MAX, Desk::learned_by_all));
+        let learned = self.desk.as_ref().map_or(u64::MAX, Desk::learned_by_all);
+        self.buffer.forget(learned.min(self.buffer.before(self.scenario.algorithm.transitions_kept())));
         self.recorded = self.buffer.total();
         let (reports, footage) = match self.scenario.schedule {
             Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
@@ -194,7 +195,8 @@ impl Trainer {
             }
         }
         let update = |(agent, learner): (&mut Box<dyn Agent>, &Learner)| {
-            let report = agent.update(&Experience { fresh: buffer.since(learner.start), round: learner.round });
+            let report =
+                agent.update(&Experience { fresh: buffer.since(learner.start), kept: buffer.since(0), round: learner.round });
             (learner.agent, report, agent.is_finite())
         };
         let learned: Vec<(u32, UpdateReport, bool)> = match &self.pool {

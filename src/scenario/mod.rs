@@ -186,6 +186,9 @@ impl Scenario {
     /// The field to blame, and why.
     pub fn check(&self) -> Result<(), Complaint> {
         self.algorithm.check()?;
+        if matches!(self.schedule, Schedule::Asynchronous { .. }) {
+            self.algorithm.check_asynchronous()?;
+        }
         if let Stop::Solved { window, at_most, .. } = &self.stop
             && window.get() > at_most.get()
         {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::agent::curiosity::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::input::numbers::{Count, Fraction, NonNegative, Positive, PositiveFraction, known, known_count};
@@ -13,7 +14,7 @@ pub(in crate::agent) const PURPOSE: &str =
     "Seed policy gradient (thesis §3.4): K policies learn from shared experience, each with its own fixed seed.";
 
 /// What each parameter means, and what may stand there.
-pub(in crate::agent) const PARAMETERS: [(&str, &str); 24] = [
+pub(in crate::agent) const PARAMETERS: [(&str, &str); 25] = [
     ("value_data", "whose trajectories the value function learns from: Shared | Own"),
     ("policy_data", "whose trajectories the policy learns from: Shared | Own"),
     ("sharing", "how many of the others' trajectories a round brings: All | Sampled(trajectories: M), drawn anew for each agent"),
@@ -53,6 +54,11 @@ pub(in crate::agent) const PARAMETERS: [(&str, &str); 24] = [
     ("value_scale", "factor on the initial parameters of the value function's output layer"),
     ("policy_optimiser", "Adam of the policy"),
     ("value_optimiser", "Adam of the value function"),
+    (
+        "bonus",
+        "what is added to rewards: None | Vime(model: Shared | Independent | Frozen, seeds: Off | Scale | Shift | FixedSample, gain: OneDraw | \
+         Draws(n) | ExplicitStep(n), buffer: Kept(transitions: n) | Cleared, scale: (weight: η, …), …) | Rnd(…)",
+    ),
 ];
 
 /// The configuration of Seed-PG. The defaults are those of §5 of the thesis where it states them.
@@ -107,6 +113,8 @@ pub struct SeedPg {
     pub policy_optimiser: AdamSettings,
     /// The value function's optimiser.
     pub value_optimiser: AdamSettings,
+    /// What is added to rewards.
+    pub bonus: Located<Bonus>,
 }
 
 /// Whose trajectories are learned from.
@@ -444,6 +452,7 @@ impl Default for SeedPg {
             value_scale: known(1.0),
             policy_optimiser: AdamSettings::default(),
             value_optimiser: AdamSettings::default(),
+            bonus: Bonus::None.into(),
         }
     }
 }

@@ -20,6 +20,7 @@ use self::config::{Clipping, Data, Minibatch, PolicyLoss, ReturnNormalisation, S
 use self::estimates::{Scratch, Trajectory};
 use self::samples::Samples;
 use self::totals::Totals;
+use super::curiosity::Curiosity;
 use super::network::{Descent, Learned, Network};
 use super::policy::{self, Policy};
 use super::scaling::Scaling;
@@ -44,6 +45,7 @@ pub struct SeedPgAgent {
     policy: Policy,
     value: Network,
     normaliser: PopArt,
+    curiosity: Option<Curiosity>,
     work: Workspace,
 }
 
@@ -52,6 +54,8 @@ pub struct SeedPgAgent {
 struct Workspace {
     /// Episodes to learn from.
     order: Vec<usize>,
+    /// Bonuses of the steps of each fresh episode; none without curiosity.
+    bonuses: Vec<Vec<f32>>,
     /// What the next gradient step sees.
     samples: Samples,
     /// What minibatches are drawn from, for the policy and for the value function.
@@ -81,6 +85,7 @@ struct Saved<L, S> {
     value: L,
     normaliser: PopArt,
     observations: Option<S>,
+    curiosity: Option<Vec<u8>>,
 }
 
 impl SeedPgAgent {
@@ -107,6 +112,7 @@ impl SeedPgAgent {
                 ReturnNormalisation::PopArt { beta } => PopArt::new(beta.get()),
                 ReturnNormalisation::Raw => PopArt::identity(),
             },
+            curiosity: Curiosity::new(&config.bonus, member),
             config: config.clone(),
             work: Workspace::default(),
         }
@@ -137,9 +143,9 @@ impl SeedPgAgent {
     }
 
     /// One trajectory is one minibatch: each network takes at most one step on it.
-    fn learn_from_trajectory(&mut self, episode: &Episode, descent: &Descent, totals: &mut Totals) {
-        let [value_learns, policy_learns] = self.learners(episode);
-        self.estimate(episode);
+    fn learn_from_trajectory(&mut self, fresh: &[Episode], place: usize, descent: &Descent, totals: &mut Totals) {
+        let [value_learns, policy_learns] = self.learners(&fresh[place]);
+        self.estimate(&fresh[place], place);
         if value_learns {
             let (weight, bias) = self.value.output_layer();
             self.normaliser.update(&self.work.samples.targets, weight, bias);
@@ -176,10 +182,10 @@ impl SeedPgAgent {
     fn fill_pools(&mut self, fresh: &[Episode]) {
         self.work.policy_pool.clear();
         self.work.value_pool.clear();
-        for place in 0..self.work.order.len() {
-            let episode = &fresh[self.work.order[place]];
-            let [value_learns, policy_learns] = self.learners(episode);
-            self.estimate(episode);
+        for index in 0..self.work.order.len() {
+            let place = self.work.order[index];
+            let [value_learns, policy_learns] = self.learners(&fresh[place]);
+            self.estimate(&fresh[place], place);
             let Workspace { samples, policy_pool, value_pool, .. } = &mut self.work;
             if value_learns {
                 value_pool.append(samples);
@@ -190,13 +196,14 @@ impl SeedPgAgent {
         }
     }
 
-    /// A trajectory becomes samples: targets and advantages under the present policy and value function.
-    fn estimate(&mut self, episode: &Episode) {
+    /// A trajectory becomes samples: targets and advantages under the present policy and value function. `place` is where it stands
+    /// among the fresh ones.
+    fn estimate(&mut self, episode: &Episode, place: usize) {
         let samples = &mut self.work.samples;
         self.scaling.apply(episode.states(), &mut samples.states);
         samples.actions.clone_from(&episode.actions);
         samples.behaviour.clone_from(&episode.log_probs);
-        self.perturb_rewards(episode);
+        self.perturb_rewards(episode, place);
         self.weigh();
         self.estimate_values();
 
@@ -211,11 +218,15 @@ impl SeedPgAgent {
         }
     }
 
-    /// rₜ₊₁ + `z_{k,t+1}`; where a time limit is not an end, γ v(`s_T`) joins the last reward and stands for all that would follow.
-    fn perturb_rewards(&mut self, episode: &Episode) {
-        let Workspace { rewards, last_state, .. } = &mut self.work;
+    /// rₜ₊₁ + `z_{k,t+1}`, and the bonus if there is one; where a time limit is not an end, γ v(`s_T`) joins the last reward and stands
+    /// for all that would follow.
+    fn perturb_rewards(&mut self, episode: &Episode, place: usize) {
+        let Workspace { rewards, last_state, bonuses, .. } = &mut self.work;
         rewards.clear();
         rewards.extend(episode.rewards.iter().zip(&self.reward_seeds).map(|(reward, seed)| reward + seed));
+        if let Some(bonuses) = bonuses.get(place) {
+            rewards.iter_mut().zip(bonuses).for_each(|(reward, bonus)| *reward += bonus);
+        }
         if self.config.time_limit == TimeLimit::Bootstraps && episode.outcome == Status::Truncated {
             self.scaling.apply(episode.last_observation(), last_state);
             let normalised = self.value.forward(last_state)[0];
@@ -335,17 +346,21 @@ impl Agent for SeedPgAgent {
     }
 
     fn update(&mut self, experience: &Experience<'_>) -> UpdateReport {
-        let &Experience { fresh, round } = experience;
+        let &Experience { fresh, round, .. } = experience;
         let mut random = stream(self.run_seed, Purpose::Shuffle, self.agent, round);
         let (descent, mut totals) = (self.descent(round), Totals::default());
         self.choose_episodes(fresh, &mut random);
+        if let Some(curiosity) = &mut self.curiosity {
+            curiosity.reward(experience, &self.work.order, &mut self.work.bonuses);
+            totals.curiosity(self.agent, fresh, &self.work.bonuses, curiosity.learn(experience));
+        }
         for _ in 0..self.config.epochs.get() {
             match self.config.minibatch {
                 Minibatch::Trajectory => {
                     let mut order = std::mem::take(&mut self.work.order);
                     order.shuffle(&mut random);
                     for &index in &order {
-                        self.learn_from_trajectory(&fresh[index], &descent, &mut totals);
+                        self.learn_from_trajectory(fresh, index, &descent, &mut totals);
                     }
                     self.work.order = order;
                 }
@@ -359,7 +374,8 @@ impl Agent for SeedPgAgent {
     }
 
     fn is_finite(&self) -> bool {
-        self.policy.network().is_finite() && self.value.is_finite() && self.normaliser.is_finite()
+        let curiosity = self.curiosity.as_ref().is_none_or(Curiosity::is_finite);
+        curiosity && self.policy.network().is_finite() && self.value.is_finite() && self.normaliser.is_finite()
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
@@ -371,7 +387,8 @@ impl Agent for SeedPgAgent {
 
     fn save(&self) -> Vec<u8> {
         let (policy, value) = (self.policy.network().learned(), self.value.learned());
-        let saved = Saved { policy, value, normaliser: self.normaliser, observations: self.scaling.learned() };
+        let (observations, curiosity) = (self.scaling.learned(), self.curiosity.as_ref().map(Curiosity::save));
+        let saved = Saved { policy, value, normaliser: self.normaliser, observations, curiosity };
         postcard::to_stdvec(&saved).expect("plain numbers always serialise")
     }
 
@@ -381,6 +398,10 @@ impl Agent for SeedPgAgent {
         self.value.restore(saved.value)?;
         self.scaling.restore(saved.observations)?;
         self.normaliser = saved.normaliser;
-        Ok(())
+        match (&mut self.curiosity, saved.curiosity) {
+            (Some(curiosity), Some(bytes)) => curiosity.restore(&bytes),
+            (None, None) => Ok(()),
+            _ => Err("rewards had another bonus".to_owned()),
+        }
     }
 }

@@ -43,8 +43,11 @@ fn episode(agent: u32) -> Episode {
 }
 
 fn update(learner: &mut SeedPgAgent, agents: impl IntoIterator<Item = u32>, round: u32) -> UpdateReport {
-    let fresh: Vec<Episode> = agents.into_iter().map(episode).collect();
-    learner.update(&Experience { fresh: &fresh, round })
+    update_on(learner, &agents.into_iter().map(episode).collect::<Vec<_>>(), round)
+}
+
+fn update_on(learner: &mut SeedPgAgent, fresh: &[Episode], round: u32) -> UpdateReport {
+    learner.update(&Experience { fresh, kept: fresh, round })
 }
 
 fn parameters(agent: &SeedPgAgent) -> Vec<f32> {
@@ -59,7 +62,7 @@ fn ones_own_seeds_perturb_anybodys_rewards() {
     let mut shifted = episode(1);
     shifted.rewards.iter_mut().zip(&seeded.reward_seeds).for_each(|(reward, seed)| *reward += seed);
     for (learner, episode) in [(&mut seeded, &episode(1)), (&mut plain, &shifted)] {
-        learner.estimate(episode);
+        learner.estimate(episode, 0);
     }
     assert_eq!(seeded.work.samples.targets, plain.work.samples.targets);
     assert_eq!(seeded.work.samples.advantages, plain.work.samples.advantages);
@@ -69,7 +72,7 @@ fn ones_own_seeds_perturb_anybodys_rewards() {
 #[test]
 fn ratios_are_those_of_the_two_policies() {
     let mut learner = agent(&SeedPg::default(), 0, 0.0);
-    learner.estimate(&episode(1));
+    learner.estimate(&episode(1), 0);
     let expected: Vec<f32> = learner.work.log_probs.iter().map(|log_prob| log_prob.exp() / 0.5).collect();
     assert!(learner.work.ratios.iter().zip(&expected).all(|(ratio, expected)| (ratio - expected).abs() < 1e-5));
 }
@@ -121,10 +124,10 @@ fn rewarded_actions_become_likelier() {
     let mut learner = agent(&config, 0, 0.0);
     let mut rewarded = episode(0);
     rewarded.rewards = rewarded.actions.iter().map(|&action| 1.0 - 2.0 * action).collect();
-    learner.estimate(&rewarded);
+    learner.estimate(&rewarded, 0);
     let before = learner.work.log_probs.clone();
-    learner.update(&Experience { fresh: std::slice::from_ref(&rewarded), round: 0 });
-    learner.estimate(&rewarded);
+    update_on(&mut learner, std::slice::from_ref(&rewarded), 0);
+    learner.estimate(&rewarded, 0);
     for (step, action) in rewarded.actions.iter().enumerate() {
         let gained = learner.work.log_probs[step] - before[step];
         assert!(if *action == 0.0 { gained > 0.0 } else { gained < 0.0 }, "step {step}: {gained}");
@@ -212,7 +215,7 @@ fn gain_of_a_rewarded_action(mut config: SeedPg) -> f32 {
     let before = probability_of_action_0(&learner);
     for round in 0..40 {
         let played = play(&learner, &mut random);
-        learner.update(&Experience { fresh: &[played], round });
+        update_on(&mut learner, &[played], round);
     }
     probability_of_action_0(&learner) - before
 }
@@ -254,7 +257,7 @@ fn a_time_limit_bootstraps_if_asked() {
         };
         let mut learner = agent(&config, 0, 0.0);
         let episode = Episode { outcome, ..episode(0) };
-        learner.estimate(&episode);
+        learner.estimate(&episode, 0);
         let value = learner.value.forward(episode.last_observation())[0];
         (learner.work.samples.targets[5] - episode.rewards[5], 0.99 * value)
     };

@@ -1,6 +1,7 @@
 //! What one update was like, summed sample by sample.
 
 use crate::agent::UpdateReport;
+use crate::experience::Episode;
 use crate::rl::policy_loss::Surrogate;
 
 /// Sums over the samples of one update.
@@ -16,6 +17,8 @@ pub(super) struct Totals {
     /// Components of actions, and those of them that were clipped.
     components: u64,
     clipped: u64,
+    intrinsic_reward: f32,
+    prediction_error: f32,
 }
 
 impl Totals {
@@ -40,6 +43,14 @@ impl Totals {
         self.entropy += f64::from(mean_entropy) * ratios.len() as f64;
     }
 
+    /// Notes what curiosity made of the agent's own episodes among the fresh ones.
+    pub(super) fn curiosity(&mut self, agent: u32, fresh: &[Episode], bonuses: &[Vec<f32>], prediction_error: f32) {
+        let own = fresh.iter().zip(bonuses).filter(|(episode, _)| episode.agent == agent).flat_map(|(_, bonuses)| bonuses);
+        let (sum, count) = own.fold((0.0, 0_u64), |(sum, count), &bonus| (sum + f64::from(bonus), count + 1));
+        self.intrinsic_reward = (sum / count.max(1) as f64) as f32;
+        self.prediction_error = prediction_error;
+    }
+
     pub(super) fn report(&self) -> UpdateReport {
         let over = |sum: f64, count: u64| (sum / count.max(1) as f64) as f32;
         UpdateReport {
@@ -49,6 +60,8 @@ impl Totals {
             largest_ratio: self.largest_ratio,
             clipped_fraction: over(self.clipped as f64, self.components),
             entropy: over(self.entropy, self.policy_steps),
+            intrinsic_reward: self.intrinsic_reward,
+            prediction_error: self.prediction_error,
         }
     }
 }
