@@ -23,6 +23,8 @@ pub struct Episode {
     pub rewards: Vec<f32>,
     /// `[T × action width]`: log π(aₜ|sₜ) under the policy that acted, for each component of the action; the sum is the action's.
     pub log_probs: Vec<f32>,
+    /// `[T]`: the bonus that the agent's curiosity gave to each step, once it has learned from the episode; empty without curiosity.
+    pub intrinsic_rewards: Vec<f32>,
     /// How it ended: [`Status::Terminated`] or [`Status::Truncated`].
     pub outcome: Status,
 }
@@ -40,6 +42,7 @@ impl Episode {
             actions: Vec::with_capacity(steps * spec.action_width()),
             rewards: Vec::with_capacity(steps),
             log_probs: Vec::with_capacity(steps * spec.action_width()),
+            intrinsic_rewards: Vec::new(),
             outcome: Status::Running,
         }
     }
@@ -117,6 +120,17 @@ impl SharedBuffer {
         &self.episodes[total.saturating_sub(self.forgotten) as usize..]
     }
 
+    /// Notes what an agent's curiosity made of its own episodes after the first `total`.   `rewards`: step by step, one episode after
+    /// the other
+    pub fn note_intrinsic_rewards(&mut self, agent: u32, total: u64, mut rewards: &[f32]) {
+        let from = total.saturating_sub(self.forgotten) as usize;
+        for episode in self.episodes[from..].iter_mut().filter(|episode| episode.agent == agent) {
+            let (own, rest) = rewards.split_at(episode.length().min(rewards.len()));
+            episode.intrinsic_rewards = own.to_vec();
+            rewards = rest;
+        }
+    }
+
     /// How many of the team's episodes lie before the newest ones that hold at least `transitions` together.
     #[must_use]
     pub fn before(&self, transitions: u64) -> u64 {
@@ -152,6 +166,18 @@ mod tests {
             reward_threshold: None,
         };
         Episode::start(agent, 0, 0, &spec)
+    }
+
+    /// Agent 0 has episodes of 2 and 1 steps among the fresh ones.
+    #[test]
+    fn intrinsic_rewards_find_their_steps() {
+        let mut buffer = SharedBuffer::default();
+        let of_length = |agent, length| Episode { rewards: vec![0.0; length], ..episode(agent) };
+        buffer.push(vec![of_length(0, 5)]);
+        buffer.push(vec![of_length(0, 2), of_length(0, 1), of_length(1, 4)]);
+        buffer.note_intrinsic_rewards(0, 1, &[7.0, 8.0, 9.0]);
+        let noted: Vec<&[f32]> = buffer.since(0).iter().map(|episode| episode.intrinsic_rewards.as_slice()).collect();
+        assert_eq!(noted, [&[][..], &[7.0, 8.0], &[9.0], &[]]);
     }
 
     /// Episodes of 0, 3, 2 steps: 2 transitions need the last one, 3 the last two, 0 none.

@@ -251,6 +251,8 @@ fn compare_raw(run: &Run, contents: &Contents) {
         assert_eq!(contents.numbers(&entity, "State:reward"), rewards);
         let log_probs = episodes.iter().flat_map(|e| &e.log_probs).copied().collect::<Vec<f32>>();
         assert_eq!(contents.numbers(&entity, "State:log_prob"), log_probs);
+        let bonuses = episodes.iter().flat_map(|e| &e.intrinsic_rewards).copied().collect::<Vec<f32>>();
+        assert_eq!(contents.numbers(&entity, "State:intrinsic_reward"), bonuses);
         let word = |status| if status == Status::Terminated { "terminated" } else { "truncated" };
         let outcomes: Vec<String> = episodes.iter().map(|episode| word(episode.outcome).to_owned()).collect();
         assert_eq!(contents.words(&entity, "State:outcome"), outcomes);
@@ -392,6 +394,7 @@ impl Run {
             spec: &self.spec,
             scene: Some(&self.scene),
             agents: self.agents,
+            largest_bonus: Some(0.01),
             run_seed: 7,
             scenario: "Scenario(\n    environment: \"cartpole\",\n    agents: (count: 4),\n)",
             properties: &[],
@@ -485,6 +488,7 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
         actions: Vec::new(),
         rewards: Vec::new(),
         log_probs: Vec::new(),
+        intrinsic_rewards: Vec::new(),
         outcome: Status::Truncated,
     };
     let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec() };
@@ -494,6 +498,7 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
         let push = if heed { lean > 0.0 } else { noise.symmetric() > 0.0 };
         state = moved(state, if push { 10.0 } else { -10.0 });
         episode.actions.push(f32::from(u8::from(push)));
+        episode.intrinsic_rewards.push(0.001 * (episode.length() % 10) as f32);
         episode.rewards.push(1.0);
         episode.log_probs.push(-(1.0 + noise.symmetric().abs() as f32).ln());
         episode.observations.extend(state.map(|x| x as f32));

@@ -36,6 +36,12 @@ pub trait Agent: Send + Sync {
     /// Learns from what the team has experienced.
     fn update(&mut self, experience: &Experience<'_>) -> UpdateReport;
 
+    /// Bonuses that the latest update gave to the steps of the agent's own fresh episodes, one after the other; none without
+    /// curiosity.
+    fn intrinsic_rewards(&self) -> &[f32] {
+        &[]
+    }
+
     /// Whether every learned number is finite.
     fn is_finite(&self) -> bool;
 
@@ -151,6 +157,15 @@ impl Algorithm {
             Self::Random => {}
         }
         self
+    }
+
+    /// The largest bonus that a step can have; none without curiosity.
+    #[must_use]
+    pub fn largest_intrinsic_reward(&self) -> Option<f32> {
+        match self {
+            Self::SeedPg(config) => config.bonus.largest(),
+            Self::Random => None,
+        }
     }
 
     /// Transitions of the team that the shared buffer has to keep after all have learned from them.

@@ -40,18 +40,21 @@ pub struct Axis {
 enum Source {
     Step,
     Observation(usize),
+    IntrinsicReward,
 }
 
 impl Axes {
-    /// One axis an observation. A task that observes a single number gets the step within the episode as its first axis.
+    /// One axis an observation. A task that observes a single number gets the step within the episode as its first axis; curious agents
+    /// have their bonus, up to `largest_bonus`, as their last one.
     #[must_use]
-    pub fn of(spec: &Spec) -> Self {
+    pub fn of(spec: &Spec, largest_bonus: Option<f32>) -> Self {
         let observed = spec.observations.iter().enumerate();
         let observed = observed.map(|(i, quantity)| Axis { quantity: quantity.clone(), source: Source::Observation(i) });
         let mut axes: Vec<Axis> = observed.collect();
         if axes.len() < 2 {
             axes.insert(0, step_axis(spec.time_limit));
         }
+        axes.extend(largest_bonus.map(bonus_axis));
         let gap = (WIDTH / (axes.len() - 1).max(1)).max(MIN_GAP);
         Self { axes, gap }
     }
@@ -82,12 +85,13 @@ impl Axes {
 
     /// Puts where a state crosses the axes, 0 at their lower and 1 at their upper ends, into `fractions`: `[axes]`.
     /// What lies beyond an end counts as at the end.
-    pub fn project(&self, step: usize, observation: &[f32], fractions: &mut Vec<f32>) {
+    pub fn project(&self, step: usize, observation: &[f32], bonus: f32, fractions: &mut Vec<f32>) {
         fractions.clear();
         fractions.extend(self.axes.iter().map(|axis| {
             let value = match axis.source {
                 Source::Step => step as f32,
                 Source::Observation(i) => observation[i],
+                Source::IntrinsicReward => bonus,
             };
             fraction(value, axis.quantity.range)
         }));
@@ -102,6 +106,15 @@ impl Axes {
 fn step_axis(time_limit: u32) -> Axis {
     let range = [0.0, time_limit.max(1) as f32];
     Axis { quantity: Quantity { name: "step".to_owned(), unit: String::new(), range }, source: Source::Step }
+}
+
+/// A range without extent, where bonuses weigh nothing, gets one.
+fn bonus_axis(largest: f32) -> Axis {
+    let range = [0.0, if largest > 0.0 { largest } else { 1.0 }];
+    Axis {
+        quantity: Quantity { name: "intrinsic reward".to_owned(), unit: String::new(), range },
+        source: Source::IntrinsicReward,
+    }
 }
 
 /// Not a number counts as low.
@@ -262,13 +275,13 @@ mod tests {
 
     fn projected(axes: &Axes, step: usize, observation: &[f32]) -> Vec<f32> {
         let mut fractions = Vec::new();
-        axes.project(step, observation, &mut fractions);
+        axes.project(step, observation, 0.0, &mut fractions);
         fractions
     }
 
     #[test]
     fn a_state_is_a_line_across_the_axes() {
-        let axes = Axes::of(&spec(&[[-2.0, 2.0], [0.0, 10.0], [-1.0, 1.0]]));
+        let axes = Axes::of(&spec(&[[-2.0, 2.0], [0.0, 10.0], [-1.0, 1.0]]), None);
         assert_eq!((axes.pairs(), axes.width()), (2, 193));
         let fractions = projected(&axes, 0, &[1.0, 2.5, -1.0]);
         assert_eq!(fractions, [0.75, 0.25, 0.0]);
@@ -277,25 +290,25 @@ mod tests {
 
     #[test]
     fn values_beyond_the_axes_stop_at_their_ends() {
-        let axes = Axes::of(&spec(&[[-1.0, 1.0]; 3]));
+        let axes = Axes::of(&spec(&[[-1.0, 1.0]; 3]), None);
         assert_eq!(projected(&axes, 0, &[-7.0, f32::INFINITY, f32::NAN]), [0.0, 1.0, 0.0]);
     }
 
     #[test]
     fn a_single_observation_is_drawn_against_the_step() {
-        let axes = Axes::of(&spec(&[[0.0, 4.0]]));
+        let axes = Axes::of(&spec(&[[0.0, 4.0]]), None);
         assert_eq!(axes.all()[0].quantity.name, "step");
         assert_eq!(projected(&axes, 50, &[3.0]), [0.25, 0.75]);
     }
 
     #[test]
     fn many_axes_keep_their_distance() {
-        assert_eq!(Axes::of(&spec(&[[0.0, 1.0]; 12])).width(), 11 * MIN_GAP + 1);
+        assert_eq!(Axes::of(&spec(&[[0.0, 1.0]; 12]), None).width(), 11 * MIN_GAP + 1);
     }
 
     #[test]
     fn a_level_line_brightens_the_row_of_its_bin() {
-        let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]));
+        let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]), None);
         let mut density = Density::new(&axes);
         density.add(&[0.0, 0.0]);
         density.add(&[0.0, 0.0]);
@@ -307,7 +320,7 @@ mod tests {
 
     #[test]
     fn a_rising_line_passes_half_way() {
-        let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]));
+        let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]), None);
         let mut density = Density::new(&axes);
         density.add(&[0.0, 1.0]);
         let width = axes.width();
@@ -319,7 +332,7 @@ mod tests {
 
     #[test]
     fn drawing_in_between_changes_nothing() {
-        let axes = Axes::of(&spec(&[[0.0, 1.0]; 3]));
+        let axes = Axes::of(&spec(&[[0.0, 1.0]; 3]), None);
         let states = [[0.1, 0.5, 0.9], [0.3, 0.3, 0.2], [0.1, 0.5, 0.9]];
         let (mut often, mut once) = (Density::new(&axes), Density::new(&axes));
         for state in &states {
@@ -353,5 +366,15 @@ mod tests {
         assert!(picked.iter().enumerate().all(|(part, &state)| state / 10 == part), "{picked:?}");
         assert_eq!(pick_states(3, 20, &mut random), [0, 1, 2]);
         assert_eq!(pick_states(3, 0, &mut random), [0_usize; 0]);
+    }
+
+    /// A bonus of 0.3 of at most 1.2 crosses the last axis at a quarter of its height.
+    #[test]
+    fn curious_agents_have_an_axis_for_their_bonus() {
+        let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]), Some(1.2));
+        assert_eq!(axes.all()[2].quantity.name, "intrinsic reward");
+        let mut fractions = vec![];
+        axes.project(0, &[0.5, 1.0], 0.3, &mut fractions);
+        assert!((fractions[2] - 0.25).abs() < 1e-6, "{fractions:?}");
     }
 }

@@ -263,6 +263,7 @@ fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingA
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: trainer.agents().len() as u32,
+        largest_bonus: plan.scenario.algorithm.largest_intrinsic_reward(),
         run_seed: plan.scenario.seed,
         scenario: &scenario,
         properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],

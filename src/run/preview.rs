@@ -33,6 +33,7 @@ pub fn record(
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: 1,
+        largest_bonus: None,
         run_seed: seed,
         scenario: &text,
         properties: &[],

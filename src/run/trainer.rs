@@ -203,10 +203,14 @@ impl Trainer {
             Some(pool) => pool.install(|| pairs.into_par_iter().map(update).collect()),
             None => pairs.into_iter().map(update).collect(),
         };
-        match learned.iter().find(|(_, _, finite)| !finite) {
-            Some(&(agent, ..)) => Err(Diverged::Learning { agent, round }),
-            None => Ok(learned.into_iter().map(|(agent, report, _)| (agent, report)).collect()),
+        if let Some(&(agent, ..)) = learned.iter().find(|(_, _, finite)| !finite) {
+            return Err(Diverged::Learning { agent, round });
         }
+        for learner in learners {
+            let rewards = self.agents[learner.agent as usize].intrinsic_rewards();
+            self.buffer.note_intrinsic_rewards(learner.agent, learner.start, rewards);
+        }
+        Ok(learned.into_iter().map(|(agent, report, _)| (agent, report)).collect())
     }
 
     /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode) order.

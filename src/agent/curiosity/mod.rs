@@ -74,6 +74,17 @@ impl Bonus {
         }
     }
 
+    /// The largest bonus that a step can have: η c.
+    #[must_use]
+    pub fn largest(&self) -> Option<f32> {
+        let scale = match self {
+            Self::None => return None,
+            Self::Vime(config) => config.scale,
+            Self::Rnd(config) => config.scale,
+        };
+        Some(scale.weight.get_f32() * scale.cap.get_f32())
+    }
+
     /// Whether agents have to learn at the same time from the same episodes for it.
     #[must_use]
     pub fn is_shared(&self) -> bool {
@@ -95,6 +106,8 @@ pub(super) struct Curiosity {
     medians: MedianScale,
     model: Model,
     own_gains: Vec<f32>,
+    /// Of the latest update: the bonuses of the agent's own steps.
+    own_bonuses: Vec<f32>,
 }
 
 enum Model {
@@ -123,7 +136,7 @@ impl Curiosity {
         };
         let medians = MedianScale::new(scale.medians.get() as usize);
         let (run_seed, agent) = (member.run_seed, member.agent);
-        Some(Self { run_seed, agent, sharing, scale, medians, model, own_gains: Vec::new() })
+        Some(Self { run_seed, agent, sharing, scale, medians, model, own_gains: Vec::new(), own_bonuses: Vec::new() })
     }
 
     /// The bonus of every step of each chosen episode, as the model has it before it learns from them. Then the scale moves by the
@@ -133,18 +146,28 @@ impl Curiosity {
         bonuses.resize_with(experience.fresh.len().max(bonuses.len()), Vec::new);
         bonuses.iter_mut().for_each(Vec::clear);
         self.own_gains.clear();
+        self.own_bonuses.clear();
         for &place in chosen {
             let (episode, bonuses) = (&experience.fresh[place], &mut bonuses[place]);
             self.gains(episode, &mut random, bonuses);
-            if episode.agent == self.agent {
+            let own = episode.agent == self.agent;
+            if own {
                 self.own_gains.extend_from_slice(bonuses);
             }
             let (scale, cap, weight) = (self.medians.scale(), self.scale.cap.get_f32(), self.scale.weight.get_f32());
-            for bonus in bonuses {
+            for bonus in &mut *bonuses {
                 *bonus = information_gain::bonus(*bonus, scale, cap, weight);
+            }
+            if own {
+                self.own_bonuses.extend_from_slice(bonuses);
             }
         }
         self.medians.update(&mut self.own_gains);
+    }
+
+    /// Bonuses of the agent's own steps in the latest update.
+    pub(super) fn own_bonuses(&self) -> &[f32] {
+        &self.own_bonuses
     }
 
     /// The model learns, where it does; returns its mean squared error on the fresh episodes before that, in its own units.

@@ -373,6 +373,10 @@ impl Agent for SeedPgAgent {
         totals.report()
     }
 
+    fn intrinsic_rewards(&self) -> &[f32] {
+        self.curiosity.as_ref().map_or(&[], Curiosity::own_bonuses)
+    }
+
     fn is_finite(&self) -> bool {
         let curiosity = self.curiosity.as_ref().is_none_or(Curiosity::is_finite);
         curiosity && self.policy.network().is_finite() && self.value.is_finite() && self.normaliser.is_finite()

@@ -48,6 +48,8 @@ pub struct RecordingAbout<'a> {
     pub scene: Option<&'a Scene>,
     /// K, the number of agents.
     pub agents: u32,
+    /// The largest bonus that a step can have; none without curiosity.
+    pub largest_bonus: Option<f32>,
     /// The run's seed; which states become lines is derived from it.
     pub run_seed: u64,
     /// The resolved scenario, in RON.
@@ -123,7 +125,7 @@ impl RerunRecorder {
         about: &RecordingAbout<'_>,
         settings: &RecordingSettings,
     ) -> Result<Self, Fault> {
-        let progress = Progress::start(about, &Axes::of(about.spec));
+        let progress = Progress::start(about, &Axes::of(about.spec, about.largest_bonus));
         let sink = Sink::new(StoreId::recording(APPLICATION, progress.recording_id.as_str()), storage)?;
         let mut recorder = Self::with(paths, sink, about, settings, progress)?;
         recorder.introduce(about)?;
@@ -137,14 +139,14 @@ impl RerunRecorder {
         settings: &RecordingSettings,
         mut progress: Progress,
     ) -> Result<Self, Fault> {
-        let columns = RawColumns::of(about.spec)?;
+        let columns = RawColumns::of(about.spec, about.largest_bonus.is_some())?;
         let densities = std::mem::take(&mut progress.densities).into_iter().enumerate();
         let track = |(agent, density)| AgentTrack { raw: RawTable::new(agent, &columns), visits: Visits::new(agent, density) };
         let filmed = settings.scene.as_ref().zip(about.scene);
         Ok(Self {
             paths,
             sink,
-            axes: Axes::of(about.spec),
+            axes: Axes::of(about.spec, about.largest_bonus),
             quota: LineQuota::of(settings.lines.get()),
             density_every: settings.density_every.get(),
             run_seed: about.run_seed,

@@ -30,6 +30,8 @@ pub(super) struct RawColumns {
     actions: Vec<(ComponentDescriptor, Choice)>,
     reward: ComponentDescriptor,
     log_prob: ComponentDescriptor,
+    /// Of curious agents.
+    intrinsic_reward: Option<ComponentDescriptor>,
     outcome: ComponentDescriptor,
 }
 
@@ -40,16 +42,17 @@ struct Rows {
     actions: Vec<Vec<f32>>,
     rewards: Vec<f32>,
     log_probs: Vec<f32>,
+    intrinsic_rewards: Vec<f32>,
     outcomes: Vec<&'static str>,
     is_last: Vec<bool>,
 }
 
 impl RawColumns {
     /// Fails where two columns would have the same name.
-    pub(super) fn of(spec: &Spec) -> Result<Arc<Self>, Fault> {
+    pub(super) fn of(spec: &Spec, curious: bool) -> Result<Arc<Self>, Fault> {
         let observed = spec.observations.iter().map(|quantity| quantity.name.as_str());
         let done = spec.actions.iter().map(|action| action.quantity.name.as_str());
-        let mut names: Vec<&str> = observed.chain(done).chain(["reward", "log_prob", "outcome"]).collect();
+        let mut names: Vec<&str> = observed.chain(done).chain(["reward", "log_prob", "intrinsic_reward", "outcome"]).collect();
         names.sort_unstable();
         if let Some([name, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(format!("two columns would be named `{name}`"));
@@ -57,7 +60,8 @@ impl RawColumns {
         let observations = spec.observations.iter().map(|quantity| column(&quantity.name)).collect();
         let actions = spec.actions.iter().map(|action| (column(&action.quantity.name), action.choice.clone())).collect();
         let [reward, log_prob, outcome] = ["reward", "log_prob", "outcome"].map(column);
-        Ok(Arc::new(Self { observations, actions, reward, log_prob, outcome }))
+        let intrinsic_reward = curious.then(|| column("intrinsic_reward"));
+        Ok(Arc::new(Self { observations, actions, reward, log_prob, intrinsic_reward, outcome }))
     }
 }
 
@@ -75,7 +79,7 @@ impl RawTable {
     /// Adds an episode whose first row is at `first`.
     pub(super) fn add(&mut self, episode: &Episode, first: Moment) {
         let steps = episode.length();
-        let Rows { moments, observations, actions, rewards, log_probs, outcomes, is_last } = &mut self.rows;
+        let Rows { moments, observations, actions, rewards, log_probs, intrinsic_rewards, outcomes, is_last } = &mut self.rows;
         moments.push_steps(first, steps + 1);
         spread(&episode.observations, observations);
         let acted = actions.first().map_or(0, Vec::len);
@@ -85,6 +89,10 @@ impl RawTable {
         }
         rewards.extend(&episode.rewards);
         log_probs.extend(episode.action_log_probs());
+        if self.columns.intrinsic_reward.is_some() {
+            intrinsic_rewards.extend(&episode.intrinsic_rewards);
+            intrinsic_rewards.resize(rewards.len(), 0.0);
+        }
         outcomes.push(outcome(episode.outcome));
         is_last.resize(is_last.len() + steps, false);
         is_last.push(true);
@@ -111,7 +119,8 @@ impl Rows {
         let is_step: Vec<bool> = self.is_last.iter().map(|is_last| !is_last).collect();
         let observed = columns.observations.iter().zip(self.observations).map(|(name, values)| numbers(name, values, None));
         let named = columns.actions.iter().map(|(name, _)| name).chain([&columns.reward, &columns.log_prob]);
-        let done = self.actions.into_iter().chain([self.rewards, self.log_probs]);
+        let named = named.chain(&columns.intrinsic_reward);
+        let done = self.actions.into_iter().chain([self.rewards, self.log_probs, self.intrinsic_rewards]);
         let done = named.zip(done).map(|(name, values)| numbers(name, values, Some(is_step.clone())));
         let outcome = unit_column(columns.outcome.clone(), Arc::new(StringArray::from(self.outcomes)), Some(self.is_last));
         self.moments.into_chunk(entity, observed.chain(done).chain([outcome]))

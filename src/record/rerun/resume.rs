@@ -53,7 +53,7 @@ impl Progress {
 
     /// Fails where the run is not the one that was interrupted.
     pub(super) fn check(&self, about: &RecordingAbout<'_>) -> Result<(), Fault> {
-        let axes = Axes::of(about.spec);
+        let axes = Axes::of(about.spec, about.largest_bonus);
         let is_same_team = self.densities.len() == about.agents as usize && self.next_steps.len() == about.agents as usize;
         if is_same_team && self.densities.iter().all(|density| density.fits(&axes)) {
             Ok(())

@@ -58,7 +58,9 @@ impl Visits {
         let picked = pick_states(states, lines, random);
         let mut next = picked.iter().copied().peekable();
         for (step, observation) in episode.observations.chunks_exact(width).enumerate() {
-            axes.project(step, observation, &mut self.fractions);
+            // Nothing follows the last state, so that it has no bonus.
+            let bonus = episode.intrinsic_rewards.get(step).copied().unwrap_or(0.0);
+            axes.project(step, observation, bonus, &mut self.fractions);
             self.density.add(&self.fractions);
             if next.next_if_eq(&step).is_some() {
                 self.lines.points.extend(axes.line(&self.fractions).flatten());
