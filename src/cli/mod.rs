@@ -138,6 +138,9 @@ struct BenchArgs {
     /// Runs at once, each on one thread [default: one a core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
+    /// Go on after a task is solved, to the scenario's end
+    #[arg(long)]
+    whole: bool,
     /// Replace one value of every scenario, such as agents.count=16; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
