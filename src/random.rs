@@ -35,6 +35,8 @@ pub enum Purpose {
     ModelTraining = 10,
     /// Draws of weights for an agent's bonuses in one round.
     BonusNoise = 11,
+    /// Draws of weights for judging the same steps in one round. Never touches learning.
+    Judgement = 12,
 }
 
 /// The stream of one (run seed, purpose, agent, round).

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use self::policy::ActionSelection;
 use crate::env::Spec;
-use crate::experience::Experience;
+use crate::experience::{Episode, Experience};
 use crate::input::Complaint;
 use crate::input::numbers::{Count, known, known_count};
 use crate::nn::{Activations, Initial};
@@ -42,6 +42,11 @@ pub trait Agent: Send + Sync {
         &[]
     }
 
+    /// How much there is to learn from about [`JUDGED`] steps of an episode, as the agent's curiosity has it now; none without curiosity.
+    fn judge(&mut self, _episode: &Episode, _round: u32) -> Vec<f32> {
+        Vec::new()
+    }
+
     /// Whether every learned number is finite.
     fn is_finite(&self) -> bool;
 
@@ -57,6 +62,9 @@ pub trait Agent: Send + Sync {
     /// Says what is wrong where the bytes are not of such an agent.
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
 }
+
+/// Steps of an episode that agents judge, at most.
+pub const JUDGED: usize = 64;
 
 /// The algorithms, each with its configuration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -126,6 +134,8 @@ pub struct UpdateReport {
     pub intrinsic_reward: f32,
     /// Mean squared error of the model of the dynamics on fresh episodes, before it learned from them.
     pub prediction_error: f32,
+    /// The team's: mean rank correlation between agents' judgements of the same steps.
+    pub bonus_agreement: f32,
 }
 
 /// A named block of parameters.

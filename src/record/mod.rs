@@ -143,6 +143,8 @@ pub struct RoundRow {
     pub intrinsic_reward: f32,
     /// Mean squared error of the model of the dynamics on fresh episodes, before it learned from them; 0 without curiosity.
     pub prediction_error: f32,
+    /// The team's: mean rank correlation between agents' judgements of the same steps; 0 without curiosity.
+    pub bonus_agreement: f32,
     /// Part of the state space that the agent has visited so far, 0 to 1.
     pub coverage: f64,
 }

@@ -65,6 +65,7 @@ impl Measures {
             entropy: report.entropy,
             intrinsic_reward: report.intrinsic_reward,
             prediction_error: report.prediction_error,
+            bonus_agreement: report.bonus_agreement,
             coverage: self.coverage[agent as usize].fraction(),
         });
         RoundRows { episodes: episode_rows, updates: updates.collect() }

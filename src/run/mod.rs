@@ -4,6 +4,7 @@
 //! (`asynchronous` one in which nobody waits), [`exchange`] shares its episodes,
 //! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas may not enter.
 
+mod agreement;
 mod asynchronous;
 pub mod checkpoint;
 pub mod evaluate;

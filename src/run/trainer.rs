@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
 
+use super::agreement;
 use super::asynchronous::{Desk, Pace};
 use super::exchange::{Exchange, OneProcess};
 use super::measures::{Measures, RoundRows, Threshold};
@@ -126,10 +127,14 @@ impl Trainer {
         let learned = self.desk.as_ref().map_or(u64::MAX, Desk::learned_by_all);
         self.buffer.forget(learned.min(self.buffer.before(self.scenario.algorithm.transitions_kept())));
         self.recorded = self.buffer.total();
-        let (reports, footage) = match self.scenario.schedule {
+        let (mut reports, footage) = match self.scenario.schedule {
             Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
             Schedule::Asynchronous { training } => self.advance_each(training.env_steps)?,
         };
+        let agreement = self.agreement();
+        for (_, report) in &mut reports {
+            report.bonus_agreement = agreement.map_or(0.0, |agreement| agreement as f32);
+        }
         let episodes = newest_episodes(&self.buffer, self.recorded);
         let rows = self.measures.take_in(self.environment.spec(), self.round, &episodes, &reports);
         self.round += 1;
@@ -216,6 +221,14 @@ impl Trainer {
     /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode) order.
     pub fn play_without_learning(&mut self, plan: &RoundPlan) -> Vec<Episode> {
         rollout::play(&mut *self.environment, &self.agents, plan).episodes
+    }
+
+    /// Whether agents would give the same steps of the round's first episode a bonus.
+    fn agreement(&mut self) -> Option<f64> {
+        self.scenario.algorithm.largest_intrinsic_reward()?;
+        let (probe, round) = (self.buffer.since(self.recorded).first()?, self.round);
+        let judgements: Vec<Vec<f32>> = self.agents.iter_mut().map(|agent| agent.judge(probe, round)).collect();
+        agreement::mean_rank_correlation(&judgements)
     }
 
     fn camera(&self) -> Option<Camera> {

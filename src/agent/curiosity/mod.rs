@@ -14,7 +14,7 @@ pub use self::vime::{Gain, ModelBuffer, ModelSeeds, Vime};
 
 use self::rnd::RndModel;
 use self::vime::VimeModel;
-use super::Membership;
+use super::{JUDGED, Membership};
 use crate::experience::{Episode, Experience};
 use crate::input::numbers::{Count, NonNegative, Positive, known, known_count};
 use crate::nn::MedianScale;
@@ -149,7 +149,7 @@ impl Curiosity {
         self.own_bonuses.clear();
         for &place in chosen {
             let (episode, bonuses) = (&experience.fresh[place], &mut bonuses[place]);
-            self.gains(episode, &mut random, bonuses);
+            self.gains(episode, 1, &mut random, bonuses);
             let own = episode.agent == self.agent;
             if own {
                 self.own_gains.extend_from_slice(bonuses);
@@ -163,6 +163,13 @@ impl Curiosity {
             }
         }
         self.medians.update(&mut self.own_gains);
+    }
+
+    /// Raw gains of steps spread over an episode. Draws from a stream of its own, so that learning does not notice.
+    pub(super) fn judge(&mut self, episode: &Episode, round: u32) -> Vec<f32> {
+        let (mut random, mut gains) = (stream(self.run_seed, Purpose::Judgement, self.agent, round), Vec::new());
+        self.gains(episode, episode.length().div_ceil(JUDGED).max(1), &mut random, &mut gains);
+        gains
     }
 
     /// Bonuses of the agent's own steps in the latest update.
@@ -208,10 +215,11 @@ impl Curiosity {
         }
     }
 
-    fn gains(&mut self, episode: &Episode, random: &mut Stream, gains: &mut Vec<f32>) {
+    /// Of every `stride`-th step.
+    fn gains(&mut self, episode: &Episode, stride: usize, random: &mut Stream, gains: &mut Vec<f32>) {
         match &mut self.model {
-            Model::Vime(model) => model.gains(episode, random, gains),
-            Model::Rnd(model) => model.gains(episode, gains),
+            Model::Vime(model) => model.gains(episode, stride, random, gains),
+            Model::Rnd(model) => model.gains(episode, stride, gains),
         }
     }
 }
@@ -270,7 +278,7 @@ mod tests {
 
     fn gains(curiosity: &mut Curiosity, noise: u32) -> Vec<f32> {
         let mut gains = vec![];
-        curiosity.gains(&episode(0), &mut stream(9, Purpose::BonusNoise, 0, noise), &mut gains);
+        curiosity.gains(&episode(0), 1, &mut stream(9, Purpose::BonusNoise, 0, noise), &mut gains);
         gains
     }
 

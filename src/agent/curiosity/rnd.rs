@@ -84,9 +84,9 @@ impl RndModel {
         }
     }
 
-    /// Mean squared error of the prediction at every step.   `gains: [T]`, overwritten
-    pub(super) fn gains(&mut self, episode: &Episode, gains: &mut Vec<f32>) {
-        self.transitions.of_episode(episode, &mut self.rows);
+    /// Mean squared error of the prediction at every `stride`-th step.   `gains: [⌈T/stride⌉]`, overwritten
+    pub(super) fn gains(&mut self, episode: &Episode, stride: usize, gains: &mut Vec<f32>) {
+        self.transitions.of_episode(episode, stride, &mut self.rows);
         self.errors();
         let width = self.target.outputs();
         let mean_square = |row: &[f32]| row.iter().map(|error| error * error).sum::<f32>() / width as f32;
@@ -127,7 +127,7 @@ impl RndModel {
     fn prediction_error(&mut self, episodes: &[&Episode]) -> f32 {
         let (mut sum, mut count) = (0.0_f64, 0_usize);
         for episode in episodes {
-            self.transitions.of_episode(episode, &mut self.rows);
+            self.transitions.of_episode(episode, 1, &mut self.rows);
             self.errors();
             sum += self.gradient.iter().map(|error| f64::from(*error).powi(2)).sum::<f64>();
             count += self.gradient.len();

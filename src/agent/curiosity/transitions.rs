@@ -73,10 +73,10 @@ impl Transitions {
         self.moments = moments;
     }
 
-    /// All steps of an episode.
-    pub(super) fn of_episode(&mut self, episode: &Episode, rows: &mut Rows) {
+    /// Every `stride`-th step of an episode.
+    pub(super) fn of_episode(&mut self, episode: &Episode, stride: usize, rows: &mut Rows) {
         self.raw.clear();
-        (0..episode.length()).for_each(|step| self.push(episode, step));
+        (0..episode.length()).step_by(stride).for_each(|step| self.push(episode, step));
         self.standardise(rows);
     }
 
@@ -186,9 +186,11 @@ mod tests {
     fn steps_become_rows() {
         assert_eq!(Transitions::widths(&spec()), [5, 1]);
         let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
-        transitions.of_episode(&episode(), &mut rows);
+        transitions.of_episode(&episode(), 1, &mut rows);
         assert_eq!(rows.inputs, [1.0, 0.0, 0.0, 1.0, 0.5, 2.0, 1.0, 0.0, 0.0, 1.0]);
         assert_eq!(rows.targets, [1.0, 2.0]);
+        transitions.of_episode(&episode(), 2, &mut rows);
+        assert_eq!(rows.targets, [1.0]);
     }
 
     /// Δx = 1, 2 has a root mean square of √2.5.
@@ -196,7 +198,7 @@ mod tests {
     fn targets_are_in_units_of_their_root_mean_square() {
         let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
         transitions.take_in(&episode());
-        transitions.of_episode(&episode(), &mut rows);
+        transitions.of_episode(&episode(), 1, &mut rows);
         assert!((rows.targets[1] - 2.0 / 2.5_f32.sqrt()).abs() < 1e-5, "{:?}", rows.targets);
         assert!((rows.inputs[0] + 1.0).abs() < 1e-4, "x = 1 is a deviation below its mean of 1.5: {:?}", rows.inputs);
     }

@@ -147,10 +147,10 @@ impl VimeModel {
         Self { config: config.clone(), transitions: Transitions::new(member.spec), network, seeds, work: Workspace::default() }
     }
 
-    /// The information gain of every step of an episode.   `gains: [T]`, overwritten
-    pub(super) fn gains(&mut self, episode: &Episode, random: &mut Stream, gains: &mut Vec<f32>) {
+    /// The information gain of every `stride`-th step of an episode.   `gains: [⌈T/stride⌉]`, overwritten
+    pub(super) fn gains(&mut self, episode: &Episode, stride: usize, random: &mut Stream, gains: &mut Vec<f32>) {
         let count = self.network.likelihood().weight_count();
-        self.transitions.of_episode(episode, &mut self.work.rows);
+        self.transitions.of_episode(episode, stride, &mut self.work.rows);
         let draws = match self.config.gain {
             Gain::OneDraw => 1,
             Gain::Draws(draws) | Gain::ExplicitStep(draws) => draws.get() as usize,
@@ -158,7 +158,7 @@ impl VimeModel {
         fill_normal(&mut self.work.noise, draws * count, random);
         self.perturb();
         gains.clear();
-        gains.resize(episode.length(), 0.0);
+        gains.resize(episode.length().div_ceil(stride), 0.0);
         match self.config.gain {
             Gain::OneDraw => self.one_draw(gains),
             Gain::Draws(_) => self.several_draws(gains, information_gain::second_order),
@@ -231,7 +231,7 @@ impl VimeModel {
         let (mut sum, mut count) = (0.0_f64, 0_usize);
         for episode in episodes {
             let Workspace { rows, pass, .. } = &mut self.work;
-            self.transitions.of_episode(episode, rows);
+            self.transitions.of_episode(episode, 1, rows);
             let predicted = self.network.likelihood().forward(&self.network.posterior().mean, &rows.inputs, pass);
             sum += predicted.iter().zip(&rows.targets).map(|(ours, target)| f64::from(ours - target).powi(2)).sum::<f64>();
             count += rows.targets.len();

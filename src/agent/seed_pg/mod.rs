@@ -377,6 +377,10 @@ impl Agent for SeedPgAgent {
         self.curiosity.as_ref().map_or(&[], Curiosity::own_bonuses)
     }
 
+    fn judge(&mut self, episode: &Episode, round: u32) -> Vec<f32> {
+        self.curiosity.as_mut().map_or_else(Vec::new, |curiosity| curiosity.judge(episode, round))
+    }
+
     fn is_finite(&self) -> bool {
         let curiosity = self.curiosity.as_ref().is_none_or(Curiosity::is_finite);
         curiosity && self.policy.network().is_finite() && self.value.is_finite() && self.normaliser.is_finite()

@@ -29,11 +29,12 @@ const PALE_COLOR: [u8; 3] = [120, 120, 130];
 type OfRow = fn(&RoundRow) -> f64;
 
 /// What is drawn of each update: its entity and where it is found.
-pub(super) const UPDATE_CURVES: [(&str, OfRow); 9] = [
+pub(super) const UPDATE_CURVES: [(&str, OfRow); 10] = [
     ("coverage", |row| row.coverage),
     ("entropy", |row| f64::from(row.entropy)),
     ("intrinsic_reward", |row| f64::from(row.intrinsic_reward)),
     ("prediction_error", |row| f64::from(row.prediction_error)),
+    ("bonus_agreement", |row| f64::from(row.bonus_agreement)),
     ("ratio_deviation", |row| f64::from(row.ratio_deviation)),
     ("largest_ratio", |row| f64::from(row.largest_ratio)),
     ("clipped_fraction", |row| f64::from(row.clipped_fraction)),
