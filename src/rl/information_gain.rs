@@ -23,7 +23,7 @@ pub fn second_order(deviation: &[f32], mean_slope: &[f32], deviation_slope: &[f3
 /// `g_σ` = ε `g_μ`, cᵢ = ½ λ² σᵢ² (1 + ½ εᵢ²).   `deviation`, `noise`: `[P]` → `coefficients: [P]`, overwritten
 ///
 /// A model can sum squares of gradients layer by layer, for many transitions at once and without a gradient in memory. One draw is
-/// biased upwards, by the variance of the gradient: E[ĝ²] = g² + Var ĝ.
+/// biased upwards, by the variance of the gradient: the mean of ĝ² is g² + Var ĝ.
 ///
 /// # Panics
 /// If the slices differ in length.

@@ -1,6 +1,6 @@
 //! Concurrent episodes: every agent acts in its own copy, all copies in lockstep (thesis Alg. 3).
 //!
-//! [`play`] plays a synchronous round. What one agent does in its copy is its [`Seat`], which asynchronous rounds use as well.
+//! [`play`] plays a synchronous round. What one agent does in its copy is its `Seat`, which asynchronous rounds use as well.
 
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,7 @@
 //! ρₜ = `π_k(aₜ|sₜ)` / `π_i(aₜ|sₜ)`, and its rewards are perturbed by k's seeds: rₜ₊₁ + `z_{k,t+1}`, with t the step within the episode.
 //!
 //! [`config`] says what can be chosen: with own data and no seeds the same agent is REINFORCE, the simple policy gradient (§1.5),
-//! Off-PAC (§3.3.1), or PPO as others know it. [`estimates`] joins a choice to its formula; formulas may not enter.
+//! Off-PAC (§3.3.1), or PPO as others know it. `estimates` joins a choice to its formula; formulas may not enter.
 
 pub mod config;
 mod estimates;
