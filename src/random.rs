@@ -35,6 +35,8 @@ pub enum Purpose {
     ModelTraining = 10,
     /// Draws of weights for an agent's bonuses in one round.
     BonusNoise = 11,
+    /// Redrawing runs for intervals, always from run seed 0. Never touches learning.
+    Bootstrap = 12,
 }
 
 /// The stream of one (run seed, purpose, agent, round).
