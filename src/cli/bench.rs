@@ -188,13 +188,13 @@ struct Table {
 impl Table {
     fn head<const N: usize>(&self, columns: &Columns<N>) {
         self.row(columns, "scenario", &columns.map(|(title, _)| title.to_owned()));
-        let rules: String = columns.iter().map(|(_, width)| format!("{}:|", "-".repeat(width + 1))).collect();
-        say!("|{}|{rules}", "-".repeat(self.name_width + 2));
+        let rules: Vec<String> = columns.iter().map(|(_, width)| format!("{}:|", "-".repeat(width + 1))).collect();
+        say!("|{}|{}", "-".repeat(self.name_width + 2), rules.concat());
     }
 
     fn row<const N: usize>(&self, columns: &Columns<N>, name: &str, cells: &[String; N]) {
-        let cells: String = cells.iter().zip(columns).map(|(cell, (_, width))| format!(" {cell:>width$} |")).collect();
-        say!("| {name:<0$} |{cells}", self.name_width);
+        let cells: Vec<String> = cells.iter().zip(columns).map(|(cell, (_, width))| format!(" {cell:>width$} |")).collect();
+        say!("| {name:<0$} |{1}", self.name_width, cells.concat());
     }
 }
 
