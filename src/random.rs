@@ -37,6 +37,8 @@ pub enum Purpose {
     BonusNoise = 11,
     /// Draws of weights for judging the same steps in one round. Never touches learning.
     Judgement = 12,
+    /// Redrawing runs for intervals, always from run seed 0. Never touches learning.
+    Bootstrap = 13,
 }
 
 /// The stream of one (run seed, purpose, agent, round).

@@ -335,3 +335,36 @@ fn an_unknown_environment_is_answered_with_those_there_are() {
     assert!(output.status.code() == Some(2) && said.starts_with(&place) && said.contains("`cartpole`, "), "{said}");
     assert!(said.ends_with("\n  = help: did you mean `cartpole`?\n"), "{said}");
 }
+
+/// The benchmark's lines but for speeds, which no two computers share. Random actions keep the pole up for about 20 steps.
+fn bench_of_two(seeds: &str) -> Vec<String> {
+    let easy = ["--set", "stop=Solved(return: 25, window: 1, at_most: 40)", "--seeds", seeds];
+    let output = seedbed(&[&["bench", "scenarios/cartpole_1.ron", "scenarios/cartpole.ron"], easy.as_slice()].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let without_speed = |line: &str| {
+        if line.matches('|').count() == 10 {
+            line[..line.trim_end_matches('|').rfind('|').unwrap()].to_owned()
+        } else {
+            line.to_owned()
+        }
+    };
+    stdout(&output).lines().map(without_speed).collect()
+}
+
+#[test]
+fn a_benchmark_compares_scenarios_to_the_same_numbers() {
+    let lines = bench_of_two("6");
+    assert_eq!(lines, bench_of_two("6"));
+    let rows: Vec<&String> = lines.iter().filter(|line| line.starts_with("| cartpole")).collect();
+    assert_eq!(rows.len(), 2 + 1, "a row each, and the second against the first: {lines:#?}");
+    assert!(rows[0].contains("/6 |") && rows[2].starts_with("| cartpole   |"), "{lines:#?}");
+    assert!(lines.iter().all(|line| line.chars().count() <= 110 && !line.contains("too few")), "{lines:#?}");
+}
+
+#[test]
+fn a_benchmark_of_few_seeds_has_no_intervals() {
+    let lines = bench_of_two("4");
+    assert_eq!(lines.last().map(String::as_str), Some("n = 4 is too few for an interval, which takes at least 5 seeds."));
+    assert_eq!(lines.iter().map(|line| line.matches("n = 4: none").count()).sum::<usize>(), 2 + 2, "{lines:#?}");
+    assert!(!lines.iter().any(|line| line.contains(" to ") && line.starts_with('|')), "{lines:#?}");
+}
