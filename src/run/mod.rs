@@ -2,7 +2,7 @@
 //!
 //! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round
 //! (`asynchronous` one in which nobody waits), [`exchange`] shares its episodes,
-//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas may not enter.
+//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas of learning may not enter.
 
 mod asynchronous;
 pub mod checkpoint;
@@ -61,6 +61,9 @@ pub struct Options {
 
 /// Told how far a run has come.
 pub trait Observer {
+    /// The first round begins; a resumed run has come some way already.
+    fn begun(&mut self, progress: &Progress);
+
     /// A round is finished.
     fn round_finished(&mut self, progress: &Progress);
 }
@@ -162,6 +165,7 @@ pub fn execute(
 ) -> Result<Ending, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders = if options.resume { resume(plan, options, &mut trainer)? } else { begin(plan, options, &trainer)? };
+    observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
         play_round(&mut trainer, &mut recorders)?;
         observer.round_finished(&progress(plan, &trainer));
