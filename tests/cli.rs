@@ -89,7 +89,8 @@ fn a_run_leaves_what_is_promised() {
     assert_eq!(episodes.lines().next(), Some("agent,episode,round,env_steps,return,length,outcome,coverage"));
     assert_eq!(episodes.lines().count(), 1 + 2 * 6);
     let rounds = std::fs::read_to_string(path.join("rounds.csv")).unwrap();
-    let header = "agent,round,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage";
+    let header = "agent,round,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage,\
+                  visitation_entropy,visitation_evenness,team_coverage,team_overlap,effective_agents";
     assert_eq!(rounds.lines().next(), Some(header));
     assert_eq!(rounds.lines().count(), 1 + 2 * 6);
 
@@ -102,6 +103,17 @@ fn a_run_leaves_what_is_promised() {
     for word in ["finished", "solved", "return", "coverage", "results", "recording"] {
         assert!(said.contains(word), "{word} in {said}");
     }
+}
+
+/// The speed counts the first round as well, which here is the only one.
+#[test]
+fn a_run_of_one_round_tells_its_speed() {
+    let folder = tempfile::tempdir().unwrap();
+    let one_round = ["--no-recording", "--set", "schedule=Synchronous(episodes: 6)"];
+    let said = stderr(&small_run(&folder.path().join("run"), &one_round));
+    let line = said.lines().find(|line| line.starts_with("6/6 episodes")).unwrap_or_else(|| panic!("{said}"));
+    let rate: u64 = line.rsplit(" · ").next().unwrap().replace(" env steps/s", "").replace(',', "").parse().unwrap();
+    assert!(rate > 0, "{line}");
 }
 
 /// The resolved scenario, run again, gives the same episodes, whatever has become of the task's file since.

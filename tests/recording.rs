@@ -37,6 +37,8 @@ fn curves_hold_the_rows_of_the_tables() {
     assert_eq!(contents.numbers64("/curves/return/agent_1", "Scalars:scalars"), returns);
     let coverage: Vec<f64> = run.rounds.iter().flat_map(|round| &round.round_rows).map(|row| row.coverage).collect();
     assert_eq!(contents.numbers64("/curves/coverage", "Scalars:scalars"), coverage);
+    let effective: Vec<f64> = run.rounds.iter().map(|round| round.round_rows[0].effective_agents).collect();
+    assert_eq!(contents.numbers64("/curves/effective_agents", "Scalars:scalars"), effective);
     let mean = |rows: &[EpisodeRow]| rows.iter().map(|row| row.r#return).sum::<f64>() / 3.0;
     let means: Vec<f64> = run.rounds.iter().map(|round| mean(&round.episode_rows)).collect();
     assert_eq!(contents.numbers64("/curves/return/team_mean", "Scalars:scalars"), means);
@@ -474,6 +476,11 @@ fn made_up_update(agent: u32, round: u32, skill: f64) -> RoundRow {
         clipped_fraction: 0.2 + wave,
         entropy: 0.69 * left + wave.abs(),
         coverage: 0.4 * skill.sqrt() + 0.01 * f64::from(agent),
+        visitation_entropy: 3.0 * skill + 0.01 * f64::from(agent),
+        visitation_evenness: 0.5 * skill,
+        team_coverage: 0.5 * skill.sqrt(),
+        team_overlap: 0.8,
+        effective_agents: 1.0 + f64::from(round),
     }
 }
 

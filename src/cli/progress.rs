@@ -11,6 +11,8 @@ use crate::run::{Observer, Plan, Progress};
 pub(super) struct Silent;
 
 impl Observer for Silent {
+    fn begun(&mut self, _: &Progress) {}
+
     fn round_finished(&mut self, _: &Progress) {}
 }
 
@@ -19,7 +21,7 @@ pub(super) struct Bar {
     drawn: Option<ProgressBar>,
     started: Instant,
     /// Steps that a resumed run had before.
-    first_steps: Option<u64>,
+    first_steps: u64,
     tenths: usize,
 }
 
@@ -31,14 +33,17 @@ impl Bar {
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
         });
-        Self { drawn, started: Instant::now(), first_steps: None, tenths: 0 }
+        Self { drawn, started: Instant::now(), first_steps: 0, tenths: 0 }
     }
 }
 
 impl Observer for Bar {
+    fn begun(&mut self, progress: &Progress) {
+        (self.started, self.first_steps) = (Instant::now(), progress.env_steps);
+    }
+
     fn round_finished(&mut self, progress: &Progress) {
-        let first = *self.first_steps.get_or_insert(progress.env_steps);
-        let rate = (progress.env_steps - first) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
+        let rate = (progress.env_steps - self.first_steps) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
         let rate = HumanCount(rate as u64);
         let message = format!("mean return {:.1} · {rate} env steps/s", progress.recent_return);
         match &self.drawn {

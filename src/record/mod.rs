@@ -147,6 +147,16 @@ pub struct RoundRow {
     pub bonus_agreement: f32,
     /// Part of the state space that the agent has visited so far, 0 to 1.
     pub coverage: f64,
+    /// Entropy of where the agent has been so far, nats.
+    pub visitation_entropy: f64,
+    /// That entropy as a share of the largest one, 0 to 1.
+    pub visitation_evenness: f64,
+    /// Part of the state space that any agent has visited so far, 0 to 1; the same for all agents of a round.
+    pub team_coverage: f64,
+    /// How alike the agents' visits are, 0 to 1; the same for all agents of a round.
+    pub team_overlap: f64,
+    /// How many agents, none of whose visits overlap, would differ as much, 1 to K; the same for all agents of a round.
+    pub effective_agents: f64,
 }
 
 /// A recording that could not be written, or not be gone on with.

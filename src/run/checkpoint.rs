@@ -28,7 +28,7 @@ pub struct CheckpointError {
     pub reason: String,
 }
 
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 impl Checkpoint {
     /// A checkpoint of this version.

@@ -2,7 +2,7 @@
 //!
 //! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round
 //! (`asynchronous` one in which nobody waits), [`exchange`] shares its episodes,
-//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas may not enter.
+//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas of learning may not enter.
 
 mod agreement;
 mod asynchronous;
@@ -62,6 +62,9 @@ pub struct Options {
 
 /// Told how far a run has come.
 pub trait Observer {
+    /// The first round begins; a resumed run has come some way already.
+    fn begun(&mut self, progress: &Progress);
+
     /// A round is finished.
     fn round_finished(&mut self, progress: &Progress);
 }
@@ -83,7 +86,7 @@ pub struct Progress {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Ending {
     /// It reached the scenario's end.
-    Finished(Summary),
+    Finished(Box<Summary>),
     /// It was asked to stop, and can be resumed.
     Interrupted {
         /// Rounds finished.
@@ -163,6 +166,7 @@ pub fn execute(
 ) -> Result<Ending, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders = if options.resume { resume(plan, options, &mut trainer)? } else { begin(plan, options, &trainer)? };
+    observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
         play_round(&mut trainer, &mut recorders)?;
         observer.round_finished(&progress(plan, &trainer));
@@ -287,7 +291,7 @@ fn finish(plan: &Plan, options: &Options, trainer: &Trainer, recorders: &mut Rec
     let path = options.folder.summary();
     let text = text.map_err(|error| RunError::File { path: path.clone(), error })?;
     write(&path, format!("{text}\n").as_bytes())?;
-    Ok(Ending::Finished(summary))
+    Ok(Ending::Finished(Box::new(summary)))
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {

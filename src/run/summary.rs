@@ -31,6 +31,14 @@ pub struct Summary {
     pub coverage: Vec<f64>,
     /// Part of the state space that the team visited, 0 to 1.
     pub team_coverage: f64,
+    /// Entropy of each agent's visits, nats: `[K]`.
+    pub visitation_entropy: Vec<f64>,
+    /// That entropy as a share of the largest one, 0 to 1: `[K]`.
+    pub visitation_evenness: Vec<f64>,
+    /// How alike the agents' visits are, 0 to 1.
+    pub team_overlap: f64,
+    /// How many agents, none of whose visits overlap, would differ as much, 1 to K.
+    pub effective_agents: f64,
 }
 
 /// When a task counts as solved.
@@ -50,7 +58,7 @@ impl Summary {
     #[must_use]
     pub fn of(scenario: &str, seed: u64, trainer: &Trainer) -> Self {
         let measures = trainer.measures();
-        let threshold = trainer.threshold();
+        let (threshold, visits) = (trainer.threshold(), measures.visits());
         Self {
             scenario: scenario.to_owned(),
             environment: trainer.spec().name.clone(),
@@ -63,7 +71,11 @@ impl Summary {
             episodes_until_solved: threshold.and_then(|threshold| measures.episodes_until(threshold)),
             final_return: measures.recent_return(FINAL_WINDOW).unwrap_or(0.0),
             coverage: measures.coverage().collect(),
-            team_coverage: measures.team_coverage(),
+            team_coverage: visits.team_coverage,
+            visitation_entropy: visits.entropy,
+            visitation_evenness: visits.evenness,
+            team_overlap: visits.diversity.overlap,
+            effective_agents: visits.diversity.effective_agents,
         }
     }
 }

@@ -14,7 +14,7 @@ use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoint, Timeline};
 
 use super::axes::Lettering;
-use super::curves::UPDATE_CURVES;
+use super::curves::{TEAM_CURVES, UPDATE_CURVES};
 use super::framing::Bounds;
 use super::rows::{ENV_STEP, EPISODE, ROUND, rgb, single_row};
 use super::sink::Fault;
@@ -182,7 +182,7 @@ impl Sheet {
         let legend = PlotLegend::new().with_corner(Corner2D::RightBottom).with_visible(layout.agents <= AGENTS_IN_LEGEND);
         self.property(&returns, "PlotLegend", legend);
         self.all_times(&returns);
-        let updates: Vec<_> = UPDATE_CURVES.iter().map(|(name, _)| self.update(name)).collect();
+        let updates: Vec<_> = UPDATE_CURVES.iter().chain(&TEAM_CURVES).map(|(name, _)| self.update(name)).collect();
         let team = self.team(layout);
         let mut rest = vec![team, TextDocumentView::new("Scenario").with_origin("/scenario").into()];
         if let Some(filmed) = &layout.filmed {

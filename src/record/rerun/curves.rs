@@ -1,7 +1,7 @@
 //! `/curves/…`: how returns grew and what the updates were like.
 //!
 //! `/curves/return/agent_K` has a row an episode, `/curves/return/team_mean` and `/curves/return/team_mean_25` a row a round;
-//! the others have a row a round with one number for each agent.
+//! the others have a row a round with one number for each agent, or one for the team.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -29,8 +29,9 @@ const PALE_COLOR: [u8; 3] = [120, 120, 130];
 type OfRow = fn(&RoundRow) -> f64;
 
 /// What is drawn of each update: its entity and where it is found.
-pub(super) const UPDATE_CURVES: [(&str, OfRow); 10] = [
+pub(super) const UPDATE_CURVES: [(&str, OfRow); 11] = [
     ("coverage", |row| row.coverage),
+    ("visitation_entropy", |row| row.visitation_entropy),
     ("entropy", |row| f64::from(row.entropy)),
     ("intrinsic_reward", |row| f64::from(row.intrinsic_reward)),
     ("prediction_error", |row| f64::from(row.prediction_error)),
@@ -42,12 +43,20 @@ pub(super) const UPDATE_CURVES: [(&str, OfRow); 10] = [
     ("policy_loss", |row| f64::from(row.policy_loss)),
 ];
 
+/// What is drawn of the team at each update: one number for all agents.
+pub(super) const TEAM_CURVES: [(&str, OfRow); 3] = [
+    ("team_coverage", |row| row.team_coverage),
+    ("team_overlap", |row| row.team_overlap),
+    ("effective_agents", |row| row.effective_agents),
+];
+
 /// All curves of a run.
 pub(super) struct Curves {
     returns: Vec<Curve>,
     team_mean: Curve,
     smooth_mean: Curve,
     updates: Vec<Curve>,
+    team: Vec<Curve>,
 }
 
 /// One entity with one or more series.
@@ -65,6 +74,7 @@ impl Curves {
             team_mean: Curve::new("return/team_mean", 1),
             smooth_mean: Curve::new(format!("return/team_mean_{SMOOTH}"), 1),
             updates: UPDATE_CURVES.iter().map(|(name, _)| Curve::new(*name, agents)).collect(),
+            team: TEAM_CURVES.iter().map(|(name, _)| Curve::new(*name, 1)).collect(),
         }
     }
 
@@ -89,12 +99,16 @@ impl Curves {
             }
             curve.add(end, values);
         }
+        for (curve, (_, value)) in self.team.iter_mut().zip(TEAM_CURVES) {
+            curve.add(end, rounds.last().map(value).or(Some(f64::NAN)));
+        }
     }
 
     /// Those with enough rows to be written, or all that have any.
     pub(super) fn take(&mut self, all: bool) -> impl Iterator<Item = Result<Chunk, Fault>> {
         let least = if all { 1 } else { ROWS_PER_CHUNK };
-        let curves = self.returns.iter_mut().chain([&mut self.team_mean, &mut self.smooth_mean]).chain(&mut self.updates);
+        let curves = self.returns.iter_mut().chain([&mut self.team_mean, &mut self.smooth_mean]);
+        let curves = curves.chain(&mut self.updates).chain(&mut self.team);
         curves.filter(move |curve| curve.moments.len() >= least).map(Curve::take)
     }
 
@@ -113,6 +127,9 @@ impl Curves {
         for update in &self.updates {
             let names = (0..agents).map(|agent| format!("agent {agent}"));
             styles.push(timeless(update.entity.clone(), &series(names, (0..agents).map(color), 1.0))?);
+        }
+        for curve in &self.team {
+            styles.push(timeless(curve.entity.clone(), &series(["team".to_owned()], [TEAM_COLOR], 2.0))?);
         }
         Ok(styles)
     }

@@ -1,9 +1,14 @@
-//! What is measured while a run goes on: returns, coverage of the state space, and whether the task counts as solved.
+//! What is measured while a run goes on: returns, visits of the state space, and whether the task counts as solved.
+
+pub mod diversity;
+pub mod visitation;
 
 use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
+use self::diversity::Diversity;
+use self::visitation::Visitation;
 use crate::agent::UpdateReport;
 use crate::env::Spec;
 use crate::experience::Episode;
@@ -13,7 +18,8 @@ use crate::record::{EpisodeRow, RoundRow};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
     env_steps: u64,
-    coverage: Vec<Coverage>,
+    /// `[K]`
+    visitation: Vec<Visitation>,
     /// Entry n is the mean over agents of their n-th return.
     team_returns: Vec<f64>,
     /// Of each agent, returns that wait for the other agents' of the same number.
@@ -38,13 +44,26 @@ pub struct RoundRows {
     pub updates: Vec<RoundRow>,
 }
 
+/// Where a team has been so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Visits {
+    /// Entropy of each agent's visits over the grids of [`Visitation`], nats: `[K]`.
+    pub entropy: Vec<f64>,
+    /// That entropy as a share of the largest one, 0 to 1 (Pielou's evenness): `[K]`.
+    pub evenness: Vec<f64>,
+    /// Visited by any agent, 0 to 1.
+    pub team_coverage: f64,
+    /// How far the agents differ.
+    pub diversity: Diversity,
+}
+
 impl Measures {
     /// Nothing measured yet, for a team of `agents`.
     #[must_use]
     pub fn new(spec: &Spec, agents: usize) -> Self {
         Self {
             env_steps: 0,
-            coverage: vec![Coverage::new(spec); agents],
+            visitation: vec![Visitation::new(spec); agents],
             team_returns: Vec::new(),
             waiting: vec![VecDeque::new(); agents],
         }
@@ -54,6 +73,7 @@ impl Measures {
     pub fn take_in(&mut self, spec: &Spec, round: u32, episodes: &[&Episode], reports: &[(u32, UpdateReport)]) -> RoundRows {
         let episode_rows = episodes.iter().map(|episode| self.take_in_episode(spec, episode)).collect();
         self.extend_team_returns(episodes);
+        let visits = self.visits();
         let updates = reports.iter().map(|&(agent, report)| RoundRow {
             agent,
             round,
@@ -66,7 +86,12 @@ impl Measures {
             intrinsic_reward: report.intrinsic_reward,
             prediction_error: report.prediction_error,
             bonus_agreement: report.bonus_agreement,
-            coverage: self.coverage[agent as usize].fraction(),
+            coverage: self.visitation[agent as usize].coverage(),
+            visitation_entropy: visits.entropy[agent as usize],
+            visitation_evenness: visits.evenness[agent as usize],
+            team_coverage: visits.team_coverage,
+            team_overlap: visits.diversity.overlap,
+            effective_agents: visits.diversity.effective_agents,
         });
         RoundRows { episodes: episode_rows, updates: updates.collect() }
     }
@@ -106,20 +131,31 @@ impl Measures {
 
     /// Each agent's coverage, from 0 to 1: `[K]`.
     pub fn coverage(&self) -> impl Iterator<Item = f64> {
-        self.coverage.iter().map(Coverage::fraction)
+        self.visitation.iter().map(Visitation::coverage)
     }
 
     /// The coverage of all agents together, from 0 to 1.
     #[must_use]
     pub fn team_coverage(&self) -> f64 {
-        let mut union = self.coverage[0].clone();
-        self.coverage[1..].iter().for_each(|other| union.join(other));
-        union.fraction()
+        visitation::united_coverage(&self.visitation)
+    }
+
+    /// Where the team has been so far.
+    #[must_use]
+    pub fn visits(&self) -> Visits {
+        let entropy: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
+        let evenness = self.visitation.iter().zip(&entropy).map(|(own, entropy)| entropy / own.largest_entropy());
+        Visits {
+            evenness: evenness.collect(),
+            team_coverage: self.team_coverage(),
+            diversity: visitation::diversity(&self.visitation, &entropy),
+            entropy,
+        }
     }
 
     fn take_in_episode(&mut self, spec: &Spec, episode: &Episode) -> EpisodeRow {
-        let coverage = &mut self.coverage[episode.agent as usize];
-        coverage.visit(spec, &episode.observations);
+        let visitation = &mut self.visitation[episode.agent as usize];
+        visitation.visit(spec, &episode.observations);
         self.env_steps += episode.length() as u64;
         EpisodeRow {
             agent: episode.agent,
@@ -129,7 +165,7 @@ impl Measures {
             r#return: episode.total_reward(),
             length: episode.length() as u32,
             outcome: episode.outcome,
-            coverage: coverage.fraction(),
+            coverage: visitation.coverage(),
         }
     }
 
@@ -148,74 +184,12 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Which part of the state space was visited.
-///
-/// For each pair of observations, a fixed grid of 20 × 20 cells spans their display ranges; values beyond count in the outermost
-/// cells. The coverage is the visited share of cells, averaged over pairs, so it means the same in any dimension. A single
-/// observation has a grid of 20 cells.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Coverage {
-    /// One bit a cell.
-    visited: Vec<u64>,
-    cells: usize,
-}
-
-/// Cells along one axis.
-const CELLS: usize = 20;
-
-impl Coverage {
-    /// Nothing visited yet.
-    #[must_use]
-    pub fn new(spec: &Spec) -> Self {
-        let axes = spec.observation_width();
-        let cells = if axes == 1 { CELLS } else { axes * (axes - 1) / 2 * CELLS * CELLS };
-        Self { visited: vec![0; cells.div_ceil(64)], cells }
-    }
-
-    /// Visits states.   `observations: [N × observation width]`
-    pub fn visit(&mut self, spec: &Spec, observations: &[f32]) {
-        let mut bins = vec![0; spec.observation_width()];
-        for row in observations.chunks_exact(bins.len()) {
-            for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(&spec.observations) {
-                let [low, high] = quantity.range;
-                *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0) as usize;
-            }
-            self.mark(&bins);
-        }
-    }
-
-    /// Visited share, from 0 to 1.
-    #[must_use]
-    pub fn fraction(&self) -> f64 {
-        self.visited.iter().map(|word| f64::from(word.count_ones())).sum::<f64>() / self.cells as f64
-    }
-
-    /// Adds what another has visited.
-    pub fn join(&mut self, other: &Self) {
-        self.visited.iter_mut().zip(&other.visited).for_each(|(ours, theirs)| *ours |= theirs);
-    }
-
-    fn mark(&mut self, bins: &[usize]) {
-        if let [bin] = bins {
-            self.visited[0] |= 1 << bin;
-        }
-        let mut grid = 0;
-        for (index, first) in bins.iter().enumerate() {
-            for second in &bins[index + 1..] {
-                let cell = grid + first * CELLS + second;
-                self.visited[cell / 64] |= 1 << (cell % 64);
-                grid += CELLS * CELLS;
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::env::{Quantity, Status};
 
-    fn spec(axes: usize) -> Spec {
+    pub(super) fn spec(axes: usize) -> Spec {
         let quantity = |index| Quantity { name: format!("o{index}"), unit: String::new(), range: [0.0, 20.0] };
         Spec {
             name: "test".into(),
@@ -236,23 +210,6 @@ mod tests {
             outcome: Status::Terminated,
             ..Episode::start(agent, episode, episode, &spec(2))
         }
-    }
-
-    /// Three axes make three grids of 400 cells; the states (0.5, 1.5, 2.5) and (0.5, 1.5, 19.5) share a cell in the first.
-    #[test]
-    fn coverage_counts_cells_of_pairs() {
-        let mut coverage = Coverage::new(&spec(3));
-        coverage.visit(&spec(3), &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
-        assert!((coverage.fraction() - 5.0 / 1200.0).abs() < 1e-12);
-        coverage.visit(&spec(3), &[0.5, 1.5, 99.0]);
-        assert!((coverage.fraction() - 5.0 / 1200.0).abs() < 1e-12, "beyond the range counts in the outermost cell");
-    }
-
-    #[test]
-    fn one_axis_has_twenty_cells() {
-        let mut coverage = Coverage::new(&spec(1));
-        coverage.visit(&spec(1), &[0.5, 0.6, 7.0, -3.0]);
-        assert!((coverage.fraction() - 2.0 / 20.0).abs() < 1e-12);
     }
 
     /// Two agents, returns (1, 3), (2, 4), (6, 6): team means 2, 3, 6. A window of 2 first reaches 4 at episodes 2 and 3.
@@ -292,5 +249,8 @@ mod tests {
         assert_eq!(rows.episodes.iter().map(|row| row.env_steps).collect::<Vec<_>>(), [2, 3]);
         assert!((rows.updates[1].coverage - 1.0 / 400.0).abs() < 1e-12);
         assert!((measures.team_coverage() - 2.0 / 400.0).abs() < 1e-12);
+        assert_eq!(rows.updates[0].team_coverage, measures.team_coverage());
+        assert!((rows.updates[0].effective_agents - 2.0).abs() < 1e-12 && rows.updates[1].team_overlap.abs() < 1e-12);
+        assert_eq!((rows.updates[0].visitation_entropy, rows.updates[0].visitation_evenness), (0.0, 0.0));
     }
 }

@@ -1,0 +1,105 @@
+//! How evenly one agent visited the cells of a grid, and how far a team's agents differ: formulas on visit counts.
+//!
+//! Entropies are in nats. A cell that nobody visited contributes nothing, as p ln p → 0.
+
+/// Shannon entropy of visit counts, H = −Σ p ln p with p = count / total, written as ln N − (Σ c ln c) / N.
+///
+/// `counts: [cells]` → nats, from 0 (one cell) to ln cells (all alike). 0 where nothing was visited.
+#[must_use]
+pub fn entropy(counts: &[u32]) -> f64 {
+    let mut total = 0.0;
+    let mut weighted = 0.0;
+    for count in counts.iter().filter(|&&count| count > 1) {
+        let count = f64::from(*count);
+        total += count;
+        weighted += count * count.ln();
+    }
+    // Cells visited once have ln 1 = 0 and count for the total alone.
+    total += counts.iter().map(|&count| f64::from(u8::from(count == 1))).sum::<f64>();
+    if total > 0.0 { total.ln() - weighted / total } else { 0.0 }
+}
+
+/// Adds an agent's distribution to the team's: mixtureᵢ += share · countᵢ / Σ count.
+///
+/// `counts`, `mixture: [cells]`
+pub fn mix(counts: &[u32], share: f64, mixture: &mut [f64]) {
+    let total: u64 = counts.iter().map(|&count| u64::from(count)).sum();
+    let weight = share / total.max(1) as f64;
+    mixture.iter_mut().zip(counts).for_each(|(sum, &count)| *sum += weight * f64::from(count));
+}
+
+/// Entropy of a distribution, H = −Σ p ln p.   `probabilities: [cells]` → nats
+#[must_use]
+pub fn distribution_entropy(probabilities: &[f64]) -> f64 {
+    -probabilities.iter().filter(|&&p| p > 0.0).map(|p| p * p.ln()).sum::<f64>()
+}
+
+/// How far the agents of a team differ in where they went.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Diversity {
+    /// 1 − JS / ln K: 1 where all agents went to the same cells alike, 0 where no two share a cell. 1 for a single agent.
+    pub overlap: f64,
+    /// exp JS, from 1 (all alike) to K (no two share a cell).
+    pub effective_agents: f64,
+}
+
+impl Diversity {
+    /// From the generalised Jensen–Shannon divergence JS = H(mean of pₖ) − mean of H(pₖ), from 0 to ln K, of `agents`
+    /// equally weighted agents (Lin 1991, "Divergence measures based on the Shannon entropy", eq. 5.1).
+    ///
+    /// exp JS is the effective number of distinct communities of ecology, their beta diversity (Jost 2007, "Partitioning
+    /// diversity into independent alpha and beta components", with equal weights).
+    #[must_use]
+    pub fn of(divergence: f64, agents: usize) -> Self {
+        let most = (agents.max(1) as f64).ln();
+        // Rounding may leave the range by a few units in the last place.
+        let divergence = divergence.clamp(0.0, most);
+        Self { overlap: if agents > 1 { 1.0 - divergence / most } else { 1.0 }, effective_agents: divergence.exp() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn divergence(agents: &[&[u32]]) -> f64 {
+        let mut mixture = vec![0.0; agents[0].len()];
+        for counts in agents {
+            mix(counts, 1.0 / agents.len() as f64, &mut mixture);
+        }
+        let own = agents.iter().map(|counts| entropy(counts)).sum::<f64>() / agents.len() as f64;
+        distribution_entropy(&mixture) - own
+    }
+
+    /// ½, ¼, ¼ has ½ ln 2 + ½ ln 4 = 1.5 ln 2.
+    #[test]
+    fn entropy_of_counts() {
+        let ln2 = std::f64::consts::LN_2;
+        assert!((entropy(&[2, 1, 0, 1]) - 1.5 * ln2).abs() < 1e-15);
+        assert!((entropy(&[7; 4]) - 2.0 * ln2).abs() < 1e-15);
+        assert_eq!((entropy(&[0, 9]), entropy(&[0, 1]), entropy(&[0, 0])), (0.0, 0.0, 0.0));
+    }
+
+    /// Alike, whatever their number of states: exp 0 = 1. Disjoint: the mixture's entropy is ln 3 above their own.
+    #[test]
+    fn agents_that_are_alike_count_once_and_disjoint_ones_fully() {
+        let alike = Diversity::of(divergence(&[&[2, 6, 0], &[1, 3, 0], &[10, 30, 0]]), 3);
+        assert!((alike.effective_agents - 1.0).abs() < 1e-12 && (alike.overlap - 1.0).abs() < 1e-12, "{alike:?}");
+        let disjoint = Diversity::of(divergence(&[&[5, 0, 0, 0], &[0, 1, 1, 0], &[0, 0, 0, 2]]), 3);
+        assert!((disjoint.effective_agents - 3.0).abs() < 1e-12 && disjoint.overlap.abs() < 1e-12, "{disjoint:?}");
+    }
+
+    /// (1, 0) and (½, ½): the mixture (¾, ¼) has 2 ln 2 − ¾ ln 3, their own entropies have the mean ½ ln 2, hence JS = 1.5 ln 2 − ¾ ln 3,
+    /// exp JS = 2^1.5 / 3^0.75 = 1.240806.
+    #[test]
+    fn agents_that_share_a_part_are_in_between() {
+        let partly = Diversity::of(divergence(&[&[4, 0], &[3, 3]]), 2);
+        assert!((partly.effective_agents - 2_f64.powf(1.5) / 3_f64.powf(0.75)).abs() < 1e-12, "{partly:?}");
+        assert!((partly.overlap - (0.75 * 3_f64.log2() - 0.5)).abs() < 1e-12, "1 − JS / ln 2 = ¾ log₂ 3 − ½: {partly:?}");
+    }
+
+    #[test]
+    fn a_single_agent_overlaps_with_itself() {
+        assert_eq!(Diversity::of(1e-17, 1), Diversity { overlap: 1.0, effective_agents: 1.0 });
+    }
+}
