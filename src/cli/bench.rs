@@ -44,17 +44,8 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let pool = ThreadPoolBuilder::new().num_threads(args.jobs.map_or(0, usize::from)).build();
     let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
     let plans = plans?;
-    let seeds = counted(args.seeds as usize, "seed");
-    say!("Episodes per agent until solved, of {seeds} from {} on: Kaplan-Meier median with its 95 % interval.", args.first_seed);
-    say!("Env steps are the team's until then, in the median; steps/s are those of one thread.\n");
     let table = Table { name_width: plans.iter().map(|plan| plan.name.chars().count()).max().unwrap_or(0).max(8) };
-    table.head(&SOLVING);
-    let mut benches = Vec::new();
-    for plan in plans {
-        let bench = train(&plan, args, &pool)?;
-        table.row(&SOLVING, &bench.name, &solving(&bench));
-        benches.push(bench);
-    }
+    let benches = train_all(&table, &plans, args, &pool)?;
     if args.whole {
         explore(&table, &benches);
     }
@@ -65,6 +56,21 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
         say!("\nn = {} is too few for an interval, which takes at least {LEAST_RUNS} seeds.", args.seeds);
     }
     Ok(())
+}
+
+/// Scenario by scenario; says of each what came of it as soon as that is known.
+fn train_all(table: &Table, plans: &[Plan], args: &BenchArgs, pool: &ThreadPool) -> Result<Vec<Bench>, RunError> {
+    let seeds = counted(args.seeds as usize, "seed");
+    say!("Episodes per agent until solved, of {seeds} from {} on: Kaplan-Meier median with its 95 % interval.", args.first_seed);
+    say!("Env steps are the team's until then, in the median; steps/s are those of one thread.\n");
+    table.head(&SOLVING);
+    let mut benches = Vec::new();
+    for plan in plans {
+        let bench = train(plan, args, pool)?;
+        table.row(&SOLVING, &bench.name, &solving(&bench));
+        benches.push(bench);
+    }
+    Ok(benches)
 }
 
 fn train(plan: &Plan, args: &BenchArgs, pool: &ThreadPool) -> Result<Bench, RunError> {
