@@ -16,7 +16,7 @@ use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 use seedbed::env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
 use seedbed::experience::Episode;
 use seedbed::input::numbers::known_count;
-use seedbed::record::rerun::{RecordingAbout, RerunRecorder};
+use seedbed::record::rerun::{Focus, RecordingAbout, RerunRecorder};
 use seedbed::record::{EpisodeRow, Footage, Recorder, RecordingSettings, RoundRecord, RoundRow};
 
 #[test]
@@ -377,7 +377,7 @@ impl Round {
             episodes: &self.episodes.iter().collect::<Vec<_>>(),
             episode_rows: &self.episode_rows,
             round_rows: &self.round_rows,
-            footage: self.footage.as_ref(),
+            footage: self.footage.as_slice(),
         };
         recorder.record_round(&round).unwrap();
     }
@@ -393,6 +393,7 @@ impl Run {
     fn about(&self) -> RecordingAbout<'_> {
         RecordingAbout {
             name: "cartpole-made-up",
+            focus: Focus::Learning,
             spec: &self.spec,
             scene: Some(&self.scene),
             agents: self.agents,
@@ -423,7 +424,7 @@ fn cart_pole() -> Spec {
 }
 
 fn cart_and_pole() -> Scene {
-    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), fixed: name == "rail", shapes };
+    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), fixed: name == "rail", shapes, hinge: None };
     Scene {
         bodies: vec![
             body("rail", vec![Shape::Polyline(vec![[-2.4, 0.0], [2.4, 0.0]])]),
@@ -499,7 +500,7 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
         intrinsic_rewards: Vec::new(),
         outcome: Status::Truncated,
     };
-    let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec() };
+    let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec(), ..Footage::default() };
     while episode.length() < 200 {
         let lean = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5) + 0.1 * state[1] + state[2] + 0.3 * state[3];
         let heed = noise.symmetric().abs() < skill + 0.1;

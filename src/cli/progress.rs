@@ -73,3 +73,11 @@ impl Drop for Bar {
         }
     }
 }
+
+/// A bar that counts to `total`; none where nobody looks on.
+pub(super) fn counter(total: u32, what: &str) -> ProgressBar {
+    let bar = ProgressBar::new(total.into());
+    let style = ProgressStyle::with_template(&format!("{{bar:30}} {{pos}}/{{len}} {what} · {{eta}} left"));
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar
+}

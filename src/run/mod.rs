@@ -13,6 +13,7 @@ pub mod files;
 pub mod folder;
 pub mod measures;
 pub mod preview;
+pub mod replay;
 pub mod rollout;
 pub mod summary;
 pub mod trainer;
@@ -29,7 +30,7 @@ use self::trainer::{Diverged, Round, Trainer};
 use crate::env;
 use crate::env::description::Description;
 use crate::input::{self, Document, InputError};
-use crate::record::rerun::{RecordingAbout, RerunRecorder};
+use crate::record::rerun::{Focus, RecordingAbout, RerunRecorder};
 use crate::record::table::TableRecorder;
 use crate::record::{RecordError, Recorder, RoundRecord};
 use crate::scenario::{self, Scenario};
@@ -191,7 +192,7 @@ fn play_round(trainer: &mut Trainer, recorders: &mut [Box<dyn Recorder>]) -> Res
         episodes: &trainer.newest_episodes(),
         episode_rows: &rows.episodes,
         round_rows: &rows.updates,
-        footage: footage.as_ref(),
+        footage: &footage,
     };
     recorders.iter_mut().try_for_each(|recorder| recorder.record_round(&round))?;
     Ok(rows)
@@ -265,6 +266,7 @@ fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingA
     let scenario = plan.scenario.resolved();
     record(&RecordingAbout {
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
+        focus: Focus::Learning,
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: trainer.agents().len() as u32,

@@ -8,6 +8,7 @@ mod about;
 mod axes;
 mod blueprint;
 mod curves;
+mod forces;
 mod framing;
 mod opening;
 mod raw;
@@ -37,11 +38,22 @@ use crate::env::{Scene, Spec};
 
 const APPLICATION: &str = "seedbed";
 
+/// What a recording is about, and so what the viewer shows first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Focus {
+    /// How a team learned: visited states, returns, updates.
+    Learning,
+    /// How bodies moved: scenes.
+    Motion,
+}
+
 /// What a recording says about its run.
 #[derive(Clone, Copy, Debug)]
 pub struct RecordingAbout<'a> {
     /// The run's name, shown by the viewer.
     pub name: &'a str,
+    /// What it is about.
+    pub focus: Focus,
     /// The task.
     pub spec: &'a Spec,
     /// The task's bodies, if it has any.
@@ -65,12 +77,15 @@ pub struct RerunRecorder {
     axes: Axes,
     quota: LineQuota,
     density_every: u32,
+    raw_every: u32,
+    focus: Focus,
+    control_step: f64,
     run_seed: u64,
     time_limit: u32,
     agents: Vec<AgentTrack>,
     team_pictures: Gallery,
     curves: Curves,
-    film: Option<Film>,
+    films: Vec<Film>,
     /// Everything that is still needed after an interruption, save the densities.
     progress: Progress,
 }
@@ -128,7 +143,7 @@ impl RerunRecorder {
         let progress = Progress::start(about, &Axes::of(about.spec, about.largest_bonus));
         let sink = Sink::new(StoreId::recording(APPLICATION, progress.recording_id.as_str()), storage)?;
         let mut recorder = Self::with(paths, sink, about, settings, progress)?;
-        recorder.introduce(about)?;
+        recorder.introduce(about, settings)?;
         Ok(recorder)
     }
 
@@ -142,19 +157,26 @@ impl RerunRecorder {
         let columns = RawColumns::of(about.spec, about.largest_bonus.is_some())?;
         let densities = std::mem::take(&mut progress.densities).into_iter().enumerate();
         let track = |(agent, density)| AgentTrack { raw: RawTable::new(agent, &columns), visits: Visits::new(agent, density) };
-        let filmed = settings.scene.as_ref().zip(about.scene);
+        let films = settings
+            .scene
+            .iter()
+            .zip(about.scene)
+            .flat_map(|(settings, scene)| settings.agents.iter().map(move |agent| Film::new(**agent, scene)));
         Ok(Self {
             paths,
             sink,
             axes: Axes::of(about.spec, about.largest_bonus),
             quota: LineQuota::of(settings.lines.get()),
             density_every: settings.density_every.get(),
+            raw_every: settings.raw_every.get(),
+            focus: about.focus,
+            control_step: about.spec.control_step,
             run_seed: about.run_seed,
             time_limit: about.spec.time_limit,
             agents: densities.map(track).collect(),
             team_pictures: Gallery::of_team(),
             curves: Curves::new(about.agents as usize),
-            film: filmed.map(|(settings, scene)| Film::new(*settings.agent, scene)),
+            films: films.collect(),
             progress,
         })
     }
