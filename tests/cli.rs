@@ -331,6 +331,38 @@ fn a_run_is_evaluated() {
     assert!(stderr(&nothing).contains("scenario.ron: no such file"), "{}", stderr(&nothing));
 }
 
+/// A replay plays what an evaluation counts, and films the agents that were asked for.
+#[test]
+fn a_run_is_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    assert!(small_run(&path, &["--quiet"]).status.success());
+    let table = |output: &Output| -> Vec<String> {
+        assert!(output.status.success(), "{}", stderr(output));
+        stdout(output).lines().filter(|line| line.starts_with('|')).map(str::to_owned).collect()
+    };
+    let replayed = seedbed(&["replay", run, "--episodes", "3", "--agents", "1", "--seed", "4"]);
+    assert_eq!(table(&replayed), table(&seedbed(&["evaluate", run, "--episodes", "3", "--seed", "4"])));
+    let recording = path.join("replay.rrd");
+    assert!(stdout(&replayed).ends_with(&format!("look at it with\n  rerun {}\n", recording.display())), "{}", stdout(&replayed));
+    let bytes = std::fs::read(&recording).unwrap();
+    let holds = |name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
+    assert!(holds("/scene/agent_1") && !holds("/scene/agent_0") && holds("/raw/agent_0"));
+
+    for (more, said) in [
+        (&["--agents", "0,2"][..], "error: --agents: there is no agent 2; the team of `cartpole` has agents 0 to 1\n".to_owned()),
+        (
+            &["--out", &format!("{run}/run.rrd")],
+            format!("error: {run}/run.rrd is the recording of the run itself; choose another --out\n"),
+        ),
+        (&["--temperature", "0"], "error: --temperature: expected a number above 0, found 0.0\n".to_owned()),
+    ] {
+        let refused = seedbed(&[&["replay", run], more].concat());
+        assert_eq!((refused.status.code(), stderr(&refused)), (Some(2), said));
+    }
+}
+
 #[test]
 fn a_reader_who_has_seen_enough_is_no_error() {
     let command = format!("{} list | head -1", env!("CARGO_BIN_EXE_seedbed"));

@@ -23,6 +23,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::input::InputError;
+use crate::record::rerun::{DEFAULT_VIEWER, ViewerError};
 use crate::run::RunError;
 
 /// Coordinated exploration in concurrent reinforcement learning, with every visited state on record.
@@ -73,6 +74,7 @@ enum Command {
 #[command(after_help = "Examples:
   seedbed run scenarios/cartpole.ron --seed 3
   seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)' --out results/unseeded
+  seedbed run scenarios/cartpole.ron --live               watch it in a viewer that runs already (rerun)
   seedbed run scenarios/cartpole.ron --resume             go on after an interruption, to the same bits")]
 struct RunArgs {
     /// A scenario file
@@ -92,6 +94,10 @@ struct RunArgs {
     /// Write no run.rrd
     #[arg(long)]
     no_recording: bool,
+    /// Show the recording in a running viewer while it is made [default URL: that of a viewer on this machine]
+    #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_VIEWER)]
+    #[arg(conflicts_with = "no_recording")]
+    live: Option<String>,
     /// Say nothing but errors
     #[arg(long, short)]
     quiet: bool,
@@ -277,6 +283,15 @@ fn say_line(line: std::fmt::Arguments<'_>) {
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
         Self::Input(error.to_string())
+    }
+}
+
+impl From<ViewerError> for Failure {
+    fn from(error: ViewerError) -> Self {
+        match error {
+            ViewerError::Address(_) => Self::Input(error.to_string()),
+            ViewerError::Absent(_) => Self::Work(error.to_string()),
+        }
     }
 }
 

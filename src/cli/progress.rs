@@ -14,6 +14,10 @@ impl Observer for Silent {
     fn begun(&mut self, _: &Progress) {}
 
     fn round_finished(&mut self, _: &Progress) {}
+
+    fn warn(&mut self, warning: &str) {
+        eprintln!("warning: {warning}");
+    }
 }
 
 /// A bar on a terminal; elsewhere a line for each tenth of the run.
@@ -52,6 +56,13 @@ impl Observer for Bar {
                 bar.set_message(message);
             }
             None => self.print_line(progress, &message),
+        }
+    }
+
+    fn warn(&mut self, warning: &str) {
+        match &self.drawn {
+            Some(bar) => bar.suspend(|| eprintln!("warning: {warning}")),
+            None => eprintln!("warning: {warning}"),
         }
     }
 }

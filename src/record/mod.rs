@@ -111,6 +111,11 @@ pub trait Recorder {
     /// # Errors
     /// The file could not be completed; what was written before stays readable.
     fn finish(&mut self) -> Result<(), RecordError>;
+
+    /// What people should know since they last asked, though nothing is lost.
+    fn warning(&mut self) -> Option<String> {
+        None
+    }
 }
 
 /// One round of the whole team.

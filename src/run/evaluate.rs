@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::checkpoint::{self, Checkpoint, CheckpointError};
 use super::folder::RunFolder;
 use super::rollout::{Played, RoundPlan};
+use super::summary::Summary;
 use super::trainer::Trainer;
 use super::{Plan, RunError};
 use crate::agent::policy::ActionSelection;
@@ -47,6 +48,7 @@ pub fn evaluate(folder: &RunFolder, evaluation: &Evaluation) -> Result<(Plan, Ve
 /// The folder holds no run with a checkpoint, or one of another version.
 pub(super) fn trained(folder: &RunFolder, actions: Option<ActionSelection>) -> Result<(Plan, Trainer), RunError> {
     let mut plan = Plan::load(&folder.scenario(), &[])?;
+    plan.name = name(folder).unwrap_or(plan.name);
     if let Some(actions) = actions {
         plan.scenario.algorithm = plan.scenario.algorithm.value().clone().with_actions(actions).into();
     }
@@ -55,6 +57,12 @@ pub(super) fn trained(folder: &RunFolder, actions: Option<ActionSelection>) -> R
     let path: PathBuf = checkpoint::file(folder.path());
     trainer.restore(&checkpoint.trainer).map_err(|reason| CheckpointError { path, reason })?;
     Ok((plan, trainer))
+}
+
+/// What the scenario was called when the run was finished; its copy in the folder is called `scenario`.
+fn name(folder: &RunFolder) -> Option<String> {
+    let summary = std::fs::read(folder.summary()).ok()?;
+    serde_json::from_slice::<Summary>(&summary).ok().map(|summary| summary.scenario)
 }
 
 /// Plays episode `number` of every agent. Its streams bear a round that no training reaches.

@@ -10,6 +10,7 @@ mod blueprint;
 mod curves;
 mod forces;
 mod framing;
+mod live;
 mod opening;
 mod raw;
 mod resume;
@@ -27,6 +28,7 @@ use std::path::{Path, PathBuf};
 use rerun::StoreId;
 
 use self::curves::Curves;
+pub use self::live::{DEFAULT_VIEWER, Viewer, ViewerError};
 use self::raw::{RawColumns, RawTable};
 use self::resume::Progress;
 use self::scene::Film;
@@ -134,6 +136,14 @@ impl RerunRecorder {
         resumed.map_err(|reason| RecordError { path: paths.part, attempt: Attempt::GoOn, reason })
     }
 
+    /// Shows the recording, as far as it has come and from now on, in a running viewer. The file stays as it is.
+    pub fn show_in(&mut self, mut viewer: Viewer) {
+        match viewer.catch_up(&self.paths.part) {
+            Ok(()) => self.sink.show_in(viewer),
+            Err(fault) => self.sink.warn(fault),
+        }
+    }
+
     fn begin(
         paths: Paths,
         storage: Box<dyn Storage>,
@@ -193,6 +203,10 @@ impl Recorder for RerunRecorder {
 
     fn finish(&mut self) -> Result<(), RecordError> {
         self.complete().map_err(|fault| self.paths.error(fault))
+    }
+
+    fn warning(&mut self) -> Option<String> {
+        self.sink.warning()
     }
 }
 

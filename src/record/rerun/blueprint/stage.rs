@@ -13,10 +13,10 @@ use crate::record::rerun::rows::ENV_STEP;
 impl Sheet {
     /// Scenes at the left, and what they add up to at the right.
     pub(super) fn stage(&mut self, layout: &Layout<'_>) -> Blueprint {
-        let beside = Vertical::new([self.visited(layout), self.outcome(layout)]).with_row_shares([3.0, 2.0]);
+        let beside = Vertical::new([self.went(layout), self.outcome()]);
         let columns: Vec<ContainerLike> = self.scenes(layout).into_iter().chain([beside.into()]).collect();
         let time = TimePanel::new()
-            .with_state(PanelState::Expanded)
+            .with_state(PanelState::Collapsed)
             .with_timeline(ENV_STEP)
             .with_fps(1.0 / layout.control_step)
             .with_loop_mode(LoopMode::All)
@@ -41,11 +41,19 @@ impl Sheet {
         }
     }
 
-    fn outcome(&mut self, layout: &Layout<'_>) -> ContainerLike {
+    /// All states so far in one picture, and each agent's in others.
+    fn went(&mut self, layout: &Layout<'_>) -> ContainerLike {
+        if layout.agents == 1 {
+            return self.density(layout, 0);
+        }
+        let visited = self.visited(layout);
+        Tabs::new([self.team(layout), Horizontal::new([visited]).with_name("States visited by each agent").into()]).into()
+    }
+
+    fn outcome(&mut self) -> ContainerLike {
         let returns: ContainerLike = TimeSeriesView::new("Return of each episode").with_origin("/curves/return").into();
         self.all_times(&returns);
-        let team = if layout.agents > 1 { vec![self.team(layout)] } else { Vec::new() };
         let about = TextDocumentView::new("About").with_origin("/scenario").into();
-        Tabs::new([returns, about].into_iter().chain(team)).into()
+        Tabs::new([returns, about]).into()
     }
 }
