@@ -2,10 +2,11 @@
 //!
 //! [`Recorder`] is what the loop talks to. [`rerun`] is the sole importer of the Rerun SDK and writes `run.rrd`;
 //! [`table`] writes `episodes.csv` and `rounds.csv`. [`visitation`] computes what pictures of visited states show, and
-//! [`palette`] gives each agent its colour. Training may not enter.
+//! [`palette`] gives agents and numbers their colours. Training may not enter.
 
 pub mod palette;
 pub mod rerun;
+mod settings;
 pub mod table;
 pub mod visitation;
 
@@ -13,44 +14,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+pub use settings::{AxisChoice, Colour, Difference, PairChoice, RecordingSettings, SceneSettings};
+
 use crate::env::{Pose, Status};
 use crate::experience::Episode;
-use crate::input::Located;
-use crate::input::numbers::{Count, known_count};
-
-/// What a recording holds, and how much of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RecordingSettings {
-    /// Parallel-coordinates lines visible at once, for each agent.
-    pub lines: Count<10_000>,
-    /// Rounds between two density images.
-    pub density_every: Count,
-    /// The scene of one agent, or none.
-    pub scene: Option<SceneSettings>,
-}
-
-impl Default for RecordingSettings {
-    fn default() -> Self {
-        Self { lines: known_count(1000), density_every: known_count(10), scene: Some(SceneSettings::default()) }
-    }
-}
-
-/// Which agent's bodies are drawn, and how often.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SceneSettings {
-    /// The agent whose bodies are drawn.
-    pub agent: Located<u32>,
-    /// Every how many episodes of that agent are drawn. The first is.
-    pub every: Count,
-}
-
-impl Default for SceneSettings {
-    fn default() -> Self {
-        Self { agent: 0.into(), every: known_count(10) }
-    }
-}
 
 /// Takes in rounds as they are finished. Must never change what is learned.
 pub trait Recorder {
