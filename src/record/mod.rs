@@ -2,10 +2,11 @@
 //!
 //! [`Recorder`] is what the loop talks to. [`rerun`] is the sole importer of the Rerun SDK and writes `run.rrd`;
 //! [`table`] writes `episodes.csv` and `rounds.csv`. [`visitation`] computes what pictures of visited states show, and
-//! [`palette`] gives each agent its colour. Training may not enter.
+//! [`palette`] gives agents and numbers their colours. Training may not enter.
 
 pub mod palette;
 pub mod rerun;
+mod settings;
 pub mod table;
 pub mod visitation;
 
@@ -13,84 +14,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+pub use settings::{AxisChoice, Colour, Difference, PairChoice, RecordingSettings, SceneSettings};
+
 use crate::env::{Force, Pose, Status};
 use crate::experience::Episode;
-use crate::input::numbers::{Count, known_count};
-use crate::input::{Complaint, Located};
-
-/// What a recording holds, and how much of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RecordingSettings {
-    /// Parallel-coordinates lines visible at once, for each agent.
-    pub lines: Count<10_000>,
-    /// Rounds between two density images.
-    pub density_every: Count,
-    /// Every how many episodes of each agent have their states and actions on record as columns. The first has.
-    pub raw_every: Count,
-    /// The scenes of some agents, or none.
-    pub scene: Option<SceneSettings>,
-}
-
-impl Default for RecordingSettings {
-    fn default() -> Self {
-        Self {
-            lines: known_count(1000),
-            density_every: known_count(10),
-            raw_every: known_count(1),
-            scene: Some(SceneSettings::default()),
-        }
-    }
-}
-
-/// Whose bodies are drawn, and how often.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SceneSettings {
-    /// The agents whose bodies are drawn.
-    pub agents: Located<Vec<Located<u32>>>,
-    /// Every how many episodes of each of them are drawn. The first is.
-    pub every: Count,
-}
-
-impl Default for SceneSettings {
-    fn default() -> Self {
-        Self { agents: vec![0.into()].into(), every: known_count(10) }
-    }
-}
-
-impl RecordingSettings {
-    /// What no single field can tell, for a team of `agents`.
-    ///
-    /// # Errors
-    /// The field to blame, and why.
-    pub fn check(&self, agents: u32) -> Result<(), Complaint> {
-        self.scene.as_ref().map_or(Ok(()), |scene| scene.check(agents))
-    }
-}
-
-impl SceneSettings {
-    fn check(&self, count: u32) -> Result<(), Complaint> {
-        if self.agents.is_empty() {
-            return Err(self.agents.complain("names no agent; `scene: None` draws none"));
-        }
-        for (index, agent) in self.agents.iter().enumerate() {
-            if **agent >= count {
-                return Err(agent.complain(format!("expected an agent from 0 to {}, for the team has {count}", count - 1)));
-            }
-            if self.agents[..index].iter().any(|other| **other == **agent) {
-                return Err(agent.complain(format!("agent {} is named twice", **agent)));
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether an agent's episode is drawn.
-    #[must_use]
-    pub fn films(&self, agent: u32, episode: u32) -> bool {
-        episode.is_multiple_of(self.every.get()) && self.agents.iter().any(|filmed| **filmed == agent)
-    }
-}
 
 /// Takes in rounds as they are finished. Must never change what is learned.
 pub trait Recorder {

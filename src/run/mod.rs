@@ -155,6 +155,7 @@ impl Plan {
 fn check(document: &Document<Scenario>, description: &Description) -> Result<(), InputError> {
     let scenario = &document.value;
     scenario.check().map_err(|complaint| document.locate(complaint))?;
+    scenario.recording.check_task(&description.spec).map_err(|complaint| document.locate(complaint))?;
     env::build(description, scenario.physics, 1).map(|_| ())
 }
 
@@ -290,6 +291,7 @@ fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingA
         scene: trainer.environment().scene(),
         agents: trainer.agents().len() as u32,
         largest_bonus: plan.scenario.algorithm.largest_intrinsic_reward(),
+        episodes: plan.scenario.most_episodes(),
         run_seed: plan.scenario.seed,
         scenario: &scenario,
         properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],

@@ -35,6 +35,7 @@ pub fn record(
         scene: trainer.environment().scene(),
         agents: 1,
         largest_bonus: None,
+        episodes: episodes.get(),
         run_seed: seed,
         scenario: &text,
         properties: &[],

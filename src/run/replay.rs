@@ -93,6 +93,7 @@ fn recorder(
         scene: trainer.environment().scene(),
         agents: trainer.agents().len() as u32,
         largest_bonus: None,
+        episodes: replay.evaluation.episodes,
         run_seed: plan.scenario.seed,
         scenario: &plan.scenario.resolved(),
         properties: &[("replay_after_round", trainer.rounds().to_string()), ("replay_seed", replay.evaluation.seed.to_string())],

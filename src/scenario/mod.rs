@@ -194,7 +194,8 @@ impl Scenario {
         {
             return Err(window.complain(format!("expected a window of at most the {} episodes of `at_most`", at_most.get())));
         }
-        self.recording.check(self.agents.count.get())
+        let curious = self.algorithm.largest_intrinsic_reward().is_some();
+        self.recording.check(self.agents.count.get(), curious)
     }
 
     /// The scenario as a file with every default spelled out.

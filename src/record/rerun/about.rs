@@ -54,9 +54,12 @@ fn page(about: &RecordingAbout<'_>, facts: &[(String, String)]) -> String {
         "# {name}\n\n\
          {agents} concurrent agents learn in as many copies of one task and share what they experience. {description}\n\n\
          ## How to read this recording\n\n\
-         - **States visited**: one upright axis for each observed quantity, one line across them for each state. Lines are \
-         a sample of the latest episodes, from dark (an episode's start) to bright (its end); \
-         pictures count all states so far, brighter where more lines pass.\n\
+         - **Latest episodes, all states so far**: parallel coordinates, with one upright axis for each observed quantity and one line \
+         across them for each state. Lines are a sample; by agent, they go from dark (an episode's start) to bright (its end). Densities \
+         count the lines of all states; what their colours mean stands beside them and follows the time cursor.\n\
+         - **Difference**: orange where a larger share of the one agent's states passes than of the other's, blue where a smaller one.\n\
+         - **Pairs of observations**: one against the other, one point a state.\n\
+         - **Where bonuses come from**: the mean intrinsic reward of the steps taken from each place, for curious agents.\n\
          - **Returns**: the sum of rewards of each episode. Each agent has one colour throughout.\n\
          - **In motion**: one episode in one picture, from dark (its start) to bright (its end).\n\
          - **Time** is counted in episodes. Choose `env_step` in the time panel to watch the bodies move: green arrows are \

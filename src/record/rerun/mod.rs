@@ -5,13 +5,14 @@
 //! pieces, because each piece has a head of its own; [`checkpoint`](Recorder::checkpoint) writes them out.
 
 mod about;
-mod axes;
 mod blueprint;
 mod curves;
 mod forces;
 mod framing;
+mod furniture;
 mod live;
 mod opening;
+mod pictures;
 mod raw;
 mod resume;
 mod rounds;
@@ -19,7 +20,9 @@ mod rows;
 mod scene;
 mod shapes;
 mod sink;
+mod tiles;
 mod visitation;
+mod walls;
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -29,13 +32,15 @@ use rerun::StoreId;
 
 use self::curves::Curves;
 pub use self::live::{DEFAULT_VIEWER, Viewer, ViewerError};
+use self::pictures::Pictures;
 use self::raw::{RawColumns, RawTable};
 use self::resume::Progress;
 use self::scene::Film;
 use self::sink::{Fault, Sink, Storage};
-use self::visitation::{Gallery, Visits};
-use super::visitation::{Axes, LineQuota};
-use super::{Attempt, RecordError, Recorder, RecordingSettings, RoundRecord};
+use self::visitation::{Drawing, Sample};
+use self::walls::Walls;
+use super::visitation::{Axes, Colouring, LineQuota, Pairs, Visited};
+use super::{Attempt, Difference, RecordError, Recorder, RecordingSettings, RoundRecord};
 use crate::env::{Scene, Spec};
 
 const APPLICATION: &str = "seedbed";
@@ -64,6 +69,8 @@ pub struct RecordingAbout<'a> {
     pub agents: u32,
     /// The largest bonus that a step can have; none without curiosity.
     pub largest_bonus: Option<f32>,
+    /// Episodes of each agent after which the run ends at the latest.
+    pub episodes: u32,
     /// The run's seed; which states become lines is derived from it.
     pub run_seed: u64,
     /// The resolved scenario, in RON.
@@ -76,26 +83,32 @@ pub struct RecordingAbout<'a> {
 pub struct RerunRecorder {
     paths: Paths,
     sink: Sink,
-    axes: Axes,
+    drawing: Drawing,
+    walls: Walls,
     quota: LineQuota,
     density_every: u32,
     raw_every: u32,
     focus: Focus,
     control_step: f64,
     run_seed: u64,
-    time_limit: u32,
+    spec: Spec,
+    episodes: u32,
+    largest_bonus: Option<f32>,
+    compared: bool,
     agents: Vec<AgentTrack>,
-    team_pictures: Gallery,
+    team: Sample,
+    visited: Vec<Visited>,
+    pictures: Pictures,
     curves: Curves,
     films: Vec<Film>,
-    /// Everything that is still needed after an interruption, save the densities.
+    /// Everything that is still needed after an interruption, save what was visited.
     progress: Progress,
 }
 
 /// What is being recorded of one agent.
 struct AgentTrack {
     raw: RawTable,
-    visits: Visits,
+    sample: Sample,
 }
 
 #[derive(Clone, Debug)]
@@ -128,7 +141,7 @@ impl RerunRecorder {
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
         let resumed = Progress::from_bytes(bytes).and_then(|progress| {
-            progress.check(about)?;
+            progress.check(about, settings)?;
             let store = StoreId::recording(APPLICATION, progress.recording_id.as_str());
             let sink = resume::reopened(&paths.part, &paths.done, progress.messages, store)?;
             Self::with(paths.clone(), sink, about, settings, progress)
@@ -150,7 +163,7 @@ impl RerunRecorder {
         about: &RecordingAbout<'_>,
         settings: &RecordingSettings,
     ) -> Result<Self, Fault> {
-        let progress = Progress::start(about, &Axes::of(about.spec, about.largest_bonus));
+        let progress = Progress::start(about, settings);
         let sink = Sink::new(StoreId::recording(APPLICATION, progress.recording_id.as_str()), storage)?;
         let mut recorder = Self::with(paths, sink, about, settings, progress)?;
         recorder.introduce(about, settings)?;
@@ -165,8 +178,9 @@ impl RerunRecorder {
         mut progress: Progress,
     ) -> Result<Self, Fault> {
         let columns = RawColumns::of(about.spec, about.largest_bonus.is_some())?;
-        let densities = std::mem::take(&mut progress.densities).into_iter().enumerate();
-        let track = |(agent, density)| AgentTrack { raw: RawTable::new(agent, &columns), visits: Visits::new(agent, density) };
+        let visited = std::mem::take(&mut progress.visited);
+        let track = |agent| AgentTrack { raw: RawTable::new(agent, &columns), sample: Sample::new(&format!("agent_{agent}")) };
+        let drawing = Drawing::of(about, settings, progress.colour_range.unwrap_or([0.0, 1.0]));
         let films = settings
             .scene
             .iter()
@@ -175,20 +189,36 @@ impl RerunRecorder {
         Ok(Self {
             paths,
             sink,
-            axes: Axes::of(about.spec, about.largest_bonus),
+            walls: Walls::new(about.agents, &drawing.axes, &drawing.pairs),
+            drawing,
             quota: LineQuota::of(settings.lines.get()),
             density_every: settings.density_every.get(),
             raw_every: settings.raw_every.get(),
             focus: about.focus,
             control_step: about.spec.control_step,
             run_seed: about.run_seed,
-            time_limit: about.spec.time_limit,
-            agents: densities.map(track).collect(),
-            team_pictures: Gallery::of_team(),
+            spec: about.spec.clone(),
+            episodes: about.episodes,
+            largest_bonus: about.largest_bonus,
+            compared: about.agents > 1 && settings.difference != Difference::Off,
+            agents: (0..visited.len()).map(track).collect(),
+            team: Sample::new("team"),
+            pictures: Pictures::new(visited.len(), about.largest_bonus.is_some(), &settings.difference),
+            visited,
             curves: Curves::new(about.agents as usize),
             films: films.collect(),
             progress,
         })
+    }
+}
+
+impl Drawing {
+    fn of(about: &RecordingAbout<'_>, settings: &RecordingSettings, range: [f32; 2]) -> Self {
+        Self {
+            axes: Axes::of(about.spec, &settings.axes, about.largest_bonus),
+            pairs: Pairs::of(about.spec, &settings.pairs),
+            colouring: Colouring { by: *settings.colour, range },
+        }
     }
 }
 
@@ -215,9 +245,9 @@ impl RerunRecorder {
         self.write(true)?;
         self.sink.sync()?;
         self.progress.messages = self.sink.messages();
-        self.progress.densities = self.agents.iter().map(|track| track.visits.density.clone()).collect();
+        self.progress.visited.clone_from(&self.visited);
         let bytes = self.progress.to_bytes();
-        self.progress.densities.clear();
+        self.progress.visited.clear();
         bytes
     }
 

@@ -5,8 +5,8 @@ use rerun::log::{LogMsg, RowId};
 
 use super::scene::Film;
 use super::sink::Fault;
-use super::{APPLICATION, RecordingAbout, RerunRecorder, about, axes, blueprint};
-use crate::record::{Footage, RecordingSettings};
+use super::{APPLICATION, RecordingAbout, RerunRecorder, about, blueprint};
+use crate::record::{Colour, Footage, RecordingSettings};
 
 impl RerunRecorder {
     /// Writes what is true throughout: what this recording is, names, colours, shapes.
@@ -15,13 +15,14 @@ impl RerunRecorder {
             StoreInfo::new(self.sink.store().clone(), StoreSource::Other(format!("seedbed {}", env!("CARGO_PKG_VERSION"))));
         self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo { row_id: *RowId::new(), info }))?;
         let mut chunks = about::chunks(about, settings)?.to_vec();
-        let layout = self.layout(&[]);
-        chunks.extend(axes::furniture(&self.axes, layout.wide_lettering(), layout.narrow_lettering())?);
+        chunks.extend(self.walls.furniture(&self.drawing, &self.pictures)?);
         chunks.extend(self.curves.styles()?);
+        let (panels, own) = (self.drawing.pairs.panels().len(), self.drawing.colouring.by == Colour::Agent);
         for (agent, track) in (0..).zip(&self.agents) {
-            chunks.extend(track.visits.styles(&self.axes, agent, self.quota.per_round)?);
+            chunks.extend(track.sample.styles(own.then_some(agent), self.quota.per_round, panels)?);
         }
-        chunks.push(self.team_pictures.style(&self.axes)?);
+        chunks.extend(self.team.styles(None, self.quota.per_round, panels)?);
+        chunks.extend(self.pictures.styles(&self.drawing.axes, &self.drawing.pairs)?);
         for film in &self.films {
             chunks.extend(film.shapes()?);
         }
@@ -30,18 +31,23 @@ impl RerunRecorder {
 
     /// How the recording is shown; the first films tell where their actors are.
     pub(super) fn lay_out(&mut self, footage: &[Footage]) -> Result<(), Fault> {
+        let colours = self.walls.colours(&self.drawing.colouring)?;
+        colours.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
         let messages = blueprint::messages(APPLICATION, &self.layout(footage))?;
         messages.iter().try_for_each(|message| self.sink.send(message))
     }
 
-    fn layout(&self, footage: &[Footage]) -> blueprint::Layout<'_> {
+    fn layout(&self, footage: &[Footage]) -> blueprint::Layout {
         blueprint::Layout {
             agents: self.agents.len() as u32,
-            axes: &self.axes,
+            walls: self.walls,
             quota: self.quota,
-            time_limit: self.time_limit,
+            time_limit: self.spec.time_limit,
             control_step: self.control_step,
             focus: self.focus,
+            coloured_by: self.drawing.colouring.title(),
+            curious: self.largest_bonus.is_some(),
+            compared: self.compared,
             filmed: self.films.iter().map(|film| filmed(film, footage)).collect(),
         }
     }

@@ -12,7 +12,7 @@ use crate::record::rerun::rows::ENV_STEP;
 
 impl Sheet {
     /// Scenes at the left, and what they add up to at the right.
-    pub(super) fn stage(&mut self, layout: &Layout<'_>) -> Blueprint {
+    pub(super) fn stage(&mut self, layout: &Layout) -> Blueprint {
         let beside = Vertical::new([self.went(layout), self.outcome()]);
         let columns: Vec<ContainerLike> = self.scenes(layout).into_iter().chain([beside.into()]).collect();
         let time = TimePanel::new()
@@ -30,7 +30,7 @@ impl Sheet {
     }
 
     /// The scene of each filmed agent.
-    pub(super) fn scenes(&mut self, layout: &Layout<'_>) -> Option<ContainerLike> {
+    pub(super) fn scenes(&mut self, layout: &Layout) -> Option<ContainerLike> {
         let mut scenes: Vec<ContainerLike> = layout.filmed.iter().map(|filmed| self.scene(filmed)).collect();
         match scenes.len() {
             0 | 1 => scenes.pop(),
@@ -42,12 +42,12 @@ impl Sheet {
     }
 
     /// All states so far in one picture, and each agent's in others.
-    fn went(&mut self, layout: &Layout<'_>) -> ContainerLike {
+    fn went(&mut self, layout: &Layout) -> ContainerLike {
+        let agents = self.density(layout, false, "density");
         if layout.agents == 1 {
-            return self.density(layout, 0);
+            return agents;
         }
-        let visited = self.visited(layout);
-        Tabs::new([self.team(layout), Horizontal::new([visited]).with_name("States visited by each agent").into()]).into()
+        Tabs::new([self.density(layout, true, "density"), agents]).into()
     }
 
     fn outcome(&mut self) -> ContainerLike {
