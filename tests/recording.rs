@@ -121,7 +121,7 @@ fn points_are_states_of_their_episode() {
         let (own, others) = rest.split_at(states.min(20) * 2);
         let observed: Vec<&[f32]> = round.episodes[1].observations.chunks_exact(4).collect();
         let drawn = |state: &[f32]| {
-            let place = |value: f32, end: f32| 40.0 * ((value / end + 1.0) / 2.0).clamp(0.0, 1.0);
+            let place = |value: f32, end: f32| 40.0 * (0.5 + 0.5 * value / end).clamp(0.0, 1.0);
             [[place(state[0], 2.4), 40.0 - place(state[1], 3.0)], [60.0 + place(state[2], 0.209), 40.0 - place(state[3], 3.0)]]
         };
         let near = |one: &[f32; 2], other: &[f32; 2]| (one[0] - other[0]).abs() + (one[1] - other[1]).abs() < 1e-3;

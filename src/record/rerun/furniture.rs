@@ -166,7 +166,7 @@ pub(super) fn lettered(places: Points2D) -> Points2D {
 
 /// At most three decimals, none of them an idle zero; of what is small, two digits.
 pub(super) fn number(value: f32) -> String {
-    if value != 0.0 && value.abs() < 0.001 {
+    if value != 0.0 && value.abs() < 0.000_95 {
         return format!("{value:.1e}");
     }
     let text = format!("{value:.3}");

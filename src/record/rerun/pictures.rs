@@ -169,7 +169,9 @@ impl Hall {
     /// Adds to both scales the largest mean bonus of a cell, and the note.
     fn hang_bonuses(&mut self, agents: &[Novelty], pairs: &Pairs, note: &str, at: Moment) {
         let mut team = Novelty::new(pairs);
-        agents.iter().for_each(|novelty| team.add_all(novelty));
+        for novelty in agents {
+            team.add_all(novelty);
+        }
         let largest = agents.iter().map(Novelty::largest).fold(0.0, f64::max);
         for (gallery, novelty) in self.agents.iter_mut().zip(agents) {
             gallery.hang(panels(novelty, largest, pairs), at);

@@ -113,7 +113,7 @@ impl Walls {
             "visitation/difference/scale",
             &team_axes,
             |share| diverging(2.0 * share - 1.0),
-            beside(&team_axes, &[("root scale", -2.15)]),
+            beside(&team_axes, &[("root scale", 3.15)]),
         )?);
         Ok(chunks)
     }

@@ -50,7 +50,7 @@ impl Colouring {
             Colour::Episode => "episode",
             Colour::Return => "return",
             Colour::Outcome => "ended",
-            Colour::IntrinsicReward => "intrinsic reward",
+            Colour::IntrinsicReward => "bonus",
         }
     }
 

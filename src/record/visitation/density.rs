@@ -137,7 +137,7 @@ mod tests {
         let mut density = Density::new(&axes);
         density.add(&[0.0, 1.0]);
         let width = axes.width();
-        let pixels = density.draw_all().to_vec();
+        let pixels = density.draw_all().clone();
         let rows = |column: usize| (0..HEIGHT).filter(|row| pixels[row * width + column] == 1).collect::<Vec<_>>();
         assert_eq!((rows(0), rows(96), rows(192)), (vec![63], vec![32], vec![0]));
         assert_eq!(pixels.iter().sum::<u32>() as usize, width);
