@@ -137,8 +137,8 @@ impl Series {
     }
 
     fn draw_line(&self, plot: &Plot, drawing: &mut Drawing) {
-        let stroke = Stroke::new(self.color, if self.faint { 0.8 } else { 1.8 });
-        let stroke = Stroke { opacity: if self.faint { 0.45 } else { 1.0 }, ..stroke };
+        let stroke = Stroke::new(self.color, if self.faint { 1.0 } else { 1.8 });
+        let stroke = Stroke { opacity: if self.faint { 0.6 } else { 1.0 }, ..stroke };
         for points in self.points.split(|point| point.iter().any(|value| !value.is_finite())) {
             let points = thinned(points, 2 * plot.area.width as usize);
             let places: Vec<[f64; 2]> = self.stepped(points.into_iter()).into_iter().map(|at| plot.at(at)).collect();

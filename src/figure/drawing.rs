@@ -186,7 +186,7 @@ fn path(points: &[[f64; 2]]) -> String {
 fn style(stroke: Stroke) -> String {
     let mut style = format!("stroke=\"{}\" stroke-width=\"{}\"", hex(stroke.color), number(stroke.width));
     if stroke.opacity < 1.0 {
-        style += &format!(" stroke-opacity=\"{}\"", number(stroke.opacity));
+        style = format!("{style} stroke-opacity=\"{}\"", number(stroke.opacity));
     }
     style + if stroke.dashed { " stroke-dasharray=\"5 4\"" } else { " stroke-linejoin=\"round\"" }
 }

@@ -89,7 +89,7 @@ impl Frame<'_> {
 
 /// As many ticks as have room.
 fn count(length: f64, each: f64) -> usize {
-    ((length / each) as usize).clamp(2, 8)
+    ((length / each) as usize).clamp(3, 8)
 }
 
 /// A panel's title, beginning above `x`.

@@ -22,7 +22,7 @@ mod legend;
 mod page;
 mod pair;
 mod parallel;
-mod png;
+mod pixels;
 mod scale;
 
 pub use color::Color;
@@ -31,7 +31,7 @@ pub use intervals::{IntervalRow, Intervals};
 pub use key::Key;
 pub use pair::{HeatMap, Scatter, ScatterPoint};
 pub use parallel::{DensityPicture, ParallelCoordinates, StateLine, States};
-pub use png::PngError;
+pub use pixels::PngError;
 
 /// Rows of panels on a white page. Lengths are CSS pixels, 1/96 inch.
 #[derive(Clone, Debug, PartialEq)]

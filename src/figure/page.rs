@@ -3,7 +3,7 @@
 use super::drawing::{Anchor, Area, Drawing, Lettering};
 use super::font::{Weight, fitted};
 use super::frame::HEAD;
-use super::{Curves, Figure, HeatMap, Intervals, Panel, ParallelCoordinates, PngError, Row, Scatter, png};
+use super::{Curves, Figure, HeatMap, Intervals, Panel, ParallelCoordinates, PngError, Row, Scatter, pixels};
 
 const HEADING: f64 = 15.0;
 const MARGIN: f64 = 8.0;
@@ -47,7 +47,7 @@ impl Figure {
     /// # Errors
     /// The page has no extent, or too many pixels for memory.
     pub fn png(&self, scale: f64) -> Result<Vec<u8>, PngError> {
-        png::draw(&self.svg(), scale)
+        pixels::draw(&self.svg(), scale)
     }
 
     fn head(&self) -> f64 {

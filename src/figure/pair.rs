@@ -3,7 +3,7 @@
 use super::color::{Color, of_count};
 use super::drawing::{Area, Drawing};
 use super::frame::{Frame, Plot};
-use super::png;
+use super::pixels;
 use crate::env::Quantity;
 
 /// Points of two dimensions.
@@ -58,25 +58,12 @@ impl Scatter {
 }
 
 impl HeatMap {
-    /// Counts points in `columns` × `columns` cells; those beyond the ranges count in the outermost.
-    #[must_use]
-    pub fn count(x: &Quantity, y: &Quantity, points: impl Iterator<Item = [f32; 2]>, columns: usize) -> Vec<u32> {
-        let mut counts = vec![0; columns * columns];
-        let cell = |value: f32, [low, high]: [f32; 2]| {
-            ((value - low) / (high - low) * columns as f32).clamp(0.0, columns as f32 - 1.0) as usize
-        };
-        for [at_x, at_y] in points {
-            counts[cell(at_y, y.range) * columns + cell(at_x, x.range)] += 1;
-        }
-        counts
-    }
-
     pub(super) fn draw(&self, panel: &Area, drawing: &mut Drawing) {
         let plot = frame(&self.title, &self.x, &self.y, panel, drawing);
         let from_the_top = self.counts.chunks(self.columns.max(1)).rev().flatten();
         let colors: Vec<Color> = from_the_top.map(|&count| of_count(count, self.most)).collect();
         if !colors.is_empty() {
-            drawing.image(&plot.area, &png::picture(&colors, self.columns), true);
+            drawing.image(&plot.area, &pixels::picture(&colors, self.columns), true);
         }
     }
 }
@@ -96,16 +83,4 @@ fn frame(title: &str, x: &Quantity, y: &Quantity, panel: &Area, drawing: &mut Dr
 /// Such as `angle [rad]`.
 pub(super) fn name(quantity: &Quantity) -> String {
     if quantity.unit.is_empty() { quantity.name.clone() } else { format!("{} [{}]", quantity.name, quantity.unit) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_count_in_their_cells() {
-        let quantity = Quantity { name: "x".to_owned(), unit: String::new(), range: [0.0, 2.0] };
-        let points = [[0.5, 0.5], [1.5, 0.5], [1.5, 0.6], [9.0, 9.0], [-1.0, 9.0]];
-        assert_eq!(HeatMap::count(&quantity, &quantity, points.into_iter(), 2), [1, 2, 1, 1]);
-    }
 }

@@ -5,7 +5,7 @@ use super::drawing::{Anchor, Area, Drawing, Lettering, Stroke};
 use super::font::{Weight, fitted, width};
 use super::frame::{HEAD, LABEL, TICK, title};
 use super::pair::name;
-use super::png;
+use super::pixels;
 use super::scale::written;
 use crate::env::Quantity;
 
@@ -63,7 +63,9 @@ impl ParallelCoordinates {
         for (index, axis) in self.axes.iter().enumerate() {
             let x = self.x(index, &area);
             let raised = staggered && index % 2 == 1;
-            draw_axis(axis, x, &area, if raised { 15.0 } else { 0.0 }, self.room(panel, staggered), drawing);
+            draw_axis(axis, x, &area, drawing);
+            let y = area.y - if raised { 35.0 } else { 20.0 };
+            draw_name(axis, [x, y], panel, self.room(panel, staggered), drawing);
         }
     }
 
@@ -103,20 +105,26 @@ impl DensityPicture {
     fn draw(&self, area: &Area, drawing: &mut Drawing) {
         let colors: Vec<Color> = self.pixels.iter().map(|&count| of_count(count, self.most)).collect();
         if !colors.is_empty() {
-            drawing.image(area, &png::picture(&colors, self.width), false);
+            drawing.image(area, &pixels::picture(&colors, self.width), false);
         }
     }
 }
 
-/// The axis, its ends above and below it, and above all its name.
-fn draw_axis(axis: &Quantity, x: f64, area: &Area, raise: f64, room: f64, drawing: &mut Drawing) {
+/// The axis with its ends above and below it.
+fn draw_axis(axis: &Quantity, x: f64, area: &Area, drawing: &mut Drawing) {
     drawing.line(&[[x, area.y], [x, area.bottom()]], Stroke::new(AXIS, 1.2));
     let [low, high] = axis.range.map(|end| written(f64::from(end)));
     let ends = Lettering::new(TICK, Anchor::Middle).color(GREY);
     drawing.text([x, area.y - 5.0], &high, ends);
     drawing.text([x, area.bottom() + 14.0], &low, ends);
+}
+
+/// With its unit where there is room; those of the outer axes are moved into the panel.
+fn draw_name(axis: &Quantity, [x, y]: [f64; 2], panel: &Area, room: f64, drawing: &mut Drawing) {
     let full = name(axis);
     let name = if width(&full, LABEL, Weight::Regular) > room { &axis.name } else { &full };
-    let name = fitted(name, room, LABEL, Weight::Regular);
-    drawing.text([x, area.y - 20.0 - raise], &name, Lettering::new(LABEL, Anchor::Middle));
+    let name = fitted(name, room.min(panel.width), LABEL, Weight::Regular);
+    let half = 0.5 * width(&name, LABEL, Weight::Regular);
+    let x = x.clamp(panel.x + half, (panel.right() - half).max(panel.x + half));
+    drawing.text([x, y], &name, Lettering::new(LABEL, Anchor::Middle));
 }

@@ -30,10 +30,10 @@ impl Scale {
     }
 }
 
-/// 1, 2 or 5 times a power of ten, at least `least`.
-fn round_step(least: f64) -> f64 {
-    let power = 10_f64.powf(least.log10().floor());
-    let factor = [1.0, 2.0, 5.0].into_iter().find(|factor| factor * power >= least * (1.0 - 1e-9));
+/// 1, 2 or 5 times a power of ten, about `wanted`.
+fn round_step(wanted: f64) -> f64 {
+    let power = 10_f64.powf(wanted.log10().floor());
+    let factor = [1.0, 2.0, 5.0].into_iter().find(|factor| factor * power >= 0.7 * wanted);
     factor.unwrap_or(10.0) * power
 }
 
@@ -98,7 +98,7 @@ mod tests {
         assert_eq!(labels(-0.21, 0.21), ["−0.2", "−0.1", "0", "0.1", "0.2"]);
         assert_eq!(labels(0.0, 1.0), ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(labels(0.0, 250_000.0), ["0", "50k", "100k", "150k", "200k", "250k"]);
-        assert_eq!(labels(3.0, 9.5), ["4", "6", "8"]);
+        assert_eq!(labels(3.0, 9.5), ["3", "4", "5", "6", "7", "8", "9"]);
     }
 
     #[test]

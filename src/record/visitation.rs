@@ -48,15 +48,31 @@ impl Axes {
     /// have their bonus, up to `largest_bonus`, as their last one.
     #[must_use]
     pub fn of(spec: &Spec, largest_bonus: Option<f32>) -> Self {
-        let observed = spec.observations.iter().enumerate();
+        Self::of_quantities(&spec.observations, spec.time_limit, largest_bonus)
+    }
+
+    /// Likewise, from what is observed and the steps that an episode may have.
+    #[must_use]
+    pub fn of_quantities(observations: &[Quantity], time_limit: u32, largest_bonus: Option<f32>) -> Self {
+        let observed = observations.iter().enumerate();
         let observed = observed.map(|(i, quantity)| Axis { quantity: quantity.clone(), source: Source::Observation(i) });
         let mut axes: Vec<Axis> = observed.collect();
         if axes.len() < 2 {
-            axes.insert(0, step_axis(spec.time_limit));
+            axes.insert(0, step_axis(time_limit));
         }
         axes.extend(largest_bonus.map(bonus_axis));
+        Self::side_by_side(axes)
+    }
+
+    fn side_by_side(axes: Vec<Axis>) -> Self {
         let gap = (WIDTH / (axes.len() - 1).max(1)).max(MIN_GAP);
         Self { axes, gap }
+    }
+
+    /// Some of these axes, by their places, as axes of a picture of their own.
+    #[must_use]
+    pub fn chosen(&self, places: &[usize]) -> Self {
+        Self::side_by_side(places.iter().map(|&place| self.axes[place].clone()).collect())
     }
 
     /// From left to right.

@@ -4,7 +4,7 @@ use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
 use rerun::log::{LogMsg, RowId};
 
 use super::sink::Fault;
-use super::{APPLICATION, RecordingAbout, RerunRecorder, about, axes, blueprint};
+use super::{APPLICATION, RecordingAbout, RerunRecorder, about, axes, blueprint, quantities};
 use crate::record::Footage;
 
 impl RerunRecorder {
@@ -14,6 +14,7 @@ impl RerunRecorder {
             StoreInfo::new(self.sink.store().clone(), StoreSource::Other(format!("seedbed {}", env!("CARGO_PKG_VERSION"))));
         self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo { row_id: *RowId::new(), info }))?;
         let mut chunks = about::chunks(about)?.to_vec();
+        chunks.push(quantities::chunk(about.spec, about.largest_bonus)?);
         let layout = self.layout(None);
         chunks.extend(axes::furniture(&self.axes, layout.wide_lettering(), layout.narrow_lettering())?);
         chunks.extend(self.curves.styles()?);

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use resvg::tiny_skia::{Color as Paint, Pixmap, PremultipliedColorU8, Transform};
+use resvg::tiny_skia::{Color as Paint, Pixmap, Transform};
 use resvg::usvg::fontdb::{Database, Source};
 use resvg::usvg::{Options, Tree};
 
@@ -42,15 +42,31 @@ pub(super) fn draw(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
     let mut pixels = drawable.then(|| Pixmap::new(width as u32, height as u32)).flatten().ok_or_else(refused)?;
     pixels.fill(Paint::WHITE);
     resvg::render(&tree, Transform::from_scale(scale as f32, scale as f32), &mut pixels.as_mut());
-    pixels.encode_png().map_err(|error| PngError::Drawing(error.to_string()))
+    let opaque: Vec<u8> = pixels.pixels().iter().flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
+    encoded(&opaque, [width as u32, height as u32], scale).map_err(|error| PngError::Drawing(error.to_string()))
+}
+
+/// The bytes of a file without transparency, as small as may be.   `rgb: [height × width × 3]`
+fn encoded(rgb: &[u8], [width, height]: [u32; 2], scale: f64) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_compression(png::Compression::High);
+    encoder.set_pixel_dims(Some(density(scale)));
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(rgb)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+/// So that programs show and print the figure in its own size: a CSS pixel is 1/96 inch.
+fn density(scale: f64) -> png::PixelDimensions {
+    let per_metre = (scale * 96.0 / 0.0254).round() as u32;
+    png::PixelDimensions { xppu: per_metre, yppu: per_metre, unit: png::Unit::Meter }
 }
 
 /// A picture of colours, row by row from the top.   `colors: [height × width]`
 pub(super) fn picture(colors: &[Color], width: usize) -> Vec<u8> {
     let height = colors.len() / width.max(1);
-    let mut pixels = Pixmap::new(width as u32, height as u32).expect("a picture has pixels");
-    for (pixel, &[red, green, blue]) in pixels.pixels_mut().iter_mut().zip(colors) {
-        *pixel = PremultipliedColorU8::from_rgba(red, green, blue, 255).expect("opaque");
-    }
-    pixels.encode_png().expect("pixels in memory can be encoded")
+    encoded(&colors[..width * height].concat(), [width as u32, height as u32], 1.0).expect("pixels in memory can be encoded")
 }
