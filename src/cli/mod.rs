@@ -10,11 +10,14 @@ macro_rules! say {
 mod bench;
 mod check;
 mod evaluate;
+mod inspect;
 mod list;
+mod plot;
 mod preview;
 mod progress;
 mod replay;
 mod run;
+mod spark;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -25,6 +28,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::input::InputError;
 use crate::record::rerun::{DEFAULT_VIEWER, ViewerError};
 use crate::run::RunError;
+use crate::run::review::ReviewError;
 
 /// Coordinated exploration in concurrent reinforcement learning, with every visited state on record.
 #[derive(Debug, Parser)]
@@ -36,6 +40,8 @@ use crate::run::RunError;
   seedbed preview cartpole                                record a few random episodes of a task
   seedbed evaluate recordings/cartpole/seed-0 --actions greedy
   seedbed replay recordings/cartpole/seed-0               film what the trained policies do
+  seedbed inspect recordings/cartpole/seed-0              what came of a run
+  seedbed plot recordings/cartpole/seed-0 --out run.png   where its agents went
   seedbed list algorithms                                 what can be set, and the defaults
   rerun recordings/cartpole/seed-0/run.rrd                look at a recording (the viewer: pip install rerun-sdk==0.36.3)")]
 struct Cli {
@@ -67,6 +73,10 @@ enum Command {
     Evaluate(EvaluateArgs),
     /// Record episodes of the policies of a run, with the bodies in motion
     Replay(ReplayArgs),
+    /// Tell what came of a run: returns, coverage, how far agents differ, what they saw
+    Inspect(inspect::InspectArgs),
+    /// Draw where the agents of a run went, and what they reached, as SVG or PNG
+    Plot(plot::PlotArgs),
 }
 
 #[derive(Debug, Args)]
@@ -254,6 +264,8 @@ pub fn main() -> ExitCode {
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Replay(args) => replay::replay(&args),
+        Command::Inspect(args) => inspect::inspect(&args),
+        Command::Plot(args) => plot::plot(&args),
     };
     let Err(failure) = done else { return ExitCode::SUCCESS };
     if !matches!(failure, Failure::Files(1)) {
@@ -268,6 +280,12 @@ pub fn main() -> ExitCode {
 /// Such as `1 agent` and `4 agents`.
 fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+impl From<ReviewError> for Failure {
+    fn from(error: ReviewError) -> Self {
+        Self::Input(error.to_string())
+    }
 }
 
 fn say_line(line: std::fmt::Arguments<'_>) {

@@ -2,7 +2,7 @@
 //!
 //! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round
 //! (`asynchronous` one in which nobody waits), [`exchange`] shares its episodes,
-//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas of learning may not enter.
+//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it, [`review`] reads it back. Formulas of learning may not enter.
 
 mod agreement;
 mod asynchronous;
@@ -14,6 +14,7 @@ pub mod folder;
 pub mod measures;
 pub mod preview;
 pub mod replay;
+pub mod review;
 pub mod rollout;
 pub mod summary;
 pub mod trainer;

@@ -5,7 +5,7 @@ use rerun::log::{LogMsg, RowId};
 
 use super::scene::Film;
 use super::sink::Fault;
-use super::{APPLICATION, RecordingAbout, RerunRecorder, about, blueprint};
+use super::{APPLICATION, RecordingAbout, RerunRecorder, about, blueprint, quantities};
 use crate::record::{Colour, Footage, RecordingSettings};
 
 impl RerunRecorder {
@@ -15,6 +15,7 @@ impl RerunRecorder {
             StoreInfo::new(self.sink.store().clone(), StoreSource::Other(format!("seedbed {}", env!("CARGO_PKG_VERSION"))));
         self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo { row_id: *RowId::new(), info }))?;
         let mut chunks = about::chunks(about, settings)?.to_vec();
+        chunks.push(quantities::chunk(about.spec, about.largest_bonus)?);
         chunks.extend(self.walls.furniture(&self.drawing, &self.pictures)?);
         chunks.extend(self.curves.styles()?);
         let (panels, own) = (self.drawing.pairs.panels().len(), self.drawing.colouring.by == Colour::Agent);

@@ -65,6 +65,12 @@ impl<'a> Seen<'a> {
         })
     }
 
+    /// A state that was read back, with the bonus of what was done there.
+    #[must_use]
+    pub fn state(step: usize, observation: &'a [f32], bonus: f32) -> Self {
+        Self { step, observation, action: None, reward: 0.0, bonus }
+    }
+
     /// Whether something was done there.
     #[must_use]
     pub fn acts(&self) -> bool {
@@ -79,10 +85,31 @@ impl Axes {
     pub fn of(spec: &Spec, choices: &[AxisChoice], largest_bonus: Option<f32>) -> Self {
         let mut axes: Vec<Axis> = choices.iter().flat_map(|choice| Axis::chosen(*choice, spec, largest_bonus)).collect();
         while axes.len() < 2 {
-            axes.insert(0, Axis::step(spec));
+            axes.insert(0, Axis::step(spec.time_limit));
         }
-        let gap = (WIDTH / (axes.len() - 1)).max(MIN_GAP);
+        Self::side_by_side(axes)
+    }
+
+    /// The axes of all observations and of the bonus, from what a recording tells of its task.
+    #[must_use]
+    pub fn of_quantities(observations: &[Quantity], time_limit: u32, largest_bonus: Option<f32>) -> Self {
+        let observed = observations.iter().enumerate().map(|(index, quantity)| Axis::observation(quantity, index));
+        let mut axes: Vec<Axis> = observed.chain(largest_bonus.map(Axis::bonus)).collect();
+        while axes.len() < 2 {
+            axes.insert(0, Axis::step(time_limit));
+        }
+        Self::side_by_side(axes)
+    }
+
+    fn side_by_side(axes: Vec<Axis>) -> Self {
+        let gap = (WIDTH / (axes.len() - 1).max(1)).max(MIN_GAP);
         Self { axes, gap }
+    }
+
+    /// Some of these axes, by their places, as axes of a picture of their own.
+    #[must_use]
+    pub fn chosen(&self, places: &[usize]) -> Self {
+        Self::side_by_side(places.iter().map(|&place| self.axes[place].clone()).collect())
     }
 
     /// From left to right.
@@ -136,17 +163,21 @@ impl Axes {
 impl Axis {
     fn chosen(choice: AxisChoice, spec: &Spec, largest_bonus: Option<f32>) -> Vec<Self> {
         match choice {
-            AxisChoice::Observations => (0..spec.observations.len()).map(|index| Self::observation(spec, index)).collect(),
+            AxisChoice::Observations => Self::observations(spec),
             AxisChoice::Action => (0..spec.actions.len()).map(|index| Self::action(spec, index)).collect(),
             AxisChoice::Reward { from, to } => vec![Self::named("reward", [from.get_f32(), to.get_f32()], Source::Reward)],
             AxisChoice::IntrinsicReward => largest_bonus.into_iter().map(Self::bonus).collect(),
-            AxisChoice::Step => vec![Self::step(spec)],
+            AxisChoice::Step => vec![Self::step(spec.time_limit)],
         }
     }
 
+    fn observations(spec: &Spec) -> Vec<Self> {
+        spec.observations.iter().enumerate().map(|(index, quantity)| Self::observation(quantity, index)).collect()
+    }
+
     /// The axis of observation `index`.
-    pub(super) fn observation(spec: &Spec, index: usize) -> Self {
-        Self { quantity: spec.observations[index].clone(), source: Source::Observation(index) }
+    pub(super) fn observation(quantity: &Quantity, index: usize) -> Self {
+        Self { quantity: quantity.clone(), source: Source::Observation(index) }
     }
 
     fn action(spec: &Spec, index: usize) -> Self {
@@ -155,8 +186,8 @@ impl Axis {
     }
 
     /// The axis of steps within an episode.
-    pub(super) fn step(spec: &Spec) -> Self {
-        Self::named("step", [0.0, spec.time_limit.max(1) as f32], Source::Step)
+    pub(super) fn step(time_limit: u32) -> Self {
+        Self::named("step", [0.0, time_limit.max(1) as f32], Source::Step)
     }
 
     /// A range without extent, where bonuses weigh nothing, gets one.

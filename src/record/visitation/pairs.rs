@@ -25,17 +25,18 @@ impl Pairs {
     #[must_use]
     pub fn of(spec: &Spec, choice: &PairChoice) -> Self {
         let observed = spec.observations.len();
+        let observation = |index: usize| Axis::observation(&spec.observations[index], index);
         let named = |name: &str| {
             let index = spec.observations.iter().position(|quantity| quantity.name == name);
-            Axis::observation(spec, index.expect("names of pairs were checked"))
+            observation(index.expect("names of pairs were checked"))
         };
         let panels = match choice {
             PairChoice::These(pairs) => pairs.iter().map(|(across, upwards)| [named(across), named(upwards)]).collect(),
-            PairChoice::First(_) if observed == 1 => vec![[Axis::step(spec), Axis::observation(spec, 0)]],
+            PairChoice::First(_) if observed == 1 => vec![[Axis::step(spec.time_limit), observation(0)]],
             // The last of an odd number goes with its neighbour.
             PairChoice::First(most) => (0..observed.div_ceil(2).min(most.get() as usize))
                 .map(|pair| (2 * pair).min(observed - 2))
-                .map(|first| [Axis::observation(spec, first), Axis::observation(spec, first + 1)])
+                .map(|first| [observation(first), observation(first + 1)])
                 .collect(),
         };
         Self { panels }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::diversity::{Diversity, distribution_entropy, entropy, mix};
-use crate::env::Spec;
+use crate::env::{Quantity, Spec};
 
 /// Cells along one axis.
 const CELLS: usize = 20;
@@ -28,16 +28,27 @@ impl Visitation {
     /// Nothing visited yet.
     #[must_use]
     pub fn new(spec: &Spec) -> Self {
-        let axes = spec.observation_width();
+        Self::of(&spec.observations)
+    }
+
+    /// Likewise, where only what is observed is known.
+    #[must_use]
+    pub fn of(observations: &[Quantity]) -> Self {
+        let axes = observations.len();
         let (grids, cells_of_grid) = if axes == 1 { (1, CELLS) } else { (axes * (axes - 1) / 2, CELLS * CELLS) };
         Self { counts: vec![0; grids * cells_of_grid], cells_of_grid, visited: 0 }
     }
 
     /// Visits states.   `observations: [N × observation width]`
     pub fn visit(&mut self, spec: &Spec, observations: &[f32]) {
-        let mut bins = vec![0; spec.observation_width()];
-        for row in observations.chunks_exact(bins.len()) {
-            for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(&spec.observations) {
+        self.visit_states(&spec.observations, observations);
+    }
+
+    /// Likewise, where only what is observed is known.   `states: [N × quantities]`
+    pub fn visit_states(&mut self, quantities: &[Quantity], states: &[f32]) {
+        let mut bins = vec![0; quantities.len()];
+        for row in states.chunks_exact(bins.len()) {
+            for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(quantities) {
                 let [low, high] = quantity.range;
                 *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0) as usize;
             }
