@@ -13,7 +13,9 @@ mod evaluate;
 mod list;
 mod preview;
 mod progress;
+mod report;
 mod run;
+mod study;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -33,6 +35,7 @@ use crate::run::RunError;
   seedbed check scenarios/*.ron envs/*.ron                validate files without running
   seedbed preview cartpole                                record a few random episodes of a task
   seedbed evaluate recordings/cartpole/seed-0 --actions greedy
+  seedbed study scenarios/thesis/fig_6_4a.ron             many runs, with a report and a verdict on each claim
   seedbed list algorithms                                 what can be set, and the defaults
   rerun recordings/cartpole/seed-0/run.rrd                look at a recording (the viewer: pip install rerun-sdk==0.36.3)")]
 struct Cli {
@@ -44,9 +47,9 @@ struct Cli {
 enum Command {
     /// Train a team as a scenario file says, and record it
     Run(RunArgs),
-    /// Validate scenario and environment files without running them
+    /// Validate scenario, environment and study files without running them
     Check {
-        /// Files in RON, of either kind
+        /// Files in RON, of any kind
         #[arg(required = true)]
         files: Vec<PathBuf>,
     },
@@ -60,6 +63,10 @@ enum Command {
     Preview(PreviewArgs),
     /// Train scenarios with several seeds and print when each solved its task, and how fast
     Bench(BenchArgs),
+    /// Run many settings with many seeds as a study file says, and judge its claims
+    Study(StudyArgs),
+    /// Write the report of a study's runs, as far as they are there
+    Report(ReportArgs),
     /// Play the policies of a run without learning, and print what they reach
     Evaluate(EvaluateArgs),
 }
@@ -168,6 +175,46 @@ struct EvaluateArgs {
     seed: u64,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed study scenarios/thesis/fig_6_4a.ron             all runs that are missing, then the report
+  seedbed study scenarios/thesis/*.ron --quick            every study with few and short runs, to see that all is as meant
+  seedbed study scenarios/thesis/fig_6_4a.ron --list      all runs with their indices
+  seedbed study scenarios/thesis/fig_6_4a.ron --index $SLURM_ARRAY_TASK_ID    one of them, as a job of its own
+A study that was interrupted goes on where it was; one that was changed runs what its change concerns.")]
+struct StudyArgs {
+    /// Study files
+    #[arg(required = true)]
+    studies: Vec<PathBuf>,
+    /// Runs at once, each on one thread [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// Where results go [default: recordings/studies/<study>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Run it as the study's `quick` says, into a folder of its own
+    #[arg(long)]
+    quick: bool,
+    /// Show all runs with their indices, and which are finished
+    #[arg(long)]
+    list: bool,
+    /// Run this one alone, without a report; many may do so at once in one folder
+    #[arg(long, value_name = "I", conflicts_with = "list")]
+    index: Option<usize>,
+    /// Run again what failed before
+    #[arg(long)]
+    retry: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed report recordings/studies/fig_6_4a              report.html, results.csv and figures/ in that folder")]
+struct ReportArgs {
+    /// Folders of studies
+    #[arg(required = true, value_name = "DIR")]
+    folders: Vec<PathBuf>,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ActionsArg {
     /// Drawn from the policy
@@ -215,6 +262,8 @@ pub fn main() -> ExitCode {
         Command::Preview(args) => preview::preview(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
+        Command::Study(args) => study::study(&args),
+        Command::Report(args) => report::report(&args),
     };
     let Err(failure) = done else { return ExitCode::SUCCESS };
     if !matches!(failure, Failure::Files(1)) {

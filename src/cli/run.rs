@@ -79,18 +79,18 @@ fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Failure> {
 }
 
 fn execute(plan: &Plan, options: &Options, observer: &mut dyn Observer) -> Result<Ending, Failure> {
-    Ok(run::execute(plan, options, observer, &interruption())?)
+    Ok(run::execute(plan, options, observer, &interruption("stopping after this round"))?)
 }
 
-/// Set by the first Ctrl-C; the second ends the process at once.
-fn interruption() -> Arc<AtomicBool> {
+/// Set by the first Ctrl-C, which says `what` happens now; the second ends the process at once.
+pub(super) fn interruption(what: &'static str) -> Arc<AtomicBool> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&interrupted);
     let handler = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("\nstopping after this round; press Ctrl-C again to stop at once");
+        eprintln!("\n{what}; press Ctrl-C again to stop at once");
     });
     if let Err(error) = handler {
         eprintln!("warning: Ctrl-C will end the run without a checkpoint ({error})");
