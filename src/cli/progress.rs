@@ -89,7 +89,8 @@ pub(super) struct StudyBar {
 impl StudyBar {
     pub(super) fn new(name: &str, tasks: &[Task<'_>]) -> Self {
         let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}").unwrap_or_else(|_| ProgressStyle::default_bar());
-        let drawn = std::io::stderr().is_terminal().then(|| ProgressBar::new(PARTS).with_prefix(name.to_owned()).with_style(style));
+        let drawn =
+            std::io::stderr().is_terminal().then(|| ProgressBar::new(PARTS).with_prefix(name.to_owned()).with_style(style));
         let cost = tasks.iter().map(Task::cost).sum();
         let bar = Self { drawn, runs: tasks.len(), finished: 0, cost, done: 0.0, tenths: 0, started: Instant::now() };
         bar.show();

@@ -86,11 +86,10 @@ mod tests {
     fn an_effect_is_absent_when_all_that_matters_is_excluded() {
         use Verdict::{Inconclusive, NotReplicated, Replicated};
         let same = [-2.0, 2.0];
-        assert_eq!([null(-1.0, 1.0, same, 30), null(3.0, 5.0, same, 30), null(1.0, 3.0, same, 30)], [
-            Replicated,
-            NotReplicated,
-            Inconclusive
-        ]);
+        assert_eq!(
+            [null(-1.0, 1.0, same, 30), null(3.0, 5.0, same, 30), null(1.0, 3.0, same, 30)],
+            [Replicated, NotReplicated, Inconclusive]
+        );
         assert_eq!([null(-1.0, 1.0, same, 29), null(3.0, 5.0, same, 29)], [Inconclusive, NotReplicated]);
         let not_more = [f64::NEG_INFINITY, 2.0];
         assert_eq!([null(f64::NEG_INFINITY, 1.0, not_more, 30), null(-9.0, -5.0, not_more, 30)], [Replicated; 2]);

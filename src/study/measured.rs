@@ -113,10 +113,8 @@ impl Measured {
         for row in &rows.episodes {
             self.returns[row.agent as usize].push(row.r#return as f32);
         }
-        let now = Milestone {
-            episodes: trainer.measures().episodes_per_agent() as u32,
-            env_steps: trainer.measures().env_steps(),
-        };
+        let now =
+            Milestone { episodes: trainer.measures().episodes_per_agent() as u32, env_steps: trainer.measures().env_steps() };
         self.env_steps = now.env_steps;
         if self.solved.is_none() && trainer.is_solved() {
             self.solved = Some(now);

@@ -89,7 +89,8 @@ impl StudyPlan {
     pub fn tasks(&self) -> Vec<Task<'_>> {
         let first_seed = *self.study().first_seed;
         let runs = self.cells.iter().flat_map(|cell| (0..self.repeats()).map(move |repeat| (cell, repeat)));
-        let task = |(index, (cell, repeat)): (usize, (_, u64))| Task { index, cell, seed: first_seed + repeat, is_first: repeat == 0 };
+        let task =
+            |(index, (cell, repeat)): (usize, (_, u64))| Task { index, cell, seed: first_seed + repeat, is_first: repeat == 0 };
         runs.enumerate().map(task).collect()
     }
 
@@ -205,8 +206,7 @@ fn named<'a>(base: &Draft<'a>, cell: &'a NamedCell) -> Draft<'a> {
 
 /// What stands for the cell as a whole: its name, or the last value of its axes.
 fn blamed<'a>(study: &'a Study, number: usize, draft: &Draft<'a>) -> Option<&'a Located<String>> {
-    let from_grid: usize =
-        if study.grid.is_empty() { 0 } else { study.grid.iter().map(|axis| axis.values.len()).product() };
+    let from_grid: usize = if study.grid.is_empty() { 0 } else { study.grid.iter().map(|axis| axis.values.len()).product() };
     let named = number.checked_sub(from_grid).and_then(|number| study.cells.get(number));
     named.map(|cell| &cell.name).or_else(|| draft.overrides.last().map(|(place, _)| *place)).or(study.scenario.as_ref())
 }
@@ -319,4 +319,3 @@ impl Cell {
         self.plan.scenario.agents.count.get()
     }
 }
-

@@ -106,8 +106,7 @@ fn ended_early(cells: &[&CellResults]) -> &'static str {
 
 /// The level at which the task counts as solved, if it is the same for all.
 fn thresholds(cells: &[&CellResults]) -> Vec<Threshold> {
-    let mut values: Vec<f64> =
-        cells.iter().flat_map(|cell| &cell.runs).filter_map(|(_, run)| Some(run.threshold?.0)).collect();
+    let mut values: Vec<f64> = cells.iter().flat_map(|cell| &cell.runs).filter_map(|(_, run)| Some(run.threshold?.0)).collect();
     values.dedup();
     let [value] = values[..] else { return Vec::new() };
     vec![Threshold { name: "solved".to_owned(), value }]
@@ -239,11 +238,8 @@ fn fractions(spec: &Spec, state: &[f32]) -> Vec<f32> {
 
 /// As much of a task as its axes need.
 fn spec(cell: &CellResults) -> Spec {
-    let quantity = |(name, unit, range): &(String, String, [f32; 2])| Quantity {
-        name: name.clone(),
-        unit: unit.clone(),
-        range: *range,
-    };
+    let quantity =
+        |(name, unit, range): &(String, String, [f32; 2])| Quantity { name: name.clone(), unit: unit.clone(), range: *range };
     Spec {
         name: cell.about.task.clone(),
         description: String::new(),
@@ -302,7 +298,8 @@ fn unsolved(cells: &[&CellResults]) -> Made {
 fn profiles(cells: &[&CellResults], measure: Measure) -> Made {
     let finite = |value: &f64| value.is_finite();
     let all: Vec<f64> = cells.iter().flat_map(|cell| cell.scores(measure)).map(|score| score.value).filter(finite).collect();
-    let (low, high) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
+    let (low, high) =
+        all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
     let places: Vec<f64> = (0..=BAND_PLACES).map(|part| low + (high - low) * part as f64 / BAND_PLACES as f64).collect();
     let profile = |(number, cell): (usize, &&CellResults)| profile(cell, measure, &places, number);
     let better = if measure.is_time() { "below" } else { "above" };
@@ -314,7 +311,8 @@ fn profiles(cells: &[&CellResults], measure: Measure) -> Made {
         legend: true,
         ..Curves::default()
     };
-    let caption = format!("The share of runs {better} each value, with pointwise bootstrap bands of 95 % (performance profiles).");
+    let caption =
+        format!("The share of runs {better} each value, with pointwise bootstrap bands of 95 % (performance profiles).");
     ("profiles", format!("Performance profiles: {}", measure.title()), caption, in_one_panel(curves))
 }
 
