@@ -151,7 +151,7 @@ fn agents(cells: &[&CellResults], window: usize) -> Made {
     let columns = panels.len().min(3);
     let (title, seed) = ("Single agents".to_owned(), cells[0].runs[0].0);
     let caption =
-        format!("Returns of each agent (pale) and their mean (dark) in the run with seed {seed}, moving average of {window}.");
+        format!("Returns of each agent and their mean (black) in the run with seed {seed}, moving average of {window}.");
     ("agents", title, caption, Picture::of_curves("", "", panels, columns))
 }
 
@@ -164,7 +164,6 @@ fn panel_of_agents(cell: &CellResults, window: usize) -> Curves {
     let of_agent = |(agent, returns): (u32, &Vec<f32>)| Series {
         color: agent_color(agent),
         points: curve(&widened(returns)),
-        faint: true,
         ..Series::default()
     };
     let mean = Series { color: [35, 35, 40], points: curve(&run.team_returns()), ..Series::default() };
@@ -296,6 +295,7 @@ fn unsolved(cells: &[&CellResults]) -> Made {
 }
 
 fn profiles(cells: &[&CellResults], measure: Measure) -> Made {
+    let cells: Vec<&CellResults> = cells.iter().copied().filter(|cell| !cell.scores(measure).is_empty()).collect();
     let finite = |value: &f64| value.is_finite();
     let all: Vec<f64> = cells.iter().flat_map(|cell| cell.scores(measure)).map(|score| score.value).filter(finite).collect();
     let (low, high) =

@@ -171,7 +171,8 @@ fn measure_table(results: &Results, measure: Measure) -> Markup {
 }
 
 fn measure_row(cell: &CellResults, aggregate: Option<&Aggregate>, measure: Measure) -> Markup {
-    let shown = |value: f64| if measure.is_time() { words::time(value) } else { words::number(value) };
+    let shown = if measure.is_time() { words::time } else { words::number };
+    let interval = if measure.is_time() { words::interval_of_time } else { words::interval };
     html! {
         tr {
             td.name { (cell.about.name) }
@@ -179,7 +180,7 @@ fn measure_row(cell: &CellResults, aggregate: Option<&Aggregate>, measure: Measu
                 td { (found.n) }
                 @if measure.is_time() { td { (found.reached) "/" (found.n) } }
                 td { (shown(found.median.value)) }
-                td { (words::interval(found.median.interval)) }
+                td { (interval(found.median.interval)) }
                 td { (found.interquartile_mean.map_or("–".to_owned(), words::estimate)) }
                 td { (shown(found.range[0])) }
                 td { (shown(found.range[1])) }

@@ -32,6 +32,15 @@ pub(super) fn interval(interval: Interval) -> String {
     }
 }
 
+/// The same of a time.
+pub(super) fn interval_of_time(interval: Interval) -> String {
+    match interval {
+        Interval::Known { low, high } if low.is_infinite() && high.is_infinite() => "not reached".to_owned(),
+        Interval::Known { low, high } if high.is_infinite() => format!("from {}", number(low)),
+        other => self::interval(other),
+    }
+}
+
 /// Such as `−6 (−37 to 29)`.
 pub(super) fn estimate(estimate: Estimate) -> String {
     format!("{} ({})", number(estimate.value), interval(estimate.interval))
