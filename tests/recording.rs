@@ -13,11 +13,11 @@ use rerun::external::arrow::array::{Array, StringArray};
 use rerun::external::re_log_encoding::rrd::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 use rerun::{ComponentIdentifier, StoreKind, TimelineName};
-use seedbed::env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
+use seedbed::env::{Action, Choice, Force, ForceSource, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
 use seedbed::experience::Episode;
 use seedbed::input::numbers::known_count;
-use seedbed::record::rerun::{RecordingAbout, RerunRecorder};
-use seedbed::record::{EpisodeRow, Footage, Recorder, RecordingSettings, RoundRecord, RoundRow};
+use seedbed::record::rerun::{Focus, RecordingAbout, RerunRecorder};
+use seedbed::record::{EpisodeRow, Footage, Recorder, RecordingSettings, RoundRecord, RoundRow, SceneSettings};
 
 #[test]
 fn every_state_and_action_is_read_back_as_it_was() {
@@ -79,6 +79,103 @@ fn the_filmed_episodes_move_and_leave_a_trace() {
     assert_eq!(contents.times("/scene/agent_0/bodies/pole", "env_step").len(), filmed);
     assert_eq!(contents.times("/scene/agent_0/trace", "episode"), [0, 10]);
     assert!(contents.times("/scene/agent_0/trace", "env_step").is_empty());
+}
+
+#[test]
+fn scenes_of_several_agents_have_their_own_episodes_and_forces() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Run::new(3, 12);
+    for round in &mut run.rounds {
+        round.footage = [0, 2].map(|agent| pushed(&round.episodes[agent])).to_vec();
+    }
+    let scene = SceneSettings { agents: vec![0.into(), 2.into()].into(), every: known_count(1) };
+    let settings = RecordingSettings { scene: Some(scene), ..RecordingSettings::default() };
+    let contents = Contents::of(&record(&run, folder.path(), &settings));
+    assert!(contents.chunks("/scene/agent_1/bodies/pole").is_empty());
+    for agent in [0, 2] {
+        let rows: usize = run.rounds.iter().map(|round| round.episodes[agent].length() + 1).sum();
+        let poses = contents.times(&format!("/scene/agent_{agent}/bodies/pole"), "env_step");
+        assert_eq!(poses, (0..rows as i64).collect::<Vec<_>>());
+        let action = format!("/scene/agent_{agent}/forces/action");
+        assert_eq!(contents.times(&action, "env_step"), poses);
+        let pushes = rows - run.rounds.len();
+        assert_eq!(contents.numbers(&action, "Force:newtons"), vec![5.0; pushes], "no force led to a first row");
+        let contacts = format!("/scene/agent_{agent}/forces/contacts");
+        assert_eq!(contents.times(&contacts, "env_step").len(), run.rounds.len(), "an empty row an episode");
+    }
+}
+
+/// Bodies that move 1 cm in every step, pushed by 5 N.
+fn pushed(episode: &Episode) -> Footage {
+    let force = Force { source: ForceSource::Action, at: [0.5, 0.1], newtons: [3.0, -4.0] };
+    let at = |step: usize| Pose { x: 0.01 * step as f32, ..Pose::default() };
+    Footage {
+        agent: episode.agent,
+        episode: episode.episode,
+        poses: (0..=episode.length()).flat_map(|step| [Pose::default(), at(step), at(step)]).collect(),
+        forces: vec![force; episode.length()],
+        forces_per_row: std::iter::once(0).chain(vec![1; episode.length()]).collect(),
+    }
+}
+
+/// Every third episode is on record, on the agent's own steps of all episodes; the file says so.
+#[test]
+fn a_part_of_the_episodes_can_be_on_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 8);
+    let settings = RecordingSettings { raw_every: known_count(3), ..RecordingSettings::default() };
+    let contents = Contents::of(&record(&run, folder.path(), &settings));
+    let (mut steps, mut rewards, mut next) = (Vec::new(), Vec::<f32>::new(), 0);
+    for round in &run.rounds {
+        let rows = round.episodes[1].length() as i64 + 1;
+        if round.round % 3 == 0 {
+            steps.extend(next..next + rows);
+            rewards.extend(&round.episodes[1].rewards);
+        }
+        next += rows;
+    }
+    assert_eq!(contents.times("/raw/agent_1", "env_step"), steps);
+    assert_eq!(contents.numbers("/raw/agent_1", "State:reward"), rewards);
+    assert_eq!(contents.words("/__properties/run", "raw_every"), ["3"]);
+    assert_eq!(contents.numbers64("/curves/return/agent_1", "Scalars:scalars").len(), 8, "returns are of all episodes");
+}
+
+/// What an agent saw and did costs at most 45 bytes a state with four observations, an action, a reward, its probability, a bonus and an
+/// outcome; a further observation at most 6.
+#[test]
+fn a_state_takes_few_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 400);
+    let states: usize = run.rounds.iter().flat_map(|round| &round.episodes).map(|episode| episode.length() + 1).sum();
+    let narrow = raw_bytes(&record(&run, folder.path(), &RecordingSettings::default())) as f64 / states as f64;
+    let wide = raw_bytes(&record(&widened(run), folder.path(), &RecordingSettings::default())) as f64 / states as f64;
+    println!("{narrow:.2} bytes a state, {:.2} for a further column", wide - narrow);
+    assert!(narrow <= 45.0, "{narrow} bytes a state");
+    assert!(wide - narrow <= 6.0, "{} bytes for a further column", wide - narrow);
+}
+
+/// The same run with a fifth observation, as hard to compress as the others.
+fn widened(mut run: Run) -> Run {
+    let fifth = Quantity { name: "fifth".to_owned(), ..run.spec.observations[1].clone() };
+    run.spec.observations.push(fifth);
+    for episode in run.rounds.iter_mut().flat_map(|round| &mut round.episodes) {
+        let wide = episode.observations.chunks_exact(4).flat_map(|row| [row, &[row[1].sin() + row[3]]].concat());
+        episode.observations = wide.collect();
+    }
+    run
+}
+
+/// Bytes that `/raw` takes in the file.
+fn raw_bytes(path: &Path) -> u64 {
+    let is_raw = |message: &&LogMsg| match message {
+        LogMsg::ArrowMsg(_, arrow) => Chunk::from_arrow_msg(arrow).unwrap().entity_path().to_string().starts_with("/raw/"),
+        _ => false,
+    };
+    let messages = messages(path);
+    let encoded = |messages: Vec<&LogMsg>| {
+        rerun::external::re_log_encoding::rrd::Encoder::encode(messages.into_iter().map(Ok)).unwrap().len() as u64
+    };
+    encoded(messages.iter().filter(is_raw).collect())
 }
 
 #[test]
@@ -367,7 +464,7 @@ struct Round {
     episodes: Vec<Episode>,
     episode_rows: Vec<EpisodeRow>,
     round_rows: Vec<RoundRow>,
-    footage: Option<Footage>,
+    footage: Vec<Footage>,
 }
 
 impl Round {
@@ -377,7 +474,7 @@ impl Round {
             episodes: &self.episodes.iter().collect::<Vec<_>>(),
             episode_rows: &self.episode_rows,
             round_rows: &self.round_rows,
-            footage: self.footage.as_ref(),
+            footage: &self.footage,
         };
         recorder.record_round(&round).unwrap();
     }
@@ -393,6 +490,7 @@ impl Run {
     fn about(&self) -> RecordingAbout<'_> {
         RecordingAbout {
             name: "cartpole-made-up",
+            focus: Focus::Learning,
             spec: &self.spec,
             scene: Some(&self.scene),
             agents: self.agents,
@@ -423,7 +521,7 @@ fn cart_pole() -> Spec {
 }
 
 fn cart_and_pole() -> Scene {
-    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), fixed: name == "rail", shapes };
+    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), fixed: name == "rail", shapes, hinge: None };
     Scene {
         bodies: vec![
             body("rail", vec![Shape::Polyline(vec![[-2.4, 0.0], [2.4, 0.0]])]),
@@ -455,7 +553,7 @@ fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> R
         round,
         episode_rows: episodes.iter().map(row).collect(),
         round_rows: (0..agents).map(|agent| made_up_update(agent, round, skill)).collect(),
-        footage: round.is_multiple_of(10).then(|| played[0].1.clone()),
+        footage: round.is_multiple_of(10).then(|| played[0].1.clone()).into_iter().collect(),
         episodes,
     }
 }
@@ -499,7 +597,7 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
         intrinsic_rewards: Vec::new(),
         outcome: Status::Truncated,
     };
-    let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec() };
+    let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec(), ..Footage::default() };
     while episode.length() < 200 {
         let lean = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5) + 0.1 * state[1] + state[2] + 0.3 * state[3];
         let heed = noise.symmetric().abs() < skill + 0.1;

@@ -13,6 +13,7 @@ mod evaluate;
 mod list;
 mod preview;
 mod progress;
+mod replay;
 mod report;
 mod run;
 mod study;
@@ -24,6 +25,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::input::InputError;
+use crate::record::rerun::{DEFAULT_VIEWER, ViewerError};
 use crate::run::RunError;
 
 /// Coordinated exploration in concurrent reinforcement learning, with every visited state on record.
@@ -36,6 +38,7 @@ use crate::run::RunError;
   seedbed preview cartpole                                record a few random episodes of a task
   seedbed evaluate recordings/cartpole/seed-0 --actions greedy
   seedbed study scenarios/thesis/fig_6_4a.ron             many runs, with a report and a verdict on each claim
+  seedbed replay recordings/cartpole/seed-0               film what the trained policies do
   seedbed list algorithms                                 what can be set, and the defaults
   rerun recordings/cartpole/seed-0/run.rrd                look at a recording (the viewer: pip install rerun-sdk==0.36.3)")]
 struct Cli {
@@ -69,6 +72,8 @@ enum Command {
     Report(ReportArgs),
     /// Play the policies of a run without learning, and print what they reach
     Evaluate(EvaluateArgs),
+    /// Record episodes of the policies of a run, with the bodies in motion
+    Replay(ReplayArgs),
 }
 
 #[derive(Debug, Args)]
@@ -76,6 +81,7 @@ enum Command {
 #[command(after_help = "Examples:
   seedbed run scenarios/cartpole.ron --seed 3
   seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)' --out results/unseeded
+  seedbed run scenarios/cartpole.ron --live               watch it in a viewer that runs already (rerun)
   seedbed run scenarios/cartpole.ron --resume             go on after an interruption, to the same bits")]
 struct RunArgs {
     /// A scenario file
@@ -95,6 +101,10 @@ struct RunArgs {
     /// Write no run.rrd
     #[arg(long)]
     no_recording: bool,
+    /// Show the recording in a running viewer while it is made [default URL: that of a viewer on this machine]
+    #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_VIEWER)]
+    #[arg(conflicts_with = "no_recording")]
+    live: Option<String>,
     /// Say nothing but errors
     #[arg(long, short)]
     quiet: bool,
@@ -215,6 +225,34 @@ struct ReportArgs {
     folders: Vec<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed replay recordings/cartpole/seed-0                            to recordings/cartpole/seed-0/replay.rrd
+  seedbed replay recordings/cartpole/seed-0 --agents 0,3 --actions greedy
+  seedbed replay recordings/cartpole/seed-0/run.rrd --episodes 20 --seed 7 --out look.rrd")]
+struct ReplayArgs {
+    /// A run's folder, or the recording in it
+    run: PathBuf,
+    /// Episodes of each agent
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    episodes: u32,
+    /// Agents whose bodies are drawn, such as 0,3 [default: those that the scenario draws]
+    #[arg(long, value_name = "K,…", value_delimiter = ',')]
+    agents: Vec<u32>,
+    /// How actions are chosen [default: as in training]
+    #[arg(long, value_enum)]
+    actions: Option<ActionsArg>,
+    /// Sample from the policy to the power 1/T: below 1 is greedier
+    #[arg(long, value_name = "T", conflicts_with = "actions", allow_negative_numbers = true)]
+    temperature: Option<f64>,
+    /// Seed of the starts and the actions
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// The recording [default: replay.rrd in the run's folder]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ActionsArg {
     /// Drawn from the policy
@@ -264,6 +302,7 @@ pub fn main() -> ExitCode {
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Study(args) => study::study(&args),
         Command::Report(args) => report::report(&args),
+        Command::Replay(args) => replay::replay(&args),
     };
     let Err(failure) = done else { return ExitCode::SUCCESS };
     if !matches!(failure, Failure::Files(1)) {
@@ -293,6 +332,15 @@ fn say_line(line: std::fmt::Arguments<'_>) {
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
         Self::Input(error.to_string())
+    }
+}
+
+impl From<ViewerError> for Failure {
+    fn from(error: ViewerError) -> Self {
+        match error {
+            ViewerError::Address(_) => Self::Input(error.to_string()),
+            ViewerError::Absent(_) => Self::Work(error.to_string()),
+        }
     }
 }
 

@@ -15,6 +15,10 @@ impl Observer for Silent {
     fn begun(&mut self, _: &Progress) {}
 
     fn round_finished(&mut self, _: &Progress) {}
+
+    fn warn(&mut self, warning: &str) {
+        eprintln!("warning: {warning}");
+    }
 }
 
 /// A bar on a terminal; elsewhere a line for each tenth of the run.
@@ -53,6 +57,13 @@ impl Observer for Bar {
                 bar.set_message(message);
             }
             None => self.print_line(progress, &message),
+        }
+    }
+
+    fn warn(&mut self, warning: &str) {
+        match &self.drawn {
+            Some(bar) => bar.suspend(|| eprintln!("warning: {warning}")),
+            None => eprintln!("warning: {warning}"),
         }
     }
 }
@@ -145,4 +156,12 @@ impl Drop for StudyBar {
             bar.finish_and_clear();
         }
     }
+}
+
+/// A bar that counts to `total`; none where nobody looks on.
+pub(super) fn counter(total: u32, what: &str) -> ProgressBar {
+    let bar = ProgressBar::new(total.into());
+    let style = ProgressStyle::with_template(&format!("{{bar:30}} {{pos}}/{{len}} {what} · {{eta}} left"));
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar
 }

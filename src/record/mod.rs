@@ -13,10 +13,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::{Pose, Status};
+use crate::env::{Force, Pose, Status};
 use crate::experience::Episode;
-use crate::input::Located;
 use crate::input::numbers::{Count, known_count};
+use crate::input::{Complaint, Located};
 
 /// What a recording holds, and how much of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,29 +26,69 @@ pub struct RecordingSettings {
     pub lines: Count<10_000>,
     /// Rounds between two density images.
     pub density_every: Count,
-    /// The scene of one agent, or none.
+    /// Every how many episodes of each agent have their states and actions on record as columns. The first has.
+    pub raw_every: Count,
+    /// The scenes of some agents, or none.
     pub scene: Option<SceneSettings>,
 }
 
 impl Default for RecordingSettings {
     fn default() -> Self {
-        Self { lines: known_count(1000), density_every: known_count(10), scene: Some(SceneSettings::default()) }
+        Self {
+            lines: known_count(1000),
+            density_every: known_count(10),
+            raw_every: known_count(1),
+            scene: Some(SceneSettings::default()),
+        }
     }
 }
 
-/// Which agent's bodies are drawn, and how often.
+/// Whose bodies are drawn, and how often.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SceneSettings {
-    /// The agent whose bodies are drawn.
-    pub agent: Located<u32>,
-    /// Every how many episodes of that agent are drawn. The first is.
+    /// The agents whose bodies are drawn.
+    pub agents: Located<Vec<Located<u32>>>,
+    /// Every how many episodes of each of them are drawn. The first is.
     pub every: Count,
 }
 
 impl Default for SceneSettings {
     fn default() -> Self {
-        Self { agent: 0.into(), every: known_count(10) }
+        Self { agents: vec![0.into()].into(), every: known_count(10) }
+    }
+}
+
+impl RecordingSettings {
+    /// What no single field can tell, for a team of `agents`.
+    ///
+    /// # Errors
+    /// The field to blame, and why.
+    pub fn check(&self, agents: u32) -> Result<(), Complaint> {
+        self.scene.as_ref().map_or(Ok(()), |scene| scene.check(agents))
+    }
+}
+
+impl SceneSettings {
+    fn check(&self, count: u32) -> Result<(), Complaint> {
+        if self.agents.is_empty() {
+            return Err(self.agents.complain("names no agent; `scene: None` draws none"));
+        }
+        for (index, agent) in self.agents.iter().enumerate() {
+            if **agent >= count {
+                return Err(agent.complain(format!("expected an agent from 0 to {}, for the team has {count}", count - 1)));
+            }
+            if self.agents[..index].iter().any(|other| **other == **agent) {
+                return Err(agent.complain(format!("agent {} is named twice", **agent)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether an agent's episode is drawn.
+    #[must_use]
+    pub fn films(&self, agent: u32, episode: u32) -> bool {
+        episode.is_multiple_of(self.every.get()) && self.agents.iter().any(|filmed| **filmed == agent)
     }
 }
 
@@ -71,6 +111,11 @@ pub trait Recorder {
     /// # Errors
     /// The file could not be completed; what was written before stays readable.
     fn finish(&mut self) -> Result<(), RecordError>;
+
+    /// What people should know since they last asked, though nothing is lost.
+    fn warning(&mut self) -> Option<String> {
+        None
+    }
 }
 
 /// One round of the whole team.
@@ -84,11 +129,11 @@ pub struct RoundRecord<'a> {
     pub episode_rows: &'a [EpisodeRow],
     /// One row an update, in the order in which agents learned.
     pub round_rows: &'a [RoundRow],
-    /// The filmed episode of this round, if one was.
-    pub footage: Option<&'a Footage>,
+    /// The filmed episodes of this round.
+    pub footage: &'a [Footage],
 }
 
-/// Where the bodies were throughout one episode.
+/// Where the bodies were throughout one episode, and what pushed them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Footage {
     /// Whose episode.
@@ -97,6 +142,10 @@ pub struct Footage {
     pub episode: u32,
     /// `[(T+1) × bodies]`
     pub poses: Vec<Pose>,
+    /// The forces of the steps that led to each row, row by row; none led to the first.
+    pub forces: Vec<Force>,
+    /// How many of them belong to each row: `[T+1]`
+    pub forces_per_row: Vec<usize>,
 }
 
 /// One row of `episodes.csv`.

@@ -202,13 +202,7 @@ impl Scenario {
         {
             return Err(window.complain(format!("expected a window of at most the {} episodes of `at_most`", at_most.get())));
         }
-        let (count, scene) = (self.agents.count.get(), self.recording.scene.as_ref());
-        match scene {
-            Some(scene) if *scene.agent >= count => {
-                Err(scene.agent.complain(format!("expected an agent from 0 to {}, for the team has {count}", count - 1)))
-            }
-            _ => Ok(()),
-        }
+        self.recording.check(self.agents.count.get())
     }
 
     /// The scenario as a file with every default spelled out.

@@ -9,6 +9,7 @@ use crate::agent::Algorithm;
 use crate::agent::seed_pg::config::Data;
 use crate::input::numbers::known_count;
 use crate::input::{self, Complaint, Document, InputError, Located};
+use crate::record::RecordingSettings;
 use crate::run::Plan;
 use crate::scenario::{self, Scenario};
 
@@ -260,9 +261,7 @@ fn repeated(place: &Located<String>, error: &InputError) -> Complaint {
 
 /// Without what makes no difference to what is learned.
 fn bare(mut scenario: Scenario) -> Scenario {
-    scenario.recording.scene = None;
-    scenario.recording.lines = known_count(1);
-    scenario.recording.density_every = known_count(1);
+    scenario.recording = RecordingSettings { scene: None, ..RecordingSettings::default() };
     scenario.checkpoint_every = known_count(1);
     scenario.seed = 0;
     scenario

@@ -1,5 +1,7 @@
 //! How the viewer opens a recording: pictures of visited states on the left, returns, updates and the scene on the right.
 
+mod stage;
+
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Grid, Horizontal, SelectionPanel, Spatial2DView, Tabs,
     TextDocumentView, TimePanel, TimeSeriesView, Vertical,
@@ -13,6 +15,7 @@ use rerun::external::re_sdk_types::blueprint::components::{BackgroundKind, Corne
 use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoint, Timeline};
 
+use super::Focus;
 use super::axes::Lettering;
 use super::curves::{TEAM_CURVES, UPDATE_CURVES};
 use super::framing::Bounds;
@@ -45,7 +48,9 @@ pub(super) struct Layout<'a> {
     pub(super) axes: &'a Axes,
     pub(super) quota: LineQuota,
     pub(super) time_limit: u32,
-    pub(super) filmed: Option<Filmed>,
+    pub(super) filmed: Vec<Filmed>,
+    pub(super) control_step: f64,
+    pub(super) focus: Focus,
 }
 
 /// The scene that is shown.
@@ -128,6 +133,9 @@ struct Sheet {
 
 impl Sheet {
     fn blueprint(&mut self, layout: &Layout<'_>) -> Blueprint {
+        if layout.focus == Focus::Motion && !layout.filmed.is_empty() {
+            return self.stage(layout);
+        }
         let columns = [self.visited(layout), self.learned(layout)];
         let time =
             TimePanel::new().with_state(PanelState::Collapsed).with_timeline(EPISODE).with_play_state(PlayState::Following);
@@ -185,8 +193,8 @@ impl Sheet {
         let updates: Vec<_> = UPDATE_CURVES.iter().chain(&TEAM_CURVES).map(|(name, _)| self.update(name)).collect();
         let team = self.team(layout);
         let mut rest = vec![team, TextDocumentView::new("Scenario").with_origin("/scenario").into()];
-        if let Some(filmed) = &layout.filmed {
-            rest.insert(0, self.scene(filmed));
+        if let Some(scenes) = self.scenes(layout) {
+            rest.insert(0, scenes);
         }
         Vertical::new([returns, Tabs::new(updates).into(), Tabs::new(rest).into()]).with_row_shares([3.0, 2.0, 3.0]).into()
     }

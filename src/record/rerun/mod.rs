@@ -8,7 +8,9 @@ mod about;
 mod axes;
 mod blueprint;
 mod curves;
+mod forces;
 mod framing;
+mod live;
 mod opening;
 mod raw;
 mod resume;
@@ -26,6 +28,7 @@ use std::path::{Path, PathBuf};
 use rerun::StoreId;
 
 use self::curves::Curves;
+pub use self::live::{DEFAULT_VIEWER, Viewer, ViewerError};
 use self::raw::{RawColumns, RawTable};
 use self::resume::Progress;
 use self::scene::Film;
@@ -37,11 +40,22 @@ use crate::env::{Scene, Spec};
 
 const APPLICATION: &str = "seedbed";
 
+/// What a recording is about, and so what the viewer shows first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Focus {
+    /// How a team learned: visited states, returns, updates.
+    Learning,
+    /// How bodies moved: scenes.
+    Motion,
+}
+
 /// What a recording says about its run.
 #[derive(Clone, Copy, Debug)]
 pub struct RecordingAbout<'a> {
     /// The run's name, shown by the viewer.
     pub name: &'a str,
+    /// What it is about.
+    pub focus: Focus,
     /// The task.
     pub spec: &'a Spec,
     /// The task's bodies, if it has any.
@@ -65,12 +79,15 @@ pub struct RerunRecorder {
     axes: Axes,
     quota: LineQuota,
     density_every: u32,
+    raw_every: u32,
+    focus: Focus,
+    control_step: f64,
     run_seed: u64,
     time_limit: u32,
     agents: Vec<AgentTrack>,
     team_pictures: Gallery,
     curves: Curves,
-    film: Option<Film>,
+    films: Vec<Film>,
     /// Everything that is still needed after an interruption, save the densities.
     progress: Progress,
 }
@@ -119,6 +136,14 @@ impl RerunRecorder {
         resumed.map_err(|reason| RecordError { path: paths.part, attempt: Attempt::GoOn, reason })
     }
 
+    /// Shows the recording, as far as it has come and from now on, in a running viewer. The file stays as it is.
+    pub fn show_in(&mut self, mut viewer: Viewer) {
+        match viewer.catch_up(&self.paths.part) {
+            Ok(()) => self.sink.show_in(viewer),
+            Err(fault) => self.sink.warn(fault),
+        }
+    }
+
     fn begin(
         paths: Paths,
         storage: Box<dyn Storage>,
@@ -128,7 +153,7 @@ impl RerunRecorder {
         let progress = Progress::start(about, &Axes::of(about.spec, about.largest_bonus));
         let sink = Sink::new(StoreId::recording(APPLICATION, progress.recording_id.as_str()), storage)?;
         let mut recorder = Self::with(paths, sink, about, settings, progress)?;
-        recorder.introduce(about)?;
+        recorder.introduce(about, settings)?;
         Ok(recorder)
     }
 
@@ -142,19 +167,26 @@ impl RerunRecorder {
         let columns = RawColumns::of(about.spec, about.largest_bonus.is_some())?;
         let densities = std::mem::take(&mut progress.densities).into_iter().enumerate();
         let track = |(agent, density)| AgentTrack { raw: RawTable::new(agent, &columns), visits: Visits::new(agent, density) };
-        let filmed = settings.scene.as_ref().zip(about.scene);
+        let films = settings
+            .scene
+            .iter()
+            .zip(about.scene)
+            .flat_map(|(settings, scene)| settings.agents.iter().map(move |agent| Film::new(**agent, scene)));
         Ok(Self {
             paths,
             sink,
             axes: Axes::of(about.spec, about.largest_bonus),
             quota: LineQuota::of(settings.lines.get()),
             density_every: settings.density_every.get(),
+            raw_every: settings.raw_every.get(),
+            focus: about.focus,
+            control_step: about.spec.control_step,
             run_seed: about.run_seed,
             time_limit: about.spec.time_limit,
             agents: densities.map(track).collect(),
             team_pictures: Gallery::of_team(),
             curves: Curves::new(about.agents as usize),
-            film: filmed.map(|(settings, scene)| Film::new(*settings.agent, scene)),
+            films: films.collect(),
             progress,
         })
     }
@@ -171,6 +203,10 @@ impl Recorder for RerunRecorder {
 
     fn finish(&mut self) -> Result<(), RecordError> {
         self.complete().map_err(|fault| self.paths.error(fault))
+    }
+
+    fn warning(&mut self) -> Option<String> {
+        self.sink.warning()
     }
 }
 

@@ -7,7 +7,7 @@ use super::sink::Fault;
 use super::{AgentTrack, RerunRecorder};
 use crate::experience::Episode;
 use crate::random::{Purpose, stream};
-use crate::record::{EpisodeRow, RoundRecord};
+use crate::record::{EpisodeRow, Footage, RoundRecord};
 
 impl RerunRecorder {
     /// Takes in a round, and writes what makes good pieces by now.
@@ -36,7 +36,9 @@ impl RerunRecorder {
             let lines = self.quota.of_episode(index, episodes.len());
             let (first, end) = self.moments(episode);
             let track = &mut self.agents[episode.agent as usize];
-            track.raw.add(episode, first);
+            if episode.episode.is_multiple_of(self.raw_every) {
+                track.raw.add(episode, first);
+            }
             track.visits.add(&self.axes, episode, end, lines, &mut random);
             if let Some(row) = rows.next() {
                 self.curves.add_episode(row, end);
@@ -55,8 +57,9 @@ impl RerunRecorder {
     }
 
     fn film_episode(&mut self, round: &RoundRecord<'_>, episode: &Episode, first: Moment) {
-        let footage = round.footage.filter(|footage| (footage.agent, footage.episode) == (episode.agent, episode.episode));
-        if let (Some(film), Some(footage)) = (&mut self.film, footage) {
+        let is_of_episode = |footage: &&Footage| (footage.agent, footage.episode) == (episode.agent, episode.episode);
+        let film = self.films.iter_mut().find(|film| film.agent() == episode.agent);
+        if let (Some(film), Some(footage)) = (film, round.footage.iter().find(is_of_episode)) {
             film.develop(footage, first);
         }
     }
@@ -74,8 +77,9 @@ impl RerunRecorder {
             let chunks = [raw.take(all), visits.lines.take(&self.axes, all), visits.pictures.take(all)];
             chunks.into_iter().flatten().try_for_each(|chunk| self.sink.send_chunk(&chunk?))?;
         }
-        let filmed = self.film.as_mut().map_or(Ok(Vec::new()), |film| film.take(all))?;
-        filmed.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
+        for film in &mut self.films {
+            film.take(all)?.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
+        }
         let mut team = self.team_pictures.take(all).into_iter().chain(self.curves.take(all));
         team.try_for_each(|chunk| self.sink.send_chunk(&chunk?))
     }
