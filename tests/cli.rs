@@ -54,6 +54,11 @@ fn broken_scenarios_are_explained() {
 }
 
 #[test]
+fn broken_studies_are_explained() {
+    check_messages("tests/broken_studies");
+}
+
+#[test]
 fn good_files_pass() {
     let output = seedbed(&["check", "scenarios/cartpole.ron", "envs/cartpole.ron"]);
     assert!(output.status.success(), "{}", stderr(&output));

@@ -16,8 +16,10 @@ mod plot;
 mod preview;
 mod progress;
 mod replay;
+mod report;
 mod run;
 mod spark;
+mod study;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -39,6 +41,7 @@ use crate::run::review::ReviewError;
   seedbed check scenarios/*.ron envs/*.ron                validate files without running
   seedbed preview cartpole                                record a few random episodes of a task
   seedbed evaluate recordings/cartpole/seed-0 --actions greedy
+  seedbed study scenarios/thesis/fig_6_4a.ron             many runs, with a report and a verdict on each claim
   seedbed replay recordings/cartpole/seed-0               film what the trained policies do
   seedbed inspect recordings/cartpole/seed-0              what came of a run
   seedbed plot recordings/cartpole/seed-0 --out run.png   where its agents went
@@ -53,9 +56,9 @@ struct Cli {
 enum Command {
     /// Train a team as a scenario file says, and record it
     Run(RunArgs),
-    /// Validate scenario and environment files without running them
+    /// Validate scenario, environment and study files without running them
     Check {
-        /// Files in RON, of either kind
+        /// Files in RON, of any kind
         #[arg(required = true)]
         files: Vec<PathBuf>,
     },
@@ -69,6 +72,10 @@ enum Command {
     Preview(PreviewArgs),
     /// Train scenarios with several seeds and print when each solved its task, and how fast
     Bench(BenchArgs),
+    /// Run many settings with many seeds as a study file says, and judge its claims
+    Study(StudyArgs),
+    /// Write the report of a study's runs, as far as they are there
+    Report(ReportArgs),
     /// Play the policies of a run without learning, and print what they reach
     Evaluate(EvaluateArgs),
     /// Record episodes of the policies of a run, with the bodies in motion
@@ -190,6 +197,46 @@ struct EvaluateArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
+  seedbed study scenarios/thesis/fig_6_4a.ron             all runs that are missing, then the report
+  seedbed study scenarios/thesis/*.ron --quick            every study with few and short runs, to see that all is as meant
+  seedbed study scenarios/thesis/fig_6_4a.ron --list      all runs with their indices
+  seedbed study scenarios/thesis/fig_6_4a.ron --index $SLURM_ARRAY_TASK_ID    one of them, as a job of its own
+A study that was interrupted goes on where it was; one that was changed runs what its change concerns.")]
+struct StudyArgs {
+    /// Study files
+    #[arg(required = true)]
+    studies: Vec<PathBuf>,
+    /// Runs at once, each on one thread [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// Where results go [default: recordings/studies/<study>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Run it as the study's `quick` says, into a folder of its own
+    #[arg(long)]
+    quick: bool,
+    /// Show all runs with their indices, and which are finished
+    #[arg(long)]
+    list: bool,
+    /// Run this one alone, without a report; many may do so at once in one folder
+    #[arg(long, value_name = "I", conflicts_with = "list")]
+    index: Option<usize>,
+    /// Run again what failed before
+    #[arg(long)]
+    retry: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed report recordings/studies/fig_6_4a              report.html, results.csv and figures/ in that folder")]
+struct ReportArgs {
+    /// Folders of studies
+    #[arg(required = true, value_name = "DIR")]
+    folders: Vec<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
   seedbed replay recordings/cartpole/seed-0                            to recordings/cartpole/seed-0/replay.rrd
   seedbed replay recordings/cartpole/seed-0 --agents 0,3 --actions greedy
   seedbed replay recordings/cartpole/seed-0/run.rrd --episodes 20 --seed 7 --out look.rrd")]
@@ -263,6 +310,8 @@ pub fn main() -> ExitCode {
         Command::Preview(args) => preview::preview(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
+        Command::Study(args) => study::study(&args),
+        Command::Report(args) => report::report(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Plot(args) => plot::plot(&args),

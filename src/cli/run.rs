@@ -23,7 +23,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let options = Options { folder, resume: args.resume, threads, recording: !args.no_recording };
     let started = Instant::now();
     let mut observer: Box<dyn Observer> = if args.quiet { Box::new(Silent) } else { Box::new(Bar::new(&plan)) };
-    let ending = run::execute(&plan, &options, viewer, &mut *observer, &interruption());
+    let ending = run::execute(&plan, &options, viewer, &mut *observer, &interruption("stopping after this round"));
     drop(observer);
     match ending.map_err(|error| with_way_on(error, args, &options.folder))? {
         Ending::Interrupted { rounds } => Err(Failure::Work(format!(
@@ -92,15 +92,15 @@ fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Failure> {
     Ok(claim)
 }
 
-/// Set by the first Ctrl-C; the second ends the process at once.
-fn interruption() -> Arc<AtomicBool> {
+/// Set by the first Ctrl-C, which says `what` happens now; the second ends the process at once.
+pub(super) fn interruption(what: &'static str) -> Arc<AtomicBool> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&interrupted);
     let handler = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("\nstopping after this round; press Ctrl-C again to stop at once");
+        eprintln!("\n{what}; press Ctrl-C again to stop at once");
     });
     if let Err(error) = handler {
         eprintln!("warning: Ctrl-C will end the run without a checkpoint ({error})");

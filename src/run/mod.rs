@@ -133,7 +133,14 @@ impl Plan {
     /// # Errors
     /// Whatever is wrong with either, with its place.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
-        let document = scenario::load(path, overrides)?;
+        Self::of(scenario::load(path, overrides)?, path)
+    }
+
+    /// Checks a scenario that stands at `path`, and reads its task.
+    ///
+    /// # Errors
+    /// Whatever is wrong with either, with its place.
+    pub fn of(document: Document<Scenario>, path: &Path) -> Result<Self, InputError> {
         let environment = scenario::environment_path(&document, path)?;
         let description = env::load(&environment)?;
         check(&document, &description)?;

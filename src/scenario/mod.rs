@@ -129,9 +129,17 @@ fn one() -> Count<10_000> {
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, InputError> {
     let mut document: Document<Scenario> = input::read(path)?;
     for assignment in overrides {
-        document = overrides::apply(&document, assignment)?;
+        document = set(&document, assignment)?;
     }
     Ok(document)
+}
+
+/// The scenario with one value replaced, as `path.to.field=value` says.
+///
+/// # Errors
+/// There is no such field, or this may not stand there.
+pub fn set(scenario: &Document<Scenario>, assignment: &str) -> Result<Document<Scenario>, InputError> {
+    overrides::apply(scenario, assignment)
 }
 
 /// The file that a scenario's `environment` names: a path, taken from the scenario's folder, or the stem of a file in the
