@@ -71,7 +71,7 @@ fn a_killed_run_leaves_a_recording_that_opens() {
     let since = Instant::now();
     let checkpoint = killed.join("checkpoint/state.bin");
     while !checkpoint.exists() {
-        assert!(since.elapsed() < Duration::from_secs(60), "no checkpoint");
+        assert!(since.elapsed() < Duration::from_mins(1), "no checkpoint");
         std::thread::sleep(Duration::from_millis(5));
     }
     let at_checkpoint = steps_on_record(&killed.join("run.rrd.part"));
@@ -164,7 +164,7 @@ fn a_viewer_that_hangs_changes_nothing() {
     let since = Instant::now();
     let output = seedbed(&watched, &[&SMALL[..], &["--quiet", &address]].concat()).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
-    assert!(since.elapsed() < Duration::from_secs(60));
+    assert!(since.elapsed() < Duration::from_mins(1));
     assert!(stderr(&output).matches("warning: the viewer at").count() <= 1, "{}", stderr(&output));
     same_results(&whole, &watched);
     assert_eq!(steps_on_record(&whole.join("run.rrd")), steps_on_record(&watched.join("run.rrd")));

@@ -21,8 +21,8 @@ pub(super) fn write_and_tell(folder: &StudyFolder) -> Result<usize, Failure> {
     let page = written.map_err(|error| Failure::Work(format!("cannot write the report: {error}")))?;
     let [finished, failed, missing] = results.counts();
     let others = [(failed, "failed"), (missing, "missing")].into_iter().filter(|(count, _)| *count > 0);
-    let others: String = others.map(|(count, what)| format!(", {count} {what}")).collect();
-    say!("runs       {finished} finished{others}");
+    let counts: Vec<String> = others.map(|(count, what)| format!("{count} {what}")).collect();
+    say!("runs       {}", [vec![format!("{finished} finished")], counts].concat().join(", "));
     tell_claims(&results.study, &judgements);
     say!("results    {}", folder.path().join("results.csv").display());
     say!("report     {}", page.display());

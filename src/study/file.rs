@@ -276,6 +276,9 @@ impl Figure {
 
 impl Study {
     /// The measure that counts.
+    ///
+    /// # Panics
+    /// If the study was not checked and measures nothing.
     #[must_use]
     pub fn main_measure(&self) -> Measure {
         **self.measures.first().expect("a checked study measures something")
@@ -298,11 +301,10 @@ impl Study {
         }
         let compared = self.claims.iter().flat_map(|claim| [&claim.compare.0, &claim.compare.1]);
         let drawn = self.figures.iter().flat_map(Figure::cells);
-        let known = |name: &Located<String>| match cells.contains(&name.as_str()) {
-            true => Ok(()),
-            false => Err(name.complain_unknown("cell", cells.iter().copied())),
-        };
-        compared.chain(drawn).try_for_each(known)?;
+        let unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
+        if let Some(name) = compared.chain(drawn).find(unknown) {
+            return Err(name.complain_unknown("cell", cells.iter().copied()));
+        }
         let itself = self.claims.iter().find(|claim| claim.compare.0 == claim.compare.1);
         itself.map_or(Ok(()), |claim| Err(claim.compare.1.complain("expected another cell than the first")))
     }

@@ -159,7 +159,7 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Complaint
         let blamed = blamed(study, number, &draft);
         let cell = draft.with(last.iter().map(as_it_stands)).build(folder, &study.figures, blamed)?;
         if built.iter().any(|other| other.name == cell.name) {
-            return Err(complain(blamed, study, format!("there are two cells named `{}`", cell.name)));
+            return Err(complain(blamed, study, &format!("there are two cells named `{}`", cell.name)));
         }
         built.push(cell);
     }
@@ -212,8 +212,8 @@ fn blamed<'a>(study: &'a Study, number: usize, draft: &Draft<'a>) -> Option<&'a 
     named.map(|cell| &cell.name).or_else(|| draft.overrides.last().map(|(place, _)| *place)).or(study.scenario.as_ref())
 }
 
-fn complain(blamed: Option<&Located<String>>, study: &Study, message: String) -> Complaint {
-    blamed.map_or_else(|| study.repeats.complain(message.clone()), |place| place.complain(message.clone()))
+fn complain(blamed: Option<&Located<String>>, study: &Study, message: &str) -> Complaint {
+    blamed.map_or_else(|| study.repeats.complain(message), |place| place.complain(message))
 }
 
 impl<'a> Draft<'a> {

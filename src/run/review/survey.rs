@@ -189,7 +189,9 @@ mod tests {
     fn values_are_counted() {
         let mut spread = Spread::new(&Quantity { name: "x".to_owned(), unit: String::new(), range: [0.0, 1000.0] });
         assert_eq!((spread.mean(), spread.median()), (None, None));
-        [-5.0, 10.2, 20.2, 30.2, 1200.0].into_iter().for_each(|value| spread.add(value));
+        for value in [-5.0, 10.2, 20.2, 30.2, 1200.0] {
+            spread.add(value);
+        }
         assert_eq!((spread.least, spread.most, spread.count, spread.outside), (-5.0, 1200.0, 5, 2));
         assert!((spread.median().unwrap() - 20.5).abs() < 1e-3, "the part from 20 to 21: {:?}", spread.median());
         assert!((spread.mean().unwrap() - 1255.6 / 5.0).abs() < 1e-4);

@@ -119,7 +119,9 @@ fn mean_curve(cell: &CellResults, of: Curve, window: usize, number: usize) -> Se
     let mut smooth: Vec<Vec<f64>> = cell.runs.iter().map(|(_, run)| moving_average(&run.curve(of), window)).collect();
     let length = smooth.iter().map(Vec::len).max().unwrap_or(0);
     smooth.retain(|run| !run.is_empty());
-    smooth.iter_mut().for_each(|run| run.resize(length, run.last().copied().unwrap_or_default()));
+    for run in &mut smooth {
+        run.resize(length, run.last().copied().unwrap_or_default());
+    }
     let x = |place: usize| f64::from(episodes[place + window - 1]);
     let mean = |place: usize| smooth.iter().map(|run| run[place]).sum::<f64>() / smooth.len() as f64;
     let points = (0..length).map(|place| [x(place), mean(place)]).collect();
