@@ -56,6 +56,15 @@ fn eight_agents_swing_up_the_pendulum() {
 }
 
 #[test]
+fn q_learning_solves_the_cartpole() {
+    let episodes = episodes_until_solved("cartpole_q.ron", &[], 200);
+    assert!(episodes.is_some_and(|episodes| episodes <= 150), "{episodes:?}");
+    let double_off = episodes_until_solved("cartpole_q.ron", &["algorithm.double=false", "algorithm.networks=Own"], 250);
+    assert!(double_off.is_some_and(|episodes| episodes <= 250), "{double_off:?}");
+    assert_eq!(episodes_until_solved("cartpole_q.ron", &["algorithm=Random"], 200), None);
+}
+
+#[test]
 fn a_random_team_solves_nothing() {
     assert_eq!(episodes_until_solved("cartpole.ron", &["algorithm=Random"], 200), None);
     assert_eq!(episodes_until_solved("cartpole_continuous.ron", &["algorithm=Random"], 300), None);

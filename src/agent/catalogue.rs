@@ -5,6 +5,7 @@ use ron::ser::PrettyConfig;
 use serde::Serialize;
 
 use super::Algorithm;
+use super::q_learning::config as values;
 use super::seed_pg::config as seed_pg;
 
 /// An algorithm as a user may choose it.
@@ -38,6 +39,21 @@ impl Algorithm {
                 name: "SeedPg",
                 purpose: seed_pg::PURPOSE,
                 parameters: parameters(&seed_pg::SeedPg::default(), &seed_pg::PARAMETERS),
+            },
+            Catalogued {
+                name: "QLearning",
+                purpose: values::PURPOSES[0],
+                parameters: parameters(&values::QLearning::default(), &values::Q_LEARNING),
+            },
+            Catalogued {
+                name: "SeedTd",
+                purpose: values::PURPOSES[1],
+                parameters: parameters(&values::SeedTd::default(), &values::SEED_TD),
+            },
+            Catalogued {
+                name: "BootstrappedDqn",
+                purpose: values::PURPOSES[2],
+                parameters: parameters(&values::BootstrappedDqn::default(), &values::BOOTSTRAPPED_DQN),
             },
             Catalogued {
                 name: "Random",

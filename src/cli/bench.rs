@@ -87,7 +87,7 @@ fn outcome(plan: &Plan, seed: u64, whole: bool) -> Result<Outcome, RunError> {
     let mut plan = plan.clone();
     plan.scenario.seed = seed;
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
-    let (mut solved, mut reached) = (None, vec![None; trainer.agents().len()]);
+    let (mut solved, mut reached) = (None, vec![None; trainer.agent_count()]);
     let started = Instant::now();
     while trainer.measures().episodes_per_agent() < plan.scenario.most_episodes() as usize && (whole || solved.is_none()) {
         let rows = trainer.advance()?.rows;
