@@ -39,6 +39,8 @@ pub enum Purpose {
     Judgement = 12,
     /// Redrawing runs for intervals, always from run seed 0. Never touches learning.
     Bootstrap = 13,
+    /// Which finite task it is: drawn from its prior, once a run.
+    TabularTask = 40,
     /// The fixed additive prior of a value model, drawn once.
     ValuePrior = 20,
     /// Transitions that a value model draws from the replay in one round.

@@ -76,6 +76,8 @@ pub struct Complaint {
 pub enum Kind {
     /// `Environment(…)`
     Environment,
+    /// `TabularEnvironment(…)`
+    TabularEnvironment,
     /// `Scenario(…)`
     Scenario,
 }
@@ -126,6 +128,7 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
     let opening = first_word(text);
     match opening {
         "Environment" => Ok(Kind::Environment),
+        "TabularEnvironment" => Ok(Kind::TabularEnvironment),
         "Scenario" => Ok(Kind::Scenario),
         word => {
             let offset = word.as_ptr() as usize - text.as_ptr() as usize;
