@@ -5,7 +5,7 @@ use ron::ser::PrettyConfig;
 use serde::Serialize;
 
 use super::Algorithm;
-use super::q_learning::config as values;
+use super::q_learning::{config as values, meanings};
 use super::seed_pg::config as seed_pg;
 
 /// An algorithm as a user may choose it.
@@ -42,18 +42,18 @@ impl Algorithm {
             },
             Catalogued {
                 name: "QLearning",
-                purpose: values::PURPOSES[0],
-                parameters: parameters(&values::QLearning::default(), &values::Q_LEARNING),
+                purpose: meanings::PURPOSES[0],
+                parameters: parameters(&values::QLearning::default(), &meanings::Q_LEARNING),
             },
             Catalogued {
                 name: "SeedTd",
-                purpose: values::PURPOSES[1],
-                parameters: parameters(&values::SeedTd::default(), &values::SEED_TD),
+                purpose: meanings::PURPOSES[1],
+                parameters: parameters(&values::SeedTd::default(), &meanings::SEED_TD),
             },
             Catalogued {
                 name: "BootstrappedDqn",
-                purpose: values::PURPOSES[2],
-                parameters: parameters(&values::BootstrappedDqn::default(), &values::BOOTSTRAPPED_DQN),
+                purpose: meanings::PURPOSES[2],
+                parameters: parameters(&values::BootstrappedDqn::default(), &meanings::BOOTSTRAPPED_DQN),
             },
             Catalogued {
                 name: "Random",

@@ -1,4 +1,4 @@
-//! The weights of all agents' networks as safetensors, named `agent_3.policy.layer_0.weight` and the like.
+//! The weights of a team's networks as safetensors, named `agent_3.policy.layer_0.weight` and the like.
 
 use std::path::Path;
 

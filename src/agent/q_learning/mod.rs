@@ -7,6 +7,7 @@
 
 pub mod config;
 pub mod exploration;
+pub(in crate::agent) mod meanings;
 mod minibatch;
 pub mod model;
 mod perturbation;
