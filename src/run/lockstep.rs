@@ -57,7 +57,7 @@ pub(super) fn end_round(
         learn(team, pool);
     }
     let bonuses = if team.is_curious() { reflect(team, experience, pool) } else { Vec::new() };
-    team.end_round(experience, bonuses);
+    team.end_round(experience, &bonuses);
     team.reports()
 }
 

@@ -80,7 +80,7 @@ mod tests {
                 assert!((f64::from(log_prob).exp() - expected[choice]).abs() < 1e-3);
                 counts[choice] += 1.0;
             }
-            let close = counts.iter().zip(expected).all(|(count, share)| (count - 4000.0 * share as f64).abs() < 127.0);
+            let close = counts.iter().zip(expected).all(|(count, share)| (count - 4000.0 * share).abs() < 127.0);
             assert!(close, "{exploration:?}: {counts:?}");
         }
     }

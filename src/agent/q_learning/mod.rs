@@ -151,7 +151,7 @@ impl ValueTeam {
     }
 
     /// Takes in what curiosity made of a finished round, once the models have [reflected](ValueModel::reflect) on it.
-    pub fn end_round(&mut self, experience: &Experience<'_>, bonuses: Vec<Vec<Vec<f32>>>) {
+    pub fn end_round(&mut self, experience: &Experience<'_>, bonuses: &[Vec<Vec<f32>>]) {
         experience.fresh.iter().for_each(|episode| self.scaling.update(episode.states()));
         self.own_bonuses.iter_mut().for_each(Vec::clear);
         for (place, episode) in experience.fresh.iter().enumerate() {
