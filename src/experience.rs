@@ -1,6 +1,9 @@
 //! What agents experienced: episodes, and the buffer in which a team shares them.
 //!
-//! Order is by simulated time and agent, never by what a thread did first. Learning may not enter.
+//! Order is by simulated time and agent, never by what a thread did first. Agents that learn step by step share single transitions,
+//! in a [`replay`]. Learning may not enter.
+
+pub mod replay;
 
 use serde::{Deserialize, Serialize};
 

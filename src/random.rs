@@ -39,6 +39,18 @@ pub enum Purpose {
     Judgement = 12,
     /// Redrawing runs for intervals, always from run seed 0. Never touches learning.
     Bootstrap = 13,
+    /// Which finite task it is: drawn from its prior, once a run.
+    TabularTask = 40,
+    /// The fixed additive prior of a value model, drawn once.
+    ValuePrior = 20,
+    /// Transitions that a value model draws from the replay in one round.
+    Replay = 21,
+    /// The seeds z of single transitions, by [`transition_stream`].
+    TransitionSeeds = 22,
+    /// Which transitions a value model learns from, by [`transition_stream`].
+    TransitionMasks = 23,
+    /// Which value model an agent follows in one round.
+    ModelChoice = 24,
 }
 
 /// The stream of one (run seed, purpose, agent, round).
@@ -52,6 +64,18 @@ pub fn stream(run_seed: u64, purpose: Purpose, agent: u32, round: u32) -> Stream
     key[16..24].copy_from_slice(&u64::from(agent).to_le_bytes());
     key[24..].copy_from_slice(&u64::from(round).to_le_bytes());
     Stream::from_seed(key)
+}
+
+/// The stream of one transition, for one value model: of (run seed, purpose, model, source agent, episode, step).
+///
+/// The first four are the key of [`stream`], the episode is ChaCha's nonce, and every step has a block of its own.
+#[must_use]
+pub fn transition_stream(run_seed: u64, purpose: Purpose, model: u32, (agent, episode, step): (u32, u32, u32)) -> Stream {
+    const BLOCK_WORDS: u128 = 16;
+    let mut stream = stream(run_seed, purpose, model, agent);
+    stream.set_stream(episode.into());
+    stream.set_word_pos(BLOCK_WORDS * u128::from(step));
+    stream
 }
 
 #[cfg(test)]
@@ -68,5 +92,18 @@ mod tests {
         assert_ne!(base, first(1, Purpose::Reset, 2, 3));
         assert_ne!(base, first(1, Purpose::Action, 3, 3));
         assert_ne!(base, first(1, Purpose::Action, 2, 4));
+    }
+
+    #[test]
+    fn every_part_of_a_transition_matters() {
+        let first = |model, agent, episode, step| {
+            transition_stream(1, Purpose::TransitionSeeds, model, (agent, episode, step)).random::<u64>()
+        };
+        let names = [(0, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (0, 0, 0, 2)];
+        let bits = names.map(|(model, agent, episode, step)| first(model, agent, episode, step));
+        for (index, one) in bits.iter().enumerate() {
+            assert!(bits[index + 1..].iter().all(|other| other != one));
+        }
+        assert_eq!(bits[4], first(0, 0, 0, 1));
     }
 }

@@ -73,7 +73,8 @@ impl SeedDistribution {
         (0..time_limit).map(|_| self.draw_one(&mut random) as f32).collect()
     }
 
-    fn draw_one(self, random: &mut Stream) -> f64 {
+    /// One draw: `z` of whatever `random` is the stream of.
+    pub fn draw_one(self, random: &mut Stream) -> f64 {
         let sign = |random: &mut Stream| if random.random() { 1.0 } else { -1.0 };
         match self {
             Self::Normal { sigma } => {

@@ -101,9 +101,14 @@ impl Crowd {
     }
 }
 
+/// Finite tasks start in one state, and chance alone does not bring an agent to all of their states.
+fn tasks_of_bodies() -> impl Iterator<Item = (Description, Physics)> {
+    tasks().into_iter().filter(|(task, _)| task.finite.is_none())
+}
+
 #[test]
 fn observations_are_finite_and_none_is_constant() {
-    for (task, physics) in tasks() {
+    for (task, physics) in tasks_of_bodies() {
         let names: Vec<_> = (0..4).collect();
         let mut crowd = Crowd::new(&task, physics, &names);
         let width = task.spec.observation_width();
@@ -190,7 +195,7 @@ fn a_reset_equals_a_fresh_build() {
 
 #[test]
 fn starts_are_drawn_at_random() {
-    for (task, physics) in tasks() {
+    for (task, physics) in tasks_of_bodies() {
         let crowd = Crowd::new(&task, physics, &[0, 1]);
         assert_ne!(crowd.bits(0), crowd.bits(1), "{}", task.spec.name);
     }

@@ -83,6 +83,39 @@ fn alone_an_asynchronous_agent_is_a_synchronous_one() {
     assert_eq!(results(&waiting), results(&hurried));
 }
 
+/// Models of several agents each that learn in the middle of episodes.
+#[test]
+fn an_ensemble_in_lockstep_does_not_depend_on_threads_or_recordings() {
+    let (_guard, one, three) = folders();
+    finish(seedbed(&one, &[&SHORT[..], &ENSEMBLE, &["--threads", "1", "--no-recording"]].concat()));
+    finish(seedbed(&three, &[&SHORT[..], &ENSEMBLE, &["--threads", "3"]].concat()));
+    assert_eq!(results(&one), results(&three));
+}
+
+/// There the checkpoint holds the team's transitions, target networks and curiosity.
+#[test]
+fn a_killed_ensemble_resumes_to_the_same_bits() {
+    is_resumed_to_the_same_bits(&ENSEMBLE);
+}
+
+/// There models are drawn anew in each round.
+#[test]
+fn a_killed_bootstrapped_dqn_resumes_to_the_same_bits() {
+    is_resumed_to_the_same_bits(&[
+        "--set",
+        "algorithm=BootstrappedDqn(models: 3, learning: (observations: Running, replay: 3000))",
+        "--set",
+        "schedule=Lockstep(learn_every: 2)",
+    ]);
+}
+
+const ENSEMBLE: [&str; 4] = [
+    "--set",
+    "algorithm=SeedTd(models: Ensemble(most: 2), bonus: Rnd(minibatches: 5))",
+    "--set",
+    "schedule=Lockstep(learn_every: 4)",
+];
+
 const ASYNCHRONOUS: &str = "schedule=Asynchronous(training: (env_steps: 15))";
 
 #[test]

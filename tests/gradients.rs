@@ -5,7 +5,7 @@
 
 use seedbed::nn::{Activations, Adam, AdamSettings, Mlp, PopArt};
 use seedbed::rl::policy_loss::{self, Surrogate};
-use seedbed::rl::{categorical, gaussian};
+use seedbed::rl::{categorical, gaussian, q_learning};
 use serde::Deserialize;
 
 /// How far a number may lie from its reference, as a share of its scale.
@@ -23,6 +23,7 @@ struct Reference {
     policy_losses: Vec<PolicyLossCase>,
     policies: Vec<PolicyCase>,
     values: Vec<ValueCase>,
+    action_values: Vec<ActionValueCase>,
     adam: Vec<AdamCase>,
     pop_art: Vec<PopArtCase>,
 }
@@ -283,6 +284,74 @@ fn whole_value_functions() {
 
         let mut gradient = vec![f32::NAN; network.parameter_count()];
         network.backward(&case.parameters, &case.states, &mut activations, &slopes, &mut gradient);
+        assert_gradient(&case.name, &network, &gradient, &case.gradient);
+    });
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ActionValueCase {
+    name: String,
+    sizes: Vec<usize>,
+    parameters: Vec<f32>,
+    target: Vec<f32>,
+    prior: Vec<f32>,
+    /// θ̂
+    start: Vec<f32>,
+    states: Vec<f32>,
+    next_states: Vec<f32>,
+    actions: Vec<usize>,
+    rewards: Vec<f32>,
+    /// z
+    seeds: Vec<f32>,
+    discounts: Vec<f32>,
+    weights: Vec<f32>,
+    double: bool,
+    /// β
+    prior_scale: f32,
+    /// λ
+    regularisation: f32,
+    value: f64,
+    gradient: Vec<f64>,
+}
+
+impl ActionValueCase {
+    /// Q = f + β p.
+    fn values(&self, parameters: &[f32], states: &[f32]) -> Vec<f32> {
+        let (network, mut activations) = (Mlp::new(&self.sizes), Activations::default());
+        let learned = network.forward(parameters, states, &mut activations).to_vec();
+        let prior = network.forward(&self.prior, states, &mut activations);
+        learned.iter().zip(prior).map(|(learned, prior)| self.prior_scale.mul_add(*prior, *learned)).collect()
+    }
+
+    /// r + z + γ Q′(s′, ·)
+    fn targets(&self) -> Vec<f32> {
+        let rewards: Vec<f32> = self.rewards.iter().zip(&self.seeds).map(|(reward, z)| reward + z).collect();
+        let judged = self.values(&self.target, &self.next_states);
+        let online = self.values(&self.parameters, &self.next_states);
+        let mut targets = Vec::new();
+        q_learning::targets(&rewards, &self.discounts, &judged, if self.double { &online } else { &judged }, &mut targets);
+        targets
+    }
+}
+
+/// The loss of Seed TD (thesis §2.4), from the network's parameters on.
+#[test]
+fn whole_action_values() {
+    each(&reference().action_values, 3, |case| {
+        let (values, mut slopes) = (case.values(&case.parameters, &case.states), Vec::new());
+        let loss = q_learning::squared_error(&values, &case.actions, &case.targets(), &case.weights, &mut slopes);
+        let pull: Vec<f32> =
+            case.parameters.iter().zip(&case.start).map(|(now, start)| case.regularisation * (now - start)).collect();
+        let penalty: f32 =
+            pull.iter().zip(&case.parameters).zip(&case.start).map(|((pull, now), start)| 0.5 * pull * (now - start)).sum();
+        assert_close(&format!("{}: loss", case.name), &[loss + penalty], &[case.value]);
+
+        let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
+        network.forward(&case.parameters, &case.states, &mut activations);
+        let mut gradient = vec![f32::NAN; network.parameter_count()];
+        network.backward(&case.parameters, &case.states, &mut activations, &slopes, &mut gradient);
+        gradient.iter_mut().zip(pull).for_each(|(slope, pull)| *slope += pull);
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }

@@ -56,6 +56,25 @@ fn eight_agents_swing_up_the_pendulum() {
 }
 
 #[test]
+fn q_learning_solves_the_cartpole() {
+    let episodes = episodes_until_solved("cartpole_q.ron", &[], 200);
+    assert!(episodes.is_some_and(|episodes| episodes <= 150), "{episodes:?}");
+    let double_off = episodes_until_solved("cartpole_q.ron", &["algorithm.double=false", "algorithm.networks=Own"], 250);
+    assert!(double_off.is_some_and(|episodes| episodes <= 250), "{double_off:?}");
+    assert_eq!(episodes_until_solved("cartpole_q.ron", &["algorithm=Random"], 200), None);
+}
+
+/// One of 2¹⁰ sequences of actions finds the treasure.
+#[test]
+fn bootstrapped_dqn_finds_what_dithering_does_not() {
+    let episodes = episodes_until_solved("deep_sea_bootstrapped_dqn.ron", &[], 250);
+    assert!(episodes.is_some_and(|episodes| episodes <= 200), "{episodes:?}");
+    let dithering = "algorithm=QLearning(exploration: EpsilonGreedy(from: 0.2, to: 0.05, steps: 1000), learning: (observations: Raw, \
+                     minibatch: 32, target_every: 4))";
+    assert_eq!(episodes_until_solved("deep_sea_bootstrapped_dqn.ron", &[dithering], 250), None);
+}
+
+#[test]
 fn a_random_team_solves_nothing() {
     assert_eq!(episodes_until_solved("cartpole.ron", &["algorithm=Random"], 200), None);
     assert_eq!(episodes_until_solved("cartpole_continuous.ron", &["algorithm=Random"], 300), None);

@@ -5,6 +5,7 @@ use ron::ser::PrettyConfig;
 use serde::Serialize;
 
 use super::Algorithm;
+use super::q_learning::{config as values, meanings};
 use super::seed_pg::config as seed_pg;
 
 /// An algorithm as a user may choose it.
@@ -38,6 +39,21 @@ impl Algorithm {
                 name: "SeedPg",
                 purpose: seed_pg::PURPOSE,
                 parameters: parameters(&seed_pg::SeedPg::default(), &seed_pg::PARAMETERS),
+            },
+            Catalogued {
+                name: "QLearning",
+                purpose: meanings::PURPOSES[0],
+                parameters: parameters(&values::QLearning::default(), &meanings::Q_LEARNING),
+            },
+            Catalogued {
+                name: "SeedTd",
+                purpose: meanings::PURPOSES[1],
+                parameters: parameters(&values::SeedTd::default(), &meanings::SEED_TD),
+            },
+            Catalogued {
+                name: "BootstrappedDqn",
+                purpose: meanings::PURPOSES[2],
+                parameters: parameters(&values::BootstrappedDqn::default(), &meanings::BOOTSTRAPPED_DQN),
             },
             Catalogued {
                 name: "Random",

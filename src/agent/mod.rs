@@ -9,6 +9,7 @@ mod network;
 pub mod policy;
 #[cfg(test)]
 mod policy_reference;
+pub mod q_learning;
 pub mod random;
 pub mod scaling;
 pub mod seed_pg;
@@ -17,11 +18,12 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use self::curiosity::Bonus;
 use self::policy::ActionSelection;
 use crate::env::Spec;
 use crate::experience::{Episode, Experience};
-use crate::input::Complaint;
 use crate::input::numbers::{Count, known, known_count};
+use crate::input::{Complaint, Located};
 use crate::nn::{Activations, Initial};
 use crate::random::Stream;
 use crate::seed::SeedDistribution;
@@ -72,6 +74,12 @@ pub const JUDGED: usize = 64;
 pub enum Algorithm {
     /// Seed policy gradient (thesis §3.4).
     SeedPg(Box<seed_pg::config::SeedPg>),
+    /// Q-learning on the team's replay (thesis §1.4.1).
+    QLearning(Box<q_learning::config::QLearning>),
+    /// Seed TD, seed LSVI and seed ensembles (thesis §2.4).
+    SeedTd(Box<q_learning::config::SeedTd>),
+    /// Bootstrapped DQN with randomised priors.
+    BootstrappedDqn(Box<q_learning::config::BootstrappedDqn>),
     /// Uniformly random actions: the control that every claim of learning has to beat.
     Random,
 }
@@ -150,13 +158,24 @@ pub struct Tensor<'a> {
 }
 
 impl Algorithm {
-    /// Builds one agent.
+    /// Builds one agent; none where agents act by models that they share: see [`build_shared`](Self::build_shared).
     #[must_use]
-    pub fn build(&self, member: &Membership<'_>) -> Box<dyn Agent> {
+    pub fn build(&self, member: &Membership<'_>) -> Option<Box<dyn Agent>> {
         match self {
-            Self::SeedPg(config) => Box::new(seed_pg::SeedPgAgent::new(config, member)),
-            Self::Random => Box::new(random::RandomAgent::new(member.spec)),
+            Self::SeedPg(config) => Some(Box::new(seed_pg::SeedPgAgent::new(config, member))),
+            Self::Random => Some(Box::new(random::RandomAgent::new(member.spec))),
+            Self::QLearning(_) | Self::SeedTd(_) | Self::BootstrappedDqn(_) => None,
         }
+    }
+
+    /// Builds a whole team of agents that act by models of state-action values; none where each agent learns for itself.
+    ///
+    /// # Panics
+    /// If an action of the task is not one discrete choice: see [`check_task`](Self::check_task).
+    #[must_use]
+    pub fn build_shared(&self, run_seed: u64, team: &Team, spec: &Spec) -> Option<q_learning::ValueTeam> {
+        q_learning::config::composition(self, team.count.get() as usize)
+            .map(|composition| q_learning::ValueTeam::new(composition, run_seed, team, spec))
     }
 
     /// The same with actions chosen in another way.
@@ -164,27 +183,35 @@ impl Algorithm {
     pub fn with_actions(mut self, actions: ActionSelection) -> Self {
         match &mut self {
             Self::SeedPg(config) => config.actions = actions.into(),
+            Self::QLearning(config) => config.exploration = config.exploration.with_actions(actions),
+            Self::SeedTd(config) => config.exploration = config.exploration.with_actions(actions),
+            Self::BootstrappedDqn(config) => config.exploration = config.exploration.with_actions(actions),
             Self::Random => {}
         }
         self
     }
 
+    /// What is added to rewards; none where nothing ever is.
+    fn bonus(&self) -> Option<&Located<Bonus>> {
+        match self {
+            Self::SeedPg(config) => Some(&config.bonus),
+            Self::QLearning(config) => Some(&config.bonus),
+            Self::SeedTd(config) => Some(&config.bonus),
+            Self::BootstrappedDqn(config) => Some(&config.bonus),
+            Self::Random => None,
+        }
+    }
+
     /// The largest bonus that a step can have; none without curiosity.
     #[must_use]
     pub fn largest_intrinsic_reward(&self) -> Option<f32> {
-        match self {
-            Self::SeedPg(config) => config.bonus.largest(),
-            Self::Random => None,
-        }
+        self.bonus()?.largest()
     }
 
     /// Transitions of the team that the shared buffer has to keep after all have learned from them.
     #[must_use]
     pub fn transitions_kept(&self) -> u64 {
-        match self {
-            Self::SeedPg(config) => config.bonus.transitions_kept(),
-            Self::Random => 0,
-        }
+        self.bonus().map_or(0, |bonus| bonus.transitions_kept())
     }
 
     /// Says what in a configuration needs agents that learn at the same time.
@@ -197,7 +224,24 @@ impl Algorithm {
                 "a shared model is the same for all agents only where all learn at the same time; expected `schedule: Synchronous(…)`, or \
                  `model: Independent`",
             )),
-            Self::SeedPg(_) | Self::Random => Ok(()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether agents learn step by step, from single transitions.
+    #[must_use]
+    pub fn learns_from_transitions(&self) -> bool {
+        matches!(self, Self::QLearning(_) | Self::SeedTd(_) | Self::BootstrappedDqn(_))
+    }
+
+    /// Says what in a configuration keeps agents from learning in the middle of a round.
+    ///
+    /// # Errors
+    /// The parameter to blame, and why.
+    pub fn check_lockstep(&self) -> Result<(), Complaint> {
+        match self {
+            Self::SeedTd(config) => config.check_lockstep(),
+            _ => Ok(()),
         }
     }
 
@@ -208,7 +252,27 @@ impl Algorithm {
     pub fn check(&self) -> Result<(), Complaint> {
         match self {
             Self::SeedPg(config) => config.check(),
+            Self::QLearning(config) => q_learning::config::check(&config.learning, &config.bonus),
+            Self::SeedTd(config) => q_learning::config::check(&config.learning, &config.bonus),
+            Self::BootstrappedDqn(config) => q_learning::config::check(&config.learning, &config.bonus),
             Self::Random => Ok(()),
         }
+    }
+
+    /// Says why the algorithm cannot act in a task.
+    ///
+    /// # Errors
+    /// What the task's actions are, and what was expected.
+    pub fn check_task(&self, spec: &Spec) -> Result<(), String> {
+        if !self.learns_from_transitions() {
+            return Ok(());
+        }
+        let found = |what| {
+            format!(
+                "value-based learners choose among values of discrete actions, but {what}; expected `SeedPg`, or a task \
+                                    with one discrete action"
+            )
+        };
+        q_learning::one_choice(spec).map(|_| ()).map_err(found)
     }
 }

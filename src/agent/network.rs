@@ -92,6 +92,11 @@ impl Network {
         &self.learned
     }
 
+    /// Goes back to where it once stood.
+    pub(super) fn restart(&mut self, learned: &Learned) {
+        self.learned.clone_from(learned);
+    }
+
     pub(super) fn restore(&mut self, learned: Learned) -> Result<(), String> {
         if learned.parameters.len() != self.seed.len() {
             return Err(format!("{} parameters stored for a network of {}", learned.parameters.len(), self.seed.len()));

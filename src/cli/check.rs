@@ -26,7 +26,7 @@ pub(super) fn check(files: &[PathBuf]) -> Result<(), Failure> {
 fn check_file(path: &Path) -> Result<String, InputError> {
     let text = input::read_text(path)?;
     match input::kind(&path.display().to_string(), &text)? {
-        Kind::Environment => Ok(format!("environment with {}", described(&env::load(path)?.spec))),
+        Kind::Environment | Kind::TabularEnvironment => Ok(format!("environment with {}", described(&env::load(path)?.spec))),
         Kind::Scenario => {
             let plan = Plan::load(path, &[])?;
             let agents = counted(plan.scenario.agents.count.get() as usize, "agent");

@@ -53,7 +53,7 @@ fn scenarios() {
 fn print_scenario_or_study(path: &Path) -> Result<(), InputError> {
     match input::kind(&path.display().to_string(), &input::read_text(path)?)? {
         Kind::Study => print_study(path, &StudyPlan::load(path, false)?),
-        Kind::Scenario | Kind::Environment => print_scenario(path, &Plan::load(path, &[])?),
+        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => print_scenario(path, &Plan::load(path, &[])?),
     }
     Ok(())
 }

@@ -12,6 +12,7 @@ pub use distribution::Distribution;
 pub use instruments::{Actuator, BodyPoint, Drive, Ray, Reading, Sensor, Servo, Target};
 
 use super::expression::Program;
+use super::tabular::environment::Finite;
 use super::{Scene, Shape, Spec};
 
 /// One task.
@@ -49,6 +50,8 @@ pub struct Description {
     pub reset: Vec<Start>,
     /// The task's closed-form twin, if it has one.
     pub twin: Option<Twin>,
+    /// The tables of a finite task, which has neither bodies nor formulas.
+    pub finite: Option<Finite>,
 }
 
 /// How exactly motion is computed.
@@ -245,6 +248,30 @@ pub enum Twin {
 }
 
 impl Description {
+    /// A finite task.
+    #[must_use]
+    pub fn of_finite(origin: &str, spec: Spec, finite: Finite) -> Self {
+        Self {
+            origin: origin.to_owned(),
+            spec,
+            scene: None,
+            gravity: [0.0; 2],
+            solver: Solver { iterations: 1, passes: 1, searches: 1 },
+            bodies: Vec::new(),
+            joints: Vec::new(),
+            free: Vec::new(),
+            colliders: Vec::new(),
+            actuators: Vec::new(),
+            sensors: Vec::new(),
+            fields: Vec::new(),
+            drawings: Vec::new(),
+            formulas: Formulas { observations: Vec::new(), reward: Program::zero(), terminated: Program::zero() },
+            reset: Vec::new(),
+            twin: None,
+            finite: Some(finite),
+        }
+    }
+
     /// Where each kind of number stands in the table that formulas read.
     #[must_use]
     pub fn columns(&self) -> Columns {

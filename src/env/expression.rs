@@ -55,6 +55,12 @@ pub struct Formula {
 }
 
 impl Program {
+    /// The formula `0`.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self { constants: vec![0.0], instructions: Vec::new(), result: Place::Scratch(0) }
+    }
+
     /// The formula's value, if it is the same in every state.
     #[must_use]
     pub fn constant(&self) -> Option<f32> {

@@ -19,8 +19,9 @@ pub use instruments::{ActuatorKind, Axis, ForceFrame, SensorKind};
 pub use surfaces::{Collider, Geom, Points};
 
 use super::description::Description;
+use super::tabular;
 use crate::input::numbers::{Count, Finite, NonNegative, Positive, UpToTen, known, known_count};
-use crate::input::{self, Document, InputError, Located};
+use crate::input::{self, Document, InputError, Kind, Located};
 
 /// A task file: `Environment(…)`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -341,7 +342,7 @@ pub enum Twin {
 /// The file cannot be read, or something in it is wrong.
 pub fn load(path: &Path) -> Result<Description, InputError> {
     let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    describe(&name, &input::read(path)?)
+    parse(&name, &path.display().to_string(), input::read_text(path)?)
 }
 
 /// Checks the text of a task file; `origin` stands in the place of the file's name in errors.
@@ -349,7 +350,10 @@ pub fn load(path: &Path) -> Result<Description, InputError> {
 /// # Errors
 /// Something in it is wrong.
 pub fn parse(name: &str, origin: &str, text: String) -> Result<Description, InputError> {
-    describe(name, &input::parse(origin, text)?)
+    match input::kind(origin, &text) {
+        Ok(Kind::TabularEnvironment) => tabular::file::parse(name, origin, text),
+        _ => describe(name, &input::parse(origin, text)?),
+    }
 }
 
 fn describe(name: &str, document: &Document<Environment>) -> Result<Description, InputError> {

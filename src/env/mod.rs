@@ -2,7 +2,7 @@
 //!
 //! [`Environment`] is all that the rest of the workbench sees. [`mod@file`] is the schema of `envs/*.ron` and makes a
 //! [`description`], [`task`] turns that into an environment on top of a [`dynamics`] (rigid bodies in [`physics`], or the
-//! closed-form twins of [`analytic`]). [`load`] and [`build`] are the two steps. Agents, learning and recording may not enter.
+//! closed-form twins of [`analytic`]). Tasks of finitely many states are tables ([`tabular`]). [`load`] and [`build`] are the two steps. Agents, learning and recording may not enter.
 
 pub mod analytic;
 pub mod description;
@@ -13,6 +13,7 @@ mod forces;
 pub mod kinematics;
 pub mod physics;
 mod sensing;
+pub mod tabular;
 pub mod task;
 
 pub use file::load;

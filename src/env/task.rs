@@ -10,6 +10,7 @@ use super::description::{Columns, Description};
 use super::dynamics::{Dynamics, from_bytes, to_bytes};
 use super::expression::{Formula, Table};
 use super::sensing::Senses;
+use super::tabular::environment::FiniteEnvironment;
 use super::{Choice, Environment, Force, Physics, Pose, Scene, Spec, Status, analytic, forces, physics};
 use crate::input::InputError;
 use crate::random::Stream;
@@ -19,6 +20,11 @@ use crate::random::Stream;
 /// # Errors
 /// The task has no closed-form twin, but `physics` asks for it.
 pub fn build(description: &Description, physics: Physics, copies: usize) -> Result<Box<dyn Environment>, InputError> {
+    if let Some(finite) = &description.finite
+        && physics == Physics::Rapier
+    {
+        return Ok(Box::new(FiniteEnvironment::new(&description.spec, finite, copies)));
+    }
     Ok(Box::new(Task::new(description, dynamics(description, physics, copies)?, copies)))
 }
 

@@ -76,6 +76,8 @@ pub struct Complaint {
 pub enum Kind {
     /// `Environment(…)`
     Environment,
+    /// `TabularEnvironment(…)`
+    TabularEnvironment,
     /// `Scenario(…)`
     Scenario,
     /// `Study(…)`
@@ -128,6 +130,7 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
     let opening = first_word(text);
     match opening {
         "Environment" => Ok(Kind::Environment),
+        "TabularEnvironment" => Ok(Kind::TabularEnvironment),
         "Scenario" => Ok(Kind::Scenario),
         "Study" => Ok(Kind::Study),
         word => {

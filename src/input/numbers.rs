@@ -91,12 +91,12 @@ ranged_number!(
     "a finite number"
 );
 
-/// A count from 1 to `MOST`.
+/// A count from `LEAST` to `MOST`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "u64", into = "u64")]
-pub struct Count<const MOST: u32 = 1_000_000>(u32);
+pub struct Count<const MOST: u32 = 1_000_000, const LEAST: u32 = 1>(u32);
 
-impl<const MOST: u32> Count<MOST> {
+impl<const MOST: u32, const LEAST: u32> Count<MOST, LEAST> {
     /// The count itself.
     #[must_use]
     pub const fn get(self) -> u32 {
@@ -104,17 +104,17 @@ impl<const MOST: u32> Count<MOST> {
     }
 }
 
-impl<const MOST: u32> TryFrom<u64> for Count<MOST> {
+impl<const MOST: u32, const LEAST: u32> TryFrom<u64> for Count<MOST, LEAST> {
     type Error = String;
 
     fn try_from(value: u64) -> Result<Self, String> {
-        let fits = u32::try_from(value).ok().filter(|count| (1..=MOST).contains(count));
-        fits.map(Self).ok_or_else(|| format!("expected a whole number from 1 to {MOST}, found {value}"))
+        let fits = u32::try_from(value).ok().filter(|count| (LEAST..=MOST).contains(count));
+        fits.map(Self).ok_or_else(|| format!("expected a whole number from {LEAST} to {MOST}, found {value}"))
     }
 }
 
-impl<const MOST: u32> From<Count<MOST>> for u64 {
-    fn from(value: Count<MOST>) -> Self {
+impl<const MOST: u32, const LEAST: u32> From<Count<MOST, LEAST>> for u64 {
+    fn from(value: Count<MOST, LEAST>) -> Self {
         u64::from(value.0)
     }
 }
@@ -133,6 +133,6 @@ pub fn known<N: TryFrom<f64, Error = String>>(value: f64) -> N {
 /// # Panics
 /// If it does not.
 #[must_use]
-pub fn known_count<const MOST: u32>(value: u32) -> Count<MOST> {
+pub fn known_count<const MOST: u32, const LEAST: u32>(value: u32) -> Count<MOST, LEAST> {
     Count::try_from(u64::from(value)).unwrap_or_else(|message| panic!("{message}"))
 }

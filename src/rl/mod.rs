@@ -8,4 +8,5 @@ pub mod categorical;
 pub mod gaussian;
 pub mod information_gain;
 pub mod policy_loss;
+pub mod q_learning;
 pub mod returns;

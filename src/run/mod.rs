@@ -1,7 +1,7 @@
 //! Runs: the loop of concurrent episodes, exchange, updates and records (thesis Alg. 3), and what surrounds it.
 //!
 //! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round
-//! (`asynchronous` one in which nobody waits), [`exchange`] shares its episodes,
+//! (`asynchronous` one in which nobody waits, `lockstep` one in which shared models learn meanwhile), [`exchange`] shares its episodes,
 //! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it, [`review`] reads it back. Formulas of learning may not enter.
 
 mod agreement;
@@ -11,6 +11,7 @@ pub mod evaluate;
 pub mod exchange;
 pub mod files;
 pub mod folder;
+mod lockstep;
 pub mod measures;
 pub mod preview;
 pub mod replay;
@@ -164,6 +165,8 @@ fn check(document: &Document<Scenario>, description: &Description) -> Result<(),
     let scenario = &document.value;
     scenario.check().map_err(|complaint| document.locate(complaint))?;
     scenario.recording.check_task(&description.spec).map_err(|complaint| document.locate(complaint))?;
+    let fits = scenario.algorithm.check_task(&description.spec);
+    fits.map_err(|message| document.locate(scenario.algorithm.complain(message)))?;
     env::build(description, scenario.physics, 1).map(|_| ())
 }
 
@@ -297,7 +300,7 @@ fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingA
         focus: Focus::Learning,
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
-        agents: trainer.agents().len() as u32,
+        agents: trainer.agent_count() as u32,
         largest_bonus: plan.scenario.algorithm.largest_intrinsic_reward(),
         episodes: plan.scenario.most_episodes(),
         run_seed: plan.scenario.seed,
@@ -316,7 +319,7 @@ fn finish(plan: &Plan, options: &Options, trainer: &Trainer, recorders: &mut Rec
     write_checkpoint(options, trainer, recorders)?;
     recorders.iter_mut().try_for_each(|recorder| recorder.finish())?;
     let policies = options.folder.policies();
-    weights::write(&policies, trainer.agents()).map_err(|error| RunError::File { path: policies, error })?;
+    weights::write(&policies, &trainer.tensors()).map_err(|error| RunError::File { path: policies, error })?;
     let summary = Summary::of(&plan.name, plan.scenario.seed, trainer);
     let text = serde_json::to_string_pretty(&summary).map_err(std::io::Error::other);
     let path = options.folder.summary();

@@ -38,7 +38,7 @@ pub fn replay(
     let (plan, mut trainer) = trained(folder, replay.evaluation.actions)?;
     let settings = settings(&plan, replay.agents)?;
     let mut recorder = recorder(&plan, &trainer, replay, &settings)?;
-    let mut measures = Measures::new(trainer.spec(), trainer.agents().len());
+    let mut measures = Measures::new(trainer.spec(), trainer.agent_count());
     let mut rows = Vec::new();
     for number in 0..replay.evaluation.episodes {
         let played = play(&mut trainer, &replay.evaluation, number, settings.scene.as_ref());
@@ -91,7 +91,7 @@ fn recorder(
         focus: Focus::Motion,
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
-        agents: trainer.agents().len() as u32,
+        agents: trainer.agent_count() as u32,
         largest_bonus: None,
         episodes: replay.evaluation.episodes,
         run_seed: plan.scenario.seed,

@@ -1,6 +1,7 @@
 //! Concurrent episodes: every agent acts in its own copy, all copies in lockstep (thesis Alg. 3).
 //!
-//! [`play`] plays a synchronous round. What one agent does in its copy is its `Seat`, which asynchronous rounds use as well.
+//! [`play`] plays a synchronous round of agents that each act for themselves. What one agent does in its copy is its `Seat`, which
+//! asynchronous rounds use as well.
 
 use serde::{Deserialize, Serialize};
 
@@ -32,28 +33,65 @@ pub struct Played {
     pub footage: Vec<Footage>,
 }
 
+/// Those who act in the copies, one a copy.
+pub(super) trait Players {
+    /// Everyone who plays acts, and time goes on by a step.
+    fn step(&mut self, environment: &mut dyn Environment, seats: &mut [Seat]);
+
+    /// The step just made is the newest of an episode.
+    fn experience(&mut self, _episode: &Episode) {}
+
+    /// Everyone has experienced the step just made.
+    fn step_ended(&mut self) {}
+}
+
 /// Plays one round. Agent k acts in copy k; a copy that has played its episodes waits for the others.
 pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: &RoundPlan<'_>) -> Played {
-    let mut seats: Vec<Seat> = (0..agents.len() as u32).map(|agent| Seat::new(plan.run_seed, agent, plan.round)).collect();
-    let mut finished: Vec<Vec<Episode>> = vec![Vec::with_capacity(plan.episodes as usize); agents.len()];
+    let mut individuals = Individuals { agents, room: Room::new(&*environment) };
+    play_by(environment, &mut individuals, agents.len(), plan)
+}
+
+/// Plays one round of whatever `count` players there are.
+pub(super) fn play_by(
+    environment: &mut dyn Environment,
+    players: &mut dyn Players,
+    count: usize,
+    plan: &RoundPlan<'_>,
+) -> Played {
+    let mut seats: Vec<Seat> = (0..count as u32).map(|agent| Seat::new(plan.run_seed, agent, plan.round)).collect();
+    let mut finished: Vec<Vec<Episode>> = vec![Vec::with_capacity(plan.episodes as usize); count];
     let mut footage = Vec::new();
-    let mut room = Room::new(&*environment);
     let first = plan.round.wrapping_mul(plan.episodes);
     for seat in &mut seats {
         seat.start(environment, first, plan.round, plan.camera);
     }
     while seats.iter().any(Seat::is_playing) {
-        room.step(environment, agents, &mut seats);
+        players.step(environment, &mut seats);
         for (seat, finished) in seats.iter_mut().zip(&mut finished) {
-            let Some(episode) = seat.observe(environment) else { continue };
+            let ended = seat.observe(environment);
+            ended.as_ref().or(seat.playing.as_ref()).into_iter().for_each(|episode| players.experience(episode));
+            let Some(episode) = ended else { continue };
             footage.extend(seat.footage.take());
             finished.push(episode);
             if finished.len() < plan.episodes as usize {
                 seat.start(environment, first.wrapping_add(finished.len() as u32), plan.round, plan.camera);
             }
         }
+        players.step_ended();
     }
     Played { episodes: finished.into_iter().flatten().collect(), footage }
+}
+
+/// Agents that each act for themselves.
+struct Individuals<'a> {
+    agents: &'a [Box<dyn Agent>],
+    room: Room,
+}
+
+impl Players for Individuals<'_> {
+    fn step(&mut self, environment: &mut dyn Environment, seats: &mut [Seat]) {
+        self.room.step(environment, self.agents, seats);
+    }
 }
 
 /// Room for the actions of all agents, reused from step to step.
@@ -111,6 +149,15 @@ impl Seat {
 
     pub(super) fn is_playing(&self) -> bool {
         self.playing.is_some()
+    }
+
+    /// The agent chooses its next action by `choose`, which is given the agent's stream; nothing where it does not play.
+    pub(super) fn act(&mut self, choose: impl FnOnce(&mut Stream) -> (f32, f32)) -> Option<f32> {
+        let episode = self.playing.as_mut()?;
+        let (action, log_prob) = choose(&mut self.actions);
+        episode.actions.push(action);
+        episode.log_probs.push(log_prob);
+        Some(action)
     }
 
     /// Starts the agent's episode number `episode`.

@@ -63,7 +63,7 @@ impl Summary {
             scenario: scenario.to_owned(),
             environment: trainer.spec().name.clone(),
             seed,
-            agents: trainer.agents().len(),
+            agents: trainer.agent_count(),
             rounds: trainer.rounds(),
             episodes_per_agent: measures.episodes_per_agent(),
             env_steps: measures.env_steps(),

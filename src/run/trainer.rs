@@ -7,9 +7,11 @@ use serde::{Deserialize, Serialize};
 use super::agreement;
 use super::asynchronous::{Desk, Pace};
 use super::exchange::{Exchange, OneProcess};
+use super::lockstep::{self, Learning};
 use super::measures::{Measures, RoundRows, Threshold};
 use super::rollout::{self, Played, RoundPlan};
-use crate::agent::{Agent, Membership, UpdateReport};
+use crate::agent::q_learning::ValueTeam;
+use crate::agent::{Agent, Membership, Tensor, UpdateReport};
 use crate::env::description::Description;
 use crate::env::{self, Environment, Spec};
 use crate::experience::{Episode, Experience, SharedBuffer};
@@ -21,7 +23,10 @@ use crate::scenario::{Scenario, Schedule, Stop};
 pub struct Trainer {
     scenario: Scenario,
     environment: Box<dyn Environment>,
+    /// Those that each learn for themselves; empty where they act by shared models.
     agents: Vec<Box<dyn Agent>>,
+    /// Those that act by shared models.
+    sharers: Option<ValueTeam>,
     exchange: Box<dyn Exchange>,
     buffer: SharedBuffer,
     /// The team's episodes before the newest round.
@@ -59,6 +64,7 @@ struct Saved<B, D, M> {
     round: u32,
     environment: Vec<u8>,
     agents: Vec<Vec<u8>>,
+    sharers: Option<Vec<u8>>,
     buffer: B,
     recorded: u64,
     desk: D,
@@ -101,7 +107,8 @@ impl Trainer {
         let environment = env::build(description, scenario.physics, count as usize)?;
         let spec = environment.spec();
         let member = |agent| Membership { run_seed: scenario.seed, agent, team: &scenario.agents, spec };
-        let agents = (0..count).map(|agent| scenario.algorithm.build(&member(agent))).collect();
+        let agents = (0..count).filter_map(|agent| scenario.algorithm.build(&member(agent))).collect();
+        let sharers = scenario.algorithm.build_shared(scenario.seed, &scenario.agents, spec);
         let several = || ThreadPoolBuilder::new().num_threads(threads).thread_name(|index| format!("agents-{index}")).build();
         Ok(Self {
             measures: Measures::new(spec, count as usize),
@@ -111,6 +118,7 @@ impl Trainer {
             scenario: scenario.clone(),
             environment,
             agents,
+            sharers,
             exchange: Box::new(OneProcess),
             round: 0,
             pool: (threads != 1 && count > 1).then(|| several().expect("the system starts threads")),
@@ -128,7 +136,8 @@ impl Trainer {
         self.buffer.forget(learned.min(self.buffer.before(self.scenario.algorithm.transitions_kept())));
         self.recorded = self.buffer.total();
         let (mut reports, footage) = match self.scenario.schedule {
-            Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
+            Schedule::Synchronous { episodes } => self.advance_together(episodes.get(), Learning::AfterRound)?,
+            Schedule::Lockstep { learn_every } => self.advance_together(1, Learning::Every(learn_every.get()))?,
             Schedule::Asynchronous { training } => self.advance_each(training.env_steps)?,
         };
         let agreement = self.agreement();
@@ -141,20 +150,40 @@ impl Trainer {
         Ok(Round { rows, footage })
     }
 
-    /// Every agent plays `episodes`, then all learn.
-    fn advance_together(&mut self, episodes: u32) -> Result<Advance, Diverged> {
+    /// Every agent plays `episodes`, then all learn, or have learned meanwhile.
+    fn advance_together(&mut self, episodes: u32, learning: Learning) -> Result<Advance, Diverged> {
         let plan = RoundPlan {
             run_seed: self.scenario.seed,
             round: self.round,
             episodes,
             camera: self.scenario.recording.scene.as_ref(),
         };
-        let played = rollout::play(&mut *self.environment, &self.agents, &plan);
         let start = self.buffer.total();
+        let Some(sharers) = &mut self.sharers else {
+            let played = rollout::play(&mut *self.environment, &self.agents, &plan);
+            self.share(played.episodes)?;
+            let learners = (0..self.agents.len() as u32).map(|agent| Learner { agent, start, round: self.round });
+            let reports = self.learn(&learners.collect::<Vec<_>>())?;
+            return Ok((reports, played.footage));
+        };
+        let played = lockstep::play(&mut *self.environment, sharers, &plan, learning, self.pool.as_ref());
         self.share(played.episodes)?;
-        let learners = (0..self.agents.len() as u32).map(|agent| Learner { agent, start, round: self.round });
-        let reports = self.learn(&learners.collect::<Vec<_>>())?;
-        Ok((reports, played.footage))
+        Ok((self.end_shared_round(start, learning)?, played.footage))
+    }
+
+    /// Those that act by shared models learn what can be learned from whole episodes only.
+    fn end_shared_round(&mut self, start: u64, learning: Learning) -> Result<Vec<(u32, UpdateReport)>, Diverged> {
+        let (buffer, round) = (&mut self.buffer, self.round);
+        let Some(sharers) = &mut self.sharers else { return Ok(Vec::new()) };
+        let experience = Experience { fresh: buffer.since(start), kept: buffer.since(0), round };
+        let reports = lockstep::end_round(sharers, &experience, learning, self.pool.as_ref());
+        if let Some(agent) = sharers.diverged() {
+            return Err(Diverged::Learning { agent, round });
+        }
+        for &(agent, _) in &reports {
+            buffer.note_intrinsic_rewards(agent, start, sharers.intrinsic_rewards(agent as usize));
+        }
+        Ok(reports)
     }
 
     /// Agents whose episodes end learn while the others play.
@@ -226,14 +255,21 @@ impl Trainer {
 
     /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode) order.
     pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> Played {
-        rollout::play(&mut *self.environment, &self.agents, plan)
+        let environment = &mut *self.environment;
+        match &mut self.sharers {
+            Some(sharers) => lockstep::play(environment, sharers, plan, Learning::Never, None),
+            None => rollout::play(environment, &self.agents, plan),
+        }
     }
 
     /// Whether agents would give the same steps of the round's first episode a bonus.
     fn agreement(&mut self) -> Option<f64> {
         self.scenario.algorithm.largest_intrinsic_reward()?;
         let (probe, round) = (self.buffer.since(self.recorded).first()?, self.round);
-        let judgements: Vec<Vec<f32>> = self.agents.iter_mut().map(|agent| agent.judge(probe, round)).collect();
+        let judgements: Vec<Vec<f32>> = match &mut self.sharers {
+            Some(sharers) => sharers.judge(probe, round),
+            None => self.agents.iter_mut().map(|agent| agent.judge(probe, round)).collect(),
+        };
         agreement::mean_rank_correlation(&judgements)
     }
 
@@ -282,10 +318,22 @@ impl Trainer {
         &*self.environment
     }
 
-    /// The team: `[K]`.
+    /// K
     #[must_use]
-    pub fn agents(&self) -> &[Box<dyn Agent>] {
-        &self.agents
+    pub fn agent_count(&self) -> usize {
+        self.environment.copies()
+    }
+
+    /// The parameters of all networks, named `agent_3.policy.layer_0.weight` and the like; models that agents share, `model_3.…`.
+    #[must_use]
+    pub fn tensors(&self) -> Vec<Tensor<'_>> {
+        let own = self.agents.iter().enumerate().flat_map(|(agent, learner)| {
+            learner.tensors().into_iter().map(move |tensor| {
+                let name = format!("agent_{agent}.{}", tensor.name);
+                Tensor { name, ..tensor }
+            })
+        });
+        own.chain(self.sharers.iter().flat_map(ValueTeam::tensors)).collect()
     }
 
     /// The newest round's episodes, in (agent, episode) order.
@@ -316,6 +364,7 @@ impl Trainer {
             round: self.round,
             environment: self.environment.save(),
             agents: self.agents.iter().map(|agent| agent.save()).collect(),
+            sharers: self.sharers.as_ref().map(ValueTeam::save),
             buffer: &self.buffer,
             recorded: self.recorded,
             desk: &self.desk,
@@ -336,6 +385,11 @@ impl Trainer {
         }
         self.environment.restore(&saved.environment)?;
         self.agents.iter_mut().zip(&saved.agents).try_for_each(|(agent, bytes)| agent.restore(bytes))?;
+        match (&mut self.sharers, &saved.sharers) {
+            (Some(sharers), Some(bytes)) => sharers.restore(bytes)?,
+            (None, None) => {}
+            _ => return Err("stored for another algorithm".to_owned()),
+        }
         (self.buffer, self.recorded, self.desk) = (saved.buffer, saved.recorded, saved.desk);
         (self.measures, self.round) = (saved.measures, saved.round);
         Ok(())

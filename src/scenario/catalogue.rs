@@ -21,7 +21,7 @@ const REST: [(&str, &str); 6] = [
     (
         "schedule",
         "when agents learn: Synchronous(episodes: n), all at once when each has finished n | Asynchronous(training: (env_steps: n)), \
-         each when its episode ends, for n steps of the others",
+         each when its episode ends, for n steps of the others | Lockstep(learn_every: n), value-based learners after every n steps",
     ),
     ("stop", "when the run ends: Episodes(n) | Solved(return: r, window: w, at_most: n)"),
     (

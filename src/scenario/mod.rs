@@ -66,6 +66,13 @@ pub enum Schedule {
         #[serde(default)]
         training: Training,
     },
+    /// All agents step at once, and after every so many steps all learn from the newest transitions, in the middle of their episodes:
+    /// for value-based learners. A round is an episode of each.
+    Lockstep {
+        /// Steps of each agent between two times of learning.
+        #[serde(default = "default_learn_every")]
+        learn_every: Count,
+    },
 }
 
 /// How long an update takes in the time of the environments, so that a schedule is the same on any machine.
@@ -116,6 +123,10 @@ fn default_checkpoint_every() -> Count {
 
 fn default_window() -> Located<Count> {
     known_count(25).into()
+}
+
+fn default_learn_every() -> Count {
+    known_count(10)
 }
 
 fn one() -> Count<10_000> {
@@ -194,9 +205,7 @@ impl Scenario {
     /// The field to blame, and why.
     pub fn check(&self) -> Result<(), Complaint> {
         self.algorithm.check()?;
-        if matches!(self.schedule, Schedule::Asynchronous { .. }) {
-            self.algorithm.check_asynchronous()?;
-        }
+        self.check_schedule()?;
         if let Stop::Solved { window, at_most, .. } = &self.stop
             && window.get() > at_most.get()
         {
@@ -204,6 +213,23 @@ impl Scenario {
         }
         let curious = self.algorithm.largest_intrinsic_reward().is_some();
         self.recording.check(self.agents.count.get(), curious)
+    }
+
+    /// Whether the algorithm can learn when the schedule says.
+    fn check_schedule(&self) -> Result<(), Complaint> {
+        let by_transitions = self.algorithm.learns_from_transitions();
+        match self.schedule {
+            Schedule::Asynchronous { .. } if by_transitions => Err(self.algorithm.complain(
+                "value-based learners learn all at once; expected `schedule: Lockstep(…)` or `Synchronous(…)`, or `algorithm: SeedPg(…)`",
+            )),
+            Schedule::Lockstep { .. } if !by_transitions && *self.algorithm != Algorithm::Random => Err(self.algorithm.complain(
+                "learns from whole episodes, not in the middle of one; expected `schedule: Synchronous(…)` or `Asynchronous(…)`, or a \
+                 value-based algorithm: `QLearning(…)`, `SeedTd(…)`, `BootstrappedDqn(…)`",
+            )),
+            Schedule::Asynchronous { .. } => self.algorithm.check_asynchronous(),
+            Schedule::Lockstep { .. } => self.algorithm.check_lockstep(),
+            Schedule::Synchronous { .. } => Ok(()),
+        }
     }
 
     /// The scenario as a file with every default spelled out.

@@ -101,7 +101,7 @@ impl Measured {
     fn begin(trainer: &Trainer, windows: &[u32]) -> Self {
         let kept = |&episodes: &u32| VisitedStates { episodes, visited: 0, states: Vec::new() };
         Self {
-            returns: vec![Vec::new(); trainer.agents().len()],
+            returns: vec![Vec::new(); trainer.agent_count()],
             threshold: trainer.threshold().map(|threshold| (threshold.r#return, threshold.window as u32)),
             curves: vec![Vec::new(); Curve::KEPT.len()],
             states: windows.iter().map(kept).collect(),

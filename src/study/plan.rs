@@ -130,6 +130,7 @@ impl Task<'_> {
                 let curious = if config.bonus.largest().is_some() { 20.0 } else { 0.0 };
                 f64::from(config.epochs.get()) * sources + curious
             }
+            Algorithm::QLearning(_) | Algorithm::SeedTd(_) | Algorithm::BootstrappedDqn(_) => 30.0,
             Algorithm::Random => 0.0,
         };
         steps * (1.0 + learning)

@@ -37,6 +37,8 @@ def main():
         "policy_losses": policy_loss_cases(),
         "policies": policy_cases(),
         "values": [value_case("unweighted", [1.0] * 7), value_case("weighted", numbers("sample weights", 7, 0.0, 3.0))],
+        "action_values": [action_value_case("plain", False, 0.0, 0.0), action_value_case("double", True, 0.0, 0.0),
+                          action_value_case("seeded, with a prior and a pull", False, 3.0, 0.25)],
         "adam": adam_cases(),
         "pop_art": [pop_art_case("slow", 0.125), pop_art_case("fast", 0.75)],
     }
@@ -246,6 +248,34 @@ def value_case(name, weights):
     value, gradient = jax.value_and_grad(objective)(array(parameters))
     return {"name": name, "sizes": sizes, "parameters": parameters, "states": states, "targets": targets, "weights": weights,
             "value": result(value), "gradient": result(gradient)}
+
+
+def action_value_case(name, double, prior_scale, regularisation):
+    """½ mean w (r + z + γ Q'(s', b) − Q(s, a))² + ½ λ ‖θ − θ̂‖², where Q = f + β p and b is the best by Q' or, if double, by Q."""
+    sizes, batch, stream = [3, 8, 8, 4], 7, f"action values {name}"
+    parameters, target, prior, start = (initial(f"{stream} {role}", sizes) for role in ("learned", "target", "prior", "start"))
+    states, next_states = (numbers(f"{stream} {when}", batch * sizes[0], -2.0, 2.0) for when in ("now", "next"))
+    rewards, seeds, weights = (numbers(f"{stream} {what}", batch, -1.0, 2.0) for what in ("rewards", "seeds", "weights"))
+    actions, discounts = [0, 3, 1, 2, 2, 0, 1], [0.875, 0.875, 0.0, 0.875, 0.875, 0.875, 0.0]
+    weights = [abs(weight) for weight in weights]
+
+    def values(parameters, states):
+        return sum(scale * mlp(sizes, array(p), rows(states, sizes[0])) for scale, p in ((1.0, parameters), (prior_scale, prior)))
+
+    def objective(parameters):
+        judged = values(target, next_states)
+        best = jnp.argmax(values(parameters, next_states) if double else judged, axis=1)
+        followed = jax.lax.stop_gradient(judged[jnp.arange(batch), best])
+        targets = array(rewards) + array(seeds) + array(discounts) * followed
+        errors = targets - values(parameters, states)[jnp.arange(batch), jnp.array(actions)]
+        pull = regularisation * jnp.sum((parameters - array(start)) ** 2) / 2
+        return jnp.mean(array(weights) * errors**2) / 2 + pull
+
+    value, gradient = jax.value_and_grad(objective)(array(parameters))
+    return {"name": name, "sizes": sizes, "parameters": parameters, "target": target, "prior": prior, "start": start,
+            "states": states, "next_states": next_states, "actions": actions, "rewards": rewards, "seeds": seeds,
+            "discounts": discounts, "weights": weights, "double": double, "prior_scale": prior_scale,
+            "regularisation": regularisation, "value": result(value), "gradient": result(gradient)}
 
 
 # Adam and Pop-Art.

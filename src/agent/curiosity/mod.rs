@@ -88,12 +88,21 @@ impl Bonus {
     /// Whether agents have to learn at the same time from the same episodes for it.
     #[must_use]
     pub fn is_shared(&self) -> bool {
-        let model = match self {
-            Self::None => return false,
-            Self::Vime(config) => config.model,
-            Self::Rnd(config) => config.model,
-        };
-        model == ModelSharing::Shared
+        self.model() == Some(ModelSharing::Shared)
+    }
+
+    /// Whether each agent has a model that learns from its own experience only.
+    #[must_use]
+    pub fn is_independent(&self) -> bool {
+        self.model() == Some(ModelSharing::Independent)
+    }
+
+    fn model(&self) -> Option<ModelSharing> {
+        match self {
+            Self::None => None,
+            Self::Vime(config) => Some(config.model),
+            Self::Rnd(config) => Some(config.model),
+        }
     }
 }
 
@@ -142,6 +151,28 @@ impl Curiosity {
     /// The bonus of every step of each chosen episode, as the model has it before it learns from them. Then the scale moves by the
     /// agent's own gains. `bonuses` has a list for each of the fresh episodes, empty for those that are not chosen.
     pub(super) fn reward(&mut self, experience: &Experience<'_>, chosen: &[usize], bonuses: &mut Vec<Vec<f32>>) {
+        let agent = self.agent;
+        self.reward_where(experience, chosen, bonuses, |episode| episode.agent == agent);
+    }
+
+    /// The same where all chosen episodes count as the agent's own.
+    pub(super) fn reward_own(&mut self, experience: &Experience<'_>, own: &[usize], bonuses: &mut Vec<Vec<f32>>) {
+        self.reward_where(experience, own, bonuses, |_| true);
+    }
+
+    /// The bonus of every second step of `pairs`, as the model and the scale are now.
+    pub(super) fn bonuses_of_pairs(&mut self, pairs: &Episode, random: &mut Stream, bonuses: &mut Vec<f32>) {
+        self.gains(pairs, 2, random, bonuses);
+        self.scale_gains(bonuses);
+    }
+
+    fn reward_where(
+        &mut self,
+        experience: &Experience<'_>,
+        chosen: &[usize],
+        bonuses: &mut Vec<Vec<f32>>,
+        is_own: impl Fn(&Episode) -> bool,
+    ) {
         let mut random = stream(self.run_seed, Purpose::BonusNoise, self.agent, experience.round);
         bonuses.resize_with(experience.fresh.len().max(bonuses.len()), Vec::new);
         bonuses.iter_mut().for_each(Vec::clear);
@@ -150,19 +181,24 @@ impl Curiosity {
         for &place in chosen {
             let (episode, bonuses) = (&experience.fresh[place], &mut bonuses[place]);
             self.gains(episode, 1, &mut random, bonuses);
-            let own = episode.agent == self.agent;
+            let own = is_own(episode);
             if own {
                 self.own_gains.extend_from_slice(bonuses);
             }
-            let (scale, cap, weight) = (self.medians.scale(), self.scale.cap.get_f32(), self.scale.weight.get_f32());
-            for bonus in &mut *bonuses {
-                *bonus = information_gain::bonus(*bonus, scale, cap, weight);
-            }
+            self.scale_gains(bonuses);
             if own {
                 self.own_bonuses.extend_from_slice(bonuses);
             }
         }
         self.medians.update(&mut self.own_gains);
+    }
+
+    /// Gains become bonuses, in place.
+    fn scale_gains(&self, gains: &mut [f32]) {
+        let (scale, cap, weight) = (self.medians.scale(), self.scale.cap.get_f32(), self.scale.weight.get_f32());
+        for gain in gains {
+            *gain = information_gain::bonus(*gain, scale, cap, weight);
+        }
     }
 
     /// Raw gains of steps spread over an episode. Draws from a stream of its own, so that learning does not notice.

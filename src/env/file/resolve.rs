@@ -42,6 +42,7 @@ pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Resul
         formulas: formulas(file, columns)?,
         reset: starts(file)?,
         twin: file.analytic.as_ref().map(|twin| twin_of(twin, &file.joints)).transpose()?,
+        finite: None,
         bodies,
     };
     check_twin(file, &description)?;

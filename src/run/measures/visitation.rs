@@ -8,10 +8,15 @@ use crate::env::{Quantity, Spec};
 /// Cells along one axis.
 const CELLS: usize = 20;
 
+/// More observations than these are features.
+const MOST_AXES: usize = 30;
+
 /// How often each cell of the state space was visited.
 ///
 /// For each pair of observations, a fixed grid of 20 × 20 cells spans their display ranges; values beyond count in the outermost
 /// cells. All measures are averaged over pairs, so they mean the same in any dimension. A single observation has a grid of 20 cells.
+/// More observations than 30 are no axes but features, such as one for each cell of a maze: each has one cell, and a state counts in
+/// that of its largest observation.
 ///
 /// Counts take four bytes a cell and agent: 9.6 kB an agent for four observations, 218 kB for seventeen. A count stops at 2³² − 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,7 +40,11 @@ impl Visitation {
     #[must_use]
     pub fn of(observations: &[Quantity]) -> Self {
         let axes = observations.len();
-        let (grids, cells_of_grid) = if axes == 1 { (1, CELLS) } else { (axes * (axes - 1) / 2, CELLS * CELLS) };
+        let (grids, cells_of_grid) = match axes {
+            1 => (1, CELLS),
+            2..=MOST_AXES => (axes * (axes - 1) / 2, CELLS * CELLS),
+            _ => (1, axes),
+        };
         Self { counts: vec![0; grids * cells_of_grid], cells_of_grid, visited: 0 }
     }
 
@@ -46,6 +55,9 @@ impl Visitation {
 
     /// Likewise, where only what is observed is known.   `states: [N × quantities]`
     pub fn visit_states(&mut self, quantities: &[Quantity], states: &[f32]) {
+        if quantities.len() > MOST_AXES {
+            return states.chunks_exact(quantities.len()).for_each(|row| self.count_largest(row));
+        }
         let mut bins = vec![0; quantities.len()];
         for row in states.chunks_exact(bins.len()) {
             for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(quantities) {
@@ -53,6 +65,14 @@ impl Visitation {
                 *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0) as usize;
             }
             self.mark(&bins);
+        }
+    }
+
+    /// Observations that are all 0 are no state of their own, as after the end of a finite task.
+    fn count_largest(&mut self, observations: &[f32]) {
+        let largest = observations.iter().enumerate().max_by(|one, other| one.1.total_cmp(other.1).then(other.0.cmp(&one.0)));
+        if let Some((feature, _)) = largest.filter(|(_, value)| **value != 0.0) {
+            self.count(feature);
         }
     }
 

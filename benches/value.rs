@@ -1,0 +1,46 @@
+//! What value-based learners cost, on one core: a hundred agents of a seed ensemble on the swing-up of long episodes, acting alone and
+//! learning meanwhile, and one time of learning of its thirty models.
+
+use std::hint::black_box;
+use std::path::Path;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use seedbed::run::Plan;
+use seedbed::run::rollout::RoundPlan;
+use seedbed::run::trainer::Trainer;
+
+criterion_group!(benches, acting, learning);
+criterion_main!(benches);
+
+/// T: steps of each agent in a round.
+const STEPS: u64 = 3000;
+
+/// K.
+const AGENTS: u64 = 100;
+
+fn acting(criterion: &mut Criterion) {
+    let mut trainer = trainer();
+    let mut group = criterion.benchmark_group("seed ensemble of 100");
+    group.throughput(Throughput::Elements(AGENTS * STEPS)).sample_size(10);
+    group.bench_function("acting, a round", |bencher| {
+        let plan = RoundPlan { run_seed: 0, round: 0, episodes: 1, camera: None };
+        bencher.iter(|| black_box(trainer.play_without_learning(&plan)).episodes.len());
+    });
+    group.finish();
+}
+
+fn learning(criterion: &mut Criterion) {
+    let mut trainer = trainer();
+    let mut group = criterion.benchmark_group("seed ensemble of 100");
+    group.throughput(Throughput::Elements(AGENTS * STEPS)).sample_size(10);
+    group.bench_function("acting and learning, a round", |bencher| {
+        bencher.iter(|| trainer.advance().expect("numbers stay finite").rows.episodes.len());
+    });
+    group.finish();
+}
+
+fn trainer() -> Trainer {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/swingup_concurrent_seed_ensemble.ron");
+    let plan = Plan::load(&scenario, &["agents.count=100".to_owned()]).expect("the scenario is right");
+    Trainer::new(&plan.scenario, &plan.description, 1).expect("the task can be built")
+}
