@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::check::actions;
-use super::{Listed, counted};
+use super::check::{MOST_SHOWN, actions};
+use super::{Listed, counted, tabular};
 use crate::agent::Algorithm;
 use crate::agent::catalogue::Parameter;
 use crate::env;
@@ -33,18 +33,28 @@ fn environments() {
 
 fn print_environment(spec: &env::Spec) {
     say!("  {}\n      {}", spec.name, spec.description);
-    for quantity in &spec.observations {
+    let few = spec.observation_width() < MOST_SHOWN;
+    for quantity in spec.observations.iter().take(if few { MOST_SHOWN } else { 3 }) {
         let [low, high] = quantity.range;
         say!("      observes  {:<12} {low} to {high} {}", quantity.name, quantity.unit);
+    }
+    if !few {
+        say!("      observes  … {} in all", spec.observation_width());
     }
     say!("      acts      {}", actions(spec));
     say!("      {} of {} s at most", counted(spec.time_limit as usize, "step"), spec.control_step);
 }
 
 fn scenarios() {
-    for_each_file("Scenarios", "scenarios", |path| match Plan::load(path, &[]) {
-        Ok(plan) => print_scenario(path, &plan),
-        Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
+    for_each_file("Scenarios", "scenarios", |path| {
+        let listed = if tabular::is_meant(path) {
+            tabular::described(path).map(|said| say!("  {:<52} {said}", path.display()))
+        } else {
+            Plan::load(path, &[]).map(|plan| print_scenario(path, &plan))
+        };
+        if let Err(error) = listed {
+            say!("  {}\n      cannot be used: {error}", path.display());
+        }
     });
 }
 
@@ -77,6 +87,12 @@ fn algorithms() {
         for parameter in &catalogued.parameters {
             print_parameter(parameter);
         }
+    }
+    say!("\nTabular algorithms (`algorithm:` in a tabular scenario)");
+    for (name, purpose) in crate::tabular::Algorithm::CATALOGUE {
+        let mut lines = wrapped(purpose, WIDTH).into_iter();
+        say!("  {name:<22} {}", lines.next().unwrap_or_default());
+        lines.for_each(|line| say!("  {:<22}   {line}", ""));
     }
     say!("\nTeam and time (beside `algorithm:` in a scenario)");
     for parameter in &Scenario::catalogue() {

@@ -14,6 +14,7 @@ mod list;
 mod preview;
 mod progress;
 mod run;
+mod tabular;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -58,7 +59,7 @@ enum Command {
     },
     /// Record a few episodes of random actions in a task, to see what it is
     Preview(PreviewArgs),
-    /// Train scenarios with several seeds and print when each solved its task, and how fast
+    /// Train scenarios with several seeds and print when each solved its task, and how fast; in finite tasks, their regret
     Bench(BenchArgs),
     /// Play the policies of a run without learning, and print what they reach
     Evaluate(EvaluateArgs),
