@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::bench::{Columns, Table, interval_in_words};
 use super::run::make_room;
 use super::{BenchArgs, Failure, RunArgs, counted};
+use crate::env::tabular::Task;
 use crate::input::{self, InputError, Kind};
 use crate::run::RunError;
 use crate::run::folder::RunFolder;
@@ -118,6 +119,7 @@ fn print(summary: &Summary, folder: &Path, seconds: f64) {
 /// What the runs of one scenario came to, in the order of their seeds.
 struct Bench {
     name: String,
+    task: Task,
     agents: u32,
     summaries: Vec<Summary>,
     seconds: f64,
@@ -175,7 +177,7 @@ fn play_all(name: String, scenario: &TabularScenario, args: &BenchArgs) -> Resul
     let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
     let played: Vec<(Summary, f64)> = pool.install(|| seeds.into_par_iter().map(play_one).collect());
     let (summaries, seconds): (Vec<Summary>, Vec<f64>) = played.into_iter().unzip();
-    Ok(Bench { name, agents: scenario.agents.count.get(), summaries, seconds: seconds.iter().sum() })
+    Ok(Bench { name, task: scenario.task.clone(), agents: scenario.agents.count.get(), summaries, seconds: seconds.iter().sum() })
 }
 
 fn cells(bench: &Bench) -> [String; 7] {
@@ -196,9 +198,13 @@ fn cells(bench: &Bench) -> [String; 7] {
 
 const PAIRED: Columns<3> = [("difference", 10), ("95 % interval", 20), ("p after Holm", 12)];
 
-/// Each of the others against the first, seed by seed: equal seeds draw equal tasks.
+/// Each of the others against the first, if it is about the same tasks, seed by seed: equal seeds draw equal tasks.
 fn compare(table: &Table, benches: &[Bench]) {
-    let Some((first, others)) = benches.split_first().filter(|(_, others)| !others.is_empty()) else { return };
+    let Some((first, others)) = benches.split_first() else { return };
+    let others: Vec<&Bench> = others.iter().filter(|other| other.task == first.task).collect();
+    if others.is_empty() {
+        return;
+    }
     say!("\nAgainst {}, seed by seed: the mean difference in regret (below 0 is better), and p of Wilcoxon's", first.name);
     say!("signed-rank test.\n");
     table.head(&PAIRED);

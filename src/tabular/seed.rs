@@ -79,13 +79,16 @@ impl Seed {
     /// How far the seed pulls a martingale from the posterior mean, in units of its variance: (θ̂₀ − μ₀) / σ₀² + Σ wₙ / s².
     fn pull(&mut self, parameter: usize, prior: Prior, sightings: u32) -> f64 {
         let (Prior::Normal { deviation, noise, .. } | Prior::LogNormal { deviation, noise, .. }) = prior else { return 0.0 };
-        let walk = &mut self.walks[parameter];
+        let (start, walk) = (self.normals[parameter] / deviation, &mut self.walks[parameter]);
+        if sightings == 0 {
+            return start;
+        }
         if walk.count < sightings {
             let mut random = stream(self.run, Purpose::TabularNoise, self.agent, parameter as u32);
             random.set_word_pos(u128::from(walk.count) * 4);
             walk.extend(sightings, || box_muller(&mut random));
         }
-        self.normals[parameter] / deviation + walk.total / noise
+        start + walk.total / noise
     }
 
     /// Exponential-Dirichlet: p̂ of an outcome seen n times is the share of its Gamma(α₀) + Σ of its first n exponentials. A sum of

@@ -30,7 +30,9 @@ fn empty(model: &Model) -> Mdp {
 fn gaussian_beliefs_weigh_by_precision() {
     let model = one_reward(Prior::Normal { mean: 1.0, deviation: 2.0, noise: 1.0 });
     let mut belief = Belief::new(&model);
-    [3.0, 5.0].into_iter().for_each(|seen| belief.take_in(&model, 0, 0, seen));
+    for seen in [3.0, 5.0] {
+        belief.take_in(&model, 0, 0, seen);
+    }
     let Posterior::Gaussian { mean, variance } = belief.posterior(0) else { panic!("{belief:?}") };
     assert_relative_eq!(mean, 11.0 / 3.0, max_relative = 1e-14);
     assert_relative_eq!(variance, 4.0 / 9.0, max_relative = 1e-14);
@@ -55,7 +57,9 @@ fn log_normal_beliefs_are_gaussian_in_the_logarithm() {
 fn likelihoods_are_dirichlet() {
     let model = three_outcomes(0.5);
     let mut belief = Belief::new(&model);
-    [0, 0, 1].into_iter().for_each(|outcome| belief.take_in(&model, 0, outcome, 0.0));
+    for outcome in [0, 0, 1] {
+        belief.take_in(&model, 0, outcome, 0.0);
+    }
     let (mean, deviation) = belief.likelihood(&model, 0, 0);
     assert_relative_eq!(mean, 5.0 / 9.0, max_relative = 1e-14);
     assert_relative_eq!(deviation * deviation, 20.0 / 81.0 / 5.5, max_relative = 1e-14);
@@ -74,10 +78,12 @@ fn moments(count: u32, mut number: impl FnMut(u32) -> f64) -> (f64, f64) {
 fn over_seeds_a_reward_is_distributed_as_the_posterior() {
     let model = one_reward(Prior::Normal { mean: 1.0, deviation: 2.0, noise: 1.0 });
     let mut belief = Belief::new(&model);
-    [3.0, 5.0].into_iter().for_each(|seen| belief.take_in(&model, 0, 0, seen));
+    for seen in [3.0, 5.0] {
+        belief.take_in(&model, 0, 0, seen);
+    }
     let mut mdp = empty(&model);
-    let mut within = [0; 3];
     for kind in 0..3 {
+        let mut within = 0;
         let (mean, variance) = moments(20_000, |agent| {
             match kind {
                 0 => Seed::new(&model, 1, agent).sample(&model, &belief, RewardSeeds::StandardGaussian, &mut mdp),
@@ -87,12 +93,12 @@ fn over_seeds_a_reward_is_distributed_as_the_posterior() {
                     draw_posterior(&model, &belief, &mut random, &mut mdp);
                 }
             }
-            within[kind] += u32::from((mdp.values[0] - 11.0 / 3.0).abs() < 2.0 / 3.0);
+            within += u32::from((mdp.values[0] - 11.0 / 3.0).abs() < 2.0 / 3.0);
             mdp.values[0]
         });
         assert!((mean - 11.0 / 3.0).abs() < 0.019, "{kind}: mean {mean}");
         assert!((variance - 4.0 / 9.0).abs() < 0.018, "{kind}: variance {variance}");
-        assert!((f64::from(within[kind]) / 20_000.0 - 0.6827).abs() < 0.013, "{kind}: {} within", within[kind]);
+        assert!((f64::from(within) / 20_000.0 - 0.6827).abs() < 0.013, "{kind}: {within} within");
     }
 }
 
@@ -104,7 +110,9 @@ fn over_seeds_transitions_are_distributed_as_the_dirichlet() {
     let mut early = Belief::new(&model);
     early.take_in(&model, 0, 0, 0.0);
     let mut late = early.clone();
-    [0, 1].into_iter().for_each(|outcome| late.take_in(&model, 0, outcome, 0.0));
+    for outcome in [0, 1] {
+        late.take_in(&model, 0, outcome, 0.0);
+    }
     let mut mdp = empty(&model);
     let (mean, variance) = moments(20_000, |agent| {
         let mut seed = Seed::new(&model, 2, agent);
@@ -132,6 +140,23 @@ fn martingale_seeds_go_on_where_they_stood() {
     let stepwise = mdp.clone();
     Seed::new(&model, 3, 0).sample(&model, &belief, RewardSeeds::MartingaleGaussian, &mut mdp);
     assert_eq!(stepwise, mdp);
+}
+
+/// Before anything is seen both kinds of seeds say μ₀ + σ₀ z, even where observations will have no noise; after that, what was seen.
+#[test]
+fn seeds_of_what_is_seen_exactly() {
+    let model = one_reward(Prior::Normal { mean: 2.0, deviation: 3.0, noise: 0.0 });
+    let mut belief = Belief::new(&model);
+    let (mut seed, mut mdp) = (Seed::new(&model, 4, 0), empty(&model));
+    let mut sample = |belief: &Belief, rewards| {
+        seed.sample(&model, belief, rewards, &mut mdp);
+        mdp.values[0]
+    };
+    let standard = sample(&belief, RewardSeeds::StandardGaussian);
+    assert_relative_eq!(sample(&belief, RewardSeeds::MartingaleGaussian), standard, max_relative = 1e-14);
+    belief.take_in(&model, 0, 0, 7.0);
+    assert_eq!(sample(&belief, RewardSeeds::MartingaleGaussian), 7.0);
+    assert_eq!(sample(&belief, RewardSeeds::StandardGaussian), 7.0);
 }
 
 /// Adaptivity, commitment, diversity (arXiv 1802.01282 §2).
