@@ -8,7 +8,7 @@
 //!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
 //! ```
 //!
-//! and so do the modules' dependencies: [`cli`] → [`study`] → [`run`] → [`scenario`] → [`agent`], [`mod@env`], [`record`] → [`rl`], [`nn`],
+//! and so do the modules' dependencies: [`cli`] → [`study`] → [`tabular`] → [`run`] → [`scenario`] → [`agent`], [`mod@env`], [`record`] → [`rl`], [`nn`],
 //! [`experience`], [`seed`] → [`input`], [`random`]. `ARCHITECTURE.md` is the map.
 
 pub mod agent;
@@ -25,3 +25,4 @@ pub mod run;
 pub mod scenario;
 pub mod seed;
 pub mod study;
+pub mod tabular;

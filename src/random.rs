@@ -51,6 +51,20 @@ pub enum Purpose {
     TransitionMasks = 23,
     /// Which value model an agent follows in one round.
     ModelChoice = 24,
+    /// What an agent's seed makes of beliefs about a finite task's rewards, drawn once.
+    TabularSeeds = 41,
+    /// The noise that an agent's seed adds to what anybody sees of one parameter, which stands in the place of the round.
+    TabularNoise = 42,
+    /// The exponentials of an agent's seed for one outcome, which stands in the place of the round.
+    TabularTransitions = 43,
+    /// An MDP that an agent draws anew, before the action that stands in the place of the round.
+    TabularResampling = 44,
+    /// When agents of a finite task act.
+    TabularClock = 45,
+    /// What becomes of an agent's actions in a finite task.
+    TabularOutcomes = 46,
+    /// When agents of a finite task begin.
+    TabularArrivals = 47,
 }
 
 /// The stream of one (run seed, purpose, agent, round).

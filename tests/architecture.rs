@@ -46,7 +46,7 @@ fn each_heavy_crate_has_a_sole_importer() {
 }
 
 /// Floors from the ground up; a room may use those below it and its own.
-const FLOORS: [&[&str]; 8] = [
+const FLOORS: [&[&str]; 9] = [
     &["input", "random"],
     &["nn", "rl"],
     &["env", "seed"],
@@ -54,6 +54,7 @@ const FLOORS: [&[&str]; 8] = [
     &["agent", "figure", "record"],
     &["scenario"],
     &["run"],
+    &["tabular"],
     &["study"],
 ];
 

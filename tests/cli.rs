@@ -71,10 +71,52 @@ fn good_files_pass() {
 
 #[test]
 fn every_scenario_and_environment_passes() {
-    let paths: Vec<PathBuf> = ["scenarios", "envs"].into_iter().flat_map(ron_files).collect();
+    let paths: Vec<PathBuf> = ["scenarios", "scenarios/tabular", "envs"].into_iter().flat_map(ron_files).collect();
     let names: Vec<&str> = paths.iter().map(|path| path.to_str().unwrap()).collect();
     let output = seedbed(&[&["check"], names.as_slice()].concat());
     assert!(output.status.success() && paths.len() >= 4, "{}", stderr(&output));
+}
+
+/// Regrets are in `regret.csv` and `summary.json`; a second run into the same folder is refused, `--overwrite` repeats it to the bit.
+#[test]
+fn a_tabular_run_leaves_what_is_promised() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = |more: &[&str]| {
+        let base = ["run", "scenarios/tabular/bipolar_chain.ron", "--set", "agents.count=20", "--out", path.to_str().unwrap()];
+        seedbed(&[&base, more].concat())
+    };
+    let output = run(&[]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stdout(&output).contains("regret     "), "{}", stdout(&output));
+    let mut names: Vec<String> =
+        std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    assert_eq!(names, ["regret.csv", "run.rrd", "scenario.ron", "summary.json", "visits.csv"]);
+    let regret = std::fs::read_to_string(path.join("regret.csv")).unwrap();
+    assert_eq!(regret.lines().next(), Some("agent,episode,begun,ended,length,return,regret"));
+    assert_eq!(regret.lines().count(), 1 + 20);
+    assert_eq!(run(&[]).status.code(), Some(2));
+    assert!(run(&["--overwrite", "--threads", "1"]).status.success());
+    assert_eq!(std::fs::read_to_string(path.join("regret.csv")).unwrap(), regret);
+    let resolved = path.join("scenario.ron");
+    let checked = seedbed(&["check", resolved.to_str().unwrap()]);
+    assert!(stdout(&checked).ends_with("tabular scenario of 20 agents in BipolarChain, SeedSampling\n"), "{}", stdout(&checked));
+}
+
+#[test]
+fn tabular_scenarios_are_compared_by_regret() {
+    let files = ["scenarios/tabular/parallel_chains.ron", "scenarios/tabular/parallel_chains_ucrl.ron"];
+    let output = seedbed(&[&["bench"], files.as_slice(), &["--seeds", "5", "--set", "agents.count=10"]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let text = stdout(&output);
+    assert!(
+        text.contains("| parallel_chains      |     10 |") && text.contains("Against parallel_chains, seed by seed"),
+        "{text}"
+    );
+    let mixed = seedbed(&["bench", files[0], "scenarios/cartpole.ron"]);
+    assert_eq!(mixed.status.code(), Some(2));
+    assert_eq!(stderr(&mixed), "error: scenarios/cartpole.ron is no tabular scenario; these are only compared with each other\n");
 }
 
 #[test]

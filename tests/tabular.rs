@@ -2,5 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "tabular/belief.rs"]
+mod belief;
 #[path = "tabular/environment.rs"]
 mod environment;
+#[path = "tabular/plan.rs"]
+mod plan;
+#[path = "tabular/team.rs"]
+mod team;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::{BenchArgs, Failure, counted};
+use super::{BenchArgs, Failure, counted, tabular};
 use crate::input::InputError;
 use crate::run::{Plan, RunError};
 use crate::study::comparison::{Comparison, Score, compare, lifetimes};
@@ -41,6 +41,9 @@ struct Bench {
 }
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
+    if args.scenarios.iter().any(|path| tabular::is_meant(path)) {
+        return tabular::bench(args);
+    }
     let plans: Result<Vec<Plan>, InputError> = args.scenarios.iter().map(|path| Plan::load(path, &args.overrides)).collect();
     let pool = ThreadPoolBuilder::new().num_threads(args.jobs.map_or(0, usize::from)).build();
     let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
@@ -114,7 +117,7 @@ fn scores(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<Score> {
 }
 
 /// Columns after the scenario's name, with their widths.
-type Columns<const N: usize> = [(&'static str, usize); N];
+pub(super) type Columns<const N: usize> = [(&'static str, usize); N];
 
 const SOLVING: Columns<8> =
     [("K", 4), ("solved", 7), ("median", 7), ("95 % interval", 15), ("least", 6), ("most", 6), ("env steps", 10), ("steps/s", 8)];
@@ -203,7 +206,7 @@ fn in_words(comparison: &Comparison, p: f64) -> [String; 5] {
     ]
 }
 
-fn interval_in_words(interval: Interval, shown: impl Fn(f64) -> String) -> String {
+pub(super) fn interval_in_words(interval: Interval, shown: impl Fn(f64) -> String) -> String {
     match interval {
         Interval::Known { low, high } if low == high => shown(low),
         Interval::Known { low, high } => format!("{} to {}", shown(low), shown(high)),
@@ -212,18 +215,18 @@ fn interval_in_words(interval: Interval, shown: impl Fn(f64) -> String) -> Strin
 }
 
 /// Tables with the scenario's name in the first column.
-struct Table {
-    name_width: usize,
+pub(super) struct Table {
+    pub(super) name_width: usize,
 }
 
 impl Table {
-    fn head<const N: usize>(&self, columns: &Columns<N>) {
+    pub(super) fn head<const N: usize>(&self, columns: &Columns<N>) {
         self.row(columns, "scenario", &columns.map(|(title, _)| title.to_owned()));
         let rules: Vec<String> = columns.iter().map(|(_, width)| format!("{}:|", "-".repeat(width + 1))).collect();
         say!("|{}|{}", "-".repeat(self.name_width + 2), rules.concat());
     }
 
-    fn row<const N: usize>(&self, columns: &Columns<N>, name: &str, cells: &[String; N]) {
+    pub(super) fn row<const N: usize>(&self, columns: &Columns<N>, name: &str, cells: &[String; N]) {
         let cells: Vec<String> = cells.iter().zip(columns).map(|(cell, (_, width))| format!(" {cell:>width$} |")).collect();
         say!("| {name:<0$} |{1}", self.name_width, cells.concat());
     }

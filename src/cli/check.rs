@@ -2,11 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Failure, counted};
+use super::{Failure, counted, tabular};
 use crate::env::{self, Choice, Spec};
 use crate::input::{self, InputError, Kind};
 use crate::run::Plan;
 use crate::study::plan::StudyPlan;
+
+/// Of more observations than these, only so many are named.
+pub(super) const MOST_SHOWN: usize = 30;
 
 /// Checks every file, and fails if one of them is wrong.
 pub(super) fn check(files: &[PathBuf]) -> Result<(), Failure> {
@@ -27,6 +30,7 @@ fn check_file(path: &Path) -> Result<String, InputError> {
     let text = input::read_text(path)?;
     match input::kind(&path.display().to_string(), &text)? {
         Kind::Environment | Kind::TabularEnvironment => Ok(format!("environment with {}", described(&env::load(path)?.spec))),
+        Kind::TabularScenario => tabular::described(path).map(|said| format!("tabular scenario of {said}")),
         Kind::Scenario => {
             let plan = Plan::load(path, &[])?;
             let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
@@ -43,7 +47,11 @@ fn check_file(path: &Path) -> Result<String, InputError> {
 
 fn described(spec: &Spec) -> String {
     let observations: Vec<&str> = spec.observations.iter().map(|quantity| quantity.name.as_str()).collect();
-    format!("observations {}; actions {}", observations.join(", "), actions(spec))
+    let shown = match observations.get(..MOST_SHOWN) {
+        Some(first) => format!("{}, … ({} in all)", first.join(", "), observations.len()),
+        None => observations.join(", "),
+    };
+    format!("observations {shown}; actions {}", actions(spec))
 }
 
 /// Such as `force (-10 or 10 N)`.

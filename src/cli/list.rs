@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::check::actions;
-use super::{Listed, counted};
+use super::check::{MOST_SHOWN, actions};
+use super::{Listed, counted, tabular};
 use crate::agent::Algorithm;
 use crate::agent::catalogue::Parameter;
 use crate::env;
@@ -34,9 +34,13 @@ fn environments() {
 
 fn print_environment(spec: &env::Spec) {
     say!("  {}\n      {}", spec.name, spec.description);
-    for quantity in &spec.observations {
+    let few = spec.observation_width() < MOST_SHOWN;
+    for quantity in spec.observations.iter().take(if few { MOST_SHOWN } else { 3 }) {
         let [low, high] = quantity.range;
         say!("      observes  {:<12} {low} to {high} {}", quantity.name, quantity.unit);
+    }
+    if !few {
+        say!("      observes  … {} in all", spec.observation_width());
     }
     say!("      acts      {}", actions(spec));
     say!("      {} of {} s at most", counted(spec.time_limit as usize, "step"), spec.control_step);
@@ -44,16 +48,22 @@ fn print_environment(spec: &env::Spec) {
 
 fn scenarios() {
     for_each_file("Scenarios", "scenarios", |path| {
-        if let Err(error) = print_scenario_or_study(path) {
+        let listed = if tabular::is_meant(path) {
+            tabular::described(path).map(|said| say!("  {:<52} {said}", path.display()))
+        } else {
+            print_scenario_or_study(path)
+        };
+        if let Err(error) = listed {
             say!("  {}\n      cannot be used: {error}", path.display());
         }
     });
 }
 
 fn print_scenario_or_study(path: &Path) -> Result<(), InputError> {
-    match input::kind(&path.display().to_string(), &input::read_text(path)?)? {
-        Kind::Study => print_study(path, &StudyPlan::load(path, false)?),
-        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => print_scenario(path, &Plan::load(path, &[])?),
+    if input::kind(&path.display().to_string(), &input::read_text(path)?)? == Kind::Study {
+        print_study(path, &StudyPlan::load(path, false)?);
+    } else {
+        print_scenario(path, &Plan::load(path, &[])?);
     }
     Ok(())
 }
@@ -92,6 +102,12 @@ fn algorithms() {
         for parameter in &catalogued.parameters {
             print_parameter(parameter);
         }
+    }
+    say!("\nTabular algorithms (`algorithm:` in a tabular scenario)");
+    for (name, purpose) in crate::tabular::Algorithm::CATALOGUE {
+        let mut lines = wrapped(purpose, WIDTH).into_iter();
+        say!("  {name:<22} {}", lines.next().unwrap_or_default());
+        lines.for_each(|line| say!("  {:<22}   {line}", ""));
     }
     say!("\nTeam and time (beside `algorithm:` in a scenario)");
     for parameter in &Scenario::catalogue() {

@@ -20,6 +20,7 @@ mod report;
 mod run;
 mod spark;
 mod study;
+mod tabular;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -70,7 +71,7 @@ enum Command {
     },
     /// Record a few episodes of random actions in a task, to see what it is
     Preview(PreviewArgs),
-    /// Train scenarios with several seeds and print when each solved its task, and how fast
+    /// Train scenarios with several seeds and print when each solved its task, and how fast; in finite tasks, their regret
     Bench(BenchArgs),
     /// Run many settings with many seeds as a study file says, and judge its claims
     Study(StudyArgs),

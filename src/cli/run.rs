@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use super::progress::{Bar, Silent};
-use super::{Failure, RunArgs, counted};
+use super::{Failure, RunArgs, counted, tabular};
 use crate::record::rerun::Viewer;
 use crate::run::folder::{Claim, Contents, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
@@ -15,6 +15,9 @@ use crate::run::{self, Ending, Observer, Options, Plan, RunError};
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let mut overrides = args.overrides.clone();
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
+    if tabular::is_meant(&args.scenario) {
+        return tabular::run(args, &overrides);
+    }
     let plan = Plan::load(&args.scenario, &overrides)?;
     let folder = args.out.as_ref().map_or_else(|| plan.default_folder(), RunFolder::new);
     let viewer = args.live.as_deref().map(Viewer::connect).transpose()?;
@@ -63,7 +66,7 @@ fn resuming_command(args: &RunArgs) -> String {
 }
 
 /// Claims the folder, and sees to it that nothing is overwritten unasked.
-fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Failure> {
+pub(super) fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Failure> {
     let shown = folder.path().display();
     let before = folder.contents();
     let elsewhere = if args.out.is_some() { "another --out" } else { "another --seed or --out" };
@@ -126,15 +129,17 @@ fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
 }
 
 fn solved(summary: &Summary) -> String {
+    // Tasks state their thresholds in single precision, whose digits are fewer.
+    let shown = |threshold: f64| threshold as f32;
     match (summary.solved_at, summary.episodes_until_solved) {
         (None, _) => "nothing says when this task counts as solved".to_owned(),
         (Some(at), Some(episodes)) => {
             let (episodes, window) = (counted(episodes, "episode"), counted(at.window, "episode"));
-            format!("after {episodes} per agent (mean return of {} over {window})", at.r#return)
+            format!("after {episodes} per agent (mean return of {} over {window})", shown(at.r#return))
         }
         (Some(at), None) => {
             let window = counted(at.window, "episode");
-            format!("no: a mean return of {} over {window} was not reached", at.r#return)
+            format!("no: a mean return of {} over {window} was not reached", shown(at.r#return))
         }
     }
 }

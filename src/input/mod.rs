@@ -82,6 +82,8 @@ pub enum Kind {
     Scenario,
     /// `Study(…)`
     Study,
+    /// `TabularScenario(…)`
+    TabularScenario,
 }
 
 /// Reads the RON file at `path`.
@@ -133,6 +135,7 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
         "TabularEnvironment" => Ok(Kind::TabularEnvironment),
         "Scenario" => Ok(Kind::Scenario),
         "Study" => Ok(Kind::Study),
+        "TabularScenario" => Ok(Kind::TabularScenario),
         word => {
             let offset = word.as_ptr() as usize - text.as_ptr() as usize;
             let before = &text[..offset];
@@ -145,8 +148,11 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
                 origin: origin.to_owned(),
                 position: (!opening.is_empty()).then(|| position(text, line, column)),
                 field: String::new(),
-                message: format!("a file opens with its kind, `Environment(`, `Scenario(` or `Study(`, but this one {found}"),
-                help: suggestion(word, ["Environment", "Scenario", "Study"]),
+                message: format!(
+                    "a file opens with its kind, `Environment(`, `TabularEnvironment(`, `Scenario(`, `TabularScenario(` or `Study(`, but this \
+                     one {found}"
+                ),
+                help: suggestion(word, ["Environment", "TabularEnvironment", "Scenario", "TabularScenario", "Study"]),
             })
         }
     }

@@ -79,8 +79,9 @@ impl RunFolder {
     pub fn clear(&self) -> io::Result<()> {
         let recording = self.recording();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
-        let files = [self.summary(), recording, self.replay(), self.scenario(), self.policies()];
-        for path in files.into_iter().chain(unfinished).chain(self.tables()) {
+        let tabular = ["regret.csv", "visits.csv"].map(|name| self.path.join(name));
+        let files = [self.summary(), recording, self.replay(), self.scenario(), self.policies()].into_iter().chain(tabular);
+        for path in files.chain(unfinished).chain(self.tables()) {
             remove(fs::remove_file(path))?;
         }
         remove(fs::remove_dir_all(self.tasks()))?;

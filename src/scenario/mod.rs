@@ -4,12 +4,10 @@
 //! Building and running may not enter.
 
 mod catalogue;
-mod overrides;
+pub mod overrides;
 
 use std::path::{Path, PathBuf};
 
-use ron::extensions::Extensions;
-use ron::ser::PrettyConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::agent::{Algorithm, Team};
@@ -138,11 +136,7 @@ fn one() -> Count<10_000> {
 /// # Errors
 /// The file or an override is wrong.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, InputError> {
-    let mut document: Document<Scenario> = input::read(path)?;
-    for assignment in overrides {
-        document = set(&document, assignment)?;
-    }
-    Ok(document)
+    overrides::apply_all(input::read(path)?, overrides)
 }
 
 /// The scenario with one value replaced, as `path.to.field=value` says.
@@ -233,15 +227,9 @@ impl Scenario {
     }
 
     /// The scenario as a file with every default spelled out.
-    ///
-    /// # Panics
-    /// Never: a scenario always serialises.
     #[must_use]
     pub fn resolved(&self) -> String {
-        let config = PrettyConfig::new().compact_arrays(true).extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
-        let text = ron::ser::to_string_pretty(self, config).expect("a scenario always serialises");
-        let body = text.split_once("\n(").map_or(text.as_str(), |(_, body)| body);
-        format!("Scenario({body}\n")
+        overrides::spelled_out("Scenario", self)
     }
 
     /// Episodes of each agent after which the run ends at the latest.
@@ -250,6 +238,12 @@ impl Scenario {
         match &self.stop {
             Stop::Episodes(count) | Stop::Solved { at_most: count, .. } => count.get(),
         }
+    }
+}
+
+impl overrides::Resolve for Scenario {
+    fn resolved(&self) -> String {
+        self.resolved()
     }
 }
 

@@ -2,11 +2,44 @@
 //!
 //! The resolved text comes from our own printer: one field a line, four spaces a level. So a field is found by its level.
 
-use super::Scenario;
+use ron::extensions::Extensions;
+use ron::ser::PrettyConfig;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
 use crate::input::{self, Document, InputError, listed, nearest};
 
-/// The scenario with one value replaced.
-pub(super) fn apply(document: &Document<Scenario>, assignment: &str) -> Result<Document<Scenario>, InputError> {
+/// A file that can be written with every default spelled out.
+pub trait Resolve: DeserializeOwned {
+    /// The file's text with every default spelled out.
+    fn resolved(&self) -> String;
+}
+
+/// `value` in RON, one field a line, as a file that opens with `kind`.
+///
+/// # Panics
+/// If it does not serialise.
+#[must_use]
+pub fn spelled_out(kind: &str, value: &impl Serialize) -> String {
+    let config = PrettyConfig::new().compact_arrays(true).extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
+    let text = ron::ser::to_string_pretty(value, config).expect("a file always serialises");
+    let body = text.split_once("\n(").map_or(text.as_str(), |(_, body)| body);
+    format!("{kind}({body}\n")
+}
+
+/// The file with values replaced, each by `path.to.field=value`.
+///
+/// # Errors
+/// An assignment is wrong.
+pub fn apply_all<T: Resolve>(mut document: Document<T>, assignments: &[String]) -> Result<Document<T>, InputError> {
+    for assignment in assignments {
+        document = apply(&document, assignment)?;
+    }
+    Ok(document)
+}
+
+/// The file with one value replaced.
+pub(super) fn apply<T: Resolve>(document: &Document<T>, assignment: &str) -> Result<Document<T>, InputError> {
     let fault = |field: &str, message: String, help: Option<String>| InputError {
         origin: format!("--set {assignment}"),
         position: None,
@@ -22,7 +55,7 @@ pub(super) fn apply(document: &Document<Scenario>, assignment: &str) -> Result<D
         let help = nearest(&unknown.name, names.clone()).map(|name| format!("did you mean `{name}`?"));
         fault(path, format!("there is no field `{}` here, expected one of {}", unknown.name, listed(names)), help)
     })?;
-    let read = input::parse::<Scenario>(&document.origin, text);
+    let read = input::parse::<T>(&document.origin, text);
     let scenario = read.map_err(|error| fault(path, error.message, error.help))?.value;
     let origin = format!("{} with --set", document.origin.trim_end_matches(" with --set"));
     input::parse(&origin, scenario.resolved())
@@ -82,6 +115,7 @@ fn end_of_block(lines: &[&str], start: usize, indent: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::Scenario;
 
     fn document() -> Document<Scenario> {
         input::parse("short.ron", r#"Scenario(environment: "cartpole")"#.to_owned()).unwrap()

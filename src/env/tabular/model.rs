@@ -115,10 +115,16 @@ impl Model {
         self.first_pair.len() - 1
     }
 
-    /// Number of outcomes of all pairs.
+    /// The outcomes of all pairs.
     #[must_use]
     pub fn outcomes(&self) -> &[Outcome] {
         &self.outcomes
+    }
+
+    /// Number of pairs of all states.
+    #[must_use]
+    pub fn pair_count(&self) -> usize {
+        self.first_outcome.len() - 1
     }
 
     /// The pairs of a state.
@@ -159,7 +165,7 @@ impl Model {
     /// If a pair has several outcomes.
     #[must_use]
     pub fn draw(&self, random: &mut Stream) -> Mdp {
-        assert_eq!(self.outcomes.len() + 1, self.first_outcome.len(), "one outcome a pair");
+        assert_eq!(self.outcomes.len(), self.pair_count(), "one outcome a pair");
         let normal = || StandardNormal.sample(random);
         let normals: Vec<f64> = std::iter::repeat_with(normal).take(self.parameters.len()).collect();
         let values = self.parameters.iter().zip(&normals).map(|(prior, &normal)| prior.quantile(normal)).collect();

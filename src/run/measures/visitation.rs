@@ -219,6 +219,18 @@ mod tests {
         assert!((visitation.entropy() - visitation.largest_entropy()).abs() < 1e-12);
     }
 
+    /// Of 40 features the states have 3, 3 and 7 largest; a row of zeros is no state.
+    #[test]
+    fn many_observations_are_features() {
+        let mut rows = vec![0.0; 4 * 40];
+        (rows[3], rows[40 + 3], rows[80 + 7]) = (1.0, 1.0, 1.0);
+        let visitation = visited(40, &rows);
+        assert!((visitation.coverage() - 2.0 / 40.0).abs() < 1e-12);
+        // Visits ⅔ and ⅓: ln 3 − ⅔ ln 2.
+        assert!((visitation.entropy() - (3_f64.ln() - 2.0 / 3.0 * std::f64::consts::LN_2)).abs() < 1e-12);
+        assert_eq!(visitation.largest_entropy(), 40_f64.ln());
+    }
+
     fn diversity_of(agents: &[Visitation]) -> Diversity {
         diversity(agents, &agents.iter().map(Visitation::entropy).collect::<Vec<_>>())
     }

@@ -1,0 +1,115 @@
+//! The RON of a run in a finite task: `TabularScenario(…)` in `scenarios/tabular/`.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::Algorithm;
+use crate::env::tabular::Task;
+use crate::input::numbers::{Count, NonNegative, known, known_count};
+use crate::input::{self, Document, InputError};
+use crate::scenario::overrides::{self, Resolve};
+
+/// A scenario of a team that knows its task's tables.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TabularScenario {
+    /// The family of tasks, one of which the run draws.
+    pub task: Task,
+    /// How many agents, and when they begin.
+    #[serde(default)]
+    pub agents: Agents,
+    /// How they explore.
+    #[serde(default)]
+    pub algorithm: Algorithm,
+    /// Episodes of each agent, one after the other.
+    #[serde(default = "one")]
+    pub episodes: Count<100_000>,
+    /// The run's seed, from which every random number derives.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+/// How many agents, and when they begin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Agents {
+    /// K.
+    pub count: Count<100_000>,
+    /// When they begin.
+    pub starts: Starts,
+}
+
+/// When agents begin. Between two actions of an agent passes a time of mean 1, exponentially distributed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Starts {
+    /// One after the other: between two of them passes an exponentially distributed time.
+    OneByOne {
+        /// Its mean.
+        #[serde(default = "default_gap")]
+        mean_gap: NonNegative,
+    },
+    /// All at once.
+    Together,
+}
+
+impl Default for Agents {
+    fn default() -> Self {
+        Self { count: known_count(100), starts: Starts::default() }
+    }
+}
+
+impl Default for Starts {
+    fn default() -> Self {
+        Self::OneByOne { mean_gap: default_gap() }
+    }
+}
+
+fn default_gap() -> NonNegative {
+    known(1.0)
+}
+
+fn one() -> Count<100_000> {
+    known_count(1)
+}
+
+/// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.
+///
+/// # Errors
+/// The file or an override is wrong.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Document<TabularScenario>, InputError> {
+    overrides::apply_all(input::read(path)?, overrides)
+}
+
+impl Resolve for TabularScenario {
+    fn resolved(&self) -> String {
+        overrides::spelled_out("TabularScenario", self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shortest_scenario_resolves_to_one_that_reads_back_the_same() {
+        let short: Document<TabularScenario> =
+            input::parse("test", "TabularScenario(task: DeepSea(size: 5))".to_owned()).unwrap();
+        let text = short.value.resolved();
+        assert!(text.starts_with("TabularScenario(\n    task: DeepSea(\n        size: 5,\n"), "{text}");
+        let again: Document<TabularScenario> = input::parse("test", text).unwrap();
+        assert_eq!(short.value, again.value);
+    }
+
+    #[test]
+    fn values_are_replaced() {
+        let document: Document<TabularScenario> =
+            input::parse("test", "TabularScenario(task: BipolarChain())".to_owned()).unwrap();
+        let assignments = ["task.vertices=50", "agents.count=1000", "agents.starts=Together", "algorithm=Ucrl(width: 3)"];
+        let changed = overrides::apply_all(document, &assignments.map(str::to_owned)).unwrap().value.resolved();
+        for expected in ["vertices: 50,", "count: 1000,", "starts: Together,", "width: 3.0,"] {
+            assert!(changed.contains(expected), "{expected} in {changed}");
+        }
+    }
+}
