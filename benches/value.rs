@@ -24,7 +24,7 @@ fn acting(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(AGENTS * STEPS)).sample_size(10);
     group.bench_function("acting, a round", |bencher| {
         let plan = RoundPlan { run_seed: 0, round: 0, episodes: 1, camera: None };
-        bencher.iter(|| black_box(trainer.play_without_learning(&plan)).len());
+        bencher.iter(|| black_box(trainer.play_without_learning(&plan)).episodes.len());
     });
     group.finish();
 }

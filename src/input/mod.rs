@@ -80,6 +80,8 @@ pub enum Kind {
     TabularEnvironment,
     /// `Scenario(…)`
     Scenario,
+    /// `Study(…)`
+    Study,
 }
 
 /// Reads the RON file at `path`.
@@ -130,6 +132,7 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
         "Environment" => Ok(Kind::Environment),
         "TabularEnvironment" => Ok(Kind::TabularEnvironment),
         "Scenario" => Ok(Kind::Scenario),
+        "Study" => Ok(Kind::Study),
         word => {
             let offset = word.as_ptr() as usize - text.as_ptr() as usize;
             let before = &text[..offset];
@@ -142,8 +145,8 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
                 origin: origin.to_owned(),
                 position: (!opening.is_empty()).then(|| position(text, line, column)),
                 field: String::new(),
-                message: format!("a file opens with its kind, `Environment(` or `Scenario(`, but this one {found}"),
-                help: suggestion(word, ["Environment", "Scenario"]),
+                message: format!("a file opens with its kind, `Environment(`, `Scenario(` or `Study(`, but this one {found}"),
+                help: suggestion(word, ["Environment", "Scenario", "Study"]),
             })
         }
     }

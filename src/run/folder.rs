@@ -79,7 +79,7 @@ impl RunFolder {
     pub fn clear(&self) -> io::Result<()> {
         let recording = self.recording();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
-        let files = [self.summary(), recording, self.scenario(), self.policies()];
+        let files = [self.summary(), recording, self.replay(), self.scenario(), self.policies()];
         for path in files.into_iter().chain(unfinished).chain(self.tables()) {
             remove(fs::remove_file(path))?;
         }
@@ -97,6 +97,12 @@ impl RunFolder {
     #[must_use]
     pub fn recording(&self) -> PathBuf {
         self.path.join("run.rrd")
+    }
+
+    /// The recording of its policies at play, where `seedbed replay` made one.
+    #[must_use]
+    pub fn replay(&self) -> PathBuf {
+        self.path.join("replay.rrd")
     }
 
     /// `episodes.csv` and `rounds.csv`.

@@ -26,7 +26,7 @@ pub(super) enum Learning {
 pub(super) fn play(
     environment: &mut dyn Environment,
     team: &mut ValueTeam,
-    plan: &RoundPlan,
+    plan: &RoundPlan<'_>,
     learning: Learning,
     pool: Option<&ThreadPool>,
 ) -> Played {

@@ -79,7 +79,7 @@ impl DeepSea {
             let swapped = self.randomised && random.random();
             if swapped { [right, left] } else { [left, right] }
         };
-        let probabilities: Vec<f64> = (0..model.states() - 1).map(cell).flatten().flatten().collect();
+        let probabilities: Vec<f64> = (0..model.states() - 1).flat_map(cell).flatten().collect();
         let values = (0..size).map(|column| f64::from(column + 1 == size)).collect();
         Mdp { values, probabilities }
     }
