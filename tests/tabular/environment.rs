@@ -60,15 +60,15 @@ fn which_action_moves_right_is_drawn_by_name() {
         let task = sea("size: 10", &format!("observation: Place, drawn_with: {drawn_with}"));
         let rightwards = |actions: &[f32]| {
             let mut environment = started(&task, 1);
-            actions.iter().for_each(|&action| environment.step(&[action]));
+            for action in actions {
+                environment.step(&[*action]);
+            }
             environment.rewards()[0] != 0.0
         };
         let mut found: Vec<f32> = Vec::new();
         for _ in 0..10 {
-            found.push(1.0);
-            if !rightwards(&found) {
-                *found.last_mut().unwrap() = 0.0;
-            }
+            let action = f32::from(u8::from(rightwards(&[found.as_slice(), &[1.0]].concat())));
+            found.push(action);
         }
         found
     };
