@@ -93,7 +93,7 @@ fn a_killed_study_goes_on_where_it_was() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let finished = || fs::read_dir(out.join("runs")).map_or(0, |files| files.filter(|file| is_result(file)).count());
+    let finished = || fs::read_dir(out.join("runs")).map_or(0, |files| files.filter(is_result).count());
     while finished() == 0 && child.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
@@ -108,7 +108,7 @@ fn a_killed_study_goes_on_where_it_was() {
     let (_folder, _, undisturbed) = lab("");
     assert!(run(&study, &undisturbed, &[]).status.success());
     let mut kept = results(&out);
-    kept.retain(|name, _| name.ends_with(".run"));
+    kept.retain(|name, _| Path::new(name).extension().is_some_and(|extension| extension == "run"));
     assert_eq!(kept, results(&undisturbed));
 }
 

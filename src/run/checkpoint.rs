@@ -28,7 +28,7 @@ pub struct CheckpointError {
     pub reason: String,
 }
 
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 impl Checkpoint {
     /// A checkpoint of this version.

@@ -67,7 +67,9 @@ fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
 
 fn learn(team: &mut ValueTeam, times: usize) {
     let (models, lesson) = team.lesson();
-    models.iter_mut().for_each(|model| (0..times).for_each(|_| model.learn(&lesson)));
+    for model in models {
+        (0..times).for_each(|_| model.learn(&lesson));
+    }
 }
 
 /// Q of all states as an agent's model has it: `[3 × 2]`.
