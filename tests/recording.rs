@@ -772,6 +772,9 @@ fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> R
             length: episode.length() as u32,
             outcome: episode.outcome,
             coverage: skill,
+            visitation_entropy: 0.0,
+            team_overlap: 1.0,
+            effective_agents: 1.0,
         }
     };
     let episodes: Vec<Episode> = played.iter().map(|(episode, _)| episode.clone()).collect();

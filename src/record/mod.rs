@@ -94,6 +94,12 @@ pub struct EpisodeRow {
     pub outcome: Status,
     /// Part of the state space that the agent has visited so far, 0 to 1.
     pub coverage: f64,
+    /// Entropy of where the agent had been by the end of the round, nats.
+    pub visitation_entropy: f64,
+    /// How alike the agents' visits were by the end of the round, 0 to 1; the same for all agents.
+    pub team_overlap: f64,
+    /// How many agents, none of whose visits overlap, would have differed as much, 1 to K; the same for all agents.
+    pub effective_agents: f64,
 }
 
 /// One row of `rounds.csv`: what one agent's update was like.

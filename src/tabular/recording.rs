@@ -115,6 +115,10 @@ impl Film {
             length: episode.length() as u32,
             outcome: episode.outcome,
             coverage: been.iter().filter(|been| **been).count() as f64 / been.len() as f64,
+            // Visits are counted by state, in `visits.csv`.
+            visitation_entropy: f64::NAN,
+            team_overlap: f64::NAN,
+            effective_agents: f64::NAN,
         }
     }
 

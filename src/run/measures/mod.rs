@@ -57,6 +57,15 @@ pub struct Visits {
     pub diversity: Diversity,
 }
 
+impl Visits {
+    /// Writes into an episode's row what is known at the end of its round.
+    fn tell(&self, row: &mut EpisodeRow) {
+        row.visitation_entropy = self.entropy[row.agent as usize];
+        row.team_overlap = self.diversity.overlap;
+        row.effective_agents = self.diversity.effective_agents;
+    }
+}
+
 impl Measures {
     /// Nothing measured yet, for a team of `agents`.
     #[must_use]
@@ -71,9 +80,13 @@ impl Measures {
 
     /// Takes in a finished round.   `episodes` in (agent, episode) order; `reports` tell who learned, in the order in which they did.
     pub fn take_in(&mut self, spec: &Spec, round: u32, episodes: &[&Episode], reports: &[(u32, UpdateReport)]) -> RoundRows {
-        let episode_rows = episodes.iter().map(|episode| self.take_in_episode(spec, episode)).collect();
+        let mut episode_rows: Vec<EpisodeRow> =
+            episodes.iter().map(|episode| self.take_in_episode(spec, episode)).collect();
         self.extend_team_returns(episodes);
         let visits = self.visits();
+        for row in &mut episode_rows {
+            visits.tell(row);
+        }
         let updates = reports.iter().map(|&(agent, report)| RoundRow {
             agent,
             round,
@@ -166,6 +179,10 @@ impl Measures {
             length: episode.length() as u32,
             outcome: episode.outcome,
             coverage: visitation.coverage(),
+            // Known at the end of the round.
+            visitation_entropy: 0.0,
+            team_overlap: 1.0,
+            effective_agents: 1.0,
         }
     }
 
@@ -251,6 +268,7 @@ mod tests {
         assert!((measures.team_coverage() - 2.0 / 400.0).abs() < 1e-12);
         assert_eq!(rows.updates[0].team_coverage, measures.team_coverage());
         assert!((rows.updates[0].effective_agents - 2.0).abs() < 1e-12 && rows.updates[1].team_overlap.abs() < 1e-12);
+        assert!((rows.episodes[1].effective_agents - 2.0).abs() < 1e-12 && rows.episodes[0].team_overlap.abs() < 1e-12);
         assert_eq!((rows.updates[0].visitation_entropy, rows.updates[0].visitation_evenness), (0.0, 0.0));
     }
 }

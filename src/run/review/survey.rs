@@ -89,6 +89,10 @@ impl Survey {
             length: episode.length() as u32,
             outcome: episode.outcome,
             coverage: self.visitation[agent].coverage(),
+            visitation_entropy: self.visitation[agent].entropy(),
+            // A recording is not read round by round.
+            team_overlap: f64::NAN,
+            effective_agents: f64::NAN,
         });
     }
 
