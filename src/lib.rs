@@ -15,6 +15,7 @@ pub mod agent;
 pub mod cli;
 pub mod env;
 pub mod experience;
+pub mod figure;
 pub mod input;
 pub mod nn;
 pub mod random;

@@ -54,6 +54,11 @@ fn broken_scenarios_are_explained() {
 }
 
 #[test]
+fn broken_studies_are_explained() {
+    check_messages("tests/broken_studies");
+}
+
+#[test]
 fn good_files_pass() {
     let output = seedbed(&["check", "scenarios/cartpole.ron", "envs/cartpole.ron"]);
     assert!(output.status.success(), "{}", stderr(&output));
@@ -328,7 +333,9 @@ fn settings_that_contradict_each_other_are_refused() {
         ("algorithm.policy_loss=SimplePg", "`SimplePg` is sound only with"),
         ("algorithm.hidden=[]", "names no layer"),
         ("stop=Solved(return: 195, window: 25, at_most: 10)", "expected a window of at most the 10 episodes"),
-        ("recording.scene.agent=9", "expected an agent from 0 to 3"),
+        ("recording.scene.agents=[0, 9]", "expected an agent from 0 to 3"),
+        ("recording.scene.agents=[1, 1]", "agent 1 is named twice"),
+        ("recording.scene.agents=[]", "names no agent"),
         ("recording.scene.every=0", "expected a whole number from 1 to"),
         ("agents.count=4000000000", "expected a whole number from 1 to 10000"),
         ("algorithm.discount=1e-300", "beyond what single precision can hold"),
@@ -369,6 +376,38 @@ fn a_run_is_evaluated() {
     let nothing = seedbed(&["evaluate", nowhere.to_str().unwrap()]);
     assert_eq!(nothing.status.code(), Some(2));
     assert!(stderr(&nothing).contains("scenario.ron: no such file"), "{}", stderr(&nothing));
+}
+
+/// A replay plays what an evaluation counts, and films the agents that were asked for.
+#[test]
+fn a_run_is_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    assert!(small_run(&path, &["--quiet"]).status.success());
+    let table = |output: &Output| -> Vec<String> {
+        assert!(output.status.success(), "{}", stderr(output));
+        stdout(output).lines().filter(|line| line.starts_with('|')).map(str::to_owned).collect()
+    };
+    let replayed = seedbed(&["replay", run, "--episodes", "3", "--agents", "1", "--seed", "4"]);
+    assert_eq!(table(&replayed), table(&seedbed(&["evaluate", run, "--episodes", "3", "--seed", "4"])));
+    let recording = path.join("replay.rrd");
+    assert!(stdout(&replayed).ends_with(&format!("look at it with\n  rerun {}\n", recording.display())), "{}", stdout(&replayed));
+    let bytes = std::fs::read(&recording).unwrap();
+    let holds = |name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
+    assert!(holds("/scene/agent_1") && !holds("/scene/agent_0") && holds("/raw/agent_0"));
+
+    for (more, said) in [
+        (&["--agents", "0,2"][..], "error: --agents: there is no agent 2; the team of `cartpole` has agents 0 to 1\n".to_owned()),
+        (
+            &["--out", &format!("{run}/run.rrd")],
+            format!("error: {run}/run.rrd is the recording of the run itself; choose another --out\n"),
+        ),
+        (&["--temperature", "0"], "error: --temperature: expected a number above 0, found 0.0\n".to_owned()),
+    ] {
+        let refused = seedbed(&[&["replay", run], more].concat());
+        assert_eq!((refused.status.code(), stderr(&refused)), (Some(2), said));
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use seedbed::env::dynamics::Dynamics;
 use seedbed::env::file::parse;
 use seedbed::env::kinematics::{Frame, Tree};
 use seedbed::env::task::dynamics;
-use seedbed::env::{Physics, build};
+use seedbed::env::{ForceSource, Physics, Pose, build};
 use seedbed::random::{Purpose, stream};
 
 const CONTROL_STEP: f64 = 0.01;
@@ -183,6 +183,79 @@ fn a_box_at_rest_stays_and_touches() {
     assert!(geometry.touch(1, 0, &Tree::new(&task).frames_of(lying.joints(), 0)));
     assert!(!geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.0)]));
     assert!(geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.1)]), "turned by 0.1 rad, its corner is 0.03 m lower");
+    // The ground carries 3 kg × 9.8 m/s² at the box's lower corners.
+    let mut forces = Vec::new();
+    lying.contacts(0, &mut forces);
+    let total = forces.iter().fold([0.0; 2], |[x, y], force| [x + force.newtons[0], y + force.newtons[1]]);
+    assert!((total[1] - 29.4).abs() < 0.3 && total[0].abs() < 0.1, "{total:?} N");
+    let corners = forces.iter().all(|force| (force.at[0].abs() - 0.3).abs() < 0.02 && force.at[1].abs() < 0.01);
+    assert!(corners && forces.iter().all(|force| force.source == ForceSource::Contact), "{forces:?}");
+}
+
+/// A block on a slope of 20° that friction holds: the slope's force is the weight's opposite, whatever its parts.
+#[test]
+fn friction_is_part_of_a_contact_force() {
+    let (sine, cosine) = (-20.0_f64.to_radians().sin(), 20.0_f64.to_radians().cos());
+    let task = task(
+        "(0.0, -9.8)",
+        &format!(
+            r#"
+        colliders: [(geom: HalfSpace(normal: ({sine}, {cosine})), friction: 1.0)],
+        bodies: [(name: "block", mass: 3.0, colliders: [(geom: Box(half_size: (0.3, 0.05)))])],
+        sensors: [],"#
+        ),
+    );
+    let mut lying = bodies(&task);
+    lying.start(0, &[0.05 * sine, 0.05 * cosine, 20.0_f64.to_radians()], &[0.0; 3]);
+    run(&mut *lying, 2.0);
+    let mut forces = Vec::new();
+    lying.contacts(0, &mut forces);
+    let total = forces.iter().fold([0.0; 2], |[x, y], force| [x + force.newtons[0], y + force.newtons[1]]);
+    assert!((total[1] - 29.4).abs() < 0.5 && total[0].abs() < 0.5, "{total:?} N");
+}
+
+/// What actions push: a cart along its rail, a hinge as the force at the centre of mass with the same torque, a body at a point.
+#[test]
+fn actions_are_seen_as_forces() {
+    let text = r#"Environment(
+        description: "A test.", gravity: (0.0, 0.0), control_step: 0.01, time_limit: 100, solver: (iterations: 4),
+        bodies: [
+            (name: "cart", mass: 1.0, inertia: 1.0, geoms: [Box(half_size: (0.2, 0.1))]),
+            (name: "pole", mass: 1000.0, com: (0.0, 0.5), inertia: 1000.0),
+            (name: "ship", position: (5.0, 0.0), mass: 1000.0, inertia: 1000.0),
+        ],
+        joints: [
+            (name: "rail", parent: "world", child: "cart", type: Slide(axis: (1.0, 0.0))),
+            (name: "hinge", parent: "cart", child: "pole", type: Hinge(positive: Clockwise)),
+        ],
+        actuators: [
+            (name: "push", type: JointForce("rail"), gear: 2.0, control: Continuous(-1.0, 1.0)),
+            (name: "turn", type: JointForce("hinge"), control: Continuous(-9.0, 9.0)),
+            (name: "jet", type: BodyForce(body: "ship", at: (0.0, 1.0), direction: (0.0, -1.0)), control: Continuous(0.0, 7.0)),
+        ],
+        sensors: [], observations: [], reward: "0",
+    )"#;
+    let task = parse("test", "test", text.to_owned()).unwrap_or_else(|error| panic!("{error}"));
+    let mut environment = build(&task, Physics::Rapier, 2).expect("it has rigid bodies");
+    environment.reset(1, &mut stream(0, Purpose::Reset, 0, 0));
+    let bodies = environment.scene().expect("it has a shape").bodies.len();
+    let mut poses = vec![Pose::default(); bodies];
+    let mut seen = |environment: &dyn seedbed::env::Environment| {
+        let mut forces = Vec::new();
+        environment.poses(1, &mut poses);
+        environment.forces(1, &poses, &mut forces);
+        forces
+    };
+    assert_eq!(seen(&*environment), []);
+    environment.step(&[0.0, 0.0, 0.0, 0.5, 3.0, 7.0]);
+    let forces = seen(&*environment);
+    // 0.5 × 2 N; clockwise 3 N m at 0.5 m: 6 N to the right; 7 N downwards, 1 m above the ship's origin. Bodies hardly moved.
+    let expected = [([0.0, 0.0], [1.0, 0.0]), ([0.0, 0.5], [6.0, 0.0]), ([5.0, 1.0], [0.0, -7.0])];
+    assert_eq!(forces.len(), 3, "{forces:?}");
+    for (force, (at, newtons)) in forces.iter().zip(expected) {
+        let off = |found: [f32; 2], expected: [f32; 2]| (found[0] - expected[0]).hypot(found[1] - expected[1]);
+        assert!(off(force.at, at) < 0.01 && off(force.newtons, newtons) < 0.01, "{force:?}, expected {at:?} {newtons:?}");
+    }
 }
 
 /// How far (m) and how fast (m/s) a box has slid down a slope of angle `slope` after a second.

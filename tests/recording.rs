@@ -13,11 +13,16 @@ use rerun::external::arrow::array::{Array, StringArray};
 use rerun::external::re_log_encoding::rrd::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 use rerun::{ComponentIdentifier, StoreKind, TimelineName};
-use seedbed::env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
+use seedbed::env::{Action, Choice, Force, ForceSource, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
 use seedbed::experience::Episode;
 use seedbed::input::numbers::known_count;
-use seedbed::record::rerun::{RecordingAbout, RerunRecorder};
-use seedbed::record::{EpisodeRow, Footage, Recorder, RecordingSettings, RoundRecord, RoundRow};
+use seedbed::record::palette::sequential;
+use seedbed::record::rerun::read::{RecordedEpisode, Recording};
+use seedbed::record::rerun::{Focus, RecordingAbout, RerunRecorder};
+use seedbed::record::visitation::Axes;
+use seedbed::record::{
+    AxisChoice, Colour, Difference, EpisodeRow, Footage, Recorder, RecordingSettings, RoundRecord, RoundRow, SceneSettings,
+};
 
 #[test]
 fn every_state_and_action_is_read_back_as_it_was() {
@@ -26,6 +31,85 @@ fn every_state_and_action_is_read_back_as_it_was() {
     let path = record(&run, folder.path(), &RecordingSettings::default());
     assert!(!folder.path().join("run.rrd.part").exists());
     compare_raw(&run, &Contents::of(&path));
+}
+
+#[test]
+fn episodes_are_read_back_as_they_were() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(3, 40);
+    let path = record(&run, folder.path(), &RecordingSettings::default());
+    let recording = Recording::open(&path).unwrap();
+    assert_eq!((recording.observations(), recording.largest_bonus()), (&run.spec.observations[..], Some(0.01)));
+    assert_eq!(recording.actions(), [run.spec.actions[0].quantity.clone()]);
+    assert_eq!(recording.axes(), Axes::of(&run.spec, &RecordingSettings::default().axes, Some(0.01)));
+    let property = |name: &str| recording.properties().get(name).map(String::as_str);
+    assert_eq!([property("agents"), property("RecordingInfo:name")], [Some("3"), Some("cartpole-made-up")]);
+    assert_eq!(read_back(&path), played(&run, 40));
+}
+
+/// Without its end, and in the middle of a message, what is complete is read: rows reach the file in pieces of 2,048 an agent.
+#[test]
+fn a_killed_recording_is_read_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 60);
+    let mut recorder =
+        RerunRecorder::create(&folder.path().join("run.rrd"), &run.about(), &RecordingSettings::default()).unwrap();
+    run.rounds[..20].iter().for_each(|round| round.record(&mut recorder));
+    recorder.checkpoint().unwrap();
+    let part = folder.path().join("run.rrd.part");
+    let length = std::fs::metadata(&part).unwrap().len();
+    run.rounds[20..].iter().for_each(|round| round.record(&mut recorder));
+    drop(recorder);
+    assert_eq!(read_back(&part), played(&run, 60));
+    File::options().write(true).open(&part).unwrap().set_len(length + 50).unwrap();
+    assert_eq!(read_back(&part), played(&run, 20));
+}
+
+#[test]
+fn other_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("other.rrd");
+    let refusal = |path: &Path| Recording::open(path).unwrap_err().to_string().replace(path.to_str().unwrap(), "FILE");
+    assert_eq!(refusal(&path), "cannot read FILE: No such file or directory (os error 2)");
+    std::fs::write(&path, "agent,episode,round\n0,0,0\n").unwrap();
+    assert!(refusal(&path).starts_with("cannot read FILE: "), "{}", refusal(&path));
+    let stream = rerun::RecordingStreamBuilder::new("other").save(&path).unwrap();
+    stream.log("words", &rerun::TextLog::new("hello")).unwrap();
+    drop(stream);
+    let none = "FILE holds no run that this version of seedbed can read: there is no `/scenario/quantities` in it";
+    assert_eq!(refusal(&path), none);
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[4..8].copy_from_slice(&[0, 9, 0, 0]);
+    std::fs::write(&path, bytes).unwrap();
+    let old = "cannot read FILE: Data from Rerun version 0.9.0, which is incompatible with the local Rerun version 0.36.3";
+    assert_eq!(refusal(&path), old);
+}
+
+/// By (agent, episode).
+fn read_back(path: &Path) -> Vec<RecordedEpisode> {
+    let episodes = Recording::open(path).unwrap().episodes().unwrap();
+    let mut episodes: Vec<RecordedEpisode> = episodes.collect::<Result<_, _>>().unwrap();
+    assert!(episodes.iter().all(|episode| episode.observations.len() == 4 * (episode.length() + 1)));
+    episodes.sort_by_key(|episode| (episode.agent, episode.episode));
+    episodes
+}
+
+fn played(run: &Run, rounds: usize) -> Vec<RecordedEpisode> {
+    let all = run.rounds[..rounds].iter().flat_map(|round| round.episodes.clone());
+    let mut played: Vec<RecordedEpisode> = all
+        .map(|episode| RecordedEpisode {
+            agent: episode.agent,
+            episode: episode.episode,
+            round: episode.round,
+            observations: episode.observations,
+            actions: episode.actions.iter().map(|&action| if action == 0.0 { -10.0 } else { 10.0 }).collect(),
+            rewards: episode.rewards,
+            intrinsic_rewards: episode.intrinsic_rewards,
+            outcome: episode.outcome,
+        })
+        .collect();
+    played.sort_by_key(|episode| (episode.agent, episode.episode));
+    played
 }
 
 #[test]
@@ -65,9 +149,128 @@ fn pictures_come_as_often_as_wanted_and_at_the_end() {
     let folder = tempfile::tempdir().unwrap();
     let settings = RecordingSettings { density_every: known_count(5), ..RecordingSettings::default() };
     let contents = Contents::of(&record(&Run::new(2, 12), folder.path(), &settings));
-    for entity in ["/visitation/agent_0/density", "/visitation/agent_1/density", "/visitation/team/density"] {
+    let densities =
+        ["/visitation/agent_0/density", "/visitation/agent_1/latest", "/visitation/team/density", "/visitation/team/latest"];
+    for entity in densities.into_iter().chain(["/visitation/difference", "/pairs/agent_1/bonus", "/pairs/team/bonus"]) {
         assert_eq!(contents.times(entity, "round"), [0, 5, 10, 11]);
     }
+}
+
+/// Pictures come every 10 rounds and at the end, so that the last of 70 rounds is pictured with the 59 after round 10.
+#[test]
+fn the_latest_rounds_are_pictured_as_if_there_had_been_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, settings) = (Run::new(3, 70), RecordingSettings::default());
+    let whole = Contents::of(&record(&run, folder.path(), &settings));
+    assert_eq!(whole.words("/visitation/scale/latest/ends", "Points2D:labels").last().unwrap(), "rounds 11 to 69");
+    let path = folder.path().join("latest.rrd");
+    let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
+    run.rounds[11..].iter().for_each(|round| round.record(&mut recorder));
+    recorder.finish().unwrap();
+    let latest = Contents::of(&path);
+    for (root, of_latest, of_all) in [("visitation", "latest", "density"), ("pairs", "bonus", "bonus")] {
+        for who in ["agent_0", "agent_2", "team"] {
+            let last = |contents: &Contents, name: &str| contents.pictures(&format!("/{root}/{who}/{name}")).pop().unwrap();
+            assert!(last(&whole, of_latest) == last(&latest, of_all), "/{root}/{who}");
+        }
+    }
+}
+
+/// Every picture has its scale: the upper end is the number of lines on the brightest pixel, here of one state, the first of each episode.
+#[test]
+fn scales_say_what_the_brightest_colour_means() {
+    let folder = tempfile::tempdir().unwrap();
+    let contents = Contents::of(&record(&Run::new(2, 1), folder.path(), &RecordingSettings::default()));
+    let pixels = |entity| contents.pictures(entity).pop().unwrap();
+    assert_eq!(*pixels("/visitation/agent_0/density").iter().chain(&pixels("/visitation/agent_1/density")).max().unwrap(), 255);
+    assert_eq!(*pixels("/visitation/team/density").iter().max().unwrap(), 255);
+    let end = |entity| contents.words(entity, "Points2D:labels")[0].parse::<u32>().unwrap();
+    let (of_agents, of_team) = (end("/visitation/scale/density/ends"), end("/visitation/team/scale/density/ends"));
+    assert!(of_agents > 1 && of_team >= of_agents && of_team <= 2 * of_agents, "{of_agents} and {of_team}");
+}
+
+#[test]
+fn points_are_states_of_their_episode() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 12);
+    let contents = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
+    let points = contents.points("/pairs/agent_1/states");
+    let lengths = run.rounds.iter().map(|round| round.episodes[1].length() + 1);
+    assert_eq!(points.len(), lengths.clone().map(|states| states.min(20)).sum::<usize>() * 2);
+    let mut rest = points.as_slice();
+    for (round, states) in run.rounds.iter().zip(lengths) {
+        let (own, others) = rest.split_at(states.min(20) * 2);
+        let observed: Vec<&[f32]> = round.episodes[1].observations.chunks_exact(4).collect();
+        let drawn = |state: &[f32]| {
+            let place = |value: f32, end: f32| 40.0 * (0.5 + 0.5 * value / end).clamp(0.0, 1.0);
+            [[place(state[0], 2.4), 40.0 - place(state[1], 3.0)], [60.0 + place(state[2], 0.209), 40.0 - place(state[3], 3.0)]]
+        };
+        let near = |one: &[f32; 2], other: &[f32; 2]| (one[0] - other[0]).abs() + (one[1] - other[1]).abs() < 1e-3;
+        let is_state =
+            |pair: &[[f32; 2]]| observed.iter().any(|state| drawn(state).iter().zip(pair).all(|(one, other)| near(one, other)));
+        assert!(own.chunks_exact(2).all(is_state));
+        rest = others;
+    }
+    assert_eq!(contents.lines_per_row("/pairs/team/states", "Points2D:positions").len(), 24, "one row for each agent's episode");
+}
+
+#[test]
+fn colours_tell_what_is_wanted() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 12);
+    let recorded = |colour: Colour| {
+        let settings = RecordingSettings { colour: colour.into(), ..RecordingSettings::default() };
+        Contents::of(&record(&run, folder.path(), &settings))
+    };
+    let colors = |contents: &Contents| contents.integers("/visitation/agent_1/lines", "LineStrips2D:colors");
+    let rgba = |[red, green, blue]: [u8; 3]| u32::from_be_bytes([red, green, blue, 255]);
+    let lines = |round: &Round| (round.episodes[1].length() + 1).min(20);
+    let per_episode = |color: &dyn Fn(&Round) -> [u8; 3]| -> Vec<u32> {
+        run.rounds.iter().flat_map(|round| vec![rgba(color(round)); lines(round)]).collect()
+    };
+
+    assert_eq!(colors(&recorded(Colour::Episode)), per_episode(&|round| sequential(round.round as f32 / 11.0)));
+    let lowest = run.rounds[0].episodes.iter().map(|episode| episode.length() as f32).fold(f32::INFINITY, f32::min);
+    let share = |round: &Round| (round.episodes[1].length() as f32 - lowest) / (195.0 - lowest);
+    let by_return = recorded(Colour::Return);
+    assert_eq!(colors(&by_return), per_episode(&|round| sequential(share(round).clamp(0.0, 1.0))));
+    let legend = ["return".to_owned(), "195 or more".to_owned(), format!("{lowest} or less")];
+    assert_eq!(by_return.words("/visitation/scale/lines/labels", "Points2D:labels"), legend);
+    let outcome = |round: &Round| if round.episodes[1].outcome == Status::Truncated { [86, 180, 233] } else { [225, 95, 20] };
+    assert_eq!(colors(&recorded(Colour::Outcome)), per_episode(&outcome));
+    let bonuses: Vec<u32> = colors(&recorded(Colour::IntrinsicReward));
+    let known: Vec<u32> = (0..10).map(|bonus| rgba(sequential(0.001 * bonus as f32 / 0.01))).collect();
+    assert!(bonuses.iter().all(|color| known.contains(color)) && bonuses.iter().any(|color| *color != bonuses[0]));
+}
+
+#[test]
+fn two_agents_are_compared_as_wanted() {
+    let folder = tempfile::tempdir().unwrap();
+    let recorded = |agents, difference| {
+        let settings = RecordingSettings { difference, ..RecordingSettings::default() };
+        let contents = Contents::of(&record(&Run::new(agents, 3), folder.path(), &settings));
+        let words = contents.words("/visitation/difference/scale/ends", "Points2D:labels");
+        (contents.pictures("/visitation/difference").len(), words.first().cloned(), words.get(3).cloned())
+    };
+    let agent = |agent: u32| Some(format!("agent {agent}"));
+    assert_eq!(recorded(4, Difference::Between(2.into(), 1.into())), (2, agent(2), agent(1)));
+    assert_eq!(recorded(2, Difference::MostDifferent), (2, agent(0), agent(1)));
+    assert_eq!(recorded(4, Difference::Off), (0, None, None));
+    assert_eq!(recorded(1, Difference::MostDifferent), (0, None, None));
+}
+
+/// Four observations, the force and the step: an episode's last state, from which nothing is done, has no line.
+#[test]
+fn actions_and_steps_can_have_axes() {
+    let folder = tempfile::tempdir().unwrap();
+    let axes = vec![AxisChoice::Observations, AxisChoice::Action, AxisChoice::Step];
+    let settings = RecordingSettings { axes: axes.into(), lines: known_count(10_000), ..RecordingSettings::default() };
+    let run = Run::new(1, 2);
+    let contents = Contents::of(&record(&run, folder.path(), &settings));
+    let lengths: Vec<usize> = run.rounds.iter().map(|round| round.episodes[0].length()).collect();
+    assert_eq!(contents.lines_per_row("/visitation/agent_0/lines", "LineStrips2D:strips"), lengths);
+    let names = contents.words("/visitation/axes/labels", "Points2D:labels");
+    assert!(names.iter().any(|name| name.starts_with("force")) && names.iter().any(|name| name == "step"), "{names:?}");
 }
 
 #[test]
@@ -79,6 +282,103 @@ fn the_filmed_episodes_move_and_leave_a_trace() {
     assert_eq!(contents.times("/scene/agent_0/bodies/pole", "env_step").len(), filmed);
     assert_eq!(contents.times("/scene/agent_0/trace", "episode"), [0, 10]);
     assert!(contents.times("/scene/agent_0/trace", "env_step").is_empty());
+}
+
+#[test]
+fn scenes_of_several_agents_have_their_own_episodes_and_forces() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = Run::new(3, 12);
+    for round in &mut run.rounds {
+        round.footage = [0, 2].map(|agent| pushed(&round.episodes[agent])).to_vec();
+    }
+    let scene = SceneSettings { agents: vec![0.into(), 2.into()].into(), every: known_count(1) };
+    let settings = RecordingSettings { scene: Some(scene), ..RecordingSettings::default() };
+    let contents = Contents::of(&record(&run, folder.path(), &settings));
+    assert!(contents.chunks("/scene/agent_1/bodies/pole").is_empty());
+    for agent in [0, 2] {
+        let rows: usize = run.rounds.iter().map(|round| round.episodes[agent].length() + 1).sum();
+        let poses = contents.times(&format!("/scene/agent_{agent}/bodies/pole"), "env_step");
+        assert_eq!(poses, (0..rows as i64).collect::<Vec<_>>());
+        let action = format!("/scene/agent_{agent}/forces/action");
+        assert_eq!(contents.times(&action, "env_step"), poses);
+        let pushes = rows - run.rounds.len();
+        assert_eq!(contents.numbers(&action, "Force:newtons"), vec![5.0; pushes], "no force led to a first row");
+        let contacts = format!("/scene/agent_{agent}/forces/contacts");
+        assert_eq!(contents.times(&contacts, "env_step").len(), run.rounds.len(), "an empty row an episode");
+    }
+}
+
+/// Bodies that move 1 cm in every step, pushed by 5 N.
+fn pushed(episode: &Episode) -> Footage {
+    let force = Force { source: ForceSource::Action, at: [0.5, 0.1], newtons: [3.0, -4.0] };
+    let at = |step: usize| Pose { x: 0.01 * step as f32, ..Pose::default() };
+    Footage {
+        agent: episode.agent,
+        episode: episode.episode,
+        poses: (0..=episode.length()).flat_map(|step| [Pose::default(), at(step), at(step)]).collect(),
+        forces: vec![force; episode.length()],
+        forces_per_row: std::iter::once(0).chain(vec![1; episode.length()]).collect(),
+    }
+}
+
+/// Every third episode is on record, on the agent's own steps of all episodes; the file says so.
+#[test]
+fn a_part_of_the_episodes_can_be_on_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 8);
+    let settings = RecordingSettings { raw_every: known_count(3), ..RecordingSettings::default() };
+    let contents = Contents::of(&record(&run, folder.path(), &settings));
+    let (mut steps, mut rewards, mut next) = (Vec::new(), Vec::<f32>::new(), 0);
+    for round in &run.rounds {
+        let rows = round.episodes[1].length() as i64 + 1;
+        if round.round % 3 == 0 {
+            steps.extend(next..next + rows);
+            rewards.extend(&round.episodes[1].rewards);
+        }
+        next += rows;
+    }
+    assert_eq!(contents.times("/raw/agent_1", "env_step"), steps);
+    assert_eq!(contents.numbers("/raw/agent_1", "State:reward"), rewards);
+    assert_eq!(contents.words("/__properties/run", "raw_every"), ["3"]);
+    assert_eq!(contents.numbers64("/curves/return/agent_1", "Scalars:scalars").len(), 8, "returns are of all episodes");
+}
+
+/// What an agent saw and did costs at most 45 bytes a state with four observations, an action, a reward, its probability, a bonus and an
+/// outcome; a further observation at most 6.
+#[test]
+fn a_state_takes_few_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(2, 400);
+    let states: usize = run.rounds.iter().flat_map(|round| &round.episodes).map(|episode| episode.length() + 1).sum();
+    let narrow = raw_bytes(&record(&run, folder.path(), &RecordingSettings::default())) as f64 / states as f64;
+    let wide = raw_bytes(&record(&widened(run), folder.path(), &RecordingSettings::default())) as f64 / states as f64;
+    println!("{narrow:.2} bytes a state, {:.2} for a further column", wide - narrow);
+    assert!(narrow <= 45.0, "{narrow} bytes a state");
+    assert!(wide - narrow <= 6.0, "{} bytes for a further column", wide - narrow);
+}
+
+/// The same run with a fifth observation, as hard to compress as the others.
+fn widened(mut run: Run) -> Run {
+    let fifth = Quantity { name: "fifth".to_owned(), ..run.spec.observations[1].clone() };
+    run.spec.observations.push(fifth);
+    for episode in run.rounds.iter_mut().flat_map(|round| &mut round.episodes) {
+        let wide = episode.observations.chunks_exact(4).flat_map(|row| [row, &[row[1].sin() + row[3]]].concat());
+        episode.observations = wide.collect();
+    }
+    run
+}
+
+/// Bytes that `/raw` takes in the file.
+fn raw_bytes(path: &Path) -> u64 {
+    let is_raw = |message: &&LogMsg| match message {
+        LogMsg::ArrowMsg(_, arrow) => Chunk::from_arrow_msg(arrow).unwrap().entity_path().to_string().starts_with("/raw/"),
+        _ => false,
+    };
+    let messages = messages(path);
+    let encoded = |messages: Vec<&LogMsg>| {
+        rerun::external::re_log_encoding::rrd::Encoder::encode(messages.into_iter().map(Ok)).unwrap().len() as u64
+    };
+    encoded(messages.iter().filter(is_raw).collect())
 }
 
 #[test]
@@ -97,7 +397,7 @@ fn a_layout_comes_with_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let messages = messages(&record(&Run::new(16, 2), folder.path(), &RecordingSettings::default()));
     let of_blueprint = |message: &&LogMsg| message.store_id().kind() == StoreKind::Blueprint;
-    assert!(messages.iter().filter(of_blueprint).count() > 100);
+    assert!(messages.iter().filter(of_blueprint).count() > 50);
     assert!(messages.iter().any(|message| matches!(message, LogMsg::BlueprintActivationCommand(_))));
 }
 
@@ -323,6 +623,28 @@ impl Contents {
         words
     }
 
+    fn integers(&self, entity: &str, component: &str) -> Vec<u32> {
+        let component = ComponentIdentifier::try_new(component).unwrap();
+        self.chunks(entity).iter().flat_map(|chunk| chunk.iter_slices::<u32>(component).flatten().copied()).collect()
+    }
+
+    fn points(&self, entity: &str) -> Vec<[f32; 2]> {
+        let component = ComponentIdentifier::try_new("Points2D:positions").unwrap();
+        self.chunks(entity).iter().flat_map(|chunk| chunk.iter_slices::<[f32; 2]>(component).flatten().copied()).collect()
+    }
+
+    /// The bytes of each picture, of densities or in colour.
+    fn pictures(&self, entity: &str) -> Vec<Vec<u8>> {
+        let names = ["DepthImage:buffer", "Image:buffer"].map(|name| ComponentIdentifier::try_new(name).unwrap());
+        let bytes = |chunk: &Chunk| -> Vec<Vec<u8>> {
+            let buffers = names
+                .iter()
+                .flat_map(|name| chunk.iter_slices::<&[u8]>(*name).flatten().map(|bytes| bytes.to_vec()).collect::<Vec<_>>());
+            buffers.collect()
+        };
+        self.chunks(entity).iter().flat_map(bytes).collect()
+    }
+
     /// The rows, counted over all chunks, that have the component.
     fn rows_with(&self, entity: &str, component: &str) -> Vec<usize> {
         self.lists(entity, component).iter().enumerate().filter_map(|(row, length)| length.map(|_| row)).collect()
@@ -367,7 +689,7 @@ struct Round {
     episodes: Vec<Episode>,
     episode_rows: Vec<EpisodeRow>,
     round_rows: Vec<RoundRow>,
-    footage: Option<Footage>,
+    footage: Vec<Footage>,
 }
 
 impl Round {
@@ -377,7 +699,7 @@ impl Round {
             episodes: &self.episodes.iter().collect::<Vec<_>>(),
             episode_rows: &self.episode_rows,
             round_rows: &self.round_rows,
-            footage: self.footage.as_ref(),
+            footage: &self.footage,
         };
         recorder.record_round(&round).unwrap();
     }
@@ -393,10 +715,12 @@ impl Run {
     fn about(&self) -> RecordingAbout<'_> {
         RecordingAbout {
             name: "cartpole-made-up",
+            focus: Focus::Learning,
             spec: &self.spec,
             scene: Some(&self.scene),
             agents: self.agents,
             largest_bonus: Some(0.01),
+            episodes: self.rounds.len() as u32,
             run_seed: 7,
             scenario: "Scenario(\n    environment: \"cartpole\",\n    agents: (count: 4),\n)",
             properties: &[],
@@ -418,12 +742,12 @@ fn cart_pole() -> Spec {
         actions: vec![Action { quantity: quantity("force", "N", 10.0), choice: Choice::Discrete(vec![-10.0, 10.0]) }],
         control_step: 0.02,
         time_limit: 200,
-        reward_threshold: None,
+        reward_threshold: Some(195.0),
     }
 }
 
 fn cart_and_pole() -> Scene {
-    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), fixed: name == "rail", shapes };
+    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), fixed: name == "rail", shapes, hinge: None };
     Scene {
         bodies: vec![
             body("rail", vec![Shape::Polyline(vec![[-2.4, 0.0], [2.4, 0.0]])]),
@@ -455,7 +779,7 @@ fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> R
         round,
         episode_rows: episodes.iter().map(row).collect(),
         round_rows: (0..agents).map(|agent| made_up_update(agent, round, skill)).collect(),
-        footage: round.is_multiple_of(10).then(|| played[0].1.clone()),
+        footage: round.is_multiple_of(10).then(|| played[0].1.clone()).into_iter().collect(),
         episodes,
     }
 }
@@ -499,7 +823,7 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
         intrinsic_rewards: Vec::new(),
         outcome: Status::Truncated,
     };
-    let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec() };
+    let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec(), ..Footage::default() };
     while episode.length() < 200 {
         let lean = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5) + 0.1 * state[1] + state[2] + 0.3 * state[3];
         let heed = noise.symmetric().abs() < skill + 0.1;

@@ -1,5 +1,6 @@
 //! `seedbed bench`: when several seeds of a scenario solved their task, how fast they ran, and which scenario was first.
 
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -7,14 +8,14 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::{BenchArgs, Failure, counted, tabular};
 use crate::input::InputError;
-use crate::run::trainer::Trainer;
 use crate::run::{Plan, RunError};
+use crate::study::comparison::{Comparison, Score, compare, lifetimes};
+use crate::study::file::Test;
+use crate::study::measured::{Measured, Until, train};
 use crate::study::statistics::aggregate::median;
 use crate::study::statistics::comparison::holm;
-use crate::study::statistics::improvement::probability_of_improvement;
-use crate::study::statistics::paired::{differences, signed_rank};
-use crate::study::statistics::survival::{Lifetime, kaplan_meier};
-use crate::study::statistics::{Estimate, Interval, LEAST_RUNS, estimate_of_sample};
+use crate::study::statistics::survival::kaplan_meier;
+use crate::study::statistics::{Interval, LEAST_RUNS};
 
 /// What one run came to.
 #[derive(Clone)]
@@ -53,7 +54,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
         explore(&table, &benches);
     }
     if let Some((first, others)) = benches.split_first().filter(|(_, others)| !others.is_empty()) {
-        compare(&table, first, others);
+        compare_all(&table, first, others);
     }
     if (args.seeds as usize) < LEAST_RUNS {
         say!("\nn = {} is too few for an interval, which takes at least {LEAST_RUNS} seeds.", args.seeds);
@@ -69,14 +70,14 @@ fn train_all(table: &Table, plans: &[Plan], args: &BenchArgs, pool: &ThreadPool)
     table.head(&SOLVING);
     let mut benches = Vec::new();
     for plan in plans {
-        let bench = train(plan, args, pool)?;
+        let bench = bench_of(plan, args, pool)?;
         table.row(&SOLVING, &bench.name, &solving(&bench));
         benches.push(bench);
     }
     Ok(benches)
 }
 
-fn train(plan: &Plan, args: &BenchArgs, pool: &ThreadPool) -> Result<Bench, RunError> {
+fn bench_of(plan: &Plan, args: &BenchArgs, pool: &ThreadPool) -> Result<Bench, RunError> {
     let seeds = args.first_seed..args.first_seed.saturating_add(args.seeds);
     let outcomes: Result<Vec<Outcome>, RunError> =
         pool.install(|| seeds.into_par_iter().map(|seed| outcome(plan, seed, args.whole)).collect());
@@ -89,27 +90,30 @@ fn train(plan: &Plan, args: &BenchArgs, pool: &ThreadPool) -> Result<Bench, RunE
 fn outcome(plan: &Plan, seed: u64, whole: bool) -> Result<Outcome, RunError> {
     let mut plan = plan.clone();
     plan.scenario.seed = seed;
-    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
-    let (mut solved, mut reached) = (None, vec![None; trainer.agents().len()]);
+    let until = if whole { Until::MostEpisodes } else { Until::Solved };
     let started = Instant::now();
-    while trainer.measures().episodes_per_agent() < plan.scenario.most_episodes() as usize && (whole || solved.is_none()) {
-        let rows = trainer.advance()?.rows;
-        for row in rows.episodes.iter().filter(|row| trainer.threshold().is_some_and(|wanted| row.r#return >= wanted.r#return)) {
-            reached[row.agent as usize].get_or_insert(u64::from(row.episode) + 1);
-        }
-        if solved.is_none() && trainer.is_solved() {
-            solved = Some(so_far(&trainer));
-        }
-    }
-    let seconds = started.elapsed().as_secs_f64();
-    let (episodes, env_steps) = solved.unwrap_or_else(|| so_far(&trainer));
-    let (coverage, all_env_steps) = (trainer.measures().team_coverage(), trainer.measures().env_steps());
-    Ok(Outcome { solved: solved.is_some(), episodes, env_steps, reached, coverage, all_env_steps, seconds })
+    let run = train(&plan, until, &[], &AtomicBool::new(false))?.expect("nothing interrupts it");
+    Ok(Outcome::of(&run, started.elapsed().as_secs_f64()))
 }
 
-/// Episodes of each agent, and steps of the team.
-fn so_far(trainer: &Trainer) -> (u64, u64) {
-    (trainer.measures().episodes_per_agent() as u64, trainer.measures().env_steps())
+impl Outcome {
+    fn of(run: &Measured, seconds: f64) -> Self {
+        let so_far = (run.episodes_per_agent() as u64, run.env_steps);
+        let (episodes, env_steps) = run.solved.map_or(so_far, |solved| (solved.episodes.into(), solved.env_steps));
+        let reached = run.first_goals().into_iter().map(|episode| episode.map(u64::from)).collect();
+        let (solved, coverage) = (run.solved.is_some(), run.team_coverage());
+        Self { solved, episodes, env_steps, reached, coverage, all_env_steps: run.env_steps, seconds }
+    }
+
+    fn score(&self, seed: u64, time: u64) -> Score {
+        let (value, watched) = if self.solved { (time as f64, f64::INFINITY) } else { (f64::INFINITY, time as f64) };
+        Score { seed, value, watched }
+    }
+}
+
+/// Times of runs, in the order of their seeds.
+fn scores(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<Score> {
+    (0..).zip(outcomes).map(|(seed, outcome)| outcome.score(seed, time(outcome))).collect()
 }
 
 /// Columns after the scenario's name, with their widths.
@@ -121,8 +125,8 @@ const SOLVING: Columns<8> =
 /// Seeds that did not solve the task are censored: known to take longer than they were given.
 fn solving(bench: &Bench) -> [String; 8] {
     let outcomes = &bench.outcomes;
-    let curve = kaplan_meier(&lifetimes(outcomes, |outcome| outcome.episodes));
-    let env_steps = kaplan_meier(&lifetimes(outcomes, |outcome| outcome.env_steps)).median();
+    let curve = kaplan_meier(&lifetimes(&scores(outcomes, |outcome| outcome.episodes)));
+    let env_steps = kaplan_meier(&lifetimes(&scores(outcomes, |outcome| outcome.env_steps))).median();
     let at_most = format!("> {}", bench.most_episodes);
     let shown = |end: f64| if end.is_finite() { format!("{end}") } else { at_most.clone() };
     let times = || outcomes.iter().map(|outcome| if outcome.solved { outcome.episodes as f64 } else { f64::INFINITY });
@@ -137,10 +141,6 @@ fn solving(bench: &Bench) -> [String; 8] {
         env_steps.map_or("unknown".to_owned(), |median| format!("{median:.0}")),
         format!("{:.0}", steps as f64 / seconds),
     ]
-}
-
-fn lifetimes(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<Lifetime> {
-    outcomes.iter().map(|outcome| Lifetime { time: time(outcome) as f64, reached: outcome.solved }).collect()
 }
 
 const EXPLORING: Columns<4> = [("agents", 8), ("reached", 9), ("in episode", 10), ("coverage", 8)];
@@ -173,14 +173,14 @@ const PAIRED: Columns<5> =
     [("difference", 10), ("95 % interval", 17), ("P(faster)", 9), ("95 % interval", 13), ("p after Holm", 12)];
 
 /// Each of the `others` against the `first`, seed by seed.
-fn compare(table: &Table, first: &Bench, others: &[Bench]) {
+fn compare_all(table: &Table, first: &Bench, others: &[Bench]) {
     say!("\nAgainst {}, seed by seed: the median difference in episodes (below 0 is faster), how likely", first.name);
     say!("a run is faster than one of the former, and p of Wilcoxon's signed-rank test.\n");
     table.head(&PAIRED);
     let comparisons: Vec<Comparison> = others.iter().map(|other| comparison(&other.outcomes, &first.outcomes)).collect();
     let p = holm(&comparisons.iter().map(|comparison| comparison.p).collect::<Vec<f64>>());
     for ((other, comparison), p) in others.iter().zip(&comparisons).zip(p) {
-        table.row(&PAIRED, &other.name, &comparison.in_words(p));
+        table.row(&PAIRED, &other.name, &in_words(comparison, p));
     }
     if [first].into_iter().chain(others).any(|bench| bench.outcomes.iter().any(|outcome| !outcome.solved)) {
         say!("\nA pair of scenarios is compared up to where the first unsolved run of either ended; what was not solved by then");
@@ -189,43 +189,21 @@ fn compare(table: &Table, first: &Bench, others: &[Bench]) {
 }
 
 /// One scenario against another.
-struct Comparison {
-    difference: Estimate,
-    faster: Estimate,
-    p: f64,
-}
-
-/// A run that was given fewer episodes may be unsolved for that reason alone. So both scenarios are judged by the time of which
-/// everything is known: up to the end of the first run that did not solve the task.
 fn comparison(outcomes: &[Outcome], reference: &[Outcome]) -> Comparison {
-    let unsolved = outcomes.iter().chain(reference).filter(|outcome| !outcome.solved);
-    let horizon = unsolved.map(|outcome| outcome.episodes).min().unwrap_or(u64::MAX);
-    let time = |outcome: &Outcome| {
-        if outcome.solved && outcome.episodes <= horizon { outcome.episodes as f64 } else { f64::INFINITY }
-    };
-    let times = |outcomes: &[Outcome]| outcomes.iter().map(time).collect::<Vec<f64>>();
-    let speeds = |outcomes: &[Outcome]| vec![outcomes.iter().map(|outcome| -time(outcome)).collect::<Vec<f64>>()];
-    let differences = differences(&times(outcomes), &times(reference));
-    Comparison {
-        difference: estimate_of_sample(&differences, median),
-        faster: probability_of_improvement(&speeds(outcomes), &speeds(reference)),
-        p: signed_rank(&differences).p,
-    }
+    let episodes = |outcome: &Outcome| outcome.episodes;
+    compare(&scores(outcomes, episodes), &scores(reference, episodes), true, Test::Paired).expect("both have the same seeds")
 }
 
-impl Comparison {
-    fn in_words(&self, p: f64) -> [String; 5] {
-        let signed =
-            |value: f64| if value.is_finite() { format!("{value:.1}") } else { format!("{value}").replace("inf", "∞") };
-        let share = |value: f64| format!("{value:.2}");
-        [
-            signed(self.difference.value),
-            interval_in_words(self.difference.interval, signed),
-            share(self.faster.value),
-            interval_in_words(self.faster.interval, share),
-            if p < 0.0001 { "< 0.0001".to_owned() } else { format!("{p:.4}") },
-        ]
-    }
+fn in_words(comparison: &Comparison, p: f64) -> [String; 5] {
+    let signed = |value: f64| if value.is_finite() { format!("{value:.1}") } else { format!("{value}").replace("inf", "∞") };
+    let share = |value: f64| format!("{value:.2}");
+    [
+        signed(comparison.effect.value),
+        interval_in_words(comparison.effect.interval, signed),
+        share(comparison.below.value),
+        interval_in_words(comparison.below.interval, share),
+        if p < 0.0001 { "< 0.0001".to_owned() } else { format!("{p:.4}") },
+    ]
 }
 
 pub(super) fn interval_in_words(interval: Interval, shown: impl Fn(f64) -> String) -> String {
@@ -294,23 +272,10 @@ mod tests {
         assert_eq!(row(60, "40 50 60+")[1..7], ["2/3", "50.0", "n = 3: none", "40", "> 60", "500"]);
     }
 
-    /// Differences −10, −20, −30, −40, −50 have median −30; all of one sign has p = 2/2⁵. Of the 25 pairs 10 beats five of 20 to
-    /// 100 and so on: each of 10, 20, 30, 40, 50 is below 5, 4½, 4, 3½, 3 of them, which makes 20 in 25.
+    /// All of the first are faster than the second by more than can be told.
     #[test]
-    fn pairs_are_compared_seed_by_seed() {
-        let comparison = comparison(&outcomes("10 20 30 40 50"), &outcomes("20 40 60 80 100"));
-        assert_eq!((comparison.difference.value, comparison.faster.value, comparison.p), (-30.0, 0.8, 0.0625));
-        let Interval::Known { low, high } = comparison.difference.interval else { panic!("five are enough") };
-        assert!((-50.0..-30.0).contains(&low) && (-30.0..=-10.0).contains(&high), "{low} to {high}");
-    }
-
-    /// Of the second nothing is known after 50 episodes, when it was not solved yet; the first took 80 or 90 and was not either.
-    #[test]
-    fn a_run_with_fewer_episodes_does_not_lose_for_that() {
-        let tie = comparison(&outcomes("80 90 80 90 80"), &outcomes("50+ 50+ 50+ 50+ 50+"));
-        assert_eq!((tie.difference.value, tie.faster.value, tie.p), (0.0, 0.5, 1.0));
+    fn comparisons_are_put_in_words() {
         let won = comparison(&outcomes("30 30 30 30 80"), &outcomes("50+ 50+ 50+ 50+ 50+"));
-        assert_eq!((won.difference.value, won.faster.value), (f64::NEG_INFINITY, 0.9));
-        assert_eq!(won.in_words(won.p)[..3], ["-∞", "-∞ to 0.0", "0.90"]);
+        assert_eq!(in_words(&won, won.p)[..3], ["-∞", "-∞ to 0.0", "0.90"]);
     }
 }

@@ -6,6 +6,7 @@ use super::{Failure, counted, tabular};
 use crate::env::{self, Choice, Spec};
 use crate::input::{self, InputError, Kind};
 use crate::run::Plan;
+use crate::study::plan::StudyPlan;
 
 /// Of more observations than these, only so many are named.
 pub(super) const MOST_SHOWN: usize = 30;
@@ -34,6 +35,12 @@ fn check_file(path: &Path) -> Result<String, InputError> {
             let plan = Plan::load(path, &[])?;
             let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
             Ok(format!("scenario of {agents} in `{}`, {}", plan.description.spec.name, described(&plan.description.spec)))
+        }
+        Kind::Study => {
+            let plan = StudyPlan::load(path, false)?;
+            StudyPlan::load(path, true)?;
+            let (cells, claims) = (counted(plan.cells.len(), "cell"), counted(plan.study().claims.len(), "claim"));
+            Ok(format!("study of {cells} with {} each, and {claims}", counted(plan.repeats() as usize, "run")))
         }
     }
 }

@@ -2,41 +2,48 @@
 
 use super::{ActionsArg, EvaluateArgs, Failure};
 use crate::agent::policy::ActionSelection;
-use crate::experience::Episode;
 use crate::input::numbers::Positive;
 use crate::run::evaluate::{self, Evaluation};
 
 pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), Failure> {
-    let evaluation = Evaluation { episodes: args.episodes, actions: actions(args)?, seed: args.seed };
+    let evaluation = Evaluation { episodes: args.episodes, actions: actions(args.actions, args.temperature)?, seed: args.seed };
     let (plan, episodes) = evaluate::evaluate(&evaluate::run_folder(&args.run), &evaluation)?;
     let (task, count) = (&plan.description.spec.name, args.episodes);
     say!("{task}, {count} episode{} of each agent, {}:\n", if count == 1 { "" } else { "s" }, words(evaluation.actions));
-    say!("| agent | mean return | deviation | least | most | mean length |");
-    say!("|---|---|---|---|---|---|");
-    for own in episodes.chunk_by(|one, next| one.agent == next.agent) {
-        say!("| {} {}", own[0].agent, row(own));
-    }
-    if plan.scenario.agents.count.get() > 1 {
-        say!("| team {}", row(&episodes));
-    }
+    let rows: Vec<_> = episodes.iter().map(|episode| (episode.agent, episode.total_reward(), episode.length())).collect();
+    print_table(&rows);
     Ok(())
 }
 
-fn actions(args: &EvaluateArgs) -> Result<Option<ActionSelection>, Failure> {
-    let temperature = |temperature: f64| {
+/// A row for each agent and for the team.   `episodes`: agent, return and length, in agent order
+pub(super) fn print_table(episodes: &[(u32, f64, usize)]) {
+    say!("| agent | mean return | deviation | least | most | mean length |");
+    say!("|---|---|---|---|---|---|");
+    let mut agents = 0;
+    for own in episodes.chunk_by(|one, next| one.0 == next.0) {
+        say!("| {} {}", own[0].0, row(own));
+        agents += 1;
+    }
+    if agents > 1 {
+        say!("| team {}", row(episodes));
+    }
+}
+
+pub(super) fn actions(actions: Option<ActionsArg>, temperature: Option<f64>) -> Result<Option<ActionSelection>, Failure> {
+    let tempered = |temperature: f64| {
         let temperature =
             Positive::try_from(temperature).map_err(|message| Failure::Input(format!("--temperature: {message}")))?;
         Ok(ActionSelection::Tempered { temperature })
     };
-    match (args.actions, args.temperature) {
-        (_, Some(value)) => temperature(value).map(Some),
+    match (actions, temperature) {
+        (_, Some(value)) => tempered(value).map(Some),
         (Some(ActionsArg::Greedy), None) => Ok(Some(ActionSelection::Greedy)),
         (Some(ActionsArg::Sampled), None) => Ok(Some(ActionSelection::Sampled)),
         (None, None) => Ok(None),
     }
 }
 
-fn words(actions: Option<ActionSelection>) -> String {
+pub(super) fn words(actions: Option<ActionSelection>) -> String {
     match actions {
         None => "actions chosen as in training".to_owned(),
         Some(ActionSelection::Sampled) => "sampled actions".to_owned(),
@@ -45,12 +52,12 @@ fn words(actions: Option<ActionSelection>) -> String {
     }
 }
 
-fn row(episodes: &[Episode]) -> String {
-    let returns: Vec<f64> = episodes.iter().map(Episode::total_reward).collect();
+fn row(episodes: &[(u32, f64, usize)]) -> String {
+    let returns: Vec<f64> = episodes.iter().map(|episode| episode.1).collect();
     let count = returns.len() as f64;
     let mean = returns.iter().sum::<f64>() / count;
     let deviation = (returns.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
     let (least, most) = returns.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)));
-    let length = episodes.iter().map(|episode| episode.length() as f64).sum::<f64>() / count;
+    let length = episodes.iter().map(|episode| episode.2 as f64).sum::<f64>() / count;
     format!("| {mean:.2} | {deviation:.2} | {least:.2} | {most:.2} | {length:.1} |")
 }

@@ -7,9 +7,10 @@ use super::{Listed, counted, tabular};
 use crate::agent::Algorithm;
 use crate::agent::catalogue::Parameter;
 use crate::env;
-use crate::input;
+use crate::input::{self, InputError, Kind};
 use crate::run::Plan;
 use crate::scenario::{self, Scenario};
+use crate::study::plan::StudyPlan;
 
 pub(super) fn list(what: Option<Listed>) {
     let wanted = |kind| what.is_none() || what == Some(kind);
@@ -47,15 +48,24 @@ fn print_environment(spec: &env::Spec) {
 
 fn scenarios() {
     for_each_file("Scenarios", "scenarios", |path| {
-        let listed = if tabular::is_meant(path) {
-            tabular::described(path).map(|said| say!("  {:<52} {said}", path.display()))
-        } else {
-            Plan::load(path, &[]).map(|plan| print_scenario(path, &plan))
-        };
-        if let Err(error) = listed {
+        if let Err(error) = print_scenario_or_study(path) {
             say!("  {}\n      cannot be used: {error}", path.display());
         }
     });
+}
+
+fn print_scenario_or_study(path: &Path) -> Result<(), InputError> {
+    match input::kind(&path.display().to_string(), &input::read_text(path)?)? {
+        Kind::Study => print_study(path, &StudyPlan::load(path, false)?),
+        Kind::TabularScenario => say!("  {:<52} {}", path.display(), tabular::described(path)?),
+        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => print_scenario(path, &Plan::load(path, &[])?),
+    }
+    Ok(())
+}
+
+fn print_study(path: &Path, plan: &StudyPlan) {
+    let (cells, runs) = (counted(plan.cells.len(), "cell"), counted(plan.repeats() as usize, "run"));
+    say!("  {:<32} study: {}; {cells} of {runs}", path.display(), plan.study().title);
 }
 
 fn print_scenario(path: &Path, plan: &Plan) {

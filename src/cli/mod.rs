@@ -10,10 +10,16 @@ macro_rules! say {
 mod bench;
 mod check;
 mod evaluate;
+mod inspect;
 mod list;
+mod plot;
 mod preview;
 mod progress;
+mod replay;
+mod report;
 mod run;
+mod spark;
+mod study;
 mod tabular;
 
 use std::io::Write;
@@ -23,7 +29,9 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::input::InputError;
+use crate::record::rerun::{DEFAULT_VIEWER, ViewerError};
 use crate::run::RunError;
+use crate::run::review::ReviewError;
 
 /// Coordinated exploration in concurrent reinforcement learning, with every visited state on record.
 #[derive(Debug, Parser)]
@@ -34,6 +42,10 @@ use crate::run::RunError;
   seedbed check scenarios/*.ron envs/*.ron                validate files without running
   seedbed preview cartpole                                record a few random episodes of a task
   seedbed evaluate recordings/cartpole/seed-0 --actions greedy
+  seedbed study scenarios/thesis/fig_6_4a.ron             many runs, with a report and a verdict on each claim
+  seedbed replay recordings/cartpole/seed-0               film what the trained policies do
+  seedbed inspect recordings/cartpole/seed-0              what came of a run
+  seedbed plot recordings/cartpole/seed-0 --out run.png   where its agents went
   seedbed list algorithms                                 what can be set, and the defaults
   rerun recordings/cartpole/seed-0/run.rrd                look at a recording (the viewer: pip install rerun-sdk==0.36.3)")]
 struct Cli {
@@ -45,9 +57,9 @@ struct Cli {
 enum Command {
     /// Train a team as a scenario file says, and record it
     Run(RunArgs),
-    /// Validate scenario and environment files without running them
+    /// Validate scenario, environment and study files without running them
     Check {
-        /// Files in RON, of either kind
+        /// Files in RON, of any kind
         #[arg(required = true)]
         files: Vec<PathBuf>,
     },
@@ -61,8 +73,18 @@ enum Command {
     Preview(PreviewArgs),
     /// Train scenarios with several seeds and print when each solved its task, and how fast; in finite tasks, their regret
     Bench(BenchArgs),
+    /// Run many settings with many seeds as a study file says, and judge its claims
+    Study(StudyArgs),
+    /// Write the report of a study's runs, as far as they are there
+    Report(ReportArgs),
     /// Play the policies of a run without learning, and print what they reach
     Evaluate(EvaluateArgs),
+    /// Record episodes of the policies of a run, with the bodies in motion
+    Replay(ReplayArgs),
+    /// Tell what came of a run: returns, coverage, how far agents differ, what they saw
+    Inspect(inspect::InspectArgs),
+    /// Draw where the agents of a run went, and what they reached, as SVG or PNG
+    Plot(plot::PlotArgs),
 }
 
 #[derive(Debug, Args)]
@@ -70,6 +92,7 @@ enum Command {
 #[command(after_help = "Examples:
   seedbed run scenarios/cartpole.ron --seed 3
   seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)' --out results/unseeded
+  seedbed run scenarios/cartpole.ron --live               watch it in a viewer that runs already (rerun)
   seedbed run scenarios/cartpole.ron --resume             go on after an interruption, to the same bits")]
 struct RunArgs {
     /// A scenario file
@@ -89,6 +112,10 @@ struct RunArgs {
     /// Write no run.rrd
     #[arg(long)]
     no_recording: bool,
+    /// Show the recording in a running viewer while it is made [default URL: that of a viewer on this machine]
+    #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_VIEWER)]
+    #[arg(conflicts_with = "no_recording")]
+    live: Option<String>,
     /// Say nothing but errors
     #[arg(long, short)]
     quiet: bool,
@@ -169,6 +196,74 @@ struct EvaluateArgs {
     seed: u64,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed study scenarios/thesis/fig_6_4a.ron             all runs that are missing, then the report
+  seedbed study scenarios/thesis/*.ron --quick            every study with few and short runs, to see that all is as meant
+  seedbed study scenarios/thesis/fig_6_4a.ron --list      all runs with their indices
+  seedbed study scenarios/thesis/fig_6_4a.ron --index $SLURM_ARRAY_TASK_ID    one of them, as a job of its own
+A study that was interrupted goes on where it was; one that was changed runs what its change concerns.")]
+struct StudyArgs {
+    /// Study files
+    #[arg(required = true)]
+    studies: Vec<PathBuf>,
+    /// Runs at once, each on one thread [default: one a core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// Where results go [default: recordings/studies/<study>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Run it as the study's `quick` says, into a folder of its own
+    #[arg(long)]
+    quick: bool,
+    /// Show all runs with their indices, and which are finished
+    #[arg(long)]
+    list: bool,
+    /// Run this one alone, without a report; many may do so at once in one folder
+    #[arg(long, value_name = "I", conflicts_with = "list")]
+    index: Option<usize>,
+    /// Run again what failed before
+    #[arg(long)]
+    retry: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed report recordings/studies/fig_6_4a              report.html, results.csv and figures/ in that folder")]
+struct ReportArgs {
+    /// Folders of studies
+    #[arg(required = true, value_name = "DIR")]
+    folders: Vec<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed replay recordings/cartpole/seed-0                            to recordings/cartpole/seed-0/replay.rrd
+  seedbed replay recordings/cartpole/seed-0 --agents 0,3 --actions greedy
+  seedbed replay recordings/cartpole/seed-0/run.rrd --episodes 20 --seed 7 --out look.rrd")]
+struct ReplayArgs {
+    /// A run's folder, or the recording in it
+    run: PathBuf,
+    /// Episodes of each agent
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    episodes: u32,
+    /// Agents whose bodies are drawn, such as 0,3 [default: those that the scenario draws]
+    #[arg(long, value_name = "K,…", value_delimiter = ',')]
+    agents: Vec<u32>,
+    /// How actions are chosen [default: as in training]
+    #[arg(long, value_enum)]
+    actions: Option<ActionsArg>,
+    /// Sample from the policy to the power 1/T: below 1 is greedier
+    #[arg(long, value_name = "T", conflicts_with = "actions", allow_negative_numbers = true)]
+    temperature: Option<f64>,
+    /// Seed of the starts and the actions
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// The recording [default: replay.rrd in the run's folder]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ActionsArg {
     /// Drawn from the policy
@@ -216,6 +311,11 @@ pub fn main() -> ExitCode {
         Command::Preview(args) => preview::preview(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
+        Command::Study(args) => study::study(&args),
+        Command::Report(args) => report::report(&args),
+        Command::Replay(args) => replay::replay(&args),
+        Command::Inspect(args) => inspect::inspect(&args),
+        Command::Plot(args) => plot::plot(&args),
     };
     let Err(failure) = done else { return ExitCode::SUCCESS };
     if !matches!(failure, Failure::Files(1)) {
@@ -232,6 +332,12 @@ fn counted(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
+impl From<ReviewError> for Failure {
+    fn from(error: ReviewError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
 fn say_line(line: std::fmt::Arguments<'_>) {
     if let Err(error) = writeln!(std::io::stdout(), "{line}") {
         if error.kind() == std::io::ErrorKind::BrokenPipe {
@@ -245,6 +351,15 @@ fn say_line(line: std::fmt::Arguments<'_>) {
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
         Self::Input(error.to_string())
+    }
+}
+
+impl From<ViewerError> for Failure {
+    fn from(error: ViewerError) -> Self {
+        match error {
+            ViewerError::Address(_) => Self::Input(error.to_string()),
+            ViewerError::Absent(_) => Self::Work(error.to_string()),
+        }
     }
 }
 

@@ -7,9 +7,10 @@ use std::time::Instant;
 
 use super::progress::{Bar, Silent};
 use super::{Failure, RunArgs, counted, tabular};
+use crate::record::rerun::Viewer;
 use crate::run::folder::{Claim, Contents, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
-use crate::run::{self, Ending, Observer, Options, Plan};
+use crate::run::{self, Ending, Observer, Options, Plan, RunError};
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let mut overrides = args.overrides.clone();
@@ -19,13 +20,15 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     }
     let plan = Plan::load(&args.scenario, &overrides)?;
     let folder = args.out.as_ref().map_or_else(|| plan.default_folder(), RunFolder::new);
+    let viewer = args.live.as_deref().map(Viewer::connect).transpose()?;
     let claim = make_room(args, &folder)?;
     let threads = args.threads.map_or(0, usize::from);
     let options = Options { folder, resume: args.resume, threads, recording: !args.no_recording };
     let started = Instant::now();
-    let ending =
-        if args.quiet { execute(&plan, &options, &mut Silent)? } else { execute(&plan, &options, &mut Bar::new(&plan))? };
-    match ending {
+    let mut observer: Box<dyn Observer> = if args.quiet { Box::new(Silent) } else { Box::new(Bar::new(&plan)) };
+    let ending = run::execute(&plan, &options, viewer, &mut *observer, &interruption("stopping after this round"));
+    drop(observer);
+    match ending.map_err(|error| with_way_on(error, args, &options.folder))? {
         Ending::Interrupted { rounds } => Err(Failure::Work(format!(
             "interrupted after {}; go on with\n  {}",
             counted(rounds as usize, "round"),
@@ -38,6 +41,17 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             }
             Ok(())
         }
+    }
+}
+
+/// What failed, and how to go on from the newest checkpoint, if there is one and it helps.
+fn with_way_on(error: RunError, args: &RunArgs, folder: &RunFolder) -> Failure {
+    let is_of_disk = matches!(error, RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. });
+    match Failure::from(error) {
+        Failure::Work(said) if is_of_disk && !args.resume && folder.contents() == Contents::UnfinishedRun => {
+            Failure::Work(format!("{said}\nthe newest checkpoint is kept; go on with\n  {}", resuming_command(args)))
+        }
+        failure => failure,
     }
 }
 
@@ -81,19 +95,15 @@ pub(super) fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Fai
     Ok(claim)
 }
 
-fn execute(plan: &Plan, options: &Options, observer: &mut dyn Observer) -> Result<Ending, Failure> {
-    Ok(run::execute(plan, options, observer, &interruption())?)
-}
-
-/// Set by the first Ctrl-C; the second ends the process at once.
-fn interruption() -> Arc<AtomicBool> {
+/// Set by the first Ctrl-C, which says `what` happens now; the second ends the process at once.
+pub(super) fn interruption(what: &'static str) -> Arc<AtomicBool> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&interrupted);
     let handler = ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        eprintln!("\nstopping after this round; press Ctrl-C again to stop at once");
+        eprintln!("\n{what}; press Ctrl-C again to stop at once");
     });
     if let Err(error) = handler {
         eprintln!("warning: Ctrl-C will end the run without a checkpoint ({error})");

@@ -6,7 +6,7 @@
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::Pose;
+use super::{Force, Pose};
 
 /// M copies of a task's bodies. Only live copies move; the bits of one do not depend on the others.
 pub trait Dynamics: Send {
@@ -25,6 +25,9 @@ pub trait Dynamics: Send {
 
     /// Where the bodies of `copy` are now: `[bodies]`.
     fn poses(&self, copy: usize, poses: &mut [Pose]);
+
+    /// Adds the forces by which surfaces pushed bodies of `copy` at the end of the latest step. Without colliders there are none.
+    fn contacts(&self, _copy: usize, _forces: &mut Vec<Force>) {}
 
     /// The whole state as bytes; [`restore`](Self::restore) continues from them to the same bits.
     fn save(&self) -> Vec<u8>;

@@ -9,6 +9,7 @@ pub mod description;
 pub mod dynamics;
 pub mod expression;
 pub mod file;
+mod forces;
 pub mod kinematics;
 pub mod physics;
 mod sensing;
@@ -63,6 +64,10 @@ pub trait Environment: Send {
 
     /// Where the bodies of `copy` are now, in the order of the scene: `[bodies]`.
     fn poses(&self, copy: usize, poses: &mut [Pose]);
+
+    /// Adds the forces of the latest step of `copy`, as they act on bodies that are at `poses`; none directly after a reset.
+    /// Only pictures ask for this, so that it may allocate.   `poses: [bodies]`, in the order of the scene
+    fn forces(&self, copy: usize, poses: &[Pose], forces: &mut Vec<Force>);
 }
 
 /// What moves the bodies of a task.
@@ -149,6 +154,26 @@ pub struct Pose {
     pub angle: f32,
 }
 
+/// A force as pictures show it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Force {
+    /// Where it comes from.
+    pub source: ForceSource,
+    /// Where it acts, m, to the right and upwards.
+    pub at: [f32; 2],
+    /// N, to the right and upwards.
+    pub newtons: [f32; 2],
+}
+
+/// Where a force comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ForceSource {
+    /// The agent's action. A torque is shown as the force at the body's centre of mass that turns it as much.
+    Action,
+    /// Another surface.
+    Contact,
+}
+
 /// The drawable bodies of a task.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scene {
@@ -167,6 +192,8 @@ pub struct SceneBody {
     pub fixed: bool,
     /// Shapes in the body's own frame.
     pub shapes: Vec<Shape>,
+    /// The hinge about which it turns, in its own frame, m.
+    pub hinge: Option<[f32; 2]>,
 }
 
 /// A shape in its body's frame; lengths in m, angles in rad.

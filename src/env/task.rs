@@ -11,7 +11,7 @@ use super::dynamics::{Dynamics, from_bytes, to_bytes};
 use super::expression::{Formula, Table};
 use super::sensing::Senses;
 use super::tabular::environment::FiniteEnvironment;
-use super::{Choice, Environment, Physics, Pose, Scene, Spec, Status, analytic, physics};
+use super::{Choice, Environment, Force, Physics, Pose, Scene, Spec, Status, analytic, forces, physics};
 use crate::input::InputError;
 use crate::random::Stream;
 
@@ -188,6 +188,16 @@ impl Environment for Task {
         poses[..still].fill(Pose::default());
         self.dynamics.poses(copy, &mut poses[still..]);
         self.draw_elsewhere(copy, &mut poses[still..]);
+    }
+
+    fn forces(&self, copy: usize, poses: &[Pose], forces: &mut Vec<Force>) {
+        if self.progress.steps[copy] > 0 {
+            let bodies = &poses[poses.len() - self.description.bodies.len()..];
+            let control = |index| self.table.column(self.columns.first_action() + index)[copy];
+            let joint = |joint| self.dynamics.joints().get(joint, copy);
+            forces::add_actions(&self.description, bodies, control, joint, forces);
+            self.dynamics.contacts(copy, forces);
+        }
     }
 }
 

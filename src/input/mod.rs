@@ -82,6 +82,8 @@ pub enum Kind {
     Scenario,
     /// `TabularScenario(…)`
     TabularScenario,
+    /// `Study(…)`
+    Study,
 }
 
 /// Reads the RON file at `path`.
@@ -133,6 +135,7 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
         "TabularEnvironment" => Ok(Kind::TabularEnvironment),
         "Scenario" => Ok(Kind::Scenario),
         "TabularScenario" => Ok(Kind::TabularScenario),
+        "Study" => Ok(Kind::Study),
         word => {
             let offset = word.as_ptr() as usize - text.as_ptr() as usize;
             let before = &text[..offset];
@@ -146,9 +149,9 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
                 position: (!opening.is_empty()).then(|| position(text, line, column)),
                 field: String::new(),
                 message: format!(
-                    "a file opens with its kind, `Environment(`, `TabularEnvironment(`, `Scenario(` or `TabularScenario(`, but this one {found}"
+                    "a file opens with its kind, `Environment(`, `TabularEnvironment(`, `Scenario(`, `TabularScenario(` or `Study(`, but this one {found}"
                 ),
-                help: suggestion(word, ["Environment", "TabularEnvironment", "Scenario", "TabularScenario"]),
+                help: suggestion(word, ["Environment", "TabularEnvironment", "Scenario", "TabularScenario", "Study"]),
             })
         }
     }

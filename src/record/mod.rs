@@ -2,10 +2,11 @@
 //!
 //! [`Recorder`] is what the loop talks to. [`rerun`] is the sole importer of the Rerun SDK and writes `run.rrd`;
 //! [`table`] writes `episodes.csv` and `rounds.csv`. [`visitation`] computes what pictures of visited states show, and
-//! [`palette`] gives each agent its colour. Training may not enter.
+//! [`palette`] gives agents and numbers their colours. Training may not enter.
 
 pub mod palette;
 pub mod rerun;
+mod settings;
 pub mod table;
 pub mod visitation;
 
@@ -13,44 +14,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::{Pose, Status};
+pub use settings::{AxisChoice, Colour, Difference, PairChoice, RecordingSettings, SceneSettings};
+
+use crate::env::{Force, Pose, Status};
 use crate::experience::Episode;
-use crate::input::Located;
-use crate::input::numbers::{Count, known_count};
-
-/// What a recording holds, and how much of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RecordingSettings {
-    /// Parallel-coordinates lines visible at once, for each agent.
-    pub lines: Count<10_000>,
-    /// Rounds between two density images.
-    pub density_every: Count,
-    /// The scene of one agent, or none.
-    pub scene: Option<SceneSettings>,
-}
-
-impl Default for RecordingSettings {
-    fn default() -> Self {
-        Self { lines: known_count(1000), density_every: known_count(10), scene: Some(SceneSettings::default()) }
-    }
-}
-
-/// Which agent's bodies are drawn, and how often.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct SceneSettings {
-    /// The agent whose bodies are drawn.
-    pub agent: Located<u32>,
-    /// Every how many episodes of that agent are drawn. The first is.
-    pub every: Count,
-}
-
-impl Default for SceneSettings {
-    fn default() -> Self {
-        Self { agent: 0.into(), every: known_count(10) }
-    }
-}
 
 /// Takes in rounds as they are finished. Must never change what is learned.
 pub trait Recorder {
@@ -71,6 +38,11 @@ pub trait Recorder {
     /// # Errors
     /// The file could not be completed; what was written before stays readable.
     fn finish(&mut self) -> Result<(), RecordError>;
+
+    /// What people should know since they last asked, though nothing is lost.
+    fn warning(&mut self) -> Option<String> {
+        None
+    }
 }
 
 /// One round of the whole team.
@@ -84,11 +56,11 @@ pub struct RoundRecord<'a> {
     pub episode_rows: &'a [EpisodeRow],
     /// One row an update, in the order in which agents learned.
     pub round_rows: &'a [RoundRow],
-    /// The filmed episode of this round, if one was.
-    pub footage: Option<&'a Footage>,
+    /// The filmed episodes of this round.
+    pub footage: &'a [Footage],
 }
 
-/// Where the bodies were throughout one episode.
+/// Where the bodies were throughout one episode, and what pushed them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Footage {
     /// Whose episode.
@@ -97,6 +69,10 @@ pub struct Footage {
     pub episode: u32,
     /// `[(T+1) × bodies]`
     pub poses: Vec<Pose>,
+    /// The forces of the steps that led to each row, row by row; none led to the first.
+    pub forces: Vec<Force>,
+    /// How many of them belong to each row: `[T+1]`
+    pub forces_per_row: Vec<usize>,
 }
 
 /// One row of `episodes.csv`.

@@ -1,10 +1,11 @@
-//! The tables `episodes.csv` and `rounds.csv`: what reports and other tools read.
+//! The tables `episodes.csv` and `rounds.csv`: what reports and other tools read. [`read`] takes them up again.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::{Attempt, RecordError, Recorder, RoundRecord};
 
@@ -59,6 +60,29 @@ impl Recorder for TableRecorder {
         self.episodes.sync()?;
         self.rounds.sync().map(|_| ())
     }
+}
+
+/// A table that cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot read {path}: {reason}")]
+pub struct TableError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is the matter, and in which line.
+    pub reason: String,
+}
+
+/// Reads the rows of a table: of `episodes.csv` as [`EpisodeRow`](super::EpisodeRow), of `rounds.csv` as [`RoundRow`](super::RoundRow).
+/// Columns are found by their names. A last row that is torn, as a killed run may leave it, is left out.
+///
+/// # Errors
+/// The file cannot be read, lacks a column, or has a row that is no row of this table.
+pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, TableError> {
+    let fault = |reason: String| TableError { path: path.to_owned(), reason };
+    let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
+    let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+    let rows: Result<Vec<R>, csv::Error> = csv::Reader::from_reader(whole.as_bytes()).into_deserialize().collect();
+    rows.map_err(|error| fault(error.to_string()))
 }
 
 struct Table {

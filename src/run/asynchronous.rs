@@ -3,11 +3,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::rollout::{Camera, Room, Seat};
+use super::rollout::{Room, Seat};
 use crate::agent::Agent;
 use crate::env::Environment;
 use crate::experience::Episode;
-use crate::record::Footage;
+use crate::record::{Footage, SceneSettings};
 
 /// The team in the middle of things.
 #[derive(Debug, Serialize, Deserialize)]
@@ -31,20 +31,20 @@ struct Place {
 
 /// How episodes follow each other.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pace {
+pub(super) struct Pace<'a> {
     pub(super) run_seed: u64,
     /// Episodes that each agent plays in all.
     pub(super) episodes: u32,
     /// Steps of the others that an update takes.
     pub(super) learning: u32,
-    pub(super) camera: Option<Camera>,
+    pub(super) camera: Option<&'a SceneSettings>,
 }
 
-/// Episodes that ended in the same step, in agent order, and the film of one of them.
+/// Episodes that ended in the same step, in agent order, and their films.
 #[derive(Debug, Default)]
 pub(super) struct Ended {
     pub(super) episodes: Vec<Episode>,
-    pub(super) footage: Option<Footage>,
+    pub(super) footage: Vec<Footage>,
 }
 
 impl Desk {
@@ -57,7 +57,7 @@ impl Desk {
     }
 
     /// Goes on until at least one episode ends; nothing ends any more when every agent has played all of its own.
-    pub(super) fn play(&mut self, environment: &mut dyn Environment, agents: &[Box<dyn Agent>], pace: &Pace) -> Ended {
+    pub(super) fn play(&mut self, environment: &mut dyn Environment, agents: &[Box<dyn Agent>], pace: &Pace<'_>) -> Ended {
         let mut ended = Ended::default();
         while ended.episodes.is_empty() && self.goes_on(pace) {
             self.begin_episodes(environment, pace);
@@ -68,7 +68,7 @@ impl Desk {
             for seat in &mut self.seats {
                 if let Some(episode) = seat.observe(environment) {
                     ended.episodes.push(episode);
-                    ended.footage = ended.footage.or(seat.footage.take());
+                    ended.footage.extend(seat.footage.take());
                 }
             }
         }
@@ -77,7 +77,7 @@ impl Desk {
 
     /// Notes that an agent has learned from the team's first `total` episodes; returns where its fresh ones begin, and how often it
     /// had learned before.
-    pub(super) fn learn(&mut self, agent: u32, total: u64, pace: &Pace) -> (u64, u32) {
+    pub(super) fn learn(&mut self, agent: u32, total: u64, pace: &Pace<'_>) -> (u64, u32) {
         let place = &mut self.places[agent as usize];
         place.learning = pace.learning;
         (std::mem::replace(&mut place.learned, total), place.begun - 1)
@@ -88,12 +88,12 @@ impl Desk {
         self.places.iter().map(|place| place.learned).min().unwrap_or(u64::MAX)
     }
 
-    fn goes_on(&self, pace: &Pace) -> bool {
+    fn goes_on(&self, pace: &Pace<'_>) -> bool {
         let mut seats = self.places.iter().zip(&self.seats);
         seats.any(|(place, seat)| place.begun < pace.episodes || seat.is_playing())
     }
 
-    fn begin_episodes(&mut self, environment: &mut dyn Environment, pace: &Pace) {
+    fn begin_episodes(&mut self, environment: &mut dyn Environment, pace: &Pace<'_>) {
         for (agent, (place, seat)) in (0..).zip(self.places.iter_mut().zip(&mut self.seats)) {
             if !seat.is_playing() && place.learning == 0 && place.begun < pace.episodes {
                 *seat = Seat::new(pace.run_seed, agent, place.begun);

@@ -28,7 +28,7 @@ pub struct CheckpointError {
     pub reason: String,
 }
 
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 impl Checkpoint {
     /// A checkpoint of this version.

@@ -4,14 +4,13 @@ use std::path::{Path, PathBuf};
 
 use super::checkpoint::{self, Checkpoint, CheckpointError};
 use super::folder::RunFolder;
-use super::rollout::RoundPlan;
+use super::rollout::{Played, RoundPlan};
+use super::summary::Summary;
 use super::trainer::Trainer;
 use super::{Plan, RunError};
 use crate::agent::policy::ActionSelection;
 use crate::experience::Episode;
-
-/// Streams of an evaluation bear a round that no training reaches.
-const ROUND: u32 = u32::MAX;
+use crate::record::SceneSettings;
 
 /// What is evaluated.
 #[derive(Clone, Copy, Debug)]
@@ -36,15 +35,45 @@ pub fn run_folder(path: &Path) -> RunFolder {
 /// # Errors
 /// The folder holds no run with a checkpoint, or one of another version.
 pub fn evaluate(folder: &RunFolder, evaluation: &Evaluation) -> Result<(Plan, Vec<Episode>), RunError> {
+    let (plan, mut trainer) = trained(folder, evaluation.actions)?;
+    let rounds = (0..evaluation.episodes).map(|number| play(&mut trainer, evaluation, number, None));
+    let mut episodes: Vec<Episode> = rounds.flat_map(|played| played.episodes).collect();
+    episodes.sort_by_key(|episode| (episode.agent, episode.episode));
+    Ok((plan, episodes))
+}
+
+/// The run in `folder` with its team as the newest checkpoint has it.
+///
+/// # Errors
+/// The folder holds no run with a checkpoint, or one of another version.
+pub(super) fn trained(folder: &RunFolder, actions: Option<ActionSelection>) -> Result<(Plan, Trainer), RunError> {
     let mut plan = Plan::load(&folder.scenario(), &[])?;
-    if let Some(actions) = evaluation.actions {
+    plan.name = name(folder).unwrap_or(plan.name);
+    if let Some(actions) = actions {
         plan.scenario.algorithm = plan.scenario.algorithm.value().clone().with_actions(actions).into();
     }
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
     let checkpoint = Checkpoint::read(folder.path())?;
     let path: PathBuf = checkpoint::file(folder.path());
     trainer.restore(&checkpoint.trainer).map_err(|reason| CheckpointError { path, reason })?;
-    let round = RoundPlan { run_seed: evaluation.seed, round: ROUND, episodes: evaluation.episodes, camera: None };
-    let episodes = trainer.play_without_learning(&round);
-    Ok((plan, episodes))
+    Ok((plan, trainer))
+}
+
+/// What the scenario was called when the run was finished; its copy in the folder is called `scenario`.
+fn name(folder: &RunFolder) -> Option<String> {
+    let summary = std::fs::read(folder.summary()).ok()?;
+    serde_json::from_slice::<Summary>(&summary).ok().map(|summary| summary.scenario)
+}
+
+/// Plays episode `number` of every agent. Its streams bear a round that no training reaches.
+pub(super) fn play(trainer: &mut Trainer, evaluation: &Evaluation, number: u32, camera: Option<&SceneSettings>) -> Played {
+    let plan = RoundPlan { run_seed: evaluation.seed, round: u32::MAX - number, episodes: 1, camera };
+    let mut played = trainer.play_without_learning(&plan);
+    for episode in &mut played.episodes {
+        (episode.episode, episode.round) = (number, number);
+    }
+    for footage in &mut played.footage {
+        footage.episode = number;
+    }
+    played
 }

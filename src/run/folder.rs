@@ -80,7 +80,7 @@ impl RunFolder {
         let recording = self.recording();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
         let tabular = ["regret.csv", "visits.csv"].map(|name| self.path.join(name));
-        let files = [self.summary(), recording, self.scenario(), self.policies()].into_iter().chain(tabular);
+        let files = [self.summary(), recording, self.replay(), self.scenario(), self.policies()].into_iter().chain(tabular);
         for path in files.chain(unfinished).chain(self.tables()) {
             remove(fs::remove_file(path))?;
         }
@@ -98,6 +98,12 @@ impl RunFolder {
     #[must_use]
     pub fn recording(&self) -> PathBuf {
         self.path.join("run.rrd")
+    }
+
+    /// The recording of its policies at play, where `seedbed replay` made one.
+    #[must_use]
+    pub fn replay(&self) -> PathBuf {
+        self.path.join("replay.rrd")
     }
 
     /// `episodes.csv` and `rounds.csv`.

@@ -2,7 +2,7 @@
 //!
 //! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round
 //! (`asynchronous` one in which nobody waits), [`exchange`] shares its episodes,
-//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it. Formulas of learning may not enter.
+//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it, [`review`] reads it back. Formulas of learning may not enter.
 
 mod agreement;
 mod asynchronous;
@@ -13,6 +13,8 @@ pub mod files;
 pub mod folder;
 pub mod measures;
 pub mod preview;
+pub mod replay;
+pub mod review;
 pub mod rollout;
 pub mod summary;
 pub mod trainer;
@@ -29,7 +31,7 @@ use self::trainer::{Diverged, Round, Trainer};
 use crate::env;
 use crate::env::description::Description;
 use crate::input::{self, Document, InputError};
-use crate::record::rerun::{RecordingAbout, RerunRecorder};
+use crate::record::rerun::{Focus, RecordingAbout, RerunRecorder, Viewer};
 use crate::record::table::TableRecorder;
 use crate::record::{RecordError, Recorder, RoundRecord};
 use crate::scenario::{self, Scenario};
@@ -67,6 +69,9 @@ pub trait Observer {
 
     /// A round is finished.
     fn round_finished(&mut self, progress: &Progress);
+
+    /// Something happened that people should know, though nothing is lost.
+    fn warn(&mut self, _warning: &str) {}
 }
 
 /// How far a run has come.
@@ -128,7 +133,14 @@ impl Plan {
     /// # Errors
     /// Whatever is wrong with either, with its place.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
-        let document = scenario::load(path, overrides)?;
+        Self::of(scenario::load(path, overrides)?, path)
+    }
+
+    /// Checks a scenario that stands at `path`, and reads its task.
+    ///
+    /// # Errors
+    /// Whatever is wrong with either, with its place.
+    pub fn of(document: Document<Scenario>, path: &Path) -> Result<Self, InputError> {
         let environment = scenario::environment_path(&document, path)?;
         let description = env::load(&environment)?;
         check(&document, &description)?;
@@ -151,24 +163,28 @@ impl Plan {
 fn check(document: &Document<Scenario>, description: &Description) -> Result<(), InputError> {
     let scenario = &document.value;
     scenario.check().map_err(|complaint| document.locate(complaint))?;
+    scenario.recording.check_task(&description.spec).map_err(|complaint| document.locate(complaint))?;
     env::build(description, scenario.physics, 1).map(|_| ())
 }
 
-/// Runs a plan to its end, or until `interrupted` is set.
+/// Runs a plan to its end, or until `interrupted` is set. A `viewer` is shown the recording while it is made.
 ///
 /// # Errors
 /// Something could not be read or written; what was written before stays readable.
 pub fn execute(
     plan: &Plan,
     options: &Options,
+    viewer: Option<Viewer>,
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Ending, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
-    let mut recorders = if options.resume { resume(plan, options, &mut trainer)? } else { begin(plan, options, &trainer)? };
+    let mut recorders =
+        if options.resume { resume(plan, options, viewer, &mut trainer)? } else { begin(plan, options, viewer, &trainer)? };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
         play_round(&mut trainer, &mut recorders)?;
+        warn(&mut recorders, observer);
         observer.round_finished(&progress(plan, &trainer));
         let interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
         if interrupted || trainer.rounds().is_multiple_of(plan.scenario.checkpoint_every.get()) {
@@ -178,7 +194,9 @@ pub fn execute(
             return Ok(Ending::Interrupted { rounds: trainer.rounds() });
         }
     }
-    finish(plan, options, &trainer, &mut recorders)
+    let ending = finish(plan, options, &trainer, &mut recorders);
+    warn(&mut recorders, observer);
+    ending
 }
 
 type Recorders = Vec<Box<dyn Recorder>>;
@@ -191,13 +209,17 @@ fn play_round(trainer: &mut Trainer, recorders: &mut [Box<dyn Recorder>]) -> Res
         episodes: &trainer.newest_episodes(),
         episode_rows: &rows.episodes,
         round_rows: &rows.updates,
-        footage: footage.as_ref(),
+        footage: &footage,
     };
     recorders.iter_mut().try_for_each(|recorder| recorder.record_round(&round))?;
     Ok(rows)
 }
 
-fn begin(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<Recorders, RunError> {
+fn warn(recorders: &mut Recorders, observer: &mut dyn Observer) {
+    recorders.iter_mut().filter_map(|recorder| recorder.warning()).for_each(|warning| observer.warn(&warning));
+}
+
+fn begin(plan: &Plan, options: &Options, viewer: Option<Viewer>, trainer: &Trainer) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
     write(&folder.task(&plan.description.spec.name), plan.environment_text.as_bytes())?;
@@ -205,12 +227,19 @@ fn begin(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<Recorders,
     if options.recording {
         let settings = &plan.scenario.recording;
         let create = |about: &RecordingAbout<'_>| RerunRecorder::create(&folder.recording(), about, settings);
-        recorders.push(Box::new(with_about(plan, trainer, create)?));
+        recorders.push(Box::new(shown(with_about(plan, trainer, create)?, viewer)));
     }
     Ok(recorders)
 }
 
-fn resume(plan: &Plan, options: &Options, trainer: &mut Trainer) -> Result<Recorders, RunError> {
+fn shown(mut recorder: RerunRecorder, viewer: Option<Viewer>) -> RerunRecorder {
+    if let Some(viewer) = viewer {
+        recorder.show_in(viewer);
+    }
+    recorder
+}
+
+fn resume(plan: &Plan, options: &Options, viewer: Option<Viewer>, trainer: &mut Trainer) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     same_run(plan, options)?;
     let checkpoint = Checkpoint::read(folder.path())?;
@@ -232,7 +261,7 @@ fn resume(plan: &Plan, options: &Options, trainer: &mut Trainer) -> Result<Recor
     if let [bytes] = recording {
         let settings = &plan.scenario.recording;
         let resume = |about: &RecordingAbout<'_>| RerunRecorder::resume(&folder.recording(), about, settings, bytes);
-        recorders.push(Box::new(with_about(plan, trainer, resume)?));
+        recorders.push(Box::new(shown(with_about(plan, trainer, resume)?, viewer)));
     }
     Ok(recorders)
 }
@@ -265,10 +294,12 @@ fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingA
     let scenario = plan.scenario.resolved();
     record(&RecordingAbout {
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
+        focus: Focus::Learning,
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: trainer.agents().len() as u32,
         largest_bonus: plan.scenario.algorithm.largest_intrinsic_reward(),
+        episodes: plan.scenario.most_episodes(),
         run_seed: plan.scenario.seed,
         scenario: &scenario,
         properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],

@@ -8,7 +8,7 @@ use crate::agent::{Algorithm, Team};
 use crate::env::Physics;
 use crate::env::description::Description;
 use crate::input::numbers::{Count, known_count};
-use crate::record::rerun::{RecordingAbout, RerunRecorder};
+use crate::record::rerun::{Focus, RecordingAbout, RerunRecorder};
 use crate::record::{EpisodeRow, RecordingSettings, SceneSettings};
 use crate::scenario::{Scenario, Schedule, Stop};
 
@@ -30,10 +30,12 @@ pub fn record(
     let text = scenario.resolved();
     let about = RecordingAbout {
         name: &format!("{}-preview", description.spec.name),
+        focus: Focus::Motion,
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: 1,
         largest_bonus: None,
+        episodes: episodes.get(),
         run_seed: seed,
         scenario: &text,
         properties: &[],
@@ -58,7 +60,7 @@ fn scenario(description: &Description, physics: Physics, episodes: Count, seed: 
         stop: Stop::Episodes(episodes),
         recording: RecordingSettings {
             density_every: known_count(1),
-            scene: Some(SceneSettings { agent: 0.into(), every: known_count(1) }),
+            scene: Some(SceneSettings { every: known_count(1), ..SceneSettings::default() }),
             ..Default::default()
         },
         checkpoint_every: episodes,

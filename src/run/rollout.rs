@@ -8,20 +8,11 @@ use crate::agent::{ActScratch, Agent};
 use crate::env::{Environment, Pose, Status};
 use crate::experience::Episode;
 use crate::random::{Purpose, Stream, stream};
-use crate::record::Footage;
-
-/// Which episode is filmed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Camera {
-    /// Whose.
-    pub agent: u32,
-    /// Every how many of that agent's episodes.
-    pub every: u32,
-}
+use crate::record::{Footage, SceneSettings};
 
 /// A round about to be played.
 #[derive(Clone, Copy, Debug)]
-pub struct RoundPlan {
+pub struct RoundPlan<'a> {
     /// The run's seed.
     pub run_seed: u64,
     /// Counts from 0.
@@ -29,7 +20,7 @@ pub struct RoundPlan {
     /// Episodes that each agent plays.
     pub episodes: u32,
     /// What is filmed.
-    pub camera: Option<Camera>,
+    pub camera: Option<&'a SceneSettings>,
 }
 
 /// What came of a round.
@@ -37,15 +28,15 @@ pub struct RoundPlan {
 pub struct Played {
     /// In (agent, episode) order.
     pub episodes: Vec<Episode>,
-    /// The filmed episode, if the camera was on.
-    pub footage: Option<Footage>,
+    /// The filmed episodes, in the order in which they ended.
+    pub footage: Vec<Footage>,
 }
 
 /// Plays one round. Agent k acts in copy k; a copy that has played its episodes waits for the others.
-pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: &RoundPlan) -> Played {
+pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: &RoundPlan<'_>) -> Played {
     let mut seats: Vec<Seat> = (0..agents.len() as u32).map(|agent| Seat::new(plan.run_seed, agent, plan.round)).collect();
     let mut finished: Vec<Vec<Episode>> = vec![Vec::with_capacity(plan.episodes as usize); agents.len()];
-    let mut footage = None;
+    let mut footage = Vec::new();
     let mut room = Room::new(&*environment);
     let first = plan.round.wrapping_mul(plan.episodes);
     for seat in &mut seats {
@@ -55,11 +46,10 @@ pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: 
         room.step(environment, agents, &mut seats);
         for (seat, finished) in seats.iter_mut().zip(&mut finished) {
             let Some(episode) = seat.observe(environment) else { continue };
-            footage = footage.or(seat.footage.take());
+            footage.extend(seat.footage.take());
             finished.push(episode);
             if finished.len() < plan.episodes as usize {
-                let camera = plan.camera.filter(|_| footage.is_none());
-                seat.start(environment, first.wrapping_add(finished.len() as u32), plan.round, camera);
+                seat.start(environment, first.wrapping_add(finished.len() as u32), plan.round, plan.camera);
             }
         }
     }
@@ -103,8 +93,7 @@ pub(super) struct Seat {
     resets: Stream,
     actions: Stream,
     playing: Option<Episode>,
-    filming: bool,
-    /// Of the episode that plays, or played last.
+    /// Of the episode that plays, or has just ended, if it is filmed.
     pub(super) footage: Option<Footage>,
 }
 
@@ -116,7 +105,6 @@ impl Seat {
             resets: stream(run_seed, Purpose::Reset, agent, round),
             actions: stream(run_seed, Purpose::Action, agent, round),
             playing: None,
-            filming: false,
             footage: None,
         }
     }
@@ -126,16 +114,14 @@ impl Seat {
     }
 
     /// Starts the agent's episode number `episode`.
-    pub(super) fn start(&mut self, environment: &mut dyn Environment, episode: u32, round: u32, camera: Option<Camera>) {
+    pub(super) fn start(&mut self, environment: &mut dyn Environment, episode: u32, round: u32, camera: Option<&SceneSettings>) {
         environment.reset(self.agent as usize, &mut self.resets);
         let mut started = Episode::start(self.agent, episode, round, environment.spec());
         started.observations.extend_from_slice(self.observation(environment));
         self.playing = Some(started);
-        self.filming = camera.is_some_and(|camera| camera.agent == self.agent && episode.is_multiple_of(camera.every));
-        if self.filming {
-            self.footage = Some(Footage { agent: self.agent, episode, poses: Vec::new() });
-            self.film(environment);
-        }
+        let filming = camera.is_some_and(|camera| camera.films(self.agent, episode));
+        self.footage = filming.then(|| Footage { agent: self.agent, episode, ..Footage::default() });
+        self.film(environment);
     }
 
     /// Takes in what the step just made brought to this agent; returns the episode if that was its end.
@@ -144,9 +130,7 @@ impl Seat {
         let copy = self.agent as usize;
         episode.rewards.push(environment.rewards()[copy]);
         episode.observations.extend_from_slice(self.observation(environment));
-        if self.filming {
-            self.film(environment);
-        }
+        self.film(environment);
         episode.outcome = environment.statuses()[copy];
         if episode.outcome == Status::Running {
             self.playing = Some(episode);
@@ -165,5 +149,8 @@ impl Seat {
         let start = footage.poses.len();
         footage.poses.resize(start + scene.bodies.len(), Pose::default());
         environment.poses(self.agent as usize, &mut footage.poses[start..]);
+        let before = footage.forces.len();
+        environment.forces(self.agent as usize, &footage.poses[start..], &mut footage.forces);
+        footage.forces_per_row.push(footage.forces.len() - before);
     }
 }

@@ -8,7 +8,7 @@ use super::agreement;
 use super::asynchronous::{Desk, Pace};
 use super::exchange::{Exchange, OneProcess};
 use super::measures::{Measures, RoundRows, Threshold};
-use super::rollout::{self, Camera, RoundPlan};
+use super::rollout::{self, Played, RoundPlan};
 use crate::agent::{Agent, Membership, UpdateReport};
 use crate::env::description::Description;
 use crate::env::{self, Environment, Spec};
@@ -39,12 +39,12 @@ pub struct Trainer {
 pub struct Round {
     /// What it adds to the tables.
     pub rows: RoundRows,
-    /// The filmed episode, if one was.
-    pub footage: Option<Footage>,
+    /// The filmed episodes.
+    pub footage: Vec<Footage>,
 }
 
-/// Who learned and what it was like, in order, and the filmed episode.
-type Advance = (Vec<(u32, UpdateReport)>, Option<Footage>);
+/// Who learned and what it was like, in order, and the filmed episodes.
+type Advance = (Vec<(u32, UpdateReport)>, Vec<Footage>);
 
 /// An agent about to learn from the team's episodes after the first `start`, for the (`round` + 1)-th time.
 struct Learner {
@@ -143,7 +143,12 @@ impl Trainer {
 
     /// Every agent plays `episodes`, then all learn.
     fn advance_together(&mut self, episodes: u32) -> Result<Advance, Diverged> {
-        let plan = RoundPlan { run_seed: self.scenario.seed, round: self.round, episodes, camera: self.camera() };
+        let plan = RoundPlan {
+            run_seed: self.scenario.seed,
+            round: self.round,
+            episodes,
+            camera: self.scenario.recording.scene.as_ref(),
+        };
         let played = rollout::play(&mut *self.environment, &self.agents, &plan);
         let start = self.buffer.total();
         self.share(played.episodes)?;
@@ -154,10 +159,11 @@ impl Trainer {
 
     /// Agents whose episodes end learn while the others play.
     fn advance_each(&mut self, learning: u32) -> Result<Advance, Diverged> {
+        let scene = self.scenario.recording.scene.clone();
         let pace =
-            Pace { run_seed: self.scenario.seed, episodes: self.scenario.most_episodes(), learning, camera: self.camera() };
+            Pace { run_seed: self.scenario.seed, episodes: self.scenario.most_episodes(), learning, camera: scene.as_ref() };
         let mut desk = self.desk.take().unwrap_or_else(|| Desk::new(self.scenario.seed, self.agents.len()));
-        let (mut reports, mut footage) = (Vec::new(), None);
+        let (mut reports, mut footage) = (Vec::new(), Vec::new());
         let enough = self.recorded + self.agents.len() as u64;
         while self.buffer.total() < enough {
             let ended = desk.play(&mut *self.environment, &self.agents, &pace);
@@ -166,7 +172,7 @@ impl Trainer {
             }
             let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
             self.share(ended.episodes)?;
-            footage = footage.or(ended.footage);
+            footage.extend(ended.footage);
             let learner = |agent| {
                 let (start, round) = desk.learn(agent, self.buffer.total(), &pace);
                 Learner { agent, start, round }
@@ -219,8 +225,8 @@ impl Trainer {
     }
 
     /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode) order.
-    pub fn play_without_learning(&mut self, plan: &RoundPlan) -> Vec<Episode> {
-        rollout::play(&mut *self.environment, &self.agents, plan).episodes
+    pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> Played {
+        rollout::play(&mut *self.environment, &self.agents, plan)
     }
 
     /// Whether agents would give the same steps of the round's first episode a bonus.
@@ -229,11 +235,6 @@ impl Trainer {
         let (probe, round) = (self.buffer.since(self.recorded).first()?, self.round);
         let judgements: Vec<Vec<f32>> = self.agents.iter_mut().map(|agent| agent.judge(probe, round)).collect();
         agreement::mean_rank_correlation(&judgements)
-    }
-
-    fn camera(&self) -> Option<Camera> {
-        let scene = self.scenario.recording.scene.as_ref();
-        scene.map(|scene| Camera { agent: *scene.agent, every: scene.every.get() })
     }
 
     fn check_episode(&self, episode: &Episode) -> Result<(), Diverged> {

@@ -128,6 +128,14 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, Inp
     overrides::apply_all(input::read(path)?, overrides)
 }
 
+/// The scenario with one value replaced, as `path.to.field=value` says.
+///
+/// # Errors
+/// There is no such field, or this may not stand there.
+pub fn set(scenario: &Document<Scenario>, assignment: &str) -> Result<Document<Scenario>, InputError> {
+    overrides::apply(scenario, assignment)
+}
+
 /// The file that a scenario's `environment` names: a path, taken from the scenario's folder, or the stem of a file in the
 /// nearest folder `envs` on the way up from the scenario or from the working directory.
 ///
@@ -188,13 +196,8 @@ impl Scenario {
         {
             return Err(window.complain(format!("expected a window of at most the {} episodes of `at_most`", at_most.get())));
         }
-        let (count, scene) = (self.agents.count.get(), self.recording.scene.as_ref());
-        match scene {
-            Some(scene) if *scene.agent >= count => {
-                Err(scene.agent.complain(format!("expected an agent from 0 to {}, for the team has {count}", count - 1)))
-            }
-            _ => Ok(()),
-        }
+        let curious = self.algorithm.largest_intrinsic_reward().is_some();
+        self.recording.check(self.agents.count.get(), curious)
     }
 
     /// The scenario as a file with every default spelled out.

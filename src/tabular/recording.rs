@@ -7,7 +7,7 @@ use super::team::Step;
 use crate::env::tabular::Model;
 use crate::env::{Action, Choice, Quantity, Spec, Status};
 use crate::experience::Episode;
-use crate::record::rerun::{RecordingAbout, RerunRecorder};
+use crate::record::rerun::{Focus, RecordingAbout, RerunRecorder};
 use crate::record::{EpisodeRow, RecordError, Recorder, RecordingSettings, RoundRecord};
 use crate::scenario::overrides::Resolve;
 
@@ -40,10 +40,12 @@ impl Film {
         let spec = spec(scenario, &model);
         let about = RecordingAbout {
             name: &format!("{name}-seed-{}", scenario.seed),
+            focus: Focus::Learning,
             spec: &spec,
             scene: None,
             agents,
             largest_bonus: None,
+            episodes: scenario.episodes.get(),
             run_seed: scenario.seed,
             scenario: &scenario.resolved(),
             properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
@@ -97,7 +99,7 @@ impl Film {
     fn write_round(&mut self, episodes: &[Episode]) -> Result<(), RecordError> {
         let rows: Vec<EpisodeRow> = episodes.iter().map(|episode| self.row(episode)).collect();
         let episodes: Vec<&Episode> = episodes.iter().collect();
-        let record = RoundRecord { round: self.round, episodes: &episodes, episode_rows: &rows, round_rows: &[], footage: None };
+        let record = RoundRecord { round: self.round, episodes: &episodes, episode_rows: &rows, round_rows: &[], footage: &[] };
         self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.record_round(&record))
     }
 

@@ -19,19 +19,20 @@ pub(super) fn description(name: &str, origin: &str, file: &Environment) -> Resul
     instruments::check_servos(file)?;
     let colliders = surfaces::colliders(file)?;
     let bodies = file.bodies.iter().map(body).collect::<Result<Vec<_>, _>>()?;
+    let joints = joints(file)?;
     let columns = columns(file);
     let sensors = file.sensors.iter().enumerate();
     let description = Description {
         origin: origin.to_owned(),
         spec: spec(name, file),
-        scene: scene(file, &bodies)?,
+        scene: scene(file, &bodies, &joints)?,
         gravity: file.gravity.get(),
         solver: description::Solver {
             iterations: file.solver.iterations.get(),
             passes: file.solver.passes.get(),
             searches: file.solver.searches.get(),
         },
-        joints: joints(file)?,
+        joints,
         free: free_bodies(file),
         colliders,
         actuators: file.actuators.iter().map(|actuator| instruments::actuator(actuator, file)).collect::<Result<_, _>>()?,
@@ -165,16 +166,27 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, Complaint> {
 }
 
 /// The world first, if there is anything of it to draw, then every body. None if nothing has a shape.
-fn scene(file: &Environment, bodies: &[description::Body]) -> Result<Option<Scene>, Complaint> {
+fn scene(file: &Environment, bodies: &[description::Body], joints: &[description::Joint]) -> Result<Option<Scene>, Complaint> {
     let standing = file.scenery.iter().chain(file.colliders.iter().map(|collider| &*collider.geom));
-    let world = SceneBody { name: WORLD.to_owned(), fixed: true, shapes: standing.map(shape).collect() };
+    let world = SceneBody { name: WORLD.to_owned(), fixed: true, shapes: standing.map(shape).collect(), hinge: None };
     let world = Some(world).filter(|world| !world.shapes.is_empty());
     let tracked = file.tracked.as_ref().map(|name| find_body(name, file)).transpose()?;
     let tracked = tracked.map(|body| body + usize::from(world.is_some()));
-    let drawn = bodies.iter().map(|body| SceneBody { name: body.name.clone(), fixed: false, shapes: body.shapes.clone() });
+    let drawn = bodies.iter().enumerate().map(|(index, body)| SceneBody {
+        name: body.name.clone(),
+        fixed: false,
+        shapes: body.shapes.clone(),
+        hinge: hinge(index, joints),
+    });
     let bodies: Vec<_> = world.into_iter().chain(drawn).collect();
     let shown = bodies.iter().any(|body| !body.shapes.is_empty());
     Ok(shown.then_some(Scene { bodies, tracked }))
+}
+
+/// About what a body turns, in its frame.
+fn hinge(body: usize, joints: &[description::Joint]) -> Option<[f32; 2]> {
+    let joint = joints.iter().find(|joint| joint.child == body)?;
+    matches!(joint.kind, description::JointKind::Hinge { .. }).then(|| joint.anchor.map(|along| along as f32))
 }
 
 /// Trees rooted in the world or in free bodies: each body hangs on one joint at most, each parent on an earlier one.

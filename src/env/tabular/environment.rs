@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::file::quantity;
 use super::{Mdp, Model};
 use crate::env::dynamics::{from_bytes, to_bytes};
-use crate::env::{Environment, Pose, Quantity, Scene, Spec, Status};
+use crate::env::{Environment, Force, Pose, Quantity, Scene, Spec, Status};
 use crate::random::Stream;
 
 /// What an agent sees of a state.
@@ -195,4 +195,6 @@ impl Environment for FiniteEnvironment {
     }
 
     fn poses(&self, _: usize, _: &mut [Pose]) {}
+
+    fn forces(&self, _: usize, _: &[Pose], _: &mut Vec<Force>) {}
 }

@@ -92,6 +92,9 @@ impl Curves {
             self.team_mean.add(end, [mean]);
             self.smooth_mean.add(end, [latest.iter().sum::<f64>() / latest.len() as f64]);
         }
+        if rounds.is_empty() {
+            return;
+        }
         for (curve, (_, value)) in self.updates.iter_mut().zip(UPDATE_CURVES) {
             let mut values = vec![f64::NAN; curve.series];
             for row in rounds {

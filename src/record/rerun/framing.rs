@@ -77,7 +77,7 @@ fn widened([left, right, top, bottom]: Bounds, margin: f32) -> Bounds {
 }
 
 /// The longer side.
-fn extent([left, right, top, bottom]: Bounds) -> f32 {
+pub(super) fn extent([left, right, top, bottom]: Bounds) -> f32 {
     (right - left).max(bottom - top)
 }
 
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     fn body(name: &str, fixed: bool, shapes: Vec<Shape>) -> SceneBody {
-        SceneBody { name: name.to_owned(), fixed, shapes }
+        SceneBody { name: name.to_owned(), fixed, shapes, hinge: None }
     }
 
     /// A room of 2 m by 2 m between endless lines, and a ball in it.

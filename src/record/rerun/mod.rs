@@ -5,19 +5,26 @@
 //! pieces, because each piece has a head of its own; [`checkpoint`](Recorder::checkpoint) writes them out.
 
 mod about;
-mod axes;
 mod blueprint;
 mod curves;
+mod forces;
 mod framing;
+mod furniture;
+mod live;
 mod opening;
+mod pictures;
+mod quantities;
 mod raw;
+pub mod read;
 mod resume;
 mod rounds;
 mod rows;
 mod scene;
 mod shapes;
 mod sink;
+mod tiles;
 mod visitation;
+mod walls;
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -26,22 +33,36 @@ use std::path::{Path, PathBuf};
 use rerun::StoreId;
 
 use self::curves::Curves;
+pub use self::live::{DEFAULT_VIEWER, Viewer, ViewerError};
+use self::pictures::Pictures;
 use self::raw::{RawColumns, RawTable};
 use self::resume::Progress;
 use self::scene::Film;
 use self::sink::{Fault, Sink, Storage};
-use self::visitation::{Gallery, Visits};
-use super::visitation::{Axes, LineQuota};
-use super::{Attempt, RecordError, Recorder, RecordingSettings, RoundRecord};
+use self::visitation::{Drawing, Sample};
+use self::walls::Walls;
+use super::visitation::{Axes, Colouring, LineQuota, Pairs, Visited};
+use super::{Attempt, Difference, RecordError, Recorder, RecordingSettings, RoundRecord};
 use crate::env::{Scene, Spec};
 
 const APPLICATION: &str = "seedbed";
+
+/// What a recording is about, and so what the viewer shows first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Focus {
+    /// How a team learned: visited states, returns, updates.
+    Learning,
+    /// How bodies moved: scenes.
+    Motion,
+}
 
 /// What a recording says about its run.
 #[derive(Clone, Copy, Debug)]
 pub struct RecordingAbout<'a> {
     /// The run's name, shown by the viewer.
     pub name: &'a str,
+    /// What it is about.
+    pub focus: Focus,
     /// The task.
     pub spec: &'a Spec,
     /// The task's bodies, if it has any.
@@ -50,6 +71,8 @@ pub struct RecordingAbout<'a> {
     pub agents: u32,
     /// The largest bonus that a step can have; none without curiosity.
     pub largest_bonus: Option<f32>,
+    /// Episodes of each agent after which the run ends at the latest.
+    pub episodes: u32,
     /// The run's seed; which states become lines is derived from it.
     pub run_seed: u64,
     /// The resolved scenario, in RON.
@@ -62,23 +85,32 @@ pub struct RecordingAbout<'a> {
 pub struct RerunRecorder {
     paths: Paths,
     sink: Sink,
-    axes: Axes,
+    drawing: Drawing,
+    walls: Walls,
     quota: LineQuota,
     density_every: u32,
+    raw_every: u32,
+    focus: Focus,
+    control_step: f64,
     run_seed: u64,
-    time_limit: u32,
+    spec: Spec,
+    episodes: u32,
+    largest_bonus: Option<f32>,
+    compared: bool,
     agents: Vec<AgentTrack>,
-    team_pictures: Gallery,
+    team: Sample,
+    visited: Vec<Visited>,
+    pictures: Pictures,
     curves: Curves,
-    film: Option<Film>,
-    /// Everything that is still needed after an interruption, save the densities.
+    films: Vec<Film>,
+    /// Everything that is still needed after an interruption, save what was visited.
     progress: Progress,
 }
 
 /// What is being recorded of one agent.
 struct AgentTrack {
     raw: RawTable,
-    visits: Visits,
+    sample: Sample,
 }
 
 #[derive(Clone, Debug)]
@@ -111,12 +143,20 @@ impl RerunRecorder {
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
         let resumed = Progress::from_bytes(bytes).and_then(|progress| {
-            progress.check(about)?;
+            progress.check(about, settings)?;
             let store = StoreId::recording(APPLICATION, progress.recording_id.as_str());
             let sink = resume::reopened(&paths.part, &paths.done, progress.messages, store)?;
             Self::with(paths.clone(), sink, about, settings, progress)
         });
         resumed.map_err(|reason| RecordError { path: paths.part, attempt: Attempt::GoOn, reason })
+    }
+
+    /// Shows the recording, as far as it has come and from now on, in a running viewer. The file stays as it is.
+    pub fn show_in(&mut self, mut viewer: Viewer) {
+        match viewer.catch_up(&self.paths.part) {
+            Ok(()) => self.sink.show_in(viewer),
+            Err(fault) => self.sink.warn(fault),
+        }
     }
 
     fn begin(
@@ -125,10 +165,10 @@ impl RerunRecorder {
         about: &RecordingAbout<'_>,
         settings: &RecordingSettings,
     ) -> Result<Self, Fault> {
-        let progress = Progress::start(about, &Axes::of(about.spec, about.largest_bonus));
+        let progress = Progress::start(about, settings);
         let sink = Sink::new(StoreId::recording(APPLICATION, progress.recording_id.as_str()), storage)?;
         let mut recorder = Self::with(paths, sink, about, settings, progress)?;
-        recorder.introduce(about)?;
+        recorder.introduce(about, settings)?;
         Ok(recorder)
     }
 
@@ -140,23 +180,47 @@ impl RerunRecorder {
         mut progress: Progress,
     ) -> Result<Self, Fault> {
         let columns = RawColumns::of(about.spec, about.largest_bonus.is_some())?;
-        let densities = std::mem::take(&mut progress.densities).into_iter().enumerate();
-        let track = |(agent, density)| AgentTrack { raw: RawTable::new(agent, &columns), visits: Visits::new(agent, density) };
-        let filmed = settings.scene.as_ref().zip(about.scene);
+        let visited = std::mem::take(&mut progress.visited);
+        let track = |agent| AgentTrack { raw: RawTable::new(agent, &columns), sample: Sample::new(&format!("agent_{agent}")) };
+        let drawing = Drawing::of(about, settings, progress.colour_range.unwrap_or([0.0, 1.0]));
+        let films = settings
+            .scene
+            .iter()
+            .zip(about.scene)
+            .flat_map(|(settings, scene)| settings.agents.iter().map(move |agent| Film::new(**agent, scene)));
         Ok(Self {
             paths,
             sink,
-            axes: Axes::of(about.spec, about.largest_bonus),
+            walls: Walls::new(about.agents, &drawing.axes, &drawing.pairs),
+            drawing,
             quota: LineQuota::of(settings.lines.get()),
             density_every: settings.density_every.get(),
+            raw_every: settings.raw_every.get(),
+            focus: about.focus,
+            control_step: about.spec.control_step,
             run_seed: about.run_seed,
-            time_limit: about.spec.time_limit,
-            agents: densities.map(track).collect(),
-            team_pictures: Gallery::of_team(),
+            spec: about.spec.clone(),
+            episodes: about.episodes,
+            largest_bonus: about.largest_bonus,
+            compared: about.agents > 1 && settings.difference != Difference::Off,
+            agents: (0..visited.len()).map(track).collect(),
+            team: Sample::new("team"),
+            pictures: Pictures::new(visited.len(), about.largest_bonus.is_some(), &settings.difference),
+            visited,
             curves: Curves::new(about.agents as usize),
-            film: filmed.map(|(settings, scene)| Film::new(*settings.agent, scene)),
+            films: films.collect(),
             progress,
         })
+    }
+}
+
+impl Drawing {
+    fn of(about: &RecordingAbout<'_>, settings: &RecordingSettings, range: [f32; 2]) -> Self {
+        Self {
+            axes: Axes::of(about.spec, &settings.axes, about.largest_bonus),
+            pairs: Pairs::of(about.spec, &settings.pairs),
+            colouring: Colouring { by: *settings.colour, range },
+        }
     }
 }
 
@@ -172,6 +236,10 @@ impl Recorder for RerunRecorder {
     fn finish(&mut self) -> Result<(), RecordError> {
         self.complete().map_err(|fault| self.paths.error(fault))
     }
+
+    fn warning(&mut self) -> Option<String> {
+        self.sink.warning()
+    }
 }
 
 impl RerunRecorder {
@@ -179,9 +247,9 @@ impl RerunRecorder {
         self.write(true)?;
         self.sink.sync()?;
         self.progress.messages = self.sink.messages();
-        self.progress.densities = self.agents.iter().map(|track| track.visits.density.clone()).collect();
+        self.progress.visited.clone_from(&self.visited);
         let bytes = self.progress.to_bytes();
-        self.progress.densities.clear();
+        self.progress.visited.clear();
         bytes
     }
 

@@ -15,7 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use super::RecordingAbout;
 use super::sink::{Fault, Sink};
-use crate::record::visitation::{Axes, Density};
+use super::visitation::Drawing;
+use crate::record::RecordingSettings;
+use crate::record::visitation::Visited;
 
 /// What a recording needs to go on, beside its file.
 #[derive(Serialize, Deserialize)]
@@ -27,7 +29,9 @@ pub(super) struct Progress {
     /// Each agent's next step on its own timeline.
     pub(super) next_steps: Vec<i64>,
     /// What each agent visited.
-    pub(super) densities: Vec<Density>,
+    pub(super) visited: Vec<Visited>,
+    /// The ends of the scale of lines and points, once they are known.
+    pub(super) colour_range: Option<[f32; 2]>,
     /// The team's mean returns of the latest rounds.
     pub(super) latest_returns: VecDeque<f64>,
     /// Whether the latest round's visited states were pictured.
@@ -38,13 +42,14 @@ pub(super) struct Progress {
 
 impl Progress {
     /// Nothing recorded yet. The recording's id is the run's name and something unique, so that recordings can be shown together.
-    pub(super) fn start(about: &RecordingAbout<'_>, axes: &Axes) -> Self {
-        let agents = about.agents as usize;
+    pub(super) fn start(about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Self {
+        let (agents, drawing) = (about.agents as usize, Drawing::of(about, settings, [0.0, 1.0]));
         Self {
             messages: 0,
             recording_id: format!("{}-{}", about.name, unique()),
             next_steps: vec![0; agents],
-            densities: vec![Density::new(axes); agents],
+            visited: vec![Visited::new(&drawing.axes, &drawing.pairs, about.largest_bonus.is_some()); agents],
+            colour_range: None,
             latest_returns: VecDeque::new(),
             pictured: false,
             latest: None,
@@ -52,10 +57,10 @@ impl Progress {
     }
 
     /// Fails where the run is not the one that was interrupted.
-    pub(super) fn check(&self, about: &RecordingAbout<'_>) -> Result<(), Fault> {
-        let axes = Axes::of(about.spec, about.largest_bonus);
-        let is_same_team = self.densities.len() == about.agents as usize && self.next_steps.len() == about.agents as usize;
-        if is_same_team && self.densities.iter().all(|density| density.fits(&axes)) {
+    pub(super) fn check(&self, about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Result<(), Fault> {
+        let (drawing, curious) = (Drawing::of(about, settings, [0.0, 1.0]), about.largest_bonus.is_some());
+        let is_same_team = self.visited.len() == about.agents as usize && self.next_steps.len() == about.agents as usize;
+        if is_same_team && self.visited.iter().all(|visited| visited.fits(&drawing.axes, &drawing.pairs, curious)) {
             Ok(())
         } else {
             Err("the checkpoint belongs to another scenario".to_owned())

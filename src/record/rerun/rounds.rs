@@ -4,15 +4,18 @@ use std::slice::Iter;
 
 use super::rows::Moment;
 use super::sink::Fault;
+use super::visitation::Wanted;
 use super::{AgentTrack, RerunRecorder};
 use crate::experience::Episode;
 use crate::random::{Purpose, stream};
-use crate::record::{EpisodeRow, RoundRecord};
+use crate::record::visitation::Colouring;
+use crate::record::{EpisodeRow, Footage, RoundRecord};
 
 impl RerunRecorder {
     /// Takes in a round, and writes what makes good pieces by now.
     pub(super) fn take_in(&mut self, round: &RoundRecord<'_>) -> Result<(), Fault> {
         if self.progress.latest.is_none() {
+            self.settle_colours(round.episodes);
             self.lay_out(round.footage)?;
         }
         let mut rows = round.episode_rows.iter();
@@ -33,11 +36,15 @@ impl RerunRecorder {
     fn take_in_episodes(&mut self, round: &RoundRecord<'_>, episodes: &[&Episode], rows: &mut Iter<'_, EpisodeRow>) {
         let mut random = stream(self.run_seed, Purpose::Recording, episodes[0].agent, round.round);
         for (index, episode) in episodes.iter().enumerate() {
-            let lines = self.quota.of_episode(index, episodes.len());
+            let of_agent = self.quota.of_episode(index, episodes.len());
+            let wanted = Wanted { of_agent, of_team: of_agent.div_ceil(self.agents.len()) };
             let (first, end) = self.moments(episode);
-            let track = &mut self.agents[episode.agent as usize];
-            track.raw.add(episode, first);
-            track.visits.add(&self.axes, episode, end, lines, &mut random);
+            let agent = episode.agent as usize;
+            if episode.episode.is_multiple_of(self.raw_every) {
+                self.agents[agent].raw.add(episode, first);
+            }
+            let samples = [&mut self.agents[agent].sample, &mut self.team];
+            self.drawing.add(episode, end, &mut self.visited[agent], samples, wanted, &mut random);
             if let Some(row) = rows.next() {
                 self.curves.add_episode(row, end);
             }
@@ -55,8 +62,9 @@ impl RerunRecorder {
     }
 
     fn film_episode(&mut self, round: &RoundRecord<'_>, episode: &Episode, first: Moment) {
-        let footage = round.footage.filter(|footage| (footage.agent, footage.episode) == (episode.agent, episode.episode));
-        if let (Some(film), Some(footage)) = (&mut self.film, footage) {
+        let is_of_episode = |footage: &&Footage| (footage.agent, footage.episode) == (episode.agent, episode.episode);
+        let film = self.films.iter_mut().find(|film| film.agent() == episode.agent);
+        if let (Some(film), Some(footage)) = (film, round.footage.iter().find(is_of_episode)) {
             film.develop(footage, first);
         }
     }
@@ -70,21 +78,31 @@ impl RerunRecorder {
 
     /// Writes those collected rows that make a good piece, or all.
     pub(super) fn write(&mut self, all: bool) -> Result<(), Fault> {
-        for AgentTrack { raw, visits } in &mut self.agents {
-            let chunks = [raw.take(all), visits.lines.take(&self.axes, all), visits.pictures.take(all)];
-            chunks.into_iter().flatten().try_for_each(|chunk| self.sink.send_chunk(&chunk?))?;
+        for AgentTrack { raw, sample } in &mut self.agents {
+            raw.take(all).into_iter().try_for_each(|chunk| self.sink.send_chunk(&chunk?))?;
+            sample.take(&self.drawing, all)?.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
         }
-        let filmed = self.film.as_mut().map_or(Ok(Vec::new()), |film| film.take(all))?;
-        filmed.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
-        let mut team = self.team_pictures.take(all).into_iter().chain(self.curves.take(all));
-        team.try_for_each(|chunk| self.sink.send_chunk(&chunk?))
+        for film in &mut self.films {
+            film.take(all)?.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
+        }
+        let mut chunks = self.team.take(&self.drawing, all)?;
+        chunks.extend(self.pictures.take(all)?);
+        chunks.iter().try_for_each(|chunk| self.sink.send_chunk(chunk))?;
+        self.curves.take(all).try_for_each(|chunk| self.sink.send_chunk(&chunk?))
     }
 
-    /// Pictures all states visited so far.
+    /// Pictures what was visited so far and lately.
     pub(super) fn picture(&mut self) {
         let now = self.now();
-        self.agents.iter_mut().for_each(|track| track.visits.picture(now));
-        self.team_pictures.hang_sum(&self.axes, self.agents.iter_mut().map(|track| &mut track.visits), now);
+        self.pictures.hang(&mut self.visited, &self.drawing.axes, &self.drawing.pairs, now);
         self.progress.pictured = true;
+    }
+
+    /// Fixes the scale of lines and points for the whole run, which the first round's episodes help to tell.
+    fn settle_colours(&mut self, first: &[&Episode]) {
+        let by = self.drawing.colouring.by;
+        let range = Colouring::range(by, &self.spec, self.episodes, self.largest_bonus, first);
+        self.drawing.colouring.range = range;
+        self.progress.colour_range = Some(range);
     }
 }

@@ -1,16 +1,17 @@
-//! `/scene/agent_K/…`: the bodies of the filmed agent.
+//! `/scene/agent_K/…`: the bodies of a filmed agent, and what pushes them.
 //!
 //! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each filmed step, `/scene/agent_K/camera` the place of the
-//! body that the task tracks, if it does. On the timelines that count episodes and
+//! body that the task tracks, if it does, and `/scene/agent_K/forces/…` arrows (see [`forces`](super::forces)). On the timelines that count episodes and
 //! rounds, `/scene/agent_K/trace` shows a whole episode in one picture, from dark (its start) to bright (its end).
 
 use rerun::components::Radius;
 use rerun::log::Chunk;
 use rerun::{Color, EntityPath, LineStrip2D, LineStrips2D, Transform3D};
 
+use super::forces::Pushes;
 use super::framing::{Bounds, framed};
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, timeless};
-use super::shapes::{drawn, outline, placed, shift, turn};
+use super::shapes::{drawn, hinge, outline, placed, shift, turn};
 use super::sink::Fault;
 use crate::env::{Pose, Scene, SceneBody};
 use crate::record::Footage;
@@ -28,13 +29,14 @@ const CAMERA: &str = "camera";
 const GROUND_COLOR: [u8; 3] = [120, 120, 130];
 const LIGHT_COLOR: [u8; 3] = [225, 225, 232];
 
-/// The scene of the filmed agent.
+/// The scene of a filmed agent.
 pub(super) struct Film {
     agent: u32,
     scene: Scene,
     reels: Vec<Reel>,
     camera: Option<Camera>,
     trace: Trace,
+    pushes: Pushes,
 }
 
 /// The moves of one body that are still to be written.
@@ -64,7 +66,7 @@ impl Film {
         let entity = EntityPath::from(format!("scene/agent_{agent}"));
         let reels = scene.bodies.iter().map(|body| Reel::new(&entity, body)).collect();
         let camera = scene.tracked.map(|body| Camera { body, reel: Reel::of(entity.join(&CAMERA.into())) });
-        Self { agent, scene: scene.clone(), reels, camera, trace: Trace::new(&entity) }
+        Self { agent, scene: scene.clone(), reels, camera, trace: Trace::new(&entity), pushes: Pushes::new(&entity) }
     }
 
     /// The agent whose bodies are drawn.
@@ -81,10 +83,14 @@ impl Film {
     /// The shapes, which never change.
     pub(super) fn shapes(&self) -> Result<Vec<Chunk>, Fault> {
         let mut chunks = vec![self.trace.style()?];
+        chunks.extend(self.pushes.styles()?);
         for (index, (body, reel)) in self.scene.bodies.iter().zip(&self.reels).enumerate() {
             let (lines, points) = drawn(body, self.color(index), index as f32);
             chunks.push(timeless(reel.entity.clone(), &lines)?);
             chunks.push(timeless(reel.entity.clone(), &points)?);
+            if let Some(at) = body.hinge {
+                chunks.push(timeless(reel.entity.join(&"hinge".into()), &hinge(at, self.scene.bodies.len() as f32))?);
+            }
         }
         Ok(chunks)
     }
@@ -103,6 +109,7 @@ impl Film {
             reel.add(tracked.map(|pose| Pose { angle: 0.0, ..*pose }), first);
         }
         self.trace_episode(footage, first);
+        self.pushes.add(footage, self.view(footage), first);
     }
 
     /// What makes a good piece, or all there is.
@@ -113,7 +120,7 @@ impl Film {
         }
         let camera = self.camera.iter_mut().map(|camera| &mut camera.reel);
         let reels = self.reels.iter_mut().chain(camera).filter_map(Reel::take);
-        reels.chain(self.trace.take()).collect()
+        reels.chain(self.trace.take()).chain(self.pushes.take()).collect()
     }
 
     /// The part of the picture in which an episode took place.

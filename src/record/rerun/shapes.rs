@@ -15,6 +15,12 @@ pub(super) fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips
     (lines, Points2D::new(flipped(centers)).with_radii(radii).with_colors([rgb(color)]).with_draw_order(order))
 }
 
+/// Where a body turns.
+pub(super) fn hinge([x, y]: [f32; 2], order: f32) -> Points2D {
+    let style = Points2D::new([[x, -y]]).with_radii([Radius::new_ui_points(2.5)]);
+    style.with_colors([rgb([20, 20, 24])]).with_draw_order(order)
+}
+
 /// Frames that fill a box, one within the other and overlapping: how far within its border they are and half how thick, both as
 /// shares of half its thickness. Lines have round ends: the outermost are thin, for the sake of the corners.
 const FRAMES: [(f32, f32); 4] = [(0.08, 0.08), (0.26, 0.16), (0.65, 0.35), (0.99, 0.35)];

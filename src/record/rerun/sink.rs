@@ -10,6 +10,8 @@ use rerun::StoreId;
 use rerun::external::re_log_encoding::rrd::{CrateVersion, EncodeError, Encoder, EncodingOptions, StreamHeader};
 use rerun::log::{Chunk, LogMsg};
 
+use super::live::Viewer;
+
 /// What went wrong, in words for people.
 pub(super) type Fault = String;
 
@@ -33,6 +35,10 @@ impl Storage for File {
     }
 }
 
+/// Messages that the index at a file's end lists. The encoder keeps the index in memory, and a table of a row for each message with
+/// columns for each entity would outgrow all else in a long run; without an index, tools read the file from its beginning.
+const INDEXED: u64 = 8192;
+
 /// The encoded file of one recording.
 pub(super) struct Sink {
     store: StoreId,
@@ -41,6 +47,8 @@ pub(super) struct Sink {
     /// Bytes of all messages and the head.
     length: u64,
     fault: Option<Fault>,
+    viewer: Option<Viewer>,
+    warning: Option<Fault>,
 }
 
 impl Sink {
@@ -49,7 +57,15 @@ impl Sink {
         let whole = Synced { storage };
         let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, whole);
         let length = StreamHeader::ENCODED_SIZE_BYTES as u64;
-        Ok(Self { store, encoder: Some(encoder.map_err(in_words)?), messages: 0, length, fault: None })
+        Ok(Self {
+            store,
+            encoder: Some(encoder.map_err(in_words)?),
+            messages: 0,
+            length,
+            fault: None,
+            viewer: None,
+            warning: None,
+        })
     }
 
     /// Which recording this is.
@@ -70,9 +86,35 @@ impl Sink {
 
     /// Writes a message. After a failure, every call fails.
     pub(super) fn send(&mut self, message: &LogMsg) -> Result<(), Fault> {
-        self.length += self.guard(|encoder| encoder.append(message))?;
+        let has_index = self.messages < INDEXED;
+        self.length += self.guard(|encoder| {
+            if !has_index {
+                encoder.do_not_emit_footer();
+            }
+            encoder.append(message)
+        })?;
         self.messages += 1;
+        if let Some(viewer) = &mut self.viewer
+            && let Err(warning) = viewer.show(message.clone())
+        {
+            self.warn(warning);
+        }
         Ok(())
+    }
+
+    /// From now on, a viewer gets all messages as well.
+    pub(super) fn show_in(&mut self, viewer: Viewer) {
+        self.viewer = Some(viewer);
+    }
+
+    /// Keeps what people should know until they ask.
+    pub(super) fn warn(&mut self, warning: Fault) {
+        self.warning = Some(warning);
+    }
+
+    /// What people should know, once.
+    pub(super) fn warning(&mut self) -> Option<Fault> {
+        self.warning.take()
     }
 
     /// Brings everything to the disk.
@@ -80,7 +122,7 @@ impl Sink {
         self.guard(Encoder::flush_blocking)
     }
 
-    /// Writes the index that ends a complete file.
+    /// Writes the index that ends a complete file, unless it is very long.
     pub(super) fn finish(&mut self) -> Result<(), Fault> {
         self.guard(|encoder| {
             encoder.finish()?;
@@ -88,6 +130,8 @@ impl Sink {
         })?;
         self.encoder = None;
         self.fault = Some("the recording is already complete".to_owned());
+        let shown = self.viewer.as_mut().map(Viewer::finish);
+        self.warning = self.warning.take().or(shown.and_then(Result::err));
         Ok(())
     }
 
@@ -222,6 +266,19 @@ mod tests {
         drop(sink);
         assert_eq!(disk.used(), without_index);
         assert_eq!(readable(&disk), 10);
+    }
+
+    /// An index that grew with the run would be as long as all these messages are.
+    #[test]
+    fn a_very_long_file_has_no_index() {
+        for (messages, indexed) in [(INDEXED, true), (INDEXED + 1, false)] {
+            let (disk, mut sink, sent) = filled(100_000_000, messages);
+            sent.unwrap();
+            let before = disk.used();
+            sink.finish().unwrap();
+            assert_eq!(disk.used() > before, indexed);
+            assert_eq!(readable(&disk), messages);
+        }
     }
 
     #[test]

@@ -1,163 +1,168 @@
-//! `/visitation/…`: which states were visited, as parallel coordinates.
-//!
-//! `/visitation/agent_K/lines` has some states of the latest episodes as lines, `/visitation/agent_K/density` and
-//! `/visitation/team/density` all states so far as a picture.
+//! `/visitation/agent_K/lines` and `/pairs/agent_K/states`: some states of the latest episodes, as lines in parallel coordinates and as
+//! points in plots of pairs. Those of the team are fewer of each agent, on top of each other.
 
-use rerun::components::{Colormap, ImageBuffer, ImageFormat, MagnificationFilter, Radius};
-use rerun::datatypes::ChannelDatatype;
+use std::sync::Arc;
+
+use rerun::components::Radius;
+use rerun::external::arrow::array::{ArrayRef, FixedSizeListArray, Float32Array, UInt32Array};
+use rerun::external::arrow::datatypes::{DataType, Field};
 use rerun::log::Chunk;
-use rerun::{DepthImage, EntityPath, LineStrips2D};
+use rerun::{EntityPath, LineStrips2D, Points2D, SerializedComponentColumn};
 
 use super::rows::{Moment, Moments, grouped_column, rgb, strips, timeless};
 use super::sink::Fault;
 use crate::experience::Episode;
 use crate::random::Stream;
 use crate::record::palette::agent_color;
-use crate::record::visitation::{Axes, Density, HEIGHT, pick_states, shade};
+use crate::record::visitation::{Axes, Colouring, Pairs, Seen, Visited, pick_states};
 
-/// Episodes whose lines are written as one piece.
+/// Episodes that are written as one piece.
 const EPISODES_PER_CHUNK: usize = 64;
 
-/// Pictures written as one piece.
-const PICTURES_PER_CHUNK: usize = 8;
-
-/// The states of one agent.
-pub(super) struct Visits {
-    pub(super) density: Density,
-    pub(super) lines: Lines,
-    pub(super) pictures: Gallery,
-    fractions: Vec<f32>,
+/// How states are drawn.
+pub(super) struct Drawing {
+    pub(super) axes: Axes,
+    pub(super) pairs: Pairs,
+    pub(super) colouring: Colouring,
 }
 
-/// Lines that are still to be written.
-pub(super) struct Lines {
+/// Some states of one agent or of the team, as lines and as points.
+pub(super) struct Sample {
+    lines: Marks,
+    points: Marks,
+}
+
+/// Marks of one entity that are still to be written.
+struct Marks {
     entity: EntityPath,
     moments: Moments,
-    points: Vec<f32>,
-    /// One a row.
+    coordinates: Vec<f32>,
+    /// One a state; none where agents have their own.
+    colors: Vec<u32>,
+    /// States a row.
     counts: Vec<usize>,
 }
 
-/// Pictures that are still to be written.
-pub(super) struct Gallery {
-    entity: EntityPath,
-    moments: Moments,
-    pictures: Vec<ImageBuffer>,
+/// How many states of an episode are picked for its agent and for the team.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted {
+    pub(super) of_agent: usize,
+    pub(super) of_team: usize,
 }
 
-impl Visits {
-    pub(super) fn new(agent: usize, density: Density) -> Self {
-        let entity = EntityPath::from(format!("visitation/agent_{agent}"));
-        Self { density, lines: Lines::new(&entity), pictures: Gallery::new(&entity), fractions: Vec::new() }
-    }
-
-    /// Counts all states of an episode and makes `lines` of them lines, which appear at `end`.
-    pub(super) fn add(&mut self, axes: &Axes, episode: &Episode, end: Moment, lines: usize, random: &mut Stream) {
-        let states = episode.length() + 1;
-        let width = episode.observations.len() / states;
-        let picked = pick_states(states, lines, random);
-        let mut next = picked.iter().copied().peekable();
-        for (step, observation) in episode.observations.chunks_exact(width).enumerate() {
-            // Nothing follows the last state, so that it has no bonus.
-            let bonus = episode.intrinsic_rewards.get(step).copied().unwrap_or(0.0);
-            axes.project(step, observation, bonus, &mut self.fractions);
-            self.density.add(&self.fractions);
-            if next.next_if_eq(&step).is_some() {
-                self.lines.points.extend(axes.line(&self.fractions).flatten());
+impl Drawing {
+    /// Counts all states of an episode, and picks some for the samples of its agent and of the team, which appear at `end`.
+    pub(super) fn add(
+        &self,
+        episode: &Episode,
+        end: Moment,
+        visited: &mut Visited,
+        [own, team]: [&mut Sample; 2],
+        wanted: Wanted,
+        random: &mut Stream,
+    ) {
+        let states = episode.length() + usize::from(!self.axes.show_actions());
+        let picked = pick_states(states, wanted.of_agent, random);
+        let shared = pick_states(picked.len(), wanted.of_team.min(picked.len()), random);
+        let (mut fractions, mut next) = (Vec::new(), picked.iter().enumerate().peekable());
+        for (step, seen) in Seen::all(episode).take(states).enumerate() {
+            self.axes.project(&seen, &mut fractions);
+            visited.add(&fractions, &self.pairs, &seen);
+            if let Some((place, _)) = next.next_if(|(_, picked)| **picked == step) {
+                let color = self.colouring.color(episode, &seen);
+                own.draw(self, &seen, &fractions, color);
+                if shared.binary_search(&place).is_ok() {
+                    team.draw(self, &seen, &fractions, Some(color.unwrap_or_else(|| agent_color(episode.agent))));
+                }
             }
         }
-        self.lines.moments.push(end);
-        self.lines.counts.push(picked.len());
-    }
-
-    /// Pictures all states so far.
-    pub(super) fn picture(&mut self, at: Moment) {
-        self.pictures.hang(self.density.pixels(), at);
-    }
-
-    /// What is true throughout.
-    pub(super) fn styles(&self, axes: &Axes, agent: u32, lines_per_row: u32) -> Result<[Chunk; 2], Fault> {
-        Ok([self.lines.style(agent, lines_per_row)?, self.pictures.style(axes)?])
+        own.end(picked.len(), end);
+        team.end(shared.len(), end);
     }
 }
 
-impl Lines {
-    fn new(entity: &EntityPath) -> Self {
-        let entity = entity.join(&"lines".into());
-        Self { entity, moments: Moments::default(), points: Vec::new(), counts: Vec::new() }
+impl Sample {
+    pub(super) fn new(who: &str) -> Self {
+        Self { lines: Marks::new(format!("visitation/{who}/lines")), points: Marks::new(format!("pairs/{who}/states")) }
+    }
+
+    fn draw(&mut self, drawing: &Drawing, seen: &Seen<'_>, fractions: &[f32], color: Option<[u8; 3]>) {
+        self.lines.coordinates.extend(drawing.axes.line(fractions).flatten());
+        self.points.coordinates.extend(drawing.pairs.points(seen).flatten());
+        let color = color.map(|color| rgb(color).to_u32());
+        self.lines.colors.extend(color);
+        self.points.colors.extend(color.into_iter().flat_map(|color| vec![color; drawing.pairs.panels().len()]));
+    }
+
+    fn end(&mut self, states: usize, at: Moment) {
+        for marks in [&mut self.lines, &mut self.points] {
+            marks.moments.push(at);
+            marks.counts.push(states);
+        }
     }
 
     /// If there are enough for a piece, or any and all are wanted.
-    pub(super) fn take(&mut self, axes: &Axes, all: bool) -> Option<Result<Chunk, Fault>> {
-        if !all && self.moments.len() < EPISODES_PER_CHUNK {
-            return None;
+    pub(super) fn take(&mut self, drawing: &Drawing, all: bool) -> Result<Vec<Chunk>, Fault> {
+        if !all && self.lines.moments.len() < EPISODES_PER_CHUNK {
+            return Ok(Vec::new());
         }
-        let (moments, points) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.points));
-        let lines_per_row = std::mem::take(&mut self.counts);
-        let points_per_line = vec![axes.all().len(); lines_per_row.iter().sum()];
-        if points_per_line.is_empty() {
-            return None;
-        }
-        let column = grouped_column(LineStrips2D::descriptor_strips(), strips(points, points_per_line), lines_per_row);
-        Some(moments.into_chunk(&self.entity, [column]))
+        let (axes, panels) = (drawing.axes.all().len(), drawing.pairs.panels().len());
+        let line = |coordinates, states| (LineStrips2D::descriptor_strips(), strips(coordinates, vec![axes; states]));
+        let point = |coordinates, _| (Points2D::descriptor_positions(), positions(coordinates));
+        let lines = self.lines.take(1, LineStrips2D::descriptor_colors(), line);
+        let points = self.points.take(panels, Points2D::descriptor_colors(), point);
+        lines.into_iter().chain(points).collect()
     }
 
-    /// From dark, at an episode's start, to bright, at its end.
-    fn style(&self, agent: u32, lines: u32) -> Result<Chunk, Fault> {
-        let color = agent_color(agent).map(f32::from);
-        let share = |line: u32| 0.35 + 0.65 * (line + 1) as f32 / lines.max(1) as f32;
-        let colors = (0..lines.max(1)).map(|line| rgb(color.map(|channel| (channel * share(line)).min(255.0) as u8)));
-        let style = LineStrips2D::update_fields().with_colors(colors).with_radii([Radius::new_ui_points(0.35)]);
-        timeless(self.entity.clone(), &style)
+    /// What is true throughout. Where agents have their own colours: from dark, at an episode's start, to bright, at its end.
+    pub(super) fn styles(&self, agent: Option<u32>, states_per_row: u32, panels: usize) -> Result<[Chunk; 2], Fault> {
+        let states = states_per_row.max(1);
+        let share = |state: u32| 0.35 + 0.65 * (state + 1) as f32 / states as f32;
+        let faded =
+            |agent: u32, state: u32| agent_color(agent).map(|channel| (f32::from(channel) * share(state)).min(255.0) as u8);
+        let colors: Vec<_> = agent.into_iter().flat_map(|agent| (0..states).map(move |state| rgb(faded(agent, state)))).collect();
+        let lines = LineStrips2D::update_fields().with_radii([Radius::new_ui_points(0.35)]);
+        let points = Points2D::update_fields().with_radii([Radius::new_ui_points(1.2)]);
+        if colors.is_empty() {
+            return Ok([timeless(self.lines.entity.clone(), &lines)?, timeless(self.points.entity.clone(), &points)?]);
+        }
+        let of_points = colors.iter().flat_map(|color| vec![*color; panels]).collect::<Vec<_>>();
+        Ok([
+            timeless(self.lines.entity.clone(), &lines.with_colors(colors))?,
+            timeless(self.points.entity.clone(), &points.with_colors(of_points))?,
+        ])
     }
 }
 
-impl Gallery {
-    fn new(entity: &EntityPath) -> Self {
-        Self { entity: entity.join(&"density".into()), moments: Moments::default(), pictures: Vec::new() }
+impl Marks {
+    fn new(entity: String) -> Self {
+        let (coordinates, colors, counts) = (Vec::new(), Vec::new(), Vec::new());
+        Self { entity: entity.into(), moments: Moments::default(), coordinates, colors, counts }
     }
 
-    /// For the states of the whole team.
-    pub(super) fn of_team() -> Self {
-        Self::new(&"visitation/team".into())
-    }
-
-    /// Adds a picture of all states so far: `pixels` counts the lines over each pixel.
-    fn hang(&mut self, pixels: &[u32], at: Moment) {
-        self.moments.push(at);
-        self.pictures.push(shade(pixels).into());
-    }
-
-    /// Likewise, of the whole team.
-    pub(super) fn hang_sum<'a>(&mut self, axes: &Axes, visits: impl Iterator<Item = &'a mut Visits>, at: Moment) {
-        let mut sum = vec![0_u32; axes.width() * HEIGHT];
-        for visits in visits {
-            for (sum, lines) in sum.iter_mut().zip(visits.density.pixels()) {
-                *sum = sum.saturating_add(*lines);
-            }
-        }
-        self.hang(&sum, at);
-    }
-
-    /// If there are enough for a piece, or any and all are wanted.
-    pub(super) fn take(&mut self, all: bool) -> Option<Result<Chunk, Fault>> {
-        let least = if all { 1 } else { PICTURES_PER_CHUNK };
-        if self.pictures.len() < least {
+    /// A state makes `marks` marks.
+    fn take(
+        &mut self,
+        marks: usize,
+        color: rerun::ComponentDescriptor,
+        shapes: impl FnOnce(Vec<f32>, usize) -> (rerun::ComponentDescriptor, ArrayRef),
+    ) -> Option<Result<Chunk, Fault>> {
+        let (moments, colors) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.colors));
+        let counts: Vec<usize> = std::mem::take(&mut self.counts).into_iter().map(|states| states * marks).collect();
+        let states = counts.iter().sum::<usize>() / marks.max(1);
+        let coordinates = std::mem::take(&mut self.coordinates);
+        if coordinates.is_empty() {
             return None;
         }
-        let (moments, pictures) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.pictures));
-        let columns = DepthImage::update_fields().with_many_buffer(pictures).columns_of_unit_batches();
-        let columns = columns.map_err(|error| error.to_string());
-        Some(columns.and_then(|columns| moments.into_chunk(&self.entity, columns.collect::<Vec<_>>())))
+        let (name, shapes) = shapes(coordinates, states);
+        let colored = (!colors.is_empty()).then(|| grouped_column(color, Arc::new(UInt32Array::from(colors)), counts.clone()));
+        let columns: Vec<SerializedComponentColumn> = [grouped_column(name, shapes, counts)].into_iter().chain(colored).collect();
+        Some(moments.into_chunk(&self.entity, columns))
     }
+}
 
-    pub(super) fn style(&self, axes: &Axes) -> Result<Chunk, Fault> {
-        let format = ImageFormat::depth([axes.width() as u32, HEIGHT as u32], ChannelDatatype::U8);
-        let style = DepthImage::update_fields()
-            .with_format(format)
-            .with_colormap(Colormap::Inferno)
-            .with_depth_range([0.0, 255.0])
-            .with_magnification_filter(MagnificationFilter::Linear);
-        timeless(self.entity.clone(), &style)
-    }
+/// 2D points, as the components of points want them.
+fn positions(coordinates: Vec<f32>) -> ArrayRef {
+    let number = Field::new("item", DataType::Float32, false);
+    Arc::new(FixedSizeListArray::new(number.into(), 2, Arc::new(Float32Array::from(coordinates)), None))
 }

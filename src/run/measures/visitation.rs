@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::diversity::{Diversity, distribution_entropy, entropy, mix};
-use crate::env::Spec;
+use crate::env::{Quantity, Spec};
 
 /// Cells along one axis.
 const CELLS: usize = 20;
@@ -33,7 +33,13 @@ impl Visitation {
     /// Nothing visited yet.
     #[must_use]
     pub fn new(spec: &Spec) -> Self {
-        let axes = spec.observation_width();
+        Self::of(&spec.observations)
+    }
+
+    /// Likewise, where only what is observed is known.
+    #[must_use]
+    pub fn of(observations: &[Quantity]) -> Self {
+        let axes = observations.len();
         let (grids, cells_of_grid) = match axes {
             1 => (1, CELLS),
             2..=MOST_AXES => (axes * (axes - 1) / 2, CELLS * CELLS),
@@ -44,12 +50,17 @@ impl Visitation {
 
     /// Visits states.   `observations: [N × observation width]`
     pub fn visit(&mut self, spec: &Spec, observations: &[f32]) {
-        if spec.observation_width() > MOST_AXES {
-            return observations.chunks_exact(spec.observation_width()).for_each(|row| self.count_largest(row));
+        self.visit_states(&spec.observations, observations);
+    }
+
+    /// Likewise, where only what is observed is known.   `states: [N × quantities]`
+    pub fn visit_states(&mut self, quantities: &[Quantity], states: &[f32]) {
+        if quantities.len() > MOST_AXES {
+            return states.chunks_exact(quantities.len()).for_each(|row| self.count_largest(row));
         }
-        let mut bins = vec![0; spec.observation_width()];
-        for row in observations.chunks_exact(bins.len()) {
-            for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(&spec.observations) {
+        let mut bins = vec![0; quantities.len()];
+        for row in states.chunks_exact(bins.len()) {
+            for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(quantities) {
                 let [low, high] = quantity.range;
                 *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0) as usize;
             }

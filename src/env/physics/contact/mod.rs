@@ -10,10 +10,10 @@ mod world;
 
 use self::build::Pristine;
 use self::world::World;
-use crate::env::Pose;
 use crate::env::description::Description;
 use crate::env::dynamics::{Dynamics, JointColumns, from_bytes, to_bytes};
 use crate::env::kinematics::{Frame, Tree};
+use crate::env::{Force, Pose};
 
 /// M copies of a task with contacts.
 pub struct ContactWorlds {
@@ -70,6 +70,10 @@ impl Dynamics for ContactWorlds {
         for (pose, frame) in poses.iter_mut().zip(&self.tree.frames_of(&self.columns, copy)) {
             *pose = Pose::from(frame);
         }
+    }
+
+    fn contacts(&self, copy: usize, forces: &mut Vec<Force>) {
+        self.worlds[copy].contacts(forces);
     }
 
     fn save(&self) -> Vec<u8> {

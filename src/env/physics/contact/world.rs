@@ -2,7 +2,9 @@
 
 use std::f32::consts::TAU;
 
-use rapier2d::prelude::{BroadPhaseBvh, CCDSolver, IslandManager, NarrowPhase, PhysicsPipeline, PhysicsWorld, Pose, Rotation};
+use rapier2d::prelude::{
+    BroadPhaseBvh, CCDSolver, IslandManager, NarrowPhase, PhysicsPipeline, PhysicsWorld, Pose, Rotation, Vector,
+};
 use serde::{Deserialize, Serialize};
 
 use super::super::vector;
@@ -10,6 +12,7 @@ use super::build::Pristine;
 use super::link::Root;
 use crate::env::dynamics::JointColumns;
 use crate::env::kinematics::Frame;
+use crate::env::{Force, ForceSource};
 
 /// One copy.
 #[derive(Serialize, Deserialize)]
@@ -115,6 +118,25 @@ impl World {
             columns.set(first, copy, moving.position.x, moving.velocity.x);
             columns.set(first + 1, copy, moving.position.y, moving.velocity.y);
             columns.set(first + 2, copy, angle, moving.spin);
+        }
+    }
+
+    /// Adds the forces of surfaces that touch: of what the world pushes, or of the second of two bodies. Rapier has the impulses of
+    /// its latest step.
+    pub(super) fn contacts(&self, forces: &mut Vec<Force>) {
+        let dt = self.world.integration_parameters.dt;
+        for pair in self.world.narrow_phase.contact_pairs() {
+            let pose = self.world.colliders[pair.collider1].position();
+            for manifold in pair.solver_manifolds() {
+                let normal = manifold.data.normal;
+                let sense = if manifold.data.rigid_body2.is_some() { 1.0 } else { -1.0 };
+                for point in manifold.points.iter().filter(|point| point.data.impulse > 0.0) {
+                    let tangent = Vector::new(-normal.y, normal.x) * point.data.tangent_impulse.x;
+                    let force = (normal * point.data.impulse + tangent) * (sense / dt);
+                    let at = *pose * point.local_p1;
+                    forces.push(Force { source: ForceSource::Contact, at: at.to_array(), newtons: force.to_array() });
+                }
+            }
         }
     }
 

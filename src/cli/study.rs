@@ -1,0 +1,130 @@
+//! `seedbed study`: runs what a study lacks, and says what came of its claims.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::time::Instant;
+
+use super::progress::StudyBar;
+use super::run::interruption;
+use super::{Failure, StudyArgs, counted, report};
+use crate::study::plan::{StudyPlan, Task};
+use crate::study::runner;
+use crate::study::store::{Manifest, StoredRun, StudyClaim, StudyFolder};
+
+pub(super) fn study(args: &StudyArgs) -> Result<(), Failure> {
+    let plans: Result<Vec<StudyPlan>, _> = args.studies.iter().map(|path| StudyPlan::load(path, args.quick)).collect();
+    let plans = plans?;
+    if plans.len() > 1 && (args.out.is_some() || args.index.is_some()) {
+        return Err(Failure::Input("--out and --index take one study at a time".to_owned()));
+    }
+    let mut failed = 0;
+    for plan in &plans {
+        let folder = StudyFolder::new(args.out.clone().unwrap_or_else(|| plan.default_folder()));
+        failed += match args.index {
+            _ if args.list => list(plan, &folder),
+            Some(index) => run_one(plan, &folder, index)?,
+            None => run_all(args, plan, &folder)?,
+        };
+    }
+    if failed == 0 { Ok(()) } else { Err(Failure::Work(format!("{} failed", counted(failed, "run")))) }
+}
+
+/// The runs with their indices, and which of them are there.
+fn list(plan: &StudyPlan, folder: &StudyFolder) -> usize {
+    for task in plan.tasks() {
+        let state = match folder.stored_task(&task).map(|stored| stored.outcome) {
+            Some(Ok(_)) => "finished",
+            Some(Err(_)) => "failed",
+            None => "to run",
+        };
+        say!("{:>6}  {state:<8}  seed {:<6}  {}", task.index, task.seed, task.cell.name);
+    }
+    0
+}
+
+/// Runs a single one, whatever other processes do in the same folder.
+fn run_one(plan: &StudyPlan, folder: &StudyFolder, index: usize) -> Result<usize, Failure> {
+    let tasks = plan.tasks();
+    let Some(task) = tasks.get(index) else {
+        let message = format!("--index {index}: expected an index from 0 to {}, as `--list` shows them", tasks.len() - 1);
+        return Err(Failure::Input(message));
+    };
+    let _claim = claim(folder, false)?;
+    folder.note(&Manifest::of(plan)).map_err(|error| Failure::Work(error.to_string()))?;
+    let file = folder.file(&task.cell.digest, task.seed);
+    let before = folder.stored_task(task);
+    if before.is_none() {
+        say_failures(&run_missing(&[*task], folder, 1, &plan.name)?);
+    }
+    let Some(stored) = folder.stored_task(task) else { return Err(interrupted(plan)) };
+    let is_new = if before.is_some() { "was there already: " } else { "" };
+    say!("{} with seed {}: {is_new}{}", task.cell.name, task.seed, file.display());
+    Ok(usize::from(stored.outcome.is_err()))
+}
+
+fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, Failure> {
+    let _claim = claim(folder, true)?;
+    folder.note(&Manifest::of(plan)).map_err(|error| Failure::Work(error.to_string()))?;
+    let tasks = plan.tasks();
+    let is_wanted = |stored: &StoredRun| !(args.retry && stored.outcome.is_err());
+    let missing: Vec<Task<'_>> =
+        tasks.iter().filter(|task| !folder.stored_task(task).is_some_and(|stored| is_wanted(&stored))).copied().collect();
+    let (cells, runs) = (counted(plan.cells.len(), "cell"), counted(plan.repeats() as usize, "run"));
+    say!("study      {}: {cells} of {runs}, {} to run", plan.name, missing.len());
+    let jobs = args.jobs.map_or_else(cores, usize::from);
+    let started = Instant::now();
+    let failures = run_missing(&missing, folder, jobs, &plan.name)?;
+    if !missing.is_empty() {
+        let (done, threads) = (counted(missing.len(), "run"), counted(jobs, "thread"));
+        say!("finished   {done} in {:.1} s on {threads}", started.elapsed().as_secs_f64());
+    }
+    say_failures(&failures);
+    report::write_and_tell(folder)
+}
+
+/// What failed, as `cell with seed N: reason`.
+fn run_missing(tasks: &[Task<'_>], folder: &StudyFolder, jobs: usize, name: &str) -> Result<Vec<String>, Failure> {
+    let stop = interruption("stopping; what is finished is kept, and the same command goes on from there");
+    let bar = Mutex::new(StudyBar::new(name, tasks));
+    let failures = Mutex::new(Vec::new());
+    let told = |finished: &runner::Finished<'_>| {
+        bar.lock().expect("no thread fails while it holds the lock").finished(finished.task);
+        if let Some(reason) = finished.failure {
+            let failure = format!("{} with seed {}: {reason}", finished.task.cell.name, finished.task.seed);
+            failures.lock().expect("no thread fails while it holds the lock").push(failure);
+        }
+    };
+    let result = runner::run(tasks, folder, jobs, &stop, &told);
+    drop(bar);
+    result.map_err(|error| Failure::Work(format!("cannot write {error}")))?;
+    if stop.load(std::sync::atomic::Ordering::Relaxed) {
+        return Err(Failure::Work(format!("interrupted; the same command goes on with what {name} still lacks")));
+    }
+    let mut failures = failures.into_inner().expect("no thread fails while it holds the lock");
+    failures.sort();
+    Ok(failures)
+}
+
+fn say_failures(failures: &[String]) {
+    const SHOWN: usize = 10;
+    for failure in failures.iter().take(SHOWN) {
+        eprintln!("failed     {failure}");
+    }
+    if failures.len() > SHOWN {
+        eprintln!("failed     and {} more", failures.len() - SHOWN);
+    }
+}
+
+fn interrupted(plan: &StudyPlan) -> Failure {
+    Failure::Work(format!("interrupted; the same command goes on with what {} still lacks", plan.name))
+}
+
+fn claim(folder: &StudyFolder, alone: bool) -> Result<StudyClaim, Failure> {
+    let path: &Path = folder.path();
+    let claimed = folder.claim(alone).map_err(|error| Failure::Work(format!("cannot write {}: {error}", path.display())))?;
+    claimed.ok_or_else(|| Failure::Input(format!("another process is running a study in {}", path.display())))
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}

@@ -1,0 +1,123 @@
+//! Where values stand on an axis, and which of them are written beside it.
+
+/// Maps an interval of values to an interval of the page.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Scale {
+    values: [f64; 2],
+    places: [f64; 2],
+}
+
+impl Scale {
+    pub(super) fn new(values: [f64; 2], places: [f64; 2]) -> Self {
+        Self { values, places }
+    }
+
+    pub(super) fn at(&self, value: f64) -> f64 {
+        let ([low, high], [from, to]) = (self.values, self.places);
+        from + (value - low) / (high - low) * (to - from)
+    }
+
+    /// Values at round numbers, about `count` of them, with what is written beside them.
+    pub(super) fn ticks(&self, count: usize) -> Vec<(f64, String)> {
+        let [low, high] = self.values;
+        let step = round_step((high - low) / count.max(1) as f64);
+        let first = (low / step - 1e-9).ceil() as i64;
+        let last = (high / step + 1e-9).floor() as i64;
+        (first..=last)
+            .map(|index| index as f64 * step)
+            .map(|value| (value, label(value, step, low.abs().max(high.abs()))))
+            .collect()
+    }
+}
+
+/// 1, 2 or 5 times a power of ten, about `wanted`.
+fn round_step(wanted: f64) -> f64 {
+    let power = 10_f64.powf(wanted.log10().floor());
+    let factor = [1.0, 2.0, 5.0].into_iter().find(|factor| factor * power >= 0.7 * wanted);
+    factor.unwrap_or(10.0) * power
+}
+
+/// As many decimals as the step between ticks needs; thousands and millions are cut short where numbers are large.
+fn label(value: f64, step: f64, largest: f64) -> String {
+    let (unit, suffix) = match largest {
+        1e6.. => (1e6, "M"),
+        1e4.. => (1e3, "k"),
+        _ => (1.0, ""),
+    };
+    let decimals = (-((step / unit).log10() + 1e-9).floor()).clamp(0.0, 9.0) as usize;
+    if value.abs() < step * 1e-6 {
+        return "0".to_owned();
+    }
+    signed(&format!("{:.decimals$}{suffix}", value / unit))
+}
+
+/// With a true minus sign.
+pub(super) fn signed(number: &str) -> String {
+    number.replace('-', "−")
+}
+
+/// A number as people write it: four significant digits, no idle zeros.
+pub(super) fn written(value: f64) -> String {
+    if !value.is_finite() {
+        return "–".to_owned();
+    }
+    let whole_digits = value.abs().max(1e-300).log10().floor() as i32 + 1;
+    let decimals = (4 - whole_digits).clamp(0, 9) as usize;
+    let text = format!("{value:.decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".to_owned() } else { signed(text) }
+}
+
+/// From the least to the largest of `values`, widened where that has no extent; 0 to 1 where there are none.
+pub(super) fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let ends = values.filter(|value| value.is_finite()).fold(None, |ends: Option<[f64; 2]>, value| {
+        Some(ends.map_or([value; 2], |[low, high]| [low.min(value), high.max(value)]))
+    });
+    let [low, high] = ends.unwrap_or([0.0, 1.0]);
+    if high > low { [low, high] } else { [low - 0.5_f64.max(low.abs() / 10.0), low + 0.5_f64.max(low.abs() / 10.0)] }
+}
+
+/// With some room at both ends, but not beyond zero.
+pub(super) fn padded([low, high]: [f64; 2]) -> [f64; 2] {
+    let room = 0.05 * (high - low);
+    let lower = if low >= 0.0 { (low - room).max(0.0) } else { low - room };
+    [lower, if high <= 0.0 { (high + room).min(0.0) } else { high + room }]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(low: f64, high: f64) -> Vec<String> {
+        Scale::new([low, high], [0.0, 1.0]).ticks(5).into_iter().map(|(_, label)| label).collect()
+    }
+
+    #[test]
+    fn ticks_are_round() {
+        assert_eq!(labels(0.0, 200.0), ["0", "50", "100", "150", "200"]);
+        assert_eq!(labels(-0.21, 0.21), ["−0.2", "−0.1", "0", "0.1", "0.2"]);
+        assert_eq!(labels(0.0, 1.0), ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(0.0, 250_000.0), ["0", "50k", "100k", "150k", "200k", "250k"]);
+        assert_eq!(labels(3.0, 9.5), ["3", "4", "5", "6", "7", "8", "9"]);
+    }
+
+    #[test]
+    fn places_are_straight() {
+        let scale = Scale::new([0.0, 4.0], [100.0, 20.0]);
+        assert_eq!((scale.at(0.0), scale.at(1.0), scale.at(4.0)), (100.0, 80.0, 20.0));
+    }
+
+    #[test]
+    fn numbers_as_people_write_them() {
+        let written = [0.0, 127.5, -6.0, 0.123_456, 12_345.6, f64::INFINITY].map(written);
+        assert_eq!(written, ["0", "127.5", "−6", "0.1235", "12346", "–"]);
+    }
+
+    #[test]
+    fn extents_are_never_empty() {
+        assert_eq!(extent([3.0, -1.0, f64::NAN].into_iter()), [-1.0, 3.0]);
+        assert_eq!(extent([2.0].into_iter()), [1.5, 2.5]);
+        assert_eq!(extent([].into_iter()), [0.0, 1.0]);
+        assert_eq!(padded([0.0, 100.0]), [0.0, 105.0]);
+    }
+}

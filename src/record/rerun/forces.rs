@@ -1,0 +1,185 @@
+//! `/scene/agent_K/forces/…`: what pushed the bodies of a filmed agent, as arrows.
+//!
+//! `action` has what the agent's action pushed (a torque as the force at the centre of mass that turns the body as much), `contacts`
+//! what surfaces pushed, with points where they touch. A row has the forces of the step that led to it, and their sizes in the column `Force:newtons`.
+//! Arrows of one kind are in scale within an episode: the nineteenth of twenty, by size, is an eighth of the picture long; larger
+//! ones are cut at twice that.
+
+use std::sync::Arc;
+
+use rerun::components::Radius;
+use rerun::external::arrow::array::{ArrayRef, Float32Array};
+use rerun::log::Chunk;
+use rerun::{ArchetypeName, Arrows2D, ComponentDescriptor, ComponentIdentifier, EntityPath, Points2D};
+
+use super::framing::{Bounds, extent};
+use super::rows::{Moment, Moments, grouped_column, rgb, timeless};
+use super::sink::Fault;
+use crate::env::{Force, ForceSource};
+use crate::record::Footage;
+
+/// How long an arrow is, as a share of the picture.
+const LENGTH: f32 = 0.125;
+
+/// In front of all bodies.
+const ORDER: f32 = 100.0;
+
+/// The forces on one agent's bodies that are still to be written.
+pub(super) struct Pushes {
+    kinds: [Arrows; 2],
+}
+
+struct Arrows {
+    entity: EntityPath,
+    source: ForceSource,
+    color: [u8; 3],
+    moments: Moments,
+    per_row: Vec<usize>,
+    origins: Vec<[f32; 2]>,
+    vectors: Vec<[f32; 2]>,
+    newtons: Vec<f32>,
+}
+
+impl Pushes {
+    pub(super) fn new(scene: &EntityPath) -> Self {
+        let arrows = |name: &str, source, color| Arrows {
+            entity: scene.join(&EntityPath::from_single_string("forces")).join(&EntityPath::from_single_string(name)),
+            source,
+            color,
+            moments: Moments::default(),
+            per_row: Vec::new(),
+            origins: Vec::new(),
+            vectors: Vec::new(),
+            newtons: Vec::new(),
+        };
+        let action = arrows("action", ForceSource::Action, [80, 220, 140]);
+        Self { kinds: [action, arrows("contacts", ForceSource::Contact, [255, 110, 90])] }
+    }
+
+    /// Adds an episode whose first row is at `first`, in a picture of this size.
+    pub(super) fn add(&mut self, footage: &Footage, picture: Option<Bounds>, first: Moment) {
+        let size = picture.map_or(1.0, extent);
+        self.kinds.iter_mut().for_each(|arrows| arrows.add(footage, size, first));
+    }
+
+    /// What never changes.
+    pub(super) fn styles(&self) -> Result<Vec<Chunk>, Fault> {
+        self.kinds.iter().flat_map(Arrows::style).collect()
+    }
+
+    /// All there is.
+    pub(super) fn take(&mut self) -> impl Iterator<Item = Result<Chunk, Fault>> {
+        self.kinds.iter_mut().filter_map(Arrows::take)
+    }
+}
+
+impl Arrows {
+    fn add(&mut self, footage: &Footage, size: f32, first: Moment) {
+        let source = self.source;
+        let Some(scale) = scale(footage.forces.iter().filter(|force| force.source == source), size) else {
+            self.per_row.push(0);
+            return self.moments.push(first);
+        };
+        let mut forces = footage.forces.iter();
+        for &count in &footage.forces_per_row {
+            let before = self.newtons.len();
+            for force in forces.by_ref().take(count).filter(|force| force.source == source) {
+                let [right, up] = force.newtons;
+                let newtons = right.hypot(up);
+                let scale = scale.min(2.0 * LENGTH * size / newtons);
+                self.origins.push([force.at[0], -force.at[1]]);
+                self.vectors.push([right * scale, -up * scale]);
+                self.newtons.push(newtons);
+            }
+            self.per_row.push(self.newtons.len() - before);
+        }
+        self.moments.push_steps(first, footage.forces_per_row.len());
+    }
+
+    fn style(&self) -> Vec<Result<Chunk, Fault>> {
+        let arrows = Arrows2D::update_fields().with_colors([rgb(self.color)]).with_draw_order(ORDER);
+        let arrows = arrows.with_radii([Radius::new_ui_points(1.5)]);
+        let points = Points2D::update_fields().with_colors([rgb(self.color)]).with_draw_order(ORDER);
+        let points = points.with_radii([Radius::new_ui_points(3.0)]);
+        vec![timeless(self.entity.clone(), &arrows), timeless(self.entity.clone(), &points)]
+    }
+
+    fn take(&mut self) -> Option<Result<Chunk, Fault>> {
+        let (moments, per_row) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.per_row));
+        if per_row.is_empty() {
+            return None;
+        }
+        let origins = std::mem::take(&mut self.origins);
+        let points = Points2D::new(origins.iter().copied()).columns(per_row.clone());
+        let vectors = Arrows2D::from_vectors(std::mem::take(&mut self.vectors));
+        let arrows = vectors.with_origins(origins).columns(per_row.clone());
+        let newtons: ArrayRef = Arc::new(Float32Array::from(std::mem::take(&mut self.newtons)));
+        let newtons = grouped_column(newtons_column(), newtons, per_row);
+        let columns = points.and_then(|points| Ok(points.chain(arrows?).chain([newtons]).collect::<Vec<_>>()));
+        Some(columns.map_err(|error| error.to_string()).and_then(|columns| moments.into_chunk(&self.entity, columns)))
+    }
+}
+
+/// Picture lengths for a newton; none without forces.
+fn scale<'a>(forces: impl Iterator<Item = &'a Force>, size: f32) -> Option<f32> {
+    let mut newtons: Vec<f32> = forces.map(|force| force.newtons[0].hypot(force.newtons[1])).collect();
+    newtons.sort_by(f32::total_cmp);
+    let large = newtons.get(newtons.len() * 19 / 20)?;
+    Some(LENGTH * size / large.max(f32::MIN_POSITIVE))
+}
+
+fn newtons_column() -> ComponentDescriptor {
+    let archetype = ArchetypeName::from("Force");
+    let component = ComponentIdentifier::from_archetype_field(archetype, "newtons");
+    ComponentDescriptor { archetype: Some(archetype), component, component_type: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn force(newtons: f32) -> Force {
+        Force { source: ForceSource::Contact, at: [1.0, 2.0], newtons: [0.0, newtons] }
+    }
+
+    /// Rows of no, one and two forces, on a picture of 8 m: the larger of three, 20 N, is 1 m long; upwards is negative.
+    #[test]
+    fn arrows_are_in_scale_and_start_where_forces_act() {
+        let mut pushes = Pushes::new(&"scene".into());
+        let footage = Footage {
+            forces: vec![force(10.0), force(20.0), Force { source: ForceSource::Action, ..force(5.0) }],
+            forces_per_row: vec![0, 1, 2],
+            ..Footage::default()
+        };
+        pushes.add(&footage, Some([0.0, 8.0, 0.0, 4.0]), Moment { env_step: 7, episode: 0, round: 0 });
+        let [action, contacts] = &pushes.kinds;
+        assert_eq!((&contacts.per_row, &contacts.newtons), (&vec![0, 1, 1], &vec![10.0, 20.0]));
+        assert_eq!((&contacts.vectors, contacts.origins[0]), (&vec![[0.0, -0.5], [0.0, -1.0]], [1.0, -2.0]));
+        assert_eq!((&action.per_row, &action.vectors), (&vec![0, 0, 1], &vec![[0.0, -1.0]]));
+    }
+
+    /// Nineteen small ones and an impact: the impact is cut at twice the length of the small ones.
+    #[test]
+    fn an_impact_does_not_hide_all_others() {
+        let mut pushes = Pushes::new(&"scene".into());
+        let forces: Vec<Force> = [vec![force(1.0); 39], vec![force(1000.0)]].concat();
+        let footage = Footage { forces, forces_per_row: vec![40], ..Footage::default() };
+        pushes.add(&footage, Some([0.0, 8.0, 0.0, 4.0]), Moment { env_step: 0, episode: 0, round: 0 });
+        let lengths: Vec<f32> = pushes.kinds[1].vectors.iter().map(|vector| -vector[1]).collect();
+        assert_eq!((lengths[0], lengths[39]), (1.0, 2.0));
+    }
+
+    /// What an earlier episode left is taken away.
+    #[test]
+    fn an_episode_without_forces_has_one_empty_row() {
+        let mut pushes = Pushes::new(&"scene".into());
+        pushes.add(
+            &Footage { forces_per_row: vec![0; 9], ..Footage::default() },
+            None,
+            Moment { env_step: 0, episode: 0, round: 0 },
+        );
+        assert_eq!(pushes.kinds[0].per_row, [0]);
+        assert_eq!(pushes.take().count(), 2);
+        assert_eq!(pushes.take().count(), 0);
+    }
+}

@@ -1,0 +1,166 @@
+//! How many lines cross each pixel of parallel coordinates.
+
+use serde::{Deserialize, Serialize};
+
+use super::BINS;
+use super::axes::{Axes, HEIGHT};
+
+/// Brightness of a pixel that a single line crosses.
+pub const DIMMEST: u8 = 40;
+
+/// How many lines cross each pixel between neighbouring axes.
+///
+/// States are counted in a 64 × 64 histogram for each pair of axes; only cells that changed are drawn again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Density {
+    gap: usize,
+    pairs: usize,
+    /// States since the latest drawing: `[pairs × bins × bins]`, by the bins on the left and the right axis.
+    counts: Vec<u32>,
+    /// The cells of `counts` that are not zero.
+    touched: Vec<u32>,
+    /// Lines over each pixel, without those still in `counts`: `[height × width]`.
+    pixels: Vec<u32>,
+}
+
+impl Density {
+    /// Nothing visited yet.
+    #[must_use]
+    pub fn new(axes: &Axes) -> Self {
+        Self {
+            gap: axes.gap(),
+            pairs: axes.pairs(),
+            counts: vec![0; axes.pairs() * BINS * BINS],
+            touched: Vec::new(),
+            pixels: vec![0; axes.width() * HEIGHT],
+        }
+    }
+
+    /// Whether this was made for such axes.
+    #[must_use]
+    pub fn fits(&self, axes: &Axes) -> bool {
+        (self.gap, self.pairs) == (axes.gap(), axes.pairs()) && self.pixels.len() == axes.width() * HEIGHT
+    }
+
+    /// Counts one projected state.
+    pub fn add(&mut self, fractions: &[f32]) {
+        for (pair, ends) in fractions.windows(2).enumerate() {
+            let cell = (pair * BINS + bin(ends[0])) * BINS + bin(ends[1]);
+            if self.counts[cell] == 0 {
+                self.touched.push(cell as u32);
+            }
+            self.counts[cell] += 1;
+        }
+    }
+
+    /// Lines over each pixel, all states drawn: `[height × width]`.
+    pub fn draw_all(&mut self) -> &Vec<u32> {
+        for cell in std::mem::take(&mut self.touched) {
+            let count = std::mem::take(&mut self.counts[cell as usize]);
+            self.draw(cell as usize, count);
+        }
+        &self.pixels
+    }
+
+    /// Lines over each pixel as they were last drawn: `[height × width]`.
+    #[must_use]
+    pub fn pixels(&self) -> &[u32] {
+        &self.pixels
+    }
+
+    /// Draws a cell as a straight line, one bin high, from axis to axis; the last pair includes the last axis.
+    fn draw(&mut self, cell: usize, count: u32) {
+        let (pair, left, right) = (cell / (BINS * BINS), cell / BINS % BINS, cell % BINS);
+        let (left, right) = (row(left), row(right));
+        let width = self.pairs * self.gap + 1;
+        let columns = if pair + 1 == self.pairs { self.gap + 1 } else { self.gap };
+        // Heights in 65,536ths of a pixel, so that no column needs a division.
+        let rise = (((right as i64) - (left as i64)) << 16) / self.gap as i64;
+        let mut height = ((left as i64) << 16) + (1 << 15);
+        for column in 0..columns {
+            let pixel = (height >> 16) as usize * width + pair * self.gap + column;
+            self.pixels[pixel] += count;
+            height += rise;
+        }
+    }
+}
+
+fn bin(fraction: f32) -> usize {
+    ((fraction * BINS as f32) as usize).min(BINS - 1)
+}
+
+/// The row of pixels of a bin; bin 0 is the lowest.
+fn row(bin: usize) -> usize {
+    BINS - 1 - bin
+}
+
+/// Brightness of each pixel: 0 where no line passes, else from [`DIMMEST`] (one line) to 255 (`most` lines), on a logarithmic scale.
+#[must_use]
+pub fn shade(pixels: &[u32], most: u32) -> Vec<u8> {
+    let whole = log2(most).max(1);
+    let brightness = |lines: u32| DIMMEST + (log2(lines.min(most)) * u32::from(255 - DIMMEST) / whole) as u8;
+    pixels.iter().map(|&lines| if lines == 0 { 0 } else { brightness(lines) }).collect()
+}
+
+/// 256 log₂ `n`, straight between powers of two; the same on every machine. 0 for 0.
+fn log2(n: u32) -> u32 {
+    let Some(whole) = n.checked_ilog2() else { return 0 };
+    let part = ((u64::from(n) << 8) >> whole) as u32 - 256;
+    whole * 256 + part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::axes::tests::spec;
+    use super::*;
+    use crate::record::AxisChoice;
+
+    fn axes(observations: usize) -> Axes {
+        Axes::of(&spec(&vec![[0.0, 1.0]; observations]), &[AxisChoice::Observations], None)
+    }
+
+    #[test]
+    fn a_level_line_brightens_the_row_of_its_bin() {
+        let axes = axes(2);
+        let mut density = Density::new(&axes);
+        density.add(&[0.0, 0.0]);
+        density.add(&[0.0, 0.0]);
+        let width = axes.width();
+        let pixels = density.draw_all();
+        assert!(pixels[..63 * width].iter().all(|&lines| lines == 0));
+        assert!(pixels[63 * width..].iter().all(|&lines| lines == 2));
+    }
+
+    #[test]
+    fn a_rising_line_passes_half_way() {
+        let axes = axes(2);
+        let mut density = Density::new(&axes);
+        density.add(&[0.0, 1.0]);
+        let width = axes.width();
+        let pixels = density.draw_all().clone();
+        let rows = |column: usize| (0..HEIGHT).filter(|row| pixels[row * width + column] == 1).collect::<Vec<_>>();
+        assert_eq!((rows(0), rows(96), rows(192)), (vec![63], vec![32], vec![0]));
+        assert_eq!(pixels.iter().sum::<u32>() as usize, width);
+    }
+
+    #[test]
+    fn drawing_in_between_changes_nothing() {
+        let axes = axes(3);
+        let states = [[0.1, 0.5, 0.9], [0.3, 0.3, 0.2], [0.1, 0.5, 0.9]];
+        let (mut often, mut once) = (Density::new(&axes), Density::new(&axes));
+        for state in &states {
+            often.add(state);
+            often.draw_all();
+            once.add(state);
+        }
+        assert_eq!(often.draw_all(), once.draw_all());
+    }
+
+    #[test]
+    fn brightness_is_logarithmic() {
+        assert_eq!(shade(&[0, 1, 2, 4, 16], 16), [0, 40, 40 + 53, 40 + 107, 255]);
+        assert_eq!(shade(&[1, 16], 256), [40, 40 + 107], "the brightest of several pictures may be in another one");
+        assert_eq!(shade(&[0, 0], 0), [0, 0]);
+        assert_eq!((log2(1), log2(3), log2(4), log2(u32::MAX)), (0, 256 + 128, 512, 31 * 256 + 255));
+    }
+}

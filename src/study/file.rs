@@ -1,0 +1,353 @@
+//! Study files: which settings are compared, how often each is run, and what is claimed of them before anything ran.
+
+use serde::{Deserialize, Serialize};
+
+use super::measure::{Curve, Measure};
+use crate::input::numbers::{Count, Positive, known_count};
+use crate::input::{Complaint, Located};
+
+/// Seeds below this are for tuning; published results take seeds from here on.
+pub const FIRST_REPORTING_SEED: u64 = 1000;
+
+/// A study file: `Study(…)` in `scenarios/`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// Heads the report.
+    pub title: String,
+    /// What it is about, and where the claims come from.
+    #[serde(default)]
+    pub about: String,
+    /// The scenario of all cells that name no other, as a path from the study's folder.
+    #[serde(default)]
+    pub scenario: Option<Located<String>>,
+    /// What all cells replace in their scenario, each as `path=value`.
+    #[serde(default)]
+    pub set: Vec<Located<String>>,
+    /// Axes of which every combination of values is a cell.
+    #[serde(default)]
+    pub grid: Vec<Axis>,
+    /// Cells beside the grid's.
+    #[serde(default)]
+    pub cells: Vec<NamedCell>,
+    /// Runs of each cell, with seeds that all cells have in common.
+    #[serde(default = "default_repeats")]
+    pub repeats: Located<Count<100_000>>,
+    /// The first of these seeds: 0 to 999 while tuning, from 1000 on for what is reported.
+    #[serde(default = "default_first_seed")]
+    pub first_seed: Located<u64>,
+    /// What `--quick` does instead.
+    #[serde(default)]
+    pub quick: Quick,
+    /// What is measured of every run; the first one counts.
+    #[serde(default = "default_measures")]
+    pub measures: Located<Vec<Located<Measure>>>,
+    /// What is claimed.
+    #[serde(default)]
+    pub claims: Vec<Claim>,
+    /// What is drawn.
+    #[serde(default)]
+    pub figures: Vec<Figure>,
+}
+
+/// One axis of a grid: what stands for `{}` in `scenario` and `set`, value by value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Axis {
+    /// Stands before the value in the names of cells, such as `σ`; may be empty.
+    #[serde(default)]
+    pub name: String,
+    /// The scenario, such as `"../{}.ron"`.
+    #[serde(default)]
+    pub scenario: Option<Located<String>>,
+    /// What is replaced in the scenario, such as `["agents.count={}"]`. What is empty after replacing `{}` counts for nothing.
+    #[serde(default)]
+    pub set: Vec<Located<String>>,
+    /// What stands for `{}`.
+    pub values: Located<Vec<Located<String>>>,
+    /// How values are called in the names of cells, where not by themselves.
+    #[serde(default)]
+    pub labels: Option<Located<Vec<String>>>,
+}
+
+/// One setting.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedCell {
+    /// What claims and figures call it.
+    pub name: Located<String>,
+    /// Its scenario, where not the study's.
+    #[serde(default)]
+    pub scenario: Option<Located<String>>,
+    /// What it replaces there, after what the study does.
+    #[serde(default)]
+    pub set: Vec<Located<String>>,
+}
+
+/// A smaller study of the same shape, to see whether everything is as meant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Quick {
+    /// Runs of each cell.
+    pub repeats: Count<100_000>,
+    /// What all cells replace last, such as a shorter `stop`.
+    pub set: Vec<Located<String>>,
+}
+
+/// Something that the data may bear out, with the test that decides, fixed before the runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Claim {
+    /// In words.
+    pub text: String,
+    /// Who claims it, and where.
+    #[serde(default)]
+    pub source: String,
+    /// Two cells; the effect is the first's measure less the second's.
+    pub compare: (Located<String>, Located<String>),
+    /// What is compared; the study's first measure if nothing is said.
+    #[serde(default)]
+    pub measure: Option<Located<Measure>>,
+    /// Which way the effect is said to go.
+    pub direction: Claimed,
+    /// How large it is said to be or, where none is claimed, the least that would matter; in units of the measure.
+    pub size: Positive,
+    /// How runs are set against each other.
+    #[serde(default)]
+    pub test: Test,
+}
+
+/// What is claimed of an effect: the first cell's measure less the second's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Claimed {
+    /// It is above 0.
+    More,
+    /// It is below 0.
+    Less,
+    /// It is smaller than `size` in both directions.
+    Same,
+    /// It is below `size`: no gain worth the name.
+    NotMore,
+    /// It is above −`size`: no loss worth the name.
+    NotLess,
+}
+
+/// How runs of two cells are set against each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Test {
+    /// Seed by seed, with Wilcoxon's signed-rank test.
+    #[default]
+    Paired,
+    /// As two samples, with the log-rank test for times and Welch's test for all else.
+    Independent,
+}
+
+/// A figure of the report.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Figure {
+    /// Means over the runs of each cell, episode by episode, with bands of 95 %.
+    Curves {
+        /// Stands above it.
+        #[serde(default)]
+        title: String,
+        /// What is followed.
+        #[serde(default)]
+        of: Curve,
+        /// Which cells; all if none is named.
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+        /// Episodes of the moving average.
+        #[serde(default = "default_window")]
+        window: Count,
+    },
+    /// Returns of the single agents of the first run of each cell, side by side.
+    Agents {
+        /// Stands above it.
+        #[serde(default)]
+        title: String,
+        /// Which cells; all if none is named.
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+        /// Episodes of the moving average.
+        #[serde(default = "default_window")]
+        window: Count,
+    },
+    /// Visited states of the first run of each cell as parallel coordinates, cells side by side, a row for each of `episodes`.
+    Visitation {
+        /// Stands above it.
+        #[serde(default)]
+        title: String,
+        /// Which cells; all if none is named.
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+        /// Up to which episodes of each agent.
+        #[serde(default = "whole_training")]
+        episodes: Vec<Upto>,
+    },
+    /// A measure of each cell as a dot with its interval of 95 %.
+    Intervals {
+        /// Stands above it.
+        #[serde(default)]
+        title: String,
+        /// What; the study's first measure if nothing is said.
+        #[serde(default)]
+        measure: Option<Located<Measure>>,
+        /// Which cells; all if none is named.
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+    },
+    /// The share of runs that have not solved their task yet (Kaplan and Meier).
+    Unsolved {
+        /// Stands above it.
+        #[serde(default)]
+        title: String,
+        /// Which cells; all if none is named.
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+    },
+    /// The share of runs above each value of a measure: performance profiles.
+    Profiles {
+        /// Stands above it.
+        #[serde(default)]
+        title: String,
+        /// What; the study's first measure if nothing is said.
+        #[serde(default)]
+        measure: Option<Located<Measure>>,
+        /// Which cells; all if none is named.
+        #[serde(default)]
+        cells: Vec<Located<String>>,
+    },
+}
+
+/// A part of training, from its beginning on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Upto {
+    /// So many episodes of each agent.
+    First(Count),
+    /// All of it.
+    All,
+}
+
+impl Upto {
+    /// How many episodes of each agent.
+    #[must_use]
+    pub fn episodes(self) -> u32 {
+        match self {
+            Self::First(count) => count.get(),
+            Self::All => u32::MAX,
+        }
+    }
+}
+
+impl Figure {
+    /// Stands above it; empty where the file says nothing.
+    #[must_use]
+    pub fn title(&self) -> &str {
+        match self {
+            Self::Curves { title, .. }
+            | Self::Agents { title, .. }
+            | Self::Visitation { title, .. }
+            | Self::Intervals { title, .. }
+            | Self::Unsolved { title, .. }
+            | Self::Profiles { title, .. } => title,
+        }
+    }
+
+    /// The cells that it names.
+    #[must_use]
+    pub fn cells(&self) -> &[Located<String>] {
+        match self {
+            Self::Curves { cells, .. }
+            | Self::Agents { cells, .. }
+            | Self::Visitation { cells, .. }
+            | Self::Intervals { cells, .. }
+            | Self::Unsolved { cells, .. }
+            | Self::Profiles { cells, .. } => cells,
+        }
+    }
+
+    /// Whether it shows this cell: it names it, or none at all.
+    #[must_use]
+    pub fn shows(&self, cell: &str) -> bool {
+        self.cells().is_empty() || self.cells().iter().any(|name| name.as_str() == cell)
+    }
+}
+
+impl Study {
+    /// The measure that counts.
+    ///
+    /// # Panics
+    /// If the study was not checked and measures nothing.
+    #[must_use]
+    pub fn main_measure(&self) -> Measure {
+        **self.measures.first().expect("a checked study measures something")
+    }
+
+    /// What a claim compares.
+    #[must_use]
+    pub fn measure_of(&self, claim: &Claim) -> Measure {
+        claim.measure.as_ref().map_or_else(|| self.main_measure(), |measure| **measure)
+    }
+
+    /// Says what is wrong with a study whose cells have these names.
+    ///
+    /// # Errors
+    /// The field to blame, and why.
+    pub fn check(&self, cells: &[&str]) -> Result<(), Complaint> {
+        self.check_seeds()?;
+        if self.measures.is_empty() {
+            return Err(self.measures.complain("expected at least one measure, such as `EpisodesToSolve`"));
+        }
+        let compared = self.claims.iter().flat_map(|claim| [&claim.compare.0, &claim.compare.1]);
+        let drawn = self.figures.iter().flat_map(Figure::cells);
+        let unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
+        if let Some(name) = compared.chain(drawn).find(unknown) {
+            return Err(name.complain_unknown("cell", cells.iter().copied()));
+        }
+        let itself = self.claims.iter().find(|claim| claim.compare.0 == claim.compare.1);
+        itself.map_or(Ok(()), |claim| Err(claim.compare.1.complain("expected another cell than the first")))
+    }
+
+    /// Tuning and reporting seeds do not mix.
+    fn check_seeds(&self) -> Result<(), Complaint> {
+        let (first, count) = (*self.first_seed, u64::from(self.repeats.get()));
+        let Some(last) = first.checked_add(count - 1) else {
+            return Err(self.first_seed.complain("this whole number is too large"));
+        };
+        if first < FIRST_REPORTING_SEED && last >= FIRST_REPORTING_SEED {
+            return Err(self.first_seed.complain(format!(
+                "seeds {first} to {last} mix those for tuning, 0 to {}, with those that may be reported; expected fewer `repeats`, or \
+                 `first_seed: {FIRST_REPORTING_SEED}`",
+                FIRST_REPORTING_SEED - 1
+            )));
+        }
+        Ok(())
+    }
+}
+
+impl Default for Quick {
+    fn default() -> Self {
+        Self { repeats: known_count(5), set: Vec::new() }
+    }
+}
+
+fn default_repeats() -> Located<Count<100_000>> {
+    known_count(20).into()
+}
+
+fn default_first_seed() -> Located<u64> {
+    FIRST_REPORTING_SEED.into()
+}
+
+fn default_measures() -> Located<Vec<Located<Measure>>> {
+    vec![Measure::EpisodesToSolve.into()].into()
+}
+
+fn default_window() -> Count {
+    known_count(25)
+}
+
+fn whole_training() -> Vec<Upto> {
+    vec![Upto::All]
+}

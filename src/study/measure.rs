@@ -1,0 +1,245 @@
+//! What is measured of a run: one number, or one curve.
+
+use serde::{Deserialize, Serialize};
+
+use super::measured::Measured;
+use super::statistics::aggregate::{mean, median};
+use super::statistics::survival::Lifetime;
+use crate::input::numbers::{Count, known_count};
+
+/// One number of a whole team run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Measure {
+    /// Episodes of each agent until the team has solved its task; runs that never do are censored.
+    EpisodesToSolve,
+    /// Steps of the team until then.
+    EnvStepsToSolve,
+    /// Whether the team has solved its task: 1 or 0.
+    Solved,
+    /// The share of agents that reached the task's return by themselves, in any single episode.
+    Reach,
+    /// In which of its episodes the median agent did so for the first time.
+    FirstGoal,
+    /// The team's mean return over its last episodes.
+    FinalReturn {
+        /// Episodes of each agent.
+        #[serde(default = "default_window")]
+        window: Count,
+    },
+    /// The team's mean return over the episodes up to one.
+    ReturnAt {
+        /// The last of them, counted from 1.
+        episode: Count,
+        /// Episodes of each agent.
+        #[serde(default = "default_window")]
+        window: Count,
+    },
+    /// How far agents of a team lie apart: the standard deviation over agents of their moving averages of returns, averaged over episodes.
+    SpreadOfAgents {
+        /// Episodes of the moving average.
+        #[serde(default = "default_window")]
+        window: Count,
+    },
+    /// The share of the state space that the team has visited.
+    Coverage,
+    /// The mean of a curve.
+    Mean {
+        /// Which.
+        of: Curve,
+    },
+    /// A curve at one episode of each agent.
+    At {
+        /// Which.
+        of: Curve,
+        /// Counts from 1.
+        episode: Count,
+    },
+    /// The end of a curve.
+    Last {
+        /// Which.
+        of: Curve,
+    },
+}
+
+/// What is followed through a run, one value a round; means over agents, where nothing else is said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Curve {
+    /// The team's mean return, one value an episode of each agent.
+    #[default]
+    Return,
+    /// Mean squared error of the value function against its (normalised) target, halved.
+    ValueLoss,
+    /// The policy's surrogate loss.
+    PolicyLoss,
+    /// Mean |ρ − 1| + 1 (thesis Fig. 5.4).
+    RatioDeviation,
+    /// The largest ρ of all agents' samples.
+    LargestRatio,
+    /// Share of samples with zero policy gradient because of clipping.
+    ClippedFraction,
+    /// Mean entropy of the policies, nats.
+    Entropy,
+    /// Mean bonus of a step; 0 without curiosity.
+    IntrinsicReward,
+    /// Mean squared error of the models of the dynamics; 0 without curiosity.
+    PredictionError,
+    /// Mean rank correlation between agents' judgements of the same steps; 0 without curiosity.
+    BonusAgreement,
+    /// Part of the state space that an agent has visited so far, 0 to 1.
+    Coverage,
+    /// How evenly an agent visits it, 0 to 1.
+    VisitationEvenness,
+    /// Part of the state space that the team has visited so far, 0 to 1.
+    TeamCoverage,
+    /// How alike the agents' visits are, 0 to 1.
+    TeamOverlap,
+    /// How many agents, none of whose visits overlap, would differ as much, 1 to K.
+    EffectiveAgents,
+}
+
+impl Measure {
+    /// The number of a run; infinite for what it never reached. `None` where the run cannot tell.
+    #[must_use]
+    pub fn of(self, run: &Measured) -> Option<f64> {
+        let time = |time: Option<f64>| run.threshold.map(|_| time.unwrap_or(f64::INFINITY));
+        match self {
+            Self::EpisodesToSolve => time(run.solved.map(|solved| f64::from(solved.episodes))),
+            Self::EnvStepsToSolve => time(run.solved.map(|solved| solved.env_steps as f64)),
+            Self::Solved => run.threshold.map(|_| f64::from(u8::from(run.solved.is_some()))),
+            Self::Reach => run.threshold.map(|_| share_reached(run)),
+            Self::FirstGoal => run.threshold.map(|_| median(&first_goals(run))),
+            Self::FinalReturn { window } => window_mean(&run.team_returns(), usize::MAX, window),
+            Self::ReturnAt { episode, window } => window_mean(&run.team_returns(), episode.get() as usize, window),
+            Self::SpreadOfAgents { window } => spread(run, window.get() as usize),
+            Self::Coverage => Self::Last { of: Curve::TeamCoverage }.of(run),
+            Self::Mean { of } => (!run.curve(of).is_empty()).then(|| mean(&run.curve(of))),
+            Self::At { of, episode } => run.curve_at(of, episode.get()),
+            Self::Last { of } => run.curve(of).last().copied(),
+        }
+    }
+
+    /// Whether it is a time, which runs may end without reaching.
+    #[must_use]
+    pub fn is_time(self) -> bool {
+        matches!(self, Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::FirstGoal)
+    }
+
+    /// Whether it takes a task that says when it counts as solved.
+    #[must_use]
+    pub fn needs_threshold(self) -> bool {
+        self.is_time() || matches!(self, Self::Solved | Self::Reach)
+    }
+
+    /// A time of a run as far as it is known.
+    #[must_use]
+    pub fn lifetime(self, run: &Measured) -> Option<Lifetime> {
+        let value = self.of(run)?;
+        let watched = if self == Self::EnvStepsToSolve { run.env_steps as f64 } else { run.episodes_per_agent() as f64 };
+        Some(if value.is_finite() { Lifetime { time: value, reached: true } } else { Lifetime { time: watched, reached: false } })
+    }
+
+    /// What it is called, with its unit.
+    #[must_use]
+    pub fn title(self) -> String {
+        match self {
+            Self::EpisodesToSolve => "episodes until solved".to_owned(),
+            Self::EnvStepsToSolve => "env steps until solved".to_owned(),
+            Self::Solved => "share solved".to_owned(),
+            Self::Reach => "share of agents that reached the goal".to_owned(),
+            Self::FirstGoal => "episode of the first goal".to_owned(),
+            Self::FinalReturn { window } => format!("return over the last {} episodes", window.get()),
+            Self::ReturnAt { episode, window } => format!("return over {} episodes up to the {}th", window.get(), episode.get()),
+            Self::SpreadOfAgents { .. } => "spread of returns between agents".to_owned(),
+            Self::Coverage => "coverage of the state space".to_owned(),
+            Self::Mean { of } => format!("{}, mean of the run", of.title()),
+            Self::At { of, episode } => format!("{} after {} episodes", of.title(), episode.get()),
+            Self::Last { of } => format!("{} at the end", of.title()),
+        }
+    }
+}
+
+impl Curve {
+    /// All but the return, in the order in which a run keeps them.
+    pub const KEPT: [Self; 14] = [
+        Self::ValueLoss,
+        Self::PolicyLoss,
+        Self::RatioDeviation,
+        Self::LargestRatio,
+        Self::ClippedFraction,
+        Self::Entropy,
+        Self::IntrinsicReward,
+        Self::PredictionError,
+        Self::BonusAgreement,
+        Self::Coverage,
+        Self::VisitationEvenness,
+        Self::TeamCoverage,
+        Self::TeamOverlap,
+        Self::EffectiveAgents,
+    ];
+
+    /// What it is called.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Return => "return",
+            Self::ValueLoss => "value loss",
+            Self::PolicyLoss => "policy loss",
+            Self::RatioDeviation => "deviation in ρ",
+            Self::LargestRatio => "largest ρ",
+            Self::ClippedFraction => "clipped fraction",
+            Self::Entropy => "entropy of the policy, nats",
+            Self::IntrinsicReward => "intrinsic reward",
+            Self::PredictionError => "prediction error",
+            Self::BonusAgreement => "agreement on bonuses",
+            Self::Coverage => "coverage of an agent",
+            Self::VisitationEvenness => "evenness of visits",
+            Self::TeamCoverage => "coverage of the team",
+            Self::TeamOverlap => "overlap of agents",
+            Self::EffectiveAgents => "effective agents",
+        }
+    }
+}
+
+/// Of each agent: the first episode, counted from 1, that reached the return by itself; infinite where none did.   → `[K]`
+fn first_goals(run: &Measured) -> Vec<f64> {
+    run.first_goals().into_iter().map(|episode| episode.map_or(f64::INFINITY, f64::from)).collect()
+}
+
+fn share_reached(run: &Measured) -> f64 {
+    let goals = first_goals(run);
+    goals.iter().filter(|episode| episode.is_finite()).count() as f64 / goals.len() as f64
+}
+
+/// The mean of the `window` values up to the `end`-th, or up to the last; of fewer where there are fewer.
+fn window_mean(values: &[f64], end: usize, window: Count) -> Option<f64> {
+    let end = end.min(values.len());
+    let start = end.saturating_sub(window.get() as usize);
+    (start < end).then(|| mean(&values[start..end]))
+}
+
+/// Moving averages over full windows.   `values: [n]` → `[n + 1 − window]`, or none
+#[must_use]
+pub fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
+    values.windows(window.max(1)).map(mean).collect()
+}
+
+fn spread(run: &Measured, window: usize) -> Option<f64> {
+    let smooth: Vec<Vec<f64>> = run.returns.iter().map(|returns| moving_average(&widened(returns), window)).collect();
+    let episodes = smooth.iter().map(Vec::len).min().unwrap_or(0);
+    let deviation = |episode: usize| {
+        let now: Vec<f64> = smooth.iter().map(|agent| agent[episode]).collect();
+        let centre = mean(&now);
+        mean(&now.iter().map(|value| (value - centre).powi(2)).collect::<Vec<f64>>()).sqrt()
+    };
+    (episodes > 0).then(|| mean(&(0..episodes).map(deviation).collect::<Vec<f64>>()))
+}
+
+/// In double precision.
+pub(super) fn widened(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&value| f64::from(value)).collect()
+}
+
+fn default_window() -> Count {
+    known_count(25)
+}

@@ -1,0 +1,320 @@
+//! A study read and checked: its cells, each with the scenario that it comes to.
+
+use std::path::{Path, PathBuf};
+
+use xxhash_rust::xxh64::Xxh64;
+
+use super::file::{Axis, Figure, NamedCell, Study, Upto};
+use crate::agent::Algorithm;
+use crate::agent::seed_pg::config::Data;
+use crate::input::numbers::known_count;
+use crate::input::{self, Complaint, Document, InputError, Located};
+use crate::record::RecordingSettings;
+use crate::run::Plan;
+use crate::scenario::{self, Scenario};
+
+/// A study that can be run.
+#[derive(Clone, Debug)]
+pub struct StudyPlan {
+    /// The study's name: its file's stem.
+    pub name: String,
+    /// Its file.
+    pub path: PathBuf,
+    /// What stands there, and how.
+    pub document: Document<Study>,
+    /// Whether it is run as `quick` says.
+    pub quick: bool,
+    /// The settings: first the grid's, the last axis running fastest, then the named ones.
+    pub cells: Vec<Cell>,
+}
+
+/// One setting of a study.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Unique within the study.
+    pub name: String,
+    /// The scenario's file.
+    pub scenario: PathBuf,
+    /// What is replaced there.
+    pub overrides: Vec<String>,
+    /// What will run, with seed 0.
+    pub plan: Plan,
+    /// Tells what runs of this cell depend on, besides their seeds.
+    pub digest: String,
+    /// Of which first episodes the first run keeps states.
+    pub windows: Vec<u32>,
+}
+
+/// One run of a study.
+#[derive(Clone, Copy, Debug)]
+pub struct Task<'a> {
+    /// Counts all runs of the study: cell by cell, seed by seed.
+    pub index: usize,
+    /// Whose.
+    pub cell: &'a Cell,
+    /// The run's seed.
+    pub seed: u64,
+    /// Whether it is the cell's first run, whose states are kept.
+    pub is_first: bool,
+}
+
+impl StudyPlan {
+    /// Reads and checks a study with all its scenarios and their tasks.
+    ///
+    /// # Errors
+    /// Whatever is wrong with any of them, with its place in the study.
+    pub fn load(path: &Path, quick: bool) -> Result<Self, InputError> {
+        let document: Document<Study> = input::read(path)?;
+        let built = cells(&document.value, path, quick).map_err(|complaint| document.locate(complaint))?;
+        let names: Vec<&str> = built.iter().map(|cell| cell.name.as_str()).collect();
+        document.value.check(&names).map_err(|complaint| document.locate(complaint))?;
+        check_measures(&document.value, &built).map_err(|complaint| document.locate(complaint))?;
+        let name = path.file_stem().map_or_else(|| "study".into(), |stem| stem.to_string_lossy().into_owned());
+        Ok(Self { name, path: path.to_owned(), document, quick, cells: built })
+    }
+
+    /// What stands in the file.
+    #[must_use]
+    pub fn study(&self) -> &Study {
+        &self.document.value
+    }
+
+    /// Runs of each cell.
+    #[must_use]
+    pub fn repeats(&self) -> u64 {
+        u64::from(if self.quick { self.study().quick.repeats.get() } else { self.study().repeats.get() })
+    }
+
+    /// All runs, by their indices.
+    #[must_use]
+    pub fn tasks(&self) -> Vec<Task<'_>> {
+        let first_seed = *self.study().first_seed;
+        let runs = self.cells.iter().flat_map(|cell| (0..self.repeats()).map(move |repeat| (cell, repeat)));
+        let task =
+            |(index, (cell, repeat)): (usize, (_, u64))| Task { index, cell, seed: first_seed + repeat, is_first: repeat == 0 };
+        runs.enumerate().map(task).collect()
+    }
+
+    /// The default folder of its results.
+    #[must_use]
+    pub fn default_folder(&self) -> PathBuf {
+        let suffix = if self.quick { "-quick" } else { "" };
+        Path::new("recordings").join("studies").join(format!("{}{suffix}", self.name))
+    }
+}
+
+impl Task<'_> {
+    /// What runs.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        let mut plan = self.cell.plan.clone();
+        plan.scenario.seed = self.seed;
+        plan
+    }
+
+    /// Of which first episodes states are kept.
+    #[must_use]
+    pub fn windows(&self) -> &[u32] {
+        if self.is_first { &self.cell.windows } else { &[] }
+    }
+
+    /// A rough guess at its work, in steps of learning: only the order of tasks and the time that is left are guessed from it.
+    #[must_use]
+    pub fn cost(&self) -> f64 {
+        let scenario = &self.cell.plan.scenario;
+        let agents = f64::from(scenario.agents.count.get());
+        let steps = f64::from(scenario.most_episodes()) * f64::from(self.cell.plan.description.spec.time_limit) * agents;
+        let learning = match scenario.algorithm.value() {
+            Algorithm::SeedPg(config) => {
+                let sources = if config.policy_data == Data::Shared { agents } else { 1.0 };
+                let curious = if config.bonus.largest().is_some() { 20.0 } else { 0.0 };
+                f64::from(config.epochs.get()) * sources + curious
+            }
+            Algorithm::Random => 0.0,
+        };
+        steps * (1.0 + learning)
+    }
+}
+
+/// A cell in the making. Values stay with the place that is to blame for them.
+#[derive(Clone, Default)]
+struct Draft<'a> {
+    words: Vec<String>,
+    scenario: Option<(&'a Located<String>, String)>,
+    overrides: Vec<(&'a Located<String>, String)>,
+}
+
+fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Complaint> {
+    let base = Draft { scenario: study.scenario.as_ref().map(as_it_stands), ..Draft::default() };
+    let base = base.with(study.set.iter().map(as_it_stands));
+    let mut drafts = if study.grid.is_empty() { Vec::new() } else { grid(&base, &study.grid)? };
+    drafts.extend(study.cells.iter().map(|cell| named(&base, cell)));
+    if drafts.is_empty() {
+        drafts.push(Draft { words: vec!["all".to_owned()], ..base });
+    }
+    let last = if quick { study.quick.set.as_slice() } else { &[] };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut built: Vec<Cell> = Vec::with_capacity(drafts.len());
+    for (number, draft) in drafts.into_iter().enumerate() {
+        let blamed = blamed(study, number, &draft);
+        let cell = draft.with(last.iter().map(as_it_stands)).build(folder, &study.figures, blamed)?;
+        if built.iter().any(|other| other.name == cell.name) {
+            return Err(complain(blamed, study, &format!("there are two cells named `{}`", cell.name)));
+        }
+        built.push(cell);
+    }
+    Ok(built)
+}
+
+fn as_it_stands(text: &Located<String>) -> (&Located<String>, String) {
+    (text, text.value().clone())
+}
+
+/// Every combination of the axes' values, the last axis running fastest.
+fn grid<'a>(base: &Draft<'a>, axes: &'a [Axis]) -> Result<Vec<Draft<'a>>, Complaint> {
+    let mut drafts = vec![base.clone()];
+    for axis in axes {
+        let labels = labels(axis)?;
+        let values = || axis.values.iter().zip(&labels);
+        drafts = drafts.iter().flat_map(|draft| values().map(|(value, label)| draft.along(axis, value, label))).collect();
+    }
+    Ok(drafts)
+}
+
+fn labels(axis: &Axis) -> Result<Vec<String>, Complaint> {
+    let values: Vec<String> = axis.values.iter().map(|value| value.value().clone()).collect();
+    if values.is_empty() {
+        return Err(axis.values.complain("expected at least one value"));
+    }
+    let templates = axis.scenario.iter().chain(&axis.set);
+    if !templates.clone().any(|template| template.contains("{}")) {
+        return Err(axis.values.complain("nothing in this axis' `scenario` or `set` holds `{}`, where values go"));
+    }
+    match &axis.labels {
+        Some(labels) if labels.len() != values.len() => {
+            Err(labels.complain(format!("expected {} labels, one for each value, found {}", values.len(), labels.len())))
+        }
+        Some(labels) => Ok(labels.value().clone()),
+        None => Ok(values),
+    }
+}
+
+fn named<'a>(base: &Draft<'a>, cell: &'a NamedCell) -> Draft<'a> {
+    let scenario = cell.scenario.as_ref().map(as_it_stands).or_else(|| base.scenario.clone());
+    let draft = Draft { words: vec![cell.name.value().clone()], scenario, ..base.clone() };
+    draft.with(cell.set.iter().map(as_it_stands))
+}
+
+/// What stands for the cell as a whole: its name, or the last value of its axes.
+fn blamed<'a>(study: &'a Study, number: usize, draft: &Draft<'a>) -> Option<&'a Located<String>> {
+    let from_grid: usize = if study.grid.is_empty() { 0 } else { study.grid.iter().map(|axis| axis.values.len()).product() };
+    let named = number.checked_sub(from_grid).and_then(|number| study.cells.get(number));
+    named.map(|cell| &cell.name).or_else(|| draft.overrides.last().map(|(place, _)| *place)).or(study.scenario.as_ref())
+}
+
+fn complain(blamed: Option<&Located<String>>, study: &Study, message: &str) -> Complaint {
+    blamed.map_or_else(|| study.repeats.complain(message), |place| place.complain(message))
+}
+
+impl<'a> Draft<'a> {
+    fn with(mut self, overrides: impl Iterator<Item = (&'a Located<String>, String)>) -> Self {
+        self.overrides.extend(overrides.filter(|(_, text)| !text.trim().is_empty()));
+        self
+    }
+
+    /// The same with one value of an axis.
+    fn along(&self, axis: &'a Axis, value: &'a Located<String>, label: &str) -> Self {
+        let mut draft = self.clone();
+        draft.words.push(format!("{} {label}", axis.name).trim().to_owned());
+        if let Some(template) = &axis.scenario {
+            draft.scenario = Some((value, template.replace("{}", value)));
+        }
+        draft.with(axis.set.iter().map(|template| (value, template.replace("{}", value))))
+    }
+
+    fn build(self, folder: &Path, figures: &[Figure], blamed: Option<&Located<String>>) -> Result<Cell, Complaint> {
+        let Some((place, scenario)) = &self.scenario else {
+            let place = blamed.cloned().unwrap_or_default();
+            return Err(place.complain("this cell has no scenario; expected `scenario: \"….ron\"` in the study or in the cell"));
+        };
+        let path = folder.join(scenario);
+        let mut document = scenario::load(&path, &[]).map_err(|error| repeated(place, &error))?;
+        for (place, text) in &self.overrides {
+            document = scenario::set(&document, text).map_err(|error| repeated(place, &error))?;
+        }
+        let plan = Plan::of(document, &path).map_err(|error| repeated(blamed.unwrap_or(place), &error))?;
+        let plan = Plan { scenario: bare(plan.scenario), ..plan };
+        let (name, overrides) = (self.words.join(", "), self.overrides.into_iter().map(|(_, text)| text).collect());
+        Ok(Cell { digest: digest(&plan), windows: windows(figures, &name), scenario: path, overrides, plan, name })
+    }
+}
+
+/// The same error at a place of the study.
+fn repeated(place: &Located<String>, error: &InputError) -> Complaint {
+    let inner = InputError { position: None, help: None, ..error.clone() };
+    let complaint = place.complain(inner.to_string());
+    match &error.help {
+        Some(help) => complaint.with_help(help.clone()),
+        None => complaint,
+    }
+}
+
+/// Without what makes no difference to what is learned.
+fn bare(mut scenario: Scenario) -> Scenario {
+    scenario.recording = RecordingSettings { scene: None, ..RecordingSettings::default() };
+    scenario.checkpoint_every = known_count(1);
+    scenario.seed = 0;
+    scenario
+}
+
+/// A hash of the resolved scenario and of its task's file.
+fn digest(plan: &Plan) -> String {
+    let mut hash = Xxh64::new(0);
+    hash.update(plan.scenario.resolved().as_bytes());
+    hash.update(&[0]);
+    hash.update(plan.environment_text.as_bytes());
+    format!("{:016x}", hash.digest())
+}
+
+/// The windows of all figures of visited states that show a cell, each once, from short to long.
+fn windows(figures: &[Figure], cell: &str) -> Vec<u32> {
+    let of_figure = |figure: &Figure| match figure {
+        Figure::Visitation { episodes, .. } if figure.shows(cell) => episodes.iter().map(|upto| Upto::episodes(*upto)).collect(),
+        _ => Vec::new(),
+    };
+    let mut windows: Vec<u32> = figures.iter().flat_map(of_figure).collect();
+    windows.sort_unstable();
+    windows.dedup();
+    windows
+}
+
+/// Times need cells that say when their task counts as solved.
+fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), Complaint> {
+    let measures = study.measures.iter().chain(study.claims.iter().filter_map(|claim| claim.measure.as_ref()));
+    let aimless = cells.iter().find(|cell| cell.threshold().is_none());
+    match (measures.into_iter().find(|measure| measure.needs_threshold()), aimless) {
+        (Some(measure), Some(cell)) => Err(measure.complain(format!(
+            "nothing says when the task of cell `{}` counts as solved; expected another measure, or \
+             `stop: Solved(return: …, at_most: …)` in its scenario",
+            cell.name
+        ))),
+        _ => Ok(()),
+    }
+}
+
+impl Cell {
+    /// The mean return at which its task counts as solved, if anything says so.
+    #[must_use]
+    pub fn threshold(&self) -> Option<f64> {
+        match &self.plan.scenario.stop {
+            scenario::Stop::Solved { r#return, .. } => Some(r#return.get()),
+            scenario::Stop::Episodes(_) => self.plan.description.spec.reward_threshold.map(f64::from),
+        }
+    }
+
+    /// K.
+    #[must_use]
+    pub fn agents(&self) -> u32 {
+        self.plan.scenario.agents.count.get()
+    }
+}

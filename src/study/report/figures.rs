@@ -1,0 +1,342 @@
+//! The figures that a study asks for, from its runs to pictures.
+
+use rayon::prelude::*;
+
+use super::Drawn;
+use crate::env::{Quantity, Spec};
+use crate::figure::color::agent_color;
+use crate::figure::{
+    Curves, DensityPicture, Figure as Picture, IntervalRow, Intervals, Key, Panel, ParallelCoordinates, Row, Series, States,
+    Threshold,
+};
+use crate::record::visitation::{Axes, Density, Seen};
+use crate::study::comparison::{aggregate, lifetimes};
+use crate::study::file::{Figure, Upto};
+use crate::study::measure::{Curve, Measure, moving_average, widened};
+use crate::study::results::{CellResults, Results};
+use crate::study::statistics::bootstrap::estimates;
+use crate::study::statistics::profile::performance_profile;
+use crate::study::statistics::survival::kaplan_meier;
+use crate::study::statistics::{Interval, LEAST_RUNS};
+
+/// Places along a curve at which its band is worked out, about.
+const BAND_PLACES: usize = 50;
+
+/// All figures of a study; those that no run can fill yet are left out.
+pub(super) fn draw(results: &Results) -> Vec<Drawn> {
+    let drawn = results.study.figures.par_iter().map(|figure| drawn(results, figure));
+    let drawn: Vec<Option<(Words, Picture)>> = drawn.collect();
+    let numbered = (1..).zip(drawn.into_iter().flatten());
+    numbered.map(|(number, (words, picture))| finish(number, words, picture)).collect()
+}
+
+/// What stands around a figure.
+struct Words {
+    kind: &'static str,
+    title: String,
+    caption: String,
+}
+
+fn finish(number: usize, words: Words, picture: Picture) -> Drawn {
+    let Words { kind, title, caption } = words;
+    let picture = Picture { title: title.clone(), description: caption.clone(), ..picture };
+    Drawn { name: format!("{number}-{kind}"), title, caption, picture }
+}
+
+fn drawn(results: &Results, figure: &Figure) -> Option<(Words, Picture)> {
+    let cells: Vec<&CellResults> = results.shown_by(figure).into_iter().filter(|cell| !cell.runs.is_empty()).collect();
+    if cells.is_empty() {
+        return None;
+    }
+    let main = results.study.main_measure();
+    let (kind, title, caption, picture) = match figure {
+        Figure::Curves { of, window, .. } => curves(&cells, *of, window.get() as usize),
+        Figure::Agents { window, .. } => agents(&cells, window.get() as usize),
+        Figure::Visitation { episodes, .. } => visitation(&cells, episodes)?,
+        Figure::Intervals { measure, .. } => intervals(&cells, measure.as_ref().map_or(main, |measure| **measure)),
+        Figure::Unsolved { .. } => unsolved(&cells),
+        Figure::Profiles { measure, .. } => profiles(&cells, measure.as_ref().map_or(main, |measure| **measure)),
+    };
+    let title = if figure.title().is_empty() { title } else { figure.title().to_owned() };
+    Some((Words { kind, title, caption }, picture))
+}
+
+/// Kind, title, caption, picture.
+type Made = (&'static str, String, String, Picture);
+
+fn in_one_panel(curves: Curves) -> Picture {
+    let row = Row { height: 360.0, panels: vec![Panel::Curves(curves)], key: None };
+    Picture { title: String::new(), description: String::new(), width: 760.0, rows: vec![row] }
+}
+
+/// The colour of the number-th cell of a figure.
+fn color(number: usize) -> [u8; 3] {
+    agent_color(COLORS[number % COLORS.len()] + 8 * (number / COLORS.len()) as u32)
+}
+
+/// Agents' colours in an order that begins with those that differ most.
+const COLORS: [u32; 8] = [4, 5, 2, 6, 0, 1, 7, 3];
+
+fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Made {
+    let series: Vec<Series> = cells.par_iter().enumerate().map(|(number, cell)| mean_curve(cell, of, window, number)).collect();
+    let title = format!("{}, mean of all runs", capital(of.title()));
+    let caption = format!(
+        "{} of the team, moving average of {window}, mean over runs{}. {}",
+        capital(of.title()),
+        if series.iter().any(|series| series.band.is_some()) { " with bootstrap bands of 95 %" } else { "" },
+        ended_early(cells)
+    );
+    let curves = Curves {
+        x_label: "episodes of each agent".to_owned(),
+        y_label: of.title().to_owned(),
+        thresholds: if of == Curve::Return { thresholds(cells) } else { Vec::new() },
+        series,
+        legend: true,
+        ..Curves::default()
+    };
+    ("curves", title, caption.trim().to_owned(), in_one_panel(curves))
+}
+
+/// What became of runs that ended before others did.
+fn ended_early(cells: &[&CellResults]) -> &'static str {
+    let lengths = |cell: &&CellResults| cell.runs.iter().map(|(_, run)| run.episodes_per_agent()).collect::<Vec<_>>();
+    let uneven = cells.iter().map(lengths).any(|lengths| lengths.iter().min() != lengths.iter().max());
+    if uneven { "A run that ended early, such as by solving its task, counts on with its last value." } else { "" }
+}
+
+/// The level at which the task counts as solved, if it is the same for all.
+fn thresholds(cells: &[&CellResults]) -> Vec<Threshold> {
+    let mut values: Vec<f64> = cells.iter().flat_map(|cell| &cell.runs).filter_map(|(_, run)| Some(run.threshold?.0)).collect();
+    values.dedup();
+    let [value] = values[..] else { return Vec::new() };
+    vec![Threshold { name: "solved".to_owned(), value }]
+}
+
+fn mean_curve(cell: &CellResults, of: Curve, window: usize, number: usize) -> Series {
+    let longest = cell.runs.iter().map(|(_, run)| run).max_by_key(|run| run.curve(of).len());
+    let episodes = longest.map(|run| run.curve_episodes(of)).unwrap_or_default();
+    let window = window.clamp(1, episodes.len().max(1));
+    let mut smooth: Vec<Vec<f64>> = cell.runs.iter().map(|(_, run)| moving_average(&run.curve(of), window)).collect();
+    let length = smooth.iter().map(Vec::len).max().unwrap_or(0);
+    smooth.retain(|run| !run.is_empty());
+    for run in &mut smooth {
+        run.resize(length, run.last().copied().unwrap_or_default());
+    }
+    let x = |place: usize| f64::from(episodes[place + window - 1]);
+    let mean = |place: usize| smooth.iter().map(|run| run[place]).sum::<f64>() / smooth.len() as f64;
+    let points = (0..length).map(|place| [x(place), mean(place)]).collect();
+    let band = (smooth.len() >= LEAST_RUNS).then(|| band(&smooth, x));
+    Series { name: cell.about.name.clone(), color: color(number), points, band, ..Series::default() }
+}
+
+/// 95 % of the means of redrawn runs.   `smooth: [runs][places]` → (x, low, high)
+fn band(smooth: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
+    let last = smooth[0].len() - 1;
+    let parts = BAND_PLACES.min(last).max(1);
+    let places: Vec<usize> = (0..=parts).map(|part| part * last / parts).collect();
+    let runs: Vec<f64> = (0..smooth.len()).map(|run| run as f64).collect();
+    let means = |redrawn: &[Vec<f64>], means: &mut [f64]| {
+        for (mean, &place) in means.iter_mut().zip(&places) {
+            *mean = redrawn[0].iter().map(|&run| smooth[run as usize][place]).sum::<f64>() / redrawn[0].len() as f64;
+        }
+    };
+    let found = estimates(&[runs], places.len(), means);
+    let known = |(place, interval): (&usize, Interval)| match interval {
+        Interval::Known { low, high } => Some([x(*place), low, high]),
+        Interval::TooFewRuns { .. } => None,
+    };
+    places.iter().zip(found.into_iter().map(|estimate| estimate.interval)).filter_map(known).collect()
+}
+
+fn agents(cells: &[&CellResults], window: usize) -> Made {
+    let panels: Vec<Curves> = cells.iter().map(|cell| panel_of_agents(cell, window)).collect();
+    let columns = panels.len().min(3);
+    let (title, seed) = ("Single agents".to_owned(), cells[0].runs[0].0);
+    let caption =
+        format!("Returns of each agent and their mean (black) in the run with seed {seed}, moving average of {window}.");
+    ("agents", title, caption, Picture::of_curves("", "", panels, columns))
+}
+
+fn panel_of_agents(cell: &CellResults, window: usize) -> Curves {
+    let run = &cell.runs[0].1;
+    let curve = |values: &[f64]| -> Vec<[f64; 2]> {
+        let window = window.clamp(1, values.len().max(1));
+        moving_average(values, window).iter().enumerate().map(|(place, &mean)| [(place + window) as f64, mean]).collect()
+    };
+    let of_agent = |(agent, returns): (u32, &Vec<f32>)| Series {
+        color: agent_color(agent),
+        points: curve(&widened(returns)),
+        ..Series::default()
+    };
+    let mean = Series { color: [35, 35, 40], points: curve(&run.team_returns()), ..Series::default() };
+    Curves {
+        title: cell.about.name.clone(),
+        x_label: "episodes".to_owned(),
+        y_label: "return".to_owned(),
+        series: (0..).zip(&run.returns).map(of_agent).chain([mean]).collect(),
+        ..Curves::default()
+    }
+}
+
+/// Panels side by side have this width.
+const PANEL: f64 = 300.0;
+
+fn visitation(cells: &[&CellResults], windows: &[Upto]) -> Option<Made> {
+    let rows: Vec<Vec<(String, Density)>> = windows.iter().map(|&upto| densities(cells, upto)).collect();
+    let columns = rows.iter().map(Vec::len).max().filter(|&columns| columns > 0)?;
+    let seed = cells[0].runs[0].0;
+    let caption = format!(
+        "States visited in the run with seed {seed}: one axis an observation, one line a state, the darker the more lines. Each panel shows \
+         an even sample of at most {} states of all agents{}.",
+        crate::study::measured::STATES,
+        if windows.len() > 1 { "; rows go from early to all training" } else { "" }
+    );
+    let axes: Vec<Quantity> = axes(&spec(cells[0])).all().iter().map(|axis| axis.quantity.clone()).collect();
+    let picture = Picture {
+        title: String::new(),
+        description: String::new(),
+        width: PANEL * columns as f64 + 90.0,
+        rows: rows.into_iter().filter(|row| !row.is_empty()).map(|row| row_of_densities(row, &axes)).collect(),
+    };
+    Some(("visitation", "Visited states".to_owned(), caption, picture))
+}
+
+/// Of each cell whose states were kept: what it is, and where lines are dense.
+fn densities(cells: &[&CellResults], upto: Upto) -> Vec<(String, Density)> {
+    let of_cell = |cell: &&CellResults| {
+        let (visited, states) = cell.states(upto)?;
+        let spec = spec(cell);
+        let axes = axes(&spec);
+        let mut density = Density::new(&axes);
+        let mut fractions = Vec::new();
+        for state in states.chunks_exact(spec.observation_width()) {
+            axes.project(&Seen::state(0, state, 0.0), &mut fractions);
+            density.add(&fractions);
+        }
+        let part = match upto {
+            Upto::First(episodes) => format!("first {} episodes", episodes.get()),
+            Upto::All => "all episodes".to_owned(),
+        };
+        Some((format!("{}, {part}: {visited} states", cell.about.name), density))
+    };
+    cells.iter().filter_map(of_cell).collect()
+}
+
+fn row_of_densities(row: Vec<(String, Density)>, axes: &[Quantity]) -> Row {
+    let mut pixels: Vec<(String, Vec<u32>)> =
+        row.into_iter().map(|(title, mut density)| (title, density.draw_all().clone())).collect();
+    let most = pixels.iter().flat_map(|(_, pixels)| pixels).copied().max().unwrap_or(1).max(1);
+    let panel = |(title, pixels): (String, Vec<u32>)| {
+        let width = pixels.len() / crate::record::visitation::HEIGHT;
+        let states = States::Density(DensityPicture { pixels, width, most });
+        Panel::ParallelCoordinates(ParallelCoordinates { title, axes: axes.to_vec(), states })
+    };
+    let key = Some(Key::Counts { label: "lines".to_owned(), most });
+    Row { height: 250.0, panels: pixels.drain(..).map(panel).collect(), key }
+}
+
+fn axes(spec: &Spec) -> Axes {
+    Axes::of_quantities(&spec.observations, spec.time_limit, None)
+}
+
+/// As much of a task as its axes need.
+fn spec(cell: &CellResults) -> Spec {
+    let quantity =
+        |(name, unit, range): &(String, String, [f32; 2])| Quantity { name: name.clone(), unit: unit.clone(), range: *range };
+    Spec {
+        name: cell.about.task.clone(),
+        description: String::new(),
+        observations: cell.about.observations.iter().map(quantity).collect(),
+        actions: Vec::new(),
+        control_step: 1.0,
+        time_limit: 1,
+        reward_threshold: None,
+    }
+}
+
+fn intervals(cells: &[&CellResults], measure: Measure) -> Made {
+    let row = |(number, cell): (usize, &&CellResults)| {
+        let aggregate = aggregate(&cell.scores(measure), measure.is_time())?;
+        let interval = match aggregate.median.interval {
+            Interval::Known { low, high } => Some([low, high]),
+            Interval::TooFewRuns { .. } => None,
+        };
+        let estimate = aggregate.median.value.is_finite().then_some(aggregate.median.value);
+        Some(IntervalRow { name: cell.about.name.clone(), estimate, interval, n: aggregate.n, color: color(number) })
+    };
+    let rows: Vec<IntervalRow> = cells.par_iter().enumerate().filter_map(row).collect();
+    let panel = Intervals { x_label: format!("median {}", measure.title()), rows, ..Intervals::default() };
+    let caption = format!(
+        "Median {} with its interval of 95 %{}.",
+        measure.title(),
+        if measure.is_time() { " (Kaplan and Meier; runs that did not get there are censored)" } else { " (bootstrap)" }
+    );
+    let row = Row { height: panel.height(), panels: vec![Panel::Intervals(panel)], key: None };
+    let picture = Picture { title: String::new(), description: String::new(), width: 760.0, rows: vec![row] };
+    ("intervals", capital(&measure.title()), caption, picture)
+}
+
+fn unsolved(cells: &[&CellResults]) -> Made {
+    let series = cells.iter().enumerate().map(|(number, cell)| {
+        let times = lifetimes(&cell.scores(Measure::EpisodesToSolve));
+        let end = times.iter().map(|time| time.time).fold(0.0, f64::max);
+        let steps = kaplan_meier(&times).steps;
+        let last = steps.last().map_or(1.0, |step| step.survival);
+        let points = steps.iter().map(|step| [step.time, step.survival]);
+        let points = [[0.0, 1.0]].into_iter().chain(points).chain([[end, last]]).collect();
+        Series { name: cell.about.name.clone(), color: color(number), points, steps: true, ..Series::default() }
+    });
+    let curves = Curves {
+        x_label: "episodes of each agent".to_owned(),
+        y_label: "share of runs not solved yet".to_owned(),
+        series: series.collect(),
+        y_range: Some([0.0, 1.0]),
+        legend: true,
+        ..Curves::default()
+    };
+    let caption = "The share of runs that have not solved their task yet (Kaplan and Meier).".to_owned();
+    ("unsolved", "Runs not solved yet".to_owned(), caption, in_one_panel(curves))
+}
+
+fn profiles(cells: &[&CellResults], measure: Measure) -> Made {
+    let cells: Vec<&CellResults> = cells.iter().copied().filter(|cell| !cell.scores(measure).is_empty()).collect();
+    let finite = |value: &f64| value.is_finite();
+    let all: Vec<f64> = cells.iter().flat_map(|cell| cell.scores(measure)).map(|score| score.value).filter(finite).collect();
+    let (low, high) =
+        all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
+    let places: Vec<f64> = (0..=BAND_PLACES).map(|part| low + (high - low) * part as f64 / BAND_PLACES as f64).collect();
+    let profile = |(number, cell): (usize, &&CellResults)| profile(cell, measure, &places, number);
+    let better = if measure.is_time() { "below" } else { "above" };
+    let curves = Curves {
+        x_label: measure.title(),
+        y_label: format!("share of runs {better}"),
+        series: cells.par_iter().enumerate().map(profile).collect(),
+        y_range: Some([0.0, 1.0]),
+        legend: true,
+        ..Curves::default()
+    };
+    let caption =
+        format!("The share of runs {better} each value, with pointwise bootstrap bands of 95 % (performance profiles).");
+    ("profiles", format!("Performance profiles: {}", measure.title()), caption, in_one_panel(curves))
+}
+
+/// Times count as the better the smaller: they are turned round.
+fn profile(cell: &CellResults, measure: Measure, places: &[f64], number: usize) -> Series {
+    let sign = if measure.is_time() { -1.0 } else { 1.0 };
+    let scores: Vec<f64> = cell.scores(measure).iter().map(|score| sign * score.value).collect();
+    let thresholds: Vec<f64> = places.iter().map(|place| sign * place).collect();
+    let shares = performance_profile(&[scores], &thresholds);
+    let band = places.iter().zip(&shares).filter_map(|(&place, share)| match share.interval {
+        Interval::Known { low, high } => Some([place, low, high]),
+        Interval::TooFewRuns { .. } => None,
+    });
+    let band: Vec<[f64; 3]> = band.collect();
+    let points = places.iter().zip(&shares).map(|(&place, share)| [place, share.value]).collect();
+    let band = (!band.is_empty()).then_some(band);
+    Series { name: cell.about.name.clone(), color: color(number), points, band, ..Series::default() }
+}
+
+fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}

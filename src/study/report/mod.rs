@@ -1,0 +1,46 @@
+//! The report of a study: one page of HTML that needs nothing else, its figures as SVG and PNG, and every run as a row of a table.
+
+mod figures;
+mod page;
+mod rows;
+mod tables;
+mod words;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::claims::Judgement;
+use super::results::Results;
+use crate::figure::Figure;
+use crate::run::files;
+
+/// Pixels of a PNG for each CSS pixel.
+const PNG_SCALE: f64 = 2.0;
+
+/// A figure with the words around it.
+struct Drawn {
+    /// Its number and kind, for the names of its files.
+    name: String,
+    title: String,
+    /// What can be seen and how it came about.
+    caption: String,
+    picture: Figure,
+}
+
+/// Writes `report.html`, `results.csv`, and `figures/` into `folder`, whatever runs are there. Tells where the page is.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn write(results: &Results, judgements: &[Judgement], folder: &Path) -> io::Result<PathBuf> {
+    let drawn = figures::draw(results);
+    for figure in &drawn {
+        let path = folder.join("figures").join(&figure.name);
+        let png = figure.picture.png(PNG_SCALE).map_err(|error| io::Error::other(error.to_string()))?;
+        files::replace(&path.with_added_extension("svg"), figure.picture.svg().as_bytes())?;
+        files::replace(&path.with_added_extension("png"), &png)?;
+    }
+    files::replace(&folder.join("results.csv"), &rows::csv(results)?)?;
+    let page = folder.join("report.html");
+    files::replace(&page, page::html(results, judgements, &drawn).as_bytes())?;
+    Ok(page)
+}

@@ -1,0 +1,281 @@
+//! The page: HTML that needs no other file and no network, and is read on any screen.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::tables::{against_the_first, aggregates};
+use super::{Drawn, words};
+use crate::study::claims::{self, Judgement, LEAST_RUNS_OF_A_NULL};
+use crate::study::comparison::{Aggregate, Comparison};
+use crate::study::file::{Claim, FIRST_REPORTING_SEED};
+use crate::study::measure::Measure;
+use crate::study::results::{CellResults, Results};
+use crate::study::statistics::{LEAST_RUNS, Verdict};
+
+const STYLE: &str = include_str!("page.css");
+
+pub(super) fn html(results: &Results, judgements: &[Judgement], drawn: &[Drawn]) -> String {
+    let study = &results.study;
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (study.title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                header {
+                    h1 { (study.title) }
+                    @if !study.about.is_empty() { p { (study.about) } }
+                    (warnings(results))
+                }
+                main {
+                    @if !study.claims.is_empty() { (claims_section(results, judgements)) }
+                    @if !drawn.is_empty() { h2 { "Figures" } }
+                    @for (number, figure) in (1..).zip(drawn) { (figure_section(number, figure)) }
+                    h2 { "Numbers" }
+                    @for measure in study.measures.iter() { (measure_table(results, **measure)) }
+                    (comparison_table(results))
+                    (failures(results))
+                    (how_it_was_run(results))
+                    (how_to_read())
+                }
+            }
+        }
+    };
+    page.into_string()
+}
+
+/// What keeps these results from being final.
+fn warnings(results: &Results) -> Markup {
+    let [finished, failed, missing] = results.counts();
+    let seeds = results.manifest.first_seed..results.manifest.first_seed + results.manifest.repeats;
+    html! {
+        p.facts {
+            (results.cells.len()) " cells, " (finished) " finished runs, seeds " (seeds.start) " to " (seeds.end - 1) "."
+        }
+        @if results.is_tuning() {
+            p.warning {
+                strong { "Tuning seeds. " }
+                "Seeds below " (FIRST_REPORTING_SEED) " are for choosing settings; nothing here may be published as a result."
+            }
+        }
+        @if results.manifest.quick {
+            p.warning { strong { "Quick run. " } "Fewer or shorter runs than the study asks for, to see whether all is as meant." }
+        }
+        @if missing > 0 {
+            p.warning { strong { "Not complete. " } (missing) " runs are missing; what follows is of those that are there." }
+        }
+        @if failed > 0 {
+            p.warning { strong { (failed) " runs failed. " } "They are left out of all numbers; their reasons stand below." }
+        }
+        @if results.versions.len() > 1 {
+            p.warning {
+                strong { "Several versions. " }
+                "Runs come from versions " (results.versions.iter().cloned().collect::<Vec<_>>().join(", "))
+                ", which need not give the same bits."
+            }
+        }
+    }
+}
+
+fn claims_section(results: &Results, judgements: &[Judgement]) -> Markup {
+    html! {
+        h2 { "Claims" }
+        @for (claim, judgement) in results.study.claims.iter().zip(judgements) { (claim_card(results, claim, judgement)) }
+    }
+}
+
+fn claim_card(results: &Results, claim: &Claim, judgement: &Judgement) -> Markup {
+    let measure = results.study.measure_of(claim);
+    html! {
+        section.claim.(class(judgement.verdict)) {
+            p.verdict { (claims::in_words(judgement.verdict)) }
+            p.text { (claim.text) @if !claim.source.is_empty() { span.source { " " (claim.source) } } }
+            p.compared {
+                (measure.title()) ": " strong { (claim.compare.0.as_str()) } " less " strong { (claim.compare.1.as_str()) }
+                ", claimed to be " (words::claimed(claim))
+            }
+            @match &judgement.comparison {
+                Some(comparison) => { (evidence(claim, measure, comparison, judgement.p)) }
+                None => { p.evidence { "There are no runs to compare." } }
+            }
+        }
+    }
+}
+
+fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) -> Markup {
+    let [first, second] = comparison.n;
+    html! {
+        p.evidence {
+            "Found: " strong { (words::estimate(comparison.effect)) }
+            "; n = " (first) @if first != second { " and " (second) }
+            "; P(first below second) = " (words::estimate(comparison.below))
+            "; p = " (words::p(p)) " after Holm. "
+            span.source { (words::test(claim.test, measure.is_time())) "." (up_to(comparison)) }
+        }
+    }
+}
+
+fn up_to(comparison: &Comparison) -> String {
+    if comparison.horizon.is_infinite() {
+        return String::new();
+    }
+    format!(" Times count up to {}, where the first run ended that did not get there.", words::number(comparison.horizon))
+}
+
+fn class(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Replicated => "replicated",
+        Verdict::NotReplicated => "refuted",
+        Verdict::Inconclusive => "open",
+    }
+}
+
+fn figure_section(number: usize, figure: &Drawn) -> Markup {
+    let least = figure.picture.width.min((0.6 * figure.picture.width).max(340.0));
+    html! {
+        figure {
+            div.scroll {
+                div.picture style={ "min-width:" (least) "px;max-width:" (figure.picture.width) "px" } {
+                    (PreEscaped(figure.picture.svg()))
+                }
+            }
+            figcaption {
+                strong { "Figure " (number) ". " (figure.title) ". " } (figure.caption)
+                " Files: figures/" (figure.name) ".svg, .png."
+            }
+        }
+    }
+}
+
+fn measure_table(results: &Results, measure: Measure) -> Markup {
+    let rows = aggregates(results, measure);
+    html! {
+        h3 { (measure.title()) }
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th.name { "cell" }
+                        th { "n" }
+                        @if measure.is_time() { th { "reached" } }
+                        th { "median" } th { "95 % interval" } th { "IQM (95 % interval)" } th { "least" } th { "most" }
+                    }
+                }
+                tbody { @for (cell, aggregate) in &rows { (measure_row(cell, aggregate.as_ref(), measure)) } }
+            }
+        }
+    }
+}
+
+fn measure_row(cell: &CellResults, aggregate: Option<&Aggregate>, measure: Measure) -> Markup {
+    let shown = if measure.is_time() { words::time } else { words::number };
+    let interval = if measure.is_time() { words::interval_of_time } else { words::interval };
+    html! {
+        tr {
+            td.name { (cell.about.name) }
+            @if let Some(found) = aggregate {
+                td { (found.n) }
+                @if measure.is_time() { td { (found.reached) "/" (found.n) } }
+                td { (shown(found.median.value)) }
+                td { (interval(found.median.interval)) }
+                td { (found.interquartile_mean.map_or("–".to_owned(), words::estimate)) }
+                td { (shown(found.range[0])) }
+                td { (shown(found.range[1])) }
+            } @else {
+                td colspan=(if measure.is_time() { 7 } else { 6 }) { "no runs" }
+            }
+        }
+    }
+}
+
+fn comparison_table(results: &Results) -> Markup {
+    let rows = against_the_first(results);
+    let measure = results.study.main_measure();
+    let Some(first) = results.cells.first().filter(|_| !rows.is_empty()) else { return html! {} };
+    html! {
+        h3 { "Against " (first.about.name) ", seed by seed: " (measure.title()) }
+        div.scroll {
+            table {
+                thead {
+                    tr { th.name { "cell" } th { "pairs" } th { "difference (95 % interval)" } th { "P(below)" } th { "p after Holm" } }
+                }
+                tbody {
+                    @for (cell, comparison, p) in &rows {
+                        tr {
+                            td.name { (cell.about.name) }
+                            td { (comparison.n[0]) }
+                            td { (words::estimate(comparison.effect)) }
+                            td { (words::estimate(comparison.below)) }
+                            td { (words::p(*p)) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn failures(results: &Results) -> Markup {
+    let failed = || results.cells.iter().filter(|cell| !cell.failures.is_empty());
+    html! {
+        @if failed().next().is_some() {
+            h2 { "Failed runs" }
+            ul {
+                @for cell in failed() {
+                    @for (seed, reason) in &cell.failures { li { (cell.about.name) ", seed " (seed) ": " (reason) } }
+                }
+            }
+        }
+    }
+}
+
+fn how_it_was_run(results: &Results) -> Markup {
+    let manifest = &results.manifest;
+    let quick = if manifest.quick { " --quick" } else { "" };
+    html! {
+        h2 { "How it was run" }
+        pre { "seedbed study " (manifest.study_path) (quick) }
+        p { "seedbed " (results.versions.iter().cloned().collect::<Vec<_>>().join(", ")) ". One run of a cell, with its recording:" }
+        div.scroll {
+            table {
+                thead { tr { th.name { "cell" } th { "K" } th { "episodes at most" } th.name { "command" } } }
+                tbody {
+                    @for cell in &results.cells {
+                        tr {
+                            td.name { (cell.about.name) }
+                            td { (cell.about.agents) }
+                            td { (cell.about.most_episodes) }
+                            td.name { code { (command(cell, manifest.first_seed)) } }
+                        }
+                    }
+                }
+            }
+        }
+        details { summary { "The study's file" } pre { (manifest.study) } }
+    }
+}
+
+fn command(cell: &CellResults, seed: u64) -> String {
+    let sets = cell.about.overrides.iter().map(|text| format!(" --set '{text}'"));
+    format!("seedbed run {} --seed {seed}{}", cell.about.scenario, sets.collect::<String>())
+}
+
+fn how_to_read() -> Markup {
+    html! {
+        h2 { "How to read it" }
+        p {
+            "A run is a whole team; agents and episodes of one run are no repeats. Intervals hold 95 %: percentile bootstrap of 50 000 \
+             redrawn samples and, for medians of times, Brookmeyer and Crowley's. Times are censored where a run ended first; their medians \
+             are Kaplan and Meier's. IQM is the mean of the middle half of the runs. Fewer than " (LEAST_RUNS) " runs make no interval."
+        }
+        p {
+            "A claim that there is an effect is " em { "replicated" } " if the interval of the effect excludes 0 in the claimed direction, "
+            em { "not replicated" } " if not, and it excludes the claimed size, and else " em { "inconclusive" } ". A claim that there is none \
+             is replicated if at least " (LEAST_RUNS_OF_A_NULL) " runs put the whole interval within the claimed bounds, and not replicated if \
+             all of it lies outside. Measure, test, direction and size stand in the study's file and are fixed before anything runs."
+        }
+    }
+}

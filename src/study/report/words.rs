@@ -1,0 +1,85 @@
+//! Numbers as people read them.
+
+use crate::study::file::{Claim, Claimed, Test};
+use crate::study::statistics::{Estimate, Interval};
+
+/// Up to four digits that count, without trailing zeros; a true minus sign.
+pub(super) fn number(value: f64) -> String {
+    if value.is_infinite() {
+        return if value > 0.0 { "∞".to_owned() } else { "−∞".to_owned() };
+    }
+    let decimals = match value.abs() {
+        1000.0.. => 0,
+        100.0.. => 1,
+        10.0.. => 2,
+        _ => 3,
+    };
+    let text = format!("{value:.decimals$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".to_owned() } else { text.replace('-', "−") }
+}
+
+/// A median time; beyond all that was watched where fewer than half of the runs got there.
+pub(super) fn time(value: f64) -> String {
+    if value.is_finite() { number(value) } else { "not reached".to_owned() }
+}
+
+/// Such as `80 to 134`.
+pub(super) fn interval(interval: Interval) -> String {
+    match interval {
+        Interval::Known { low, high } => format!("{} to {}", number(low), number(high)),
+        Interval::TooFewRuns { n } => format!("none: n = {n} is too few"),
+    }
+}
+
+/// The same of a time.
+pub(super) fn interval_of_time(interval: Interval) -> String {
+    match interval {
+        Interval::Known { low, high } if low.is_infinite() && high.is_infinite() => "not reached".to_owned(),
+        Interval::Known { low, high } if high.is_infinite() => format!("from {}", number(low)),
+        other => self::interval(other),
+    }
+}
+
+/// Such as `−6 (−37 to 29)`.
+pub(super) fn estimate(estimate: Estimate) -> String {
+    format!("{} ({})", number(estimate.value), interval(estimate.interval))
+}
+
+/// A test's p.
+pub(super) fn p(p: f64) -> String {
+    if p < 0.0001 { "< 0.0001".to_owned() } else { format!("{p:.4}") }
+}
+
+/// What a claim says of its effect.
+pub(super) fn claimed(claim: &Claim) -> String {
+    let size = number(claim.size.get());
+    match claim.direction {
+        Claimed::More => format!("above 0, by {size}"),
+        Claimed::Less => format!("below 0, by {size}"),
+        Claimed::Same => format!("between −{size} and {size}"),
+        Claimed::NotMore => format!("below {size}"),
+        Claimed::NotLess => format!("above −{size}"),
+    }
+}
+
+/// How a claim is tested.
+pub(super) fn test(test: Test, are_times: bool) -> &'static str {
+    match (test, are_times) {
+        (Test::Paired, true) => "median of differences seed by seed; Wilcoxon's signed-rank test",
+        (Test::Paired, false) => "mean of differences seed by seed; Wilcoxon's signed-rank test",
+        (Test::Independent, true) => "difference of medians of two samples; log-rank test",
+        (Test::Independent, false) => "difference of means of two samples; Welch's test",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_count() {
+        let written = [0.0, -0.00001, 1.0 / 3.0, -12.345, 127.5, 195.0, 1234.5, f64::NEG_INFINITY].map(number);
+        assert_eq!(written, ["0", "0", "0.333", "−12.35", "127.5", "195", "1234", "−∞"]);
+    }
+}

@@ -1,0 +1,84 @@
+//! Runs what a study still lacks, on all cores: whoever is free takes the next run, the longest first.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use super::measured::{Measured, Until, train};
+use super::plan::Task;
+use super::store::{StoreError, StudyFolder};
+
+/// What is told of a run when it is over.
+#[derive(Clone, Copy, Debug)]
+pub struct Finished<'a> {
+    /// Which.
+    pub task: &'a Task<'a>,
+    /// Why it failed, if it did.
+    pub failure: Option<&'a str>,
+}
+
+/// Runs `tasks` on `jobs` threads, each on one, and stores what comes of each as soon as it is over. A run that fails is stored as
+/// failed, with its reason, and keeps no other from running. Ends early, without a trace of unfinished runs, if `interrupted`.
+///
+/// # Errors
+/// A result cannot be stored: running on would be in vain.
+///
+/// # Panics
+/// Never: no thread holds the lock when it fails.
+pub fn run(
+    tasks: &[Task<'_>],
+    folder: &StudyFolder,
+    jobs: usize,
+    interrupted: &AtomicBool,
+    told: &(dyn Fn(&Finished<'_>) + Sync),
+) -> Result<(), StoreError> {
+    let mut queue: Vec<&Task<'_>> = tasks.iter().collect();
+    queue.sort_by(|a, b| b.cost().total_cmp(&a.cost()));
+    let (next, hopeless) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let error: Mutex<Option<StoreError>> = Mutex::new(None);
+    let work = || {
+        while let Some(task) = queue.get(next.fetch_add(1, Ordering::Relaxed))
+            && !interrupted.load(Ordering::Relaxed)
+            && !hopeless.load(Ordering::Relaxed)
+        {
+            if let Err(refused) = attempt(task, folder, interrupted, told) {
+                hopeless.store(true, Ordering::Relaxed);
+                error.lock().expect("no thread fails while it holds the lock").get_or_insert(refused);
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..jobs.clamp(1, queue.len().max(1)) {
+            scope.spawn(work);
+        }
+    });
+    error.into_inner().expect("no thread fails while it holds the lock").map_or(Ok(()), Err)
+}
+
+fn attempt(
+    task: &Task<'_>,
+    folder: &StudyFolder,
+    interrupted: &AtomicBool,
+    told: &(dyn Fn(&Finished<'_>) + Sync),
+) -> Result<(), StoreError> {
+    let Some(outcome) = measure(task, interrupted) else { return Ok(()) };
+    let stored = folder.store(task, outcome)?;
+    told(&Finished { task, failure: stored.outcome.as_ref().err().map(String::as_str) });
+    Ok(())
+}
+
+/// Trains once, whatever happens. `None` if interrupted.
+#[must_use]
+pub fn measure(task: &Task<'_>, interrupted: &AtomicBool) -> Option<Result<Measured, String>> {
+    let training = || train(&task.plan(), Until::ItsStop, task.windows(), interrupted);
+    match catch_unwind(AssertUnwindSafe(training)) {
+        Ok(Ok(None)) => None,
+        Ok(Ok(Some(measured))) => Some(Ok(measured)),
+        Ok(Err(error)) => Some(Err(error.to_string())),
+        Err(panic) => {
+            let words = panic.downcast_ref::<&str>().map(|word| (*word).to_owned());
+            let words = words.or_else(|| panic.downcast_ref::<String>().cloned());
+            Some(Err(format!("broke off: {}", words.unwrap_or_else(|| "for an unknown reason".to_owned()))))
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! Studies as a user runs them: what is run, what is kept, and what the report says of it.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_seedbed"));
+    command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+}
+
+fn seedbed(arguments: &[&str]) -> Output {
+    command(arguments).output().expect("the binary runs")
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A study of two agents and few episodes: two cells that differ, and one that is the first under another name.
+fn text(repeats: u32, more: &str) -> String {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/cartpole.ron");
+    format!(
+        r#"Study(
+            title: "Small & <small>",
+            scenario: "{}",
+            set: ["agents.count=2", "stop=Episodes(8)"],
+            grid: [(name: "σ", set: ["agents.seeds={{}}"], values: ["Normal(sigma: 0)", "Normal(sigma: 9)", "TwoPoint(sigma: 0)"],
+                labels: ["0", "9", "0 again"])],
+            repeats: {repeats},
+            measures: [FinalReturn(window: 5), Coverage],
+            figures: [Curves(window: 3), Visitation(cells: ["σ 9"], episodes: [First(2), All])],
+            {more}
+        )"#,
+        scenario.display()
+    )
+}
+
+/// A folder with a study in it, and where its results go.
+fn lab(text: &str) -> (tempfile::TempDir, String, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let study = folder.path().join("small.ron");
+    fs::write(&study, text).unwrap();
+    let (study, out) = (study.to_str().unwrap().to_owned(), folder.path().join("out"));
+    (folder, study, out)
+}
+
+fn run(study: &str, out: &Path, more: &[&str]) -> Output {
+    seedbed(&[&["study", study, "--out", out.to_str().unwrap()], more].concat())
+}
+
+/// Result files by their names.
+fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(out.join("runs")).unwrap().map(|entry| entry.unwrap().path());
+    entries.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(path).unwrap())).collect()
+}
+
+#[test]
+fn results_depend_neither_on_jobs_nor_on_who_runs_them() {
+    let (_folder, study, out) = lab(&text(2, ""));
+    assert!(run(&study, &out, &["--jobs", "2"]).status.success());
+    let whole = results(&out);
+    assert_eq!(whole.len(), 6);
+    let (_folder, _, alone) = lab("");
+    assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
+    assert_eq!(results(&alone), whole);
+
+    let (_folder, _, single) = lab("");
+    for index in ["4", "0", "5", "1", "2", "3"] {
+        assert!(run(&study, &single, &["--index", index]).status.success());
+    }
+    assert_eq!(results(&single), whole);
+    let beyond = run(&study, &single, &["--index", "6"]);
+    assert_eq!(beyond.status.code(), Some(2));
+    let expected = "error: --index 6: expected an index from 0 to 5, as `--list` shows them\n";
+    assert_eq!(String::from_utf8_lossy(&beyond.stderr), expected);
+    let listed = said(&run(&study, &single, &["--list"]));
+    assert_eq!(listed.lines().next(), Some("     0  finished  seed 1000    σ 0"));
+    assert_eq!(listed.lines().count(), 6);
+}
+
+/// Killed as soon as the first result is there, whatever else is under way.
+#[test]
+fn a_killed_study_goes_on_where_it_was() {
+    let text = text(4, "").replace("Episodes(8)", "Episodes(60)");
+    let (_folder, study, out) = lab(&text);
+    let mut child = command(&["study", &study, "--out", out.to_str().unwrap(), "--jobs", "1"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let finished = || fs::read_dir(out.join("runs")).map_or(0, |files| files.filter(|file| is_result(file)).count());
+    while finished() == 0 && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before = finished();
+    assert!((1..12).contains(&before), "{before} runs before the kill");
+
+    let output = run(&study, &out, &[]);
+    assert!(output.status.success(), "{output:?}");
+    assert!(said(&output).starts_with(&format!("study      small: 3 cells of 4 runs, {} to run\n", 12 - before)), "{output:?}");
+    let (_folder, _, undisturbed) = lab("");
+    assert!(run(&study, &undisturbed, &[]).status.success());
+    let mut kept = results(&out);
+    kept.retain(|name, _| name.ends_with(".run"));
+    assert_eq!(kept, results(&undisturbed));
+}
+
+fn is_result(file: &std::io::Result<fs::DirEntry>) -> bool {
+    file.as_ref().unwrap().path().extension().is_some_and(|extension| extension == "run")
+}
+
+#[test]
+fn a_changed_study_runs_what_its_change_concerns() {
+    let (_folder, study, out) = lab(&text(2, ""));
+    assert!(run(&study, &out, &[]).status.success());
+    let to_run = |text: &str| {
+        fs::write(&study, text).unwrap();
+        let output = run(&study, &out, &[]);
+        assert!(output.status.success(), "{output:?}");
+        let said = said(&output);
+        said.lines().next().unwrap().rsplit(", ").next().unwrap().to_owned()
+    };
+    assert_eq!(to_run(&text(2, "").replace("Small", "Another")), "0 to run");
+    assert_eq!(to_run(&text(3, "")), "3 to run");
+    assert_eq!(to_run(&text(3, "").replace("sigma: 9", "sigma: 8")), "3 to run");
+    // States are kept of the first run alone, so that alone lacks those of another window.
+    assert_eq!(to_run(&text(3, "").replace("First(2)", "First(3)")), "1 to run");
+}
+
+#[test]
+fn a_failed_run_is_kept_apart() {
+    let (_folder, study, out) = lab(&text(5, "").replace("sigma: 9", "sigma: 1e30"));
+    for to_run in ["15 to run", "0 to run"] {
+        let output = run(&study, &out, &[]);
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert!(said(&output).contains(to_run) && said(&output).contains("10 finished, 5 failed"), "{output:?}");
+        assert!(String::from_utf8_lossy(&output.stderr).ends_with("error: 5 runs failed\n"), "{output:?}");
+    }
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("σ 9, seed 1000: the networks of agent") && page.contains("5 runs failed."), "no reason on the page");
+    assert!(said(&run(&study, &out, &["--retry"])).contains("5 to run"));
+}
+
+/// One row of `results.csv` by its columns.
+fn rows(out: &Path) -> Vec<BTreeMap<String, String>> {
+    let mut reader = csv::Reader::from_path(out.join("results.csv")).unwrap();
+    reader.deserialize().map(|row| row.unwrap()).collect()
+}
+
+/// Each run is repeated by `seedbed run`, and its numbers are worked out from `episodes.csv` and `summary.json`.
+#[test]
+fn the_reports_numbers_are_those_of_single_runs() {
+    let (folder, study, out) = lab(&text(5, ""));
+    assert!(run(&study, &out, &[]).status.success());
+    let rows = rows(&out);
+    assert_eq!(rows.len(), 15);
+    let mut finals = Vec::new();
+    for row in rows.iter().filter(|row| row["cell"] == "σ 9") {
+        let single = folder.path().join(&row["seed"]);
+        let set = ["--set", "agents.count=2", "--set", "stop=Episodes(8)", "--set", "agents.seeds=Normal(sigma: 9)"];
+        let base = ["run", "scenarios/cartpole.ron", "--no-recording", "--quiet", "--seed", &row["seed"], "--out"];
+        assert!(seedbed(&[&base, &[single.to_str().unwrap()][..], &set].concat()).status.success());
+        let mut reader = csv::Reader::from_path(single.join("episodes.csv")).unwrap();
+        let episodes: Vec<BTreeMap<String, String>> = reader.deserialize().map(|row| row.unwrap()).collect();
+        let mean = |from: usize| {
+            let late = episodes.iter().filter(|row| row["episode"].parse::<usize>().unwrap() >= from);
+            let returns: Vec<f64> = late.map(|row| row["return"].parse().unwrap()).collect();
+            returns.iter().sum::<f64>() / returns.len() as f64
+        };
+        assert!((row["mean_return"].parse::<f64>().unwrap() - mean(0)).abs() < 1e-9);
+        finals.push(mean(3));
+        let summary: serde_json::Value = serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+        let coverage: f64 = row["team_coverage"].parse().unwrap();
+        assert!((coverage - summary["team_coverage"].as_f64().unwrap()).abs() < 1e-6);
+        assert_eq!(row["env_steps"], summary["env_steps"].to_string());
+    }
+    finals.sort_by(f64::total_cmp);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    let table = &page[page.find("<h3>return over the last 5 episodes</h3>").unwrap()..];
+    let row = table[table.find("<td class=\"name\">σ 9</td>").unwrap()..].replace("</td>", "");
+    let cells: Vec<&str> = row.split("<td>").take(3).collect();
+    assert_eq!(cells[1], "5");
+    let median: f64 = cells[2].parse().unwrap();
+    assert!((median - finals[2]).abs() <= 0.005, "{median} for {finals:?}");
+}
+
+/// `σ 0` and `σ 0 again` are the same to the bit: no claim of a difference may hold, and six pairs do not show that there is none.
+#[test]
+fn a_claim_of_nothing_is_not_replicated() {
+    let claim =
+        |direction: &str| format!(r#"(text: "{direction}", compare: ("σ 0 again", "σ 0"), direction: {direction}, size: 5)"#);
+    let claims = ["More", "Less", "Same"].map(claim).join(", ");
+    let (_folder, study, out) = lab(&text(6, &format!("claims: [{claims}],")));
+    let said = said(&run(&study, &out, &[]));
+    for line in ["not replicated   More", "not replicated   Less", "inconclusive     Same", "0 of 3 claims replicated"] {
+        assert!(said.contains(line), "{line} in {said}");
+    }
+}
+
+#[test]
+fn a_report_tells_what_is_there() {
+    let (_folder, study, out) = lab(&text(6, r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#));
+    for index in ["0", "1", "6"] {
+        assert!(run(&study, &out, &["--index", index]).status.success());
+    }
+    let output = seedbed(&["report", out.to_str().unwrap()]);
+    assert!(output.status.success(), "{output:?}");
+    assert!(said(&output).starts_with("runs       3 finished, 15 missing\ninconclusive     x\n"), "{output:?}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    for words in ["15 runs are missing", "none: n = 2 is too few", "Small &amp; &lt;small&gt;", "no runs", "role=\"img\""] {
+        assert!(page.contains(words), "{words}");
+    }
+    for foreign in ["<script", "<link", "src=\"http", "url(http"] {
+        assert!(!page.contains(foreign), "the page needs no network: {foreign}");
+    }
+    for file in ["figures/1-curves.svg", "figures/1-curves.png", "figures/2-visitation.svg", "results.csv"] {
+        assert!(out.join(file).is_file(), "{file}");
+    }
+
+    let nothing = seedbed(&["report", out.join("runs").to_str().unwrap()]);
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&nothing.stderr).starts_with("error: no study was run here: "), "{nothing:?}");
+}
+
+#[test]
+fn tuning_seeds_are_told_apart() {
+    let (_folder, study, out) = lab(&text(2, "first_seed: 0,"));
+    assert!(run(&study, &out, &[]).status.success());
+    assert!(fs::read_to_string(out.join("report.html")).unwrap().contains("Tuning seeds."));
+    assert!(rows(&out).iter().all(|row| row["seeds"] == "tuning"));
+}
+
+#[test]
+fn every_study_passes() {
+    let folders = ["scenarios/thesis", "scenarios/studies"].map(|folder| Path::new(env!("CARGO_MANIFEST_DIR")).join(folder));
+    let files: Vec<PathBuf> =
+        folders.iter().flat_map(|folder| fs::read_dir(folder).unwrap()).map(|file| file.unwrap().path()).collect();
+    let names: Vec<&str> = files.iter().map(|file| file.to_str().unwrap()).collect();
+    let output = seedbed(&[&["check"], names.as_slice()].concat());
+    assert!(output.status.success() && names.len() >= 11, "{output:?}");
+}
