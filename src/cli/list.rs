@@ -48,22 +48,17 @@ fn print_environment(spec: &env::Spec) {
 
 fn scenarios() {
     for_each_file("Scenarios", "scenarios", |path| {
-        let listed = if tabular::is_meant(path) {
-            tabular::described(path).map(|said| say!("  {:<52} {said}", path.display()))
-        } else {
-            print_scenario_or_study(path)
-        };
-        if let Err(error) = listed {
+        if let Err(error) = print_scenario_or_study(path) {
             say!("  {}\n      cannot be used: {error}", path.display());
         }
     });
 }
 
 fn print_scenario_or_study(path: &Path) -> Result<(), InputError> {
-    if input::kind(&path.display().to_string(), &input::read_text(path)?)? == Kind::Study {
-        print_study(path, &StudyPlan::load(path, false)?);
-    } else {
-        print_scenario(path, &Plan::load(path, &[])?);
+    match input::kind(&path.display().to_string(), &input::read_text(path)?)? {
+        Kind::Study => print_study(path, &StudyPlan::load(path, false)?),
+        Kind::TabularScenario => say!("  {:<52} {}", path.display(), tabular::described(path)?),
+        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => print_scenario(path, &Plan::load(path, &[])?),
     }
     Ok(())
 }

@@ -80,10 +80,10 @@ pub enum Kind {
     TabularEnvironment,
     /// `Scenario(…)`
     Scenario,
-    /// `Study(…)`
-    Study,
     /// `TabularScenario(…)`
     TabularScenario,
+    /// `Study(…)`
+    Study,
 }
 
 /// Reads the RON file at `path`.
@@ -134,8 +134,8 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
         "Environment" => Ok(Kind::Environment),
         "TabularEnvironment" => Ok(Kind::TabularEnvironment),
         "Scenario" => Ok(Kind::Scenario),
-        "Study" => Ok(Kind::Study),
         "TabularScenario" => Ok(Kind::TabularScenario),
+        "Study" => Ok(Kind::Study),
         word => {
             let offset = word.as_ptr() as usize - text.as_ptr() as usize;
             let before = &text[..offset];
@@ -149,8 +149,7 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
                 position: (!opening.is_empty()).then(|| position(text, line, column)),
                 field: String::new(),
                 message: format!(
-                    "a file opens with its kind, `Environment(`, `TabularEnvironment(`, `Scenario(`, `TabularScenario(` or `Study(`, but this \
-                     one {found}"
+                    "a file opens with its kind, `Environment(`, `TabularEnvironment(`, `Scenario(`, `TabularScenario(` or `Study(`, but this one {found}"
                 ),
                 help: suggestion(word, ["Environment", "TabularEnvironment", "Scenario", "TabularScenario", "Study"]),
             })

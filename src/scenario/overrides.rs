@@ -39,7 +39,10 @@ pub fn apply_all<T: Resolve>(mut document: Document<T>, assignments: &[String]) 
 }
 
 /// The file with one value replaced.
-pub(super) fn apply<T: Resolve>(document: &Document<T>, assignment: &str) -> Result<Document<T>, InputError> {
+///
+/// # Errors
+/// The assignment is wrong.
+pub fn apply<T: Resolve>(document: &Document<T>, assignment: &str) -> Result<Document<T>, InputError> {
     let fault = |field: &str, message: String, help: Option<String>| InputError {
         origin: format!("--set {assignment}"),
         position: None,
