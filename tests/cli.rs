@@ -133,7 +133,10 @@ fn a_run_leaves_what_is_promised() {
     assert_eq!(names, promised);
 
     let episodes = std::fs::read_to_string(path.join("episodes.csv")).unwrap();
-    assert_eq!(episodes.lines().next(), Some("agent,episode,round,env_steps,return,length,outcome,coverage,visitation_entropy,team_overlap,effective_agents"));
+    assert_eq!(
+        episodes.lines().next(),
+        Some("agent,episode,round,env_steps,return,length,outcome,coverage,visitation_entropy,team_overlap,effective_agents")
+    );
     assert_eq!(episodes.lines().count(), 1 + 2 * 6);
     let rounds = std::fs::read_to_string(path.join("rounds.csv")).unwrap();
     let header = "agent,round,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage,\

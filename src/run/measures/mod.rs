@@ -80,8 +80,7 @@ impl Measures {
 
     /// Takes in a finished round.   `episodes` in (agent, episode) order; `reports` tell who learned, in the order in which they did.
     pub fn take_in(&mut self, spec: &Spec, round: u32, episodes: &[&Episode], reports: &[(u32, UpdateReport)]) -> RoundRows {
-        let mut episode_rows: Vec<EpisodeRow> =
-            episodes.iter().map(|episode| self.take_in_episode(spec, episode)).collect();
+        let mut episode_rows: Vec<EpisodeRow> = episodes.iter().map(|episode| self.take_in_episode(spec, episode)).collect();
         self.extend_team_returns(episodes);
         let visits = self.visits();
         for row in &mut episode_rows {
