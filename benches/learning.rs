@@ -120,7 +120,9 @@ fn cart_pole() -> Description {
 fn agent(spec: &Spec, number: u32) -> Box<dyn Agent> {
     let team = Team { count: known_count(AGENTS), ..Team::default() };
     let algorithm = Algorithm::SeedPg(Box::default());
-    algorithm.build(&Membership { run_seed: 0, agent: number, team: &team, spec }).expect("Seed-PG learns for itself")
+    algorithm
+        .build(&Membership { run_seed: 0, agent: number, team: &team, spec, notes_advantages: false })
+        .expect("Seed-PG learns for itself")
 }
 
 /// The agent's first steps, set one after the other: where the pole falls, it goes on from a new start.

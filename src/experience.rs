@@ -28,6 +28,10 @@ pub struct Episode {
     pub log_probs: Vec<f32>,
     /// `[T]`: the bonus that the agent's curiosity gave to each step, once it has learned from the episode; empty without curiosity.
     pub intrinsic_rewards: Vec<f32>,
+    /// `[T]`: what the agent took each action's advantage for when it began to learn from the episode; empty where nothing shows it. Not
+    /// stored, for nothing is learned from it.
+    #[serde(skip)]
+    pub advantages: Vec<f32>,
     /// How it ended: [`Status::Terminated`] or [`Status::Truncated`].
     pub outcome: Status,
 }
@@ -46,6 +50,7 @@ impl Episode {
             rewards: Vec::with_capacity(steps),
             log_probs: Vec::with_capacity(steps * spec.action_width()),
             intrinsic_rewards: Vec::new(),
+            advantages: Vec::new(),
             outcome: Status::Running,
         }
     }
@@ -123,14 +128,14 @@ impl SharedBuffer {
         &self.episodes[total.saturating_sub(self.forgotten) as usize..]
     }
 
-    /// Notes what an agent's curiosity made of its own episodes after the first `total`.   `rewards`: step by step, one episode after
-    /// the other
-    pub fn note_intrinsic_rewards(&mut self, agent: u32, total: u64, mut rewards: &[f32]) {
+    /// Notes what an agent made of its own episodes after the first `total`, in the `column` that is for it.   `values`: step by step,
+    /// one episode after the other
+    pub fn note(&mut self, agent: u32, total: u64, mut values: &[f32], column: fn(&mut Episode) -> &mut Vec<f32>) {
         let from = total.saturating_sub(self.forgotten) as usize;
         for episode in self.episodes[from..].iter_mut().filter(|episode| episode.agent == agent) {
-            let (own, rest) = rewards.split_at(episode.length().min(rewards.len()));
-            episode.intrinsic_rewards = own.to_vec();
-            rewards = rest;
+            let (own, rest) = values.split_at(episode.length().min(values.len()));
+            *column(episode) = own.to_vec();
+            values = rest;
         }
     }
 
@@ -171,16 +176,19 @@ mod tests {
         Episode::start(agent, 0, 0, &spec)
     }
 
-    /// Agent 0 has episodes of 2 and 1 steps among the fresh ones.
+    /// Agent 0 has episodes of 2 and 1 steps among the fresh ones, agent 1 has one of 4.
     #[test]
-    fn intrinsic_rewards_find_their_steps() {
+    fn what_is_noted_finds_its_steps() {
         let mut buffer = SharedBuffer::default();
         let of_length = |agent, length| Episode { rewards: vec![0.0; length], ..episode(agent) };
         buffer.push(vec![of_length(0, 5)]);
         buffer.push(vec![of_length(0, 2), of_length(0, 1), of_length(1, 4)]);
-        buffer.note_intrinsic_rewards(0, 1, &[7.0, 8.0, 9.0]);
-        let noted: Vec<&[f32]> = buffer.since(0).iter().map(|episode| episode.intrinsic_rewards.as_slice()).collect();
-        assert_eq!(noted, [&[][..], &[7.0, 8.0], &[9.0], &[]]);
+        buffer.note(0, 1, &[7.0, 8.0, 9.0], |episode| &mut episode.intrinsic_rewards);
+        buffer.note(1, 1, &[1.0, 2.0, 3.0, 4.0], |episode| &mut episode.advantages);
+        let noted =
+            |column: fn(&Episode) -> &Vec<f32>| buffer.since(0).iter().map(|episode| column(episode).clone()).collect::<Vec<_>>();
+        assert_eq!(noted(|episode| &episode.intrinsic_rewards), [&[][..], &[7.0, 8.0], &[9.0], &[]]);
+        assert_eq!(noted(|episode| &episode.advantages), [&[][..], &[], &[], &[1.0, 2.0, 3.0, 4.0]]);
     }
 
     /// Episodes of 0, 3, 2 steps: 2 transitions need the last one, 3 the last two, 0 none.

@@ -48,6 +48,17 @@ fn recording_changes_nothing() {
 }
 
 #[test]
+fn advantages_on_record_change_nothing() {
+    for schedule in ["schedule=Synchronous(episodes: 2)", ASYNCHRONOUS] {
+        let (_guard, with, without) = folders();
+        let common = [&SHORT[..], &["--set", "algorithm.standardise=PerTrajectory", "--set", schedule]].concat();
+        finish(seedbed(&with, &[&common[..], &["--set", "recording.axes=[Observations, Advantage()]"]].concat()));
+        finish(seedbed(&without, &common));
+        assert_eq!(results(&with), results(&without));
+    }
+}
+
+#[test]
 fn another_seed_gives_another_run() {
     let (_guard, zero, one) = folders();
     finish(seedbed(&zero, &[&SHORT[..], &["--no-recording"]].concat()));

@@ -15,7 +15,7 @@ use rerun::log::{Chunk, LogMsg};
 use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 use seedbed::env::{Action, Choice, Force, ForceSource, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
 use seedbed::experience::Episode;
-use seedbed::input::numbers::known_count;
+use seedbed::input::numbers::{Finite, known, known_count};
 use seedbed::record::palette::sequential;
 use seedbed::record::rerun::read::{RecordedEpisode, Recording};
 use seedbed::record::rerun::{Focus, RecordingAbout, RerunRecorder};
@@ -23,6 +23,8 @@ use seedbed::record::visitation::Axes;
 use seedbed::record::{
     AxisChoice, Colour, Difference, EpisodeRow, Footage, Recorder, RecordingSettings, RoundRecord, RoundRow, SceneSettings,
 };
+use seedbed::run::Plan;
+use seedbed::run::trainer::Trainer;
 
 #[test]
 fn every_state_and_action_is_read_back_as_it_was() {
@@ -271,6 +273,58 @@ fn actions_and_steps_can_have_axes() {
     assert_eq!(contents.lines_per_row("/visitation/agent_0/lines", "LineStrips2D:strips"), lengths);
     let names = contents.words("/visitation/axes/labels", "Points2D:labels");
     assert!(names.iter().any(|name| name.starts_with("force")) && names.iter().any(|name| name == "step"), "{names:?}");
+}
+
+/// The column is there with the axis, and only then.
+#[test]
+fn advantages_are_on_record_where_an_axis_tells_them() {
+    let (folder, run) = (tempfile::tempdir().unwrap(), Run::new(2, 3));
+    let recorded = |axes: Vec<AxisChoice>| {
+        let settings = RecordingSettings { axes: axes.into(), ..RecordingSettings::default() };
+        let contents = Contents::of(&record(&run, folder.path(), &settings));
+        compare_raw(&run, &contents);
+        contents
+    };
+    let advantage = AxisChoice::Advantage { from: known(-30.0), to: known::<Finite>(170.0).into() };
+    let with = recorded(vec![AxisChoice::Observations, advantage]);
+    let given: Vec<f32> = run.rounds.iter().flat_map(|round| &round.episodes[1].advantages).copied().collect();
+    assert_eq!(with.numbers("/raw/agent_1", "State:advantage"), given);
+    assert_eq!(with.rows_with("/raw/agent_1", "State:advantage"), with.rows_with("/raw/agent_1", "State:force"));
+    let names = with.words("/visitation/axes/labels", "Points2D:labels");
+    assert!(names.iter().any(|name| name.starts_with("advantage")), "{names:?}");
+    let without = recorded(vec![AxisChoice::Observations]);
+    assert!(without.rows_with("/raw/agent_1", "State:advantage").is_empty());
+}
+
+/// Without a baseline, ratios, seeds and discount, an action's advantage is what its episode still earned: from T down to 1, as each of
+/// the T steps of the cartpole earns 1.
+#[test]
+fn the_column_holds_what_agents_estimated() {
+    let overrides = [
+        "algorithm=SeedPg(value_data: Own, policy_data: Own, discount: 1, value_target: MonteCarlo(importance: Off), \
+         advantage: MonteCarlo(baseline: Off), standardise: PerTrajectory)",
+        "agents=(count: 2, seeds: Normal(sigma: 0))",
+        "recording.axes=[Advantage(from: 0, to: 200)]",
+    ];
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/cartpole.ron");
+    let plan = Plan::load(&scenario, &overrides.map(ToOwned::to_owned)).unwrap();
+    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.rrd");
+    let made_up = Run::new(2, 2);
+    let mut recorder = RerunRecorder::create(&path, &made_up.about(), &plan.scenario.recording).unwrap();
+    let mut expected = Vec::new();
+    for number in 0..2 {
+        let round = trainer.advance().unwrap();
+        let episodes = trainer.newest_episodes();
+        expected.extend((1..=episodes[1].length()).rev().map(|left| left as f32));
+        let (episode_rows, round_rows) = (&round.rows.episodes[..], &round.rows.updates[..]);
+        recorder
+            .record_round(&RoundRecord { round: number, episodes: &episodes, episode_rows, round_rows, footage: &[] })
+            .unwrap();
+    }
+    recorder.finish().unwrap();
+    assert_eq!(Contents::of(&path).numbers("/raw/agent_1", "State:advantage"), expected);
 }
 
 #[test]
@@ -824,6 +878,7 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
         rewards: Vec::new(),
         log_probs: Vec::new(),
         intrinsic_rewards: Vec::new(),
+        advantages: Vec::new(),
         outcome: Status::Truncated,
     };
     let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec(), ..Footage::default() };
@@ -834,6 +889,7 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
         state = moved(state, if push { 10.0 } else { -10.0 });
         episode.actions.push(f32::from(u8::from(push)));
         episode.intrinsic_rewards.push(0.001 * (episode.length() % 10) as f32);
+        episode.advantages.push(episode.length() as f32 - 30.0);
         episode.rewards.push(1.0);
         episode.log_probs.push(-(1.0 + noise.symmetric().abs() as f32).ln());
         episode.observations.extend(state.map(|x| x as f32));

@@ -44,6 +44,13 @@ pub trait Agent: Send + Sync {
         &[]
     }
 
+    /// What the latest update took the advantage of each step of the agent's own fresh episodes for, one after the other: under the policy
+    /// and the value function before that update, not standardised. None where [`Membership::notes_advantages`] is off, or where the
+    /// algorithm estimates none.
+    fn advantages(&self) -> &[f32] {
+        &[]
+    }
+
     /// How much there is to learn from about [`JUDGED`] steps of an episode, as the agent's curiosity has it now; none without curiosity.
     fn judge(&mut self, _episode: &Episode, _round: u32) -> Vec<f32> {
         Vec::new()
@@ -113,6 +120,8 @@ pub struct Membership<'a> {
     pub team: &'a Team,
     /// The task.
     pub spec: &'a Spec,
+    /// Whether [`Agent::advantages`] are wanted. What is learned is the same.
+    pub notes_advantages: bool,
 }
 
 /// Room for one forward pass at a time; one for each thread that acts.
@@ -206,6 +215,12 @@ impl Algorithm {
     #[must_use]
     pub fn largest_intrinsic_reward(&self) -> Option<f32> {
         self.bonus()?.largest()
+    }
+
+    /// Whether agents estimate how much better than expected their actions were.
+    #[must_use]
+    pub fn estimates_advantages(&self) -> bool {
+        matches!(self, Self::SeedPg(_))
     }
 
     /// Transitions of the team that the shared buffer has to keep after all have learned from them.

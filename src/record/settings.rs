@@ -63,6 +63,16 @@ pub enum AxisChoice {
         #[serde(default = "plus_one")]
         to: Located<Finite>,
     },
+    /// How much better than expected the agent that took it thinks the action was, before it learned from it and before any
+    /// standardisation; values beyond the ends are drawn at the ends. Only with `SeedPg`.
+    Advantage {
+        /// The lower end.
+        #[serde(default = "minus_one")]
+        from: Finite,
+        /// The upper end.
+        #[serde(default = "plus_one")]
+        to: Located<Finite>,
+    },
     /// The bonus; no axis without one.
     IntrinsicReward,
     /// Steps since the episode began.
@@ -132,11 +142,12 @@ fn plus_one() -> Located<Finite> {
 }
 
 impl RecordingSettings {
-    /// What no single field can tell: whether it fits a team of `agents`, and whether they are `curious`.
+    /// What no single field can tell: whether it fits a team of `agents`, whether they are `curious`, and whether they
+    /// estimate `advantages`.
     ///
     /// # Errors
     /// The field to blame, and why.
-    pub fn check(&self, agents: u32, curious: bool) -> Result<(), Complaint> {
+    pub fn check(&self, agents: u32, curious: bool, advantages: bool) -> Result<(), Complaint> {
         self.scene.as_ref().map_or(Ok(()), |scene| scene.check(agents))?;
         if let Difference::Between(one, other) = &self.difference {
             one_of_the_team(one, agents)?;
@@ -149,7 +160,29 @@ impl RecordingSettings {
             let message = "without a bonus there is no intrinsic reward; expected Agent, Episode, Return or Outcome";
             return Err(self.colour.complain(message));
         }
+        if self.has_advantages() && !advantages {
+            let message =
+                "only agents of `SeedPg` estimate advantages; expected Observations, Action, Reward, IntrinsicReward or Step";
+            return Err(self.axes.complain(message));
+        }
         self.check_axes()
+    }
+
+    /// Whether an axis tells advantages, so that they are on record.
+    #[must_use]
+    pub fn has_advantages(&self) -> bool {
+        self.axes.iter().any(|axis| matches!(axis, AxisChoice::Advantage { .. }))
+    }
+
+    /// The same for agents that do not learn, who estimate no advantages; where no axis is left, with the observations.
+    #[must_use]
+    pub fn without_advantages(mut self) -> Self {
+        if self.has_advantages() {
+            let mut axes = self.axes.to_vec();
+            axes.retain(|axis| !matches!(axis, AxisChoice::Advantage { .. }));
+            self.axes = if axes.is_empty() { vec![AxisChoice::Observations] } else { axes }.into();
+        }
+        self
     }
 
     fn check_axes(&self) -> Result<(), Complaint> {
@@ -157,7 +190,7 @@ impl RecordingSettings {
             return Err(self.axes.complain("names no axis; expected at least one, such as `axes: [Observations]`"));
         }
         for axis in self.axes.iter() {
-            if let AxisChoice::Reward { from, to } = axis
+            if let AxisChoice::Reward { from, to } | AxisChoice::Advantage { from, to } = axis
                 && *from >= **to
             {
                 return Err(to.complain(format!("expected more than {}, where the axis begins", from.get())));

@@ -59,14 +59,14 @@ pub fn replay(
     Ok((plan, rows))
 }
 
-/// As the scenario has them, but every episode in full.
+/// As the scenario has them, but every episode in full; nobody learns, and so nobody estimates advantages.
 fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, InputError> {
     let count = plan.scenario.agents.count.get();
     if let Some(agent) = agents.unwrap_or_default().iter().find(|agent| **agent >= count) {
         let message = format!("there is no agent {agent}; the team of `{}` has agents 0 to {}", plan.name, count - 1);
         return Err(InputError { origin: "--agents".to_owned(), position: None, field: String::new(), message, help: None });
     }
-    let mut settings = plan.scenario.recording.clone();
+    let mut settings = plan.scenario.recording.clone().without_advantages();
     let mut filmed: Vec<u32> = match (agents, &settings.scene) {
         (Some(agents), _) => agents.to_vec(),
         (None, Some(scene)) => scene.agents.iter().map(|agent| **agent).collect(),

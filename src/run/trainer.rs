@@ -106,7 +106,8 @@ impl Trainer {
         let count = scenario.agents.count.get();
         let environment = env::build(description, scenario.physics, count as usize)?;
         let spec = environment.spec();
-        let member = |agent| Membership { run_seed: scenario.seed, agent, team: &scenario.agents, spec };
+        let (run_seed, team, notes_advantages) = (scenario.seed, &scenario.agents, scenario.recording.has_advantages());
+        let member = |agent| Membership { run_seed, agent, team, spec, notes_advantages };
         let agents = (0..count).filter_map(|agent| scenario.algorithm.build(&member(agent))).collect();
         let sharers = scenario.algorithm.build_shared(scenario.seed, &scenario.agents, spec);
         let several = || ThreadPoolBuilder::new().num_threads(threads).thread_name(|index| format!("agents-{index}")).build();
@@ -181,7 +182,8 @@ impl Trainer {
             return Err(Diverged::Learning { agent, round });
         }
         for &(agent, _) in &reports {
-            buffer.note_intrinsic_rewards(agent, start, sharers.intrinsic_rewards(agent as usize));
+            let rewards = sharers.intrinsic_rewards(agent as usize);
+            buffer.note(agent, start, rewards, |episode| &mut episode.intrinsic_rewards);
         }
         Ok(reports)
     }
@@ -247,8 +249,9 @@ impl Trainer {
             return Err(Diverged::Learning { agent, round });
         }
         for learner in learners {
-            let rewards = self.agents[learner.agent as usize].intrinsic_rewards();
-            self.buffer.note_intrinsic_rewards(learner.agent, learner.start, rewards);
+            let agent = &self.agents[learner.agent as usize];
+            self.buffer.note(learner.agent, learner.start, agent.intrinsic_rewards(), |episode| &mut episode.intrinsic_rewards);
+            self.buffer.note(learner.agent, learner.start, agent.advantages(), |episode| &mut episode.advantages);
         }
         Ok(learned.into_iter().map(|(agent, report, _)| (agent, report)).collect())
     }

@@ -27,7 +27,8 @@ const REST: [(&str, &str); 6] = [
     (
         "recording",
         "what the recording shows: (lines: n, colour: Agent | Episode | Return | Outcome | IntrinsicReward, \
-         axes: [Observations, Action, Reward(from: a, to: b), IntrinsicReward, Step], pairs: First(n) | These([(\"x\", \"v\")]), \
+         axes: [Observations, Action, Reward(from: a, to: b), Advantage(from: a, to: b), IntrinsicReward, Step], \
+         pairs: First(n) | These([(\"x\", \"v\")]), \
          difference: MostDifferent | Between(0, 1) | Off, density_every: rounds, scene: None | Some((agent: k, every: n)))",
     ),
     ("checkpoint_every", "rounds between two checkpoints"),

@@ -206,7 +206,7 @@ impl Scenario {
             return Err(window.complain(format!("expected a window of at most the {} episodes of `at_most`", at_most.get())));
         }
         let curious = self.algorithm.largest_intrinsic_reward().is_some();
-        self.recording.check(self.agents.count.get(), curious)
+        self.recording.check(self.agents.count.get(), curious, self.algorithm.estimates_advantages())
     }
 
     /// Whether the algorithm can learn when the schedule says.

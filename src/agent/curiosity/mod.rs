@@ -286,7 +286,8 @@ mod tests {
 
     fn curiosity(bonus: &Bonus, agent: u32) -> Curiosity {
         let (team, spec) = (Team::default(), spec());
-        Curiosity::new(bonus, &Membership { run_seed: 1, agent, team: &team, spec: &spec }).unwrap()
+        let member = Membership { run_seed: 1, agent, team: &team, spec: &spec, notes_advantages: false };
+        Curiosity::new(bonus, &member).unwrap()
     }
 
     fn vime(model: ModelSharing, seeds: ModelSeeds) -> Bonus {

@@ -76,7 +76,7 @@ impl ValueTeam {
         let hidden = learning.hidden.iter().map(|units| units.get() as usize);
         let sizes: Vec<usize> = [spec.observation_width()].into_iter().chain(hidden).chain([choices]).collect();
         let model = |index| {
-            let leader = Membership { run_seed, agent: index, team, spec };
+            let leader = Membership { run_seed, agent: index, team, spec, notes_advantages: false };
             ValueModel::new(index, &composition, Mlp::new(&sizes), &leader)
         };
         let agents = team.count.get() as usize;

@@ -46,6 +46,8 @@ pub struct SeedPgAgent {
     value: Network,
     normaliser: PopArt,
     curiosity: Option<Curiosity>,
+    /// Of the latest update, where they are wanted: see [`Agent::advantages`].
+    noted: Option<Vec<f32>>,
     work: Workspace,
 }
 
@@ -92,7 +94,7 @@ impl SeedPgAgent {
     /// An agent at its seed.
     #[must_use]
     pub fn new(config: &SeedPg, member: &Membership<'_>) -> Self {
-        let &Membership { run_seed, agent, team, spec } = member;
+        let &Membership { run_seed, agent, team, spec, notes_advantages } = member;
         let hidden: Vec<usize> = config.hidden.iter().map(|units| units.get() as usize).collect();
         let policy_shape = policy::shape(spec, &hidden);
         let value_sizes: Vec<usize> = [spec.observation_width()].into_iter().chain(hidden).chain([1]).collect();
@@ -113,6 +115,7 @@ impl SeedPgAgent {
                 ReturnNormalisation::Raw => PopArt::identity(),
             },
             curiosity: Curiosity::new(&config.bonus, member),
+            noted: notes_advantages.then(Vec::new),
             config: config.clone(),
             work: Workspace::default(),
         }
@@ -136,6 +139,21 @@ impl SeedPgAgent {
         work.order.sort_unstable();
     }
 
+    /// Notes what the agent takes the advantages of its own steps for. Estimates draw nothing and leave only what the next one replaces, so
+    /// that learning goes on to the same bits.
+    fn note_advantages(&mut self, fresh: &[Episode]) {
+        let Some(mut noted) = self.noted.take() else { return };
+        noted.clear();
+        for index in 0..self.work.order.len() {
+            let place = self.work.order[index];
+            if fresh[place].agent == self.agent {
+                self.estimate(&fresh[place], place);
+                noted.extend(&self.work.samples.advantages);
+            }
+        }
+        self.noted = Some(noted);
+    }
+
     /// Whether the value function and the policy learn from an episode.
     fn learners(&self, episode: &Episode) -> [bool; 2] {
         let learns = |data| data == Data::Shared || episode.agent == self.agent;
@@ -145,7 +163,7 @@ impl SeedPgAgent {
     /// One trajectory is one minibatch: each network takes at most one step on it.
     fn learn_from_trajectory(&mut self, fresh: &[Episode], place: usize, descent: &Descent, totals: &mut Totals) {
         let [value_learns, policy_learns] = self.learners(&fresh[place]);
-        self.estimate(&fresh[place], place);
+        self.prepare(&fresh[place], place);
         if value_learns {
             let (weight, bias) = self.value.output_layer();
             self.normaliser.update(&self.work.samples.targets, weight, bias);
@@ -185,7 +203,7 @@ impl SeedPgAgent {
         for index in 0..self.work.order.len() {
             let place = self.work.order[index];
             let [value_learns, policy_learns] = self.learners(&fresh[place]);
-            self.estimate(&fresh[place], place);
+            self.prepare(&fresh[place], place);
             let Workspace { samples, policy_pool, value_pool, .. } = &mut self.work;
             if value_learns {
                 value_pool.append(samples);
@@ -193,6 +211,14 @@ impl SeedPgAgent {
             if policy_learns {
                 policy_pool.append(samples);
             }
+        }
+    }
+
+    /// A trajectory becomes samples to learn from.
+    fn prepare(&mut self, episode: &Episode, place: usize) {
+        self.estimate(episode, place);
+        if self.config.standardise == Standardisation::PerTrajectory {
+            advantage::standardise(&mut self.work.samples.advantages);
         }
     }
 
@@ -213,9 +239,6 @@ impl SeedPgAgent {
         let Samples { targets, weights, advantages, .. } = samples;
         trajectory.value_targets(*config.value_target, estimates, targets, weights);
         trajectory.advantages(*config.advantage, *config.value_target, targets, estimates, advantages);
-        if config.standardise == Standardisation::PerTrajectory {
-            advantage::standardise(advantages);
-        }
     }
 
     /// rₜ₊₁ + `z_{k,t+1}`, and the bonus if there is one; where a time limit is not an end, γ v(`s_T`) joins the last reward and stands
@@ -354,6 +377,7 @@ impl Agent for SeedPgAgent {
             curiosity.reward(experience, &self.work.order, &mut self.work.bonuses);
             totals.curiosity(self.agent, fresh, &self.work.bonuses, curiosity.learn(experience));
         }
+        self.note_advantages(fresh);
         for _ in 0..self.config.epochs.get() {
             match self.config.minibatch {
                 Minibatch::Trajectory => {
@@ -375,6 +399,10 @@ impl Agent for SeedPgAgent {
 
     fn intrinsic_rewards(&self) -> &[f32] {
         self.curiosity.as_ref().map_or(&[], Curiosity::own_bonuses)
+    }
+
+    fn advantages(&self) -> &[f32] {
+        self.noted.as_deref().unwrap_or_default()
     }
 
     fn judge(&mut self, episode: &Episode, round: u32) -> Vec<f32> {

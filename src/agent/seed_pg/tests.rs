@@ -26,7 +26,7 @@ fn spec() -> Spec {
 fn agent(config: &SeedPg, number: u32, sigma: f64) -> SeedPgAgent {
     let seeds = SeedDistribution::Normal { sigma: known(sigma) };
     let team = Team { count: known_count(2), seeds, initial: Initial::Random };
-    SeedPgAgent::new(config, &Membership { run_seed: 1, agent: number, team: &team, spec: &spec() })
+    SeedPgAgent::new(config, &Membership { run_seed: 1, agent: number, team: &team, spec: &spec(), notes_advantages: false })
 }
 
 /// Six steps; every behaviour probability is a half.
@@ -143,6 +143,59 @@ fn a_restored_agent_goes_on_to_the_same_bits() {
     assert_eq!(reports[0], reports[1]);
     assert_eq!(parameters(&original), parameters(&restored));
     assert!(restored.restore(&[1, 2, 3]).is_err());
+}
+
+/// γ is ½, and nothing is weighed, added or subtracted: rewards of 4, 2, 8 return 4 + ½ (2 + ½ 8) = 7, 2 + ½ 8 = 6 and 8; the agent's
+/// other episode of a single 1 returns 1. What others did is not noted, and neither is what standardising makes of it.
+#[test]
+fn advantages_of_ones_own_steps_are_noted() {
+    let config = SeedPg {
+        value_data: Data::Own,
+        policy_data: Data::Own,
+        value_target: ValueTarget::MonteCarlo { importance: Importance::Off, ratio_product_cap: None }.into(),
+        advantage: AdvantageEstimate::MonteCarlo { importance: RatioCount::Single, baseline: Baseline::Off }.into(),
+        standardise: Standardisation::PerTrajectory,
+        discount: known(0.5),
+        ..SeedPg::default()
+    };
+    let rewarded = |agent, rewards: &[f32]| Episode {
+        observations: vec![0.1; 2 * rewards.len() + 2],
+        actions: vec![1.0; rewards.len()],
+        log_probs: vec![0.5_f32.ln(); rewards.len()],
+        rewards: rewards.to_vec(),
+        ..episode(agent)
+    };
+    let mut learner = noting(agent(&config, 1, 0.0));
+    update_on(&mut learner, &[rewarded(0, &[3.0]), rewarded(1, &[4.0, 2.0, 8.0]), rewarded(1, &[]), rewarded(1, &[1.0])], 0);
+    assert_eq!(learner.advantages(), [7.0, 6.0, 8.0, 1.0]);
+    update_on(&mut learner, &[rewarded(1, &[5.0])], 1);
+    assert_eq!(learner.advantages(), [5.0]);
+}
+
+/// Those that are noted are what the agent estimated before it learned, and it learns the same as one that notes nothing.
+#[test]
+fn noting_advantages_changes_nothing() {
+    let variants = [
+        SeedPg { sharing: Sharing::Sampled { trajectories: known_count(1) }, epochs: known_count(3), ..SeedPg::default() },
+        SeedPg { minibatch: Minibatch::Steps(known_count(4)), observations: ObservationScaling::Running, ..SeedPg::default() },
+        SeedPg { standardise: Standardisation::PerTrajectory, time_limit: TimeLimit::Bootstraps, ..SeedPg::default() },
+    ];
+    for config in variants {
+        let (mut with, mut without) = (noting(agent(&config, 1, 0.5)), agent(&config, 1, 0.5));
+        for round in 0..3 {
+            let mut before = agent(&config, 1, 0.5);
+            before.restore(&without.save()).unwrap();
+            before.estimate(&episode(1), 1);
+            let reports = [&mut with, &mut without].map(|learner| update(learner, 0..3, round));
+            assert_eq!((reports[0], with.save()), (reports[1], without.save()), "{config:?}");
+            assert_eq!(with.advantages(), before.work.samples.advantages, "{config:?}");
+        }
+        assert!(without.advantages().is_empty());
+    }
+}
+
+fn noting(agent: SeedPgAgent) -> SeedPgAgent {
+    SeedPgAgent { noted: Some(Vec::new()), ..agent }
 }
 
 /// Every estimator, loss and minibatch that goes with the agent's own data makes a rewarded action likelier.

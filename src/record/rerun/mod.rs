@@ -179,7 +179,7 @@ impl RerunRecorder {
         settings: &RecordingSettings,
         mut progress: Progress,
     ) -> Result<Self, Fault> {
-        let columns = RawColumns::of(about.spec, about.largest_bonus.is_some())?;
+        let columns = RawColumns::of(about.spec, about.largest_bonus.is_some(), settings.has_advantages())?;
         let visited = std::mem::take(&mut progress.visited);
         let track = |agent| AgentTrack { raw: RawTable::new(agent, &columns), sample: Sample::new(&format!("agent_{agent}")) };
         let drawing = Drawing::of(about, settings, progress.colour_range.unwrap_or([0.0, 1.0]));

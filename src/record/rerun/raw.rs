@@ -32,6 +32,8 @@ pub(super) struct RawColumns {
     log_prob: ComponentDescriptor,
     /// Of curious agents.
     intrinsic_reward: Option<ComponentDescriptor>,
+    /// Where an axis shows them.
+    advantage: Option<ComponentDescriptor>,
     outcome: ComponentDescriptor,
 }
 
@@ -43,16 +45,18 @@ struct Rows {
     rewards: Vec<f32>,
     log_probs: Vec<f32>,
     intrinsic_rewards: Vec<f32>,
+    advantages: Vec<f32>,
     outcomes: Vec<&'static str>,
     is_last: Vec<bool>,
 }
 
 impl RawColumns {
     /// Fails where two columns would have the same name.
-    pub(super) fn of(spec: &Spec, curious: bool) -> Result<Arc<Self>, Fault> {
+    pub(super) fn of(spec: &Spec, curious: bool, advantages: bool) -> Result<Arc<Self>, Fault> {
         let observed = spec.observations.iter().map(|quantity| quantity.name.as_str());
         let done = spec.actions.iter().map(|action| action.quantity.name.as_str());
-        let mut names: Vec<&str> = observed.chain(done).chain(["reward", "log_prob", "intrinsic_reward", "outcome"]).collect();
+        let further = ["reward", "log_prob", "intrinsic_reward", "outcome"].into_iter().chain(advantages.then_some("advantage"));
+        let mut names: Vec<&str> = observed.chain(done).chain(further).collect();
         names.sort_unstable();
         if let Some([name, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(format!("two columns would be named `{name}`"));
@@ -61,7 +65,8 @@ impl RawColumns {
         let actions = spec.actions.iter().map(|action| (column(&action.quantity.name), action.choice.clone())).collect();
         let [reward, log_prob, outcome] = ["reward", "log_prob", "outcome"].map(column);
         let intrinsic_reward = curious.then(|| column("intrinsic_reward"));
-        Ok(Arc::new(Self { observations, actions, reward, log_prob, intrinsic_reward, outcome }))
+        let advantage = advantages.then(|| column("advantage"));
+        Ok(Arc::new(Self { observations, actions, reward, log_prob, intrinsic_reward, advantage, outcome }))
     }
 }
 
@@ -79,7 +84,7 @@ impl RawTable {
     /// Adds an episode whose first row is at `first`.
     pub(super) fn add(&mut self, episode: &Episode, first: Moment) {
         let steps = episode.length();
-        let Rows { moments, observations, actions, rewards, log_probs, intrinsic_rewards, outcomes, is_last } = &mut self.rows;
+        let Rows { moments, observations, actions, rewards, log_probs, outcomes, is_last, .. } = &mut self.rows;
         moments.push_steps(first, steps + 1);
         spread(&episode.observations, observations);
         let acted = actions.first().map_or(0, Vec::len);
@@ -89,13 +94,23 @@ impl RawTable {
         }
         rewards.extend(&episode.rewards);
         log_probs.extend(episode.action_log_probs());
+        outcomes.push(outcome(episode.outcome));
+        is_last.resize(is_last.len() + steps, false);
+        is_last.push(true);
+        self.add_afterthoughts(episode);
+    }
+
+    /// What the agent made of its steps only afterwards.
+    fn add_afterthoughts(&mut self, episode: &Episode) {
+        let Rows { rewards, intrinsic_rewards, advantages, .. } = &mut self.rows;
         if self.columns.intrinsic_reward.is_some() {
             intrinsic_rewards.extend(&episode.intrinsic_rewards);
             intrinsic_rewards.resize(rewards.len(), 0.0);
         }
-        outcomes.push(outcome(episode.outcome));
-        is_last.resize(is_last.len() + steps, false);
-        is_last.push(true);
+        if self.columns.advantage.is_some() {
+            advantages.extend(&episode.advantages);
+            advantages.resize(rewards.len(), 0.0);
+        }
     }
 
     /// If there are enough for a piece, or any and all are wanted.
@@ -119,9 +134,10 @@ impl Rows {
         let is_step: Vec<bool> = self.is_last.iter().map(|is_last| !is_last).collect();
         let observed = columns.observations.iter().zip(self.observations).map(|(name, values)| numbers(name, values, None));
         let named = columns.actions.iter().map(|(name, _)| name).chain([&columns.reward, &columns.log_prob]);
-        let named = named.chain(&columns.intrinsic_reward);
-        let done = self.actions.into_iter().chain([self.rewards, self.log_probs, self.intrinsic_rewards]);
-        let done = named.zip(done).map(|(name, values)| numbers(name, values, Some(is_step.clone())));
+        let done = self.actions.into_iter().chain([self.rewards, self.log_probs]);
+        let afterwards = [(&columns.intrinsic_reward, self.intrinsic_rewards), (&columns.advantage, self.advantages)];
+        let afterwards = afterwards.into_iter().filter_map(|(name, values)| Some((name.as_ref()?, values)));
+        let done = named.zip(done).chain(afterwards).map(|(name, values)| numbers(name, values, Some(is_step.clone())));
         let outcome = unit_column(columns.outcome.clone(), Arc::new(StringArray::from(self.outcomes)), Some(self.is_last));
         self.moments.into_chunk(entity, observed.chain(done).chain([outcome]))
     }

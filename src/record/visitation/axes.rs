@@ -36,6 +36,7 @@ enum Source {
     Observation(usize),
     Action(usize, Choice),
     Reward,
+    Advantage,
     IntrinsicReward,
 }
 
@@ -47,6 +48,7 @@ pub struct Seen<'a> {
     /// None at an episode's end, where nothing was done.
     pub(super) action: Option<&'a [f32]>,
     pub(super) reward: f32,
+    pub(super) advantage: f32,
     /// What the step that was taken from there earned; nothing follows the last state, so that it has none.
     pub bonus: f32,
 }
@@ -61,6 +63,7 @@ impl<'a> Seen<'a> {
             observation: &episode.observations[step * observed..(step + 1) * observed],
             action: episode.actions.get(step * acted..(step + 1) * acted).filter(|_| step < steps),
             reward: episode.rewards.get(step).copied().unwrap_or(0.0),
+            advantage: episode.advantages.get(step).copied().unwrap_or(0.0),
             bonus: episode.intrinsic_rewards.get(step).copied().unwrap_or(0.0),
         })
     }
@@ -68,7 +71,7 @@ impl<'a> Seen<'a> {
     /// A state that was read back, with the bonus of what was done there.
     #[must_use]
     pub fn state(step: usize, observation: &'a [f32], bonus: f32) -> Self {
-        Self { step, observation, action: None, reward: 0.0, bonus }
+        Self { step, observation, action: None, reward: 0.0, advantage: 0.0, bonus }
     }
 
     /// Whether something was done there.
@@ -144,7 +147,7 @@ impl Axes {
     /// Whether an axis tells what was done, so that an episode's last state has no line.
     #[must_use]
     pub fn show_actions(&self) -> bool {
-        self.axes.iter().any(|axis| matches!(axis.source, Source::Action(..) | Source::Reward))
+        self.axes.iter().any(|axis| matches!(axis.source, Source::Action(..) | Source::Reward | Source::Advantage))
     }
 
     /// Puts where a state crosses the axes, 0 at their lower and 1 at their upper ends, into `fractions`: `[axes]`.
@@ -166,6 +169,9 @@ impl Axis {
             AxisChoice::Observations => Self::observations(spec),
             AxisChoice::Action => (0..spec.actions.len()).map(|index| Self::action(spec, index)).collect(),
             AxisChoice::Reward { from, to } => vec![Self::named("reward", [from.get_f32(), to.get_f32()], Source::Reward)],
+            AxisChoice::Advantage { from, to } => {
+                vec![Self::named("advantage", [from.get_f32(), to.get_f32()], Source::Advantage)]
+            }
             AxisChoice::IntrinsicReward => largest_bonus.into_iter().map(Self::bonus).collect(),
             AxisChoice::Step => vec![Self::step(spec.time_limit)],
         }
@@ -206,6 +212,7 @@ impl Axis {
             Source::Observation(index) => seen.observation[*index],
             Source::Action(index, choice) => seen.action.map_or(0.0, |action| meant(choice, action[*index])),
             Source::Reward => seen.reward,
+            Source::Advantage => seen.advantage,
             Source::IntrinsicReward => seen.bonus,
         };
         fraction(value, self.quantity.range)
@@ -245,7 +252,7 @@ pub(super) mod tests {
 
     /// A state from which nothing is done.
     pub(crate) fn seen(step: usize, observation: &[f32]) -> Seen<'_> {
-        Seen { step, observation, action: None, reward: 0.0, bonus: 0.0 }
+        Seen { step, observation, action: None, reward: 0.0, advantage: 0.0, bonus: 0.0 }
     }
 
     fn projected(axes: &Axes, seen: &Seen<'_>) -> Vec<f32> {
@@ -304,5 +311,18 @@ pub(super) mod tests {
         let states: Vec<Vec<f32>> = Seen::all(&episode).filter(Seen::acts).map(|seen| projected(&axes, &seen)).collect();
         assert!(axes.show_actions());
         assert_eq!(states, [[1.0, 0.75, 0.0], [0.0, 0.0, 0.005]]);
+    }
+
+    /// From −4 to 4: 2 is at three quarters, −5 is beyond the axis; the last state, from which nothing is done, has no advantage.
+    #[test]
+    fn advantages_have_an_axis_where_wanted() {
+        let advantage = AxisChoice::Advantage { from: known(-4.0), to: known::<Finite>(4.0).into() };
+        let axes = Axes::of(&spec(&[[0.0, 1.0]]), &[AxisChoice::Observations, advantage], None);
+        assert_eq!((axes.all()[1].quantity.name.as_str(), axes.show_actions()), ("advantage", true));
+        let mut episode = Episode::start(0, 0, 0, &spec(&[[0.0, 1.0]]));
+        (episode.observations, episode.actions) = (vec![0.5; 3], vec![1.0, 0.0]);
+        (episode.rewards, episode.advantages) = (vec![1.0; 2], vec![2.0, -5.0]);
+        let states: Vec<Vec<f32>> = Seen::all(&episode).filter(Seen::acts).map(|seen| projected(&axes, &seen)).collect();
+        assert_eq!(states, [[0.5, 0.75], [0.5, 0.0]]);
     }
 }
