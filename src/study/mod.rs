@@ -1,6 +1,6 @@
 //! Many runs: what they come to together, and what may be said of it.
 //!
-//! [`file`] is what a researcher writes, [`plan`] what it comes to, [`runner`] runs what is still missing, [`store`] keeps it,
+//! [`mod@file`] is what a researcher writes, [`plan`] what it comes to, [`runner`] runs what is still missing, [`store`] keeps it,
 //! [`comparison`] and [`claims`] say what it shows, and [`report`] puts that on a page. The unit is a whole team run; agents and episodes
 //! of one run share their fate and are no repeats. Rules of training may not enter.
 
