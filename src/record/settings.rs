@@ -239,3 +239,23 @@ fn one_of_the_team(agent: &Located<u32>, count: u32) -> Result<(), Complaint> {
     }
     Err(agent.complain(format!("expected an agent from 0 to {}, for the team has {count}", count - 1)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The axis goes, the others stay in their order; where it was the only one, there are the observations.
+    #[test]
+    fn who_does_not_learn_has_no_axis_of_advantages() {
+        let advantage = AxisChoice::Advantage { from: minus_one(), to: plus_one() };
+        let left = |axes: Vec<AxisChoice>| {
+            let settings = RecordingSettings { axes: axes.into(), ..RecordingSettings::default() };
+            assert!(settings.has_advantages());
+            settings.without_advantages().axes.to_vec()
+        };
+        assert_eq!(left(vec![AxisChoice::Step, advantage, AxisChoice::Action]), [AxisChoice::Step, AxisChoice::Action]);
+        assert_eq!(left(vec![advantage]), [AxisChoice::Observations]);
+        let others = RecordingSettings { axes: vec![AxisChoice::IntrinsicReward].into(), ..RecordingSettings::default() };
+        assert_eq!(others.clone().without_advantages(), others);
+    }
+}
