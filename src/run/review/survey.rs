@@ -89,8 +89,8 @@ impl Survey {
             length: episode.length() as u32,
             outcome: episode.outcome,
             coverage: self.visitation[agent].coverage(),
-            visitation_entropy: self.visitation[agent].entropy(),
-            // A recording is not read round by round.
+            // A recording is not read round by round, and these are of a round's end.
+            visitation_entropy: f64::NAN,
             team_overlap: f64::NAN,
             effective_agents: f64::NAN,
         });
