@@ -191,6 +191,75 @@ fn the_reports_numbers_are_those_of_single_runs() {
     assert!((median - finals[2]).abs() <= 0.005, "{median} for {finals:?}");
 }
 
+/// Two finite tasks, two algorithms; pictures pool the tasks.
+fn finite_text() -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/tabular");
+    format!(
+        r#"Study(
+            title: "Finite",
+            grid: [
+                (scenario: "{}/{{}}.ron", values: ["deep_sea", "bipolar_chain"], with: [["episodes=40"], ["agents.starts=Together"]]),
+                (set: ["algorithm={{}}"], values: ["SeedSampling()", "Random"], labels: ["seeds", "random"]),
+            ],
+            cells: [(name: "crowd", scenario: "{}/deep_sea.ron", set: ["agents.count=30"])],
+            set: ["agents.count=10"],
+            repeats: 6,
+            measures: [Regret, Reach, FirstGoal, Coverage, Last(of: EffectiveAgents)],
+            claims: [
+                (text: "less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, size: 5),
+                (text: "the goal sooner", compare: ("deep_sea, seeds", "deep_sea, random"), measure: FirstGoal, direction: Less, size: 5),
+            ],
+            figures: [
+                Curves(of: Regret, window: 3, cells: ["deep_sea, seeds", "deep_sea, random"]),
+                Visitation(cells: ["deep_sea, seeds"], episodes: [First(5), All]),
+                Profiles(measure: Reach, over: ["deep_sea", "bipolar_chain"]),
+                Intervals(measure: Coverage, over: ["deep_sea", "bipolar_chain"], cells: ["deep_sea, seeds", "bipolar_chain, seeds", "crowd"]),
+            ],
+        )"#,
+        folder.display(),
+        folder.display()
+    )
+}
+
+/// Regret and coverage are those that `seedbed run` prints of the same scenario and seed.
+#[test]
+fn finite_tasks_are_studied_likewise() {
+    let (folder, study, out) = lab(&finite_text());
+    let output = run(&study, &out, &[]);
+    assert!(said(&output).contains("2 of 2 claims replicated"), "{output:?}");
+    let rows = rows(&out);
+    assert_eq!(rows.len(), 30);
+    for row in rows.iter().filter(|row| row["cell"] == "bipolar_chain, seeds") {
+        let single = folder.path().join(&row["seed"]);
+        let set = ["--set", "agents.count=10", "--set", "agents.starts=Together"];
+        let base = [&["run", "scenarios/tabular/bipolar_chain.ron", "--no-recording"], &set[..], &["--seed"]].concat();
+        assert!(seedbed(&[&base[..], &[&row["seed"], "--out", single.to_str().unwrap()]].concat()).status.success());
+        let summary: serde_json::Value = serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+        let number = |column: &str| row[column].parse::<f64>().unwrap();
+        assert!((number("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4, "{row:?}");
+        let visited = summary["states_visited"].as_f64().unwrap() / summary["states"].as_f64().unwrap();
+        assert!((number("team_coverage") - visited).abs() < 1e-6);
+        assert_eq!(row["env_steps"], summary["env_steps"].to_string());
+        assert_eq!((row["episodes_to_solve"].as_str(), row["episodes"].as_str()), ("", "1"));
+    }
+    assert!(rows.iter().filter(|row| row["cell"].starts_with("deep_sea")).all(|row| row["episodes"] == "40"));
+    let table = fs::read_to_string(out.join("claims.md")).unwrap();
+    let row = table.lines().nth(2).unwrap();
+    let (head, tail) = (
+        "| less regret | regret of an agent: deep_sea, seeds less deep_sea, random: claimed below 0, by 5 | −",
+        " | 6 | replicated |",
+    );
+    assert!(row.starts_with(head) && row.ends_with(tail), "{table}");
+    for file in ["1-curves.svg", "2-visitation.svg", "3-profiles.svg", "4-intervals.svg"] {
+        assert!(out.join("figures").join(file).is_file(), "{file}");
+    }
+    let pooled = fs::read_to_string(out.join("figures/4-intervals.svg")).unwrap();
+    assert!(pooled.contains(">seeds<") && pooled.contains("n = 12") && pooled.contains(">crowd<") && pooled.contains("n = 6"));
+    let alone = lab("").2;
+    assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
+    assert_eq!(results(&alone), results(&out));
+}
+
 /// `σ 0` and `σ 0 again` are the same to the bit: no claim of a difference may hold, and six pairs do not show that there is none.
 #[test]
 fn a_claim_of_nothing_is_not_replicated() {
@@ -239,7 +308,7 @@ fn tuning_seeds_are_told_apart() {
 
 #[test]
 fn every_study_passes() {
-    let folders = ["scenarios/thesis", "scenarios/studies"].map(|folder| Path::new(env!("CARGO_MANIFEST_DIR")).join(folder));
+    let folders = ["scenarios/thesis", "scenarios/benchmark"].map(|folder| Path::new(env!("CARGO_MANIFEST_DIR")).join(folder));
     let files: Vec<PathBuf> = folders
         .iter()
         .flat_map(|folder| fs::read_dir(folder).unwrap())
@@ -248,5 +317,5 @@ fn every_study_passes() {
         .collect();
     let names: Vec<&str> = files.iter().map(|file| file.to_str().unwrap()).collect();
     let output = seedbed(&[&["check"], names.as_slice()].concat());
-    assert!(output.status.success() && names.len() >= 11, "{output:?}");
+    assert!(output.status.success() && names.len() >= 15, "{output:?}");
 }

@@ -16,6 +16,7 @@ use crate::study::statistics::aggregate::median;
 use crate::study::statistics::comparison::holm;
 use crate::study::statistics::survival::kaplan_meier;
 use crate::study::statistics::{Interval, LEAST_RUNS};
+use crate::tabular::scenario::is_meant;
 
 /// What one run came to.
 #[derive(Clone)]
@@ -41,7 +42,7 @@ struct Bench {
 }
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
-    if args.scenarios.iter().any(|path| tabular::is_meant(path)) {
+    if args.scenarios.iter().any(|path| is_meant(path)) {
         return tabular::bench(args);
     }
     let plans: Result<Vec<Plan>, InputError> = args.scenarios.iter().map(|path| Plan::load(path, &args.overrides)).collect();

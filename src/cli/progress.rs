@@ -102,7 +102,7 @@ impl StudyBar {
         let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}").unwrap_or_else(|_| ProgressStyle::default_bar());
         let drawn =
             std::io::stderr().is_terminal().then(|| ProgressBar::new(PARTS).with_prefix(name.to_owned()).with_style(style));
-        let cost = tasks.iter().map(Task::cost).sum();
+        let cost = tasks.iter().map(|task| task.cell.course.cost()).sum();
         let bar = Self { drawn, runs: tasks.len(), finished: 0, cost, done: 0.0, tenths: 0, started: Instant::now() };
         bar.show();
         bar
@@ -110,7 +110,7 @@ impl StudyBar {
 
     pub(super) fn finished(&mut self, task: &Task<'_>) {
         self.finished += 1;
-        self.done += task.cost();
+        self.done += task.cell.course.cost();
         self.show();
         let tenths = (10.0 * self.share() + 1e-9) as usize;
         if self.drawn.is_none() && tenths > self.tenths {

@@ -11,11 +11,12 @@ use crate::record::rerun::Viewer;
 use crate::run::folder::{Claim, Contents, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
 use crate::run::{self, Ending, Observer, Options, Plan, RunError};
+use crate::tabular::scenario::is_meant;
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let mut overrides = args.overrides.clone();
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
-    if tabular::is_meant(&args.scenario) {
+    if is_meant(&args.scenario) {
         return tabular::run(args, &overrides);
     }
     let plan = Plan::load(&args.scenario, &overrides)?;

@@ -13,7 +13,7 @@ use super::bench::{Columns, Table, interval_in_words};
 use super::run::make_room;
 use super::{BenchArgs, Failure, RunArgs, counted};
 use crate::env::tabular::Task;
-use crate::input::{self, InputError, Kind};
+use crate::input::InputError;
 use crate::run::RunError;
 use crate::run::folder::RunFolder;
 use crate::study::statistics::aggregate::mean;
@@ -23,14 +23,8 @@ use crate::study::statistics::{LEAST_RUNS, estimate_of_sample};
 use crate::tabular::TabularScenario;
 use crate::tabular::recording::{Film, MOST_AGENTS};
 use crate::tabular::results::{Results, Summary};
-use crate::tabular::scenario;
+use crate::tabular::scenario::{self, is_meant};
 use crate::tabular::team::{Step, Team};
-
-/// Whether a file says that it is a tabular scenario.
-pub(super) fn is_meant(path: &Path) -> bool {
-    let kind = input::read_text(path).and_then(|text| input::kind(&path.display().to_string(), &text));
-    matches!(kind, Ok(Kind::TabularScenario))
-}
 
 /// Such as `100 agents in BipolarChain, SeedSampling`.
 pub(super) fn described(path: &Path) -> Result<String, InputError> {

@@ -139,14 +139,6 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, Inp
     overrides::apply_all(input::read(path)?, overrides)
 }
 
-/// The scenario with one value replaced, as `path.to.field=value` says.
-///
-/// # Errors
-/// There is no such field, or this may not stand there.
-pub fn set(scenario: &Document<Scenario>, assignment: &str) -> Result<Document<Scenario>, InputError> {
-    overrides::apply(scenario, assignment)
-}
-
 /// The file that a scenario's `environment` names: a path, taken from the scenario's folder, or the stem of a file in the
 /// nearest folder `envs` on the way up from the scenario or from the working directory.
 ///

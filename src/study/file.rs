@@ -68,6 +68,9 @@ pub struct Axis {
     /// How values are called in the names of cells, where not by themselves.
     #[serde(default)]
     pub labels: Option<Located<Vec<String>>>,
+    /// What else each value replaces, such as how long its task takes; nothing, or one list for each value.
+    #[serde(default)]
+    pub with: Located<Vec<Vec<Located<String>>>>,
 }
 
 /// One setting.
@@ -196,6 +199,9 @@ pub enum Figure {
         /// Which cells; all if none is named.
         #[serde(default)]
         cells: Vec<Located<String>>,
+        /// Words of the cells' names, such as their tasks', over which runs are pooled.
+        #[serde(default)]
+        over: Located<Vec<String>>,
     },
     /// The share of runs that have not solved their task yet (Kaplan and Meier).
     Unsolved {
@@ -217,6 +223,9 @@ pub enum Figure {
         /// Which cells; all if none is named.
         #[serde(default)]
         cells: Vec<Located<String>>,
+        /// Words of the cells' names, such as their tasks', over which runs are pooled.
+        #[serde(default)]
+        over: Located<Vec<String>>,
     },
 }
 
@@ -267,6 +276,23 @@ impl Figure {
         }
     }
 
+    /// Words of the cells' names over which its runs are pooled, if it says so.
+    #[must_use]
+    pub fn over(&self) -> Option<&Located<Vec<String>>> {
+        match self {
+            Self::Intervals { over, .. } | Self::Profiles { over, .. } if !over.is_empty() => Some(over),
+            _ => None,
+        }
+    }
+
+    /// What it shows, where it shows a measure.
+    fn measure(&self) -> Option<&Located<Measure>> {
+        match self {
+            Self::Intervals { measure, .. } | Self::Profiles { measure, .. } => measure.as_ref(),
+            _ => None,
+        }
+    }
+
     /// Whether it shows this cell: it names it, or none at all.
     #[must_use]
     pub fn shows(&self, cell: &str) -> bool {
@@ -305,8 +331,18 @@ impl Study {
         if let Some(name) = compared.chain(drawn).find(unknown) {
             return Err(name.complain_unknown("cell", cells.iter().copied()));
         }
+        self.check_pools()?;
         let itself = self.claims.iter().find(|claim| claim.compare.0 == claim.compare.1);
         itself.map_or(Ok(()), |claim| Err(claim.compare.1.complain("expected another cell than the first")))
+    }
+
+    /// Times of one task are no times of another.
+    fn check_pools(&self) -> Result<(), Complaint> {
+        let main = self.measures.first();
+        let of_time = |figure: &&Figure| figure.measure().or(main).is_some_and(|measure| measure.is_time());
+        let pooled = self.figures.iter().filter(of_time).find_map(Figure::over);
+        let message = "times of several tasks cannot be pooled; expected a `measure` from 0 to 1, such as `Reach`";
+        pooled.map_or(Ok(()), |over| Err(over.complain(message)))
     }
 
     /// Tuning and reporting seeds do not mix.

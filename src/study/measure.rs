@@ -17,10 +17,12 @@ pub enum Measure {
     EnvStepsToSolve,
     /// Whether the team has solved its task: 1 or 0.
     Solved,
-    /// The share of agents that reached the task's return by themselves, in any single episode.
+    /// The share of agents that reached the task's return by themselves, or had no regret, in any single episode.
     Reach,
     /// In which of its episodes the median agent did so for the first time.
     FirstGoal,
+    /// Of finite tasks: what the best policy would have earned beyond what each agent's actions did on average, in all its episodes.
+    Regret,
     /// The team's mean return over its last episodes.
     FinalReturn {
         /// Episodes of each agent.
@@ -62,12 +64,27 @@ pub enum Measure {
     },
 }
 
+/// What a run has to know for a measure of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    /// What every run knows.
+    Nothing,
+    /// When its task counts as solved.
+    Threshold,
+    /// What a single agent is to reach.
+    Goal,
+    /// What the best policy earns.
+    Tables,
+}
+
 /// What is followed through a run, one value a round; means over agents, where nothing else is said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Curve {
     /// The team's mean return, one value an episode of each agent.
     #[default]
     Return,
+    /// Of finite tasks: the team's mean regret, one value an episode of each agent.
+    Regret,
     /// Mean squared error of the value function against its (normalised) target, halved.
     ValueLoss,
     /// The policy's surrogate loss.
@@ -107,8 +124,9 @@ impl Measure {
             Self::EpisodesToSolve => time(run.solved.map(|solved| f64::from(solved.episodes))),
             Self::EnvStepsToSolve => time(run.solved.map(|solved| solved.env_steps as f64)),
             Self::Solved => run.threshold.map(|_| f64::from(u8::from(run.solved.is_some()))),
-            Self::Reach => run.threshold.map(|_| share_reached(run)),
-            Self::FirstGoal => run.threshold.map(|_| median(&first_goals(run))),
+            Self::Reach => run.has_goal().then(|| share_reached(run)),
+            Self::FirstGoal => run.has_goal().then(|| median(&first_goals(run))),
+            Self::Regret => (!run.regrets.is_empty()).then(|| run.curve(Curve::Regret).iter().sum()),
             Self::FinalReturn { window } => window_mean(&run.team_returns(), usize::MAX, window),
             Self::ReturnAt { episode, window } => window_mean(&run.team_returns(), episode.get() as usize, window),
             Self::SpreadOfAgents { window } => spread(run, window.get() as usize),
@@ -125,10 +143,16 @@ impl Measure {
         matches!(self, Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::FirstGoal)
     }
 
-    /// Whether it takes a task that says when it counts as solved.
+    /// What it takes.
     #[must_use]
-    pub fn needs_threshold(self) -> bool {
-        self.is_time() || matches!(self, Self::Solved | Self::Reach)
+    pub fn needs(self) -> Needs {
+        match self {
+            Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::Solved => Needs::Threshold,
+            Self::FirstGoal | Self::Reach => Needs::Goal,
+            Self::Regret => Needs::Tables,
+            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } if of == Curve::Regret => Needs::Tables,
+            _ => Needs::Nothing,
+        }
     }
 
     /// A time of a run as far as it is known.
@@ -148,6 +172,7 @@ impl Measure {
             Self::Solved => "share solved".to_owned(),
             Self::Reach => "share of agents that reached the goal".to_owned(),
             Self::FirstGoal => "episode of the first goal".to_owned(),
+            Self::Regret => "regret of an agent".to_owned(),
             Self::FinalReturn { window } => format!("return over the last {} episodes", window.get()),
             Self::ReturnAt { episode, window } => format!("return over {} episodes up to the {}th", window.get(), episode.get()),
             Self::SpreadOfAgents { .. } => "spread of returns between agents".to_owned(),
@@ -160,7 +185,7 @@ impl Measure {
 }
 
 impl Curve {
-    /// All but the return, in the order in which a run keeps them.
+    /// All that come round by round, in the order in which a run keeps them.
     pub const KEPT: [Self; 14] = [
         Self::ValueLoss,
         Self::PolicyLoss,
@@ -183,6 +208,7 @@ impl Curve {
     pub fn title(self) -> &'static str {
         match self {
             Self::Return => "return",
+            Self::Regret => "regret of an episode",
             Self::ValueLoss => "value loss",
             Self::PolicyLoss => "policy loss",
             Self::RatioDeviation => "deviation in ρ",

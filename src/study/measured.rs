@@ -16,6 +16,9 @@ use crate::run::{Plan, RunError};
 /// States kept of each window of episodes.
 pub const STATES: usize = 2000;
 
+/// Regrets below this are rounding.
+const NO_REGRET: f64 = 1e-6;
+
 /// A round that no training reaches names the stream that thins states.
 const THINNING: u32 = u32::MAX;
 
@@ -24,6 +27,8 @@ const THINNING: u32 = u32::MAX;
 pub struct Measured {
     /// Returns of each agent, episode by episode: `[K][episodes]`.
     pub returns: Vec<Vec<f32>>,
+    /// Regrets likewise, in finite tasks; empty in others.
+    pub regrets: Vec<Vec<f32>>,
     /// The mean return at which the task counts as solved, and over how many episodes of each agent; none if nothing says so.
     pub threshold: Option<(f64, u32)>,
     /// When it was solved first.
@@ -75,17 +80,17 @@ pub enum Until {
 /// The task cannot be built, or numbers ceased to be finite.
 pub fn train(plan: &Plan, until: Until, windows: &[u32], interrupted: &AtomicBool) -> Result<Option<Measured>, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
-    let mut measured = Measured::begin(&trainer, windows);
-    let mut random = stream(plan.scenario.seed, Purpose::Recording, 0, THINNING);
+    let mut measured = Measured::begin(&trainer);
+    let mut reservoir = Reservoir::new(plan.scenario.seed, windows);
     while !is_done(&trainer, plan, until) {
         if interrupted.load(Ordering::Relaxed) {
             return Ok(None);
         }
         let rows = trainer.advance()?.rows;
         measured.take_in(&trainer, &rows);
-        measured.keep_states(&trainer.newest_episodes(), &mut random);
+        trainer.newest_episodes().iter().for_each(|episode| reservoir.take_in_all(episode));
     }
-    Ok(Some(measured))
+    Ok(Some(Measured { states: reservoir.states(), ..measured }))
 }
 
 fn is_done(trainer: &Trainer, plan: &Plan, until: Until) -> bool {
@@ -98,13 +103,11 @@ fn is_done(trainer: &Trainer, plan: &Plan, until: Until) -> bool {
 }
 
 impl Measured {
-    fn begin(trainer: &Trainer, windows: &[u32]) -> Self {
-        let kept = |&episodes: &u32| VisitedStates { episodes, visited: 0, states: Vec::new() };
+    fn begin(trainer: &Trainer) -> Self {
         Self {
             returns: vec![Vec::new(); trainer.agent_count()],
             threshold: trainer.threshold().map(|threshold| (threshold.r#return, threshold.window as u32)),
             curves: vec![Vec::new(); Curve::KEPT.len()],
-            states: windows.iter().map(kept).collect(),
             ..Self::default()
         }
     }
@@ -125,17 +128,6 @@ impl Measured {
         }
     }
 
-    /// Reservoir sampling (Vitter 1985, algorithm R): every state of a window is kept with the same probability.
-    fn keep_states(&mut self, episodes: &[&Episode], random: &mut Stream) {
-        for kept in &mut self.states {
-            let most = kept.episodes;
-            for episode in episodes.iter().filter(|episode| episode.episode < most) {
-                let width = episode.observations.len() / (episode.length() + 1);
-                episode.states().chunks_exact(width).for_each(|state| kept.take_in(state, random));
-            }
-        }
-    }
-
     /// Episodes that every agent has finished.
     #[must_use]
     pub fn episodes_per_agent(&self) -> usize {
@@ -145,29 +137,48 @@ impl Measured {
     /// The mean over agents of their n-th returns: `[episodes]`.
     #[must_use]
     pub fn team_returns(&self) -> Vec<f64> {
-        let mean = |episode: usize| self.returns.iter().map(|returns| f64::from(returns[episode])).sum::<f64>();
-        (0..self.episodes_per_agent()).map(|episode| mean(episode) / self.returns.len() as f64).collect()
+        team_means(&self.returns)
     }
 
-    /// Of each agent: its first episode that reached the task's return by itself, counted from 1.   → `[K]`
+    /// Whether the run says what a goal is.
+    #[must_use]
+    pub fn has_goal(&self) -> bool {
+        self.threshold.is_some() || !self.regrets.is_empty()
+    }
+
+    /// Of each agent: its first episode, counted from 1, that reached the task's return by itself or, in finite tasks, had no
+    /// regret.   → `[K]`
     #[must_use]
     pub fn first_goals(&self) -> Vec<Option<u32>> {
-        let Some((wanted, _)) = self.threshold else { return vec![None; self.returns.len()] };
-        let first = |returns: &Vec<f32>| returns.iter().position(|&got| f64::from(got) >= wanted);
-        self.returns.iter().map(|returns| first(returns).map(|episode| episode as u32 + 1)).collect()
+        let first = |values: &[Vec<f32>], is_goal: &dyn Fn(f64) -> bool| -> Vec<Option<u32>> {
+            let of_agent = |values: &Vec<f32>| values.iter().position(|&value| is_goal(value.into()));
+            values.iter().map(|values| of_agent(values).map(|episode| episode as u32 + 1)).collect()
+        };
+        match self.threshold {
+            Some((wanted, _)) => first(&self.returns, &|got| got >= wanted),
+            None if !self.regrets.is_empty() => first(&self.regrets, &|regret| regret < NO_REGRET),
+            None => vec![None; self.returns.len()],
+        }
     }
 
     /// One value an episode for the return, one a round for all others.
     #[must_use]
     pub fn curve(&self, curve: Curve) -> Vec<f64> {
         let kept = Curve::KEPT.iter().position(|kept| *kept == curve).and_then(|index| self.curves.get(index));
-        kept.map_or_else(|| self.team_returns(), |values| widened(values))
+        match (curve, kept) {
+            (_, Some(values)) => widened(values),
+            (Curve::Regret, None) => team_means(&self.regrets),
+            _ => self.team_returns(),
+        }
     }
 
     /// After how many episodes of each agent a curve has its values.
     #[must_use]
     pub fn curve_episodes(&self, curve: Curve) -> Vec<u32> {
-        if curve == Curve::Return { (1..=self.episodes_per_agent() as u32).collect() } else { self.episodes.clone() }
+        match curve {
+            Curve::Return | Curve::Regret => (1..=self.episodes_per_agent() as u32).collect(),
+            _ => self.episodes.clone(),
+        }
     }
 
     /// A curve's newest value when each agent has finished so many episodes, or its last one if the run was shorter.
@@ -184,7 +195,43 @@ impl Measured {
     }
 }
 
+/// Keeps fair samples of states while a run goes on.
+pub struct Reservoir {
+    kept: Vec<VisitedStates>,
+    random: Stream,
+}
+
+impl Reservoir {
+    /// One for each of `windows`: of which first episodes.
+    #[must_use]
+    pub fn new(seed: u64, windows: &[u32]) -> Self {
+        let kept = |&episodes: &u32| VisitedStates { episodes, visited: 0, states: Vec::new() };
+        Self { kept: windows.iter().map(kept).collect(), random: stream(seed, Purpose::Recording, 0, THINNING) }
+    }
+
+    /// A state that an agent visited in this episode of its own.
+    pub fn take_in(&mut self, episode: u32, state: &[f32]) {
+        for kept in self.kept.iter_mut().filter(|kept| episode < kept.episodes) {
+            kept.take_in(state, &mut self.random);
+        }
+    }
+
+    fn take_in_all(&mut self, episode: &Episode) {
+        let width = episode.observations.len() / (episode.length() + 1);
+        for kept in self.kept.iter_mut().filter(|kept| episode.episode < kept.episodes) {
+            episode.states().chunks_exact(width).for_each(|state| kept.take_in(state, &mut self.random));
+        }
+    }
+
+    /// What was kept.
+    #[must_use]
+    pub fn states(self) -> Vec<VisitedStates> {
+        self.kept
+    }
+}
+
 impl VisitedStates {
+    /// Reservoir sampling (Vitter 1985, algorithm R): every state of a window is kept with the same probability.
     fn take_in(&mut self, state: &[f32], random: &mut Stream) {
         if self.states.len() < STATES * state.len() {
             self.states.extend_from_slice(state);
@@ -198,6 +245,13 @@ impl VisitedStates {
     }
 }
 
+/// The mean over agents of their n-th values: `[K][episodes]` → `[episodes of all]`
+fn team_means(values: &[Vec<f32>]) -> Vec<f64> {
+    let episodes = values.iter().map(Vec::len).min().unwrap_or(0);
+    let sum = |episode: usize| values.iter().map(|values| f64::from(values[episode])).sum::<f64>();
+    (0..episodes).map(|episode| sum(episode) / values.len() as f64).collect()
+}
+
 /// The mean over agents, or the largest ratio of all.
 fn of_round(curve: Curve, updates: &[RoundRow]) -> f32 {
     let values = updates.iter().map(|row| of_update(curve, row));
@@ -209,7 +263,7 @@ fn of_round(curve: Curve, updates: &[RoundRow]) -> f32 {
 
 fn of_update(curve: Curve, row: &RoundRow) -> f64 {
     match curve {
-        Curve::Return => unreachable!("returns come episode by episode"),
+        Curve::Return | Curve::Regret => unreachable!("these come episode by episode"),
         Curve::ValueLoss => row.value_loss.into(),
         Curve::PolicyLoss => row.policy_loss.into(),
         Curve::RatioDeviation => row.ratio_deviation.into(),

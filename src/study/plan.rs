@@ -2,16 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use xxhash_rust::xxh64::Xxh64;
-
+use super::course::{Course, Override};
 use super::file::{Axis, Figure, NamedCell, Study, Upto};
-use crate::agent::Algorithm;
-use crate::agent::seed_pg::config::Data;
-use crate::input::numbers::known_count;
 use crate::input::{self, Complaint, Document, InputError, Located};
-use crate::record::RecordingSettings;
-use crate::run::Plan;
-use crate::scenario::{self, Scenario};
 
 /// A study that can be run.
 #[derive(Clone, Debug)]
@@ -37,8 +30,8 @@ pub struct Cell {
     pub scenario: PathBuf,
     /// What is replaced there.
     pub overrides: Vec<String>,
-    /// What will run, with seed 0.
-    pub plan: Plan,
+    /// What runs.
+    pub course: Course,
     /// Tells what runs of this cell depend on, besides their seeds.
     pub digest: String,
     /// Of which first episodes the first run keeps states.
@@ -104,36 +97,10 @@ impl StudyPlan {
 }
 
 impl Task<'_> {
-    /// What runs.
-    #[must_use]
-    pub fn plan(&self) -> Plan {
-        let mut plan = self.cell.plan.clone();
-        plan.scenario.seed = self.seed;
-        plan
-    }
-
     /// Of which first episodes states are kept.
     #[must_use]
     pub fn windows(&self) -> &[u32] {
         if self.is_first { &self.cell.windows } else { &[] }
-    }
-
-    /// A rough guess at its work, in steps of learning: only the order of tasks and the time that is left are guessed from it.
-    #[must_use]
-    pub fn cost(&self) -> f64 {
-        let scenario = &self.cell.plan.scenario;
-        let agents = f64::from(scenario.agents.count.get());
-        let steps = f64::from(scenario.most_episodes()) * f64::from(self.cell.plan.description.spec.time_limit) * agents;
-        let learning = match scenario.algorithm.value() {
-            Algorithm::SeedPg(config) => {
-                let sources = if config.policy_data == Data::Shared { agents } else { 1.0 };
-                let curious = if config.bonus.largest().is_some() { 20.0 } else { 0.0 };
-                f64::from(config.epochs.get()) * sources + curious
-            }
-            Algorithm::QLearning(_) | Algorithm::SeedTd(_) | Algorithm::BootstrappedDqn(_) => 30.0,
-            Algorithm::Random => 0.0,
-        };
-        steps * (1.0 + learning)
     }
 }
 
@@ -142,7 +109,7 @@ impl Task<'_> {
 struct Draft<'a> {
     words: Vec<String>,
     scenario: Option<(&'a Located<String>, String)>,
-    overrides: Vec<(&'a Located<String>, String)>,
+    overrides: Vec<Override<'a>>,
 }
 
 fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Complaint> {
@@ -176,8 +143,9 @@ fn grid<'a>(base: &Draft<'a>, axes: &'a [Axis]) -> Result<Vec<Draft<'a>>, Compla
     let mut drafts = vec![base.clone()];
     for axis in axes {
         let labels = labels(axis)?;
-        let values = || axis.values.iter().zip(&labels);
-        drafts = drafts.iter().flat_map(|draft| values().map(|(value, label)| draft.along(axis, value, label))).collect();
+        check_with(axis)?;
+        let values = || (0..labels.len()).map(|number| (number, labels[number].as_str()));
+        drafts = drafts.iter().flat_map(|draft| values().map(|(number, label)| draft.along(axis, number, label))).collect();
     }
     Ok(drafts)
 }
@@ -198,6 +166,14 @@ fn labels(axis: &Axis) -> Result<Vec<String>, Complaint> {
         Some(labels) => Ok(labels.value().clone()),
         None => Ok(values),
     }
+}
+
+fn check_with(axis: &Axis) -> Result<(), Complaint> {
+    let (values, lists) = (axis.values.len(), axis.with.len());
+    if lists == 0 || lists == values {
+        return Ok(());
+    }
+    Err(axis.with.complain(format!("expected {values} lists, one for each value, found {lists}")))
 }
 
 fn named<'a>(base: &Draft<'a>, cell: &'a NamedCell) -> Draft<'a> {
@@ -224,13 +200,14 @@ impl<'a> Draft<'a> {
     }
 
     /// The same with one value of an axis.
-    fn along(&self, axis: &'a Axis, value: &'a Located<String>, label: &str) -> Self {
-        let mut draft = self.clone();
+    fn along(&self, axis: &'a Axis, number: usize, label: &str) -> Self {
+        let (mut draft, value) = (self.clone(), &axis.values[number]);
         draft.words.push(format!("{} {label}", axis.name).trim().to_owned());
         if let Some(template) = &axis.scenario {
             draft.scenario = Some((value, template.replace("{}", value)));
         }
-        draft.with(axis.set.iter().map(|template| (value, template.replace("{}", value))))
+        let along = axis.with.get(number).into_iter().flatten().map(as_it_stands);
+        draft.with(axis.set.iter().map(|template| (value, template.replace("{}", value)))).with(along)
     }
 
     fn build(self, folder: &Path, figures: &[Figure], blamed: Option<&Located<String>>) -> Result<Cell, Complaint> {
@@ -239,42 +216,10 @@ impl<'a> Draft<'a> {
             return Err(place.complain("this cell has no scenario; expected `scenario: \"….ron\"` in the study or in the cell"));
         };
         let path = folder.join(scenario);
-        let mut document = scenario::load(&path, &[]).map_err(|error| repeated(place, &error))?;
-        for (place, text) in &self.overrides {
-            document = scenario::set(&document, text).map_err(|error| repeated(place, &error))?;
-        }
-        let plan = Plan::of(document, &path).map_err(|error| repeated(blamed.unwrap_or(place), &error))?;
-        let plan = Plan { scenario: bare(plan.scenario), ..plan };
+        let course = Course::load(&path, place, &self.overrides, blamed.unwrap_or(place))?;
         let (name, overrides) = (self.words.join(", "), self.overrides.into_iter().map(|(_, text)| text).collect());
-        Ok(Cell { digest: digest(&plan), windows: windows(figures, &name), scenario: path, overrides, plan, name })
+        Ok(Cell { digest: course.digest(), windows: windows(figures, &name), scenario: path, overrides, course, name })
     }
-}
-
-/// The same error at a place of the study.
-fn repeated(place: &Located<String>, error: &InputError) -> Complaint {
-    let inner = InputError { position: None, help: None, ..error.clone() };
-    let complaint = place.complain(inner.to_string());
-    match &error.help {
-        Some(help) => complaint.with_help(help.clone()),
-        None => complaint,
-    }
-}
-
-/// Without what makes no difference to what is learned.
-fn bare(mut scenario: Scenario) -> Scenario {
-    scenario.recording = RecordingSettings { scene: None, ..RecordingSettings::default() };
-    scenario.checkpoint_every = known_count(1);
-    scenario.seed = 0;
-    scenario
-}
-
-/// A hash of the resolved scenario and of its task's file.
-fn digest(plan: &Plan) -> String {
-    let mut hash = Xxh64::new(0);
-    hash.update(plan.scenario.resolved().as_bytes());
-    hash.update(&[0]);
-    hash.update(plan.environment_text.as_bytes());
-    format!("{:016x}", hash.digest())
 }
 
 /// The windows of all figures of visited states that show a cell, each once, from short to long.
@@ -289,33 +234,14 @@ fn windows(figures: &[Figure], cell: &str) -> Vec<u32> {
     windows
 }
 
-/// Times need cells that say when their task counts as solved.
+/// Every cell can tell everything that is measured.
 fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), Complaint> {
     let measures = study.measures.iter().chain(study.claims.iter().filter_map(|claim| claim.measure.as_ref()));
-    let aimless = cells.iter().find(|cell| cell.threshold().is_none());
-    match (measures.into_iter().find(|measure| measure.needs_threshold()), aimless) {
-        (Some(measure), Some(cell)) => Err(measure.complain(format!(
-            "nothing says when the task of cell `{}` counts as solved; expected another measure, or \
-             `stop: Solved(return: …, at_most: …)` in its scenario",
-            cell.name
-        ))),
-        _ => Ok(()),
-    }
-}
-
-impl Cell {
-    /// The mean return at which its task counts as solved, if anything says so.
-    #[must_use]
-    pub fn threshold(&self) -> Option<f64> {
-        match &self.plan.scenario.stop {
-            scenario::Stop::Solved { r#return, .. } => Some(r#return.get()),
-            scenario::Stop::Episodes(_) => self.plan.description.spec.reward_threshold.map(f64::from),
+    for measure in measures {
+        let lacking = |cell: &Cell| cell.course.lacks(**measure).map(|(lack, help)| (cell.name.clone(), lack, help));
+        if let Some((name, lack, help)) = cells.iter().find_map(lacking) {
+            return Err(measure.complain(format!("cell `{name}` cannot tell this: {lack}; {help}")));
         }
     }
-
-    /// K.
-    #[must_use]
-    pub fn agents(&self) -> u32 {
-        self.plan.scenario.agents.count.get()
-    }
+    Ok(())
 }

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use super::measured::{Measured, Until, train};
+use super::measured::Measured;
 use super::plan::Task;
 use super::store::{StoreError, StudyFolder};
 
@@ -33,7 +33,7 @@ pub fn run(
     told: &(dyn Fn(&Finished<'_>) + Sync),
 ) -> Result<(), StoreError> {
     let mut queue: Vec<&Task<'_>> = tasks.iter().collect();
-    queue.sort_by(|a, b| b.cost().total_cmp(&a.cost()));
+    queue.sort_by(|a, b| b.cell.course.cost().total_cmp(&a.cell.course.cost()));
     let (next, hopeless) = (AtomicUsize::new(0), AtomicBool::new(false));
     let error: Mutex<Option<StoreError>> = Mutex::new(None);
     let work = || {
@@ -67,11 +67,11 @@ fn attempt(
     Ok(())
 }
 
-/// Trains once, whatever happens. `None` if interrupted.
+/// Runs once, whatever happens. `None` if interrupted.
 #[must_use]
 pub fn measure(task: &Task<'_>, interrupted: &AtomicBool) -> Option<Result<Measured, String>> {
-    let training = || train(&task.plan(), Until::ItsStop, task.windows(), interrupted);
-    match catch_unwind(AssertUnwindSafe(training)) {
+    let run = || task.cell.course.run(task.seed, task.windows(), interrupted);
+    match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(None)) => None,
         Ok(Ok(Some(measured))) => Some(Ok(measured)),
         Ok(Err(error)) => Some(Err(error.to_string())),

@@ -14,7 +14,7 @@ use crate::env::Quantity;
 use crate::run::files;
 
 /// The layout of result files. Files of another layout count as missing.
-const LAYOUT: u32 = 1;
+const LAYOUT: u32 = 2;
 
 /// Where a study's results lie.
 #[derive(Clone, Debug)]
@@ -192,10 +192,10 @@ impl Manifest {
             digest: cell.digest.clone(),
             scenario: cell.scenario.display().to_string(),
             overrides: cell.overrides.clone(),
-            agents: cell.agents(),
-            most_episodes: cell.plan.scenario.most_episodes(),
-            task: cell.plan.description.spec.name.clone(),
-            observations: cell.plan.description.spec.observations.iter().map(noted).collect(),
+            agents: cell.course.agents(),
+            most_episodes: cell.course.most_episodes(),
+            task: cell.course.task().to_owned(),
+            observations: cell.course.observations().iter().map(noted).collect(),
         };
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -138,7 +138,9 @@ fn started(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode {
     started
 }
 
-fn spec(scenario: &TabularScenario, model: &Model) -> Spec {
+/// A finite task as the recording and the report describe it.
+#[must_use]
+pub fn spec(scenario: &TabularScenario, model: &Model) -> Spec {
     let quantity = |name: &str, range| Quantity { name: name.to_owned(), unit: String::new(), range };
     let actions: Vec<f32> = (0..model.most_actions()).map(|action| action as f32).collect();
     let observations = model.coordinates.iter().map(|coordinate| quantity(coordinate.name, [0.0, coordinate.largest]));

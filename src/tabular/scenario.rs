@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Algorithm;
 use crate::env::tabular::Task;
 use crate::input::numbers::{Count, NonNegative, known, known_count};
-use crate::input::{self, Document, InputError};
+use crate::input::{self, Document, InputError, Kind};
 use crate::scenario::overrides::{self, Resolve};
 
 /// A scenario of a team that knows its task's tables.
@@ -72,6 +72,13 @@ fn default_gap() -> NonNegative {
 
 fn one() -> Count<100_000> {
     known_count(1)
+}
+
+/// Whether a file says that it is a tabular scenario.
+#[must_use]
+pub fn is_meant(path: &Path) -> bool {
+    let kind = input::read_text(path).and_then(|text| input::kind(&path.display().to_string(), &text));
+    matches!(kind, Ok(Kind::TabularScenario))
 }
 
 /// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.

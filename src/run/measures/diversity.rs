@@ -34,6 +34,17 @@ pub fn distribution_entropy(probabilities: &[f64]) -> f64 {
     -probabilities.iter().filter(|&&p| p > 0.0).map(|p| p * p.ln()).sum::<f64>()
 }
 
+/// Generalised Jensen–Shannon divergence of equally weighted agents, JS = H(mean of pₖ) − mean of H(pₖ), nats, from their visit counts.
+///
+/// `agents: K × [cells]`, at least one, each with a visit
+#[must_use]
+pub fn divergence<'a>(agents: impl ExactSizeIterator<Item = &'a [u32]> + Clone) -> f64 {
+    let share = 1.0 / agents.len() as f64;
+    let mut mixture = vec![0.0; agents.clone().next().map_or(0, <[u32]>::len)];
+    agents.clone().for_each(|counts| mix(counts, share, &mut mixture));
+    distribution_entropy(&mixture) - share * agents.map(entropy).sum::<f64>()
+}
+
 /// How far the agents of a team differ in where they went.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Diversity {
@@ -63,12 +74,7 @@ mod tests {
     use super::*;
 
     fn divergence(agents: &[&[u32]]) -> f64 {
-        let mut mixture = vec![0.0; agents[0].len()];
-        for counts in agents {
-            mix(counts, 1.0 / agents.len() as f64, &mut mixture);
-        }
-        let own = agents.iter().map(|counts| entropy(counts)).sum::<f64>() / agents.len() as f64;
-        distribution_entropy(&mixture) - own
+        super::divergence(agents.iter().copied())
     }
 
     /// ½, ¼, ¼ has ½ ln 2 + ½ ln 4 = 1.5 ln 2.

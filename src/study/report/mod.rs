@@ -1,5 +1,6 @@
 //! The report of a study: one page of HTML that needs nothing else, its figures as SVG and PNG, and every run as a row of a table.
 
+mod claims_table;
 mod figures;
 mod page;
 mod rows;
@@ -27,7 +28,7 @@ struct Drawn {
     picture: Figure,
 }
 
-/// Writes `report.html`, `results.csv`, and `figures/` into `folder`, whatever runs are there. Tells where the page is.
+/// Writes `report.html`, `results.csv`, `claims.md`, and `figures/` into `folder`, whatever runs are there. Tells where the page is.
 ///
 /// # Errors
 /// A file cannot be written.
@@ -40,6 +41,9 @@ pub fn write(results: &Results, judgements: &[Judgement], folder: &Path) -> io::
         files::replace(&path.with_added_extension("png"), &png)?;
     }
     files::replace(&folder.join("results.csv"), &rows::csv(results)?)?;
+    if !judgements.is_empty() {
+        files::replace(&folder.join("claims.md"), claims_table::markdown(results, judgements).as_bytes())?;
+    }
     let page = folder.join("report.html");
     files::replace(&page, page::html(results, judgements, &drawn).as_bytes())?;
     Ok(page)

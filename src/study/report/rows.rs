@@ -28,6 +28,7 @@ struct Row<'a> {
     mean_return: Option<f64>,
     reach: Option<f64>,
     first_goal: Option<f64>,
+    regret: Option<f64>,
     team_coverage: Option<f64>,
     effective_agents: Option<f64>,
     reason: &'a str,
@@ -64,6 +65,7 @@ fn finished<'a>(about: &Row<'a>, seed: u64, run: &Measured) -> Row<'a> {
         mean_return: of(Measure::Mean { of: Curve::Return }),
         reach: of(Measure::Reach),
         first_goal: of(Measure::FirstGoal),
+        regret: of(Measure::Regret),
         team_coverage: of(Measure::Coverage),
         effective_agents: of(Measure::Last { of: Curve::EffectiveAgents }),
         ..*about

@@ -1,22 +1,19 @@
 //! The figures that a study asks for, from its runs to pictures.
 
+mod measures;
+
 use rayon::prelude::*;
 
+use self::measures::{groups, intervals, profiles, unsolved};
 use super::Drawn;
 use crate::env::{Quantity, Spec};
 use crate::figure::color::agent_color;
-use crate::figure::{
-    Curves, DensityPicture, Figure as Picture, IntervalRow, Intervals, Key, Panel, ParallelCoordinates, Row, Series, States,
-    Threshold,
-};
+use crate::figure::{Curves, DensityPicture, Figure as Picture, Key, Panel, ParallelCoordinates, Row, Series, States, Threshold};
 use crate::record::visitation::{Axes, Density, Seen};
-use crate::study::comparison::{aggregate, lifetimes};
 use crate::study::file::{Figure, Upto};
-use crate::study::measure::{Curve, Measure, moving_average, widened};
+use crate::study::measure::{Curve, moving_average, widened};
 use crate::study::results::{CellResults, Results};
 use crate::study::statistics::bootstrap::estimates;
-use crate::study::statistics::profile::performance_profile;
-use crate::study::statistics::survival::kaplan_meier;
 use crate::study::statistics::{Interval, LEAST_RUNS};
 
 /// Places along a curve at which its band is worked out, about.
@@ -53,9 +50,13 @@ fn drawn(results: &Results, figure: &Figure) -> Option<(Words, Picture)> {
         Figure::Curves { of, window, .. } => curves(&cells, *of, window.get() as usize),
         Figure::Agents { window, .. } => agents(&cells, window.get() as usize),
         Figure::Visitation { episodes, .. } => visitation(&cells, episodes)?,
-        Figure::Intervals { measure, .. } => intervals(&cells, measure.as_ref().map_or(main, |measure| **measure)),
+        Figure::Intervals { measure, over, .. } => {
+            intervals(&groups(&cells, over), measure.as_ref().map_or(main, |measure| **measure))
+        }
         Figure::Unsolved { .. } => unsolved(&cells),
-        Figure::Profiles { measure, .. } => profiles(&cells, measure.as_ref().map_or(main, |measure| **measure)),
+        Figure::Profiles { measure, over, .. } => {
+            profiles(&groups(&cells, over), measure.as_ref().map_or(main, |measure| **measure))
+        }
     };
     let title = if figure.title().is_empty() { title } else { figure.title().to_owned() };
     Some((Words { kind, title, caption }, picture))
@@ -252,88 +253,6 @@ fn spec(cell: &CellResults) -> Spec {
         time_limit: 1,
         reward_threshold: None,
     }
-}
-
-fn intervals(cells: &[&CellResults], measure: Measure) -> Made {
-    let row = |(number, cell): (usize, &&CellResults)| {
-        let aggregate = aggregate(&cell.scores(measure), measure.is_time())?;
-        let interval = match aggregate.median.interval {
-            Interval::Known { low, high } => Some([low, high]),
-            Interval::TooFewRuns { .. } => None,
-        };
-        let estimate = aggregate.median.value.is_finite().then_some(aggregate.median.value);
-        Some(IntervalRow { name: cell.about.name.clone(), estimate, interval, n: aggregate.n, color: color(number) })
-    };
-    let rows: Vec<IntervalRow> = cells.par_iter().enumerate().filter_map(row).collect();
-    let panel = Intervals { x_label: format!("median {}", measure.title()), rows, ..Intervals::default() };
-    let caption = format!(
-        "Median {} with its interval of 95 %{}.",
-        measure.title(),
-        if measure.is_time() { " (Kaplan and Meier; runs that did not get there are censored)" } else { " (bootstrap)" }
-    );
-    let row = Row { height: panel.height(), panels: vec![Panel::Intervals(panel)], key: None };
-    let picture = Picture { title: String::new(), description: String::new(), width: 760.0, rows: vec![row] };
-    ("intervals", capital(&measure.title()), caption, picture)
-}
-
-fn unsolved(cells: &[&CellResults]) -> Made {
-    let series = cells.iter().enumerate().map(|(number, cell)| {
-        let times = lifetimes(&cell.scores(Measure::EpisodesToSolve));
-        let end = times.iter().map(|time| time.time).fold(0.0, f64::max);
-        let steps = kaplan_meier(&times).steps;
-        let last = steps.last().map_or(1.0, |step| step.survival);
-        let points = steps.iter().map(|step| [step.time, step.survival]);
-        let points = [[0.0, 1.0]].into_iter().chain(points).chain([[end, last]]).collect();
-        Series { name: cell.about.name.clone(), color: color(number), points, steps: true, ..Series::default() }
-    });
-    let curves = Curves {
-        x_label: "episodes of each agent".to_owned(),
-        y_label: "share of runs not solved yet".to_owned(),
-        series: series.collect(),
-        y_range: Some([0.0, 1.0]),
-        legend: true,
-        ..Curves::default()
-    };
-    let caption = "The share of runs that have not solved their task yet (Kaplan and Meier).".to_owned();
-    ("unsolved", "Runs not solved yet".to_owned(), caption, in_one_panel(curves))
-}
-
-fn profiles(cells: &[&CellResults], measure: Measure) -> Made {
-    let cells: Vec<&CellResults> = cells.iter().copied().filter(|cell| !cell.scores(measure).is_empty()).collect();
-    let finite = |value: &f64| value.is_finite();
-    let all: Vec<f64> = cells.iter().flat_map(|cell| cell.scores(measure)).map(|score| score.value).filter(finite).collect();
-    let (low, high) =
-        all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
-    let places: Vec<f64> = (0..=BAND_PLACES).map(|part| low + (high - low) * part as f64 / BAND_PLACES as f64).collect();
-    let profile = |(number, cell): (usize, &&CellResults)| profile(cell, measure, &places, number);
-    let better = if measure.is_time() { "below" } else { "above" };
-    let curves = Curves {
-        x_label: measure.title(),
-        y_label: format!("share of runs {better}"),
-        series: cells.par_iter().enumerate().map(profile).collect(),
-        y_range: Some([0.0, 1.0]),
-        legend: true,
-        ..Curves::default()
-    };
-    let caption =
-        format!("The share of runs {better} each value, with pointwise bootstrap bands of 95 % (performance profiles).");
-    ("profiles", format!("Performance profiles: {}", measure.title()), caption, in_one_panel(curves))
-}
-
-/// Times count as the better the smaller: they are turned round.
-fn profile(cell: &CellResults, measure: Measure, places: &[f64], number: usize) -> Series {
-    let sign = if measure.is_time() { -1.0 } else { 1.0 };
-    let scores: Vec<f64> = cell.scores(measure).iter().map(|score| sign * score.value).collect();
-    let thresholds: Vec<f64> = places.iter().map(|place| sign * place).collect();
-    let shares = performance_profile(&[scores], &thresholds);
-    let band = places.iter().zip(&shares).filter_map(|(&place, share)| match share.interval {
-        Interval::Known { low, high } => Some([place, low, high]),
-        Interval::TooFewRuns { .. } => None,
-    });
-    let band: Vec<[f64; 3]> = band.collect();
-    let points = places.iter().zip(&shares).map(|(&place, share)| [place, share.value]).collect();
-    let band = (!band.is_empty()).then_some(band);
-    Series { name: cell.about.name.clone(), color: color(number), points, band, ..Series::default() }
 }
 
 fn capital(words: &str) -> String {

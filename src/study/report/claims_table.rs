@@ -1,0 +1,27 @@
+//! `claims.md`: one row a claim, to stand in a text.
+
+use super::words;
+use crate::study::claims::{self, Judgement};
+use crate::study::file::Claim;
+use crate::study::results::Results;
+
+pub(super) fn markdown(results: &Results, judgements: &[Judgement]) -> String {
+    let head = "| claim | compared | found | n | verdict |\n|---|---|---|---|---|\n".to_owned();
+    let rows = results.study.claims.iter().zip(judgements).map(|(claim, judgement)| row(results, claim, judgement));
+    rows.fold(head, |table, row| table + &row)
+}
+
+fn row(results: &Results, claim: &Claim, judgement: &Judgement) -> String {
+    let (first, second) = (claim.compare.0.as_str(), claim.compare.1.as_str());
+    let measure = results.study.measure_of(claim).title();
+    let compared = format!("{measure}: {first} less {second}: claimed {}", words::claimed(claim));
+    let found = judgement.comparison.map_or("no runs".to_owned(), |comparison| words::estimate(comparison.effect));
+    let n = match judgement.comparison.map(|comparison| comparison.n) {
+        Some([first, second]) if first == second => first.to_string(),
+        Some([first, second]) => format!("{first}, {second}"),
+        None => "0".to_owned(),
+    };
+    let cells = [claim.text.as_str(), &compared, &found, &n, claims::in_words(judgement.verdict)];
+    let escaped = cells.map(|cell| cell.replace('|', "\\|"));
+    format!("| {} |\n", escaped.join(" | "))
+}

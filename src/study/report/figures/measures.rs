@@ -1,0 +1,142 @@
+//! Figures of one number a run: medians with their intervals, times not reached yet, performance profiles.
+
+use rayon::prelude::*;
+
+use super::{BAND_PLACES, Made, capital, color, in_one_panel};
+use crate::figure::{Curves, Figure as Picture, IntervalRow, Intervals, Panel, Row, Series};
+use crate::study::comparison::{aggregate, lifetimes};
+use crate::study::measure::Measure;
+use crate::study::results::CellResults;
+use crate::study::statistics::aggregate::interquartile_mean;
+use crate::study::statistics::profile::performance_profile;
+use crate::study::statistics::survival::kaplan_meier;
+use crate::study::statistics::{Estimate, Interval, estimate};
+
+/// Cells that are shown as one.
+pub(super) struct Group<'a> {
+    name: String,
+    /// One for each task over which runs are pooled.
+    cells: Vec<&'a CellResults>,
+}
+
+/// Cells whose names differ only in words of `over`, in the order of the first of each; every cell by itself if that is empty.
+pub(super) fn groups<'a>(cells: &[&'a CellResults], over: &[String]) -> Vec<Group<'a>> {
+    let mut groups: Vec<Group<'a>> = Vec::new();
+    for cell in cells {
+        let words = cell.about.name.split(", ").filter(|word| !over.iter().any(|pooled| pooled == word));
+        let name = words.collect::<Vec<_>>().join(", ");
+        match groups.iter_mut().find(|group| group.name == name && !over.is_empty()) {
+            Some(group) => group.cells.push(cell),
+            None => groups.push(Group { name, cells: vec![cell] }),
+        }
+    }
+    groups
+}
+
+impl Group<'_> {
+    /// `[task][run]`, without tasks that no run can tell.
+    fn scores(&self, measure: Measure) -> Vec<Vec<f64>> {
+        let scores = |cell: &&CellResults| cell.scores(measure).iter().map(|score| score.value).collect();
+        self.cells.iter().map(scores).filter(|scores: &Vec<f64>| !scores.is_empty()).collect()
+    }
+
+    /// A median of one task; of several the mean of the middle half of all runs, drawn again task by task.
+    fn middle(&self, measure: Measure) -> Option<(Estimate, usize)> {
+        if let [cell] = self.cells[..] {
+            let aggregate = aggregate(&cell.scores(measure), measure.is_time())?;
+            return Some((aggregate.median, aggregate.n));
+        }
+        let tasks = self.scores(measure);
+        let n = tasks.iter().map(Vec::len).sum();
+        (n > 0).then(|| (estimate(&tasks, |tasks| interquartile_mean(&tasks.concat())), n))
+    }
+}
+
+pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
+    let row = |(number, group): (usize, &Group<'_>)| {
+        let (middle, n) = group.middle(measure)?;
+        let interval = match middle.interval {
+            Interval::Known { low, high } => Some([low, high]),
+            Interval::TooFewRuns { .. } => None,
+        };
+        let estimate = middle.value.is_finite().then_some(middle.value);
+        Some(IntervalRow { name: group.name.clone(), estimate, interval, n, color: color(number) })
+    };
+    let rows: Vec<IntervalRow> = groups.par_iter().enumerate().filter_map(row).collect();
+    let statistic = if is_pooled(groups) { "interquartile mean of the" } else { "median" };
+    let panel = Intervals { x_label: format!("{statistic} {}", measure.title()), rows, ..Intervals::default() };
+    let how = match (is_pooled(groups), measure.is_time()) {
+        (true, _) => " (bootstrap of the runs of all tasks, stratified by task)",
+        (_, true) => " (Kaplan and Meier; runs that did not get there are censored)",
+        _ => " (bootstrap)",
+    };
+    let caption = format!("{} {} with its interval of 95 %{how}.", capital(statistic), measure.title());
+    let row = Row { height: panel.height(), panels: vec![Panel::Intervals(panel)], key: None };
+    let picture = Picture { title: String::new(), description: String::new(), width: 760.0, rows: vec![row] };
+    ("intervals", capital(&measure.title()), caption, picture)
+}
+
+fn is_pooled(groups: &[Group<'_>]) -> bool {
+    groups.iter().any(|group| group.cells.len() > 1)
+}
+
+pub(super) fn unsolved(cells: &[&CellResults]) -> Made {
+    let series = cells.iter().enumerate().map(|(number, cell)| {
+        let times = lifetimes(&cell.scores(Measure::EpisodesToSolve));
+        let end = times.iter().map(|time| time.time).fold(0.0, f64::max);
+        let steps = kaplan_meier(&times).steps;
+        let last = steps.last().map_or(1.0, |step| step.survival);
+        let points = steps.iter().map(|step| [step.time, step.survival]);
+        let points = [[0.0, 1.0]].into_iter().chain(points).chain([[end, last]]).collect();
+        Series { name: cell.about.name.clone(), color: color(number), points, steps: true, ..Series::default() }
+    });
+    let curves = Curves {
+        x_label: "episodes of each agent".to_owned(),
+        y_label: "share of runs not solved yet".to_owned(),
+        series: series.collect(),
+        y_range: Some([0.0, 1.0]),
+        legend: true,
+        ..Curves::default()
+    };
+    let caption = "The share of runs that have not solved their task yet (Kaplan and Meier).".to_owned();
+    ("unsolved", "Runs not solved yet".to_owned(), caption, in_one_panel(curves))
+}
+
+pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Made {
+    let groups: Vec<&Group<'_>> = groups.iter().filter(|group| !group.scores(measure).is_empty()).collect();
+    let all: Vec<f64> =
+        groups.iter().flat_map(|group| group.scores(measure)).flatten().filter(|value| value.is_finite()).collect();
+    let (low, high) =
+        all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
+    let places: Vec<f64> = (0..=BAND_PLACES).map(|part| low + (high - low) * part as f64 / BAND_PLACES as f64).collect();
+    let profile = |(number, group): (usize, &&Group<'_>)| profile(group, measure, &places, number);
+    let better = if measure.is_time() { "below" } else { "above" };
+    let curves = Curves {
+        x_label: measure.title(),
+        y_label: format!("share of runs {better}"),
+        series: groups.par_iter().enumerate().map(profile).collect(),
+        y_range: Some([0.0, 1.0]),
+        legend: true,
+        ..Curves::default()
+    };
+    let caption =
+        format!("The share of runs {better} each value, with pointwise bootstrap bands of 95 % (performance profiles).");
+    ("profiles", format!("Performance profiles: {}", measure.title()), caption, in_one_panel(curves))
+}
+
+/// Times count as the better the smaller: they are turned round.
+fn profile(group: &Group<'_>, measure: Measure, places: &[f64], number: usize) -> Series {
+    let sign = if measure.is_time() { -1.0 } else { 1.0 };
+    let mut scores = group.scores(measure);
+    scores.iter_mut().flatten().for_each(|score| *score *= sign);
+    let thresholds: Vec<f64> = places.iter().map(|place| sign * place).collect();
+    let shares = performance_profile(&scores, &thresholds);
+    let band = places.iter().zip(&shares).filter_map(|(&place, share)| match share.interval {
+        Interval::Known { low, high } => Some([place, low, high]),
+        Interval::TooFewRuns { .. } => None,
+    });
+    let band: Vec<[f64; 3]> = band.collect();
+    let points = places.iter().zip(&shares).map(|(&place, share)| [place, share.value]).collect();
+    let band = (!band.is_empty()).then_some(band);
+    Series { name: group.name.clone(), color: color(number), points, band, ..Series::default() }
+}
