@@ -164,16 +164,7 @@ mod tests {
     use super::*;
 
     fn episode(agent: u32) -> Episode {
-        let spec = Spec {
-            name: String::new(),
-            description: String::new(),
-            observations: Vec::new(),
-            actions: Vec::new(),
-            control_step: 0.1,
-            time_limit: 1,
-            reward_threshold: None,
-        };
-        Episode::start(agent, 0, 0, &spec)
+        Episode::start(agent, 0, 0, &Spec::bare())
     }
 
     /// Agent 0 has episodes of 2 and 1 steps among the fresh ones, agent 1 has one of 4.

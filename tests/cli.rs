@@ -278,8 +278,11 @@ fn list_looks_upwards() {
     std::fs::write(lab.join("scenarios/lonely.ron"), lonely).unwrap();
     let found = list("environments");
     assert!(found.starts_with(&format!("Environments ({})\n  broom\n", lab.join("envs/").display())), "{found}");
-    let path = lab.join("scenarios/lonely.ron");
-    assert!(list("scenarios").contains(&format!("{} 1 agent in broom, 1 episode each at most\n", path.display())));
+    std::fs::copy(lab.join("scenarios/lonely.ron"), lab.join("scenarios/alone.ron")).unwrap();
+    let folder = lab.join("scenarios/").display().to_string();
+    let words = "1 agent in broom, 1 episode each at most";
+    let expected = format!("Scenarios ({folder})\n  {folder}alone.ron  {words}\n  {folder}lonely.ron {words}\n\n");
+    assert_eq!(list("scenarios"), expected, "the words begin after the longest path");
 }
 
 #[test]

@@ -26,7 +26,7 @@ pub struct Parameter {
     pub name: String,
     /// What it means, and what may stand there.
     pub meaning: &'static str,
-    /// Its default, in RON.
+    /// Its default, as one writes it.
     pub default: String,
 }
 
@@ -72,7 +72,8 @@ pub(crate) fn parameters(default: &impl Serialize, meanings: &[(&str, &'static s
     let parameter = |(name, default): (&str, &str)| Parameter {
         name: name.to_owned(),
         meaning: meanings.iter().find(|(known, _)| *known == name).map_or("", |(_, meaning)| meaning),
-        default: default.trim_end_matches(',').to_owned(),
+        // RON marks a name of ours that is also one of its own, such as `None`, but reads it without the mark.
+        default: default.trim_end_matches(',').replace("r#", ""),
     };
     fields.map(parameter).collect()
 }
@@ -93,5 +94,7 @@ mod tests {
         assert_eq!(seed_pg.parameters.len(), seed_pg::PARAMETERS.len());
         let hidden = seed_pg.parameters.iter().find(|parameter| parameter.name == "hidden").unwrap();
         assert_eq!(hidden.default.replace(' ', ""), "[32,32]");
+        let bonus = seed_pg.parameters.iter().find(|parameter| parameter.name == "bonus").unwrap();
+        assert_eq!(bonus.default, "None");
     }
 }

@@ -289,13 +289,9 @@ mod tests {
     fn spec(choices: Vec<Choice>) -> Spec {
         let quantity = |name: &str, range| Quantity { name: name.to_owned(), unit: String::new(), range };
         Spec {
-            name: "test".to_owned(),
-            description: String::new(),
             observations: vec![quantity("x", [-1.0, 1.0]); 3],
             actions: choices.into_iter().map(|choice| Action { quantity: quantity("a", [-2.0, 6.0]), choice }).collect(),
-            control_step: 0.1,
-            time_limit: 10,
-            reward_threshold: None,
+            ..Spec::bare()
         }
     }
 

@@ -50,13 +50,9 @@ impl Case {
         };
         let quantity = |range| Quantity { name: "x".to_owned(), unit: String::new(), range };
         let spec = Spec {
-            name: "test".to_owned(),
-            description: String::new(),
             observations: vec![quantity([-1.0, 1.0]); self.sizes[0]],
             actions: vec![Action { quantity: quantity(range), choice }],
-            control_step: 0.1,
-            time_limit: 10,
-            reward_threshold: None,
+            ..Spec::bare()
         };
         let mlp = shape(&spec, &self.sizes[1..self.sizes.len() - 1]);
         // The first step is α g / (|g| + ε), which is g α/ε where ε is beyond any gradient.

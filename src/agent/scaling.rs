@@ -99,15 +99,7 @@ mod tests {
 
     fn spec() -> Spec {
         let quantity = |name: &str, range| Quantity { name: name.to_owned(), unit: String::new(), range };
-        Spec {
-            name: "test".to_owned(),
-            description: String::new(),
-            observations: vec![quantity("x", [-8.0, 8.0]), quantity("y", [0.0, 4.0])],
-            actions: Vec::new(),
-            control_step: 0.1,
-            time_limit: 10,
-            reward_threshold: None,
-        }
+        Spec { observations: vec![quantity("x", [-8.0, 8.0]), quantity("y", [0.0, 4.0])], ..Spec::bare() }
     }
 
     fn scaled(scaling: &Scaling, observations: &[f32]) -> Vec<f32> {

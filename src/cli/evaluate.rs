@@ -1,12 +1,12 @@
 //! `seedbed evaluate`.
 
-use super::{ActionsArg, EvaluateArgs, Failure};
+use super::{ActionsArg, EvaluateArgs, Failure, PlayArgs};
 use crate::agent::policy::ActionSelection;
 use crate::input::numbers::Positive;
 use crate::run::evaluate::{self, Evaluation};
 
 pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), Failure> {
-    let evaluation = Evaluation { episodes: args.episodes, actions: actions(args.actions, args.temperature)?, seed: args.seed };
+    let evaluation = evaluation(args.episodes, &args.play)?;
     let (plan, episodes) = evaluate::evaluate(&evaluate::run_folder(&args.run), &evaluation)?;
     let (task, count) = (&plan.description.spec.name, args.episodes);
     say!("{task}, {count} episode{} of each agent, {}:\n", if count == 1 { "" } else { "s" }, words(evaluation.actions));
@@ -29,7 +29,12 @@ pub(super) fn print_table(episodes: &[(u32, f64, usize)]) {
     }
 }
 
-pub(super) fn actions(actions: Option<ActionsArg>, temperature: Option<f64>) -> Result<Option<ActionSelection>, Failure> {
+/// So many episodes of each agent, played as `args` says.
+pub(super) fn evaluation(episodes: u32, args: &PlayArgs) -> Result<Evaluation, Failure> {
+    Ok(Evaluation { episodes, actions: actions(args.actions, args.temperature)?, seed: args.seed })
+}
+
+fn actions(actions: Option<ActionsArg>, temperature: Option<f64>) -> Result<Option<ActionSelection>, Failure> {
     let tempered = |temperature: f64| {
         let temperature =
             Positive::try_from(temperature).map_err(|message| Failure::Input(format!("--temperature: {message}")))?;

@@ -26,7 +26,7 @@ pub(super) fn list(what: Option<Listed>) {
 }
 
 fn environments() {
-    for_each_file("Environments", "envs", |path| match env::load(path) {
+    for_each_file("Environments", "envs", |path, _| match env::load(path) {
         Ok(description) => print_environment(&description.spec),
         Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
     });
@@ -35,9 +35,10 @@ fn environments() {
 fn print_environment(spec: &env::Spec) {
     say!("  {}\n      {}", spec.name, spec.description);
     let few = spec.observation_width() < MOST_SHOWN;
-    for quantity in spec.observations.iter().take(if few { MOST_SHOWN } else { 3 }) {
-        let [low, high] = quantity.range;
-        say!("      observes  {:<12} {low} to {high} {}", quantity.name, quantity.unit);
+    let shown = &spec.observations[..if few { spec.observation_width() } else { 3 }];
+    let width = shown.iter().map(|quantity| quantity.name.chars().count()).max().unwrap_or(0);
+    for env::Quantity { name, unit, range: [low, high] } in shown {
+        say!("{}", format!("      observes  {name:<width$} {low} to {high} {unit}").trim_end());
     }
     if !few {
         say!("      observes  … {} in all", spec.observation_width());
@@ -47,35 +48,35 @@ fn print_environment(spec: &env::Spec) {
 }
 
 fn scenarios() {
-    for_each_file("Scenarios", "scenarios", |path| {
-        if let Err(error) = print_scenario_or_study(path) {
-            say!("  {}\n      cannot be used: {error}", path.display());
-        }
+    for_each_file("Scenarios", "scenarios", |path, width| match described(path) {
+        Ok(words) => say!("  {:<width$} {words}", path.display()),
+        Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
     });
 }
 
-fn print_scenario_or_study(path: &Path) -> Result<(), InputError> {
+/// A scenario or a study in a few words.
+fn described(path: &Path) -> Result<String, InputError> {
     match input::kind(&path.display().to_string(), &input::read_text(path)?)? {
-        Kind::Study => print_study(path, &StudyPlan::load(path, false)?),
-        Kind::TabularScenario => say!("  {:<52} {}", path.display(), tabular::described(path)?),
-        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => print_scenario(path, &Plan::load(path, &[])?),
+        Kind::Study => Ok(study_in_words(&StudyPlan::load(path, false)?)),
+        Kind::TabularScenario => tabular::described(path),
+        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => Ok(scenario_in_words(&Plan::load(path, &[])?)),
     }
-    Ok(())
 }
 
-fn print_study(path: &Path, plan: &StudyPlan) {
+fn study_in_words(plan: &StudyPlan) -> String {
     let (cells, runs) = (counted(plan.cells.len(), "cell"), counted(plan.repeats() as usize, "run"));
-    say!("  {:<32} study: {}; {cells} of {runs}", path.display(), plan.study().title);
+    format!("study: {}; {cells} of {runs}", plan.study().title)
 }
 
-fn print_scenario(path: &Path, plan: &Plan) {
+fn scenario_in_words(plan: &Plan) -> String {
     let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
     let episodes = counted(plan.scenario.most_episodes() as usize, "episode");
-    say!("  {:<32} {agents} in {}, {episodes} each at most", path.display(), plan.description.spec.name);
+    format!("{agents} in {}, {episodes} each at most", plan.description.spec.name)
 }
 
-/// Goes through the folders of this name here and further up, where names are looked for.
-fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path)) {
+/// Goes through the folders of this name here and further up, where names are looked for. `print` is told how long the longest of a
+/// folder's paths is.
+fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path, usize)) {
     let here = std::env::current_dir().unwrap_or_default();
     let folders = input::folders_upwards(&here, folder);
     if folders.is_empty() {
@@ -83,8 +84,10 @@ fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path)) {
     }
     for found in folders.iter().map(|found| scenario::shortened(found)) {
         say!("{title} ({})", found.join("").display());
-        for path in ron_files(&found) {
-            print(&path);
+        let files = ron_files(&found);
+        let longest = files.iter().map(|path| path.display().to_string().chars().count()).max().unwrap_or(0);
+        for path in &files {
+            print(path, longest);
         }
         say!("");
     }

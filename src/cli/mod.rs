@@ -185,15 +185,8 @@ struct EvaluateArgs {
     /// Episodes of each agent
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     episodes: u32,
-    /// How actions are chosen [default: as in training]
-    #[arg(long, value_enum)]
-    actions: Option<ActionsArg>,
-    /// Sample from the policy to the power 1/T: below 1 is greedier
-    #[arg(long, value_name = "T", conflicts_with = "actions", allow_negative_numbers = true)]
-    temperature: Option<f64>,
-    /// Seed of the starts and the actions
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
+    #[command(flatten)]
+    play: PlayArgs,
 }
 
 #[derive(Debug, Args)]
@@ -250,6 +243,15 @@ struct ReplayArgs {
     /// Agents whose bodies are drawn, such as 0,3 [default: those that the scenario draws]
     #[arg(long, value_name = "K,…", value_delimiter = ',')]
     agents: Vec<u32>,
+    #[command(flatten)]
+    play: PlayArgs,
+    /// The recording [default: replay.rrd in the run's folder]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct PlayArgs {
     /// How actions are chosen [default: as in training]
     #[arg(long, value_enum)]
     actions: Option<ActionsArg>,
@@ -259,9 +261,6 @@ struct ReplayArgs {
     /// Seed of the starts and the actions
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// The recording [default: replay.rrd in the run's folder]
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -2,17 +2,17 @@
 
 use std::path::PathBuf;
 
-use super::evaluate::{actions, print_table, words};
+use super::evaluate::{evaluation, print_table, words};
 use super::progress::counter;
 use super::{Failure, ReplayArgs, counted};
-use crate::run::evaluate::{self, Evaluation};
+use crate::run::evaluate;
 use crate::run::folder::RunFolder;
 use crate::run::replay::{self, Replay};
 
 pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     let folder = evaluate::run_folder(&args.run);
     let path = output(args, &folder)?;
-    let evaluation = Evaluation { episodes: args.episodes, actions: actions(args.actions, args.temperature)?, seed: args.seed };
+    let evaluation = evaluation(args.episodes, &args.play)?;
     let agents = (!args.agents.is_empty()).then_some(args.agents.as_slice());
     let bar = counter(args.episodes, "episodes");
     let played = replay::replay(&folder, &Replay { evaluation, agents, path: &path }, &mut |episodes| {

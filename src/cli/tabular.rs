@@ -36,18 +36,18 @@ pub(super) fn described(path: &Path) -> Result<String, InputError> {
 pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), Failure> {
     let scenario = scenario::load(&args.scenario, overrides)?.value;
     let name = stem(&args.scenario);
-    let folder = args.out.clone().unwrap_or_else(|| default_folder(&name, scenario.seed));
-    let claim = make_room(args, &RunFolder::new(&folder))?;
+    let folder = RunFolder::new(args.out.clone().unwrap_or_else(|| default_folder(&name, scenario.seed)));
+    let claim = make_room(args, &folder)?;
     let started = Instant::now();
-    let path = RunFolder::new(&folder).recording();
+    let path = folder.recording();
     let mut film = Film::of(&name, &scenario, (!args.no_recording).then_some(path.as_path())).map_err(RunError::from)?;
     let results = play(&name, &scenario, &bar(&scenario, args.quiet), |step| film.take_in(step)).map_err(RunError::from)?;
     film.finish().map_err(RunError::from)?;
-    let fault = |error: std::io::Error| Failure::Work(format!("cannot write to {}: {error}", folder.display()));
+    let fault = |error: std::io::Error| Failure::Work(format!("cannot write to {}: {error}", folder.path().display()));
     results.write(&scenario, &folder).map_err(fault)?;
     claim.release().map_err(fault)?;
     if !args.quiet {
-        print(&results.summary, &folder, started.elapsed().as_secs_f64());
+        print(&results.summary, folder.path(), started.elapsed().as_secs_f64());
         print_recording(args, &path);
     }
     Ok(())

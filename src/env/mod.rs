@@ -242,4 +242,18 @@ impl Spec {
     pub fn action_width(&self) -> usize {
         self.actions.len()
     }
+
+    /// A task in which there is nothing to see and nothing to do, for tests to fill.
+    #[cfg(test)]
+    pub(crate) fn bare() -> Self {
+        Self {
+            name: "test".to_owned(),
+            description: String::new(),
+            observations: Vec::new(),
+            actions: Vec::new(),
+            control_step: 0.1,
+            time_limit: 10,
+            reward_threshold: None,
+        }
+    }
 }

@@ -149,21 +149,12 @@ mod tests {
 
     /// Step t of agent 3's episode 5 goes from t to t + 1 with action t mod 2 and reward 10 t.
     fn episode(steps: u8, outcome: Status) -> Episode {
-        let spec = Spec {
-            name: String::new(),
-            description: String::new(),
-            observations: Vec::new(),
-            actions: Vec::new(),
-            control_step: 0.1,
-            time_limit: 9,
-            reward_threshold: None,
-        };
         Episode {
             observations: (0..=steps).map(f32::from).collect(),
             actions: (0..steps).map(|step| f32::from(step % 2)).collect(),
             rewards: (0..steps).map(|step| 10.0 * f32::from(step)).collect(),
             outcome,
-            ..Episode::start(3, 5, 0, &spec)
+            ..Episode::start(3, 5, 0, &Spec::bare())
         }
     }
 

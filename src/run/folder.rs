@@ -79,9 +79,8 @@ impl RunFolder {
     pub fn clear(&self) -> io::Result<()> {
         let recording = self.recording();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
-        let tabular = ["regret.csv", "visits.csv"].map(|name| self.path.join(name));
-        let files = [self.summary(), recording, self.replay(), self.scenario(), self.policies()].into_iter().chain(tabular);
-        for path in files.chain(unfinished).chain(self.tables()) {
+        let files = [self.summary(), recording, self.replay(), self.scenario(), self.policies(), self.regret(), self.visits()];
+        for path in files.into_iter().chain(unfinished).chain(self.tables()) {
             remove(fs::remove_file(path))?;
         }
         remove(fs::remove_dir_all(self.tasks()))?;
@@ -110,6 +109,18 @@ impl RunFolder {
     #[must_use]
     pub fn tables(&self) -> [PathBuf; 2] {
         [self.path.join("episodes.csv"), self.path.join("rounds.csv")]
+    }
+
+    /// The regret of each episode, where the task is a finite one.
+    #[must_use]
+    pub fn regret(&self) -> PathBuf {
+        self.path.join("regret.csv")
+    }
+
+    /// Who was in which state, where the task is a finite one.
+    #[must_use]
+    pub fn visits(&self) -> PathBuf {
+        self.path.join("visits.csv")
     }
 
     /// The scenario with every default spelled out. It finds the run's own copy of the task.

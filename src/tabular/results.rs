@@ -1,12 +1,11 @@
 //! What a run in a finite task came to, and the files that say so.
 
-use std::path::Path;
-
 use serde::Serialize;
 
 use super::scenario::TabularScenario;
 use super::team::{Episode, Team};
 use crate::run::files;
+use crate::run::folder::RunFolder;
 use crate::scenario::overrides::Resolve;
 
 /// A finished run.
@@ -96,12 +95,12 @@ impl Results {
     ///
     /// # Errors
     /// The system refuses.
-    pub fn write(&self, scenario: &TabularScenario, folder: &Path) -> std::io::Result<()> {
-        files::replace(&folder.join("scenario.ron"), scenario.resolved().as_bytes())?;
-        files::replace(&folder.join("regret.csv"), &table(&self.episodes)?)?;
-        files::replace(&folder.join("visits.csv"), &table(&self.visits)?)?;
+    pub fn write(&self, scenario: &TabularScenario, folder: &RunFolder) -> std::io::Result<()> {
+        files::replace(&folder.scenario(), scenario.resolved().as_bytes())?;
+        files::replace(&folder.regret(), &table(&self.episodes)?)?;
+        files::replace(&folder.visits(), &table(&self.visits)?)?;
         let summary = serde_json::to_string_pretty(&self.summary).map_err(std::io::Error::other)?;
-        files::replace(&folder.join("summary.json"), format!("{summary}\n").as_bytes())
+        files::replace(&folder.summary(), format!("{summary}\n").as_bytes())
     }
 }
 

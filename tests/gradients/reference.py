@@ -1,10 +1,10 @@
 """Values and gradients that seedbed's hand-written ones are held against, by automatic differentiation in double precision.
 
-`reference.json` beside this file is its output, byte for byte; `tests/gradients.rs` reads it. To make it again:
+`reference.json` beside this file is its output, byte for byte; `tests/gradients.rs` reads it. To make it again, in a
+virtual environment of its own:
 
-    python3 -m venv /tmp/reference
-    /tmp/reference/bin/pip install jax==0.10.2 jaxlib==0.10.2 numpy==2.4.6 optax==0.2.8
-    /tmp/reference/bin/python tests/gradients/reference.py
+    pip install jax==0.10.2 jaxlib==0.10.2 numpy==2.4.6 optax==0.2.8
+    python tests/gradients/reference.py
     git diff --exit-code tests/gradients/reference.json
 
 Only losses are written here, never their derivatives. Densities, softmax and Adam are the libraries'. Every input stands in the

@@ -1,10 +1,10 @@
 """Statistics that seedbed's are held against, by the packages that the field uses.
 
-`reference.json` beside this file is its output, byte for byte; `tests/statistics.rs` reads it. To make it again (three minutes):
+`reference.json` beside this file is its output, byte for byte; `tests/statistics.rs` reads it. To make it again, in a
+virtual environment of its own (three minutes):
 
-    python3 -m venv /tmp/reference
-    /tmp/reference/bin/pip install rliable==1.2.0 numpy==2.4.6 scipy==1.17.1 lifelines==0.30.3 statsmodels==0.15.0
-    /tmp/reference/bin/python tests/statistics/reference.py
+    pip install rliable==1.2.0 numpy==2.4.6 scipy==1.17.1 lifelines==0.30.3 statsmodels==0.15.0
+    python tests/statistics/reference.py
     git diff --exit-code tests/statistics/reference.json
 
 Every input stands in the JSON; those that are not written here are drawn from named streams, as multiples of 1/256. Nothing is

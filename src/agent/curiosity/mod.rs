@@ -274,13 +274,9 @@ mod tests {
     fn spec() -> Spec {
         let quantity = |name: &str| Quantity { name: name.to_owned(), unit: String::new(), range: [-1.0, 1.0] };
         Spec {
-            name: "test".to_owned(),
-            description: String::new(),
             observations: vec![quantity("x"), quantity("v")],
             actions: vec![Action { quantity: quantity("push"), choice: Choice::Continuous }],
-            control_step: 0.1,
-            time_limit: 50,
-            reward_threshold: None,
+            ..Spec::bare()
         }
     }
 

@@ -157,16 +157,12 @@ mod tests {
     fn spec() -> Spec {
         let quantity = |name: &str, range| Quantity { name: name.to_owned(), unit: String::new(), range };
         Spec {
-            name: "test".to_owned(),
-            description: String::new(),
             observations: vec![quantity("x", [-1.0, 1.0])],
             actions: vec![
                 Action { quantity: quantity("kick", [0.0, 2.0]), choice: Choice::Discrete(vec![0.0, 1.0, 2.0]) },
                 Action { quantity: quantity("push", [0.0, 4.0]), choice: Choice::Continuous },
             ],
-            control_step: 0.1,
-            time_limit: 10,
-            reward_threshold: None,
+            ..Spec::bare()
         }
     }
 

@@ -74,23 +74,11 @@ mod tests {
     use super::*;
     use crate::experience::replay::Origin;
 
-    fn spec() -> Spec {
-        Spec {
-            name: String::new(),
-            description: String::new(),
-            observations: Vec::new(),
-            actions: Vec::new(),
-            control_step: 0.1,
-            time_limit: 9,
-            reward_threshold: None,
-        }
-    }
-
     /// Transitions 1 → 2 with action 1 and 5 → 6 with action 0 are steps 0 and 2 of the pairs.
     #[test]
     fn every_second_step_is_a_transition() {
         let origin = Origin { agent: 0, episode: 0, step: 0 };
-        let mut minibatch = Minibatch::for_curiosity(&spec());
+        let mut minibatch = Minibatch::for_curiosity(&Spec::bare());
         for _ in 0..2 {
             minibatch.clear();
             for (state, next, action) in [([1.0], [2.0], 1), ([5.0], [6.0], 0)] {

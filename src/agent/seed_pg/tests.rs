@@ -13,13 +13,10 @@ use crate::seed::SeedDistribution;
 fn spec() -> Spec {
     let quantity = |name: &str| Quantity { name: name.to_owned(), unit: String::new(), range: [-1.0, 1.0] };
     Spec {
-        name: "test".to_owned(),
-        description: String::new(),
         observations: vec![quantity("x"), quantity("y")],
         actions: vec![Action { quantity: quantity("push"), choice: Choice::Discrete(vec![-1.0, 1.0]) }],
-        control_step: 0.1,
         time_limit: 8,
-        reward_threshold: None,
+        ..Spec::bare()
     }
 }
 

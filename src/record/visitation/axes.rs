@@ -86,18 +86,19 @@ impl Axes {
     /// an axis only where agents are curious.
     #[must_use]
     pub fn of(spec: &Spec, choices: &[AxisChoice], largest_bonus: Option<f32>) -> Self {
-        let mut axes: Vec<Axis> = choices.iter().flat_map(|choice| Axis::chosen(*choice, spec, largest_bonus)).collect();
-        while axes.len() < 2 {
-            axes.insert(0, Axis::step(spec.time_limit));
-        }
-        Self::side_by_side(axes)
+        let axes = choices.iter().flat_map(|choice| Axis::chosen(*choice, spec, largest_bonus)).collect();
+        Self::with_steps(axes, spec.time_limit)
     }
 
     /// The axes of all observations and of the bonus, from what a recording tells of its task.
     #[must_use]
     pub fn of_quantities(observations: &[Quantity], time_limit: u32, largest_bonus: Option<f32>) -> Self {
         let observed = observations.iter().enumerate().map(|(index, quantity)| Axis::observation(quantity, index));
-        let mut axes: Vec<Axis> = observed.chain(largest_bonus.map(Axis::bonus)).collect();
+        Self::with_steps(observed.chain(largest_bonus.map(Axis::bonus)).collect(), time_limit)
+    }
+
+    /// Lines lead from an axis to the next: the step stands in where there are fewer than two.
+    fn with_steps(mut axes: Vec<Axis>, time_limit: u32) -> Self {
         while axes.len() < 2 {
             axes.insert(0, Axis::step(time_limit));
         }

@@ -207,15 +207,7 @@ mod tests {
 
     pub(super) fn spec(axes: usize) -> Spec {
         let quantity = |index| Quantity { name: format!("o{index}"), unit: String::new(), range: [0.0, 20.0] };
-        Spec {
-            name: "test".into(),
-            description: String::new(),
-            observations: (0..axes).map(quantity).collect(),
-            actions: Vec::new(),
-            control_step: 0.1,
-            time_limit: 9,
-            reward_threshold: None,
-        }
+        Spec { observations: (0..axes).map(quantity).collect(), ..Spec::bare() }
     }
 
     fn episode(agent: u32, episode: u32, rewards: &[f32]) -> Episode {

@@ -94,14 +94,8 @@ impl Sheet {
             return self.stage(layout);
         }
         let columns = [self.visited(layout), self.learned(layout)];
-        let time =
-            TimePanel::new().with_state(PanelState::Collapsed).with_timeline(EPISODE).with_play_state(PlayState::Following);
-        Blueprint::new(Horizontal::new(columns).with_column_shares([3.0, 2.0]))
-            .with_auto_views(false)
-            .with_auto_layout(false)
-            .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
-            .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-            .with_time_panel(time)
+        let time = TimePanel::new().with_timeline(EPISODE).with_play_state(PlayState::Following);
+        page(columns, [3.0, 2.0], time)
     }
 
     fn learned(&mut self, layout: &Layout) -> ContainerLike {
@@ -155,6 +149,16 @@ impl Sheet {
             self.properties.push((view.blueprint_path().join(&name.into()), Box::new(property)));
         }
     }
+}
+
+/// Columns with these shares of the width, and nothing of the viewer's own open beside them.
+fn page(columns: impl IntoIterator<Item = ContainerLike>, shares: [f32; 2], time: TimePanel) -> Blueprint {
+    Blueprint::new(Horizontal::new(columns).with_column_shares(shares))
+        .with_auto_views(false)
+        .with_auto_layout(false)
+        .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
+        .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
+        .with_time_panel(time.with_state(PanelState::Collapsed))
 }
 
 /// `clipped_fraction` becomes `Clipped fraction`.

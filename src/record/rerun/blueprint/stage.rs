@@ -1,13 +1,9 @@
 //! How the viewer opens a recording that is about motion: scenes large, played at their own speed.
 
 use rerun::blueprint::components::{LoopMode, PlayState};
-use rerun::blueprint::{
-    Blueprint, BlueprintPanel, ContainerLike, Grid, Horizontal, SelectionPanel, Tabs, TextDocumentView, TimePanel,
-    TimeSeriesView, Vertical,
-};
-use rerun::external::re_sdk_types::blueprint::components::PanelState;
+use rerun::blueprint::{Blueprint, ContainerLike, Grid, Tabs, TextDocumentView, TimePanel, TimeSeriesView, Vertical};
 
-use super::{Layout, Sheet};
+use super::{Layout, Sheet, page};
 use crate::record::rerun::rows::ENV_STEP;
 
 impl Sheet {
@@ -16,17 +12,11 @@ impl Sheet {
         let beside = Vertical::new([self.went(layout), self.outcome()]);
         let columns: Vec<ContainerLike> = self.scenes(layout).into_iter().chain([beside.into()]).collect();
         let time = TimePanel::new()
-            .with_state(PanelState::Collapsed)
             .with_timeline(ENV_STEP)
             .with_fps(1.0 / layout.control_step)
             .with_loop_mode(LoopMode::All)
             .with_play_state(PlayState::Playing);
-        Blueprint::new(Horizontal::new(columns).with_column_shares([2.0, 1.0]))
-            .with_auto_views(false)
-            .with_auto_layout(false)
-            .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
-            .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-            .with_time_panel(time)
+        page(columns, [2.0, 1.0], time)
     }
 
     /// The scene of each filmed agent.

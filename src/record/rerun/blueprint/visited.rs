@@ -8,6 +8,7 @@ use super::super::furniture::Wall;
 use super::super::rows::{ENV_STEP, EPISODE, ROUND};
 use super::super::walls::{Arrangement, TEAM_SHARE};
 use super::{Layout, Sheet};
+use crate::record::visitation::WINDOW;
 
 /// What hangs on a wall.
 struct Hung<'a> {
@@ -100,8 +101,8 @@ impl Sheet {
 
     pub(super) fn density(&mut self, layout: &Layout, of_team: bool, name: &str) -> ContainerLike {
         let wall = if of_team { layout.walls.team_axes } else { layout.walls.axes };
-        let what = if name == "latest" { "all states of the latest 50 rounds" } else { "all states so far" };
-        let title = format!("{}: {what}", whose(layout, of_team));
+        let span = if name == "latest" { format!("of the latest {WINDOW} rounds") } else { "so far".to_owned() };
+        let title = format!("{}: all states {span}", whose(layout, of_team));
         self.hang(layout, &Hung { wall, title, root: "visitation", of_team, name, scale: "density", adds_up: false })
     }
 
@@ -113,7 +114,7 @@ impl Sheet {
 
     fn bonus(&mut self, layout: &Layout, of_team: bool) -> ContainerLike {
         let wall = if of_team { layout.walls.team_pairs } else { layout.walls.pairs };
-        let title = format!("{}: mean intrinsic reward, latest 50 rounds", whose(layout, of_team));
+        let title = format!("{}: mean intrinsic reward, latest {WINDOW} rounds", whose(layout, of_team));
         self.hang(layout, &Hung { wall, title, root: "pairs", of_team, name: "bonus", scale: "bonus", adds_up: false })
     }
 
