@@ -211,7 +211,7 @@ fn finite_text() -> String {
             ],
             figures: [
                 Curves(of: Regret, window: 3, cells: ["deep_sea, seeds", "deep_sea, random"]),
-                Visitation(cells: ["deep_sea, seeds"], episodes: [First(5), All]),
+                Visitation(cells: ["deep_sea, seeds", "deep_sea, random"], episodes: [First(5), All]),
                 Profiles(measure: Reach, over: ["deep_sea", "bipolar_chain"]),
                 Intervals(measure: Coverage, over: ["deep_sea", "bipolar_chain"], cells: ["deep_sea, seeds", "bipolar_chain, seeds", "crowd"]),
             ],
@@ -253,6 +253,8 @@ fn finite_tasks_are_studied_likewise() {
     for file in ["1-curves.svg", "2-visitation.svg", "3-profiles.svg", "4-intervals.svg"] {
         assert!(out.join("figures").join(file).is_file(), "{file}");
     }
+    let panels = fs::read_to_string(out.join("figures/2-visitation.svg")).unwrap();
+    assert!(panels.contains(">seeds: first 5 episodes, "), "what all panels have in common is left out");
     let pooled = fs::read_to_string(out.join("figures/4-intervals.svg")).unwrap();
     assert!(pooled.contains(">seeds<") && pooled.contains("n = 12") && pooled.contains(">crowd<") && pooled.contains("n = 6"));
     let alone = lab("").2;

@@ -150,7 +150,8 @@ fn band(smooth: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
 }
 
 fn agents(cells: &[&CellResults], window: usize) -> Made {
-    let panels: Vec<Curves> = cells.iter().map(|cell| panel_of_agents(cell, window)).collect();
+    let panels: Vec<Curves> =
+        cells.iter().zip(own_words(cells)).map(|(cell, name)| panel_of_agents(cell, name, window)).collect();
     let columns = panels.len().min(3);
     let (title, seed) = ("Single agents".to_owned(), cells[0].runs[0].0);
     let caption =
@@ -158,7 +159,7 @@ fn agents(cells: &[&CellResults], window: usize) -> Made {
     ("agents", title, caption, Picture::of_curves("", "", panels, columns))
 }
 
-fn panel_of_agents(cell: &CellResults, window: usize) -> Curves {
+fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
     let run = &cell.runs[0].1;
     let curve = |values: &[f64]| -> Vec<[f64; 2]> {
         let window = window.clamp(1, values.len().max(1));
@@ -171,12 +172,20 @@ fn panel_of_agents(cell: &CellResults, window: usize) -> Curves {
     };
     let mean = Series { color: [35, 35, 40], points: curve(&run.team_returns()), ..Series::default() };
     Curves {
-        title: cell.about.name.clone(),
+        title,
         x_label: "episodes".to_owned(),
         y_label: "return".to_owned(),
         series: (0..).zip(&run.returns).map(of_agent).chain([mean]).collect(),
         ..Curves::default()
     }
+}
+
+/// What a cell is called among others in narrow panels: its name without the words that all of them have.
+fn own_words(cells: &[&CellResults]) -> Vec<String> {
+    let words = |cell: &&CellResults| cell.about.name.split(", ").map(str::to_owned).collect::<Vec<String>>();
+    let is_shared = |word: &String| cells.len() > 1 && cells.iter().all(|cell| words(cell).contains(word));
+    let own = |cell| words(cell).into_iter().filter(|word| !is_shared(word)).collect::<Vec<String>>().join(", ");
+    cells.iter().map(|cell| Some(own(cell)).filter(|name| !name.is_empty()).unwrap_or(cell.about.name.clone())).collect()
 }
 
 /// Panels side by side have this width.
@@ -204,7 +213,7 @@ fn visitation(cells: &[&CellResults], windows: &[Upto]) -> Option<Made> {
 
 /// Of each cell whose states were kept: what it is, and where lines are dense.
 fn densities(cells: &[&CellResults], upto: Upto) -> Vec<(String, Density)> {
-    let of_cell = |cell: &&CellResults| {
+    let of_cell = |(cell, name): (&&CellResults, String)| {
         let (visited, states) = cell.states(upto)?;
         let spec = spec(cell);
         let axes = axes(&spec);
@@ -218,9 +227,9 @@ fn densities(cells: &[&CellResults], upto: Upto) -> Vec<(String, Density)> {
             Upto::First(episodes) => format!("first {} episodes", episodes.get()),
             Upto::All => "all episodes".to_owned(),
         };
-        Some((format!("{}, {part}: {visited} states", cell.about.name), density))
+        Some((format!("{name}: {part}, {visited} states"), density))
     };
-    cells.iter().filter_map(of_cell).collect()
+    cells.iter().zip(own_words(cells)).filter_map(of_cell).collect()
 }
 
 fn row_of_densities(row: Vec<(String, Density)>, axes: &[Quantity]) -> Row {
