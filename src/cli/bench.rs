@@ -185,7 +185,7 @@ fn compare_all(table: &Table, first: &Bench, others: &[Bench]) {
     }
     if [first].into_iter().chain(others).any(|bench| bench.outcomes.iter().any(|outcome| !outcome.solved)) {
         say!("\nA pair of scenarios is compared up to where the first unsolved run of either ended; what was not solved by then");
-        say!("counts as infinitely slow.");
+        say!("counts as infinitely slow; how far apart two such runs are is unknown.");
     }
 }
 
@@ -196,7 +196,11 @@ fn comparison(outcomes: &[Outcome], reference: &[Outcome]) -> Comparison {
 }
 
 fn in_words(comparison: &Comparison, p: f64) -> [String; 5] {
-    let signed = |value: f64| if value.is_finite() { format!("{value:.1}") } else { format!("{value}").replace("inf", "∞") };
+    let signed = |value: f64| match (value.is_finite(), value.is_nan()) {
+        (true, _) => format!("{value:.1}"),
+        (_, true) => "unknown".to_owned(),
+        _ => format!("{value}").replace("inf", "∞"),
+    };
     let share = |value: f64| format!("{value:.2}");
     [
         signed(comparison.effect.value),
@@ -273,10 +277,12 @@ mod tests {
         assert_eq!(row(60, "40 50 60+")[1..7], ["2/3", "50.0", "n = 3: none", "40", "> 60", "500"]);
     }
 
-    /// All of the first are faster than the second by more than can be told.
+    /// Four of five pairs are faster by more than can be told, but of the fifth nothing is known, and redrawn it may be most of them.
     #[test]
     fn comparisons_are_put_in_words() {
         let won = comparison(&outcomes("30 30 30 30 80"), &outcomes("50+ 50+ 50+ 50+ 50+"));
-        assert_eq!(in_words(&won, won.p)[..3], ["-∞", "-∞ to 0.0", "0.90"]);
+        assert_eq!(in_words(&won, won.p)[..3], ["-∞", "-∞ to ∞", "0.90"]);
+        let none = comparison(&outcomes("80 80 80 80 80"), &outcomes("50+ 50+ 50+ 50+ 50+"));
+        assert_eq!(in_words(&none, none.p)[..3], ["unknown", "-∞ to ∞", "0.50"]);
     }
 }

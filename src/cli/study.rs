@@ -9,11 +9,12 @@ use super::run::interruption;
 use super::{Failure, StudyArgs, counted, report};
 use crate::study::plan::{StudyPlan, Task};
 use crate::study::runner;
-use crate::study::store::{Manifest, StoredRun, StudyClaim, StudyFolder};
+use crate::study::store::{StoredRun, StudyClaim, StudyFolder};
 
 pub(super) fn study(args: &StudyArgs) -> Result<(), Failure> {
     let plans: Result<Vec<StudyPlan>, _> = args.studies.iter().map(|path| StudyPlan::load(path, args.quick)).collect();
     let plans = plans?;
+    check_folders(&plans)?;
     if plans.len() > 1 && (args.out.is_some() || args.index.is_some()) {
         return Err(Failure::Input("--out and --index take one study at a time".to_owned()));
     }
@@ -22,11 +23,35 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), Failure> {
         let folder = StudyFolder::new(args.out.clone().unwrap_or_else(|| plan.default_folder()));
         failed += match args.index {
             _ if args.list => list(plan, &folder),
-            Some(index) => run_one(plan, &folder, index)?,
+            Some(index) => run_one(args, plan, &folder, index)?,
             None => run_all(args, plan, &folder)?,
         };
     }
     if failed == 0 { Ok(()) } else { Err(Failure::Work(format!("{} failed", counted(failed, "run")))) }
+}
+
+/// Two studies in one folder would take each other for their own past.
+fn check_folders(plans: &[StudyPlan]) -> Result<(), Failure> {
+    let twice = plans.iter().enumerate().find(|(number, plan)| plans[..*number].iter().any(|other| other.name == plan.name));
+    twice.map_or(Ok(()), |(_, plan)| {
+        let folder = plan.default_folder();
+        Err(Failure::Input(format!(
+            "two studies are named `{}`, and both go to {}; run one with --out",
+            plan.name,
+            folder.display()
+        )))
+    })
+}
+
+/// A folder belongs to one study, run in full or quickly.
+fn check_owner(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), Failure> {
+    let Ok(noted) = folder.manifest() else { return Ok(()) };
+    if (noted.name.as_str(), noted.quick) == (plan.name.as_str(), plan.quick) {
+        return Ok(());
+    }
+    let kind = if noted.quick { "quick study" } else { "study" };
+    let path = folder.path().display();
+    Err(Failure::Input(format!("{path} holds the {kind} `{}`; choose another folder with --out", noted.name)))
 }
 
 /// The runs with their indices, and which of them are there.
@@ -43,32 +68,36 @@ fn list(plan: &StudyPlan, folder: &StudyFolder) -> usize {
 }
 
 /// Runs a single one, whatever other processes do in the same folder.
-fn run_one(plan: &StudyPlan, folder: &StudyFolder, index: usize) -> Result<usize, Failure> {
+fn run_one(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder, index: usize) -> Result<usize, Failure> {
     let tasks = plan.tasks();
     let Some(task) = tasks.get(index) else {
         let message = format!("--index {index}: expected an index from 0 to {}, as `--list` shows them", tasks.len() - 1);
         return Err(Failure::Input(message));
     };
+    check_owner(plan, folder)?;
     let _claim = claim(folder, false)?;
-    folder.note(&Manifest::of(plan)).map_err(|error| Failure::Work(error.to_string()))?;
+    folder.note(plan).map_err(|error| Failure::Work(error.to_string()))?;
     let file = folder.file(&task.cell.digest, task.seed);
-    let before = folder.stored_task(task);
+    let before = folder.stored_task(task).filter(|stored| is_wanted(args, stored));
     if before.is_none() {
         say_failures(&run_missing(&[*task], folder, 1, &plan.name)?);
     }
     let Some(stored) = folder.stored_task(task) else { return Err(interrupted(plan)) };
     let is_new = if before.is_some() { "was there already: " } else { "" };
     say!("{} with seed {}: {is_new}{}", task.cell.name, task.seed, file.display());
+    if let (Some(_), Err(reason)) = (&before, &stored.outcome) {
+        eprintln!("failed     {} with seed {}: {reason}", task.cell.name, task.seed);
+    }
     Ok(usize::from(stored.outcome.is_err()))
 }
 
 fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, Failure> {
+    check_owner(plan, folder)?;
     let _claim = claim(folder, true)?;
-    folder.note(&Manifest::of(plan)).map_err(|error| Failure::Work(error.to_string()))?;
+    folder.note(plan).map_err(|error| Failure::Work(error.to_string()))?;
     let tasks = plan.tasks();
-    let is_wanted = |stored: &StoredRun| !(args.retry && stored.outcome.is_err());
-    let missing: Vec<Task<'_>> =
-        tasks.iter().filter(|task| !folder.stored_task(task).is_some_and(|stored| is_wanted(&stored))).copied().collect();
+    let is_there = |task: &&Task<'_>| folder.stored_task(task).is_some_and(|stored| is_wanted(args, &stored));
+    let missing: Vec<Task<'_>> = tasks.iter().filter(|task| !is_there(task)).copied().collect();
     let (cells, runs) = (counted(plan.cells.len(), "cell"), counted(plan.repeats() as usize, "run"));
     say!("study      {}: {cells} of {runs}, {} to run", plan.name, missing.len());
     let jobs = args.jobs.map_or_else(cores, usize::from);
@@ -80,6 +109,11 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
     }
     say_failures(&failures);
     report::write_and_tell(folder)
+}
+
+/// Whether a run that is there may stay.
+fn is_wanted(args: &StudyArgs, stored: &StoredRun) -> bool {
+    !(args.retry && stored.outcome.is_err())
 }
 
 /// What failed, as `cell with seed N: reason`.

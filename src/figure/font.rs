@@ -1,5 +1,7 @@
 //! The lettering: Roboto, two weights of it cut down to Latin, Greek and signs of mathematics.
 
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
 use skrifa::instance::{LocationRef, Size};
 use skrifa::{FontRef, MetadataProvider};
 
@@ -30,6 +32,16 @@ impl Weight {
             Self::Medium => MEDIUM,
         }
     }
+}
+
+/// CSS that brings the lettering along, for pages with figures in them: what was fitted to these letters fits.
+#[must_use]
+pub fn font_faces() -> String {
+    let face = |weight: Weight| {
+        let (number, data) = (weight.number(), BASE64_STANDARD.encode(weight.data()));
+        format!("@font-face{{font-family:Roboto;font-weight:{number};src:url(data:font/ttf;base64,{data})}}\n")
+    };
+    [Weight::Regular, Weight::Medium].map(face).concat()
 }
 
 /// How wide a text is, in the unit of `size`. Letters that the font lacks count as half a square.

@@ -27,6 +27,7 @@ mod scale;
 
 pub use color::Color;
 pub use curves::{Curves, Series, Threshold};
+pub use font::font_faces;
 pub use intervals::{IntervalRow, Intervals};
 pub use key::Key;
 pub use pair::{HeatMap, Scatter, ScatterPoint};

@@ -18,6 +18,8 @@ pub struct Judgement {
     pub p: f64,
     /// The verdict.
     pub verdict: Verdict,
+    /// Whether it was written or changed when there were runs of what it compares already.
+    pub late: bool,
 }
 
 /// Judges all claims of a study, in their order.
@@ -26,7 +28,11 @@ pub fn judge(results: &Results) -> Vec<Judgement> {
     let comparisons: Vec<Option<Comparison>> = results.study.claims.iter().map(|claim| comparison(results, claim)).collect();
     let p: Vec<f64> = comparisons.iter().map(|comparison| comparison.map_or(1.0, |comparison| comparison.p)).collect();
     let judged = results.study.claims.iter().zip(comparisons).zip(holm(&p));
-    judged.map(|((claim, comparison), p)| Judgement { comparison, p, verdict: verdict_on(claim, comparison) }).collect()
+    let judge = |((claim, comparison), p): ((&Claim, Option<Comparison>), f64)| {
+        let late = results.manifest.late_claims.contains(&claim.spelled_out(&results.study));
+        Judgement { comparison, p, verdict: verdict_on(claim, comparison), late }
+    };
+    judged.map(judge).collect()
 }
 
 fn comparison(results: &Results, claim: &Claim) -> Option<Comparison> {

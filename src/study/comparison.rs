@@ -139,13 +139,35 @@ fn up_to(horizon: f64, scores: &[Score]) -> Vec<f64> {
 
 fn paired(x: &[f64], y: &[f64], are_times: bool) -> (Estimate, f64) {
     let differences = differences(x, y);
-    (estimate_of_sample(&differences, if are_times { median } else { mean }), signed_rank(&differences).p)
+    let effect = if are_times {
+        let assuming = |unknown: f64| x.iter().zip(y).map(|(&x, &y)| difference_of_times(x, y, unknown)).collect::<Vec<f64>>();
+        whatever_is_unknown(|unknown| estimate_of_sample(&assuming(unknown), median))
+    } else {
+        estimate_of_sample(&differences, mean)
+    };
+    (effect, signed_rank(&differences).p)
+}
+
+/// Of two times that were both not reached nobody knows which is the longer.
+fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
+    if x.is_infinite() && y.is_infinite() { unknown } else { x - y }
+}
+
+/// An estimate whose interval holds whatever unknown differences are, from −∞ to ∞; no number where that decides.
+fn whatever_is_unknown(assuming: impl Fn(f64) -> Estimate) -> Estimate {
+    let (least, most) = (assuming(f64::NEG_INFINITY), assuming(f64::INFINITY));
+    let interval = match (least.interval, most.interval) {
+        (Interval::Known { low, .. }, Interval::Known { high, .. }) => Interval::Known { low, high },
+        (few, _) => few,
+    };
+    Estimate { value: if least.value == most.value { least.value } else { f64::NAN }, interval }
 }
 
 fn independent(scores: [&[Score]; 2], [x, y]: [&[f64]; 2], are_times: bool) -> (Estimate, f64) {
     let middle = if are_times { median } else { mean };
-    let difference = |a: f64, b: f64| if a == b { 0.0 } else { a - b };
-    let effect = estimate(&[x.to_vec(), y.to_vec()], |both| difference(middle(&both[0]), middle(&both[1])));
+    let effect = whatever_is_unknown(|unknown| {
+        estimate(&[x.to_vec(), y.to_vec()], |both| difference_of_times(middle(&both[0]), middle(&both[1]), unknown))
+    });
     let p = if are_times {
         let [first, second] = scores.map(lifetimes);
         log_rank(&first, &second).map(|test| test.p)
@@ -187,10 +209,28 @@ mod tests {
     /// Of the second nothing is known after 50 episodes, when it was not solved yet; the first took 80 or 90 and was not either.
     #[test]
     fn a_run_with_fewer_episodes_does_not_lose_for_that() {
-        let tie = paired_times("80 90 80 90 80", "50+ 50+ 50+ 50+ 50+");
-        assert_eq!((tie.effect.value, tie.below.value, tie.p, tie.horizon), (0.0, 0.5, 1.0, 50.0));
+        let open = paired_times("80 90 80 90 80", "50+ 50+ 50+ 50+ 50+");
+        assert!(open.effect.value.is_nan(), "nothing is known after 50 episodes");
+        assert_eq!(open.effect.interval, Interval::Known { low: f64::NEG_INFINITY, high: f64::INFINITY });
+        assert_eq!((open.below.value, open.p, open.horizon), (0.5, 1.0, 50.0));
         let won = paired_times("30 30 30 30 80", "50+ 50+ 50+ 50+ 50+");
         assert_eq!((won.effect.value, won.below.value), (f64::NEG_INFINITY, 0.9));
+    }
+
+    /// Four known differences of −10 and one unknown: the median is −10 whatever it is, though redrawn samples may hold it three times.
+    /// As two samples, both medians are not reached: nothing is known.
+    #[test]
+    fn two_times_that_were_not_reached_differ_by_nobody_knows_what() {
+        let mostly = paired_times("10 10 10 10 50+", "20 20 20 20 50+");
+        assert_eq!(mostly.effect.value, -10.0);
+        assert_eq!(mostly.effect.interval, Interval::Known { low: f64::NEG_INFINITY, high: f64::INFINITY });
+        let scores = (times("10 50+ 50+ 50+ 50+"), times("50+ 50+ 50+ 50+ 50+"));
+        let samples = compare(&scores.0, &scores.1, true, Test::Independent).unwrap();
+        assert!(samples.effect.value.is_nan() && verdict_is_open(samples.effect.interval), "{samples:?}");
+    }
+
+    fn verdict_is_open(interval: Interval) -> bool {
+        interval == Interval::Known { low: f64::NEG_INFINITY, high: f64::INFINITY }
     }
 
     /// Seeds 1 and 2 are common: 20 − 4 and 30 − 6 have mean 20. As two samples all three and both count: 20 − 5.

@@ -139,6 +139,9 @@ impl Course {
             Needs::Tables if !is_finite => {
                 Some(("the regret of training is not known", "expected another measure, or the scenario of a finite task"))
             }
+            Needs::Rounds if is_finite => {
+                Some(("a finite task has no rounds of learning", "expected another measure, such as `Regret` or `Coverage`"))
+            }
             Needs::Threshold if is_finite => Some((
                 "nothing says when a finite task counts as solved",
                 "expected another measure, such as `Regret` or `Reach`",

@@ -120,6 +120,21 @@ pub struct Claim {
     pub test: Test,
 }
 
+impl Claim {
+    /// What decides it, without the words: cells, measure, direction, size and test.
+    #[must_use]
+    pub fn spelled_out(&self, study: &Study) -> String {
+        let (first, second) = (self.compare.0.as_str(), self.compare.1.as_str());
+        format!(
+            "{first} | {second} | {:?} | {:?} | {} | {:?}",
+            study.measure_of(self),
+            self.direction,
+            self.size.get(),
+            self.test
+        )
+    }
+}
+
 /// What is claimed of an effect: the first cell's measure less the second's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Claimed {
@@ -156,7 +171,7 @@ pub enum Figure {
         title: String,
         /// What is followed.
         #[serde(default)]
-        of: Curve,
+        of: Located<Curve>,
         /// Which cells; all if none is named.
         #[serde(default)]
         cells: Vec<Located<String>>,
@@ -285,6 +300,43 @@ impl Figure {
         }
     }
 
+    /// What of a run it takes, in terms of measures; `main` where it names none.
+    #[must_use]
+    pub fn shown(&self, main: Measure) -> Option<Measure> {
+        match self {
+            Self::Curves { of, .. } => Some(Measure::Mean { of: **of }),
+            Self::Intervals { measure, .. } | Self::Profiles { measure, .. } => {
+                Some(measure.as_ref().map_or(main, |measure| **measure))
+            }
+            Self::Unsolved { .. } => Some(Measure::EpisodesToSolve),
+            Self::Agents { .. } | Self::Visitation { .. } => None,
+        }
+    }
+
+    /// What it is, as files spell it.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Curves { .. } => "Curves",
+            Self::Agents { .. } => "Agents",
+            Self::Visitation { .. } => "Visitation",
+            Self::Intervals { .. } => "Intervals",
+            Self::Unsolved { .. } => "Unsolved",
+            Self::Profiles { .. } => "Profiles",
+        }
+    }
+
+    /// Complains about it at the first place that it names.
+    #[must_use]
+    pub fn complain(&self, study: &Study, message: String) -> Complaint {
+        match (self, self.measure(), self.cells().first()) {
+            (Self::Curves { of, .. }, ..) => of.complain(message),
+            (_, Some(measure), _) => measure.complain(message),
+            (_, None, Some(cell)) => cell.complain(message),
+            (_, None, None) => study.measures.complain(message),
+        }
+    }
+
     /// What it shows, where it shows a measure.
     fn measure(&self) -> Option<&Located<Measure>> {
         match self {
@@ -331,26 +383,40 @@ impl Study {
         if let Some(name) = compared.chain(drawn).find(unknown) {
             return Err(name.complain_unknown("cell", cells.iter().copied()));
         }
-        self.check_pools()?;
+        self.check_pools(cells)?;
         let itself = self.claims.iter().find(|claim| claim.compare.0 == claim.compare.1);
         itself.map_or(Ok(()), |claim| Err(claim.compare.1.complain("expected another cell than the first")))
     }
 
-    /// Times of one task are no times of another.
-    fn check_pools(&self) -> Result<(), Complaint> {
-        let main = self.measures.first();
-        let of_time = |figure: &&Figure| figure.measure().or(main).is_some_and(|measure| measure.is_time());
-        let pooled = self.figures.iter().filter(of_time).find_map(Figure::over);
-        let message = "times of several tasks cannot be pooled; expected a `measure` from 0 to 1, such as `Reach`";
-        pooled.map_or(Ok(()), |over| Err(over.complain(message)))
+    /// Only shares mean the same in all tasks.
+    fn check_pools(&self, cells: &[&str]) -> Result<(), Complaint> {
+        for (figure, over) in self.figures.iter().filter_map(|figure| Some((figure, figure.over()?))) {
+            if !figure.shown(self.main_measure()).is_some_and(Measure::is_share) {
+                return Err(
+                    over.complain("only shares can be pooled over tasks; expected a `measure` from 0 to 1, such as `Reach`")
+                );
+            }
+            let is_known = |word: &&String| cells.iter().any(|cell| cell.split(", ").any(|part| part == word.as_str()));
+            if let Some(word) = over.iter().find(|word| !is_known(word)) {
+                return Err(
+                    over.complain(format!("no cell has `{word}` in its name; expected words between commas of cells' names"))
+                );
+            }
+        }
+        Ok(())
     }
 
     /// Tuning and reporting seeds do not mix.
     fn check_seeds(&self) -> Result<(), Complaint> {
-        let (first, count) = (*self.first_seed, u64::from(self.repeats.get()));
-        let Some(last) = first.checked_add(count - 1) else {
+        let (first, count) = (*self.first_seed, u64::from(self.repeats.get().max(self.quick.repeats.get())));
+        let Some(end) = first.checked_add(count) else {
             return Err(self.first_seed.complain("this whole number is too large"));
         };
+        let last = end - 1;
+        let seeded = self.assignments().find(|set| set.split('=').next().is_some_and(|path| path.trim() == "seed"));
+        if let Some(set) = seeded {
+            return Err(set.complain("runs take their seeds from `first_seed` on"));
+        }
         if first < FIRST_REPORTING_SEED && last >= FIRST_REPORTING_SEED {
             return Err(self.first_seed.complain(format!(
                 "seeds {first} to {last} mix those for tuning, 0 to {}, with those that may be reported; expected fewer `repeats`, or \
@@ -359,6 +425,15 @@ impl Study {
             )));
         }
         Ok(())
+    }
+}
+
+impl Study {
+    /// All that replaces values of scenarios, each as `path=value`.
+    fn assignments(&self) -> impl Iterator<Item = &Located<String>> {
+        let of_grid = self.grid.iter().flat_map(|axis| axis.set.iter().chain(axis.with.iter().flatten()));
+        let of_cells = self.cells.iter().flat_map(|cell| &cell.set);
+        self.set.iter().chain(&self.quick.set).chain(of_grid).chain(of_cells)
     }
 }
 

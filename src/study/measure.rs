@@ -75,6 +75,8 @@ pub enum Needs {
     Goal,
     /// What the best policy earns.
     Tables,
+    /// What learning did, round by round.
+    Rounds,
 }
 
 /// What is followed through a run, one value a round; means over agents, where nothing else is said.
@@ -150,9 +152,25 @@ impl Measure {
             Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::Solved => Needs::Threshold,
             Self::FirstGoal | Self::Reach => Needs::Goal,
             Self::Regret => Needs::Tables,
-            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } if of == Curve::Regret => Needs::Tables,
-            _ => Needs::Nothing,
+            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => of.needs(),
+            Self::FinalReturn { .. } | Self::ReturnAt { .. } | Self::SpreadOfAgents { .. } | Self::Coverage => Needs::Nothing,
         }
+    }
+
+    /// Whether it is a share from 0 to 1, which means the same in any task.
+    #[must_use]
+    pub fn is_share(self) -> bool {
+        match self {
+            Self::Solved | Self::Reach | Self::Coverage => true,
+            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => of.is_share(),
+            _ => false,
+        }
+    }
+
+    /// Whether a smaller number is the better one.
+    #[must_use]
+    pub fn is_better_below(self) -> bool {
+        self.is_time() || self.needs() == Needs::Tables
     }
 
     /// A time of a run as far as it is known.
@@ -174,11 +192,13 @@ impl Measure {
             Self::FirstGoal => "episode of the first goal".to_owned(),
             Self::Regret => "regret of an agent".to_owned(),
             Self::FinalReturn { window } => format!("return over the last {} episodes", window.get()),
-            Self::ReturnAt { episode, window } => format!("return over {} episodes up to the {}th", window.get(), episode.get()),
-            Self::SpreadOfAgents { .. } => "spread of returns between agents".to_owned(),
+            Self::ReturnAt { episode, window } => {
+                format!("return over {} episodes up to episode {}", window.get(), episode.get())
+            }
+            Self::SpreadOfAgents { window } => format!("spread between agents of returns over {} episodes", window.get()),
             Self::Coverage => "coverage of the state space".to_owned(),
             Self::Mean { of } => format!("{}, mean of the run", of.title()),
-            Self::At { of, episode } => format!("{} after {} episodes", of.title(), episode.get()),
+            Self::At { of, episode } => format!("{} at episode {}", of.title(), episode.get()),
             Self::Last { of } => format!("{} at the end", of.title()),
         }
     }
@@ -202,6 +222,20 @@ impl Curve {
         Self::TeamOverlap,
         Self::EffectiveAgents,
     ];
+
+    /// What it takes.
+    #[must_use]
+    pub fn needs(self) -> Needs {
+        match self {
+            Self::Return | Self::Coverage | Self::TeamCoverage | Self::TeamOverlap | Self::EffectiveAgents => Needs::Nothing,
+            Self::Regret => Needs::Tables,
+            _ => Needs::Rounds,
+        }
+    }
+
+    fn is_share(self) -> bool {
+        matches!(self, Self::ClippedFraction | Self::Coverage | Self::VisitationEvenness | Self::TeamCoverage | Self::TeamOverlap)
+    }
 
     /// What it is called.
     #[must_use]

@@ -197,36 +197,37 @@ impl Measured {
 
 /// Keeps fair samples of states while a run goes on.
 pub struct Reservoir {
-    kept: Vec<VisitedStates>,
-    random: Stream,
+    /// With a stream each, so that no window's sample depends on which others there are.
+    kept: Vec<(VisitedStates, Stream)>,
 }
 
 impl Reservoir {
     /// One for each of `windows`: of which first episodes.
     #[must_use]
     pub fn new(seed: u64, windows: &[u32]) -> Self {
-        let kept = |&episodes: &u32| VisitedStates { episodes, visited: 0, states: Vec::new() };
-        Self { kept: windows.iter().map(kept).collect(), random: stream(seed, Purpose::Recording, 0, THINNING) }
+        let kept = |&episodes: &u32| {
+            let random = stream(seed, Purpose::Recording, episodes, THINNING);
+            (VisitedStates { episodes, visited: 0, states: Vec::new() }, random)
+        };
+        Self { kept: windows.iter().map(kept).collect() }
     }
 
     /// A state that an agent visited in this episode of its own.
     pub fn take_in(&mut self, episode: u32, state: &[f32]) {
-        for kept in self.kept.iter_mut().filter(|kept| episode < kept.episodes) {
-            kept.take_in(state, &mut self.random);
+        for (kept, random) in self.kept.iter_mut().filter(|(kept, _)| episode < kept.episodes) {
+            kept.take_in(state, random);
         }
     }
 
     fn take_in_all(&mut self, episode: &Episode) {
         let width = episode.observations.len() / (episode.length() + 1);
-        for kept in self.kept.iter_mut().filter(|kept| episode.episode < kept.episodes) {
-            episode.states().chunks_exact(width).for_each(|state| kept.take_in(state, &mut self.random));
-        }
+        episode.states().chunks_exact(width).for_each(|state| self.take_in(episode.episode, state));
     }
 
     /// What was kept.
     #[must_use]
     pub fn states(self) -> Vec<VisitedStates> {
-        self.kept
+        self.kept.into_iter().map(|(kept, _)| kept).collect()
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::course::{Course, Override};
 use super::file::{Axis, Figure, NamedCell, Study, Upto};
+use super::measure::Measure;
 use crate::input::{self, Complaint, Document, InputError, Located};
 
 /// A study that can be run.
@@ -75,7 +76,8 @@ impl StudyPlan {
     /// Runs of each cell.
     #[must_use]
     pub fn repeats(&self) -> u64 {
-        u64::from(if self.quick { self.study().quick.repeats.get() } else { self.study().repeats.get() })
+        let (all, quick) = (self.study().repeats.get(), self.study().quick.repeats.get());
+        u64::from(if self.quick { quick.min(all) } else { all })
     }
 
     /// All runs, by their indices.
@@ -206,8 +208,9 @@ impl<'a> Draft<'a> {
         if let Some(template) = &axis.scenario {
             draft.scenario = Some((value, template.replace("{}", value)));
         }
-        let along = axis.with.get(number).into_iter().flatten().map(as_it_stands);
-        draft.with(axis.set.iter().map(|template| (value, template.replace("{}", value)))).with(along)
+        let set = axis.set.iter().map(|template| (value, template.replace("{}", value)));
+        let along = axis.with.get(number).into_iter().flatten();
+        draft.with(set).with(along.map(|template| (template, template.replace("{}", value))))
     }
 
     fn build(self, folder: &Path, figures: &[Figure], blamed: Option<&Located<String>>) -> Result<Cell, Complaint> {
@@ -238,10 +241,20 @@ fn windows(figures: &[Figure], cell: &str) -> Vec<u32> {
 fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), Complaint> {
     let measures = study.measures.iter().chain(study.claims.iter().filter_map(|claim| claim.measure.as_ref()));
     for measure in measures {
-        let lacking = |cell: &Cell| cell.course.lacks(**measure).map(|(lack, help)| (cell.name.clone(), lack, help));
-        if let Some((name, lack, help)) = cells.iter().find_map(lacking) {
-            return Err(measure.complain(format!("cell `{name}` cannot tell this: {lack}; {help}")));
-        }
+        lacking(cells.iter(), **measure).map_or(Ok(()), |message| Err(measure.complain(message)))?;
+    }
+    for figure in &study.figures {
+        let shown = cells.iter().filter(|cell| figure.shows(&cell.name));
+        let message = figure.shown(study.main_measure()).and_then(|measure| lacking(shown, measure));
+        message
+            .map_or(Ok(()), |message| Err(figure.complain(study, format!("for the figure `{}`: {message}", figure.kind()))))?;
     }
     Ok(())
+}
+
+/// Which cell cannot tell a measure, and why.
+fn lacking<'a>(mut cells: impl Iterator<Item = &'a Cell>, measure: Measure) -> Option<String> {
+    let lack = |cell: &Cell| cell.course.lacks(measure).map(|(lack, help)| (cell.name.clone(), lack, help));
+    let (name, lack, help) = cells.find_map(lack)?;
+    Some(format!("cell `{name}` cannot tell this: {lack}; {help}"))
 }

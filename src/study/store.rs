@@ -8,9 +8,11 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::file::{Claim, Study};
 use super::measured::Measured;
 use super::plan::{StudyPlan, Task};
 use crate::env::Quantity;
+use crate::input;
 use crate::run::files;
 
 /// The layout of result files. Files of another layout count as missing.
@@ -55,6 +57,9 @@ pub struct Manifest {
     pub repeats: u64,
     /// The cells.
     pub cells: Vec<ManifestCell>,
+    /// Claims, spelled out, that were written or changed when there were runs of what they compare already.
+    #[serde(default)]
+    pub late_claims: Vec<String>,
 }
 
 /// What the report knows of a cell.
@@ -150,21 +155,38 @@ impl StudyFolder {
         self.path.join("runs").join(format!("{digest}-{seed}.run"))
     }
 
-    /// Notes what the study is, unless the same is noted already.
+    /// Notes what the study is, unless the same is noted already, and which of its claims come late.
     ///
     /// # Errors
     /// The file cannot be written.
     ///
     /// # Panics
     /// Never: plain data always serialises.
-    pub fn note(&self, manifest: &Manifest) -> Result<(), StoreError> {
+    pub fn note(&self, plan: &StudyPlan) -> Result<(), StoreError> {
         let path = self.manifest_file();
-        let mut text = serde_json::to_string_pretty(manifest).expect("plain data always serialises");
+        let manifest = Manifest { late_claims: self.late_claims(plan), ..Manifest::of(plan) };
+        let mut text = serde_json::to_string_pretty(&manifest).expect("plain data always serialises");
         text.push('\n');
         if std::fs::read_to_string(&path).is_ok_and(|noted| noted == text) {
             return Ok(());
         }
         files::replace(&path, text.as_bytes()).map_err(|error| StoreError { path, reason: error.to_string() })
+    }
+
+    /// Claims that were late before and still are there, and those that are new although both sides have runs.
+    fn late_claims(&self, plan: &StudyPlan) -> Vec<String> {
+        let noted = self.manifest().ok();
+        let known = noted.as_ref().and_then(|noted| input::parse::<Study>(&noted.study_path, noted.study.clone()).ok());
+        let known: Vec<String> =
+            known.iter().flat_map(|study| study.value.claims.iter().map(|claim| claim.spelled_out(&study.value))).collect();
+        let was_late = |claim: &String| noted.as_ref().is_some_and(|noted| noted.late_claims.contains(claim));
+        let has_runs = |name: &str| plan.tasks().iter().any(|task| task.cell.name == name && self.stored_task(task).is_some());
+        let study = plan.study();
+        let is_late = |claim: &&Claim| {
+            let spelled = claim.spelled_out(study);
+            was_late(&spelled) || !known.contains(&spelled) && has_runs(&claim.compare.0) && has_runs(&claim.compare.1)
+        };
+        study.claims.iter().filter(is_late).map(|claim| claim.spelled_out(study)).collect()
     }
 
     /// What study this is.
@@ -184,9 +206,8 @@ impl StudyFolder {
 }
 
 impl Manifest {
-    /// What the report has to know of a study.
-    #[must_use]
-    pub fn of(plan: &StudyPlan) -> Self {
+    /// What the report has to know of a study before any of it is run.
+    fn of(plan: &StudyPlan) -> Self {
         let cell = |cell: &super::plan::Cell| ManifestCell {
             name: cell.name.clone(),
             digest: cell.digest.clone(),
@@ -206,6 +227,7 @@ impl Manifest {
             first_seed: *plan.study().first_seed,
             repeats: plan.repeats(),
             cells: plan.cells.iter().map(cell).collect(),
+            late_claims: Vec::new(),
         }
     }
 }

@@ -6,9 +6,22 @@ use crate::study::file::Claim;
 use crate::study::results::Results;
 
 pub(super) fn markdown(results: &Results, judgements: &[Judgement]) -> String {
-    let head = "| claim | compared | found | n | verdict |\n|---|---|---|---|---|\n".to_owned();
+    let head = caveats(results) + "| claim | compared | found | n | p | verdict |\n|---|---|---|---|---|---|\n";
     let rows = results.study.claims.iter().zip(judgements).map(|(claim, judgement)| row(results, claim, judgement));
     rows.fold(head, |table, row| table + &row)
+}
+
+/// What keeps the table from being final.
+fn caveats(results: &Results) -> String {
+    let [_, failed, missing] = results.counts();
+    let caveats = [
+        (results.is_tuning(), "tuning seeds".to_owned()),
+        (results.manifest.quick, "a quick run".to_owned()),
+        (missing > 0, format!("{} missing", words::counted(missing, "run"))),
+        (failed > 0, format!("{} failed", words::counted(failed, "run"))),
+    ];
+    let words: Vec<String> = caveats.into_iter().filter(|(holds, _)| *holds).map(|(_, words)| words).collect();
+    if words.is_empty() { String::new() } else { format!("Not final: {}.\n\n", words.join(", ")) }
 }
 
 fn row(results: &Results, claim: &Claim, judgement: &Judgement) -> String {
@@ -21,7 +34,9 @@ fn row(results: &Results, claim: &Claim, judgement: &Judgement) -> String {
         Some([first, second]) => format!("{first}, {second}"),
         None => "0".to_owned(),
     };
-    let cells = [claim.text.as_str(), &compared, &found, &n, claims::in_words(judgement.verdict)];
+    let late = if judgement.late { ", but claimed late" } else { "" };
+    let verdict = format!("{}{late}", claims::in_words(judgement.verdict));
+    let cells = [claim.text.as_str(), &compared, &found, &n, &words::p(judgement.p), &verdict];
     let escaped = cells.map(|cell| cell.replace('|', "\\|"));
     format!("| {} |\n", escaped.join(" | "))
 }

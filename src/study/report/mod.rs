@@ -18,6 +18,25 @@ use crate::run::files;
 /// Pixels of a PNG for each CSS pixel.
 const PNG_SCALE: f64 = 2.0;
 
+/// Removes what an earlier report left: figures and a table that this one may not have.
+fn clear(folder: &Path) -> io::Result<()> {
+    let entries = std::fs::read_dir(folder.join("figures")).into_iter().flatten().flatten();
+    for path in entries.map(|entry| entry.path()).filter(|path| is_a_figure(path)) {
+        std::fs::remove_file(path)?;
+    }
+    match std::fs::remove_file(folder.join("claims.md")) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// Such as `3-curves.svg`.
+fn is_a_figure(path: &Path) -> bool {
+    let number = path.file_name().and_then(|name| name.to_str()).and_then(|name| name.split('-').next()).unwrap_or_default();
+    let is_numbered = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
+    is_numbered && matches!(path.extension().and_then(|extension| extension.to_str()), Some("svg" | "png"))
+}
+
 /// A figure with the words around it.
 struct Drawn {
     /// Its number and kind, for the names of its files.
@@ -34,6 +53,7 @@ struct Drawn {
 /// A file cannot be written.
 pub fn write(results: &Results, judgements: &[Judgement], folder: &Path) -> io::Result<PathBuf> {
     let drawn = figures::draw(results);
+    clear(folder)?;
     for figure in &drawn {
         let path = folder.join("figures").join(&figure.name);
         let png = figure.picture.png(PNG_SCALE).map_err(|error| io::Error::other(error.to_string()))?;

@@ -11,6 +11,9 @@ use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
 use crate::study::statistics::{LEAST_RUNS, Verdict};
 
+/// Percentile intervals of fewer runs are said to be too narrow.
+const FEW: u64 = 20;
+
 const STYLE: &str = include_str!("page.css");
 
 pub(super) fn html(results: &Results, judgements: &[Judgement], drawn: &[Drawn]) -> String {
@@ -22,7 +25,7 @@ pub(super) fn html(results: &Results, judgements: &[Judgement], drawn: &[Drawn])
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (study.title) }
-                style { (PreEscaped(STYLE)) }
+                style { (PreEscaped(STYLE)) (PreEscaped(crate::figure::font_faces())) }
             }
             body {
                 header {
@@ -53,7 +56,13 @@ fn warnings(results: &Results) -> Markup {
     let seeds = results.manifest.first_seed..results.manifest.first_seed + results.manifest.repeats;
     html! {
         p.facts {
-            (results.cells.len()) " cells, " (finished) " finished runs, seeds " (seeds.start) " to " (seeds.end - 1) "."
+            (words::counted(results.cells.len(), "cell")) ", " (words::counted(finished, "finished run")) ", seeds " (seeds.start) " to " (seeds.end - 1) "."
+        }
+        @if results.manifest.repeats < FEW {
+            p.warning {
+                strong { "Few runs. " }
+                "Intervals of fewer than " (FEW) " runs are too narrow: of effects that are none, they exclude 0 in about one of six cases at five                  runs, in one of eleven at ten, instead of one of twenty."
+            }
         }
         @if results.is_tuning() {
             p.warning {
@@ -65,10 +74,10 @@ fn warnings(results: &Results) -> Markup {
             p.warning { strong { "Quick run. " } "Fewer or shorter runs than the study asks for, to see whether all is as meant." }
         }
         @if missing > 0 {
-            p.warning { strong { "Not complete. " } (missing) " runs are missing; what follows is of those that are there." }
+            p.warning { strong { "Not complete. " } (words::counted(missing, "run")) " missing; what follows is of those that are there." }
         }
         @if failed > 0 {
-            p.warning { strong { (failed) " runs failed. " } "They are left out of all numbers; their reasons stand below." }
+            p.warning { strong { (words::counted(failed, "run")) " failed. " } "Left out of all numbers; the reasons stand below." }
         }
         @if results.versions.len() > 1 {
             p.warning {
@@ -91,18 +100,27 @@ fn claim_card(results: &Results, claim: &Claim, judgement: &Judgement) -> Markup
     let measure = results.study.measure_of(claim);
     html! {
         section.claim.(class(judgement.verdict)) {
-            p.verdict { (claims::in_words(judgement.verdict)) }
+            p.verdict { (claims::in_words(judgement.verdict)) @if judgement.late { ", but claimed late" } }
             p.text { (claim.text) @if !claim.source.is_empty() { span.source { " " (claim.source) } } }
             p.compared {
                 (measure.title()) ": " strong { (claim.compare.0.as_str()) } " less " strong { (claim.compare.1.as_str()) }
                 ", claimed to be " (words::claimed(claim))
             }
+            @if let Some(words) = different_budgets(results, claim, measure) { p.evidence { (words) } }
             @match &judgement.comparison {
                 Some(comparison) => { (evidence(claim, measure, comparison, judgement.p)) }
                 None => { p.evidence { "There are no runs to compare." } }
             }
         }
     }
+}
+
+/// Times are compared up to where all is known; of all else the reader has to know that one side had more time.
+fn different_budgets(results: &Results, claim: &Claim, measure: Measure) -> Option<String> {
+    let most = |name: &str| results.cell(name).map(|cell| cell.about.most_episodes);
+    let (first, second) = (most(&claim.compare.0)?, most(&claim.compare.1)?);
+    (first != second && !measure.is_time())
+        .then(|| format!("Not alike: the first may take {first} episodes of each agent, the second {second}."))
 }
 
 fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) -> Markup {
@@ -259,8 +277,14 @@ fn how_it_was_run(results: &Results) -> Markup {
 }
 
 fn command(cell: &CellResults, seed: u64) -> String {
-    let sets = cell.about.overrides.iter().map(|text| format!(" --set '{text}'"));
-    format!("seedbed run {} --seed {seed}{}", cell.about.scenario, sets.collect::<String>())
+    let sets = cell.about.overrides.iter().map(|text| format!(" --set {}", quoted(text)));
+    format!("seedbed run {} --seed {seed}{}", quoted(&cell.about.scenario), sets.collect::<String>())
+}
+
+/// As a shell takes it for one word.
+fn quoted(text: &str) -> String {
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "/._-=:+,@".contains(letter);
+    if text.chars().all(is_plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', r"'\''")) }
 }
 
 fn how_to_read() -> Markup {
@@ -269,13 +293,13 @@ fn how_to_read() -> Markup {
         p {
             "A run is a whole team; agents and episodes of one run are no repeats. Intervals hold 95 %: percentile bootstrap of 50 000 \
              redrawn samples and, for medians of times, Brookmeyer and Crowley's. Times are censored where a run ended first; their medians \
-             are Kaplan and Meier's. IQM is the mean of the middle half of the runs. Fewer than " (LEAST_RUNS) " runs make no interval."
+             are Kaplan and Meier's. IQM is the mean of the middle half of the runs. Fewer than " (LEAST_RUNS) " runs make no interval.              Effects are medians of differences of times, and means of differences of all else. Two times that were both not reached differ by              nobody knows what: an effect is " em { "unknown" } " where that decides, and its interval reaches as far as it may."
         }
         p {
             "A claim that there is an effect is " em { "replicated" } " if the interval of the effect excludes 0 in the claimed direction, "
             em { "not replicated" } " if not, and it excludes the claimed size, and else " em { "inconclusive" } ". A claim that there is none \
              is replicated if at least " (LEAST_RUNS_OF_A_NULL) " runs put the whole interval within the claimed bounds, and not replicated if \
-             all of it lies outside. Measure, test, direction and size stand in the study's file and are fixed before anything runs."
+             all of it lies outside. The interval alone decides; the test's p after Holm, over all claims of the study, stands beside it for              who would rather be strict. Cells, measure, test, direction and size stand in the study's file. A claim is said to be late if it              was written or changed when both sides had runs already."
         }
     }
 }

@@ -9,6 +9,27 @@ use crate::study::measure::{Curve, Measure};
 use crate::study::measured::Measured;
 use crate::study::results::{CellResults, Results};
 
+const COLUMNS: [&str; 18] = [
+    "cell",
+    "task",
+    "agents",
+    "seed",
+    "seeds",
+    "state",
+    "episodes",
+    "env_steps",
+    "episodes_to_solve",
+    "env_steps_to_solve",
+    "final_return",
+    "mean_return",
+    "reach",
+    "first_goal",
+    "regret",
+    "team_coverage",
+    "effective_agents",
+    "reason",
+];
+
 /// One run. What it cannot tell or did not reach is empty.
 #[derive(Default, Serialize)]
 struct Row<'a> {
@@ -34,18 +55,37 @@ struct Row<'a> {
     reason: &'a str,
 }
 
+/// The columns of [`Row`], then one for each measure that the study takes, in the language of its file; `inf` is a time not reached.
 pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+    let measures = measures(results);
+    let names = measures.iter().map(|measure| ron::to_string(measure).map_err(io::Error::other));
+    let names: Vec<String> = names.collect::<io::Result<_>>()?;
+    writer.write_record(COLUMNS.into_iter().chain(names.iter().map(String::as_str)))?;
     for cell in &results.cells {
         let about = Row { seeds: if results.is_tuning() { "tuning" } else { "reporting" }, ..about(cell) };
         for (seed, run) in &cell.runs {
-            writer.serialize(finished(&about, *seed, run))?;
+            writer
+                .serialize((finished(&about, *seed, run), measures.iter().map(|measure| measure.of(run)).collect::<Vec<_>>()))?;
         }
         for (seed, reason) in &cell.failures {
-            writer.serialize(Row { seed: *seed, state: "failed", reason, ..about })?;
+            let row = Row { seed: *seed, state: "failed", reason, ..about };
+            writer.serialize((row, vec![None::<f64>; measures.len()]))?;
         }
     }
     writer.into_inner().map_err(|error| io::Error::other(error.to_string()))
+}
+
+/// Those of the study and of its claims, each once.
+fn measures(results: &Results) -> Vec<Measure> {
+    let of_claims = results.study.claims.iter().map(|claim| results.study.measure_of(claim));
+    let mut measures: Vec<Measure> = Vec::new();
+    for measure in results.study.measures.iter().map(|measure| **measure).chain(of_claims) {
+        if !measures.contains(&measure) {
+            measures.push(measure);
+        }
+    }
+    measures
 }
 
 fn about(cell: &CellResults) -> Row<'_> {

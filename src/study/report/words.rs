@@ -3,8 +3,14 @@
 use crate::study::file::{Claim, Claimed, Test};
 use crate::study::statistics::{Estimate, Interval};
 
-/// Up to four digits that count, without trailing zeros; a true minus sign.
+/// Less than this is 0 and an error of rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Three or four digits that count, without trailing zeros; a true minus sign.
 pub(super) fn number(value: f64) -> String {
+    if value.is_nan() {
+        return "unknown".to_owned();
+    }
     if value.is_infinite() {
         return if value > 0.0 { "∞".to_owned() } else { "−∞".to_owned() };
     }
@@ -12,11 +18,18 @@ pub(super) fn number(value: f64) -> String {
         1000.0.. => 0,
         100.0.. => 1,
         10.0.. => 2,
-        _ => 3,
+        0.1.. => 3,
+        ROUNDING.. => (2.0 - value.abs().log10().floor()) as usize,
+        _ => 0,
     };
     let text = format!("{value:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     if text == "-0" { "0".to_owned() } else { text.replace('-', "−") }
+}
+
+/// Such as `3 runs`.
+pub(super) fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
 /// A median time; beyond all that was watched where fewer than half of the runs got there.
@@ -79,7 +92,8 @@ mod tests {
 
     #[test]
     fn numbers_have_the_digits_that_count() {
-        let written = [0.0, -0.00001, 1.0 / 3.0, -12.345, 127.5, 195.0, 1234.5, f64::NEG_INFINITY].map(number);
-        assert_eq!(written, ["0", "0", "0.333", "−12.35", "127.5", "195", "1234", "−∞"]);
+        let written = [0.0, -1e-10, -0.00001, 0.09345, 1.0 / 3.0, -12.345, 127.5, 195.0, 1234.5].map(number);
+        assert_eq!(written, ["0", "0", "−0.00001", "0.0935", "0.333", "−12.35", "127.5", "195", "1234"]);
+        assert_eq!([f64::NEG_INFINITY, f64::NAN].map(number), ["−∞", "unknown"]);
     }
 }

@@ -83,7 +83,18 @@ fn percentile_interval(mut values: Vec<f64>) -> Interval {
 fn percentile(sorted: &[f64], share: f64) -> f64 {
     let place = share * (sorted.len() - 1) as f64;
     let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-    if low == high { low } else { low + (high - low) * place.fract() }
+    match (low == high, low.is_finite()) {
+        (true, _) => low,
+        (false, true) => low + (high - low) * place.fract(),
+        // Halfway up from −∞ is nowhere.
+        (false, false) => {
+            if place.fract() < 0.5 {
+                low
+            } else {
+                high
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -97,6 +108,7 @@ mod tests {
         assert!((percentile(&[10.0, 20.0, 30.0, 40.0, 50.0], 0.025) - 11.0).abs() < 1e-12);
         assert_eq!(percentile(&[10.0, 20.0, 30.0, 40.0, 50.0], 0.5), 30.0);
         assert_eq!(percentile(&[1.0, f64::INFINITY, f64::INFINITY], 0.975), f64::INFINITY);
+        assert_eq!([0.1, 0.4].map(|share| percentile(&[f64::NEG_INFINITY, 1.0, 2.0], share)), [f64::NEG_INFINITY, 1.0]);
     }
 
     #[test]

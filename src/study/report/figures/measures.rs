@@ -40,9 +40,9 @@ impl Group<'_> {
         self.cells.iter().map(scores).filter(|scores: &Vec<f64>| !scores.is_empty()).collect()
     }
 
-    /// A median of one task; of several the mean of the middle half of all runs, drawn again task by task.
-    fn middle(&self, measure: Measure) -> Option<(Estimate, usize)> {
-        if let [cell] = self.cells[..] {
+    /// A median; where tasks are pooled the mean of the middle half of all runs, drawn again task by task.
+    fn middle(&self, measure: Measure, pooled: bool) -> Option<(Estimate, usize)> {
+        if let ([cell], false) = (&self.cells[..], pooled) {
             let aggregate = aggregate(&cell.scores(measure), measure.is_time())?;
             return Some((aggregate.median, aggregate.n));
         }
@@ -54,10 +54,10 @@ impl Group<'_> {
 
 pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
     let row = |(number, group): (usize, &Group<'_>)| {
-        let (middle, n) = group.middle(measure)?;
+        let (middle, n) = group.middle(measure, is_pooled(groups))?;
         let interval = match middle.interval {
-            Interval::Known { low, high } => Some([low, high]),
-            Interval::TooFewRuns { .. } => None,
+            Interval::Known { low, high } if low.is_finite() => Some([low, high]),
+            _ => None,
         };
         let estimate = middle.value.is_finite().then_some(middle.value);
         Some(IntervalRow { name: group.name.clone(), estimate, interval, n, color: color(number) })
@@ -110,7 +110,7 @@ pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Made {
         all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
     let places: Vec<f64> = (0..=BAND_PLACES).map(|part| low + (high - low) * part as f64 / BAND_PLACES as f64).collect();
     let profile = |(number, group): (usize, &&Group<'_>)| profile(group, measure, &places, number);
-    let better = if measure.is_time() { "below" } else { "above" };
+    let better = if measure.is_better_below() { "below" } else { "above" };
     let curves = Curves {
         x_label: measure.title(),
         y_label: format!("share of runs {better}"),
@@ -124,9 +124,9 @@ pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Made {
     ("profiles", format!("Performance profiles: {}", measure.title()), caption, in_one_panel(curves))
 }
 
-/// Times count as the better the smaller: they are turned round.
+/// What is better below is turned round.
 fn profile(group: &Group<'_>, measure: Measure, places: &[f64], number: usize) -> Series {
-    let sign = if measure.is_time() { -1.0 } else { 1.0 };
+    let sign = if measure.is_better_below() { -1.0 } else { 1.0 };
     let mut scores = group.scores(measure);
     scores.iter_mut().flatten().for_each(|score| *score *= sign);
     let thresholds: Vec<f64> = places.iter().map(|place| sign * place).collect();

@@ -47,7 +47,7 @@ fn drawn(results: &Results, figure: &Figure) -> Option<(Words, Picture)> {
     }
     let main = results.study.main_measure();
     let (kind, title, caption, picture) = match figure {
-        Figure::Curves { of, window, .. } => curves(&cells, *of, window.get() as usize),
+        Figure::Curves { of, window, .. } => curves(&cells, **of, window.get() as usize),
         Figure::Agents { window, .. } => agents(&cells, window.get() as usize),
         Figure::Visitation { episodes, .. } => visitation(&cells, episodes)?,
         Figure::Intervals { measure, over, .. } => {
@@ -192,7 +192,7 @@ fn own_words(cells: &[&CellResults]) -> Vec<String> {
 const PANEL: f64 = 300.0;
 
 fn visitation(cells: &[&CellResults], windows: &[Upto]) -> Option<Made> {
-    let rows: Vec<Vec<(String, Density)>> = windows.iter().map(|&upto| densities(cells, upto)).collect();
+    let rows: Vec<Vec<Dense>> = windows.iter().map(|&upto| densities(cells, upto)).collect();
     let columns = rows.iter().map(Vec::len).max().filter(|&columns| columns > 0)?;
     let seed = cells[0].runs[0].0;
     let caption = format!(
@@ -201,18 +201,24 @@ fn visitation(cells: &[&CellResults], windows: &[Upto]) -> Option<Made> {
         crate::study::measured::STATES,
         if windows.len() > 1 { "; rows go from early to all training" } else { "" }
     );
-    let axes: Vec<Quantity> = axes(&spec(cells[0])).all().iter().map(|axis| axis.quantity.clone()).collect();
     let picture = Picture {
         title: String::new(),
         description: String::new(),
         width: PANEL * columns as f64 + 90.0,
-        rows: rows.into_iter().filter(|row| !row.is_empty()).map(|row| row_of_densities(row, &axes)).collect(),
+        rows: rows.into_iter().filter(|row| !row.is_empty()).map(row_of_densities).collect(),
     };
     Some(("visitation", "Visited states".to_owned(), caption, picture))
 }
 
-/// Of each cell whose states were kept: what it is, and where lines are dense.
-fn densities(cells: &[&CellResults], upto: Upto) -> Vec<(String, Density)> {
+/// The states of one cell: what it is, its axes, and where lines are dense.
+struct Dense {
+    title: String,
+    axes: Vec<Quantity>,
+    density: Density,
+}
+
+/// Of each cell whose states were kept.
+fn densities(cells: &[&CellResults], upto: Upto) -> Vec<Dense> {
     let of_cell = |(cell, name): (&&CellResults, String)| {
         let (visited, states) = cell.states(upto)?;
         let spec = spec(cell);
@@ -224,25 +230,26 @@ fn densities(cells: &[&CellResults], upto: Upto) -> Vec<(String, Density)> {
             density.add(&fractions);
         }
         let part = match upto {
+            Upto::First(episodes) if episodes.get() == 1 => "first episode".to_owned(),
             Upto::First(episodes) => format!("first {} episodes", episodes.get()),
             Upto::All => "all episodes".to_owned(),
         };
-        Some((format!("{name}: {part}, {visited} states"), density))
+        let title = format!("{name}: {part}, {visited} states");
+        Some(Dense { title, axes: axes.all().iter().map(|axis| axis.quantity.clone()).collect(), density })
     };
     cells.iter().zip(own_words(cells)).filter_map(of_cell).collect()
 }
 
-fn row_of_densities(row: Vec<(String, Density)>, axes: &[Quantity]) -> Row {
-    let mut pixels: Vec<(String, Vec<u32>)> =
-        row.into_iter().map(|(title, mut density)| (title, density.draw_all().clone())).collect();
-    let most = pixels.iter().flat_map(|(_, pixels)| pixels).copied().max().unwrap_or(1).max(1);
-    let panel = |(title, pixels): (String, Vec<u32>)| {
+fn row_of_densities(mut row: Vec<Dense>) -> Row {
+    let drawn: Vec<Vec<u32>> = row.iter_mut().map(|dense| dense.density.draw_all().clone()).collect();
+    let most = drawn.iter().flatten().copied().max().unwrap_or(1).max(1);
+    let panel = |(Dense { title, axes, .. }, pixels): (Dense, Vec<u32>)| {
         let width = pixels.len() / crate::record::visitation::HEIGHT;
         let states = States::Density(DensityPicture { pixels, width, most });
-        Panel::ParallelCoordinates(ParallelCoordinates { title, axes: axes.to_vec(), states })
+        Panel::ParallelCoordinates(ParallelCoordinates { title, axes, states })
     };
     let key = Some(Key::Counts { label: "lines".to_owned(), most });
-    Row { height: 250.0, panels: pixels.drain(..).map(panel).collect(), key }
+    Row { height: 250.0, panels: row.into_iter().zip(drawn).map(panel).collect(), key }
 }
 
 fn axes(spec: &Spec) -> Axes {
