@@ -112,6 +112,29 @@ fn a_killed_study_goes_on_where_it_was() {
     assert_eq!(kept, results(&undisturbed));
 }
 
+/// Ctrl-C reaches whichever of several studies is under way.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_the_second_of_two_studies() {
+    let (folder, study, _) = lab(&text(1, ""));
+    let long = folder.path().join("long.ron");
+    fs::write(&long, text(9, "").replace("Episodes(8)", "Episodes(2000)")).unwrap();
+    let mut command = command(&["study", &study, long.to_str().unwrap(), "--jobs", "1"]);
+    let mut child = command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let begun = folder.path().join("recordings/studies/long/study.json");
+    while !begun.is_file() && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert!(errors.ends_with("interrupted; the same command goes on with what long still lacks\n"), "{errors}");
+    assert!(!errors.contains("warning"), "{errors}");
+    assert!(folder.path().join("recordings/studies/small/report.html").is_file());
+}
+
 fn is_result(file: &std::io::Result<fs::DirEntry>) -> bool {
     file.as_ref().unwrap().path().extension().is_some_and(|extension| extension == "run")
 }

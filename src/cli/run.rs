@@ -1,8 +1,8 @@
 //! `seedbed run`.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use super::progress::{Bar, Silent};
@@ -96,20 +96,24 @@ pub(super) fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Fai
     Ok(claim)
 }
 
-/// Set by the first Ctrl-C, which says `what` happens now; the second ends the process at once.
+/// Set by the first Ctrl-C, which says `what` happens now; the second ends the process at once. One for the whole process.
 pub(super) fn interruption(what: &'static str) -> Arc<AtomicBool> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&interrupted);
-    let handler = ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
+    static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    let interrupted = INTERRUPTED.get_or_init(|| {
+        let interrupted = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&interrupted);
+        let handler = ctrlc::set_handler(move || {
+            if flag.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+            eprintln!("\n{what}; press Ctrl-C again to stop at once");
+        });
+        if let Err(error) = handler {
+            eprintln!("warning: Ctrl-C will end the run without a checkpoint ({error})");
         }
-        eprintln!("\n{what}; press Ctrl-C again to stop at once");
+        interrupted
     });
-    if let Err(error) = handler {
-        eprintln!("warning: Ctrl-C will end the run without a checkpoint ({error})");
-    }
-    interrupted
+    Arc::clone(interrupted)
 }
 
 fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
