@@ -120,7 +120,8 @@ impl Curves {
         let named = self.series.iter().filter(|series| !series.name.is_empty());
         let entries: Vec<Entry<'_>> = named.map(|series| Entry { name: &series.name, color: series.color }).collect();
         let words = self.thresholds.iter().flat_map(|threshold| threshold.taken(plot));
-        let points = self.series.iter().flat_map(|series| &series.points).map(|&point| plot.at(point)).chain(words);
+        let on_page = |series: &Series| series.points.iter().map(|&point| plot.at(point)).collect::<Vec<_>>();
+        let points = self.series.iter().flat_map(|series| legend::traced(&on_page(series))).chain(words);
         legend::draw(&entries, &plot.area, &points.collect::<Vec<_>>(), drawing);
     }
 }

@@ -33,6 +33,18 @@ pub(super) fn draw(entries: &[Entry<'_>], plot: &Area, points: &[[f64; 2]], draw
     }
 }
 
+/// Places along a line through `points`, so close that no legend fits between them.
+pub(super) fn traced(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let between = |ends: &[[f64; 2]]| {
+        let [[x, y], [to_x, to_y]] = [ends[0], ends[1]];
+        let parts = ((to_x - x).hypot(to_y - y) / LINE).ceil().clamp(1.0, 1000.0) as u32;
+        (0..parts)
+            .map(move |part| f64::from(part) / f64::from(parts))
+            .map(move |share| [x + share * (to_x - x), y + share * (to_y - y)])
+    };
+    points.windows(2).flat_map(between).chain(points.last().copied()).collect()
+}
+
 /// Of the four corners; among equals the upper left, upper right, lower right, lower left one.
 fn freest_corner([width, height]: [f64; 2], plot: &Area, points: &[[f64; 2]]) -> Area {
     let (left, right) = (plot.x + MARGIN, plot.right() - width - 2.0);
@@ -56,5 +68,8 @@ mod tests {
         assert_eq!(freest_corner([40.0, 20.0], &plot, &rising).x, MARGIN);
         let falling: Vec<[f64; 2]> = rising.iter().map(|[x, y]| [*x, 100.0 - y]).collect();
         assert_eq!(freest_corner([40.0, 20.0], &plot, &falling).x, 58.0);
+        // A line of two points hides behind a legend between them as well.
+        let steep = traced(&[[0.0, -40.0], [30.0, 30.0], [100.0, 90.0]]);
+        assert_eq!(freest_corner([40.0, 20.0], &plot, &steep).x, 58.0);
     }
 }

@@ -191,6 +191,7 @@ impl Measure {
             Self::Reach => "share of agents that reached the goal".to_owned(),
             Self::FirstGoal => "episode of the first goal".to_owned(),
             Self::Regret => "regret of an agent".to_owned(),
+            Self::FinalReturn { window } if window.get() == 1 => "return of the last episode".to_owned(),
             Self::FinalReturn { window } => format!("return over the last {} episodes", window.get()),
             Self::ReturnAt { episode, window } => {
                 format!("return over {} episodes up to episode {}", window.get(), episode.get())

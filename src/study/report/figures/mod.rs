@@ -82,8 +82,9 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Made {
     let series: Vec<Series> = cells.par_iter().enumerate().map(|(number, cell)| mean_curve(cell, of, window, number)).collect();
     let title = format!("{}, mean of all runs", capital(of.title()));
     let caption = format!(
-        "{} of the team, moving average of {window}, mean over runs{}. {}",
+        "{}{}, mean over runs{}. {}",
         capital(of.title()),
+        if window > 1 { format!(", moving average of {window}") } else { String::new() },
         if series.iter().any(|series| series.band.is_some()) { " with bootstrap bands of 95 %" } else { "" },
         ended_early(cells)
     );
