@@ -34,6 +34,9 @@ pub struct IntervalRow {
     pub color: Color,
 }
 
+/// The radius of a dot.
+const DOT: f64 = 4.0;
+
 /// The height of a row.
 const LINE: f64 = 24.0;
 
@@ -59,7 +62,7 @@ impl Intervals {
             let name = fitted(&row.name, names - 8.0, LABEL, Weight::Regular);
             drawing.text([area.x - 8.0, y + 4.0], &name, Lettering::new(LABEL, Anchor::End));
             drawing.text([panel.right() - 4.0, y + 4.0], &row.numbers(), Lettering::new(LABEL, Anchor::End).color(GREY));
-            drawing.clipped(&area, |drawing| row.draw(&scale, &area, y, drawing));
+            drawing.clipped(&with_room_for_dots(&area), |drawing| row.draw(&scale, &area, y, drawing));
         }
     }
 
@@ -83,6 +86,11 @@ impl Intervals {
     }
 }
 
+/// A dot at the very edge shows all of itself.
+fn with_room_for_dots(area: &Area) -> Area {
+    Area { x: area.x - DOT, width: area.width + 2.0 * DOT, ..*area }
+}
+
 impl IntervalRow {
     fn draw(&self, scale: &Scale, area: &Area, y: f64, drawing: &mut Drawing) {
         if let Some([low, high]) = self.interval {
@@ -94,7 +102,7 @@ impl IntervalRow {
             }
         }
         if let Some(estimate) = self.estimate.filter(|estimate| estimate.is_finite()) {
-            drawing.dot([scale.at(estimate), y], 4.0, self.color, 1.0);
+            drawing.dot([scale.at(estimate), y], DOT, self.color, 1.0);
         }
     }
 
