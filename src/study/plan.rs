@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::course::{Course, Override};
-use super::file::{Axis, Figure, NamedCell, Study, Upto};
+use super::figure::{Figure, Upto};
+use super::file::{Axis, NamedCell, Study};
 use super::measure::Measure;
 use crate::input::{self, Complaint, Document, InputError, Located};
 

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::comparison::Score;
-use super::file::{FIRST_REPORTING_SEED, Figure, Study, Upto};
+use super::figure::{Figure, Upto};
+use super::file::{FIRST_REPORTING_SEED, Study};
 use super::measure::Measure;
 use super::measured::Measured;
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};

@@ -10,7 +10,7 @@ use crate::env::{Quantity, Spec};
 use crate::figure::color::agent_color;
 use crate::figure::{Curves, DensityPicture, Figure as Picture, Key, Panel, ParallelCoordinates, Row, Series, States, Threshold};
 use crate::record::visitation::{Axes, Density, Seen};
-use crate::study::file::{Figure, Upto};
+use crate::study::figure::{Figure, Upto};
 use crate::study::measure::{Curve, moving_average, widened};
 use crate::study::results::{CellResults, Results};
 use crate::study::statistics::bootstrap::estimates;
