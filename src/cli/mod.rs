@@ -32,6 +32,7 @@ use crate::input::InputError;
 use crate::record::rerun::{DEFAULT_VIEWER, ViewerError};
 use crate::run::RunError;
 use crate::run::review::ReviewError;
+use crate::study::report::counted;
 
 /// Coordinated exploration in concurrent reinforcement learning, with every visited state on record.
 #[derive(Debug, Parser)]
@@ -324,11 +325,6 @@ pub fn main() -> ExitCode {
         Failure::Input(_) | Failure::Files(_) => ExitCode::from(2),
         Failure::Work(_) => ExitCode::from(1),
     }
-}
-
-/// Such as `1 agent` and `4 agents`.
-fn counted(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 impl From<ReviewError> for Failure {

@@ -82,11 +82,11 @@ fn run_one(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder, index: usiz
     if before.is_none() {
         say_failures(&run_missing(&[*task], folder, 1, &plan.name)?);
     }
-    let Some(stored) = folder.stored_task(task) else { return Err(interrupted(plan)) };
+    let Some(stored) = folder.stored_task(task) else { return Err(interrupted(&plan.name)) };
     let is_new = if before.is_some() { "was there already: " } else { "" };
     say!("{} with seed {}: {is_new}{}", task.cell.name, task.seed, file.display());
     if let (Some(_), Err(reason)) = (&before, &stored.outcome) {
-        eprintln!("failed     {} with seed {}: {reason}", task.cell.name, task.seed);
+        say_failures(&[described(task, reason)]);
     }
     Ok(usize::from(stored.outcome.is_err()))
 }
@@ -124,15 +124,14 @@ fn run_missing(tasks: &[Task<'_>], folder: &StudyFolder, jobs: usize, name: &str
     let told = |finished: &runner::Finished<'_>| {
         bar.lock().expect("no thread fails while it holds the lock").finished(finished.task);
         if let Some(reason) = finished.failure {
-            let failure = format!("{} with seed {}: {reason}", finished.task.cell.name, finished.task.seed);
-            failures.lock().expect("no thread fails while it holds the lock").push(failure);
+            failures.lock().expect("no thread fails while it holds the lock").push(described(finished.task, reason));
         }
     };
     let result = runner::run(tasks, folder, jobs, &stop, &told);
     drop(bar);
     result.map_err(|error| Failure::Work(format!("cannot write {error}")))?;
     if stop.load(std::sync::atomic::Ordering::Relaxed) {
-        return Err(Failure::Work(format!("interrupted; the same command goes on with what {name} still lacks")));
+        return Err(interrupted(name));
     }
     let mut failures = failures.into_inner().expect("no thread fails while it holds the lock");
     failures.sort();
@@ -149,8 +148,12 @@ fn say_failures(failures: &[String]) {
     }
 }
 
-fn interrupted(plan: &StudyPlan) -> Failure {
-    Failure::Work(format!("interrupted; the same command goes on with what {} still lacks", plan.name))
+fn described(task: &Task<'_>, reason: &str) -> String {
+    format!("{} with seed {}: {reason}", task.cell.name, task.seed)
+}
+
+fn interrupted(name: &str) -> Failure {
+    Failure::Work(format!("interrupted; the same command goes on with what {name} still lacks"))
 }
 
 fn claim(folder: &StudyFolder, alone: bool) -> Result<StudyClaim, Failure> {

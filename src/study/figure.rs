@@ -115,26 +115,24 @@ impl Figure {
     /// Stands above it; empty where the file says nothing.
     #[must_use]
     pub fn title(&self) -> &str {
-        match self {
-            Self::Curves { title, .. }
-            | Self::Agents { title, .. }
-            | Self::Visitation { title, .. }
-            | Self::Intervals { title, .. }
-            | Self::Unsolved { title, .. }
-            | Self::Profiles { title, .. } => title,
-        }
+        self.heading().0
     }
 
     /// The cells that it names.
     #[must_use]
     pub fn cells(&self) -> &[Located<String>] {
+        self.heading().1
+    }
+
+    /// What all kinds have: a title, and cells.
+    fn heading(&self) -> (&str, &[Located<String>]) {
         match self {
-            Self::Curves { cells, .. }
-            | Self::Agents { cells, .. }
-            | Self::Visitation { cells, .. }
-            | Self::Intervals { cells, .. }
-            | Self::Unsolved { cells, .. }
-            | Self::Profiles { cells, .. } => cells,
+            Self::Curves { title, cells, .. }
+            | Self::Agents { title, cells, .. }
+            | Self::Visitation { title, cells, .. }
+            | Self::Intervals { title, cells, .. }
+            | Self::Unsolved { title, cells, .. }
+            | Self::Profiles { title, cells, .. } => (title, cells),
         }
     }
 

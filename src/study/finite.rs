@@ -61,14 +61,13 @@ impl Played {
 
     fn finish(mut self, team: &Team) -> Measured {
         let states = team.model().states() as f64;
-        let visited = team.visits().iter().filter(|visits| visits.agents > 0).count() as f64;
         let by_agents: f64 = team.visits().iter().map(|visits| f64::from(visits.agents)).sum();
         let agents = self.measured.returns.len();
         let diversity =
             (!self.counts.is_empty()).then(|| Diversity::of(divergence(self.counts.chunks_exact(team.model().states())), agents));
         let at_the_end = |curve: Curve| match curve {
             Curve::Coverage => Some(by_agents / agents as f64 / states),
-            Curve::TeamCoverage => Some(visited / states),
+            Curve::TeamCoverage => Some(team.states_visited() as f64 / states),
             Curve::TeamOverlap => diversity.map(|diversity| diversity.overlap),
             Curve::EffectiveAgents => diversity.map(|diversity| diversity.effective_agents),
             _ => None,

@@ -111,7 +111,7 @@ impl Task<'_> {
 #[derive(Clone, Default)]
 struct Draft<'a> {
     words: Vec<String>,
-    scenario: Option<(&'a Located<String>, String)>,
+    scenario: Option<Override<'a>>,
     overrides: Vec<Override<'a>>,
 }
 

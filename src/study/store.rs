@@ -180,13 +180,13 @@ impl StudyFolder {
         let known: Vec<String> =
             known.iter().flat_map(|study| study.value.claims.iter().map(|claim| claim.spelled_out(&study.value))).collect();
         let was_late = |claim: &String| noted.as_ref().is_some_and(|noted| noted.late_claims.contains(claim));
-        let has_runs = |name: &str| plan.tasks().iter().any(|task| task.cell.name == name && self.stored_task(task).is_some());
-        let study = plan.study();
-        let is_late = |claim: &&Claim| {
-            let spelled = claim.spelled_out(study);
-            was_late(&spelled) || !known.contains(&spelled) && has_runs(&claim.compare.0) && has_runs(&claim.compare.1)
+        let (study, tasks) = (plan.study(), plan.tasks());
+        let has_runs = |name: &str| tasks.iter().any(|task| task.cell.name == name && self.stored_task(task).is_some());
+        let is_late = |(claim, spelled): &(&Claim, String)| {
+            was_late(spelled) || !known.contains(spelled) && has_runs(&claim.compare.0) && has_runs(&claim.compare.1)
         };
-        study.claims.iter().filter(is_late).map(|claim| claim.spelled_out(study)).collect()
+        let spelled = study.claims.iter().map(|claim| (claim, claim.spelled_out(study)));
+        spelled.filter(is_late).map(|(_, spelled)| spelled).collect()
     }
 
     /// What study this is.

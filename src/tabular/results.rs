@@ -85,7 +85,7 @@ impl Results {
             regret_per_agent: cumulative / f64::from(agents),
             cumulative_regret: cumulative,
             episodes_without_regret: without as f64 / episodes.len() as f64,
-            states_visited: team.visits().iter().filter(|visits| visits.agents > 0).count(),
+            states_visited: team.states_visited(),
             states: team.model().states(),
         };
         Self { summary, episodes, visits: visit_rows(team) }

@@ -276,6 +276,12 @@ impl Team {
         &self.visits
     }
 
+    /// States in which any agent was.
+    #[must_use]
+    pub fn states_visited(&self) -> usize {
+        self.visits.iter().filter(|visits| visits.agents > 0).count()
+    }
+
     /// Actions of the whole team.
     #[must_use]
     pub fn steps(&self) -> u64 {

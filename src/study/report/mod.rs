@@ -7,6 +7,8 @@ mod rows;
 mod tables;
 mod words;
 
+pub use words::counted;
+
 use std::io;
 use std::path::{Path, PathBuf};
 

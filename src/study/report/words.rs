@@ -28,7 +28,8 @@ pub(super) fn number(value: f64) -> String {
 }
 
 /// Such as `3 runs`.
-pub(super) fn counted(count: usize, what: &str) -> String {
+#[must_use]
+pub fn counted(count: usize, what: &str) -> String {
     if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 

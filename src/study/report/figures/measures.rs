@@ -53,8 +53,9 @@ impl Group<'_> {
 }
 
 pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
+    let pooled = groups.iter().any(|group| group.cells.len() > 1);
     let row = |(number, group): (usize, &Group<'_>)| {
-        let (middle, n) = group.middle(measure, is_pooled(groups))?;
+        let (middle, n) = group.middle(measure, pooled)?;
         let interval = match middle.interval {
             Interval::Known { low, high } if low.is_finite() => Some([low, high]),
             _ => None,
@@ -63,9 +64,9 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
         Some(IntervalRow { name: group.name.clone(), estimate, interval, n, color: color(number) })
     };
     let rows: Vec<IntervalRow> = groups.par_iter().enumerate().filter_map(row).collect();
-    let statistic = if is_pooled(groups) { "interquartile mean of the" } else { "median" };
+    let statistic = if pooled { "interquartile mean of the" } else { "median" };
     let panel = Intervals { x_label: format!("{statistic} {}", measure.title()), rows, ..Intervals::default() };
-    let how = match (is_pooled(groups), measure.is_time()) {
+    let how = match (pooled, measure.is_time()) {
         (true, _) => " (bootstrap of the runs of all tasks, stratified by task)",
         (_, true) => " (Kaplan and Meier; runs that did not get there are censored)",
         _ => " (bootstrap)",
@@ -74,10 +75,6 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
     let row = Row { height: panel.height(), panels: vec![Panel::Intervals(panel)], key: None };
     let picture = Picture { title: String::new(), description: String::new(), width: 760.0, rows: vec![row] };
     ("intervals", capital(&measure.title()), caption, picture)
-}
-
-fn is_pooled(groups: &[Group<'_>]) -> bool {
-    groups.iter().any(|group| group.cells.len() > 1)
 }
 
 pub(super) fn unsolved(cells: &[&CellResults]) -> Made {
