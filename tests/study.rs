@@ -112,6 +112,49 @@ fn a_killed_study_goes_on_where_it_was() {
     assert_eq!(kept, results(&undisturbed));
 }
 
+/// Two names for the same settings: run once, shown twice, with the states that either is to show.
+#[test]
+fn cells_of_the_same_settings_share_their_runs() {
+    let text =
+        text(1, "").replace("TwoPoint(sigma: 0)", "Normal(sigma: 0.0)").replace(r#"cells: ["σ 9"]"#, r#"cells: ["σ 0 again"]"#);
+    let (_folder, study, out) = lab(&text);
+    let output = said(&run(&study, &out, &[]));
+    assert!(output.starts_with("study      small: 3 cells of 1 run, 2 to run\n"), "{output}");
+    assert_eq!(results(&out).keys().filter(|name| name.ends_with(".run")).count(), 2);
+    assert!(said(&run(&study, &out, &[])).starts_with("study      small: 3 cells of 1 run, 0 to run\n"));
+    let table = fs::read_to_string(out.join("results.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + 3, "{table}");
+}
+
+/// A result of one cell under another's name stands for what other code would have made.
+#[test]
+fn verifying_tells_runs_that_no_longer_come_out_the_same() {
+    let (_folder, study, out) = lab(&text(2, ""));
+    let empty = run(&study, &out, &["--verify"]);
+    let expected = format!("error: {} holds no runs of this study to verify\n", out.display());
+    assert_eq!((empty.status.code(), String::from_utf8_lossy(&empty.stderr).into_owned()), (Some(2), expected));
+    assert!(run(&study, &out, &[]).status.success());
+    let before = results(&out);
+    let verified = run(&study, &out, &["--verify=4"]);
+    assert!(verified.status.success(), "{verified:?}");
+    assert_eq!(said(&verified), "verified   small: 4 of 4 came out the same to the bit; 6 runs stored\n");
+
+    let results_of = |seed: u64| before.keys().filter(move |name| name.ends_with(&format!("-{seed}.run")));
+    for name in results_of(1001) {
+        let mut bytes = before[name].clone();
+        // The last bytes hold the curves: the sign of one value.
+        let last = bytes.len() - 2;
+        bytes[last] ^= 0x80;
+        fs::write(out.join("runs").join(name), bytes).unwrap();
+    }
+    let verified = run(&study, &out, &["--verify"]);
+    let errors = String::from_utf8_lossy(&verified.stderr).into_owned();
+    assert_eq!(verified.status.code(), Some(1), "{errors}");
+    assert_eq!(said(&verified), "verified   small: 3 of 6 came out the same to the bit; 6 runs stored\n");
+    assert!(errors.contains("differs    σ 9 with seed 1001: ") && !errors.contains("with seed 1000"), "{errors}");
+    assert!(errors.ends_with("error: 3 runs came out differently\n"), "{errors}");
+}
+
 /// Ctrl-C reaches whichever of several studies is under way.
 #[cfg(unix)]
 #[test]

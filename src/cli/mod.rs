@@ -196,6 +196,7 @@ struct EvaluateArgs {
   seedbed study scenarios/thesis/*.ron --quick            every study with few and short runs, to see that all is as meant
   seedbed study scenarios/thesis/fig_6_4a.ron --list      all runs with their indices
   seedbed study scenarios/thesis/fig_6_4a.ron --index $SLURM_ARRAY_TASK_ID    one of them, as a job of its own
+  seedbed study scenarios/thesis/fig_6_4a.ron --verify    whether ten of its runs still come out the same
 A study that was interrupted goes on where it was; one that was changed runs what its change concerns.")]
 struct StudyArgs {
     /// Study files
@@ -219,6 +220,10 @@ struct StudyArgs {
     /// Run again what failed before
     #[arg(long)]
     retry: bool,
+    /// Run N of the finished runs once more, change nothing, and tell whether the same came out, to the bit [default: 10]
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..), conflicts_with_all = ["list", "index", "retry"])]
+    verify: Option<u16>,
 }
 
 #[derive(Debug, Args)]

@@ -21,13 +21,15 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), Failure> {
     let mut failed = 0;
     for plan in &plans {
         let folder = StudyFolder::new(args.out.clone().unwrap_or_else(|| plan.default_folder()));
-        failed += match args.index {
+        failed += match (args.index, args.verify) {
             _ if args.list => list(plan, &folder),
-            Some(index) => run_one(args, plan, &folder, index)?,
-            None => run_all(args, plan, &folder)?,
+            (Some(index), _) => run_one(args, plan, &folder, index)?,
+            (None, Some(most)) => verify(args, plan, &folder, most.into())?,
+            (None, None) => run_all(args, plan, &folder)?,
         };
     }
-    if failed == 0 { Ok(()) } else { Err(Failure::Work(format!("{} failed", counted(failed, "run")))) }
+    let what = if args.verify.is_some() { "came out differently" } else { "failed" };
+    if failed == 0 { Ok(()) } else { Err(Failure::Work(format!("{} {what}", counted(failed, "run")))) }
 }
 
 /// Two studies in one folder would take each other for their own past.
@@ -95,13 +97,12 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
     check_owner(plan, folder)?;
     let _claim = claim(folder, true)?;
     folder.note(plan).map_err(|error| Failure::Work(error.to_string()))?;
-    let tasks = plan.tasks();
+    let tasks = plan.distinct_tasks();
     let is_there = |task: &&Task<'_>| folder.stored_task(task).is_some_and(|stored| is_wanted(args, &stored));
     let missing: Vec<Task<'_>> = tasks.iter().filter(|task| !is_there(task)).copied().collect();
     let (cells, runs) = (counted(plan.cells.len(), "cell"), counted(plan.repeats() as usize, "run"));
     say!("study      {}: {cells} of {runs}, {} to run", plan.name, missing.len());
-    let jobs = args.jobs.map_or_else(cores, usize::from);
-    let started = Instant::now();
+    let (jobs, started) = (jobs(args), Instant::now());
     let failures = run_missing(&missing, folder, jobs, &plan.name)?;
     if !missing.is_empty() {
         let (done, threads) = (counted(missing.len(), "run"), counted(jobs, "thread"));
@@ -109,6 +110,59 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
     }
     say_failures(&failures);
     report::write_and_tell(folder)
+}
+
+/// Runs some of what is there once more: does it still come out the same?
+fn verify(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder, most: usize) -> Result<usize, Failure> {
+    check_owner(plan, folder)?;
+    let stored: Vec<Task<'_>> = plan.distinct_tasks().into_iter().filter(|task| folder.stored_task(task).is_some()).collect();
+    if stored.is_empty() {
+        return Err(Failure::Input(format!("{} holds no runs of this study to verify", folder.path().display())));
+    }
+    let chosen = spread(&stored, most);
+    let stop = interruption("stopping; nothing was changed");
+    let bar = Mutex::new(StudyBar::new(&plan.name, &chosen));
+    let others = Mutex::new(Vec::new());
+    runner::verify(&chosen, folder, jobs(args), &stop, &|task, is_same| {
+        bar.lock().expect("no thread fails while it holds the lock").finished(task);
+        if !is_same {
+            others.lock().expect("no thread fails while it holds the lock").push(*task);
+        }
+    });
+    drop(bar);
+    if stop.load(std::sync::atomic::Ordering::Relaxed) {
+        return Err(Failure::Work("interrupted; nothing was changed".to_owned()));
+    }
+    let others = others.into_inner().expect("no thread fails while it holds the lock");
+    tell_verified(plan, folder, [chosen.len(), stored.len()], &others);
+    Ok(others.len())
+}
+
+fn tell_verified(plan: &StudyPlan, folder: &StudyFolder, [chosen, stored]: [usize; 2], others: &[Task<'_>]) {
+    let same = chosen - others.len();
+    say!("verified   {}: {same} of {chosen} came out the same to the bit; {} stored", plan.name, counted(stored, "run"));
+    let mut others: Vec<&Task<'_>> = others.iter().collect();
+    others.sort_by_key(|task| task.index);
+    for task in &others {
+        eprintln!(
+            "differs    {} with seed {}: {}",
+            task.cell.name,
+            task.seed,
+            folder.file(&task.cell.digest, task.seed).display()
+        );
+    }
+    if !others.is_empty() {
+        eprintln!(
+            "they were made by other code or on another kind of machine; without {} all runs start anew",
+            folder.runs().display()
+        );
+    }
+}
+
+/// At most so many, from all over the study.
+fn spread<'a>(tasks: &[Task<'a>], most: usize) -> Vec<Task<'a>> {
+    let count = most.min(tasks.len());
+    (0..count).map(|number| tasks[number * tasks.len() / count]).collect()
 }
 
 /// Whether a run that is there may stay.
@@ -162,6 +216,7 @@ fn claim(folder: &StudyFolder, alone: bool) -> Result<StudyClaim, Failure> {
     claimed.ok_or_else(|| Failure::Input(format!("another process is running a study in {}", path.display())))
 }
 
-fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
+fn jobs(args: &StudyArgs) -> usize {
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    args.jobs.map_or_else(cores, usize::from)
 }

@@ -1,5 +1,6 @@
 //! A study read and checked: its cells, each with the scenario that it comes to.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use super::course::{Course, Override};
@@ -36,7 +37,7 @@ pub struct Cell {
     pub course: Course,
     /// Tells what runs of this cell depend on, besides their seeds.
     pub digest: String,
-    /// Of which first episodes the first run keeps states.
+    /// Of which first episodes the first run keeps states: each once, from short to long.
     pub windows: Vec<u32>,
 }
 
@@ -91,6 +92,13 @@ impl StudyPlan {
         runs.enumerate().map(task).collect()
     }
 
+    /// All runs but those that are another's again, because their cells have the same settings under two names.
+    #[must_use]
+    pub fn distinct_tasks(&self) -> Vec<Task<'_>> {
+        let mut seen = HashSet::new();
+        self.tasks().into_iter().filter(|task| seen.insert((task.cell.digest.as_str(), task.seed))).collect()
+    }
+
     /// The default folder of its results.
     #[must_use]
     pub fn default_folder(&self) -> PathBuf {
@@ -134,7 +142,19 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Complaint
         }
         built.push(cell);
     }
+    share_windows(&mut built);
     Ok(built)
+}
+
+/// Cells of the same settings share their runs, which keep the states that any of them shows.
+fn share_windows(cells: &mut [Cell]) {
+    let shown: Vec<(String, Vec<u32>)> = cells.iter().map(|cell| (cell.digest.clone(), cell.windows.clone())).collect();
+    for cell in cells {
+        let shared = shown.iter().filter(|(digest, _)| *digest == cell.digest);
+        cell.windows = shared.flat_map(|(_, windows)| windows).copied().collect();
+        cell.windows.sort_unstable();
+        cell.windows.dedup();
+    }
 }
 
 fn as_it_stands(text: &Located<String>) -> (&Located<String>, String) {
@@ -226,16 +246,13 @@ impl<'a> Draft<'a> {
     }
 }
 
-/// The windows of all figures of visited states that show a cell, each once, from short to long.
+/// The windows of all figures of visited states that show a cell.
 fn windows(figures: &[Figure], cell: &str) -> Vec<u32> {
     let of_figure = |figure: &Figure| match figure {
         Figure::Visitation { episodes, .. } if figure.shows(cell) => episodes.iter().map(|upto| Upto::episodes(*upto)).collect(),
         _ => Vec::new(),
     };
-    let mut windows: Vec<u32> = figures.iter().flat_map(of_figure).collect();
-    windows.sort_unstable();
-    windows.dedup();
-    windows
+    figures.iter().flat_map(of_figure).collect()
 }
 
 /// Every cell can tell everything that is measured.

@@ -152,7 +152,13 @@ impl StudyFolder {
     /// Where a run's result lies.
     #[must_use]
     pub fn file(&self, digest: &str, seed: u64) -> PathBuf {
-        self.path.join("runs").join(format!("{digest}-{seed}.run"))
+        self.runs().join(format!("{digest}-{seed}.run"))
+    }
+
+    /// Where all results lie.
+    #[must_use]
+    pub fn runs(&self) -> PathBuf {
+        self.path.join("runs")
     }
 
     /// Notes what the study is, unless the same is noted already, and which of its claims come late.
