@@ -104,6 +104,28 @@ fn curious_agents_find_a_goal_that_others_do_not() {
     assert_eq!(agents_at_the_goal(&["algorithm=Random"]), 0);
 }
 
+/// After three rounds: how far agents agree on bonuses.
+fn agreement_on_bonuses(scenario: &str, overrides: &[&str]) -> Option<f32> {
+    let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(scenario);
+    let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
+    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1).unwrap();
+    (0..3).map(|_| trainer.advance().unwrap().rows.updates[0].bonus_agreement).last().flatten()
+}
+
+/// It takes two that judge: no agreement is not an agreement of 0.
+#[test]
+fn agreement_is_known_where_two_judge() {
+    let car = |overrides: &[&str]| agreement_on_bonuses("mountain_car_vime.ron", overrides);
+    let (shared, seeded) = (car(&[]).unwrap(), car(&["algorithm.bonus.Vime.seeds=Scale"]).unwrap());
+    assert!(shared > seeded && shared <= 1.0, "{shared} and {seeded}");
+    assert_eq!(car(&["agents.count=1"]), None);
+    assert_eq!(car(&["algorithm.bonus=None"]), None);
+    let q = |more: &[&str]| agreement_on_bonuses("cartpole_q.ron", &[&["algorithm.bonus=Vime(seeds: Shift)"], more].concat());
+    assert_eq!(q(&[]), None, "one network and one curiosity for all");
+    assert!(q(&["algorithm.networks=Own"]).is_some_and(|agreement| agreement < 1.0));
+}
+
 #[test]
 fn agents_that_do_not_wait_for_each_other_learn() {
     let episodes = episodes_until_solved("cartpole.ron", &["schedule=Asynchronous(training: (env_steps: 50))"], 250);

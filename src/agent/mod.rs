@@ -151,8 +151,8 @@ pub struct UpdateReport {
     pub intrinsic_reward: f32,
     /// Mean squared error of the model of the dynamics on fresh episodes, before it learned from them.
     pub prediction_error: f32,
-    /// The team's: mean rank correlation between agents' judgements of the same steps.
-    pub bonus_agreement: f32,
+    /// The team's: mean rank correlation between agents' judgements of the same steps. None where no two of them judge.
+    pub bonus_agreement: Option<f32>,
 }
 
 /// A named block of parameters.

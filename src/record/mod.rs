@@ -123,10 +123,12 @@ pub struct RoundRow {
     pub entropy: f32,
     /// Mean bonus of a step of the agent's own; 0 without curiosity.
     pub intrinsic_reward: f32,
-    /// Mean squared error of the model of the dynamics on fresh episodes, before it learned from them; 0 without curiosity.
+    /// Mean squared error of the model of the dynamics on fresh episodes, before it learned from them; 0 without curiosity. That of the
+    /// first round is in raw units, because nothing is known yet to normalise by.
     pub prediction_error: f32,
-    /// The team's: mean rank correlation between agents' judgements of the same steps; 0 without curiosity.
-    pub bonus_agreement: f32,
+    /// The team's: mean rank correlation between agents' judgements of the same steps. None without curiosity, where one
+    /// model judges for all, or one agent is alone.
+    pub bonus_agreement: Option<f32>,
     /// Part of the state space that the agent has visited so far, 0 to 1.
     pub coverage: f64,
     /// Entropy of where the agent has been so far, nats.

@@ -143,7 +143,7 @@ impl Trainer {
         };
         let agreement = self.agreement();
         for (_, report) in &mut reports {
-            report.bonus_agreement = agreement.map_or(0.0, |agreement| agreement as f32);
+            report.bonus_agreement = agreement.map(|agreement| agreement as f32);
         }
         let episodes = newest_episodes(&self.buffer, self.recorded);
         let rows = self.measures.take_in(self.environment.spec(), self.round, &episodes, &reports);

@@ -103,7 +103,7 @@ pub enum Curve {
     IntrinsicReward,
     /// Mean squared error of the models of the dynamics; 0 without curiosity.
     PredictionError,
-    /// Mean rank correlation between agents' judgements of the same steps; 0 without curiosity.
+    /// Mean rank correlation between agents' judgements of the same steps; 0 where no two of them judge.
     BonusAgreement,
     /// Part of the state space that an agent has visited so far, 0 to 1.
     Coverage,

@@ -273,7 +273,7 @@ fn of_update(curve: Curve, row: &RoundRow) -> f64 {
         Curve::Entropy => row.entropy.into(),
         Curve::IntrinsicReward => row.intrinsic_reward.into(),
         Curve::PredictionError => row.prediction_error.into(),
-        Curve::BonusAgreement => row.bonus_agreement.into(),
+        Curve::BonusAgreement => row.bonus_agreement.map_or(0.0, f64::from),
         Curve::Coverage => row.coverage,
         Curve::VisitationEvenness => row.visitation_evenness,
         Curve::TeamCoverage => row.team_coverage,

@@ -128,7 +128,7 @@ fn made_up_update(agent: u32, round: u32, skill: f64) -> RoundRow {
         largest_ratio: 2.0 + wave,
         intrinsic_reward: 0.01 + wave,
         prediction_error: 0.5 + wave,
-        bonus_agreement: 0.3 + wave,
+        bonus_agreement: Some(0.3 + wave),
         clipped_fraction: 0.2 + wave,
         entropy: 0.69 * left + wave.abs(),
         coverage: 0.4 * skill.sqrt() + 0.01 * f64::from(agent),

@@ -62,7 +62,7 @@ impl Totals {
             entropy: over(self.entropy, self.policy_steps),
             intrinsic_reward: self.intrinsic_reward,
             prediction_error: self.prediction_error,
-            bonus_agreement: 0.0,
+            bonus_agreement: None,
         }
     }
 }

@@ -63,10 +63,10 @@ fn threshold(run: &Drawn) -> Option<Threshold> {
     Some(Threshold { name: format!("solved: {}", solved.r#return), value: solved.r#return })
 }
 
-/// Finds a curve's value in a row.
+/// Finds a curve's value in a row: not a number where there is none.
 type OfRow = fn(&RoundRow) -> f64;
 
-const COLUMNS: [(&str, OfRow); 9] = [
+const COLUMNS: [(&str, OfRow); 10] = [
     ("coverage", |row| row.coverage),
     ("visitation evenness", |row| row.visitation_evenness),
     ("effective agents", |row| row.effective_agents),
@@ -76,12 +76,13 @@ const COLUMNS: [(&str, OfRow); 9] = [
     ("value loss", |row| f64::from(row.value_loss)),
     ("intrinsic reward of a step", |row| f64::from(row.intrinsic_reward)),
     ("prediction error", |row| f64::from(row.prediction_error)),
+    ("agreement on bonuses", |row| row.bonus_agreement.map_or(f64::NAN, f64::from)),
 ];
 
 /// One panel a column: a line an agent, or of several runs a line a run, the mean of its agents. Columns of zeros are left out.
 pub(super) fn updates(runs: &[Drawn], agents: &[u32]) -> Vec<Row> {
     let rows = || runs.iter().flat_map(|run| &run.review.rounds);
-    let shown = COLUMNS.into_iter().filter(|(_, value)| rows().any(|row| value(row) != 0.0));
+    let shown = COLUMNS.into_iter().filter(|(_, value)| rows().any(|row| value(row).is_normal()));
     let panels: Vec<Panel> = shown.map(|(name, value)| Panel::Curves(of_column(runs, agents, name, value))).collect();
     let in_row = |panels: &[Panel]| {
         let mut panels = panels.to_vec();
@@ -106,14 +107,19 @@ fn of_column(runs: &[Drawn], agents: &[u32], name: &str, value: OfRow) -> Curves
 
 fn of_agent(run: &Drawn, agent: u32, value: OfRow) -> Series {
     let own = run.review.rounds.iter().filter(|row| row.agent == agent);
-    let points = own.map(|row| [f64::from(row.round), value(row)]).collect();
+    let points = known(own.map(|row| [f64::from(row.round), value(row)]));
     Series { color: agent_color(agent), points, ..Series::default() }
 }
 
 fn of_run(run: &Drawn, color: [u8; 3], value: OfRow) -> Series {
     let rounds = run.review.rounds.chunk_by(|one, next| one.round == next.round);
     let mean = |rows: &[RoundRow]| rows.iter().map(value).sum::<f64>() / rows.len() as f64;
-    Series { color, points: rounds.map(|rows| [f64::from(rows[0].round), mean(rows)]).collect(), ..Series::default() }
+    let points = known(rounds.map(|rows| [f64::from(rows[0].round), mean(rows)]));
+    Series { color, points, ..Series::default() }
+}
+
+fn known(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+    points.filter(|[_, value]| value.is_finite()).collect()
 }
 
 fn panel(title: &str, x_label: &str, y_label: &str, series: Vec<Series>, thresholds: Vec<Threshold>) -> Curves {

@@ -35,7 +35,7 @@ pub(super) const UPDATE_CURVES: [(&str, OfRow); 11] = [
     ("entropy", |row| f64::from(row.entropy)),
     ("intrinsic_reward", |row| f64::from(row.intrinsic_reward)),
     ("prediction_error", |row| f64::from(row.prediction_error)),
-    ("bonus_agreement", |row| f64::from(row.bonus_agreement)),
+    ("bonus_agreement", |row| row.bonus_agreement.map_or(f64::NAN, f64::from)),
     ("ratio_deviation", |row| f64::from(row.ratio_deviation)),
     ("largest_ratio", |row| f64::from(row.largest_ratio)),
     ("clipped_fraction", |row| f64::from(row.clipped_fraction)),
