@@ -120,7 +120,7 @@ fn cells_of_the_same_settings_share_their_runs() {
     let (_folder, study, out) = lab(&text);
     let output = said(&run(&study, &out, &[]));
     assert!(output.starts_with("study      small: 3 cells of 1 run, 2 to run\n"), "{output}");
-    assert_eq!(results(&out).keys().filter(|name| name.ends_with(".run")).count(), 2);
+    assert_eq!(fs::read_dir(out.join("runs")).unwrap().filter(is_result).count(), 2);
     assert!(said(&run(&study, &out, &[])).starts_with("study      small: 3 cells of 1 run, 0 to run\n"));
     let table = fs::read_to_string(out.join("results.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + 3, "{table}");
@@ -310,6 +310,15 @@ fn finite_tasks_are_studied_likewise() {
     }
     assert!(rows.iter().filter(|row| row["cell"].starts_with("deep_sea")).all(|row| row["episodes"] == "40"));
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
+    // Thirty runs in pairs: each task's first cell is what its second stands against.
+    let tables = fs::read_to_string(out.join("tables.md")).unwrap();
+    let titles: Vec<&str> = tables.lines().filter_map(|line| line.strip_prefix("## ")).collect();
+    assert!(titles[0] == "regret of an agent" && titles.last() == Some(&"Seed by seed: regret of an agent"), "{titles:?}");
+    assert!(tables.contains("| bipolar_chain, random | bipolar_chain, seeds | "), "{tables}");
+    assert!(
+        tables.contains("| deep_sea, random | deep_sea, seeds | ") && !tables.contains("| deep_sea, seeds | bipolar"),
+        "{tables}"
+    );
     let row = table.lines().nth(2).unwrap();
     let (head, tail) = (
         "| less regret | regret of an agent: deep_sea, seeds less deep_sea, random: claimed below 0, by 5 | −",
@@ -357,7 +366,7 @@ fn a_report_tells_what_is_there() {
     for foreign in ["<script", "<link", "src=\"http", "url(http"] {
         assert!(!page.contains(foreign), "the page needs no network: {foreign}");
     }
-    for file in ["figures/1-curves.svg", "figures/1-curves.png", "figures/2-visitation.svg", "results.csv"] {
+    for file in ["figures/1-curves.svg", "figures/1-curves.png", "figures/2-visitation.svg", "results.csv", "tables.md"] {
         assert!(out.join(file).is_file(), "{file}");
     }
 

@@ -228,7 +228,7 @@ struct StudyArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  seedbed report recordings/studies/fig_6_4a              report.html, results.csv and figures/ in that folder")]
+  seedbed report recordings/studies/fig_6_4a              report.html, tables.md, results.csv and figures/ in that folder")]
 struct ReportArgs {
     /// Folders of studies
     #[arg(required = true, value_name = "DIR")]

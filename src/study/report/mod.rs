@@ -49,7 +49,7 @@ struct Drawn {
     picture: Figure,
 }
 
-/// Writes `report.html`, `results.csv`, `claims.md`, and `figures/` into `folder`, whatever runs are there. Tells where the page is.
+/// Writes `report.html`, `results.csv`, `tables.md`, `claims.md`, and `figures/` into `folder`, whatever runs are there. Tells where the page is.
 ///
 /// # Errors
 /// A file cannot be written.
@@ -63,10 +63,12 @@ pub fn write(results: &Results, judgements: &[Judgement], folder: &Path) -> io::
         files::replace(&path.with_added_extension("png"), &png)?;
     }
     files::replace(&folder.join("results.csv"), &rows::csv(results)?)?;
+    let tables = tables::all(results);
+    files::replace(&folder.join("tables.md"), tables::markdown(results, &tables).as_bytes())?;
     if !judgements.is_empty() {
         files::replace(&folder.join("claims.md"), claims_table::markdown(results, judgements).as_bytes())?;
     }
     let page = folder.join("report.html");
-    files::replace(&page, page::html(results, judgements, &drawn).as_bytes())?;
+    files::replace(&page, page::html(results, judgements, &tables, &drawn).as_bytes())?;
     Ok(page)
 }

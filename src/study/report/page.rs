@@ -2,10 +2,10 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::tables::{against_the_first, aggregates};
+use super::tables::Table;
 use super::{Drawn, words};
 use crate::study::claims::{self, Judgement, LEAST_RUNS_OF_A_NULL};
-use crate::study::comparison::{Aggregate, Comparison};
+use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
@@ -16,7 +16,7 @@ const FEW: u64 = 20;
 
 const STYLE: &str = include_str!("page.css");
 
-pub(super) fn html(results: &Results, judgements: &[Judgement], drawn: &[Drawn]) -> String {
+pub(super) fn html(results: &Results, judgements: &[Judgement], tables: &[Table], drawn: &[Drawn]) -> String {
     let study = &results.study;
     let page = html! {
         (DOCTYPE)
@@ -38,8 +38,7 @@ pub(super) fn html(results: &Results, judgements: &[Judgement], drawn: &[Drawn])
                     @if !drawn.is_empty() { h2 { "Figures" } }
                     @for (number, figure) in (1..).zip(drawn) { (figure_section(number, figure)) }
                     h2 { "Numbers" }
-                    @for measure in study.measures.iter() { (measure_table(results, **measure)) }
-                    (comparison_table(results))
+                    @for table in tables { (table_of_words(table)) }
                     (failures(results))
                     (how_it_was_run(results))
                     (how_to_read())
@@ -168,67 +167,20 @@ fn figure_section(number: usize, figure: &Drawn) -> Markup {
     }
 }
 
-fn measure_table(results: &Results, measure: Measure) -> Markup {
-    let rows = aggregates(results, measure);
-    html! {
-        h3 { (measure.title()) }
-        div.scroll {
-            table {
-                thead {
-                    tr {
-                        th.name { "cell" }
-                        th { "n" }
-                        @if measure.is_time() { th { "reached" } }
-                        th { "median" } th { "95 % interval" } th { "IQM (95 % interval)" } th { "least" } th { "most" }
-                    }
-                }
-                tbody { @for (cell, aggregate) in &rows { (measure_row(cell, aggregate.as_ref(), measure)) } }
-            }
-        }
-    }
+/// The first column is broader than those of numbers.
+fn name_of(column: usize) -> Option<&'static str> {
+    (column == 0).then_some("name")
 }
 
-fn measure_row(cell: &CellResults, aggregate: Option<&Aggregate>, measure: Measure) -> Markup {
-    let shown = if measure.is_time() { words::time } else { words::number };
-    let interval = if measure.is_time() { words::interval_of_time } else { words::interval };
+fn table_of_words(table: &Table) -> Markup {
     html! {
-        tr {
-            td.name { (cell.about.name) }
-            @if let Some(found) = aggregate {
-                td { (found.n) }
-                @if measure.is_time() { td { (found.reached) "/" (found.n) } }
-                td { (shown(found.median.value)) }
-                td { (interval(found.median.interval)) }
-                td { (found.interquartile_mean.map_or("–".to_owned(), words::estimate)) }
-                td { (shown(found.range[0])) }
-                td { (shown(found.range[1])) }
-            } @else {
-                td colspan=(if measure.is_time() { 7 } else { 6 }) { "no runs" }
-            }
-        }
-    }
-}
-
-fn comparison_table(results: &Results) -> Markup {
-    let rows = against_the_first(results);
-    let measure = results.study.main_measure();
-    let Some(first) = results.cells.first().filter(|_| !rows.is_empty()) else { return html! {} };
-    html! {
-        h3 { "Against " (first.about.name) ", seed by seed: " (measure.title()) }
+        h3 { (table.title) }
         div.scroll {
             table {
-                thead {
-                    tr { th.name { "cell" } th { "pairs" } th { "difference (95 % interval)" } th { "P(below)" } th { "p after Holm" } }
-                }
+                thead { tr { @for (column, name) in table.head.iter().enumerate() { th class=[name_of(column)] { (name) } } } }
                 tbody {
-                    @for (cell, comparison, p) in &rows {
-                        tr {
-                            td.name { (cell.about.name) }
-                            td { (comparison.n[0]) }
-                            td { (words::estimate(comparison.effect)) }
-                            td { (words::estimate(comparison.below)) }
-                            td { (words::p(*p)) }
-                        }
+                    @for row in &table.rows {
+                        tr { @for (column, cell) in row.iter().enumerate() { td class=[name_of(column)] { (cell) } } }
                     }
                 }
             }
