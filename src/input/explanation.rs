@@ -2,6 +2,9 @@
 
 use super::{Position, listed, nearest};
 
+/// Structs whose names people write: those that files open with.
+const KINDS: [&str; 5] = ["Scenario", "Environment", "TabularScenario", "TabularEnvironment", "Study"];
+
 /// What is wrong and what was expected, and what may have been meant.
 pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
     let message = match error {
@@ -19,6 +22,9 @@ pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<Stri
         ron::Error::ExpectedFloat => "expected a number".to_owned(),
         ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd if splits_number(at) => {
             "expected a whole number, found a fraction".to_owned()
+        }
+        ron::Error::ExpectedNamedStructLike(name) if !KINDS.contains(name) => {
+            "expected fields in parentheses: `(field: value, …)`".to_owned()
         }
         ron::Error::ExpectedComma => "expected a comma or the end of the list of fields".to_owned(),
         ron::Error::ExpectedString => "expected a text in quotes".to_owned(),

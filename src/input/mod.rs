@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use explanation::{explain, suggestion};
 use ron::extensions::Extensions;
-use serde::de::{DeserializeOwned, Error as _};
+use serde::de::{DeserializeOwned, Error as _, IgnoredAny};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// An error in what the user wrote. Displays as `file:line:column: in `field`: message`, the line itself, and a caret.
@@ -106,6 +106,7 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
         field: String::new(),
         message: match error.kind() {
             std::io::ErrorKind::NotFound => "no such file".to_owned(),
+            std::io::ErrorKind::IsADirectory => "this is a folder; expected a file".to_owned(),
             std::io::ErrorKind::InvalidData => "not a text file (invalid UTF-8)".to_owned(),
             _ => error.to_string(),
         },
@@ -122,6 +123,14 @@ pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document
         Ok(value) => Ok(Document { origin: origin.to_owned(), text, value }),
         Err(error) => Err(error),
     }
+}
+
+/// Whether `text` is one value in RON, of whatever type, and nothing more.
+///
+/// # Errors
+/// Such as a bracket that is not closed.
+pub fn is_a_value(text: &str) -> Result<(), String> {
+    deserialize::<IgnoredAny>("", text, None).map(|IgnoredAny| ()).map_err(|error| error.message)
 }
 
 /// Says what kind of file a text is by its first word.

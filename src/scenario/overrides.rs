@@ -53,6 +53,8 @@ pub fn apply<T: Resolve>(document: &Document<T>, assignment: &str) -> Result<Doc
     let (path, value) =
         assignment.split_once('=').ok_or_else(|| fault("", "expected PATH=VALUE, such as agents.count=16".to_owned(), None))?;
     let (path, value) = (path.trim(), value.trim());
+    input::is_a_value(value)
+        .map_err(|reason| fault(path, format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}"), None))?;
     let text = replace(&document.value.resolved(), path, value).map_err(|unknown| {
         let names = unknown.valid.iter().map(String::as_str);
         let help = nearest(&unknown.name, names.clone()).map(|name| format!("did you mean `{name}`?"));
@@ -161,6 +163,17 @@ mod tests {
             message("agents.count=0"),
             "--set agents.count=0: in `agents.count`: expected a whole number from 1 to 10000, found 0"
         );
+        for (broken, reason) in [
+            ("Normal(sigma: 0", "expected a comma or the end of the list of fields"),
+            ("Normal(sigma: 0))", "unexpected text after the end"),
+            ("", "unexpected end of RON"),
+        ] {
+            let expected = format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}");
+            assert_eq!(
+                message(&format!("agents.seeds={broken}")),
+                format!("--set agents.seeds={broken}: in `agents.seeds`: {expected}")
+            );
+        }
         assert_eq!(message("agents"), "--set agents: expected PATH=VALUE, such as agents.count=16");
     }
 }

@@ -11,7 +11,7 @@ use crate::input::numbers::{Count, known_count};
 use crate::nn::{Activations, AdamSettings, Initial, Mlp};
 use crate::random::{Purpose, Stream, stream};
 
-/// The configuration of random network distillation.
+/// The configuration of random network distillation. It judges a state and what was done there, where Burda et al. judge the next state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Rnd {

@@ -53,7 +53,7 @@ pub enum ModelSeeds {
     Scale,
     /// μ ← μ + σ z: Standard-Gaussian seed sampling (thesis §2.3).
     Shift,
-    /// The draw of weights is always ε = z.
+    /// The draw of weights is always ε = z, one in place of all that the gain asks for.
     FixedSample,
 }
 
