@@ -276,8 +276,8 @@ mod tests {
 
     /// Records so many texts of about a megabyte, which are hard to compress.
     fn say(sink: &mut Sink, times: usize) {
-        let words: String = (0..60_000_u64).map(|n| format!("{:x} ", n.wrapping_mul(0x9E37_79B9_7F4A_7C15))).collect();
-        let chunk = timeless(EntityPath::from("text"), &TextDocument::new(words)).unwrap();
+        let words: Vec<String> = (0..60_000_u64).map(|n| format!("{:x}", n.wrapping_mul(0x9E37_79B9_7F4A_7C15))).collect();
+        let chunk = timeless(EntityPath::from("text"), &TextDocument::new(words.join(" "))).unwrap();
         (0..times).for_each(|_| sink.send_chunk(&chunk).unwrap());
     }
 
