@@ -32,9 +32,15 @@ fn names(text: &str, path: &str) -> bool {
 
 #[test]
 fn each_heavy_crate_has_a_sole_importer() {
-    for (crate_path, home) in
-        [("rerun::", "record/rerun/"), ("rapier2d::", "env/physics/"), ("parry2d::", "env/physics/"), ("resvg::", "figure/")]
-    {
+    for (crate_path, home) in [
+        ("rerun::", "record/rerun/"),
+        ("re_protos::", "record/rerun/"),
+        ("tonic::", "record/rerun/"),
+        ("tokio::", "record/rerun/"),
+        ("rapier2d::", "env/physics/"),
+        ("parry2d::", "env/physics/"),
+        ("resvg::", "figure/"),
+    ] {
         let mut importers = 0;
         for (file, text) in house() {
             let names_it = names(&text, crate_path);

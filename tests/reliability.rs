@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufReader;
-use std::net::TcpListener;
+use std::io::{BufRead, BufReader, Read};
+use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -168,6 +168,47 @@ fn a_viewer_that_hangs_changes_nothing() {
     assert!(stderr(&output).matches("warning: the viewer at").count() <= 1, "{}", stderr(&output));
     same_results(&whole, &watched);
     assert_eq!(steps_on_record(&whole.join("run.rrd")), steps_on_record(&watched.join("run.rrd")));
+}
+
+/// At a port that is taken nothing begins.
+#[test]
+fn a_taken_port_is_one_error_before_anything_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let output = seedbed(&out, &[&format!("--serve={port}")]).output().unwrap();
+    let said = stderr(&output);
+    assert_eq!((output.status.code(), said.lines().count()), (Some(1), 1), "{said}");
+    assert!(said.starts_with(&format!("error: cannot serve viewers at port {port}: ")), "{said}");
+    assert!(!out.exists());
+    for other in ["--live", "--no-recording"] {
+        let output = seedbed(&out, &["--serve=0", other]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    }
+    let finite = [env!("CARGO_BIN_EXE_seedbed"), "run", "scenarios/tabular/bipolar_chain.ron", "--serve=0", "--out"];
+    let output = Command::new(finite[0]).args(&finite[1..]).arg(&out).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(!out.exists());
+}
+
+/// Somebody connects and says nothing; the run and its file are as they are without.
+#[test]
+fn serving_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, served) = (uninterrupted(folder.path()), folder.path().join("served"));
+    let mut run = seedbed(&served, &[&SMALL[..], &["--serve=0"]].concat());
+    let mut run = run.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let (mut said, mut line, mut rest) = (BufReader::new(run.stdout.take().unwrap()), String::new(), String::new());
+    said.read_line(&mut line).unwrap();
+    let address =
+        line.strip_prefix("serving    rerun+http://").and_then(|line| line.split_once("/proxy; look with: ")).unwrap().0;
+    let silent = TcpStream::connect(address).unwrap();
+    said.read_to_string(&mut rest).unwrap();
+    assert!(run.wait().unwrap().success() && rest.starts_with("finished "), "{rest}");
+    drop(silent);
+    same_results(&whole, &served);
+    assert_eq!(steps_on_record(&whole.join("run.rrd")), steps_on_record(&served.join("run.rrd")));
 }
 
 /// `VmHWM`: the largest resident memory that the process ever had, in bytes.

@@ -29,7 +29,7 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::input::InputError;
-use crate::record::rerun::{DEFAULT_VIEWER, ViewerError};
+use crate::record::rerun::{DEFAULT_VIEWER, ServeError, ViewerError};
 use crate::run::RunError;
 use crate::run::review::ReviewError;
 use crate::study::report::counted;
@@ -94,6 +94,7 @@ enum Command {
   seedbed run scenarios/cartpole.ron --seed 3
   seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)' --out results/unseeded
   seedbed run scenarios/cartpole.ron --live               watch it in a viewer that runs already (rerun)
+  seedbed run scenarios/cartpole.ron --serve              let viewers come and go: rerun --connect
   seedbed run scenarios/cartpole.ron --resume             go on after an interruption, to the same bits")]
 struct RunArgs {
     /// A scenario file
@@ -117,6 +118,11 @@ struct RunArgs {
     #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_VIEWER)]
     #[arg(conflicts_with = "no_recording")]
     live: Option<String>,
+    /// Let viewers on this machine connect while the run lasts (`rerun --connect`), however many and whenever they come: each
+    /// sees all that was recorded so far, read from the file, and what follows [default PORT: 9876; 0 is any that is free]
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "9876")]
+    #[arg(conflicts_with_all = ["no_recording", "live"])]
+    serve: Option<u16>,
     /// Say nothing but errors
     #[arg(long, short)]
     quiet: bool,
@@ -360,6 +366,12 @@ impl From<ViewerError> for Failure {
             ViewerError::Address(_) => Self::Input(error.to_string()),
             ViewerError::Absent(_) => Self::Work(error.to_string()),
         }
+    }
+}
+
+impl From<ServeError> for Failure {
+    fn from(error: ServeError) -> Self {
+        Self::Work(error.to_string())
     }
 }
 

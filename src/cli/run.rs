@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::progress::{Bar, Silent};
 use super::{Failure, RunArgs, counted, tabular};
-use crate::record::rerun::Viewer;
+use crate::record::rerun::{Audience, Server, Viewer};
 use crate::run::folder::{Claim, Contents, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
 use crate::run::{self, Ending, Observer, Options, Plan, RunError};
@@ -21,13 +21,16 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     }
     let plan = Plan::load(&args.scenario, &overrides)?;
     let folder = args.out.as_ref().map_or_else(|| plan.default_folder(), RunFolder::new);
-    let viewer = args.live.as_deref().map(Viewer::connect).transpose()?;
+    let audience = audience(args)?;
     let claim = make_room(args, &folder)?;
     let threads = args.threads.map_or(0, usize::from);
     let options = Options { folder, resume: args.resume, threads, recording: !args.no_recording };
+    if let (Some(Audience::Visitors(server)), false) = (&audience, args.quiet) {
+        say!("serving    {0}; look with: rerun --connect {0}", server.address());
+    }
     let started = Instant::now();
     let mut observer: Box<dyn Observer> = if args.quiet { Box::new(Silent) } else { Box::new(Bar::new(&plan)) };
-    let ending = run::execute(&plan, &options, viewer, &mut *observer, &interruption("stopping after this round"));
+    let ending = run::execute(&plan, &options, audience, &mut *observer, &interruption("stopping after this round"));
     drop(observer);
     match ending.map_err(|error| with_way_on(error, args, &options.folder))? {
         Ending::Interrupted { rounds } => Err(Failure::Work(format!(
@@ -43,6 +46,13 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             Ok(())
         }
     }
+}
+
+/// Who shall look at the recording.
+fn audience(args: &RunArgs) -> Result<Option<Audience>, Failure> {
+    let viewer = args.live.as_deref().map(Viewer::connect).transpose()?.map(Audience::Viewer);
+    let visitors = args.serve.map(Server::bind).transpose()?.map(Audience::Visitors);
+    Ok(viewer.or(visitors))
 }
 
 /// What failed, and how to go on from the newest checkpoint, if there is one and it helps.

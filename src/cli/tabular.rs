@@ -35,6 +35,10 @@ pub(super) fn described(path: &Path) -> Result<String, InputError> {
 
 pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), Failure> {
     let scenario = scenario::load(&args.scenario, overrides)?.value;
+    if args.serve.is_some() {
+        let shown = args.scenario.display();
+        return Err(Failure::Input(format!("{shown} is of a finite task, whose recording is not served; leave out --serve")));
+    }
     let name = stem(&args.scenario);
     let folder = RunFolder::new(args.out.clone().unwrap_or_else(|| default_folder(&name, scenario.seed)));
     let claim = make_room(args, &folder)?;

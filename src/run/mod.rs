@@ -32,7 +32,7 @@ use self::trainer::{Diverged, Round, Trainer};
 use crate::env;
 use crate::env::description::Description;
 use crate::input::{self, Document, InputError};
-use crate::record::rerun::{Focus, RecordingAbout, RerunRecorder, Viewer};
+use crate::record::rerun::{Audience, Focus, RecordingAbout, RerunRecorder};
 use crate::record::table::TableRecorder;
 use crate::record::{RecordError, Recorder, RoundRecord};
 use crate::scenario::{self, Scenario};
@@ -170,20 +170,20 @@ fn check(document: &Document<Scenario>, description: &Description) -> Result<(),
     env::build(description, scenario.physics, 1).map(|_| ())
 }
 
-/// Runs a plan to its end, or until `interrupted` is set. A `viewer` is shown the recording while it is made.
+/// Runs a plan to its end, or until `interrupted` is set. An `audience` is shown the recording while it is made.
 ///
 /// # Errors
 /// Something could not be read or written; what was written before stays readable.
 pub fn execute(
     plan: &Plan,
     options: &Options,
-    viewer: Option<Viewer>,
+    audience: Option<Audience>,
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Ending, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders =
-        if options.resume { resume(plan, options, viewer, &mut trainer)? } else { begin(plan, options, viewer, &trainer)? };
+        if options.resume { resume(plan, options, audience, &mut trainer)? } else { begin(plan, options, audience, &trainer)? };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
         play_round(&mut trainer, &mut recorders)?;
@@ -222,7 +222,7 @@ fn warn(recorders: &mut Recorders, observer: &mut dyn Observer) {
     recorders.iter_mut().filter_map(|recorder| recorder.warning()).for_each(|warning| observer.warn(&warning));
 }
 
-fn begin(plan: &Plan, options: &Options, viewer: Option<Viewer>, trainer: &Trainer) -> Result<Recorders, RunError> {
+fn begin(plan: &Plan, options: &Options, audience: Option<Audience>, trainer: &Trainer) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
     write(&folder.task(&plan.description.spec.name), plan.environment_text.as_bytes())?;
@@ -230,19 +230,19 @@ fn begin(plan: &Plan, options: &Options, viewer: Option<Viewer>, trainer: &Train
     if options.recording {
         let settings = &plan.scenario.recording;
         let create = |about: &RecordingAbout<'_>| RerunRecorder::create(&folder.recording(), about, settings);
-        recorders.push(Box::new(shown(with_about(plan, trainer, create)?, viewer)));
+        recorders.push(Box::new(shown(with_about(plan, trainer, create)?, audience)));
     }
     Ok(recorders)
 }
 
-fn shown(mut recorder: RerunRecorder, viewer: Option<Viewer>) -> RerunRecorder {
-    if let Some(viewer) = viewer {
-        recorder.show_in(viewer);
+fn shown(mut recorder: RerunRecorder, audience: Option<Audience>) -> RerunRecorder {
+    if let Some(audience) = audience {
+        recorder.show_to(audience);
     }
     recorder
 }
 
-fn resume(plan: &Plan, options: &Options, viewer: Option<Viewer>, trainer: &mut Trainer) -> Result<Recorders, RunError> {
+fn resume(plan: &Plan, options: &Options, audience: Option<Audience>, trainer: &mut Trainer) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     same_run(plan, options)?;
     let checkpoint = Checkpoint::read(folder.path())?;
@@ -264,7 +264,7 @@ fn resume(plan: &Plan, options: &Options, viewer: Option<Viewer>, trainer: &mut 
     if let [bytes] = recording {
         let settings = &plan.scenario.recording;
         let resume = |about: &RecordingAbout<'_>| RerunRecorder::resume(&folder.recording(), about, settings, bytes);
-        recorders.push(Box::new(shown(with_about(plan, trainer, resume)?, viewer)));
+        recorders.push(Box::new(shown(with_about(plan, trainer, resume)?, audience)));
     }
     Ok(recorders)
 }

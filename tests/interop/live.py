@@ -16,11 +16,7 @@ import rerun as rr
 
 
 def main(seedbed: str) -> None:
-    # The wheel's own binary: the Python wrapper would leave it running.
-    rerun = str(pathlib.Path(rr.__file__).parent.parent / "rerun_cli" / "rerun")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    rerun, port = viewer_binary(), free_port()
     address = f"rerun+http://127.0.0.1:{port}/proxy"
     with tempfile.TemporaryDirectory() as folder:
         got = pathlib.Path(folder) / "got.rrd"
@@ -37,6 +33,17 @@ def main(seedbed: str) -> None:
         sent, arrived = (states(rerun, path) for path in (run / "run.rrd", got))
         assert sent == arrived and sent > 0, f"{sent} chunks in the file, {arrived} at the viewer"
     print(f"live: {arrived} chunks of raw states arrived at the viewer, as many as are in the file")
+
+
+def viewer_binary() -> str:
+    """The wheel's own: the Python wrapper would leave it running."""
+    return str(pathlib.Path(rr.__file__).parent.parent / "rerun_cli" / "rerun")
+
+
+def free_port() -> int:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
 
 
 def wait_for(port: int) -> None:

@@ -20,6 +20,7 @@ mod resume;
 mod rounds;
 mod rows;
 mod scene;
+mod serve;
 mod shapes;
 mod sink;
 mod tiles;
@@ -38,6 +39,7 @@ use self::pictures::Pictures;
 use self::raw::{RawColumns, RawTable};
 use self::resume::Progress;
 use self::scene::Film;
+pub use self::serve::{ServeError, Server};
 use self::sink::{Fault, Sink, Storage};
 use self::visitation::{Drawing, Sample};
 use self::walls::Walls;
@@ -54,6 +56,15 @@ pub enum Focus {
     Learning,
     /// How bodies moved: scenes.
     Motion,
+}
+
+/// Who looks at a recording while it is made.
+#[derive(Debug)]
+pub enum Audience {
+    /// A running viewer, which is sent everything.
+    Viewer(Viewer),
+    /// Viewers that connect as they like.
+    Visitors(Server),
 }
 
 /// What a recording says about its run.
@@ -151,11 +162,14 @@ impl RerunRecorder {
         resumed.map_err(|reason| RecordError { path: paths.part, attempt: Attempt::GoOn, reason })
     }
 
-    /// Shows the recording, as far as it has come and from now on, in a running viewer. The file stays as it is.
-    pub fn show_in(&mut self, mut viewer: Viewer) {
-        match viewer.catch_up(&self.paths.part) {
-            Ok(()) => self.sink.show_in(viewer),
-            Err(fault) => self.sink.warn(fault),
+    /// Shows the recording, as far as it has come and from now on. The file stays as it is.
+    pub fn show_to(&mut self, audience: Audience) {
+        let shown = match audience {
+            Audience::Viewer(mut viewer) => viewer.catch_up(&self.paths.part).map(|()| self.sink.show_in(viewer)),
+            Audience::Visitors(server) => self.sink.serve(server, &self.paths.part),
+        };
+        if let Err(fault) = shown {
+            self.sink.warn(fault);
         }
     }
 

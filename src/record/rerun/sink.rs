@@ -5,12 +5,14 @@
 
 use std::fs::File;
 use std::io::{self, Write};
+use std::path::Path;
 
 use rerun::StoreId;
 use rerun::external::re_log_encoding::rrd::{CrateVersion, EncodeError, Encoder, EncodingOptions, StreamHeader};
 use rerun::log::{Chunk, LogMsg};
 
 use super::live::Viewer;
+use super::serve::{Server, Serving};
 
 /// What went wrong, in words for people.
 pub(super) type Fault = String;
@@ -48,6 +50,7 @@ pub(super) struct Sink {
     length: u64,
     fault: Option<Fault>,
     viewer: Option<Viewer>,
+    serving: Option<Serving>,
     warning: Option<Fault>,
 }
 
@@ -64,6 +67,7 @@ impl Sink {
             length,
             fault: None,
             viewer: None,
+            serving: None,
             warning: None,
         })
     }
@@ -94,6 +98,9 @@ impl Sink {
             encoder.append(message)
         })?;
         self.messages += 1;
+        if let Some(serving) = &self.serving {
+            serving.announce(self.length);
+        }
         if let Some(viewer) = &mut self.viewer
             && let Err(warning) = viewer.show(message.clone())
         {
@@ -105,6 +112,12 @@ impl Sink {
     /// From now on, a viewer gets all messages as well.
     pub(super) fn show_in(&mut self, viewer: Viewer) {
         self.viewer = Some(viewer);
+    }
+
+    /// From now on, viewers can read the file, which is at `path`.
+    pub(super) fn serve(&mut self, server: Server, path: &Path) -> Result<(), Fault> {
+        self.serving = Some(server.open(path, self.length)?);
+        Ok(())
     }
 
     /// Keeps what people should know until they ask.
@@ -131,7 +144,8 @@ impl Sink {
         self.encoder = None;
         self.fault = Some("the recording is already complete".to_owned());
         let shown = self.viewer.as_mut().map(Viewer::finish);
-        self.warning = self.warning.take().or(shown.and_then(Result::err));
+        let served = self.serving.as_mut().map(Serving::finish);
+        self.warning = self.warning.take().or(shown.or(served).and_then(Result::err));
         Ok(())
     }
 
