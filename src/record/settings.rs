@@ -12,6 +12,8 @@ use crate::input::{Complaint, Located};
 pub struct RecordingSettings {
     /// Lines and points visible at once, for each agent.
     pub lines: Count<10_000>,
+    /// How many of the latest rounds are pictured together, and of how many of the latest episodes there are lines and points at once.
+    pub window: Count<1000>,
     /// What the colour of a line or point tells.
     pub colour: Located<Colour>,
     /// The upright axes that lines cross, from left to right.
@@ -116,6 +118,7 @@ impl Default for RecordingSettings {
     fn default() -> Self {
         Self {
             lines: known_count(1000),
+            window: known_count(50),
             colour: Colour::default().into(),
             axes: vec![AxisChoice::Observations, AxisChoice::IntrinsicReward].into(),
             pairs: PairChoice::First(known_count(4)),

@@ -26,10 +26,12 @@ const REST: [(&str, &str); 6] = [
     ("stop", "when the run ends: Episodes(n) | Solved(return: r, window: w, at_most: n)"),
     (
         "recording",
-        "what the recording shows: (lines: n, colour: Agent | Episode | Return | Outcome | IntrinsicReward, \
+        "what the recording shows: (lines: n, window: how many of the latest rounds and episodes are shown together, \
+         colour: Agent | Episode | Return | Outcome | IntrinsicReward, \
          axes: [Observations, Action, Reward(from: a, to: b), Advantage(from: a, to: b), IntrinsicReward, Step], \
          pairs: First(n) | These([(\"x\", \"v\")]), \
-         difference: MostDifferent | Between(0, 1) | Off, density_every: rounds, scene: None | Some((agent: k, every: n)))",
+         difference: MostDifferent | Between(0, 1) | Off, density_every: rounds between two pictures, \
+         raw_every: every how many episodes states are columns, scene: None | Some((agents: [k], every: n)))",
     ),
     ("checkpoint_every", "rounds between two checkpoints"),
     ("seed", "the run's seed, from which every random number derives"),

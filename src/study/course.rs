@@ -84,7 +84,7 @@ impl Course {
         let mut hash = Xxh64::new(0);
         match self {
             Self::Training(plan) => {
-                hash.update(plan.scenario.resolved().as_bytes());
+                hash.update(learned(&plan.scenario).as_bytes());
                 hash.update(&[0]);
                 hash.update(plan.environment_text.as_bytes());
             }
@@ -208,10 +208,45 @@ fn repeated(place: &Located<String>, error: &InputError) -> Complaint {
     }
 }
 
+/// The scenario's text without how many rounds its pictures show: the names of stored runs are digests of such texts.
+fn learned(scenario: &Scenario) -> String {
+    let window = format!("        window: {},\n", scenario.recording.window.get());
+    let text = scenario.resolved();
+    match text.split_once("\n    recording: (\n") {
+        Some((before, rest)) => format!("{before}\n    recording: (\n{}", rest.replacen(&window, "", 1)),
+        None => text,
+    }
+}
+
 /// Without what makes no difference to what is learned.
 fn bare(mut scenario: Scenario) -> Scenario {
     scenario.recording = RecordingSettings { scene: None, ..RecordingSettings::default() };
     scenario.checkpoint_every = known_count(1);
     scenario.seed = 0;
     scenario
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn digest(overrides: &[&str]) -> String {
+        let here: Located<String> = "here".to_owned().into();
+        let overrides: Vec<Override<'_>> = overrides.iter().map(|text| (&here, (*text).to_owned())).collect();
+        Course::load(Path::new("scenarios/cartpole.ron"), &here, &overrides, &here).expect("a scenario").digest()
+    }
+
+    /// Stored runs are found by their digests. This one names the runs of a study of `cartpole.ron` and nothing else, in files such as
+    /// `runs/8f479739e642d279-1000.run`; it changes with the scenario's text, its defaults, and `envs/cartpole.ron`.
+    #[test]
+    fn what_a_recording_shows_is_not_in_the_digest() {
+        assert_eq!(digest(&[]), "8f479739e642d279");
+        assert_eq!(digest(&["recording.window=7", "recording.lines=10", "recording.scene=None"]), digest(&[]));
+        assert_ne!(digest(&["agents.count=5"]), digest(&[]));
+        // There the stop has a window as well, of 50 episodes.
+        assert_ne!(
+            digest(&["stop=Solved(return: 1, window: 50, at_most: 99)"]),
+            digest(&["stop=Solved(return: 1, window: 51, at_most: 99)"])
+        );
+    }
 }

@@ -11,6 +11,7 @@ mod reading;
 mod rows;
 mod scenes;
 mod size;
+mod trained;
 mod writing;
 
 use std::path::{Path, PathBuf};

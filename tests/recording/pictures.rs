@@ -38,16 +38,26 @@ fn pictures_come_as_often_as_wanted_and_at_the_end() {
     }
 }
 
-/// Pictures come every 10 rounds and at the end, so that the last of 70 rounds is pictured with the 59 after round 10.
+/// Pictures come every 10 rounds and at the end; the last of 73 rounds is pictured with the 49 before it, or with as many as are wanted.
 #[test]
 fn the_latest_rounds_are_pictured_as_if_there_had_been_no_others() {
+    for window in [50, 7] {
+        let settings = RecordingSettings { window: known_count(window), ..RecordingSettings::default() };
+        pictures_are_of_the_latest_rounds(window, &settings);
+    }
+}
+
+fn pictures_are_of_the_latest_rounds(window: u32, settings: &RecordingSettings) {
     let folder = tempfile::tempdir().unwrap();
-    let (run, settings) = (Run::new(3, 70), RecordingSettings::default());
-    let whole = Contents::of(&record(&run, folder.path(), &settings));
-    assert_eq!(whole.words("/visitation/scale/latest/ends", "Points2D:labels").last().unwrap(), "rounds 11 to 69");
+    let (run, first) = (Run::new(3, 73), 73 - window);
+    let whole = Contents::of(&record(&run, folder.path(), settings));
+    for root in ["visitation/scale/latest", "visitation/team/scale/latest", "pairs/scale/bonus"] {
+        let note = whole.words(&format!("/{root}/ends"), "Points2D:labels").pop().unwrap();
+        assert_eq!(note, format!("rounds {first} to 72"));
+    }
     let path = folder.path().join("latest.rrd");
-    let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
-    run.rounds[11..].iter().for_each(|round| round.record(&mut recorder));
+    let mut recorder = RerunRecorder::create(&path, &run.about(), settings).unwrap();
+    run.rounds[first as usize..].iter().for_each(|round| round.record(&mut recorder));
     recorder.finish().unwrap();
     let latest = Contents::of(&path);
     for (root, of_latest, of_all) in [("visitation", "latest", "density"), ("pairs", "bonus", "bonus")] {

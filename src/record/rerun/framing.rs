@@ -14,18 +14,18 @@ pub(super) fn framed(scene: &Scene, poses: &[Pose]) -> Option<Bounds> {
     let frames = || poses.chunks_exact(scene.bodies.len());
     let acted = frames().filter_map(|frame| moving(scene, frame)).reduce(united)?;
     match scene.tracked {
-        None => Some(around(acted, &still(&scene.bodies, frames().next()?))),
+        None => Some(around(acted, &still(&scene.bodies, frames().next()?), overhang(&scene.bodies))),
         Some(_) => Some(widened(acted, 0.25 * extent(acted))),
     }
 }
 
-/// What moves and what stands still, with the nearer end of what goes on for ever.
-fn around(acted: Bounds, still: &[(Bounds, bool)]) -> Bounds {
+/// What moves and what stands still, with the nearer end of what goes on for ever, and room for what stands at the end of a line.
+fn around(acted: Bounds, still: &[(Bounds, bool)], overhang: f32) -> Bounds {
     let solid = still.iter().filter(|(_, line)| !line).fold(acted, |all, (part, _)| united(all, *part));
     let size = extent(solid);
     let lines = still.iter().filter(|(_, line)| *line).map(|(part, _)| *part);
     let (endless, finite): (Vec<_>, Vec<_>) = lines.partition(|line| extent(*line) > ENDLESS * size);
-    let ended = finite.into_iter().fold(solid, united);
+    let ended = finite.into_iter().map(|line| widened(line, overhang)).fold(solid, united);
     let all = endless.into_iter().fold(ended, |all, line| stretched(all, line, size));
     widened(all, 0.05 * extent(all))
 }
@@ -62,6 +62,12 @@ fn reach(body: &SceneBody) -> Option<f32> {
     let thickness = |shape: &Shape| if let Shape::Capsule { radius, .. } = shape { *radius } else { 0.0 };
     let furthest = |shape| outline(shape)?.into_iter().map(|[x, y]| x.hypot(y) + thickness(shape)).reduce(f32::max);
     body.shapes.iter().filter_map(furthest).reduce(f32::max)
+}
+
+/// How far a body that stands at the end of a line reaches beyond it: the largest of those that do not hang on another.
+fn overhang(bodies: &[SceneBody]) -> f32 {
+    let loose = bodies.iter().filter(|body| !body.fixed && body.hinge.is_none());
+    loose.filter_map(reach).fold(0.0, f32::max)
 }
 
 fn bounds(outline: &[[f32; 2]], pose: Pose) -> Option<Bounds> {
@@ -114,6 +120,18 @@ mod tests {
         assert_close(framed(&ball_in_a_room(), &poses), [-1.1, 1.1, -1.1, 1.1]);
         // A ball that hardly moves is 0.4 m: the walls 0.8 m from it are too far. Of 0.4 m, 5 % are added.
         assert_close(framed(&ball_in_a_room(), &ball_at(0.0, 0.0)), [-0.22, 0.22, -0.22, 0.22]);
+    }
+
+    #[test]
+    fn a_cart_at_the_end_of_its_rail_is_seen_whole() {
+        let cart = Shape::Box { center: [0.0, 0.0], half_size: [0.4, 0.3], angle: 0.0 };
+        let rail = Shape::Polyline(vec![[-2.5, 0.0], [2.5, 0.0]]);
+        let pole = Shape::Capsule { from: [0.0, 0.0], to: [0.0, 1.0], radius: 0.0 };
+        let hung = SceneBody { hinge: Some([0.0, 0.0]), ..body("pole", false, vec![pole]) };
+        let bodies = vec![body("rail", true, vec![rail]), body("cart", false, vec![cart]), hung];
+        let scene = Scene { bodies, tracked: None };
+        // The cart reaches 0.5 m about its middle, at either end of the rail: 6 m, of which 5 % are added. The pole reaches 1 m.
+        assert_close(framed(&scene, &[Pose::default(); 3]), [-3.3, 3.3, -1.3, 1.3]);
     }
 
     #[test]

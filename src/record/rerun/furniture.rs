@@ -16,6 +16,9 @@ const AXIS_COLOR: [u8; 3] = [150, 150, 160];
 const NAME_COLOR: [u8; 3] = [235, 235, 240];
 const END_COLOR: [u8; 3] = [165, 165, 175];
 
+/// Points of the screen on either side of a picture with names.
+const BESIDE: f32 = 34.0;
+
 /// With more pictures in a view than this, names and ends stand beside the team's picture only.
 pub(super) const NAMED: u32 = 4;
 
@@ -40,23 +43,25 @@ impl Wall {
     /// For `agents` pictures in parallel coordinates, or one of the whole team.
     pub(super) fn of_axes(axes: &Axes, agents: Option<u32>, room: Room) -> Self {
         let size = [axes.width() as f32, HEIGHT as f32];
-        let plain = Self::new(agents, size, room, [2.2, 8.0]);
-        let crowded = (axes.x(1) - axes.x(0)) * plain.tiles.zoom < widest(axes, plain.units(axes));
-        if crowded { Self { staggered: true, ..Self::new(agents, size, room, [3.2, 8.0]) } } else { plain }
+        let named = |names| Self::new(agents, size, Room { overhang: overhang(axes), ..room }, [names, 8.0], 3.3);
+        let plain = if agents.unwrap_or(1) <= NAMED { named(2.2) } else { Self::new(agents, size, room, [2.2, 8.0], 3.3) };
+        let crowded = plain.named && (axes.x(1) - axes.x(0)) * plain.tiles.zoom < widest(axes, plain.units(axes));
+        if crowded { Self { staggered: true, ..named(3.2) } } else { plain }
     }
 
     /// For `agents` rows of panels, or one row of the whole team.
     pub(super) fn of_pairs(pairs: &Pairs, agents: Option<u32>, room: Room) -> Self {
-        Self::new(agents, [pairs.width() as f32, CELLS as f32], room, [1.2, 28.0])
+        Self::new(agents, [pairs.width() as f32, CELLS as f32], room, [1.2, 28.0], 2.2)
     }
 
-    /// `names` lines of words above each picture; without names, `beside` points of the screen keep neighbours apart.
-    fn new(agents: Option<u32>, size: [f32; 2], room: Room, [names, beside]: [f32; 2]) -> Self {
+    /// `names` lines of words above each picture; without names, `beside` points of the screen keep neighbours apart. `key` lines below
+    /// the scale.
+    fn new(agents: Option<u32>, size: [f32; 2], room: Room, [names, beside]: [f32; 2], key: f32) -> Self {
         let count = agents.unwrap_or(1);
         let (tagged, named) = (agents.is_some_and(|agents| agents > 1), count <= NAMED);
         let names = if named { names } else { 0.2 };
         let above = names + if tagged { 1.0 } else { 0.0 };
-        let words = Words { above, below: if named { 1.3 } else { 0.4 }, beside: if named { 34.0 } else { beside } };
+        let words = Words { above, below: if named { 1.3 } else { 0.4 }, beside: if named { BESIDE } else { beside }, key };
         Self { tiles: Tiles::new(count, size, room, words), tagged, named, staggered: false, names }
     }
 
@@ -136,6 +141,12 @@ impl Wall {
 fn widest(axes: &Axes, with_units: bool) -> f32 {
     let letters = axes.all().iter().map(|axis| name(&axis.quantity, with_units).chars().count());
     letters.max().unwrap_or(0) as f32 * LETTER + 8.0
+}
+
+/// Points of the screen by which the last axis' name reaches beyond the room beside a picture.
+fn overhang(axes: &Axes) -> f32 {
+    let letters = axes.all().last().map_or(0, |axis| name(&axis.quantity, true).chars().count());
+    (0.5 * letters as f32 * LETTER - BESIDE).max(0.0)
 }
 
 /// An upright bar with the colours of a scale at `entity`, its words below.

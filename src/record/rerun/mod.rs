@@ -99,6 +99,8 @@ pub struct RerunRecorder {
     drawing: Drawing,
     walls: Walls,
     quota: LineQuota,
+    /// Rounds that are pictured together.
+    window: u32,
     density_every: u32,
     raw_every: u32,
     focus: Focus,
@@ -207,7 +209,8 @@ impl RerunRecorder {
             sink,
             walls: Walls::new(about.agents, &drawing.axes, &drawing.pairs),
             drawing,
-            quota: LineQuota::of(settings.lines.get()),
+            quota: LineQuota::of(settings.lines.get(), settings.window.get()),
+            window: settings.window.get(),
             density_every: settings.density_every.get(),
             raw_every: settings.raw_every.get(),
             focus: about.focus,

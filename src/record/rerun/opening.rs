@@ -43,6 +43,7 @@ impl RerunRecorder {
             agents: self.agents.len() as u32,
             walls: self.walls,
             quota: self.quota,
+            window: self.window,
             time_limit: self.spec.time_limit,
             control_step: self.control_step,
             focus: self.focus,

@@ -13,9 +13,10 @@ use rerun::{DepthImage, EntityPath, Image, Points2D};
 use super::furniture::{Label, lettered, number};
 use super::rows::{Moment, Moments, grouped_column, rgb, timeless};
 use super::sink::Fault;
+use super::visitation::Drawing;
 use crate::record::Difference;
 use crate::record::palette::{diverging, sequential};
-use crate::record::visitation::{Axes, CELLS, HEIGHT, Novelty, Pairs, Visited, differing, most_different, shade};
+use crate::record::visitation::{Axes, CELLS, HEIGHT, Novelty, Pairs, Visited, differing, first_of, most_different, shade};
 
 /// Pictures written as one piece.
 const PICTURES_PER_CHUNK: usize = 8;
@@ -79,17 +80,17 @@ impl Pictures {
         }
     }
 
-    /// Adds pictures of what was visited up to the end of `round`.
-    pub(super) fn hang(&mut self, visited: &mut [Visited], axes: &Axes, pairs: &Pairs, at: Moment) {
+    /// Adds pictures of what was visited up to the end of a round, and in the latest `window` rounds.
+    pub(super) fn hang(&mut self, visited: &[Visited], Drawing { axes, pairs, .. }: &Drawing, window: u32, at: Moment) {
         let round = at.round as u32;
-        let (latest, firsts): (Vec<Vec<u32>>, Vec<u32>) = visited.iter_mut().map(|visited| visited.latest(round)).unzip();
-        let rounds = format!("rounds {} to {round}", firsts.first().copied().unwrap_or(0));
+        let rounds = format!("rounds {} to {round}", first_of(round, window));
+        let latest: Vec<Vec<u32>> = visited.iter().map(Visited::latest).collect();
         self.latest.hang_densities(&latest.iter().map(Vec::as_slice).collect::<Vec<_>>(), Some(&rounds), at);
         let so_far: Vec<&[u32]> = visited.iter().map(|visited| visited.density.pixels()).collect();
         self.density.hang_densities(&so_far, None, at);
         self.compare(&so_far, axes.width(), at);
         if let Some(hall) = &mut self.bonus {
-            let bonuses: Vec<Novelty> = visited.iter_mut().filter_map(|visited| Some(visited.latest_bonuses(round)?.0)).collect();
+            let bonuses: Vec<Novelty> = visited.iter().filter_map(|visited| visited.latest_bonuses(pairs)).collect();
             hall.hang_bonuses(&bonuses, pairs, &rounds, at);
         }
     }

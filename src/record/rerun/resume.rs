@@ -19,9 +19,14 @@ use super::visitation::Drawing;
 use crate::record::RecordingSettings;
 use crate::record::visitation::Visited;
 
+/// The format of [`Progress`].
+const FORMAT: u32 = 2;
+
 /// What a recording needs to go on, beside its file.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Progress {
+    /// So that bytes of another version are refused rather than misread.
+    format: u32,
     /// Messages in the file.
     pub(super) messages: u64,
     /// Tells this recording from all others.
@@ -45,10 +50,11 @@ impl Progress {
     pub(super) fn start(about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Self {
         let (agents, drawing) = (about.agents as usize, Drawing::of(about, settings, [0.0, 1.0]));
         Self {
+            format: FORMAT,
             messages: 0,
             recording_id: format!("{}-{}", about.name, unique()),
             next_steps: vec![0; agents],
-            visited: vec![Visited::new(&drawing.axes, &drawing.pairs, about.largest_bonus.is_some()); agents],
+            visited: vec![Visited::new(&drawing.axes, about.largest_bonus.is_some()); agents],
             colour_range: None,
             latest_returns: VecDeque::new(),
             pictured: false,
@@ -74,6 +80,10 @@ impl Progress {
 
     /// From what [`to_bytes`](Self::to_bytes) wrote.
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, Fault> {
+        let format = postcard::take_from_bytes::<u32>(bytes).map_or(FORMAT, |(format, _)| format);
+        if format != FORMAT {
+            return Err("the checkpoint is damaged, or of another version of seedbed".to_owned());
+        }
         postcard::from_bytes(bytes).map_err(|error| format!("the checkpoint is damaged: {error}"))
     }
 }

@@ -22,6 +22,7 @@ impl RerunRecorder {
         for episodes in round.episodes.chunk_by(|one, next| one.agent == next.agent) {
             self.take_in_episodes(round, episodes, &mut rows);
         }
+        self.visited.iter_mut().for_each(|visited| visited.end_round(round.round, self.window));
         let latest_episode = round.episodes.iter().map(|episode| episode.episode.into()).max();
         (self.progress.latest, self.progress.pictured) = (Some((round.round.into(), latest_episode.unwrap_or(0))), false);
         let end = self.now();
@@ -94,7 +95,7 @@ impl RerunRecorder {
     /// Pictures what was visited so far and lately.
     pub(super) fn picture(&mut self) {
         let now = self.now();
-        self.pictures.hang(&mut self.visited, &self.drawing.axes, &self.drawing.pairs, now);
+        self.pictures.hang(&self.visited, &self.drawing, self.window, now);
         self.progress.pictured = true;
     }
 

@@ -25,7 +25,7 @@ const TITLE: f32 = 28.0;
 pub(super) const TEAM_SHARE: f32 = 0.3;
 
 /// Points for the scale beside pictures.
-const SCALE: f32 = 102.0;
+const SCALE: f32 = 120.0;
 
 /// The walls for pictures of all agents, and for one picture of the team.
 #[derive(Clone, Copy, PartialEq)]
@@ -67,7 +67,7 @@ impl Walls {
             Arrangement::Few => [[half, height], [half, upper], [half, height], [half, height]],
             Arrangement::Many => [[width, lower], [half, upper], [width, lower], [width, upper]],
         };
-        let room = |size| Room { size, scale: SCALE };
+        let room = |size| Room { size, scale: SCALE, overhang: 0.0 };
         Self {
             axes: Wall::of_axes(axes, Some(agents), room(of_axes)),
             team_axes: Wall::of_axes(axes, None, room(of_team)),

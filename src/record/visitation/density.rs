@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::BINS;
 use super::axes::{Axes, HEIGHT};
+use super::{BINS, Gains};
 
 /// Brightness of a pixel that a single line crosses.
 pub const DIMMEST: u8 = 40;
@@ -45,12 +45,39 @@ impl Density {
     /// Counts one projected state.
     pub fn add(&mut self, fractions: &[f32]) {
         for (pair, ends) in fractions.windows(2).enumerate() {
-            let cell = (pair * BINS + bin(ends[0])) * BINS + bin(ends[1]);
-            if self.counts[cell] == 0 {
-                self.touched.push(cell as u32);
-            }
-            self.counts[cell] += 1;
+            self.count((pair * BINS + bin(ends[0])) * BINS + bin(ends[1]), 1);
         }
+    }
+
+    fn count(&mut self, cell: usize, states: u32) {
+        if self.counts[cell] == 0 {
+            self.touched.push(cell as u32);
+        }
+        self.counts[cell] += states;
+    }
+
+    /// Draws the states of the round that ends, and returns their cells.
+    pub fn end_round(&mut self) -> Gains {
+        self.touched.sort_unstable();
+        let gains = Gains::of(self.touched.iter().map(|&cell| (cell, self.counts[cell as usize])));
+        self.draw_all();
+        gains
+    }
+
+    /// Whether the cells of a round are among these.
+    #[must_use]
+    pub fn has(&self, round: &Gains) -> bool {
+        round.cells().all(|(cell, _)| (cell as usize) < self.counts.len())
+    }
+
+    /// Lines over each pixel from some rounds alone: `[height × width]`.
+    #[must_use]
+    pub fn draw_alone<'a>(&self, rounds: impl Iterator<Item = &'a Gains>) -> Vec<u32> {
+        let (counts, pixels) = (vec![0; self.counts.len()], vec![0; self.pixels.len()]);
+        let mut alone = Self { gap: self.gap, pairs: self.pairs, counts, touched: Vec::new(), pixels };
+        rounds.flat_map(Gains::cells).for_each(|(cell, states)| alone.count(cell as usize, states));
+        alone.draw_all();
+        alone.pixels
     }
 
     /// Lines over each pixel, all states drawn: `[height × width]`.
@@ -154,6 +181,24 @@ mod tests {
             once.add(state);
         }
         assert_eq!(often.draw_all(), once.draw_all());
+    }
+
+    #[test]
+    fn rounds_can_be_drawn_alone() {
+        let axes = axes(3);
+        let states = [[0.1, 0.5, 0.9], [0.3, 0.3, 0.2], [0.1, 0.5, 0.9], [0.8, 0.1, 0.4]];
+        let (mut all, mut later) = (Density::new(&axes), Density::new(&axes));
+        let rounds: Vec<Gains> = states
+            .iter()
+            .map(|state| {
+                all.add(state);
+                all.end_round()
+            })
+            .collect();
+        assert_eq!(all.draw_alone(rounds.iter()), *all.clone().draw_all());
+        states[2..].iter().for_each(|state| later.add(state));
+        assert_eq!(all.draw_alone(rounds[2..].iter()), *later.draw_all());
+        assert!(all.has(&rounds[3]) && !all.has(&Gains::of([(2 * 64 * 64, 1)].into_iter())));
     }
 
     #[test]

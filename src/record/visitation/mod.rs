@@ -8,6 +8,7 @@ mod axes;
 mod colouring;
 mod density;
 mod difference;
+mod gains;
 mod novelty;
 mod pairs;
 mod sample;
@@ -18,11 +19,12 @@ pub use axes::{Axes, Axis, HEIGHT, Seen};
 pub use colouring::Colouring;
 pub use density::{DIMMEST, Density, shade};
 pub use difference::{differing, most_different};
-pub use novelty::Novelty;
+pub use gains::Gains;
+pub use novelty::{Earned, Novelty};
 pub use pairs::{CELLS, Pairs};
-pub use sample::{LineQuota, WINDOW, pick_states};
+pub use sample::{LineQuota, pick_states};
 pub use visited::Visited;
-pub use window::Latest;
+pub use window::{Latest, first_of};
 
 /// Equal parts into which the range of each axis is divided.
 pub const BINS: usize = 64;

@@ -5,11 +5,34 @@ use serde::{Deserialize, Serialize};
 use super::axes::Seen;
 use super::pairs::{CELLS, Pairs};
 
-/// Sums and numbers of bonuses, so that means over any span of time are a difference away: `[panels × cells × cells]` each.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Sums and numbers of bonuses: `[panels × cells × cells]` each.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Novelty {
     sums: Vec<f64>,
     counts: Vec<u32>,
+}
+
+/// What was earned in one cell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Earned {
+    /// Counts panels, rows from the uppermost down, and columns.
+    pub cell: u32,
+    /// Bonuses.
+    pub count: u32,
+    /// Of these.
+    pub sum: f64,
+}
+
+/// Bonuses by their cells, in ascending order; those of a cell are added up in the order in which they were earned.
+#[must_use]
+pub(super) fn earned(mut bonuses: Vec<(u32, f32)>) -> Vec<Earned> {
+    bonuses.sort_by_key(|(cell, _)| *cell);
+    let of_cell = |same: &[(u32, f32)]| Earned {
+        cell: same[0].0,
+        count: same.len() as u32,
+        sum: same.iter().map(|(_, bonus)| f64::from(*bonus)).sum(),
+    };
+    bonuses.chunk_by(|(one, _), (next, _)| one == next).map(of_cell).collect()
 }
 
 impl Novelty {
@@ -20,35 +43,28 @@ impl Novelty {
         Self { sums: vec![0.0; cells], counts: vec![0; cells] }
     }
 
-    /// Whether this was made for such panels.
+    /// How many cells there are.
     #[must_use]
-    pub fn fits(&self, pairs: &Pairs) -> bool {
-        let cells = pairs.panels().len() * CELLS * CELLS;
-        self.sums.len() == cells && self.counts.len() == cells
+    pub fn cells(&self) -> usize {
+        self.counts.len()
     }
 
-    /// Adds the bonus of the step that was taken from a state.
-    pub fn add(&mut self, pairs: &Pairs, seen: &Seen<'_>) {
-        for (panel, [across, upwards]) in pairs.project(seen).enumerate() {
-            let cell = (panel * CELLS + row(upwards)) * CELLS + column(across);
-            self.sums[cell] += f64::from(seen.bonus);
-            self.counts[cell] += 1;
-        }
+    /// The cell of each panel in which a state is.
+    pub fn cells_of(pairs: &Pairs, seen: &Seen<'_>) -> impl Iterator<Item = u32> {
+        let cell = |(panel, [across, upwards]): (usize, [f32; 2])| (panel * CELLS + row(upwards)) * CELLS + column(across);
+        pairs.project(seen).enumerate().map(move |place| cell(place) as u32)
+    }
+
+    /// Adds what was earned in a cell.
+    pub fn add(&mut self, Earned { cell, count, sum }: Earned) {
+        self.sums[cell as usize] += sum;
+        self.counts[cell as usize] += count;
     }
 
     /// Adds what others earned.
     pub fn add_all(&mut self, others: &Self) {
         self.sums.iter_mut().zip(&others.sums).for_each(|(sum, other)| *sum += other);
         self.counts.iter_mut().zip(&others.counts).for_each(|(count, other)| *count += other);
-    }
-
-    /// What was earned since it was as `before`.
-    #[must_use]
-    pub fn since(&self, before: Option<&Self>) -> Self {
-        let Some(before) = before else { return self.clone() };
-        let sums = self.sums.iter().zip(&before.sums).map(|(now, before)| now - before).collect();
-        let counts = self.counts.iter().zip(&before.counts).map(|(now, before)| now - before).collect();
-        Self { sums, counts }
     }
 
     /// The mean bonus of each cell, none where nobody was: `[panels × cells × cells]`, from the uppermost row down.
@@ -78,27 +94,31 @@ mod tests {
     use crate::input::numbers::known_count;
     use crate::record::PairChoice;
 
-    /// Bonuses of 1 and 3 in the lower left cell, then 8 there and 5 in the upper right one: means of 2, then, of the later ones, 8 and 5.
+    /// Bonuses of 1 and 3 in the lower left cell and of 5 in the upper right one: means of 2 and 5.
     #[test]
     fn bonuses_are_averaged_where_they_were_earned() {
         let pairs = Pairs::of(&spec(&[[0.0, 1.0]; 2]), &PairChoice::First(known_count(1)));
-        let mut novelty = Novelty::new(&pairs);
-        let mut earn = |bonus, place: &[f32]| novelty.add(&pairs, &Seen { bonus, ..seen(0, place) });
-        earn(1.0, &[0.0, 0.0]);
-        earn(3.0, &[0.01, 0.02]);
-        let before = novelty.clone();
-        let mut earn = |bonus, place: &[f32]| novelty.add(&pairs, &Seen { bonus, ..seen(0, place) });
-        earn(8.0, &[0.0, 0.0]);
-        earn(5.0, &[1.0, 1.0]);
-        let found =
-            |novelty: &Novelty| novelty.means().enumerate().filter_map(|(cell, mean)| Some((cell, mean?))).collect::<Vec<_>>();
+        let places: [(f32, &[f32]); 3] = [(1.0, &[0.0, 0.0]), (5.0, &[1.0, 1.0]), (3.0, &[0.01, 0.02])];
+        let bonuses = places.iter().flat_map(|(bonus, place)| {
+            let seen = seen(0, place);
+            Novelty::cells_of(&pairs, &seen).map(|cell| (cell, *bonus)).collect::<Vec<_>>()
+        });
+        let earned = earned(bonuses.collect());
         let (upper_right, lower_left) = (39, 39 * 40);
-        assert_eq!(found(&before), [(lower_left, 2.0)]);
-        assert_eq!(found(&novelty.since(Some(&before))), [(upper_right, 5.0), (lower_left, 8.0)]);
-        assert_eq!(found(&novelty.since(None)), [(upper_right, 5.0), (lower_left, 4.0)]);
-        assert_eq!(novelty.since(Some(&before)).largest(), 8.0);
-        let mut team = before.clone();
-        team.add_all(&before);
-        assert_eq!(found(&team), [(lower_left, 2.0)]);
+        let of = |cell, count, sum| Earned { cell, count, sum };
+        assert_eq!(earned, [of(upper_right, 1, 5.0), of(lower_left, 2, 4.0)]);
+        let mut novelty = Novelty::new(&pairs);
+        for earned in earned {
+            novelty.add(earned);
+        }
+        let found = |novelty: &Novelty| {
+            novelty.means().enumerate().filter_map(|(cell, mean)| Some((cell as u32, mean?))).collect::<Vec<_>>()
+        };
+        assert_eq!(found(&novelty), [(upper_right, 5.0), (lower_left, 2.0)]);
+        assert_eq!(novelty.largest(), 5.0);
+        let mut team = novelty.clone();
+        team.add(of(lower_left, 2, 12.0));
+        team.add_all(&novelty);
+        assert_eq!(found(&team), [(upper_right, 5.0), (lower_left, 20.0 / 6.0)]);
     }
 }

@@ -13,14 +13,11 @@ pub struct LineQuota {
     pub per_round: u32,
 }
 
-/// What belongs to the latest 50 episodes or rounds is shown together.
-pub const WINDOW: u32 = 50;
-
 impl LineQuota {
-    /// For `lines` visible lines an agent.
+    /// For `lines` visible lines an agent, of the latest `window` episodes or, where there are fewer lines, of as many.
     #[must_use]
-    pub fn of(lines: u32) -> Self {
-        let window = lines.clamp(1, WINDOW);
+    pub fn of(lines: u32, window: u32) -> Self {
+        let window = lines.clamp(1, window);
         Self { window, per_round: lines / window }
     }
 
@@ -48,10 +45,11 @@ mod tests {
 
     #[test]
     fn the_quota_never_exceeds_the_wanted_lines() {
-        assert_eq!(LineQuota::of(1000), LineQuota { window: 50, per_round: 20 });
-        assert_eq!(LineQuota::of(7), LineQuota { window: 7, per_round: 1 });
-        assert_eq!(LineQuota::of(0), LineQuota { window: 1, per_round: 0 });
-        let shares: Vec<_> = (0..3).map(|index| LineQuota::of(1000).of_episode(index, 3)).collect();
+        assert_eq!(LineQuota::of(1000, 50), LineQuota { window: 50, per_round: 20 });
+        assert_eq!(LineQuota::of(1000, 200), LineQuota { window: 200, per_round: 5 });
+        assert_eq!(LineQuota::of(7, 50), LineQuota { window: 7, per_round: 1 });
+        assert_eq!(LineQuota::of(0, 50), LineQuota { window: 1, per_round: 0 });
+        let shares: Vec<_> = (0..3).map(|index| LineQuota::of(1000, 50).of_episode(index, 3)).collect();
         assert_eq!(shares, [6, 7, 7]);
     }
 

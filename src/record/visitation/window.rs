@@ -4,80 +4,63 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-use super::WINDOW;
-
-/// A copy is kept every so many rounds, so that there are few however long a run is and however often it is pictured.
-const SPACING: u32 = WINDOW / 5;
-
-/// Earlier states of something that only grows. What it gained over the latest rounds is what it is, less what it was.
+/// The latest rounds, each with what it brought.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Latest<T> {
-    /// Copies from the end of a round, the oldest first: at most one from before the window, and those within.
-    copies: VecDeque<(u32, T)>,
+pub struct Latest<G> {
+    rounds: VecDeque<(u32, G)>,
 }
 
-impl<T> Default for Latest<T> {
+impl<G> Default for Latest<G> {
     fn default() -> Self {
-        Self { copies: VecDeque::new() }
+        Self { rounds: VecDeque::new() }
     }
 }
 
-impl<T: Clone> Latest<T> {
-    /// What `now`, at the end of `round`, was just before the window of rounds that ends with `round`, and the window's first round.
-    /// A window has 50 rounds, or as many more as pictures are apart; at a run's start it has all.
-    pub fn before(&mut self, round: u32, now: &T) -> (Option<&T>, u32) {
-        while self.copies.get(1).is_some_and(|(copied, _)| copied + WINDOW <= round) {
-            self.copies.pop_front();
+impl<G> Latest<G> {
+    /// Adds what `round` brought, and forgets the rounds before the latest `window`.
+    pub fn add(&mut self, round: u32, gains: G, window: u32) {
+        self.rounds.push_back((round, gains));
+        while self.rounds.front().is_some_and(|(brought, _)| *brought < first_of(round, window)) {
+            self.rounds.pop_front();
         }
-        if self.copies.back().is_none_or(|(copied, _)| copied + SPACING <= round) {
-            self.copies.push_back((round, now.clone()));
-        }
-        let (copied, before) = &self.copies[0];
-        if copied + WINDOW <= round { (Some(before), copied + 1) } else { (None, 0) }
     }
+
+    /// What each of the rounds brought, the oldest first.
+    pub fn all(&self) -> impl Iterator<Item = &G> {
+        self.rounds.iter().map(|(_, gains)| gains)
+    }
+}
+
+/// The first of the latest `window` rounds up to the end of `round`; at a run's start there are fewer.
+#[must_use]
+pub fn first_of(round: u32, window: u32) -> u32 {
+    (u64::from(round) + 1).saturating_sub(u64::from(window)) as u32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Something that grows by 1 in round 0, by 2 in round 1, and so on; pictured every `every` rounds until round 200.
-    fn windows(every: u32) -> Vec<(u32, u32, u32, usize)> {
+    /// Round r brings r; a window of three ends with each of them.
+    #[test]
+    fn a_window_has_as_many_rounds_as_it_says() {
         let mut latest = Latest::default();
-        let total = |round: u32| (round + 1) * (round + 2) / 2;
-        let picture = |round| {
-            let now = total(round);
-            let (before, first) = latest.before(round, &now);
-            let gained = now - before.copied().unwrap_or(0);
-            (round, first, gained, latest.copies.len())
-        };
-        (0..=200).step_by(every as usize).map(picture).collect()
-    }
-
-    #[test]
-    fn a_window_holds_what_its_rounds_brought() {
-        for every in [1, 3, 7, 10, 25, 50, 90] {
-            for (round, first, gained, copies) in windows(every) {
-                let brought: u32 = (first..=round).map(|round| round + 1).sum();
-                assert_eq!(gained, brought, "rounds {first} to {round}");
-                assert!(copies <= 7, "{copies} copies");
-            }
+        let mut windows = Vec::new();
+        for round in 0..6 {
+            latest.add(round, round, 3);
+            windows.push((first_of(round, 3), latest.all().copied().collect::<Vec<_>>()));
         }
+        let expected =
+            [(0, vec![0]), (0, vec![0, 1]), (0, vec![0, 1, 2]), (1, vec![1, 2, 3]), (2, vec![2, 3, 4]), (3, vec![3, 4, 5])];
+        assert_eq!(windows, expected);
     }
 
-    /// Pictures of rounds 0, 10, …: the window that ends with round 60 begins after round 10.
     #[test]
-    fn a_window_has_fifty_rounds() {
-        let first_of =
-            |every, wanted| windows(every).into_iter().find(|(round, ..)| *round == wanted).map(|(_, first, ..)| first);
-        assert_eq!([0, 40, 50, 60, 200].map(|round| first_of(10, round)), [0, 0, 1, 11, 151].map(Some));
-        assert_eq!(first_of(50, 100), Some(51));
-        assert!(
-            windows(1)
-                .into_iter()
-                .filter(|(round, ..)| *round >= 60)
-                .all(|(round, first, ..)| (50..60).contains(&(round - first + 1)))
-        );
-        assert!(windows(90).into_iter().skip(1).all(|(round, first, ..)| round - first + 1 == 90));
+    fn rounds_that_were_not_recorded_count() {
+        let mut latest = Latest::default();
+        for (round, gains) in [(11, 'a'), (58, 'b'), (61, 'c')] {
+            latest.add(round, gains, 50);
+        }
+        assert_eq!((first_of(61, 50), latest.all().collect::<String>()), (12, "bc".to_owned()));
     }
 }

@@ -34,6 +34,8 @@ pub(super) struct Layout {
     pub(super) agents: u32,
     pub(super) walls: Walls,
     pub(super) quota: LineQuota,
+    /// Rounds that are pictured together.
+    pub(super) window: u32,
     pub(super) time_limit: u32,
     pub(super) control_step: f64,
     pub(super) focus: Focus,

@@ -8,7 +8,6 @@ use super::super::furniture::Wall;
 use super::super::rows::{ENV_STEP, EPISODE, ROUND};
 use super::super::walls::{Arrangement, TEAM_SHARE};
 use super::{Layout, Sheet};
-use crate::record::visitation::WINDOW;
 
 /// What hangs on a wall.
 struct Hung<'a> {
@@ -101,7 +100,7 @@ impl Sheet {
 
     pub(super) fn density(&mut self, layout: &Layout, of_team: bool, name: &str) -> ContainerLike {
         let wall = if of_team { layout.walls.team_axes } else { layout.walls.axes };
-        let span = if name == "latest" { format!("of the latest {WINDOW} rounds") } else { "so far".to_owned() };
+        let span = if name == "latest" { format!("of the latest {}", rounds(layout)) } else { "so far".to_owned() };
         let title = format!("{}: all states {span}", whose(layout, of_team));
         self.hang(layout, &Hung { wall, title, root: "visitation", of_team, name, scale: "density", adds_up: false })
     }
@@ -114,7 +113,7 @@ impl Sheet {
 
     fn bonus(&mut self, layout: &Layout, of_team: bool) -> ContainerLike {
         let wall = if of_team { layout.walls.team_pairs } else { layout.walls.pairs };
-        let title = format!("{}: mean intrinsic reward, latest {WINDOW} rounds", whose(layout, of_team));
+        let title = format!("{}: mean intrinsic reward of the latest {}", whose(layout, of_team), rounds(layout));
         self.hang(layout, &Hung { wall, title, root: "pairs", of_team, name: "bonus", scale: "bonus", adds_up: false })
     }
 
@@ -165,6 +164,10 @@ fn whose(layout: &Layout, of_team: bool) -> &'static str {
         (false, 1) => "Agent 0",
         _ => "Each agent",
     }
+}
+
+fn rounds(layout: &Layout) -> String {
+    if layout.window == 1 { "round".to_owned() } else { format!("{} rounds", layout.window) }
 }
 
 fn sampled(layout: &Layout, of_team: bool) -> String {
