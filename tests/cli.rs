@@ -327,10 +327,9 @@ fn one_run_at_a_time_writes_to_a_folder() {
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("another seedbed is writing to"), "{}", stderr(&output));
     drop(claim);
-    assert!(
-        small_run(&folder.path().join("run"), &["--no-recording"]).status.success(),
-        "a run that broke off is in nobody's way"
-    );
+    // A process that another test is just starting may hold a copy of the lock for a moment.
+    let succeeds = |_| small_run(&folder.path().join("run"), &["--no-recording"]).status.success();
+    assert!((0..100).any(succeeds), "a run that broke off is in nobody's way");
 }
 
 #[test]
