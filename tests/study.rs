@@ -273,6 +273,7 @@ fn finite_text() -> String {
             measures: [Regret, Reach, FirstGoal, Coverage, Last(of: EffectiveAgents)],
             claims: [
                 (text: "less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, size: 5),
+                (text: "far less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, size: 1000),
                 (text: "the goal sooner", compare: ("deep_sea, seeds", "deep_sea, random"), measure: FirstGoal, direction: Less, size: 5),
             ],
             figures: [
@@ -292,7 +293,8 @@ fn finite_text() -> String {
 fn finite_tasks_are_studied_likewise() {
     let (folder, study, out) = lab(&finite_text());
     let output = run(&study, &out, &[]);
-    assert!(said(&output).contains("2 of 2 claims replicated"), "{output:?}");
+    assert!(said(&output).contains("3 of 3 claims replicated, 1 of them smaller than claimed\n"), "{output:?}");
+    assert!(said(&output).contains("\nreplicated, smaller than claimed far less regret\n"), "{output:?}");
     let rows = rows(&out);
     assert_eq!(rows.len(), 30);
     for row in rows.iter().filter(|row| row["cell"] == "bipolar_chain, seeds") {
@@ -310,12 +312,16 @@ fn finite_tasks_are_studied_likewise() {
     }
     assert!(rows.iter().filter(|row| row["cell"].starts_with("deep_sea")).all(|row| row["episodes"] == "40"));
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
+    // All of six pairs of one sign: 2/2⁶, and three claims.
     let row = table.lines().nth(2).unwrap();
     let (head, tail) = (
         "| less regret | regret of an agent: deep_sea, seeds less deep_sea, random: claimed below 0, by 5 | −",
-        " | 6 | 0.0625 | replicated |",
+        " | 6 | 0.0938 | replicated |",
     );
     assert!(row.starts_with(head) && row.ends_with(tail), "{table}");
+    assert!(table.lines().nth(3).unwrap().ends_with(" | replicated, smaller than claimed |"), "{table}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert_eq!(page.matches(">replicated, smaller than claimed</p>").count(), 1);
     for file in ["1-curves.svg", "2-visitation.svg", "3-profiles.svg", "4-intervals.svg"] {
         assert!(out.join("figures").join(file).is_file(), "{file}");
     }

@@ -1,7 +1,7 @@
 //! `claims.md`: one row a claim, to stand in a text.
 
 use super::words;
-use crate::study::claims::{self, Judgement};
+use crate::study::claims::Judgement;
 use crate::study::file::Claim;
 use crate::study::results::Results;
 
@@ -35,7 +35,7 @@ fn row(results: &Results, claim: &Claim, judgement: &Judgement) -> String {
         None => "0".to_owned(),
     };
     let late = if judgement.late { ", but claimed late" } else { "" };
-    let verdict = format!("{}{late}", claims::in_words(judgement.verdict));
+    let verdict = format!("{}{late}", judgement.in_words());
     let cells = [claim.text.as_str(), &compared, &found, &n, &words::p(judgement.p), &verdict];
     let escaped = cells.map(|cell| cell.replace('|', "\\|"));
     format!("| {} |\n", escaped.join(" | "))

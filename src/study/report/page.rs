@@ -92,6 +92,7 @@ fn warnings(results: &Results) -> Markup {
 fn claims_section(results: &Results, judgements: &[Judgement]) -> Markup {
     html! {
         h2 { "Claims" }
+        p.facts { (claims::tally(judgements)) "." }
         @for (claim, judgement) in results.study.claims.iter().zip(judgements) { (claim_card(results, claim, judgement)) }
     }
 }
@@ -100,7 +101,7 @@ fn claim_card(results: &Results, claim: &Claim, judgement: &Judgement) -> Markup
     let measure = results.study.measure_of(claim);
     html! {
         section.claim.(class(judgement.verdict)) {
-            p.verdict { (claims::in_words(judgement.verdict)) @if judgement.late { ", but claimed late" } }
+            p.verdict { (judgement.in_words()) @if judgement.late { ", but claimed late" } }
             p.text { (claim.text) @if !claim.source.is_empty() { span.source { " " (claim.source) } } }
             p.compared {
                 (measure.title()) ": " strong { (claim.compare.0.as_str()) } " less " strong { (claim.compare.1.as_str()) }
@@ -297,7 +298,8 @@ fn how_to_read() -> Markup {
         }
         p {
             "A claim that there is an effect is " em { "replicated" } " if the interval of the effect excludes 0 in the claimed direction, "
-            em { "not replicated" } " if not, and it excludes the claimed size, and else " em { "inconclusive" } ". A claim that there is none \
+            em { "not replicated" } " if not, and it excludes the claimed size, and else " em { "inconclusive" } ". It is replicated but "
+            em { "smaller than claimed" } " if the interval excludes 0 and the claimed size. A claim that there is none \
              is replicated if at least " (LEAST_RUNS_OF_A_NULL) " runs put the whole interval within the claimed bounds, and not replicated if \
              all of it lies outside. The interval alone decides; the test's p after Holm, over all claims of the study, stands beside it for              who would rather be strict. Cells, measure, test, direction and size stand in the study's file. A claim is said to be late if it              was written or changed when both sides had runs already."
         }
