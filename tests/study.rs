@@ -345,6 +345,13 @@ fn a_claim_of_nothing_is_not_replicated() {
     for line in ["not replicated   More", "not replicated   Less", "inconclusive     Same", "0 of 3 claims replicated"] {
         assert!(said.contains(line), "{line} in {said}");
     }
+    // No difference at all has p = 1, which is no evidence that there is none.
+    let table = fs::read_to_string(out.join("claims.md")).unwrap();
+    let p: Vec<&str> = table.lines().skip(2).take(3).map(|row| row.split(" | ").nth(4).unwrap()).collect();
+    assert_eq!(p, ["1.0000", "1.0000", "–"]);
+    assert!(table.contains("\n\nThe p is of a test for a difference"), "{table}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert_eq!((page.matches("; p = 1.0000 after Holm. ").count(), page.matches("; no p: a high one would be no evidence. ").count()), (2, 1));
 }
 
 #[test]

@@ -8,7 +8,13 @@ use crate::study::results::Results;
 pub(super) fn markdown(results: &Results, judgements: &[Judgement]) -> String {
     let head = caveats(results) + "| claim | compared | found | n | p | verdict |\n|---|---|---|---|---|---|\n";
     let rows = results.study.claims.iter().zip(judgements).map(|(claim, judgement)| row(results, claim, judgement));
-    rows.fold(head, |table, row| table + &row)
+    rows.fold(head, |table, row| table + &row) + &note(results)
+}
+
+/// What stands below the table.
+fn note(results: &Results) -> String {
+    let has_null = results.study.claims.iter().any(|claim| claim.direction.is_null());
+    if has_null { format!("\n{}\n", words::NO_P) } else { String::new() }
 }
 
 /// What keeps the table from being final.
@@ -36,7 +42,7 @@ fn row(results: &Results, claim: &Claim, judgement: &Judgement) -> String {
     };
     let late = if judgement.late { ", but claimed late" } else { "" };
     let verdict = format!("{}{late}", judgement.in_words());
-    let cells = [claim.text.as_str(), &compared, &found, &n, &words::p(judgement.p), &verdict];
+    let cells = [claim.text.as_str(), &compared, &found, &n, &words::p_of_claim(claim, judgement.p), &verdict];
     let escaped = cells.map(|cell| cell.replace('|', "\\|"));
     format!("| {} |\n", escaped.join(" | "))
 }

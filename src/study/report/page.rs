@@ -131,7 +131,7 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
             "Found: " strong { (words::estimate(comparison.effect)) }
             "; n = " (first) @if first != second { " and " (second) }
             "; P(first below second) = " (words::estimate(comparison.below))
-            "; p = " (words::p(p)) " after Holm. "
+            @if claim.direction.is_null() { "; no p: a high one would be no evidence. " } @else { "; p = " (words::p(p)) " after Holm. " }
             span.source { (words::test(claim.test, measure.is_time())) "." (up_to(comparison)) }
         }
     }
@@ -301,7 +301,9 @@ fn how_to_read() -> Markup {
             em { "not replicated" } " if not, and it excludes the claimed size, and else " em { "inconclusive" } ". It is replicated but "
             em { "smaller than claimed" } " if the interval excludes 0 and the claimed size. A claim that there is none \
              is replicated if at least " (LEAST_RUNS_OF_A_NULL) " runs put the whole interval within the claimed bounds, and not replicated if \
-             all of it lies outside. The interval alone decides; the test's p after Holm, over all claims of the study, stands beside it for              who would rather be strict. Cells, measure, test, direction and size stand in the study's file. A claim is said to be late if it              was written or changed when both sides had runs already."
+             all of it lies outside. The interval alone decides; the test's p after Holm, over all claims of the study, stands beside it for \
+             who would rather be strict. " (words::NO_P) " Cells, measure, test, direction and size stand in the study's file. A claim is \
+             said to be late if it was written or changed when both sides had runs already."
         }
     }
 }

@@ -65,6 +65,14 @@ pub(super) fn p(p: f64) -> String {
     if p < 0.0001 { "< 0.0001".to_owned() } else { format!("{p:.4}") }
 }
 
+/// The same of a claim. The test is for a difference: how high its p is says nothing for a claim of none.
+pub(super) fn p_of_claim(claim: &Claim, p: f64) -> String {
+    if claim.direction.is_null() { "–".to_owned() } else { self::p(p) }
+}
+
+/// Why claims of no effect have no p.
+pub(super) const NO_P: &str = "The p is of a test for a difference, after Holm. Claims of no effect have none: a high p is no evidence for them.";
+
 /// What a claim says of its effect.
 pub(super) fn claimed(claim: &Claim) -> String {
     let size = number(claim.size.get());
