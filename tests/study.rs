@@ -352,6 +352,8 @@ fn a_claim_of_nothing_is_not_replicated() {
     assert!(table.contains("\n\nThe p is of a test for a difference"), "{table}");
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert_eq!((page.matches("; p = 1.0000 after Holm. ").count(), page.matches("; no p: a high one would be no evidence. ").count()), (2, 1));
+    let sides = ["above", "below"].map(|side| page.matches(&format!("; P(first {side} second) = 0.5 (")).count());
+    assert_eq!(sides, [1, 2]);
 }
 
 #[test]

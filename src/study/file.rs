@@ -152,6 +152,12 @@ pub enum Claimed {
 }
 
 impl Claimed {
+    /// Whether it is that the first is above the second, or at least not below.
+    #[must_use]
+    pub fn is_upwards(self) -> bool {
+        matches!(self, Self::More | Self::NotLess)
+    }
+
     /// Whether it is that there is no effect worth the name, in both directions or in one.
     #[must_use]
     pub fn is_null(self) -> bool {

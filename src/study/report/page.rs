@@ -130,11 +130,17 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
         p.evidence {
             "Found: " strong { (words::estimate(comparison.effect)) }
             "; n = " (first) @if first != second { " and " (second) }
-            "; P(first below second) = " (words::estimate(comparison.below))
-            @if claim.direction.is_null() { "; no p: a high one would be no evidence. " } @else { "; p = " (words::p(p)) " after Holm. " }
+            "; " (who_is_ahead(claim, comparison))
+            @if claim.direction.is_null() { "; no p: a high one would be no evidence. " } @else { "; " (words::p_is(p)) " after Holm. " }
             span.source { (words::test(claim.test, measure.is_time())) "." (up_to(comparison)) }
         }
     }
+}
+
+/// How likely a run of the first lies on the claimed side of one of the second.
+fn who_is_ahead(claim: &Claim, comparison: &Comparison) -> String {
+    let (side, probability) = if claim.direction.is_upwards() { ("above", comparison.above()) } else { ("below", comparison.below) };
+    format!("P(first {side} second) = {}", words::estimate(probability))
 }
 
 fn up_to(comparison: &Comparison) -> String {

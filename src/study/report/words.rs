@@ -65,7 +65,13 @@ pub(super) fn p(p: f64) -> String {
     if p < 0.0001 { "< 0.0001".to_owned() } else { format!("{p:.4}") }
 }
 
-/// The same of a claim. The test is for a difference: how high its p is says nothing for a claim of none.
+/// Such as `p = 0.0312` and `p < 0.0001`.
+pub(super) fn p_is(p: f64) -> String {
+    let p = self::p(p);
+    if p.starts_with('<') { format!("p {p}") } else { format!("p = {p}") }
+}
+
+/// The p of a claim. The test is for a difference: how high its p is says nothing for a claim of none.
 pub(super) fn p_of_claim(claim: &Claim, p: f64) -> String {
     if claim.direction.is_null() { "–".to_owned() } else { self::p(p) }
 }
@@ -98,6 +104,11 @@ pub(super) fn test(test: Test, are_times: bool) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_small_p_has_one_sign() {
+        assert_eq!([0.03125, 0.00002].map(p_is), ["p = 0.0312", "p < 0.0001"]);
+    }
 
     #[test]
     fn numbers_have_the_digits_that_count() {
