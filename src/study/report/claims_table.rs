@@ -14,7 +14,8 @@ pub(super) fn markdown(results: &Results, judgements: &[Judgement]) -> String {
 /// What stands below the table.
 fn note(results: &Results) -> String {
     let has_null = results.study.claims.iter().any(|claim| claim.direction.is_null());
-    if has_null { format!("\n{}\n", words::NO_P) } else { String::new() }
+    let notes = [has_null.then(|| words::NO_P.to_owned()), results.manifest.changed_repeats()];
+    notes.into_iter().flatten().map(|note| format!("\n{note}\n")).collect()
 }
 
 /// What keeps the table from being final.

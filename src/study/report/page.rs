@@ -4,6 +4,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::{against_the_first, aggregates};
 use super::{Drawn, words};
+use crate::study::build;
 use crate::study::claims::{self, Judgement, LEAST_RUNS_OF_A_NULL};
 use crate::study::comparison::{Aggregate, Comparison};
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
@@ -64,6 +65,9 @@ fn warnings(results: &Results) -> Markup {
                 "Intervals of fewer than " (FEW) " runs are too narrow: of effects that are none, they exclude 0 in about one of six cases at five                  runs, in one of eleven at ten, instead of one of twenty."
             }
         }
+        @if let Some(words) = results.manifest.changed_repeats() {
+            p.warning { strong { (words) } " An interval that is looked at more than once excludes 0 more often than one of twenty." }
+        }
         @if results.is_tuning() {
             p.warning {
                 strong { "Tuning seeds. " }
@@ -84,6 +88,13 @@ fn warnings(results: &Results) -> Markup {
                 strong { "Several versions. " }
                 "Runs come from versions " (results.versions.iter().cloned().collect::<Vec<_>>().join(", "))
                 ", which need not give the same bits."
+            }
+        }
+        @if results.builds.len() > 1 {
+            p.warning {
+                strong { "Several builds. " }
+                "Runs come from " (results.builds.len()) " builds (" (builds(results)) "); "
+                code { "seedbed study " (results.manifest.study_path) " --verify" } " tells whether they still come out the same."
             }
         }
     }
@@ -139,7 +150,8 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
 
 /// How likely a run of the first lies on the claimed side of one of the second.
 fn who_is_ahead(claim: &Claim, comparison: &Comparison) -> String {
-    let (side, probability) = if claim.direction.is_upwards() { ("above", comparison.above()) } else { ("below", comparison.below) };
+    let (side, probability) =
+        if claim.direction.is_upwards() { ("above", comparison.above()) } else { ("below", comparison.below) };
     format!("P(first {side} second) = {}", words::estimate(probability))
 }
 
@@ -263,7 +275,11 @@ fn how_it_was_run(results: &Results) -> Markup {
     html! {
         h2 { "How it was run" }
         pre { "seedbed study " (manifest.study_path) (quick) }
-        p { "seedbed " (results.versions.iter().cloned().collect::<Vec<_>>().join(", ")) ". One run of a cell, with its recording:" }
+        p {
+            "Runs: seedbed " (results.versions.iter().cloned().collect::<Vec<_>>().join(", ")) ", build " (builds(results)) ". \
+             This page: seedbed " (env!("CARGO_PKG_VERSION")) " with " (build::parts().join(", ")) "."
+        }
+        p { "One run of a cell, with its recording:" }
         div.scroll {
             table {
                 thead { tr { th.name { "cell" } th { "K" } th { "episodes at most" } th.name { "command" } } }
@@ -281,6 +297,11 @@ fn how_it_was_run(results: &Results) -> Markup {
         }
         details { summary { "The study's file" } pre { (manifest.study) } }
     }
+}
+
+/// The marks of all builds that ran any of it.
+fn builds(results: &Results) -> String {
+    results.builds.iter().map(|build| build::in_words(*build)).collect::<Vec<_>>().join(", ")
 }
 
 fn command(cell: &CellResults, seed: u64) -> String {

@@ -77,7 +77,8 @@ pub(super) fn p_of_claim(claim: &Claim, p: f64) -> String {
 }
 
 /// Why claims of no effect have no p.
-pub(super) const NO_P: &str = "The p is of a test for a difference, after Holm. Claims of no effect have none: a high p is no evidence for them.";
+pub(super) const NO_P: &str =
+    "The p is of a test for a difference, after Holm. Claims of no effect have none: a high p is no evidence for them.";
 
 /// What a claim says of its effect.
 pub(super) fn claimed(claim: &Claim) -> String {
