@@ -108,7 +108,8 @@ mod tests {
     fn null(low: f64, high: f64, bounds: [f64; 2], n: usize) -> Verdict {
         let interval = Interval::Known { low, high };
         let estimate = Estimate { value: f64::midpoint(low, high), interval };
-        let comparison = Comparison { n: [n; 2], effect: estimate, below: estimate, p: 1.0, horizon: f64::INFINITY };
+        let (between, horizon) = ([estimate.value; 2], f64::INFINITY);
+        let comparison = Comparison { n: [n; 2], effect: estimate, between, below: estimate, p: 1.0, horizon };
         verdict_on_a_null(interval, bounds, &comparison)
     }
 

@@ -35,7 +35,7 @@ fn row(results: &Results, claim: &Claim, judgement: &Judgement) -> String {
     let (first, second) = (claim.compare.0.as_str(), claim.compare.1.as_str());
     let measure = results.study.measure_of(claim).title();
     let compared = format!("{measure}: {first} less {second}: claimed {}", words::claimed(claim));
-    let found = judgement.comparison.map_or("no runs".to_owned(), |comparison| words::estimate(comparison.effect));
+    let found = judgement.comparison.map_or("no runs".to_owned(), |comparison| words::effect(&comparison));
     let n = match judgement.comparison.map(|comparison| comparison.n) {
         Some([first, second]) if first == second => first.to_string(),
         Some([first, second]) => format!("{first}, {second}"),

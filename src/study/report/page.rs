@@ -139,7 +139,7 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
     let [first, second] = comparison.n;
     html! {
         p.evidence {
-            "Found: " strong { (words::estimate(comparison.effect)) }
+            "Found: " strong { (words::effect(comparison)) }
             "; n = " (first) @if first != second { " and " (second) }
             "; " (who_is_ahead(claim, comparison))
             @if claim.direction.is_null() { "; no p: a high one would be no evidence. " } @else { "; " (words::p_is(p)) " after Holm. " }
@@ -244,7 +244,7 @@ fn comparison_table(results: &Results) -> Markup {
                         tr {
                             td.name { (cell.about.name) }
                             td { (comparison.n[0]) }
-                            td { (words::estimate(comparison.effect)) }
+                            td { (words::effect(comparison)) }
                             td { (words::estimate(comparison.below)) }
                             td { (words::p(*p)) }
                         }
@@ -321,7 +321,8 @@ fn how_to_read() -> Markup {
         p {
             "A run is a whole team; agents and episodes of one run are no repeats. Intervals hold 95 %: percentile bootstrap of 50 000 \
              redrawn samples and, for medians of times, Brookmeyer and Crowley's. Times are censored where a run ended first; their medians \
-             are Kaplan and Meier's. IQM is the mean of the middle half of the runs. Fewer than " (LEAST_RUNS) " runs make no interval.              Effects are medians of differences of times, and means of differences of all else. Two times that were both not reached differ by              nobody knows what: an effect is " em { "unknown" } " where that decides, and its interval reaches as far as it may."
+             are Kaplan and Meier's. IQM is the mean of the middle half of the runs. Fewer than " (LEAST_RUNS) " runs make no interval.              Effects are medians of differences of times, and means of differences of all else. Two times that were both not reached differ by              nobody knows what: an effect is " em { "unknown" } " where that decides, or two numbers between \
+             which it lies, and its interval reaches as far as it may."
         }
         p {
             "A claim that there is an effect is " em { "replicated" } " if the interval of the effect excludes 0 in the claimed direction, "

@@ -1,5 +1,6 @@
 //! Numbers as people read them.
 
+use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, Claimed, Test};
 use crate::study::statistics::{Estimate, Interval};
 
@@ -58,6 +59,15 @@ pub(super) fn interval_of_time(interval: Interval) -> String {
 /// Such as `−6 (−37 to 29)`.
 pub(super) fn estimate(estimate: Estimate) -> String {
     format!("{} ({})", number(estimate.value), interval(estimate.interval))
+}
+
+/// The effect of a comparison: where it is not known but to lie between two numbers, such as `between 4 and 8 (−15.5 to 32)`.
+pub(super) fn effect(comparison: &Comparison) -> String {
+    let [least, most] = comparison.between;
+    if comparison.effect.value.is_nan() && least.is_finite() && most.is_finite() {
+        return format!("between {} and {} ({})", number(least), number(most), interval(comparison.effect.interval));
+    }
+    estimate(comparison.effect)
 }
 
 /// A test's p.
