@@ -164,7 +164,11 @@ fn a_report_tells_which_builds_ran_it() {
     let (_folder, study, out) = lab(&text(1, ""));
     assert!(run(&study, &out, &[]).status.success());
     let page = || fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(!page().contains("Several builds.") && !page().contains("build unknown") && page().contains("rapier2d 0."), "{}", page());
+    assert!(
+        !page().contains("Several builds.") && !page().contains("build unknown") && page().contains("rapier2d 0."),
+        "{}",
+        page()
+    );
     let change = |number: usize, change: fn(&mut Vec<u8>)| {
         let (name, mut bytes) = results(&out).into_iter().nth(number).unwrap();
         change(&mut bytes);

@@ -88,10 +88,13 @@ impl Results {
         self.cells.iter().find(|cell| cell.about.name == name)
     }
 
-    /// The cells that a figure shows.
+    /// The cells that a figure shows: all, or those that it names, in its order.
     #[must_use]
     pub fn shown_by(&self, figure: &Figure) -> Vec<&CellResults> {
-        self.cells.iter().filter(|cell| figure.shows(&cell.about.name)).collect()
+        if figure.cells().is_empty() {
+            return self.cells.iter().collect();
+        }
+        figure.cells().iter().filter_map(|name| self.cell(name)).collect()
     }
 
     /// Whether its seeds are those for tuning, whose results are not to be published.
