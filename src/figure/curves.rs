@@ -26,7 +26,7 @@ pub struct Curves {
     pub y_range: Option<[f64; 2]>,
     /// Whether equal ratios are equally far apart upwards; all values are above 0.
     pub y_logarithmic: bool,
-    /// Whether the series' names stand in the panel: in a corner that is free, or else to the right.
+    /// Whether the series' names stand in the panel: where nothing else is, or else to the right.
     pub legend: bool,
 }
 
@@ -109,8 +109,8 @@ impl Curves {
         };
         let entries = self.entries();
         let plot = frame.plot(panel);
-        let corner = legend::free_corner(&entries, &plot.area, &self.taken(&plot));
-        let beside = if entries.is_empty() || corner.is_some() { 0.0 } else { legend::width_beside(&entries, panel) };
+        let place = legend::free_place(&entries, &plot.area, &self.taken(&plot));
+        let beside = if entries.is_empty() || place.is_some() { 0.0 } else { legend::width_beside(&entries, panel) };
         let plot = frame.draw(&panel.within([0.0, beside, 0.0, 0.0]), drawing);
         drawing.clipped(&plot.area, |drawing| {
             self.series.iter().for_each(|series| series.draw_band(&plot, drawing));
@@ -119,7 +119,7 @@ impl Curves {
         });
         self.thresholds.iter().for_each(|threshold| threshold.write(&plot, drawing));
         let right = Area { x: plot.area.right() + 8.0, width: beside, ..plot.area };
-        legend::draw(&entries, &corner.unwrap_or(right), &plot.area, drawing);
+        legend::draw(&entries, &place.unwrap_or(right), &plot.area, drawing);
     }
 
     /// What the legend tells.
@@ -139,7 +139,11 @@ impl Series {
     fn taken(&self, plot: &Plot) -> Vec<[f64; 2]> {
         let line: Vec<[f64; 2]> = self.stepped(self.points.iter().copied()).into_iter().map(|at| plot.at(at)).collect();
         let place = |&[x, low, high]: &[f64; 3]| [plot.x.at(x), plot.y.at(low), plot.y.at(high)];
-        let band: Vec<[f64; 3]> = self.band.iter().flatten().map(place).collect();
+        let mut band: Vec<[f64; 3]> = Vec::new();
+        for next in self.band.iter().flatten().map(place) {
+            let corner = band.last().filter(|_| self.steps).map(|before| [next[0], before[1], before[2]]);
+            band.extend(corner.into_iter().chain([next]));
+        }
         [legend::traced(&line), legend::covered(&band)].concat()
     }
 
@@ -224,6 +228,7 @@ impl Threshold {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scale::Scale;
     use super::*;
 
     /// A spike of one point among a hundred thousand is kept, in its place.
@@ -242,6 +247,19 @@ mod tests {
         let series = Series { steps: true, ..Series::default() };
         let stepped = series.stepped([[0.0, 1.0], [2.0, 0.5]].into_iter());
         assert_eq!(stepped, [[0.0, 1.0], [2.0, 1.0], [2.0, 0.5]]);
+    }
+
+    /// A band of steps is wide up to its last place, where it falls.
+    #[test]
+    fn a_band_of_steps_is_taken_up_to_its_end() {
+        let area = Area { x: 0.0, y: 0.0, width: 100.0, height: 100.0 };
+        let [x, y] = [[0.0, 100.0], [100.0, 0.0]].map(|places| Scale::new([0.0, 100.0], places));
+        let taken = |steps: bool| {
+            let band = Some(vec![[0.0, 40.0, 90.0], [100.0, 0.0, 0.0]]);
+            Series { band, steps, ..Series::default() }.taken(&Plot { area, x, y })
+        };
+        let near_the_end = |places: Vec<[f64; 2]>| places.iter().any(|[x, y]| (85.0..95.0).contains(x) && *y < 30.0);
+        assert!(near_the_end(taken(true)) && !near_the_end(taken(false)));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Names of curves: in a corner of a plot where no curve is, or beside it.
+//! Names of curves: where no curve is, in a corner or at an edge of a plot, or beside it.
 
 use super::color::Color;
 use super::drawing::{Anchor, Area, Drawing, Lettering, Stroke};
@@ -27,9 +27,9 @@ fn room(plot: &Area) -> usize {
     ((plot.height - 2.0 * MARGIN) / LINE) as usize
 }
 
-/// The corner of a plot where a legend hides nothing, if there is one.   `points`: places on the page that must stay visible
-pub(super) fn free_corner(entries: &[Entry<'_>], plot: &Area, points: &[[f64; 2]]) -> Option<Area> {
-    corner_without(size(entries, plot), plot, points)
+/// Where in a plot a legend hides nothing, if there is such a place.   `points`: places on the page that must stay visible
+pub(super) fn free_place(entries: &[Entry<'_>], plot: &Area, points: &[[f64; 2]]) -> Option<Area> {
+    place_without(size(entries, plot), plot, points)
 }
 
 /// The width of a legend beside a plot.
@@ -77,16 +77,18 @@ pub(super) fn covered(outline: &[[f64; 3]]) -> Vec<[f64; 2]> {
     outline.windows(2).flat_map(across).chain(edge(1)).chain(edge(2)).collect()
 }
 
-/// Of the four corners the upper left, upper right, lower right, lower left one.
-fn corner_without([width, height]: [f64; 2], plot: &Area, points: &[[f64; 2]]) -> Option<Area> {
+/// The upper left, upper right, lower right or lower left corner, or else the uppermost place at the right or at the left edge.
+fn place_without([width, height]: [f64; 2], plot: &Area, points: &[[f64; 2]]) -> Option<Area> {
     let (left, right) = (plot.x + MARGIN, plot.right() - width - 2.0);
     let (top, bottom) = (plot.y + 2.0, plot.bottom() - height - MARGIN);
-    let corners = [[left, top], [right, top], [right, bottom], [left, bottom]].map(|[x, y]| Area { x, y, width, height });
-    let is_free = |corner: &Area| {
-        let [x, y] = [corner.x..=corner.right(), corner.y..=corner.bottom()];
+    let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+    let heights = || (1..100).map(|line| top + LINE * f64::from(line)).take_while(|&y| y < bottom);
+    let edges = [right, left].into_iter().flat_map(|x| heights().map(move |y| [x, y]));
+    let is_free = |place: &Area| {
+        let [x, y] = [place.x..=place.right(), place.y..=place.bottom()];
         !points.iter().any(|point| x.contains(&point[0]) && y.contains(&point[1]))
     };
-    corners.into_iter().find(is_free)
+    corners.into_iter().chain(edges).map(|[x, y]| Area { x, y, width, height }).find(is_free)
 }
 
 #[cfg(test)]
@@ -97,7 +99,7 @@ mod tests {
 
     #[test]
     fn a_legend_stands_where_nothing_is() {
-        let corner = |points: &[[f64; 2]]| corner_without([40.0, 20.0], &PLOT, points).map(|corner| [corner.x, corner.y]);
+        let corner = |points: &[[f64; 2]]| place_without([40.0, 20.0], &PLOT, points).map(|corner| [corner.x, corner.y]);
         let rising: Vec<[f64; 2]> = (0..100).map(|x| [f64::from(x), 100.0 - f64::from(x)]).collect();
         assert_eq!(corner(&rising), Some([MARGIN, 2.0]));
         let falling: Vec<[f64; 2]> = rising.iter().map(|[x, y]| [*x, 100.0 - y]).collect();
@@ -105,13 +107,16 @@ mod tests {
         // A line of two points hides behind a legend between them as well.
         let steep = traced(&[[0.0, -40.0], [30.0, 30.0], [100.0, 90.0]]);
         assert_eq!(corner(&steep), Some([58.0, 2.0]));
-        assert_eq!(corner(&[rising, falling].concat()), None);
+        // Two lines leave room between them at the edge, one line of words below the corner; five leave none.
+        let flat = |y: f64| traced(&[[0.0, y], [100.0, y]]);
+        assert_eq!(corner(&[flat(10.0), flat(90.0)].concat()), Some([58.0, 18.0]));
+        assert_eq!(corner(&[flat(10.0), flat(28.0), flat(46.0), flat(64.0), flat(82.0)].concat()), None);
     }
 
     /// The edges of this band pass above and below each corner.
     #[test]
     fn a_band_must_stay_visible_as_well() {
         let band = covered(&[[0.0, 120.0, -20.0], [100.0, 120.0, -20.0]]);
-        assert_eq!(corner_without([40.0, 20.0], &PLOT, &band), None);
+        assert_eq!(place_without([40.0, 20.0], &PLOT, &band), None);
     }
 }

@@ -143,7 +143,7 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
             "; n = " (first) @if first != second { " and " (second) }
             "; " (who_is_ahead(claim, comparison))
             @if claim.direction.is_null() { "; no p: a high one would be no evidence. " } @else { "; " (words::p_is(p)) " after Holm. " }
-            span.source { (words::test(claim.test, measure.is_time())) "." (up_to(comparison)) }
+            span.source { (how_compared(claim, measure)) "." (up_to(comparison)) }
         }
     }
 }
@@ -153,6 +153,12 @@ fn who_is_ahead(claim: &Claim, comparison: &Comparison) -> String {
     let (side, probability) =
         if claim.direction.is_upwards() { ("above", comparison.above()) } else { ("below", comparison.below) };
     format!("P(first {side} second) = {}", words::estimate(probability))
+}
+
+/// What the effect is and, where a p of it is told, the test that this is from.
+fn how_compared(claim: &Claim, measure: Measure) -> &'static str {
+    let words = words::test(claim.test, measure.is_time());
+    if claim.direction.is_null() { words.split(';').next().unwrap_or(words) } else { words }
 }
 
 fn up_to(comparison: &Comparison) -> String {
