@@ -123,7 +123,8 @@ fn cells_of_the_same_settings_share_their_runs() {
     let (_folder, study, out) = lab(&text);
     let output = said(&run(&study, &out, &[]));
     assert!(output.starts_with("study      small: 3 cells of 1 run, 2 to run\n"), "{output}");
-    assert_eq!(results(&out).keys().filter(|name| name.ends_with(".run")).count(), 2);
+    let runs = fs::read_dir(out.join("runs")).unwrap().filter(is_result).count();
+    assert_eq!(runs, 2);
     assert!(said(&run(&study, &out, &[])).starts_with("study      small: 3 cells of 1 run, 0 to run\n"));
     let table = fs::read_to_string(out.join("results.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + 3, "{table}");

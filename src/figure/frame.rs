@@ -127,7 +127,7 @@ pub(super) fn title(title: &str, panel: &Area, x: f64, drawing: &mut Drawing) {
 fn in_two_lines(text: &str, room: f64, size: f64) -> Vec<String> {
     let fits = |text: &str| width(text, size, Weight::Medium) <= room;
     let after_colon = text.find(": ").map(|at| at + 1).filter(|&at| fits(&text[..at]) && fits(&text[at + 1..]));
-    let last = || text.match_indices(' ').map(|(at, _)| at).filter(|&at| fits(&text[..at])).last();
+    let last = || text.rmatch_indices(' ').map(|(at, _)| at).find(|&at| fits(&text[..at]));
     let break_at = after_colon.or_else(last);
     let (first, rest) = break_at.map_or((text, ""), |at| (&text[..at], &text[at + 1..]));
     [first, rest].map(|line| fitted(line, room, size, Weight::Medium)).to_vec()

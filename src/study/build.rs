@@ -26,7 +26,7 @@ pub fn mark() -> Option<BuildMark> {
 /// Such as `3f00a91c5e7d2b48`.
 #[must_use]
 pub fn in_words(build: Option<BuildMark>) -> String {
-    build.map_or_else(|| "unknown".to_owned(), |mark| mark.iter().map(|byte| format!("{byte:02x}")).collect())
+    build.map_or_else(|| "unknown".to_owned(), |mark| format!("{:016x}", u64::from_be_bytes(mark)))
 }
 
 /// The versions of the parts, such as `rapier2d 0.31.0`.

@@ -15,7 +15,7 @@ pub(super) fn markdown(results: &Results, judgements: &[Judgement]) -> String {
 fn note(results: &Results) -> String {
     let has_null = results.study.claims.iter().any(|claim| claim.direction.is_null());
     let notes = [has_null.then(|| words::NO_P.to_owned()), results.manifest.changed_repeats()];
-    notes.into_iter().flatten().map(|note| format!("\n{note}\n")).collect()
+    notes.into_iter().flatten().map(|note| format!("\n{note}\n")).collect::<Vec<_>>().concat()
 }
 
 /// What keeps the table from being final.
