@@ -53,6 +53,9 @@ fn run(study: &str, out: &Path, more: &[&str]) -> Output {
     seedbed(&[&["study", study, "--out", out.to_str().unwrap()], more].concat())
 }
 
+/// The bytes of the mark of a build at the end of a result file.
+const MARK: usize = 8;
+
 /// Result files by their names.
 fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(out.join("runs")).unwrap().map(|entry| entry.unwrap().path());
@@ -142,8 +145,8 @@ fn verifying_tells_runs_that_no_longer_come_out_the_same() {
     let results_of = |seed: u64| before.keys().filter(move |name| name.ends_with(&format!("-{seed}.run")));
     for name in results_of(1001) {
         let mut bytes = before[name].clone();
-        // The last bytes hold the curves: the sign of one value.
-        let last = bytes.len() - 2;
+        // Before the mark of the build come the curves: the sign of one value.
+        let last = bytes.len() - MARK - 2;
         bytes[last] ^= 0x80;
         fs::write(out.join("runs").join(name), bytes).unwrap();
     }
@@ -153,6 +156,31 @@ fn verifying_tells_runs_that_no_longer_come_out_the_same() {
     assert_eq!(said(&verified), "verified   small: 3 of 6 came out the same to the bit; 6 runs stored\n");
     assert!(errors.contains("differs    σ 9 with seed 1001: ") && !errors.contains("with seed 1000"), "{errors}");
     assert!(errors.ends_with("error: 3 runs came out differently\n"), "{errors}");
+}
+
+/// A result without the mark of its build is of an older version; one with another mark of another build.
+#[test]
+fn a_report_tells_which_builds_ran_it() {
+    let (_folder, study, out) = lab(&text(1, ""));
+    assert!(run(&study, &out, &[]).status.success());
+    let page = || fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(
+        !page().contains("Several builds.") && !page().contains("build unknown") && page().contains("rapier2d 0."),
+        "{}",
+        page()
+    );
+    let change = |number: usize, change: fn(&mut Vec<u8>)| {
+        let (name, mut bytes) = results(&out).into_iter().nth(number).unwrap();
+        change(&mut bytes);
+        fs::write(out.join("runs").join(name), bytes).unwrap();
+        let output = said(&run(&study, &out, &[]));
+        assert!(output.starts_with("study      small: 3 cells of 1 run, 0 to run\n"), "{output}");
+    };
+    change(0, |bytes| bytes.truncate(bytes.len() - MARK));
+    assert!(page().contains("Runs come from 2 builds (unknown, "), "{}", page());
+    change(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
+    assert!(page().contains("Runs come from 3 builds (unknown, ") && page().contains(" --verify</code> tells whether"));
+    assert!(run(&study, &out, &["--verify"]).status.success());
 }
 
 /// Ctrl-C reaches whichever of several studies is under way.
@@ -273,6 +301,7 @@ fn finite_text() -> String {
             measures: [Regret, Reach, FirstGoal, Coverage, Last(of: EffectiveAgents)],
             claims: [
                 (text: "less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, size: 5),
+                (text: "far less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, size: 1000),
                 (text: "the goal sooner", compare: ("deep_sea, seeds", "deep_sea, random"), measure: FirstGoal, direction: Less, size: 5),
             ],
             figures: [
@@ -292,7 +321,8 @@ fn finite_text() -> String {
 fn finite_tasks_are_studied_likewise() {
     let (folder, study, out) = lab(&finite_text());
     let output = run(&study, &out, &[]);
-    assert!(said(&output).contains("2 of 2 claims replicated"), "{output:?}");
+    assert!(said(&output).contains("3 of 3 claims replicated, 1 of them smaller than claimed\n"), "{output:?}");
+    assert!(said(&output).contains("\nreplicated, smaller than claimed far less regret\n"), "{output:?}");
     let rows = rows(&out);
     assert_eq!(rows.len(), 30);
     for row in rows.iter().filter(|row| row["cell"] == "bipolar_chain, seeds") {
@@ -319,12 +349,16 @@ fn finite_tasks_are_studied_likewise() {
         tables.contains("| deep_sea, random | deep_sea, seeds | ") && !tables.contains("| deep_sea, seeds | bipolar"),
         "{tables}"
     );
+    // All of six pairs of one sign: 2/2⁶, and three claims.
     let row = table.lines().nth(2).unwrap();
     let (head, tail) = (
         "| less regret | regret of an agent: deep_sea, seeds less deep_sea, random: claimed below 0, by 5 | −",
-        " | 6 | 0.0625 | replicated |",
+        " | 6 | 0.0938 | replicated |",
     );
     assert!(row.starts_with(head) && row.ends_with(tail), "{table}");
+    assert!(table.lines().nth(3).unwrap().ends_with(" | replicated, smaller than claimed |"), "{table}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert_eq!(page.matches(">replicated, smaller than claimed</p>").count(), 1);
     for file in ["1-curves.svg", "2-visitation.svg", "3-profiles.svg", "4-intervals.svg"] {
         assert!(out.join("figures").join(file).is_file(), "{file}");
     }
@@ -348,6 +382,18 @@ fn a_claim_of_nothing_is_not_replicated() {
     for line in ["not replicated   More", "not replicated   Less", "inconclusive     Same", "0 of 3 claims replicated"] {
         assert!(said.contains(line), "{line} in {said}");
     }
+    // No difference at all has p = 1, which is no evidence that there is none.
+    let table = fs::read_to_string(out.join("claims.md")).unwrap();
+    let p: Vec<&str> = table.lines().skip(2).take(3).map(|row| row.split(" | ").nth(4).unwrap()).collect();
+    assert_eq!(p, ["1.0000", "1.0000", "–"]);
+    assert!(table.contains("\n\nThe p is of a test for a difference"), "{table}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert_eq!(
+        (page.matches("; p = 1.0000 after Holm. ").count(), page.matches("; no p: a high one would be no evidence. ").count()),
+        (2, 1)
+    );
+    let sides = ["above", "below"].map(|side| page.matches(&format!("; P(first {side} second) = 0.5 (")).count());
+    assert_eq!(sides, [1, 2]);
 }
 
 #[test]
@@ -405,6 +451,33 @@ fn a_claim_that_comes_after_its_runs_is_said_to_be_late() {
     };
     let (_folder, study, out) = lab("");
     assert_eq!([5, 5, 6, 6, 5].map(|size| verdict(size, &out, &study)), [false, false, true, true, true]);
+}
+
+/// An older version noted no earlier repeats.
+#[test]
+fn changed_repeats_are_told() {
+    let (_folder, study, out) = lab("");
+    let claim = r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#;
+    let told = |repeats: u32| {
+        fs::write(&study, text(repeats, claim)).unwrap();
+        assert!(run(&study, &out, &[]).status.success());
+        let [page, table] = ["report.html", "claims.md"].map(|file| fs::read_to_string(out.join(file)).unwrap());
+        let words = table.lines().find(|line| line.starts_with("Runs were ")).unwrap_or_default().to_owned();
+        assert_eq!(page.contains("Runs were "), !words.is_empty());
+        assert!(page.contains(&words));
+        words
+    };
+    assert_eq!([told(5), told(5)], ["", ""]);
+    // Without runs there is nothing that could have been looked at.
+    fs::remove_dir_all(out.join("runs")).unwrap();
+    assert_eq!(told(1), "");
+    let noted = fs::read_to_string(out.join("study.json")).unwrap();
+    fs::write(out.join("study.json"), noted.replace(",\n  \"earlier_repeats\": []", "")).unwrap();
+    assert!(!fs::read_to_string(out.join("study.json")).unwrap().contains("earlier_repeats"));
+    assert_eq!(told(2), "Runs were extended from 1 to 2 after the first were there.");
+    assert_eq!(told(2), "Runs were extended from 1 to 2 after the first were there.");
+    assert_eq!(told(3), "Runs were extended from 1 to 2 to 3 after the first were there.");
+    assert_eq!(told(2), "Runs were changed from 1 to 2 to 3 to 2 after the first were there.");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! `seedbed report`: what the runs of a study show, on one page.
 
-use super::{Failure, ReportArgs, counted};
+use super::{Failure, ReportArgs};
 use crate::study::claims::{self, Judgement};
 use crate::study::file::Study;
 use crate::study::report;
@@ -30,12 +30,12 @@ pub(super) fn write_and_tell(folder: &StudyFolder) -> Result<usize, Failure> {
 }
 
 fn tell_claims(study: &Study, judgements: &[Judgement]) {
+    let widest = judgements.iter().map(|judgement| judgement.in_words().len()).max().unwrap_or(0).max(16);
     for (claim, judgement) in study.claims.iter().zip(judgements) {
         let source = if claim.source.is_empty() { String::new() } else { format!(" ({})", claim.source) };
-        say!("{:<16} {}{source}", claims::in_words(judgement.verdict), claim.text);
+        say!("{:<widest$} {}{source}", judgement.in_words(), claim.text);
     }
-    let held = judgements.iter().filter(|judgement| judgement.verdict == crate::study::statistics::Verdict::Replicated).count();
     if !judgements.is_empty() {
-        say!("claims     {held} of {} replicated", counted(judgements.len(), "claim"));
+        say!("claims     {}", claims::tally(judgements));
     }
 }

@@ -4,7 +4,7 @@ use super::color::{Color, GREY};
 use super::drawing::{Anchor, Area, Drawing, Lettering, Stroke};
 use super::frame::{Frame, Plot, TICK};
 use super::legend::{self, Entry};
-use super::scale::{extent, padded};
+use super::scale::{extent, padded, padded_ratio};
 use super::{Figure, Panel, Row};
 
 /// Curves in one panel. Points that are not finite leave gaps.
@@ -24,7 +24,9 @@ pub struct Curves {
     pub x_range: Option<[f64; 2]>,
     /// The ordinate's ends; from the data where there are none.
     pub y_range: Option<[f64; 2]>,
-    /// Whether the series' names stand within the panel.
+    /// Whether equal ratios are equally far apart upwards; all values are above 0.
+    pub y_logarithmic: bool,
+    /// Whether the series' names stand in the panel: where nothing else is, or else to the right.
     pub legend: bool,
 }
 
@@ -92,7 +94,7 @@ impl Curves {
             series.points.iter().map(|point| point[1]).chain(band).collect::<Vec<_>>()
         };
         let data = self.series.iter().flat_map(of_series).chain(self.thresholds.iter().map(|threshold| threshold.value));
-        self.y_range.unwrap_or_else(|| padded(extent(data)))
+        self.y_range.unwrap_or_else(|| if self.y_logarithmic { padded_ratio(extent(data)) } else { padded(extent(data)) })
     }
 
     pub(super) fn draw(&self, panel: &Area, drawing: &mut Drawing) {
@@ -102,31 +104,49 @@ impl Curves {
             y_label: &self.y_label,
             x_range: self.x_extent(),
             y_range: self.y_extent(),
+            y_logarithmic: self.y_logarithmic,
             grid: true,
         };
-        let plot = frame.draw(panel, drawing);
+        let entries = self.entries();
+        let plot = frame.plot(panel);
+        let place = legend::free_place(&entries, &plot.area, &self.taken(&plot));
+        let beside = if entries.is_empty() || place.is_some() { 0.0 } else { legend::width_beside(&entries, panel) };
+        let plot = frame.draw(&panel.within([0.0, beside, 0.0, 0.0]), drawing);
         drawing.clipped(&plot.area, |drawing| {
             self.series.iter().for_each(|series| series.draw_band(&plot, drawing));
             self.thresholds.iter().for_each(|threshold| threshold.draw(&plot, drawing));
             self.series.iter().for_each(|series| series.draw_line(&plot, drawing));
         });
         self.thresholds.iter().for_each(|threshold| threshold.write(&plot, drawing));
-        if self.legend {
-            self.draw_legend(&plot, drawing);
-        }
+        let right = Area { x: plot.area.right() + 8.0, width: beside, ..plot.area };
+        legend::draw(&entries, &place.unwrap_or(right), &plot.area, drawing);
     }
 
-    fn draw_legend(&self, plot: &Plot, drawing: &mut Drawing) {
-        let named = self.series.iter().filter(|series| !series.name.is_empty());
-        let entries: Vec<Entry<'_>> = named.map(|series| Entry { name: &series.name, color: series.color }).collect();
+    /// What the legend tells.
+    fn entries(&self) -> Vec<Entry<'_>> {
+        let named = self.series.iter().filter(|series| self.legend && !series.name.is_empty());
+        named.map(|series| Entry { name: &series.name, color: series.color }).collect()
+    }
+
+    /// Places of the page that curves, bands and words take.
+    fn taken(&self, plot: &Plot) -> Vec<[f64; 2]> {
         let words = self.thresholds.iter().flat_map(|threshold| threshold.taken(plot));
-        let on_page = |series: &Series| series.points.iter().map(|&point| plot.at(point)).collect::<Vec<_>>();
-        let points = self.series.iter().flat_map(|series| legend::traced(&on_page(series))).chain(words);
-        legend::draw(&entries, &plot.area, &points.collect::<Vec<_>>(), drawing);
+        self.series.iter().flat_map(|series| series.taken(plot)).chain(words).collect()
     }
 }
 
 impl Series {
+    fn taken(&self, plot: &Plot) -> Vec<[f64; 2]> {
+        let line: Vec<[f64; 2]> = self.stepped(self.points.iter().copied()).into_iter().map(|at| plot.at(at)).collect();
+        let place = |&[x, low, high]: &[f64; 3]| [plot.x.at(x), plot.y.at(low), plot.y.at(high)];
+        let mut band: Vec<[f64; 3]> = Vec::new();
+        for next in self.band.iter().flatten().map(place) {
+            let corner = band.last().filter(|_| self.steps).map(|before| [next[0], before[1], before[2]]);
+            band.extend(corner.into_iter().chain([next]));
+        }
+        [legend::traced(&line), legend::covered(&band)].concat()
+    }
+
     fn draw_band(&self, plot: &Plot, drawing: &mut Drawing) {
         for band in self.band.iter().flat_map(|band| band.split(|point| point.iter().any(|value| !value.is_finite()))) {
             let edge = |which: usize| self.stepped(band.iter().map(|point| [point[0], point[which]]));
@@ -208,6 +228,7 @@ impl Threshold {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scale::Scale;
     use super::*;
 
     /// A spike of one point among a hundred thousand is kept, in its place.
@@ -226,6 +247,19 @@ mod tests {
         let series = Series { steps: true, ..Series::default() };
         let stepped = series.stepped([[0.0, 1.0], [2.0, 0.5]].into_iter());
         assert_eq!(stepped, [[0.0, 1.0], [2.0, 1.0], [2.0, 0.5]]);
+    }
+
+    /// A band of steps is wide up to its last place, where it falls.
+    #[test]
+    fn a_band_of_steps_is_taken_up_to_its_end() {
+        let area = Area { x: 0.0, y: 0.0, width: 100.0, height: 100.0 };
+        let [x, y] = [[0.0, 100.0], [100.0, 0.0]].map(|places| Scale::new([0.0, 100.0], places));
+        let taken = |steps: bool| {
+            let band = Some(vec![[0.0, 40.0, 90.0], [100.0, 0.0, 0.0]]);
+            Series { band, steps, ..Series::default() }.taken(&Plot { area, x, y })
+        };
+        let near_the_end = |places: Vec<[f64; 2]>| places.iter().any(|[x, y]| (85.0..95.0).contains(x) && *y < 30.0);
+        assert!(near_the_end(taken(true)) && !near_the_end(taken(false)));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::scale::Scale;
 pub(super) const TITLE: f64 = 13.0;
 pub(super) const LABEL: f64 = 12.0;
 pub(super) const TICK: f64 = 11.0;
+const SMALL: f64 = 10.5;
 
 /// Room for a panel's title.
 pub(super) const HEAD: f64 = 24.0;
@@ -21,6 +22,7 @@ pub(super) struct Frame<'a> {
     pub(super) y_label: &'a str,
     pub(super) x_range: [f64; 2],
     pub(super) y_range: [f64; 2],
+    pub(super) y_logarithmic: bool,
     pub(super) grid: bool,
 }
 
@@ -39,17 +41,31 @@ impl Plot {
 }
 
 impl Frame<'_> {
-    pub(super) fn draw(&self, panel: &Area, drawing: &mut Drawing) -> Plot {
-        let below = if self.x_label.is_empty() { 24.0 } else { 40.0 };
-        let ticks_of_y = Scale::new(self.y_range, [0.0, 1.0]).ticks(count(panel.height - HEAD - below, 36.0));
-        let widest = ticks_of_y.iter().map(|(_, text)| width(text, TICK, Weight::Regular)).fold(0.0, f64::max);
+    /// Where data will go.
+    pub(super) fn plot(&self, panel: &Area) -> Plot {
+        let below = self.below();
+        let widest = self.ticks_of_y(panel).iter().map(|(_, text)| width(text, TICK, Weight::Regular)).fold(0.0, f64::max);
         let left = widest + if self.y_label.is_empty() { 12.0 } else { 30.0 };
         let area = panel.within([HEAD, 12.0, below, left]);
-        let plot = Plot {
+        Plot {
             area,
             x: Scale::new(self.x_range, [area.x, area.right()]),
-            y: Scale::new(self.y_range, [area.bottom(), area.y]),
-        };
+            y: Scale::new(self.y_range, [area.bottom(), area.y]).logarithmic(self.y_logarithmic),
+        }
+    }
+
+    fn below(&self) -> f64 {
+        if self.x_label.is_empty() { 24.0 } else { 40.0 }
+    }
+
+    fn ticks_of_y(&self, panel: &Area) -> Vec<(f64, String)> {
+        let scale = Scale::new(self.y_range, [0.0, 1.0]).logarithmic(self.y_logarithmic);
+        scale.ticks(count(panel.height - HEAD - self.below(), 36.0))
+    }
+
+    pub(super) fn draw(&self, panel: &Area, drawing: &mut Drawing) -> Plot {
+        let (plot, ticks_of_y) = (self.plot(panel), self.ticks_of_y(panel));
+        let area = plot.area;
         title(self.title, panel, area.x, drawing);
         self.draw_y(&plot, &ticks_of_y, panel, drawing);
         self.draw_x(&plot, panel, drawing);
@@ -92,10 +108,43 @@ fn count(length: f64, each: f64) -> usize {
     ((length / each) as usize).clamp(3, 8)
 }
 
-/// A panel's title, beginning above `x`.
+/// A panel's title, beginning above `x`: a long one in small letters, a longer one on two lines.
 pub(super) fn title(title: &str, panel: &Area, x: f64, drawing: &mut Drawing) {
-    let title = fitted(title, panel.right() - x, TITLE, Weight::Medium);
-    if !title.is_empty() {
-        drawing.text([x, panel.y + 14.0], &title, Lettering::new(TITLE, Anchor::Start).bold());
+    let room = panel.right() - x;
+    let fits = |size: f64| width(title, size, Weight::Medium) <= room;
+    let (lines, size, first) = match (fits(TITLE), fits(TICK)) {
+        (true, _) => (vec![title.to_owned()], TITLE, 14.0),
+        (_, true) => (vec![title.to_owned()], TICK, 14.0),
+        _ => (in_two_lines(title, room, SMALL), SMALL, 8.0),
+    };
+    for (line, text) in lines.iter().enumerate().filter(|(_, text)| !text.is_empty()) {
+        let y = panel.y + first + (SMALL + 1.0) * line as f64;
+        drawing.text([x, y], text, Lettering::new(size, Anchor::Start).bold());
+    }
+}
+
+/// Broken after a colon where both parts have room, or else after as many words as have; what is left is shortened if it must be.
+fn in_two_lines(text: &str, room: f64, size: f64) -> Vec<String> {
+    let fits = |text: &str| width(text, size, Weight::Medium) <= room;
+    let after_colon = text.find(": ").map(|at| at + 1).filter(|&at| fits(&text[..at]) && fits(&text[at + 1..]));
+    let last = || text.rmatch_indices(' ').map(|(at, _)| at).find(|&at| fits(&text[..at]));
+    let break_at = after_colon.or_else(last);
+    let (first, rest) = break_at.map_or((text, ""), |at| (&text[..at], &text[at + 1..]));
+    [first, rest].map(|line| fitted(line, room, size, Weight::Medium)).to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_title_takes_two_lines() {
+        let title = "16 agents together: 277,974 states";
+        let room = |text: &str| width(text, SMALL, Weight::Medium);
+        assert_eq!(in_two_lines(title, room("16 agents together: 277,974"), SMALL), ["16 agents together:", "277,974 states"]);
+        let long = "Thompson resampling of seeds: 880 states";
+        assert_eq!(in_two_lines(long, room("Thompson resampling o"), SMALL), ["Thompson resampling", "of seeds: 880 states"]);
+        let lines = in_two_lines("incomprehensibilities", 40.0, SMALL);
+        assert!(lines[0].ends_with('…') && lines[1].is_empty(), "{lines:?}");
     }
 }

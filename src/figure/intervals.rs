@@ -24,7 +24,7 @@ pub struct Intervals {
 pub struct IntervalRow {
     /// What is compared.
     pub name: String,
-    /// The estimate; none where there is no finite one, such as a median that was not reached.
+    /// The estimate; none where it is a time that was not reached.
     pub estimate: Option<f64>,
     /// Its interval; none where there are too few runs. An end that is not finite reaches to the edge.
     pub interval: Option<[f64; 2]>,
@@ -108,8 +108,12 @@ impl IntervalRow {
 
     /// Such as `127.5 [80, 134], n = 10`.
     fn numbers(&self) -> String {
-        let estimate = self.estimate.map_or("–".to_owned(), written);
-        let interval = self.interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", written(low), written(high)));
+        let estimate = self.estimate.map_or("not reached".to_owned(), written);
+        let interval = match self.interval {
+            None => String::new(),
+            Some([low, high]) if high == f64::INFINITY => format!(" [from {}]", written(low)),
+            Some([low, high]) => format!(" [{}, {}]", written(low), written(high)),
+        };
         format!("{estimate}{interval}, n = {}", self.n)
     }
 }
@@ -122,7 +126,8 @@ mod tests {
     fn numbers_stand_beside_their_dots() {
         let row = |estimate, interval| IntervalRow { name: String::new(), estimate, interval, n: 10, color: [0; 3] };
         assert_eq!(row(Some(127.5), Some([80.0, 134.0])).numbers(), "127.5 [80, 134], n = 10");
-        assert_eq!(row(None, Some([210.0, f64::INFINITY])).numbers(), "– [210, –], n = 10");
+        assert_eq!(row(None, Some([210.0, f64::INFINITY])).numbers(), "not reached [from 210], n = 10");
+        assert_eq!(row(None, None).numbers(), "not reached, n = 10");
         assert_eq!(row(Some(-6.0), None).numbers(), "−6, n = 10");
     }
 }

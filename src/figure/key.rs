@@ -4,7 +4,7 @@ use super::color::{self, Color, GREY};
 use super::drawing::{Anchor, Area, Drawing, Lettering, Stroke};
 use super::font::{Weight, fitted, width};
 use super::frame::{LABEL, TICK};
-use super::scale::Scale;
+use super::scale::{Scale, significant};
 
 /// What the colours of a row of panels mean.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +17,15 @@ pub enum Key {
         label: String,
         /// The values at both ends.
         range: [f64; 2],
+    },
+    /// The same as shares, from 1 to the most of `of`.
+    Shares {
+        /// What is counted.
+        label: String,
+        /// The largest count.
+        most: u32,
+        /// All that is counted.
+        of: u64,
     },
     /// The colours of [`color::of_count`], from 1 to the most.
     Counts {
@@ -38,7 +47,7 @@ impl Key {
                 let widest = names.iter().map(|(name, _)| width(name, TICK, Weight::Regular)).fold(0.0, f64::max);
                 (widest + 30.0).min(180.0)
             }
-            Self::Gradual { .. } | Self::Counts { .. } => 78.0,
+            Self::Gradual { .. } | Self::Counts { .. } | Self::Shares { .. } => 78.0,
         }
     }
 
@@ -50,6 +59,12 @@ impl Key {
                 let scale = Scale::new(*range, [area.bottom(), area.y]);
                 let ticks = scale.ticks(4).into_iter();
                 ticks.for_each(|(value, text)| tick(area, drawing, scale.at(value), &text));
+            }
+            Self::Shares { label, most, of } => {
+                bar(area, drawing, label, color::dense);
+                for (count, text) in round_shares(*most, *of) {
+                    tick(area, drawing, area.bottom() - position(count, *most) * area.height, &text);
+                }
             }
             Self::Counts { label, most } => {
                 bar(area, drawing, label, color::dense);
@@ -74,6 +89,14 @@ fn round_counts(most: u32) -> Vec<(u32, String)> {
     counts.push(most.max(1));
     counts.dedup();
     counts.into_iter().map(|count| (count, grouped(count))).collect()
+}
+
+/// Powers of ten that are not too near to the end, and the most, as per cent of `of`: each as the count that it is.
+fn round_shares(most: u32, of: u64) -> Vec<(f64, String)> {
+    let percent = |count: f64| 100.0 * count / of.max(1) as f64;
+    let tens = (-9..=2).map(|power| 10_f64.powi(power) * of as f64 / 100.0);
+    let fitting = tens.filter(|&count| count >= 1.0 && count < f64::from(most) && position(count, most) < 0.9);
+    fitting.chain([f64::from(most)]).map(|count| (count, format!("{} %", significant(percent(count), 2)))).collect()
 }
 
 /// With a comma for each thousand.
@@ -122,6 +145,14 @@ fn tick(area: &Area, drawing: &mut Drawing, y: f64, text: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of 20 000 the shares 0.01, 0.1, 1 and 10 % are 2, 20, 200 and 2000; 10 % stands too near to 12 %.
+    #[test]
+    fn shares_are_round() {
+        let shares = round_shares(2469, 20_000);
+        assert_eq!(shares.iter().map(|(_, text)| text.as_str()).collect::<Vec<_>>(), ["0.01 %", "0.1 %", "1 %", "12 %"]);
+        assert!((shares[1].0 - 20.0).abs() < 1e-9 && shares[3].0 == 2469.0);
+    }
 
     #[test]
     fn counts_are_round() {

@@ -75,6 +75,7 @@ fn frame(title: &str, x: &Quantity, y: &Quantity, panel: &Area, drawing: &mut Dr
         y_label: &name(y),
         x_range: x.range.map(f64::from),
         y_range: y.range.map(f64::from),
+        y_logarithmic: false,
         grid: false,
     };
     frame.draw(panel, drawing)

@@ -5,21 +5,32 @@
 pub(super) struct Scale {
     values: [f64; 2],
     places: [f64; 2],
+    logarithmic: bool,
 }
 
 impl Scale {
     pub(super) fn new(values: [f64; 2], places: [f64; 2]) -> Self {
-        Self { values, places }
+        Self { values, places, logarithmic: false }
+    }
+
+    /// Equal ratios are equally far apart; values are above 0.
+    pub(super) fn logarithmic(self, logarithmic: bool) -> Self {
+        Self { logarithmic, ..self }
     }
 
     pub(super) fn at(&self, value: f64) -> f64 {
-        let ([low, high], [from, to]) = (self.values, self.places);
+        let [from, to] = self.places;
+        let [value, low, high] =
+            [value, self.values[0], self.values[1]].map(|value| if self.logarithmic { value.ln() } else { value });
         from + (value - low) / (high - low) * (to - from)
     }
 
     /// Values at round numbers, about `count` of them, with what is written beside them.
     pub(super) fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         let [low, high] = self.values;
+        if self.logarithmic {
+            return powers_of_ten([low, high], count);
+        }
         let step = round_step((high - low) / count.max(1) as f64);
         let first = (low / step - 1e-9).ceil() as i64;
         let last = (high / step + 1e-9).floor() as i64;
@@ -28,6 +39,13 @@ impl Scale {
             .map(|value| (value, label(value, step, low.abs().max(high.abs()))))
             .collect()
     }
+}
+
+/// As many of them as `count` allows, with what is written beside them.
+fn powers_of_ten([low, high]: [f64; 2], count: usize) -> Vec<(f64, String)> {
+    let (first, last) = ((low.log10() - 1e-9).ceil() as i32, (high.log10() + 1e-9).floor() as i32);
+    let each = ((last - first + 1) as usize).div_ceil(count.max(1)).max(1);
+    (first..=last).step_by(each).map(|power| 10_f64.powi(power)).map(|value| (value, written(value))).collect()
 }
 
 /// 1, 2 or 5 times a power of ten, about `wanted`.
@@ -58,11 +76,16 @@ pub(super) fn signed(number: &str) -> String {
 
 /// A number as people write it: four significant digits, no idle zeros.
 pub(super) fn written(value: f64) -> String {
+    significant(value, 4)
+}
+
+/// The same with another count of digits.
+pub(super) fn significant(value: f64, digits: i32) -> String {
     if !value.is_finite() {
         return "–".to_owned();
     }
     let whole_digits = value.abs().max(1e-300).log10().floor() as i32 + 1;
-    let decimals = (4 - whole_digits).clamp(0, 9) as usize;
+    let decimals = (digits - whole_digits).clamp(0, 9) as usize;
     let text = format!("{value:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     if text == "-0" { "0".to_owned() } else { signed(text) }
@@ -82,6 +105,12 @@ pub(super) fn padded([low, high]: [f64; 2]) -> [f64; 2] {
     let room = 0.05 * (high - low);
     let lower = if low >= 0.0 { (low - room).max(0.0) } else { low - room };
     [lower, if high <= 0.0 { (high + room).min(0.0) } else { high + room }]
+}
+
+/// The same on a logarithmic scale.
+pub(super) fn padded_ratio([low, high]: [f64; 2]) -> [f64; 2] {
+    let room = (high / low).powf(0.05);
+    [low / room, high * room]
 }
 
 #[cfg(test)]
@@ -105,6 +134,18 @@ mod tests {
     fn places_are_straight() {
         let scale = Scale::new([0.0, 4.0], [100.0, 20.0]);
         assert_eq!((scale.at(0.0), scale.at(1.0), scale.at(4.0)), (100.0, 80.0, 20.0));
+    }
+
+    /// 1 is one third of the way from 0.1 to 100 in powers of ten.
+    #[test]
+    fn ratios_are_equally_far_apart() {
+        let scale = Scale::new([0.1, 100.0], [0.0, 30.0]).logarithmic(true);
+        assert!((scale.at(1.0) - 10.0).abs() < 1e-9 && scale.at(0.1) == 0.0);
+        let labels = |count| scale.ticks(count).into_iter().map(|(_, label)| label).collect::<Vec<_>>();
+        assert_eq!(
+            (labels(5), labels(2)),
+            (["0.1", "1", "10", "100"].map(str::to_owned).to_vec(), vec!["0.1".into(), "10".into()])
+        );
     }
 
     #[test]

@@ -2,9 +2,10 @@
 
 use super::comparison::{Comparison, compare};
 use super::file::{Claim, Claimed};
+use super::report::counted;
 use super::results::Results;
 use super::statistics::comparison::holm;
-use super::statistics::{Direction, Interval, Verdict, verdict};
+use super::statistics::{Direction, Interval, Verdict, is_smaller_than_claimed, verdict};
 
 /// Fewer runs do not bear out that there is no effect.
 pub const LEAST_RUNS_OF_A_NULL: usize = 30;
@@ -18,6 +19,8 @@ pub struct Judgement {
     pub p: f64,
     /// The verdict.
     pub verdict: Verdict,
+    /// Whether it is replicated, but the claimed size is excluded.
+    pub smaller: bool,
     /// Whether it was written or changed when there were runs of what it compares already.
     pub late: bool,
 }
@@ -30,7 +33,7 @@ pub fn judge(results: &Results) -> Vec<Judgement> {
     let judged = results.study.claims.iter().zip(comparisons).zip(holm(&p));
     let judge = |((claim, comparison), p): ((&Claim, Option<Comparison>), f64)| {
         let late = results.manifest.late_claims.contains(&claim.spelled_out(&results.study));
-        Judgement { comparison, p, verdict: verdict_on(claim, comparison), late }
+        Judgement { comparison, p, verdict: verdict_on(claim, comparison), smaller: is_smaller(claim, comparison), late }
     };
     judged.map(judge).collect()
 }
@@ -53,6 +56,16 @@ fn verdict_on(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
     }
 }
 
+/// Only a claim of an effect has a size that an effect can fall short of.
+fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
+    let direction = match claim.direction {
+        Claimed::More => Direction::Positive,
+        Claimed::Less => Direction::Negative,
+        Claimed::Same | Claimed::NotMore | Claimed::NotLess => return false,
+    };
+    comparison.is_some_and(|found| is_smaller_than_claimed(found.effect.interval, direction, claim.size.get()))
+}
+
 /// That an effect lies between `least` and `most`: borne out if its whole interval does and runs are many, not if none of it does.
 fn verdict_on_a_null(effect: Interval, [least, most]: [f64; 2], comparison: &Comparison) -> Verdict {
     let Interval::Known { low, high } = effect else { return Verdict::Inconclusive };
@@ -65,13 +78,25 @@ fn verdict_on_a_null(effect: Interval, [least, most]: [f64; 2], comparison: &Com
     }
 }
 
-/// Such as `replicated`.
+/// What became of all claims, such as `5 of 8 claims replicated, 2 of them smaller than claimed`.
 #[must_use]
-pub fn in_words(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Replicated => "replicated",
-        Verdict::NotReplicated => "not replicated",
-        Verdict::Inconclusive => "inconclusive",
+pub fn tally(judgements: &[Judgement]) -> String {
+    let held = judgements.iter().filter(|judgement| judgement.verdict == Verdict::Replicated).count();
+    let smaller = judgements.iter().filter(|judgement| judgement.smaller).count();
+    let smaller = if smaller > 0 { format!(", {smaller} of them smaller than claimed") } else { String::new() };
+    format!("{held} of {} replicated{smaller}", counted(judgements.len(), "claim"))
+}
+
+impl Judgement {
+    /// Such as `replicated`.
+    #[must_use]
+    pub fn in_words(&self) -> &'static str {
+        match self.verdict {
+            Verdict::Replicated if self.smaller => "replicated, smaller than claimed",
+            Verdict::Replicated => "replicated",
+            Verdict::NotReplicated => "not replicated",
+            Verdict::Inconclusive => "inconclusive",
+        }
     }
 }
 
@@ -83,7 +108,8 @@ mod tests {
     fn null(low: f64, high: f64, bounds: [f64; 2], n: usize) -> Verdict {
         let interval = Interval::Known { low, high };
         let estimate = Estimate { value: f64::midpoint(low, high), interval };
-        let comparison = Comparison { n: [n; 2], effect: estimate, below: estimate, p: 1.0, horizon: f64::INFINITY };
+        let (between, horizon) = ([estimate.value; 2], f64::INFINITY);
+        let comparison = Comparison { n: [n; 2], effect: estimate, between, below: estimate, p: 1.0, horizon };
         verdict_on_a_null(interval, bounds, &comparison)
     }
 

@@ -43,6 +43,8 @@ pub struct Comparison {
     pub n: [usize; 2],
     /// The first less the second: the median of times, the mean of all else.
     pub effect: Estimate,
+    /// From where to where the effect may lie where times that were not reached decide it; else both are the effect.
+    pub between: [f64; 2],
     /// How likely a run of the first is below one of the second; a tie counts half.
     pub below: Estimate,
     /// The two-sided p of the test.
@@ -101,13 +103,13 @@ pub fn compare(first: &[Score], second: &[Score], are_times: bool, test: Test) -
     }
     let horizon = horizon(first.iter().chain(&second));
     let (x, y) = (up_to(horizon, &first), up_to(horizon, &second));
-    let (effect, p) = match test {
+    let ((effect, between), p) = match test {
         Test::Paired => paired(&x, &y, are_times),
         Test::Independent => independent([&first, &second], [&x, &y], are_times),
     };
     let negated = |values: &[f64]| vec![values.iter().map(|value| -value).collect::<Vec<f64>>()];
     let below = probability_of_improvement(&negated(&x), &negated(&y));
-    Some(Comparison { n: [x.len(), y.len()], effect, below, p, horizon })
+    Some(Comparison { n: [x.len(), y.len()], effect, between, below, p, horizon })
 }
 
 impl Comparison {
@@ -137,13 +139,14 @@ fn up_to(horizon: f64, scores: &[Score]) -> Vec<f64> {
     scores.iter().map(|score| if score.value <= horizon { score.value } else { f64::INFINITY }).collect()
 }
 
-fn paired(x: &[f64], y: &[f64], are_times: bool) -> (Estimate, f64) {
+fn paired(x: &[f64], y: &[f64], are_times: bool) -> ((Estimate, [f64; 2]), f64) {
     let differences = differences(x, y);
     let effect = if are_times {
         let assuming = |unknown: f64| x.iter().zip(y).map(|(&x, &y)| difference_of_times(x, y, unknown)).collect::<Vec<f64>>();
         whatever_is_unknown(|unknown| estimate_of_sample(&assuming(unknown), median))
     } else {
-        estimate_of_sample(&differences, mean)
+        let effect = estimate_of_sample(&differences, mean);
+        (effect, [effect.value; 2])
     };
     (effect, signed_rank(&differences).p)
 }
@@ -153,17 +156,18 @@ fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
     if x.is_infinite() && y.is_infinite() { unknown } else { x - y }
 }
 
-/// An estimate whose interval holds whatever unknown differences are, from −∞ to ∞; no number where that decides.
-fn whatever_is_unknown(assuming: impl Fn(f64) -> Estimate) -> Estimate {
+/// An estimate whose interval holds whatever unknown differences are, from −∞ to ∞; no number where that decides. And what it lies between.
+fn whatever_is_unknown(assuming: impl Fn(f64) -> Estimate) -> (Estimate, [f64; 2]) {
     let (least, most) = (assuming(f64::NEG_INFINITY), assuming(f64::INFINITY));
     let interval = match (least.interval, most.interval) {
         (Interval::Known { low, .. }, Interval::Known { high, .. }) => Interval::Known { low, high },
         (few, _) => few,
     };
-    Estimate { value: if least.value == most.value { least.value } else { f64::NAN }, interval }
+    let value = if least.value == most.value { least.value } else { f64::NAN };
+    (Estimate { value, interval }, [least.value, most.value])
 }
 
-fn independent(scores: [&[Score]; 2], [x, y]: [&[f64]; 2], are_times: bool) -> (Estimate, f64) {
+fn independent(scores: [&[Score]; 2], [x, y]: [&[f64]; 2], are_times: bool) -> ((Estimate, [f64; 2]), f64) {
     let middle = if are_times { median } else { mean };
     let effect = whatever_is_unknown(|unknown| {
         estimate(&[x.to_vec(), y.to_vec()], |both| difference_of_times(middle(&both[0]), middle(&both[1]), unknown))
@@ -224,6 +228,9 @@ mod tests {
         let mostly = paired_times("10 10 10 10 50+", "20 20 20 20 50+");
         assert_eq!(mostly.effect.value, -10.0);
         assert_eq!(mostly.effect.interval, Interval::Known { low: f64::NEG_INFINITY, high: f64::INFINITY });
+        // Of six differences −9 to −5 and one unknown the median lies halfway to its neighbour on the one or on the other side.
+        let even = paired_times("10 10 10 10 10 50+", "15 16 17 18 19 50+");
+        assert!(even.effect.value.is_nan() && even.between == [-7.5, -6.5], "{even:?}");
         let scores = (times("10 50+ 50+ 50+ 50+"), times("50+ 50+ 50+ 50+ 50+"));
         let samples = compare(&scores.0, &scores.1, true, Test::Independent).unwrap();
         assert!(samples.effect.value.is_nan() && verdict_is_open(samples.effect.interval), "{samples:?}");

@@ -151,6 +151,20 @@ pub enum Claimed {
     NotLess,
 }
 
+impl Claimed {
+    /// Whether it is that the first is above the second, or at least not below.
+    #[must_use]
+    pub fn is_upwards(self) -> bool {
+        matches!(self, Self::More | Self::NotLess)
+    }
+
+    /// Whether it is that there is no effect worth the name, in both directions or in one.
+    #[must_use]
+    pub fn is_null(self) -> bool {
+        matches!(self, Self::Same | Self::NotMore | Self::NotLess)
+    }
+}
+
 /// How runs of two cells are set against each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Test {

@@ -4,6 +4,7 @@
 //! [`comparison`] and [`claims`] say what it shows, and [`report`] puts that on a page. The unit is a whole team run; agents and episodes
 //! of one run share their fate and are no repeats. Rules of training may not enter.
 
+pub mod build;
 pub mod claims;
 pub mod comparison;
 pub mod course;
@@ -13,7 +14,6 @@ pub mod finite;
 pub mod measure;
 pub mod measured;
 pub mod plan;
-
 pub mod report;
 pub mod results;
 pub mod runner;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::build::BuildMark;
 use super::comparison::Score;
 use super::figure::{Figure, Upto};
 use super::file::{FIRST_REPORTING_SEED, Study};
@@ -21,6 +22,8 @@ pub struct Results {
     pub cells: Vec<CellResults>,
     /// The versions of the workbench that ran it.
     pub versions: BTreeSet<String>,
+    /// Its builds; none stands for those that are not known.
+    pub builds: BTreeSet<Option<BuildMark>>,
 }
 
 /// All runs of a cell that are there.
@@ -55,12 +58,28 @@ impl Results {
     pub fn read(folder: &StudyFolder) -> Result<Self, ResultsError> {
         let manifest = folder.manifest().map_err(ResultsError::Folder)?;
         let study: Study = input::parse(&manifest.study_path, manifest.study.clone())?.value;
-        let mut versions = BTreeSet::new();
-        let mut cells = Vec::with_capacity(manifest.cells.len());
-        for about in &manifest.cells {
-            cells.push(read_cell(folder, &manifest, about, &mut versions));
+        let mut results = Self { study, cells: Vec::new(), versions: BTreeSet::new(), builds: BTreeSet::new(), manifest };
+        for about in results.manifest.cells.clone() {
+            results.read_cell(folder, about);
         }
-        Ok(Self { manifest, study, cells, versions })
+        Ok(results)
+    }
+
+    fn read_cell(&mut self, folder: &StudyFolder, about: ManifestCell) {
+        let mut cell = CellResults { about, runs: Vec::new(), failures: Vec::new(), missing: 0 };
+        for seed in self.manifest.first_seed..self.manifest.first_seed + self.manifest.repeats {
+            let Some(stored) = folder.stored(&cell.about.digest, seed, &[]) else {
+                cell.missing += 1;
+                continue;
+            };
+            self.versions.insert(stored.version);
+            self.builds.insert(stored.build);
+            match stored.outcome {
+                Ok(run) => cell.runs.push((seed, run)),
+                Err(reason) => cell.failures.push((seed, reason)),
+            }
+        }
+        self.cells.push(cell);
     }
 
     /// The cell of this name.
@@ -69,10 +88,13 @@ impl Results {
         self.cells.iter().find(|cell| cell.about.name == name)
     }
 
-    /// The cells that a figure shows.
+    /// The cells that a figure shows: all, or those that it names, in its order.
     #[must_use]
     pub fn shown_by(&self, figure: &Figure) -> Vec<&CellResults> {
-        self.cells.iter().filter(|cell| figure.shows(&cell.about.name)).collect()
+        if figure.cells().is_empty() {
+            return self.cells.iter().collect();
+        }
+        figure.cells().iter().filter_map(|name| self.cell(name)).collect()
     }
 
     /// Whether its seeds are those for tuning, whose results are not to be published.
@@ -102,20 +124,4 @@ impl CellResults {
         let kept = self.runs.iter().flat_map(|(_, run)| &run.states).find(|states| states.episodes == upto.episodes());
         kept.map(|kept| (kept.visited, kept.states.as_slice()))
     }
-}
-
-fn read_cell(folder: &StudyFolder, manifest: &Manifest, about: &ManifestCell, versions: &mut BTreeSet<String>) -> CellResults {
-    let mut cell = CellResults { about: about.clone(), runs: Vec::new(), failures: Vec::new(), missing: 0 };
-    for seed in manifest.first_seed..manifest.first_seed + manifest.repeats {
-        let Some(stored) = folder.stored(&about.digest, seed, &[]) else {
-            cell.missing += 1;
-            continue;
-        };
-        versions.insert(stored.version);
-        match stored.outcome {
-            Ok(run) => cell.runs.push((seed, run)),
-            Err(reason) => cell.failures.push((seed, reason)),
-        }
-    }
-    cell
 }

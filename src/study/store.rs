@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::build::{self, BuildMark};
 use super::file::{Claim, Study};
 use super::measured::Measured;
 use super::plan::{StudyPlan, Task};
@@ -36,6 +37,9 @@ pub struct StoredRun {
     pub seed: u64,
     /// What it came to, or why it failed.
     pub outcome: Result<Measured, String>,
+    /// The build that ran it, where it is known. Stands after all else, where those that do not know of it do not look.
+    #[serde(skip)]
+    pub build: Option<BuildMark>,
 }
 
 /// What the report knows of the study.
@@ -60,6 +64,9 @@ pub struct Manifest {
     /// Claims, spelled out, that were written or changed when there were runs of what they compare already.
     #[serde(default)]
     pub late_claims: Vec<String>,
+    /// Runs of each cell that were asked for before, from first to last, when some were there already.
+    #[serde(default)]
+    pub earlier_repeats: Vec<u64>,
 }
 
 /// What the report knows of a cell.
@@ -121,7 +128,8 @@ impl StudyFolder {
     #[must_use]
     pub fn stored(&self, digest: &str, seed: u64, windows: &[u32]) -> Option<StoredRun> {
         let bytes = std::fs::read(self.file(digest, seed)).ok()?;
-        let stored: StoredRun = postcard::from_bytes(&bytes).ok()?;
+        let (stored, rest) = postcard::take_from_bytes::<StoredRun>(&bytes).ok()?;
+        let stored = StoredRun { build: postcard::from_bytes(rest).ok(), ..stored };
         let kept = |run: &Measured| windows.iter().all(|window| run.states.iter().any(|states| states.episodes == *window));
         let whole = stored.layout == LAYOUT && stored.digest == digest && stored.seed == seed;
         (whole && stored.outcome.as_ref().map_or(true, kept)).then_some(stored)
@@ -142,8 +150,9 @@ impl StudyFolder {
     /// Never: plain data always serialises.
     pub fn store(&self, task: &Task<'_>, outcome: Result<Measured, String>) -> Result<StoredRun, StoreError> {
         let (version, digest) = (env!("CARGO_PKG_VERSION").to_owned(), task.cell.digest.clone());
-        let stored = StoredRun { layout: LAYOUT, version, digest, seed: task.seed, outcome };
-        let bytes = postcard::to_stdvec(&stored).expect("plain data always serialises");
+        let stored = StoredRun { layout: LAYOUT, version, digest, seed: task.seed, outcome, build: build::mark() };
+        let mut bytes = postcard::to_stdvec(&stored).expect("plain data always serialises");
+        bytes.extend(stored.build.into_iter().flatten());
         let path = self.file(&stored.digest, stored.seed);
         files::replace(&path, &bytes).map_err(|error| StoreError { path, reason: error.to_string() })?;
         Ok(stored)
@@ -161,7 +170,7 @@ impl StudyFolder {
         self.path.join("runs")
     }
 
-    /// Notes what the study is, unless the same is noted already, and which of its claims come late.
+    /// Notes what the study is, unless the same is noted already, which of its claims come late, and whether its repeats were changed.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -170,7 +179,8 @@ impl StudyFolder {
     /// Never: plain data always serialises.
     pub fn note(&self, plan: &StudyPlan) -> Result<(), StoreError> {
         let path = self.manifest_file();
-        let manifest = Manifest { late_claims: self.late_claims(plan), ..Manifest::of(plan) };
+        let (late_claims, earlier_repeats) = (self.late_claims(plan), self.earlier_repeats(plan));
+        let manifest = Manifest { late_claims, earlier_repeats, ..Manifest::of(plan) };
         let mut text = serde_json::to_string_pretty(&manifest).expect("plain data always serialises");
         text.push('\n');
         if std::fs::read_to_string(&path).is_ok_and(|noted| noted == text) {
@@ -195,6 +205,14 @@ impl StudyFolder {
         spelled.filter(is_late).map(|(_, spelled)| spelled).collect()
     }
 
+    /// Repeats that were noted before, and those noted last if they are others now although there are runs.
+    fn earlier_repeats(&self, plan: &StudyPlan) -> Vec<u64> {
+        let Ok(noted) = self.manifest() else { return Vec::new() };
+        let has_runs = || plan.tasks().iter().any(|task| self.stored(&task.cell.digest, task.seed, &[]).is_some());
+        let changed = noted.repeats != plan.repeats() && has_runs();
+        noted.earlier_repeats.into_iter().chain(changed.then_some(noted.repeats)).collect()
+    }
+
     /// What study this is.
     ///
     /// # Errors
@@ -212,6 +230,15 @@ impl StudyFolder {
 }
 
 impl Manifest {
+    /// How often each cell was to be run, from first to last, if that was changed when there were runs: such as `Runs were extended from 10 to 20 …`.
+    #[must_use]
+    pub fn changed_repeats(&self) -> Option<String> {
+        let last = self.earlier_repeats.last()?;
+        let word = if self.earlier_repeats.is_sorted() && *last < self.repeats { "extended" } else { "changed" };
+        let all = self.earlier_repeats.iter().chain([&self.repeats]).map(u64::to_string);
+        Some(format!("Runs were {word} from {} after the first were there.", all.collect::<Vec<_>>().join(" to ")))
+    }
+
     /// What the report has to know of a study before any of it is run.
     fn of(plan: &StudyPlan) -> Self {
         let cell = |cell: &super::plan::Cell| ManifestCell {
@@ -234,6 +261,7 @@ impl Manifest {
             repeats: plan.repeats(),
             cells: plan.cells.iter().map(cell).collect(),
             late_claims: Vec::new(),
+            earlier_repeats: Vec::new(),
         }
     }
 }

@@ -29,7 +29,8 @@ use crate::run::review::{Review, ReviewError};
                                                                           runs side by side
   seedbed plot recordings/cartpole/seed-0 --what scatter,returns --size 900x700 --out figure.svg
 
-Up to --lines states are drawn one by one; of more, how many pass each point is drawn, on one scale for all panels.
+Up to --lines states are drawn one by one; of more, how many pass each point is drawn, or of several panels which share of each panel's
+states, on one scale for all.
 With --colour, or with --lines 0 for densities, you choose.")]
 pub(super) struct PlotArgs {
     /// Runs' folders, or recordings; several are drawn side by side

@@ -45,31 +45,56 @@ pub(super) fn lines_or_density(args: &PlotArgs, groups: &[Group<'_>]) -> (Vec<Pa
     (groups.iter().map(panel).collect(), paint.key)
 }
 
-/// How many lines pass each point, on one scale for all panels.
+/// How many lines pass each point, or which share of its lines where there are several panels; on one scale for all.
 pub(super) fn density(args: &PlotArgs, groups: &[Group<'_>]) -> (Vec<Panel>, Option<Key>) {
-    let pictures: Vec<Vec<u32>> = groups.iter().map(Group::pixels).collect();
+    let pictures = of_one_total(groups, groups.iter().map(Group::pixels).collect());
     let most = pictures.iter().flatten().copied().max().unwrap_or(0);
     let panel = |(group, pixels): (&Group<'_>, Vec<u32>)| {
         let width = group.run.axes.as_ref().map_or(1, |axes| axes.chosen(&group.places(args)).width());
         group.parallel(args, States::Density(DensityPicture { pixels, width, most }), &group.counted())
     };
     let panels = groups.iter().zip(pictures).map(panel).collect();
-    (panels, Some(Key::Counts { label: "states through a point".to_owned(), most }))
+    (panels, Some(key(groups, "states through a point", most)))
 }
 
 /// Pairs of axes, pair by pair for all groups.
 pub(super) fn scatter(args: &PlotArgs, groups: &[Group<'_>]) -> (Vec<Panel>, Option<Key>) {
     let pairs = groups.first().map_or(Vec::new(), |group| pairs(&group.places(args)));
     if drawn_as_counts(args, groups) {
-        let most = groups.iter().flat_map(|group| group.grids(pairs.len())).max().unwrap_or(0);
-        let panels = (0..pairs.len()).flat_map(|pair| groups.iter().map(move |group| (pair, group)));
-        let panels = panels.map(|(pair, group)| group.heat_map(pairs[pair], pair, most)).collect();
-        return (panels, Some(Key::Counts { label: "states in a cell".to_owned(), most }));
+        let grids = of_one_total(groups, groups.iter().map(|group| group.grids(pairs.len())).collect());
+        let most = grids.iter().flatten().copied().max().unwrap_or(0);
+        let panel = |pair: usize, (group, grids): (&Group<'_>, &Vec<u32>)| {
+            let counts = grids[pair * CELLS * CELLS..(pair + 1) * CELLS * CELLS].to_vec();
+            group.heat_map(pairs[pair], counts, most)
+        };
+        let panels = (0..pairs.len()).flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));
+        let panels = panels.map(|(pair, drawn)| panel(pair, drawn)).collect();
+        return (panels, Some(key(groups, "states in a cell", most)));
     }
     let paint = Paint::of(args, groups);
     let panels = pairs.iter().flat_map(|pair| groups.iter().map(move |group| (pair, group)));
     let panels = panels.map(|(pair, group)| group.points(args, *pair, &paint)).collect();
     (panels, paint.key)
+}
+
+/// Counts of each group as if all had as many states as the one that has most: panels show shares, not how long a run was.
+fn of_one_total(groups: &[Group<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
+    let most = most_states(groups);
+    let scaled =
+        |count: u32, of: u64| if count == 0 { 0 } else { (u64::from(count) * most / of).max(1).try_into().unwrap_or(u32::MAX) };
+    let each = groups.iter().map(Group::count).zip(counts);
+    each.map(|(of, counts)| counts.into_iter().map(|count| scaled(count, of.max(1))).collect()).collect()
+}
+
+fn most_states(groups: &[Group<'_>]) -> u64 {
+    groups.iter().map(Group::count).max().unwrap_or(0)
+}
+
+fn key(groups: &[Group<'_>], label: &str, most: u32) -> Key {
+    if groups.len() > 1 {
+        return Key::Shares { label: format!("share of {label}"), most, of: most_states(groups) };
+    }
+    Key::Counts { label: label.to_owned(), most }
 }
 
 fn drawn_as_counts(args: &PlotArgs, groups: &[Group<'_>]) -> bool {
@@ -144,8 +169,7 @@ impl<'a> Group<'a> {
         sum
     }
 
-    fn heat_map(&self, [x, y]: [usize; 2], pair: usize, most: u32) -> Panel {
-        let counts = self.grids(pair + 1).split_off(pair * CELLS * CELLS);
+    fn heat_map(&self, [x, y]: [usize; 2], counts: Vec<u32>, most: u32) -> Panel {
         let (title, x, y) = (format!("{}: {}", self.title, self.counted()), self.quantity(x), self.quantity(y));
         Panel::HeatMap(HeatMap { title, x, y, counts, columns: CELLS, most })
     }

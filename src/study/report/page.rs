@@ -4,6 +4,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::Table;
 use super::{Drawn, words};
+use crate::study::build;
 use crate::study::claims::{self, Judgement, LEAST_RUNS_OF_A_NULL};
 use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
@@ -63,6 +64,9 @@ fn warnings(results: &Results) -> Markup {
                 "Intervals of fewer than " (FEW) " runs are too narrow: of effects that are none, they exclude 0 in about one of six cases at five                  runs, in one of eleven at ten, instead of one of twenty."
             }
         }
+        @if let Some(words) = results.manifest.changed_repeats() {
+            p.warning { strong { (words) } " An interval that is looked at more than once excludes 0 more often than one of twenty." }
+        }
         @if results.is_tuning() {
             p.warning {
                 strong { "Tuning seeds. " }
@@ -85,12 +89,20 @@ fn warnings(results: &Results) -> Markup {
                 ", which need not give the same bits."
             }
         }
+        @if results.builds.len() > 1 {
+            p.warning {
+                strong { "Several builds. " }
+                "Runs come from " (results.builds.len()) " builds (" (builds(results)) "); "
+                code { "seedbed study " (results.manifest.study_path) " --verify" } " tells whether they still come out the same."
+            }
+        }
     }
 }
 
 fn claims_section(results: &Results, judgements: &[Judgement]) -> Markup {
     html! {
         h2 { "Claims" }
+        p.facts { (claims::tally(judgements)) "." }
         @for (claim, judgement) in results.study.claims.iter().zip(judgements) { (claim_card(results, claim, judgement)) }
     }
 }
@@ -99,7 +111,7 @@ fn claim_card(results: &Results, claim: &Claim, judgement: &Judgement) -> Markup
     let measure = results.study.measure_of(claim);
     html! {
         section.claim.(class(judgement.verdict)) {
-            p.verdict { (claims::in_words(judgement.verdict)) @if judgement.late { ", but claimed late" } }
+            p.verdict { (judgement.in_words()) @if judgement.late { ", but claimed late" } }
             p.text { (claim.text) @if !claim.source.is_empty() { span.source { " " (claim.source) } } }
             p.compared {
                 (measure.title()) ": " strong { (claim.compare.0.as_str()) } " less " strong { (claim.compare.1.as_str()) }
@@ -126,13 +138,26 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
     let [first, second] = comparison.n;
     html! {
         p.evidence {
-            "Found: " strong { (words::estimate(comparison.effect)) }
+            "Found: " strong { (words::effect(comparison)) }
             "; n = " (first) @if first != second { " and " (second) }
-            "; P(first below second) = " (words::estimate(comparison.below))
-            "; p = " (words::p(p)) " after Holm. "
-            span.source { (words::test(claim.test, measure.is_time())) "." (up_to(comparison)) }
+            "; " (who_is_ahead(claim, comparison))
+            @if claim.direction.is_null() { "; no p: a high one would be no evidence. " } @else { "; " (words::p_is(p)) " after Holm. " }
+            span.source { (how_compared(claim, measure)) "." (up_to(comparison)) }
         }
     }
+}
+
+/// How likely a run of the first lies on the claimed side of one of the second.
+fn who_is_ahead(claim: &Claim, comparison: &Comparison) -> String {
+    let (side, probability) =
+        if claim.direction.is_upwards() { ("above", comparison.above()) } else { ("below", comparison.below) };
+    format!("P(first {side} second) = {}", words::estimate(probability))
+}
+
+/// What the effect is and, where a p of it is told, the test that this is from.
+fn how_compared(claim: &Claim, measure: Measure) -> &'static str {
+    let words = words::test(claim.test, measure.is_time());
+    if claim.direction.is_null() { words.split(';').next().unwrap_or(words) } else { words }
 }
 
 fn up_to(comparison: &Comparison) -> String {
@@ -208,7 +233,11 @@ fn how_it_was_run(results: &Results) -> Markup {
     html! {
         h2 { "How it was run" }
         pre { "seedbed study " (manifest.study_path) (quick) }
-        p { "seedbed " (results.versions.iter().cloned().collect::<Vec<_>>().join(", ")) ". One run of a cell, with its recording:" }
+        p {
+            "Runs: seedbed " (results.versions.iter().cloned().collect::<Vec<_>>().join(", ")) ", build " (builds(results)) ". \
+             This page: seedbed " (env!("CARGO_PKG_VERSION")) " with " (build::parts().join(", ")) "."
+        }
+        p { "One run of a cell, with its recording:" }
         div.scroll {
             table {
                 thead { tr { th.name { "cell" } th { "K" } th { "episodes at most" } th.name { "command" } } }
@@ -228,6 +257,11 @@ fn how_it_was_run(results: &Results) -> Markup {
     }
 }
 
+/// The marks of all builds that ran any of it.
+fn builds(results: &Results) -> String {
+    results.builds.iter().map(|build| build::in_words(*build)).collect::<Vec<_>>().join(", ")
+}
+
 fn command(cell: &CellResults, seed: u64) -> String {
     let sets = cell.about.overrides.iter().map(|text| format!(" --set {}", quoted(text)));
     format!("seedbed run {} --seed {seed}{}", quoted(&cell.about.scenario), sets.collect::<String>())
@@ -245,13 +279,17 @@ fn how_to_read() -> Markup {
         p {
             "A run is a whole team; agents and episodes of one run are no repeats. Intervals hold 95 %: percentile bootstrap of 50 000 \
              redrawn samples and, for medians of times, Brookmeyer and Crowley's. Times are censored where a run ended first; their medians \
-             are Kaplan and Meier's. IQM is the mean of the middle half of the runs. Fewer than " (LEAST_RUNS) " runs make no interval.              Effects are medians of differences of times, and means of differences of all else. Two times that were both not reached differ by              nobody knows what: an effect is " em { "unknown" } " where that decides, and its interval reaches as far as it may."
+             are Kaplan and Meier's. IQM is the mean of the middle half of the runs. Fewer than " (LEAST_RUNS) " runs make no interval.              Effects are medians of differences of times, and means of differences of all else. Two times that were both not reached differ by              nobody knows what: an effect is " em { "unknown" } " where that decides, or two numbers between \
+             which it lies, and its interval reaches as far as it may."
         }
         p {
             "A claim that there is an effect is " em { "replicated" } " if the interval of the effect excludes 0 in the claimed direction, "
-            em { "not replicated" } " if not, and it excludes the claimed size, and else " em { "inconclusive" } ". A claim that there is none \
+            em { "not replicated" } " if not, and it excludes the claimed size, and else " em { "inconclusive" } ". It is replicated but "
+            em { "smaller than claimed" } " if the interval excludes 0 and the claimed size. A claim that there is none \
              is replicated if at least " (LEAST_RUNS_OF_A_NULL) " runs put the whole interval within the claimed bounds, and not replicated if \
-             all of it lies outside. The interval alone decides; the test's p after Holm, over all claims of the study, stands beside it for              who would rather be strict. Cells, measure, test, direction and size stand in the study's file. A claim is said to be late if it              was written or changed when both sides had runs already."
+             all of it lies outside. The interval alone decides; the test's p after Holm, over all claims of the study, stands beside it for \
+             who would rather be strict. " (words::NO_P) " Cells, measure, test, direction and size stand in the study's file. A claim is \
+             said to be late if it was written or changed when both sides had runs already."
         }
     }
 }

@@ -95,6 +95,6 @@ fn pairs<'a, K: PartialEq>(results: &'a Results, kind: impl Fn(&'a CellResults) 
 
 fn compared_in_words((cell, first): (&CellResults, &CellResults), comparison: &Comparison, p: f64) -> Vec<String> {
     let names = [cell, first].map(|cell| cell.about.name.clone());
-    let [effect, below] = [comparison.effect, comparison.below].map(words::estimate);
+    let (effect, below) = (words::effect(comparison), words::estimate(comparison.below));
     names.into_iter().chain([comparison.n[0].to_string(), effect, below, words::p(p)]).collect()
 }

@@ -1,5 +1,6 @@
 //! Numbers as people read them.
 
+use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, Claimed, Test};
 use crate::study::statistics::{Estimate, Interval};
 
@@ -60,10 +61,34 @@ pub(super) fn estimate(estimate: Estimate) -> String {
     format!("{} ({})", number(estimate.value), interval(estimate.interval))
 }
 
+/// The effect of a comparison: where it is not known but to lie between two numbers, such as `between 4 and 8 (−15.5 to 32)`.
+pub(super) fn effect(comparison: &Comparison) -> String {
+    let [least, most] = comparison.between;
+    if comparison.effect.value.is_nan() && least.is_finite() && most.is_finite() {
+        return format!("between {} and {} ({})", number(least), number(most), interval(comparison.effect.interval));
+    }
+    estimate(comparison.effect)
+}
+
 /// A test's p.
 pub(super) fn p(p: f64) -> String {
     if p < 0.0001 { "< 0.0001".to_owned() } else { format!("{p:.4}") }
 }
+
+/// Such as `p = 0.0312` and `p < 0.0001`.
+pub(super) fn p_is(p: f64) -> String {
+    let p = self::p(p);
+    if p.starts_with('<') { format!("p {p}") } else { format!("p = {p}") }
+}
+
+/// The p of a claim. The test is for a difference: how high its p is says nothing for a claim of none.
+pub(super) fn p_of_claim(claim: &Claim, p: f64) -> String {
+    if claim.direction.is_null() { "–".to_owned() } else { self::p(p) }
+}
+
+/// Why claims of no effect have no p.
+pub(super) const NO_P: &str =
+    "The p is of a test for a difference, after Holm. Claims of no effect have none: a high p is no evidence for them.";
 
 /// What a claim says of its effect.
 pub(super) fn claimed(claim: &Claim) -> String {
@@ -90,6 +115,11 @@ pub(super) fn test(test: Test, are_times: bool) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_small_p_has_one_sign() {
+        assert_eq!([0.03125, 0.00002].map(p_is), ["p = 0.0312", "p < 0.0001"]);
+    }
 
     #[test]
     fn numbers_have_the_digits_that_count() {

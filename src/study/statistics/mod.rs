@@ -17,7 +17,7 @@ pub mod verdict;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 pub use bootstrap::{estimate, estimate_of_sample};
-pub use verdict::{Direction, Verdict, verdict};
+pub use verdict::{Direction, Verdict, is_smaller_than_claimed, verdict};
 
 /// Fewer runs than this make no interval.
 pub const LEAST_RUNS: usize = 5;

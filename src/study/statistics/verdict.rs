@@ -31,16 +31,27 @@ pub enum Verdict {
 #[must_use]
 pub fn verdict(effect: Interval, direction: Direction, size: f64) -> Verdict {
     assert!(size > 0.0, "a claimed effect of size {size}");
-    let Interval::Known { low, high } = effect else { return Verdict::Inconclusive };
-    let (least, most) = match direction {
-        Direction::Positive => (low, high),
-        Direction::Negative => (-high, -low),
-    };
-    match (least > 0.0, most < size) {
-        (true, _) => Verdict::Replicated,
-        (false, true) => Verdict::NotReplicated,
-        (false, false) => Verdict::Inconclusive,
+    match known(effect, direction, size) {
+        Some([true, _]) => Verdict::Replicated,
+        Some([false, true]) => Verdict::NotReplicated,
+        Some([false, false]) | None => Verdict::Inconclusive,
     }
+}
+
+/// Whether an effect is there in the claimed direction, and smaller than claimed: its 95 % interval excludes 0 and the claimed size.
+#[must_use]
+pub fn is_smaller_than_claimed(effect: Interval, direction: Direction, size: f64) -> bool {
+    known(effect, direction, size) == Some([true, true])
+}
+
+/// Whether the whole interval lies above 0, and whether it lies below `size`, in the claimed direction. `None` of too few runs.
+fn known(effect: Interval, direction: Direction, size: f64) -> Option<[bool; 2]> {
+    let Interval::Known { low, high } = effect else { return None };
+    let [least, most] = match direction {
+        Direction::Positive => [low, high],
+        Direction::Negative => [-high, -low],
+    };
+    Some([least > 0.0, most < size])
 }
 
 #[cfg(test)]
@@ -61,6 +72,18 @@ mod tests {
         assert_eq!(on(-1.0, 1.0), [NotReplicated, NotReplicated]);
         assert_eq!(on(-1.0, 3.0), [Inconclusive, NotReplicated]);
         assert_eq!(on(-3.0, 3.0), [Inconclusive, Inconclusive]);
+    }
+
+    /// From ½ to 1 the effect is there and is not 2; up to 3 it may be 2; from −1 on it may be none.
+    #[test]
+    fn an_effect_may_be_there_and_smaller() {
+        let on = |low: f64, high: f64| {
+            [Direction::Positive, Direction::Negative]
+                .map(|direction| is_smaller_than_claimed(Interval::Known { low, high }, direction, 2.0))
+        };
+        assert_eq!([on(0.5, 1.0), on(-1.0, -0.5)], [[true, false], [false, true]]);
+        assert_eq!([on(0.5, 2.0), on(0.5, 3.0), on(-1.0, 1.0), on(3.0, 4.0)], [[false; 2]; 4]);
+        assert!(!is_smaller_than_claimed(Interval::TooFewRuns { n: 4 }, Direction::Positive, 2.0));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{BAND_PLACES, Made, capital, color, in_one_panel};
+use super::{Made, capital, color, in_one_panel};
 use crate::figure::{Curves, Figure as Picture, IntervalRow, Intervals, Panel, Row, Series};
 use crate::study::comparison::{aggregate, lifetimes};
 use crate::study::measure::Measure;
@@ -101,12 +101,9 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> Made {
 
 pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Made {
     let groups: Vec<&Group<'_>> = groups.iter().filter(|group| !group.scores(measure).is_empty()).collect();
-    let all: Vec<f64> =
-        groups.iter().flat_map(|group| group.scores(measure)).flatten().filter(|value| value.is_finite()).collect();
-    let (low, high) =
-        all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)));
-    let places: Vec<f64> = (0..=BAND_PLACES).map(|part| low + (high - low) * part as f64 / BAND_PLACES as f64).collect();
-    let profile = |(number, group): (usize, &&Group<'_>)| profile(group, measure, &places, number);
+    let all = distinct(groups.iter().flat_map(|group| group.scores(measure)).flatten());
+    let ends = all.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)]);
+    let profile = |(number, group): (usize, &&Group<'_>)| profile(group, measure, ends, number);
     let better = if measure.is_better_below() { "below" } else { "above" };
     let curves = Curves {
         x_label: measure.title(),
@@ -121,19 +118,56 @@ pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Made {
     ("profiles", format!("Performance profiles: {}", measure.title()), caption, in_one_panel(curves))
 }
 
-/// What is better below is turned round.
-fn profile(group: &Group<'_>, measure: Measure, places: &[f64], number: usize) -> Series {
-    let sign = if measure.is_better_below() { -1.0 } else { 1.0 };
-    let mut scores = group.scores(measure);
-    scores.iter_mut().flatten().for_each(|score| *score *= sign);
-    let thresholds: Vec<f64> = places.iter().map(|place| sign * place).collect();
-    let shares = performance_profile(&scores, &thresholds);
-    let band = places.iter().zip(&shares).filter_map(|(&place, share)| match share.interval {
-        Interval::Known { low, high } => Some([place, low, high]),
+fn profile(group: &Group<'_>, measure: Measure, ends: [f64; 2], number: usize) -> Series {
+    let shares = steps_of_profile(group.scores(measure), measure.is_better_below(), ends);
+    let band = shares.iter().filter_map(|(place, share)| match share.interval {
+        Interval::Known { low, high } => Some([*place, low, high]),
         Interval::TooFewRuns { .. } => None,
     });
     let band: Vec<[f64; 3]> = band.collect();
-    let points = places.iter().zip(&shares).map(|(&place, share)| [place, share.value]).collect();
+    let points = shares.iter().map(|(place, share)| [*place, share.value]).collect();
     let band = (!band.is_empty()).then_some(band);
-    Series { name: group.name.clone(), color: color(number), points, band, ..Series::default() }
+    Series { name: group.name.clone(), color: color(number), points, band, steps: true, ..Series::default() }
+}
+
+/// The shares of runs above, or `below`, from each value of a run on until the next, from end to end of the figure.   `scores: [task][run]`
+fn steps_of_profile(mut scores: Vec<Vec<f64>>, below: bool, [low, high]: [f64; 2]) -> Vec<(f64, Estimate)> {
+    let places: Vec<f64> = [low].into_iter().chain(distinct(scores.iter().flatten().copied())).chain([high]).collect();
+    // Just before the first value it is the share of all or of none. What is better below is turned round.
+    let before = if below { -low } else { low.next_down() };
+    let after = |place: &f64| if below { -place.next_up() } else { *place };
+    let thresholds: Vec<f64> = [before].into_iter().chain(places[1..].iter().map(after)).collect();
+    if below {
+        scores.iter_mut().flatten().for_each(|score| *score = -*score);
+    }
+    places.into_iter().zip(performance_profile(&scores, &thresholds)).collect()
+}
+
+/// Finite values, each once, from small to large.
+fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values.dedup();
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of 1, 2, 2, 4 and a time not reached: above 1 are four of five, above 2 two, above 4 one; below or at them 1, 3 and 4.
+    #[test]
+    fn profiles_step_at_the_values_of_runs() {
+        let steps = |below: bool| {
+            let steps = steps_of_profile(vec![vec![4.0, 2.0, f64::INFINITY], vec![1.0, 2.0]], below, [0.5, 5.0]);
+            steps.into_iter().map(|(place, share)| [place, share.value]).collect::<Vec<_>>()
+        };
+        assert_eq!(steps(false), [[0.5, 1.0], [1.0, 0.8], [2.0, 0.4], [4.0, 0.2], [5.0, 0.2]]);
+        assert_eq!(steps(true), [[0.5, 0.0], [1.0, 0.2], [2.0, 0.6], [4.0, 0.8], [5.0, 0.8]]);
+        // A run at the very end of the figure is a step there.
+        assert_eq!(
+            steps_of_profile(vec![vec![1.0]], false, [1.0, 1.0])[..2].iter().map(|(_, share)| share.value).collect::<Vec<_>>(),
+            [1.0, 0.0]
+        );
+    }
 }

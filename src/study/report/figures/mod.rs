@@ -13,6 +13,7 @@ use crate::record::visitation::{Axes, Density, Seen};
 use crate::study::figure::{Figure, Upto};
 use crate::study::measure::{Curve, moving_average, widened};
 use crate::study::results::{CellResults, Results};
+use crate::study::statistics::aggregate::median;
 use crate::study::statistics::bootstrap::estimates;
 use crate::study::statistics::{Interval, LEAST_RUNS};
 
@@ -88,15 +89,32 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Made {
         if series.iter().any(|series| series.band.is_some()) { " with bootstrap bands of 95 %" } else { "" },
         ended_early(cells)
     );
+    let y_logarithmic = are_far_apart(&series);
     let curves = Curves {
         x_label: "episodes of each agent".to_owned(),
-        y_label: of.title().to_owned(),
+        y_label: format!("{}{}", of.title(), if y_logarithmic { " (log scale)" } else { "" }),
+        y_logarithmic,
         thresholds: if of == Curve::Return { thresholds(cells) } else { Vec::new() },
         series,
         legend: true,
         ..Curves::default()
     };
     ("curves", title, caption.trim().to_owned(), in_one_panel(curves))
+}
+
+/// Curves of which one would squash another to nothing are told apart by their ratio.
+const FAR_APART: f64 = 100.0;
+
+/// Whether all is above 0, and the medians of two curves differ by that factor.
+fn are_far_apart(series: &[Series]) -> bool {
+    let heights = |series: &Series| series.points.iter().map(|point| point[1]).collect::<Vec<f64>>();
+    let bands = series.iter().flat_map(|series| series.band.iter().flatten().map(|band| band[1]));
+    if bands.chain(series.iter().flat_map(heights)).any(|value| value <= 0.0) {
+        return false;
+    }
+    let medians = series.iter().map(heights).filter(|heights| !heights.is_empty()).map(|heights| median(&heights));
+    let [low, high] = medians.fold([f64::INFINITY, 0.0], |[low, high], value| [low.min(value), high.max(value)]);
+    high > FAR_APART * low
 }
 
 /// What became of runs that ended before others did.
@@ -151,14 +169,18 @@ fn band(smooth: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
 }
 
 fn agents(cells: &[&CellResults], window: usize) -> Made {
-    let panels: Vec<Curves> =
-        cells.iter().zip(own_words(cells)).map(|(cell, name)| panel_of_agents(cell, name, window)).collect();
+    let full: Vec<String> = cells.iter().map(|cell| cell.about.name.clone()).collect();
+    let names = if full.iter().all(|name| name.chars().count() <= SHORT) { full } else { own_words(cells) };
+    let panels: Vec<Curves> = cells.iter().zip(names).map(|(cell, name)| panel_of_agents(cell, name, window)).collect();
     let columns = panels.len().min(3);
     let (title, seed) = ("Single agents".to_owned(), cells[0].runs[0].0);
     let caption =
         format!("Returns of each agent and their mean (black) in the run with seed {seed}, moving average of {window}.");
     ("agents", title, caption, Picture::of_curves("", "", panels, columns))
 }
+
+/// Letters of a name that stands above a panel as it is.
+const SHORT: usize = 30;
 
 fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
     let run = &cell.runs[0].1;
@@ -275,4 +297,24 @@ fn spec(cell: &CellResults) -> Spec {
 fn capital(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn level(height: f64) -> Series {
+        Series { points: vec![[0.0, 2.0], [1.0, height], [2.0, height]], ..Series::default() }
+    }
+
+    /// The first value of each, 2, is not the median.
+    #[test]
+    fn curves_far_apart_have_a_logarithmic_axis() {
+        assert!(are_far_apart(&[level(200.0), level(1.0)]));
+        assert!(!are_far_apart(&[level(200.0), level(3.0)]), "all can be seen");
+        assert!(!are_far_apart(&[level(200.0), level(0.0)]), "0 has no logarithm");
+        let below = Series { band: Some(vec![[0.0, -1.0, 3.0]]), ..level(1.0) };
+        assert!(!are_far_apart(&[level(200.0), below]));
+        assert!(!are_far_apart(&[]));
+    }
 }
