@@ -22,7 +22,7 @@ pub struct RecordingSettings {
     pub pairs: PairChoice,
     /// The two agents whose densities are compared.
     pub difference: Difference,
-    /// Rounds between two pictures of density.
+    /// Rounds between two pictures of density; twice as many from the 200th picture on, and again whenever the run has doubled.
     pub density_every: Count,
     /// Every how many episodes of each agent have their states and actions on record as columns. The first has.
     pub raw_every: Count,

@@ -30,7 +30,7 @@ const REST: [(&str, &str); 6] = [
          colour: Agent | Episode | Return | Outcome | IntrinsicReward, \
          axes: [Observations, Action, Reward(from: a, to: b), Advantage(from: a, to: b), IntrinsicReward, Step], \
          pairs: First(n) | These([(\"x\", \"v\")]), \
-         difference: MostDifferent | Between(0, 1) | Off, density_every: rounds between two pictures, \
+         difference: MostDifferent | Between(0, 1) | Off, density_every: rounds between two pictures (more in long runs), \
          raw_every: every how many episodes states are columns, scene: None | Some((agents: [k], every: n)))",
     ),
     ("checkpoint_every", "rounds between two checkpoints"),

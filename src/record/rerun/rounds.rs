@@ -11,6 +11,16 @@ use crate::random::{Purpose, stream};
 use crate::record::visitation::Colouring;
 use crate::record::{EpisodeRow, Footage, RoundRecord};
 
+/// Pictures in a row that have the wanted distance from each other, before it doubles.
+const SAME_DISTANCE: u32 = 200;
+
+/// Every so many rounds; twice as many from the 200th picture on, and twice again whenever the run has become twice as long, so that a
+/// file does not grow with pictures that hardly differ.
+fn is_pictured(round: u32, every: u32) -> bool {
+    let doubled = (round / SAME_DISTANCE.saturating_mul(every)).checked_ilog2().map_or(0, |octave| octave + 1);
+    u64::from(round).is_multiple_of(u64::from(every) << doubled)
+}
+
 impl RerunRecorder {
     /// Takes in a round, and writes what makes good pieces by now.
     pub(super) fn take_in(&mut self, round: &RoundRecord<'_>) -> Result<(), Fault> {
@@ -27,7 +37,7 @@ impl RerunRecorder {
         (self.progress.latest, self.progress.pictured) = (Some((round.round.into(), latest_episode.unwrap_or(0))), false);
         let end = self.now();
         self.curves.add_round(round.episode_rows, round.round_rows, end, &mut self.progress.latest_returns);
-        if round.round.is_multiple_of(self.density_every) {
+        if is_pictured(round.round, self.density_every) {
             self.picture();
         }
         self.write(false)
@@ -105,5 +115,20 @@ impl RerunRecorder {
         let range = Colouring::range(by, &self.spec, self.episodes, self.largest_bonus, first);
         self.drawing.colouring.range = range;
         self.progress.colour_range = Some(range);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 200 pictures up to round 2000, then 100 up to 4000, and 100 up to 8000, where rounds 4000 and 8000 begin the next distance.
+    #[test]
+    fn pictures_become_rarer_as_a_run_grows() {
+        let between = |first: u32, end: u32| (first..end).filter(|round| is_pictured(*round, 10)).collect::<Vec<u32>>();
+        assert_eq!(between(0, 31), [0, 10, 20, 30]);
+        assert_eq!([between(0, 2000).len(), between(2000, 4000).len(), between(4000, 8000).len()], [200, 100, 100]);
+        assert_eq!(between(3970, 4090), [3980, 4000, 4040, 4080]);
+        assert!(is_pictured(0, 1_000_000_000) && !is_pictured(u32::MAX, 1_000_000_000));
     }
 }
