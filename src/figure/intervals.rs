@@ -37,6 +37,9 @@ pub struct IntervalRow {
 /// The radius of a dot.
 const DOT: f64 = 4.0;
 
+/// How much broader the letters of a reader may be who has not those of the page.
+const BROADER: f64 = 1.15;
+
 /// The height of a row.
 const LINE: f64 = 24.0;
 
@@ -48,8 +51,9 @@ impl Intervals {
     }
 
     pub(super) fn draw(&self, panel: &Area, drawing: &mut Drawing) {
-        let widest =
-            |texts: &mut dyn Iterator<Item = String>| texts.map(|text| width(&text, LABEL, Weight::Regular)).fold(0.0, f64::max);
+        let widest = |texts: &mut dyn Iterator<Item = String>| {
+            texts.map(|text| BROADER * width(&text, LABEL, Weight::Regular)).fold(0.0, f64::max)
+        };
         let names = widest(&mut self.rows.iter().map(|row| row.name.clone())).min(0.4 * panel.width) + 12.0;
         let numbers = widest(&mut self.rows.iter().map(IntervalRow::numbers)) + 16.0;
         let area = panel.within([HEAD, numbers, 44.0, names]);
