@@ -7,12 +7,17 @@ use std::path::Path;
 use seedbed::run::Plan;
 use seedbed::run::trainer::Trainer;
 
-/// Trains without a recording and returns the episodes per agent until the team solved the task, over 25 episodes of each agent.
-fn episodes_until_solved(scenario: &str, overrides: &[&str], at_most: usize) -> Option<usize> {
+/// A team without a recording.
+fn team(scenario: &str, overrides: &[&str], threads: usize) -> Trainer {
     let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(scenario);
     let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
-    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 2).unwrap();
+    Trainer::new(&plan.scenario, &plan.description, threads).unwrap()
+}
+
+/// Trains without a recording and returns the episodes per agent until the team solved the task, over 25 episodes of each agent.
+fn episodes_until_solved(scenario: &str, overrides: &[&str], at_most: usize) -> Option<usize> {
+    let mut trainer = team(scenario, overrides, 2);
     while trainer.measures().episodes_per_agent() < at_most && !trainer.is_solved() {
         trainer.advance().unwrap();
     }
@@ -83,10 +88,7 @@ fn a_random_team_solves_nothing() {
 
 /// Of four agents, those that reached the goal of the sparse mountain car within 40 episodes.
 fn agents_at_the_goal(overrides: &[&str]) -> usize {
-    let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/mountain_car_vime.ron");
-    let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
-    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 2).unwrap();
+    let mut trainer = team("mountain_car_vime.ron", overrides, 2);
     let mut reached = [false; 4];
     for _ in 0..40 {
         for row in trainer.advance().unwrap().rows.episodes {
@@ -106,10 +108,7 @@ fn curious_agents_find_a_goal_that_others_do_not() {
 
 /// After three rounds: how far agents agree on bonuses.
 fn agreement_on_bonuses(scenario: &str, overrides: &[&str]) -> Option<f32> {
-    let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(scenario);
-    let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
-    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1).unwrap();
+    let mut trainer = team(scenario, overrides, 1);
     (0..3).map(|_| trainer.advance().unwrap().rows.updates[0].bonus_agreement).last().flatten()
 }
 

@@ -36,6 +36,6 @@ fn tell_claims(study: &Study, judgements: &[Judgement]) {
         say!("{:<widest$} {}{source}", judgement.in_words(), claim.text);
     }
     if !judgements.is_empty() {
-        say!("claims     {}", claims::tally(judgements));
+        say!("claims     {}", report::tally(judgements));
     }
 }

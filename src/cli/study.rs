@@ -86,7 +86,7 @@ fn run_one(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder, index: usiz
     }
     let Some(stored) = folder.stored_task(task) else { return Err(interrupted(&plan.name)) };
     let is_new = if before.is_some() { "was there already: " } else { "" };
-    say!("{} with seed {}: {is_new}{}", task.cell.name, task.seed, file.display());
+    say!("{}", described(task, &format!("{is_new}{}", file.display())));
     if let (Some(_), Err(reason)) = (&before, &stored.outcome) {
         say_failures(&[described(task, reason)]);
     }
@@ -144,12 +144,8 @@ fn tell_verified(plan: &StudyPlan, folder: &StudyFolder, [chosen, stored]: [usiz
     let mut others: Vec<&Task<'_>> = others.iter().collect();
     others.sort_by_key(|task| task.index);
     for task in &others {
-        eprintln!(
-            "differs    {} with seed {}: {}",
-            task.cell.name,
-            task.seed,
-            folder.file(&task.cell.digest, task.seed).display()
-        );
+        let file = folder.file(&task.cell.digest, task.seed);
+        eprintln!("differs    {}", described(task, &file.display().to_string()));
     }
     if !others.is_empty() {
         eprintln!(
@@ -202,8 +198,9 @@ fn say_failures(failures: &[String]) {
     }
 }
 
-fn described(task: &Task<'_>, reason: &str) -> String {
-    format!("{} with seed {}: {reason}", task.cell.name, task.seed)
+/// What there is to say of a run.
+fn described(task: &Task<'_>, words: &str) -> String {
+    format!("{} with seed {}: {words}", task.cell.name, task.seed)
 }
 
 fn interrupted(name: &str) -> Failure {

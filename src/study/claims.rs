@@ -2,7 +2,6 @@
 
 use super::comparison::{Comparison, compare};
 use super::file::{Claim, Claimed};
-use super::report::counted;
 use super::results::Results;
 use super::statistics::comparison::holm;
 use super::statistics::{Direction, Interval, Verdict, is_smaller_than_claimed, verdict};
@@ -58,12 +57,9 @@ fn verdict_on(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
 
 /// Only a claim of an effect has a size that an effect can fall short of.
 fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
-    let direction = match claim.direction {
-        Claimed::More => Direction::Positive,
-        Claimed::Less => Direction::Negative,
-        Claimed::Same | Claimed::NotMore | Claimed::NotLess => return false,
-    };
-    comparison.is_some_and(|found| is_smaller_than_claimed(found.effect.interval, direction, claim.size.get()))
+    let direction = if claim.direction.is_upwards() { Direction::Positive } else { Direction::Negative };
+    let falls_short = |found: Comparison| is_smaller_than_claimed(found.effect.interval, direction, claim.size.get());
+    !claim.direction.is_null() && comparison.is_some_and(falls_short)
 }
 
 /// That an effect lies between `least` and `most`: borne out if its whole interval does and runs are many, not if none of it does.
@@ -76,15 +72,6 @@ fn verdict_on_a_null(effect: Interval, [least, most]: [f64; 2], comparison: &Com
         (_, true) => Verdict::NotReplicated,
         _ => Verdict::Inconclusive,
     }
-}
-
-/// What became of all claims, such as `5 of 8 claims replicated, 2 of them smaller than claimed`.
-#[must_use]
-pub fn tally(judgements: &[Judgement]) -> String {
-    let held = judgements.iter().filter(|judgement| judgement.verdict == Verdict::Replicated).count();
-    let smaller = judgements.iter().filter(|judgement| judgement.smaller).count();
-    let smaller = if smaller > 0 { format!(", {smaller} of them smaller than claimed") } else { String::new() };
-    format!("{held} of {} replicated{smaller}", counted(judgements.len(), "claim"))
 }
 
 impl Judgement {

@@ -179,7 +179,8 @@ impl StudyFolder {
     /// Never: plain data always serialises.
     pub fn note(&self, plan: &StudyPlan) -> Result<(), StoreError> {
         let path = self.manifest_file();
-        let (late_claims, earlier_repeats) = (self.late_claims(plan), self.earlier_repeats(plan));
+        let noted = self.manifest().ok();
+        let (late_claims, earlier_repeats) = (self.late_claims(plan, noted.as_ref()), self.earlier_repeats(plan, noted.as_ref()));
         let manifest = Manifest { late_claims, earlier_repeats, ..Manifest::of(plan) };
         let mut text = serde_json::to_string_pretty(&manifest).expect("plain data always serialises");
         text.push('\n');
@@ -190,12 +191,11 @@ impl StudyFolder {
     }
 
     /// Claims that were late before and still are there, and those that are new although both sides have runs.
-    fn late_claims(&self, plan: &StudyPlan) -> Vec<String> {
-        let noted = self.manifest().ok();
-        let known = noted.as_ref().and_then(|noted| input::parse::<Study>(&noted.study_path, noted.study.clone()).ok());
+    fn late_claims(&self, plan: &StudyPlan, noted: Option<&Manifest>) -> Vec<String> {
+        let known = noted.and_then(|noted| input::parse::<Study>(&noted.study_path, noted.study.clone()).ok());
         let known: Vec<String> =
             known.iter().flat_map(|study| study.value.claims.iter().map(|claim| claim.spelled_out(&study.value))).collect();
-        let was_late = |claim: &String| noted.as_ref().is_some_and(|noted| noted.late_claims.contains(claim));
+        let was_late = |claim: &String| noted.is_some_and(|noted| noted.late_claims.contains(claim));
         let (study, tasks) = (plan.study(), plan.tasks());
         let has_runs = |name: &str| tasks.iter().any(|task| task.cell.name == name && self.stored_task(task).is_some());
         let is_late = |(claim, spelled): &(&Claim, String)| {
@@ -206,11 +206,11 @@ impl StudyFolder {
     }
 
     /// Repeats that were noted before, and those noted last if they are others now although there are runs.
-    fn earlier_repeats(&self, plan: &StudyPlan) -> Vec<u64> {
-        let Ok(noted) = self.manifest() else { return Vec::new() };
+    fn earlier_repeats(&self, plan: &StudyPlan, noted: Option<&Manifest>) -> Vec<u64> {
+        let Some(noted) = noted else { return Vec::new() };
         let has_runs = || plan.tasks().iter().any(|task| self.stored(&task.cell.digest, task.seed, &[]).is_some());
         let changed = noted.repeats != plan.repeats() && has_runs();
-        noted.earlier_repeats.into_iter().chain(changed.then_some(noted.repeats)).collect()
+        noted.earlier_repeats.iter().copied().chain(changed.then_some(noted.repeats)).collect()
     }
 
     /// What study this is.

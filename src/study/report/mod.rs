@@ -7,7 +7,7 @@ mod rows;
 mod tables;
 mod words;
 
-pub use words::counted;
+pub use words::{counted, tally};
 
 use std::io;
 use std::path::{Path, PathBuf};

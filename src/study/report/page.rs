@@ -5,7 +5,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::tables::Table;
 use super::{Drawn, words};
 use crate::study::build;
-use crate::study::claims::{self, Judgement, LEAST_RUNS_OF_A_NULL};
+use crate::study::claims::{Judgement, LEAST_RUNS_OF_A_NULL};
 use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
 use crate::study::measure::Measure;
@@ -102,7 +102,7 @@ fn warnings(results: &Results) -> Markup {
 fn claims_section(results: &Results, judgements: &[Judgement]) -> Markup {
     html! {
         h2 { "Claims" }
-        p.facts { (claims::tally(judgements)) "." }
+        p.facts { (words::tally(judgements)) "." }
         @for (claim, judgement) in results.study.claims.iter().zip(judgements) { (claim_card(results, claim, judgement)) }
     }
 }
@@ -155,9 +155,9 @@ fn who_is_ahead(claim: &Claim, comparison: &Comparison) -> String {
 }
 
 /// What the effect is and, where a p of it is told, the test that this is from.
-fn how_compared(claim: &Claim, measure: Measure) -> &'static str {
-    let words = words::test(claim.test, measure.is_time());
-    if claim.direction.is_null() { words.split(';').next().unwrap_or(words) } else { words }
+fn how_compared(claim: &Claim, measure: Measure) -> String {
+    let [effect, test] = words::test(claim.test, measure.is_time());
+    if claim.direction.is_null() { effect.to_owned() } else { format!("{effect}; {test}") }
 }
 
 fn up_to(comparison: &Comparison) -> String {

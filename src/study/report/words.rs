@@ -1,8 +1,9 @@
 //! Numbers as people read them.
 
+use crate::study::claims::Judgement;
 use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, Claimed, Test};
-use crate::study::statistics::{Estimate, Interval};
+use crate::study::statistics::{Estimate, Interval, Verdict};
 
 /// Less than this is 0 and an error of rounding.
 const ROUNDING: f64 = 1e-9;
@@ -90,6 +91,15 @@ pub(super) fn p_of_claim(claim: &Claim, p: f64) -> String {
 pub(super) const NO_P: &str =
     "The p is of a test for a difference, after Holm. Claims of no effect have none: a high p is no evidence for them.";
 
+/// What became of all claims, such as `5 of 8 claims replicated, 2 of them smaller than claimed`.
+#[must_use]
+pub fn tally(judgements: &[Judgement]) -> String {
+    let held = judgements.iter().filter(|judgement| judgement.verdict == Verdict::Replicated).count();
+    let smaller = judgements.iter().filter(|judgement| judgement.smaller).count();
+    let smaller = if smaller > 0 { format!(", {smaller} of them smaller than claimed") } else { String::new() };
+    format!("{held} of {} replicated{smaller}", counted(judgements.len(), "claim"))
+}
+
 /// What a claim says of its effect.
 pub(super) fn claimed(claim: &Claim) -> String {
     let size = number(claim.size.get());
@@ -102,13 +112,13 @@ pub(super) fn claimed(claim: &Claim) -> String {
     }
 }
 
-/// How a claim is tested.
-pub(super) fn test(test: Test, are_times: bool) -> &'static str {
+/// What is taken for the effect, and how it is tested.
+pub(super) fn test(test: Test, are_times: bool) -> [&'static str; 2] {
     match (test, are_times) {
-        (Test::Paired, true) => "median of differences seed by seed; Wilcoxon's signed-rank test",
-        (Test::Paired, false) => "mean of differences seed by seed; Wilcoxon's signed-rank test",
-        (Test::Independent, true) => "difference of medians of two samples; log-rank test",
-        (Test::Independent, false) => "difference of means of two samples; Welch's test",
+        (Test::Paired, true) => ["median of differences seed by seed", "Wilcoxon's signed-rank test"],
+        (Test::Paired, false) => ["mean of differences seed by seed", "Wilcoxon's signed-rank test"],
+        (Test::Independent, true) => ["difference of medians of two samples", "log-rank test"],
+        (Test::Independent, false) => ["difference of means of two samples", "Welch's test"],
     }
 }
 

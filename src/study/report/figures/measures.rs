@@ -101,8 +101,8 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> Made {
 
 pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Made {
     let groups: Vec<&Group<'_>> = groups.iter().filter(|group| !group.scores(measure).is_empty()).collect();
-    let all = distinct(groups.iter().flat_map(|group| group.scores(measure)).flatten());
-    let ends = all.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)]);
+    let all = groups.iter().flat_map(|group| group.scores(measure)).flatten().filter(|value| value.is_finite());
+    let ends = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)]);
     let profile = |(number, group): (usize, &&Group<'_>)| profile(group, measure, ends, number);
     let better = if measure.is_better_below() { "below" } else { "above" };
     let curves = Curves {
