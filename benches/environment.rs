@@ -23,30 +23,44 @@ const STEPS: usize = 1024;
 fn tasks(criterion: &mut Criterion) {
     const COPIES: usize = 16;
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("envs");
-    let mut files: Vec<_> = std::fs::read_dir(folder).expect("the folder is there").flatten().map(|entry| entry.path()).collect();
+    let mut files: Vec<_> = std::fs::read_dir(folder)
+        .expect("the folder is there")
+        .flatten()
+        .map(|entry| entry.path())
+        .collect();
     files.retain(|path| path.extension().is_some_and(|extension| extension == "ron"));
     files.sort();
     let mut group = criterion.benchmark_group("tasks");
     group.throughput(Throughput::Elements(COPIES as u64));
-    for task in files.iter().map(|path| load(path).expect("the task file is right")) {
+    for task in files
+        .iter()
+        .map(|path| load(path).expect("the task file is right"))
+    {
         let twin = task.twin.is_some().then_some(Physics::Analytic);
         for physics in [Physics::Rapier].into_iter().chain(twin) {
             let name = format!("{physics:?}").to_lowercase();
-            group.bench_function(BenchmarkId::new(&task.spec.name, name), |bencher| bencher.iter(whole(&task, physics, COPIES)));
+            group.bench_function(BenchmarkId::new(&task.spec.name, name), |bencher| {
+                bencher.iter(whole(&task, physics, COPIES))
+            });
         }
     }
     group.finish();
 }
 
 fn cart_pole(criterion: &mut Criterion) {
-    let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron")).expect("the task file is right");
+    let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron"))
+        .expect("the task file is right");
     let mut group = criterion.benchmark_group("cartpole");
     for copies in COPIES {
         group.throughput(Throughput::Elements(copies as u64));
-        group.bench_function(BenchmarkId::new("bare", copies), |bencher| bencher.iter(bare(&task, copies)));
+        group.bench_function(BenchmarkId::new("bare", copies), |bencher| {
+            bencher.iter(bare(&task, copies))
+        });
         for physics in [Physics::Rapier, Physics::Analytic] {
             let name = format!("{physics:?}").to_lowercase();
-            group.bench_function(BenchmarkId::new(name, copies), |bencher| bencher.iter(whole(&task, physics, copies)));
+            group.bench_function(BenchmarkId::new(name, copies), |bencher| {
+                bencher.iter(whole(&task, physics, copies))
+            });
         }
     }
     group.finish();
@@ -54,30 +68,52 @@ fn cart_pole(criterion: &mut Criterion) {
 
 /// One live copy among 63 that have ended: what idle copies cost.
 fn idle_copies(criterion: &mut Criterion) {
-    let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron")).expect("the task file is right");
+    let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron"))
+        .expect("the task file is right");
     let mut bodies = dynamics(&task, Physics::Rapier, 64).expect("every task has rigid bodies");
     bodies.start(20, &[0.0, 0.05], &[0.0, 0.0]);
-    criterion.bench_function("cartpole/one live of 64", |bencher| bencher.iter(|| bodies.step(&[1.0; 64])));
+    criterion.bench_function("cartpole/one live of 64", |bencher| {
+        bencher.iter(|| bodies.step(&[1.0; 64]))
+    });
 }
 
 /// Formulas of three names over 16 copies.
 fn formulas(criterion: &mut Criterion) {
     const COPIES: usize = 16;
     let names = ["x", "v", "a"].map(str::to_owned);
-    let variables: Vec<_> =
-        names.into_iter().enumerate().map(|(column, name)| Variable { name, column, previous: None }).collect();
+    let variables: Vec<_> = names
+        .into_iter()
+        .enumerate()
+        .map(|(column, name)| Variable {
+            name,
+            column,
+            previous: None,
+        })
+        .collect();
     let mut table = Table::new(3, COPIES);
-    table.values_mut().iter_mut().enumerate().for_each(|(index, value)| *value = 0.03 * index as f32);
+    table
+        .values_mut()
+        .iter_mut()
+        .enumerate()
+        .for_each(|(index, value)| *value = 0.03 * index as f32);
     let mut group = criterion.benchmark_group("formula");
     group.throughput(Throughput::Elements(COPIES as u64));
     for (kind, text) in [
-        (Type::Boolean, "abs(x) > 2.4 || abs(a) > 12 * degree || v > 10"),
-        (Type::Number, "1 - 0.1 * x * x - 0.01 * v * v - if abs(a) > 0.2 { 1 } else { 0 }"),
+        (
+            Type::Boolean,
+            "abs(x) > 2.4 || abs(a) > 12 * degree || v > 10",
+        ),
+        (
+            Type::Number,
+            "1 - 0.1 * x * x - 0.01 * v * v - if abs(a) > 0.2 { 1 } else { 0 }",
+        ),
         (Type::Number, "cos(a) - 0.1 * x * x - 0.01 * v * v"),
     ] {
         let program = compile(text, kind, &variables).expect("the formula is right");
         let mut formula = Formula::new(&program, COPIES);
-        group.bench_function(text, |bencher| bencher.iter(|| formula.evaluate(table.view(), 0..COPIES)[0]));
+        group.bench_function(text, |bencher| {
+            bencher.iter(|| formula.evaluate(table.view(), 0..COPIES)[0])
+        });
     }
     group.finish();
 }
@@ -86,7 +122,10 @@ fn formulas(criterion: &mut Criterion) {
 fn bare(task: &Description, copies: usize) -> impl FnMut() {
     let mut bodies = dynamics(task, Physics::Rapier, copies).expect("every task has rigid bodies");
     (0..copies).for_each(|copy| bodies.start(copy, &[0.0, 0.05], &[0.0, 0.0]));
-    let forces: Vec<_> = random_choices(copies).iter().map(|choice| 20.0 * choice - 10.0).collect();
+    let forces: Vec<_> = random_choices(copies)
+        .iter()
+        .map(|choice| 20.0 * choice - 10.0)
+        .collect();
     let mut step = 0;
     move || {
         bodies.step(&forces[step * copies..][..copies]);
@@ -116,7 +155,9 @@ fn whole(task: &Description, physics: Physics, copies: usize) -> impl FnMut() {
 /// Zeros and ones: `[STEPS × copies]`.
 fn random_choices(copies: usize) -> Vec<f32> {
     let mut random = stream(0, Purpose::Preview, 0, 0);
-    (0..STEPS * copies).map(|_| f32::from(u8::from(random.random::<bool>()))).collect()
+    (0..STEPS * copies)
+        .map(|_| f32::from(u8::from(random.random::<bool>())))
+        .collect()
 }
 
 /// Any choice of any component: `[STEPS × copies × actions]`.
@@ -129,5 +170,7 @@ fn random_actions(actions: &[Action], copies: usize) -> Vec<f32> {
             low + (high - low) * random.random::<f32>()
         }
     };
-    (0..STEPS * copies).flat_map(|_| actions.iter().map(&mut choose).collect::<Vec<_>>()).collect()
+    (0..STEPS * copies)
+        .flat_map(|_| actions.iter().map(&mut choose).collect::<Vec<_>>())
+        .collect()
 }

@@ -36,9 +36,15 @@ fn update(criterion: &mut Criterion) {
     group.bench_function("one agent of 16, a round of 16 × 200 steps", |bencher| {
         bencher.iter_custom(|iterations| {
             let timed = |_| {
-                learner.restore(&saved).expect("these are the agent's own bytes");
+                learner
+                    .restore(&saved)
+                    .expect("these are the agent's own bytes");
                 let start = Instant::now();
-                black_box(learner.update(&Experience { fresh: &fresh, kept: &fresh, round: 0 }));
+                black_box(learner.update(&Experience {
+                    fresh: &fresh,
+                    kept: &fresh,
+                    round: 0,
+                }));
                 start.elapsed()
             };
             (0..iterations).map(timed).sum::<Duration>()
@@ -54,7 +60,13 @@ fn act(criterion: &mut Criterion) {
     let (mut action, mut log_prob) = ([0.0], [0.0]);
     criterion.bench_function("act/one step", |bencher| {
         bencher.iter(|| {
-            actor.act(black_box(&[0.01, -0.2, 0.03, 0.4]), &mut random, &mut scratch, &mut action, &mut log_prob);
+            actor.act(
+                black_box(&[0.01, -0.2, 0.03, 0.4]),
+                &mut random,
+                &mut scratch,
+                &mut action,
+                &mut log_prob,
+            );
             action[0]
         });
     });
@@ -63,7 +75,11 @@ fn act(criterion: &mut Criterion) {
 /// One linear layer: its product, and the products of its parameters' gradient.
 fn layers(criterion: &mut Criterion) {
     for (inputs, outputs) in [(4, 32), (32, 32), (32, 2), (64, 64)] {
-        network_of(criterion, &format!("layer {inputs}-{outputs}"), &[inputs, outputs]);
+        network_of(
+            criterion,
+            &format!("layer {inputs}-{outputs}"),
+            &[inputs, outputs],
+        );
     }
 }
 
@@ -82,7 +98,10 @@ fn network(criterion: &mut Criterion) {
 fn network_of(criterion: &mut Criterion, name: &str, sizes: &[usize]) {
     let network = Mlp::new(sizes);
     let parameters = parameters_of(&network);
-    let (inputs, output_gradient) = (numbers(STEPS * network.inputs()), numbers(STEPS * network.outputs()));
+    let (inputs, output_gradient) = (
+        numbers(STEPS * network.inputs()),
+        numbers(STEPS * network.outputs()),
+    );
     let (mut activations, mut gradient) = (Activations::default(), vec![0.0; parameters.len()]);
     let mut group = criterion.benchmark_group(name);
     group.throughput(Throughput::Elements(STEPS as u64));
@@ -92,7 +111,13 @@ fn network_of(criterion: &mut Criterion, name: &str, sizes: &[usize]) {
     network.forward(&parameters, &inputs, &mut activations);
     group.bench_function(BenchmarkId::new("backward", STEPS), |bencher| {
         bencher.iter(|| {
-            network.backward(&parameters, black_box(&inputs), &mut activations, &output_gradient, &mut gradient);
+            network.backward(
+                &parameters,
+                black_box(&inputs),
+                &mut activations,
+                &output_gradient,
+                &mut gradient,
+            );
             gradient[0]
         });
     });
@@ -100,13 +125,23 @@ fn network_of(criterion: &mut Criterion, name: &str, sizes: &[usize]) {
 }
 
 fn capped_returns(criterion: &mut Criterion) {
-    let ratios: Vec<f32> = numbers(STEPS).iter().map(|number| (0.2 * number).exp()).collect();
+    let ratios: Vec<f32> = numbers(STEPS)
+        .iter()
+        .map(|number| (0.2 * number).exp())
+        .collect();
     let (rewards, mut products, mut returns) = (vec![1.0; STEPS], Vec::new(), vec![0.0; STEPS]);
     let mut group = criterion.benchmark_group("returns");
     group.throughput(Throughput::Elements(STEPS as u64));
     group.bench_function("per decision, capped", |bencher| {
         bencher.iter(|| {
-            returns::per_decision(black_box(&ratios), &rewards, 0.99, Some(1.0), &mut products, &mut returns);
+            returns::per_decision(
+                black_box(&ratios),
+                &rewards,
+                0.99,
+                Some(1.0),
+                &mut products,
+                &mut returns,
+            );
             returns[0]
         });
     });
@@ -114,28 +149,53 @@ fn capped_returns(criterion: &mut Criterion) {
 }
 
 fn cart_pole() -> Description {
-    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron")).expect("the task file is right")
+    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron"))
+        .expect("the task file is right")
 }
 
 fn agent(spec: &Spec, number: u32) -> Box<dyn Agent> {
-    let team = Team { count: known_count(AGENTS), ..Team::default() };
+    let team = Team {
+        count: known_count(AGENTS),
+        ..Team::default()
+    };
     let algorithm = Algorithm::SeedPg(Box::default());
     algorithm
-        .build(&Membership { run_seed: 0, agent: number, team: &team, spec, notes_advantages: false })
+        .build(&Membership {
+            run_seed: 0,
+            agent: number,
+            team: &team,
+            spec,
+            notes_advantages: false,
+        })
         .expect("Seed-PG learns for itself")
 }
 
 /// The agent's first steps, set one after the other: where the pole falls, it goes on from a new start.
 fn play(task: &Description, number: u32) -> Episode {
-    let mut environment = build(task, Physics::Analytic, 1).expect("the task has a closed-form twin");
-    let (mut resets, mut actions) = (stream(0, Purpose::Reset, number, 0), stream(0, Purpose::Action, number, 0));
+    let mut environment =
+        build(task, Physics::Analytic, 1).expect("the task has a closed-form twin");
+    let (mut resets, mut actions) = (
+        stream(0, Purpose::Reset, number, 0),
+        stream(0, Purpose::Action, number, 0),
+    );
     let (actor, mut scratch) = (agent(&task.spec, number), ActScratch::default());
-    let mut episode = Episode { outcome: Status::Truncated, ..Episode::start(number, 0, 0, &task.spec) };
+    let mut episode = Episode {
+        outcome: Status::Truncated,
+        ..Episode::start(number, 0, 0, &task.spec)
+    };
     let (mut action, mut log_prob) = ([0.0], [0.0]);
     environment.reset(0, &mut resets);
     for _ in 0..STEPS {
-        episode.observations.extend_from_slice(environment.observations());
-        actor.act(environment.observations(), &mut actions, &mut scratch, &mut action, &mut log_prob);
+        episode
+            .observations
+            .extend_from_slice(environment.observations());
+        actor.act(
+            environment.observations(),
+            &mut actions,
+            &mut scratch,
+            &mut action,
+            &mut log_prob,
+        );
         environment.step(&action);
         episode.actions.extend_from_slice(&action);
         episode.log_probs.extend_from_slice(&log_prob);
@@ -144,16 +204,23 @@ fn play(task: &Description, number: u32) -> Episode {
             environment.reset(0, &mut resets);
         }
     }
-    episode.observations.extend_from_slice(environment.observations());
+    episode
+        .observations
+        .extend_from_slice(environment.observations());
     episode
 }
 
 fn parameters_of(network: &Mlp) -> Vec<f32> {
-    network.initial(Initial::Random, &mut stream(0, Purpose::InitialParameters, 0, 0))
+    network.initial(
+        Initial::Random,
+        &mut stream(0, Purpose::InitialParameters, 0, 0),
+    )
 }
 
 /// Uniform within ±1.
 fn numbers(count: usize) -> Vec<f32> {
     let mut random = stream(0, Purpose::Preview, 0, 0);
-    (0..count).map(|_| random.random_range(-1.0..=1.0)).collect()
+    (0..count)
+        .map(|_| random.random_range(-1.0..=1.0))
+        .collect()
 }

@@ -21,10 +21,21 @@ const AGENTS: u64 = 100;
 fn acting(criterion: &mut Criterion) {
     let mut trainer = trainer();
     let mut group = criterion.benchmark_group("seed ensemble of 100");
-    group.throughput(Throughput::Elements(AGENTS * STEPS)).sample_size(10);
+    group
+        .throughput(Throughput::Elements(AGENTS * STEPS))
+        .sample_size(10);
     group.bench_function("acting, a round", |bencher| {
-        let plan = RoundPlan { run_seed: 0, round: 0, episodes: 1, camera: None };
-        bencher.iter(|| black_box(trainer.play_without_learning(&plan)).episodes.len());
+        let plan = RoundPlan {
+            run_seed: 0,
+            round: 0,
+            episodes: 1,
+            camera: None,
+        };
+        bencher.iter(|| {
+            black_box(trainer.play_without_learning(&plan))
+                .episodes
+                .len()
+        });
     });
     group.finish();
 }
@@ -32,15 +43,26 @@ fn acting(criterion: &mut Criterion) {
 fn learning(criterion: &mut Criterion) {
     let mut trainer = trainer();
     let mut group = criterion.benchmark_group("seed ensemble of 100");
-    group.throughput(Throughput::Elements(AGENTS * STEPS)).sample_size(10);
+    group
+        .throughput(Throughput::Elements(AGENTS * STEPS))
+        .sample_size(10);
     group.bench_function("acting and learning, a round", |bencher| {
-        bencher.iter(|| trainer.advance().expect("numbers stay finite").rows.episodes.len());
+        bencher.iter(|| {
+            trainer
+                .advance()
+                .expect("numbers stay finite")
+                .rows
+                .episodes
+                .len()
+        });
     });
     group.finish();
 }
 
 fn trainer() -> Trainer {
-    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/swingup_concurrent_seed_ensemble.ron");
-    let plan = Plan::load(&scenario, &["agents.count=100".to_owned()]).expect("the scenario is right");
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("scenarios/swingup_concurrent_seed_ensemble.ron");
+    let plan =
+        Plan::load(&scenario, &["agents.count=100".to_owned()]).expect("the scenario is right");
     Trainer::new(&plan.scenario, &plan.description, 1).expect("the task can be built")
 }

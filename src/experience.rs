@@ -70,7 +70,9 @@ impl Episode {
     /// log π(aₜ|sₜ) of whole actions: `[T]`.
     pub fn action_log_probs(&self) -> impl Iterator<Item = f32> {
         let width = self.log_probs.len() / self.length().max(1);
-        self.log_probs.chunks_exact(width.max(1)).map(|components| components.iter().sum())
+        self.log_probs
+            .chunks_exact(width.max(1))
+            .map(|components| components.iter().sum())
     }
 
     /// What was seen at the end: `[observation width]`.
@@ -112,7 +114,10 @@ impl SharedBuffer {
     /// # Panics
     /// If they are not in agent order.
     pub fn push(&mut self, episodes: Vec<Episode>) {
-        assert!(episodes.is_sorted_by_key(|episode| episode.agent), "episodes come in agent order");
+        assert!(
+            episodes.is_sorted_by_key(|episode| episode.agent),
+            "episodes come in agent order"
+        );
         self.episodes.extend(episodes);
     }
 
@@ -130,9 +135,18 @@ impl SharedBuffer {
 
     /// Notes what an agent made of its own episodes after the first `total`, in the `column` that is for it.   `values`: step by step,
     /// one episode after the other
-    pub fn note(&mut self, agent: u32, total: u64, mut values: &[f32], column: fn(&mut Episode) -> &mut Vec<f32>) {
+    pub fn note(
+        &mut self,
+        agent: u32,
+        total: u64,
+        mut values: &[f32],
+        column: fn(&mut Episode) -> &mut Vec<f32>,
+    ) {
         let from = total.saturating_sub(self.forgotten) as usize;
-        for episode in self.episodes[from..].iter_mut().filter(|episode| episode.agent == agent) {
+        for episode in self.episodes[from..]
+            .iter_mut()
+            .filter(|episode| episode.agent == agent)
+        {
             let (own, rest) = values.split_at(episode.length().min(values.len()));
             *column(episode) = own.to_vec();
             values = rest;
@@ -153,7 +167,9 @@ impl SharedBuffer {
 
     /// Forgets the first `total` episodes.
     pub fn forget(&mut self, total: u64) {
-        let count = total.saturating_sub(self.forgotten).min(self.episodes.len() as u64);
+        let count = total
+            .saturating_sub(self.forgotten)
+            .min(self.episodes.len() as u64);
         self.episodes.drain(..count as usize);
         self.forgotten += count;
     }
@@ -171,24 +187,48 @@ mod tests {
     #[test]
     fn what_is_noted_finds_its_steps() {
         let mut buffer = SharedBuffer::default();
-        let of_length = |agent, length| Episode { rewards: vec![0.0; length], ..episode(agent) };
+        let of_length = |agent, length| Episode {
+            rewards: vec![0.0; length],
+            ..episode(agent)
+        };
         buffer.push(vec![of_length(0, 5)]);
         buffer.push(vec![of_length(0, 2), of_length(0, 1), of_length(1, 4)]);
-        buffer.note(0, 1, &[7.0, 8.0, 9.0], |episode| &mut episode.intrinsic_rewards);
-        buffer.note(1, 1, &[1.0, 2.0, 3.0, 4.0], |episode| &mut episode.advantages);
-        let noted =
-            |column: fn(&Episode) -> &Vec<f32>| buffer.since(0).iter().map(|episode| column(episode).clone()).collect::<Vec<_>>();
-        assert_eq!(noted(|episode| &episode.intrinsic_rewards), [&[][..], &[7.0, 8.0], &[9.0], &[]]);
-        assert_eq!(noted(|episode| &episode.advantages), [&[][..], &[], &[], &[1.0, 2.0, 3.0, 4.0]]);
+        buffer.note(0, 1, &[7.0, 8.0, 9.0], |episode| {
+            &mut episode.intrinsic_rewards
+        });
+        buffer.note(1, 1, &[1.0, 2.0, 3.0, 4.0], |episode| {
+            &mut episode.advantages
+        });
+        let noted = |column: fn(&Episode) -> &Vec<f32>| {
+            buffer
+                .since(0)
+                .iter()
+                .map(|episode| column(episode).clone())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            noted(|episode| &episode.intrinsic_rewards),
+            [&[][..], &[7.0, 8.0], &[9.0], &[]]
+        );
+        assert_eq!(
+            noted(|episode| &episode.advantages),
+            [&[][..], &[], &[], &[1.0, 2.0, 3.0, 4.0]]
+        );
     }
 
     /// Episodes of 0, 3, 2 steps: 2 transitions need the last one, 3 the last two, 0 none.
     #[test]
     fn the_newest_transitions_are_kept() {
         let mut buffer = SharedBuffer::default();
-        let of_length = |length| Episode { rewards: vec![0.0; length], ..episode(0) };
+        let of_length = |length| Episode {
+            rewards: vec![0.0; length],
+            ..episode(0)
+        };
         buffer.push(vec![of_length(0), of_length(3), of_length(2)]);
-        assert_eq!([0, 2, 3, 100].map(|transitions| buffer.before(transitions)), [3, 2, 1, 0]);
+        assert_eq!(
+            [0, 2, 3, 100].map(|transitions| buffer.before(transitions)),
+            [3, 2, 1, 0]
+        );
     }
 
     #[test]
@@ -197,8 +237,17 @@ mod tests {
         buffer.push(vec![episode(0), episode(1)]);
         buffer.push(vec![episode(0), episode(2)]);
         buffer.forget(1);
-        let agents = |total| buffer.since(total).iter().map(|episode| episode.agent).collect::<Vec<_>>();
-        assert_eq!((agents(0), agents(2), agents(4)), (vec![1, 0, 2], vec![0, 2], vec![]));
+        let agents = |total| {
+            buffer
+                .since(total)
+                .iter()
+                .map(|episode| episode.agent)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (agents(0), agents(2), agents(4)),
+            (vec![1, 0, 2], vec![0, 2], vec![])
+        );
         assert_eq!(buffer.total(), 4);
         buffer.forget(9);
         assert_eq!((buffer.total(), buffer.since(0).len()), (4, 0));

@@ -84,7 +84,12 @@ pub fn stream(run_seed: u64, purpose: Purpose, agent: u32, round: u32) -> Stream
 ///
 /// The first four are the key of [`stream`], the episode is ChaCha's nonce, and every step has a block of its own.
 #[must_use]
-pub fn transition_stream(run_seed: u64, purpose: Purpose, model: u32, (agent, episode, step): (u32, u32, u32)) -> Stream {
+pub fn transition_stream(
+    run_seed: u64,
+    purpose: Purpose,
+    model: u32,
+    (agent, episode, step): (u32, u32, u32),
+) -> Stream {
     const BLOCK_WORDS: u128 = 16;
     let mut stream = stream(run_seed, purpose, model, agent);
     stream.set_stream(episode.into());
@@ -99,7 +104,8 @@ mod tests {
 
     #[test]
     fn every_part_of_the_name_matters() {
-        let first = |seed, purpose, agent, round| stream(seed, purpose, agent, round).random::<u64>();
+        let first =
+            |seed, purpose, agent, round| stream(seed, purpose, agent, round).random::<u64>();
         let base = first(1, Purpose::Action, 2, 3);
         assert_eq!(base, first(1, Purpose::Action, 2, 3));
         assert_ne!(base, first(2, Purpose::Action, 2, 3));
@@ -111,9 +117,17 @@ mod tests {
     #[test]
     fn every_part_of_a_transition_matters() {
         let first = |model, agent, episode, step| {
-            transition_stream(1, Purpose::TransitionSeeds, model, (agent, episode, step)).random::<u64>()
+            transition_stream(1, Purpose::TransitionSeeds, model, (agent, episode, step))
+                .random::<u64>()
         };
-        let names = [(0, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (0, 0, 0, 2)];
+        let names = [
+            (0, 0, 0, 0),
+            (1, 0, 0, 0),
+            (0, 1, 0, 0),
+            (0, 0, 1, 0),
+            (0, 0, 0, 1),
+            (0, 0, 0, 2),
+        ];
         let bits = names.map(|(model, agent, episode, step)| first(model, agent, episode, step));
         for (index, one) in bits.iter().enumerate() {
             assert!(bits[index + 1..].iter().all(|other| other != one));

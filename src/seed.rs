@@ -62,7 +62,11 @@ impl Seed {
         let mut parameters = stream(run_seed, Purpose::InitialParameters, agent, 0);
         let policy = policy.initial(initial, &mut parameters);
         let value = value.initial(initial, &mut parameters);
-        Self { reward: distribution.draw(run_seed, agent, time_limit), policy, value }
+        Self {
+            reward: distribution.draw(run_seed, agent, time_limit),
+            policy,
+            value,
+        }
     }
 }
 
@@ -70,7 +74,9 @@ impl SeedDistribution {
     /// `[T]` draws for one agent. σ scales the same draws, so that runs with different σ are paired.
     fn draw(self, run_seed: u64, agent: u32, time_limit: u32) -> Vec<f32> {
         let mut random = stream(run_seed, Purpose::RewardSeeds, agent, 0);
-        (0..time_limit).map(|_| self.draw_one(&mut random) as f32).collect()
+        (0..time_limit)
+            .map(|_| self.draw_one(&mut random) as f32)
+            .collect()
     }
 
     /// One draw: `z` of whatever `random` is the stream of.
@@ -81,7 +87,9 @@ impl SeedDistribution {
                 let unit: f64 = StandardNormal.sample(random);
                 sigma.get() * unit
             }
-            Self::Uniform { sigma } => sigma.get() * 3.0_f64.sqrt() * random.random_range(-1.0..=1.0),
+            Self::Uniform { sigma } => {
+                sigma.get() * 3.0_f64.sqrt() * random.random_range(-1.0..=1.0)
+            }
             Self::Laplace { sigma } => {
                 let size: f64 = Exp1.sample(random);
                 sigma.get() * 0.5_f64.sqrt() * size * sign(random)
@@ -98,8 +106,17 @@ mod tests {
 
     fn seed(run_seed: u64, agent: u32, sigma: f64) -> Seed {
         let (policy, value) = (Mlp::new(&[4, 8, 2]), Mlp::new(&[4, 8, 1]));
-        let distribution = SeedDistribution::Normal { sigma: NonNegative::try_from(sigma).unwrap() };
-        Seed::draw(run_seed, agent, distribution, Initial::Random, (&policy, &value), 2000)
+        let distribution = SeedDistribution::Normal {
+            sigma: NonNegative::try_from(sigma).unwrap(),
+        };
+        Seed::draw(
+            run_seed,
+            agent,
+            distribution,
+            Initial::Random,
+            (&policy, &value),
+            2000,
+        )
     }
 
     /// Of 2,000 draws with deviation 0.1 the mean's standard error is 0.0022, bounded at 4 of them. That of the deviation is
@@ -116,7 +133,10 @@ mod tests {
             let draws = distribution.draw(7, 0, 2000);
             let mean = draws.iter().sum::<f32>() / 2000.0;
             let deviation = (draws.iter().map(|z| (z - mean).powi(2)).sum::<f32>() / 2000.0).sqrt();
-            assert!(mean.abs() < 0.009 && (deviation - 0.1).abs() < 0.01, "{distribution:?}: {mean} {deviation}");
+            assert!(
+                mean.abs() < 0.009 && (deviation - 0.1).abs() < 0.01,
+                "{distribution:?}: {mean} {deviation}"
+            );
         }
     }
 
@@ -124,8 +144,12 @@ mod tests {
     #[test]
     fn distributions_have_their_shape() {
         let sigma = known(1.0);
-        let largest =
-            |distribution: SeedDistribution| distribution.draw(7, 0, 2000).iter().fold(0.0_f32, |most, z| most.max(z.abs()));
+        let largest = |distribution: SeedDistribution| {
+            distribution
+                .draw(7, 0, 2000)
+                .iter()
+                .fold(0.0_f32, |most, z| most.max(z.abs()))
+        };
         assert_eq!(largest(SeedDistribution::TwoPoint { sigma }), 1.0);
         assert!((1.7..=1.733).contains(&largest(SeedDistribution::Uniform { sigma })));
         assert!((2.8..4.5).contains(&largest(SeedDistribution::Normal { sigma })));
@@ -145,6 +169,12 @@ mod tests {
     fn sigma_scales_the_same_draws() {
         let (small, large) = (seed(7, 3, 0.1), seed(7, 3, 10.0));
         assert_eq!(small.policy, large.policy);
-        assert!(small.reward.iter().zip(&large.reward).all(|(a, b)| (100.0 * a - b).abs() < 1e-4 * (1.0 + b.abs())));
+        assert!(
+            small
+                .reward
+                .iter()
+                .zip(&large.reward)
+                .all(|(a, b)| (100.0 * a - b).abs() < 1e-4 * (1.0 + b.abs()))
+        );
     }
 }

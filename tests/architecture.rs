@@ -6,8 +6,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 fn sources(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let mut files: Vec<PathBuf> = entries.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] }).collect();
+    let entries = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let mut files: Vec<PathBuf> = entries
+        .flat_map(|path| {
+            if path.is_dir() {
+                sources(&path)
+            } else {
+                vec![path]
+            }
+        })
+        .collect();
     files.retain(|path| path.extension().is_some_and(|extension| extension == "rs"));
     files.sort();
     files
@@ -17,9 +27,16 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
 fn house() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let read = |path: PathBuf| {
-        let name = path.strip_prefix(&root).unwrap().to_string_lossy().replace('\\', "/");
+        let name = path
+            .strip_prefix(&root)
+            .unwrap()
+            .to_string_lossy()
+            .replace('\\', "/");
         let text = fs::read_to_string(&path).unwrap();
-        let code: Vec<&str> = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+        let code: Vec<&str> = text
+            .lines()
+            .filter(|line| !line.trim_start().starts_with("//"))
+            .collect();
         (name, code.join("\n"))
     };
     sources(&root).into_iter().map(read).collect()
@@ -27,7 +44,8 @@ fn house() -> Vec<(String, String)> {
 
 /// Whether `text` names `path` other than as the tail of a longer one, such as `crate::record::rerun::` for `rerun::`.
 fn names(text: &str, path: &str) -> bool {
-    text.match_indices(path).any(|(at, _)| !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':'))
+    text.match_indices(path)
+        .any(|(at, _)| !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':'))
 }
 
 #[test]
@@ -44,10 +62,16 @@ fn each_heavy_crate_has_a_sole_importer() {
         let mut importers = 0;
         for (file, text) in house() {
             let names_it = names(&text, crate_path);
-            assert!(!names_it || file.starts_with(home), "{file} names {crate_path}, which only {home} may");
+            assert!(
+                !names_it || file.starts_with(home),
+                "{file} names {crate_path}, which only {home} may"
+            );
             importers += usize::from(names_it);
         }
-        assert!(importers > 0 || crate_path == "parry2d::", "nobody imports {crate_path}");
+        assert!(
+            importers > 0 || crate_path == "parry2d::",
+            "nobody imports {crate_path}"
+        );
     }
 }
 
@@ -66,7 +90,12 @@ const FLOORS: [&[&str]; 9] = [
 
 #[test]
 fn dependencies_go_one_way() {
-    let floor_of = |room: &str| FLOORS.iter().position(|rooms| rooms.contains(&room)).unwrap_or(FLOORS.len());
+    let floor_of = |room: &str| {
+        FLOORS
+            .iter()
+            .position(|rooms| rooms.contains(&room))
+            .unwrap_or(FLOORS.len())
+    };
     let mut rooms_seen = 0;
     for (file, text) in house() {
         let room = file.split(['/', '.']).next().unwrap();
@@ -75,9 +104,15 @@ fn dependencies_go_one_way() {
         }
         rooms_seen += 1;
         for (at, _) in text.match_indices("crate::") {
-            let used: String = text[at + 7..].chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+            let used: String = text[at + 7..]
+                .chars()
+                .take_while(|c| c.is_alphanumeric() || *c == '_')
+                .collect();
             let allowed = used == room || floor_of(&used) < floor_of(room);
-            assert!(allowed, "{file} uses crate::{used}, which stands no lower than its own floor");
+            assert!(
+                allowed,
+                "{file} uses crate::{used}, which stands no lower than its own floor"
+            );
         }
     }
     assert!(rooms_seen > 30, "{rooms_seen} files seen");
@@ -85,20 +120,34 @@ fn dependencies_go_one_way() {
 
 #[test]
 fn formulas_know_no_threads_files_or_clocks() {
-    for (file, text) in
-        house().into_iter().filter(|(file, _)| ["rl/", "nn/", "env/", "agent/"].iter().any(|room| file.starts_with(room)))
-    {
-        for banned in ["std::thread", "std::time", "rayon::", "HashMap", "SystemTime"] {
+    for (file, text) in house().into_iter().filter(|(file, _)| {
+        ["rl/", "nn/", "env/", "agent/"]
+            .iter()
+            .any(|room| file.starts_with(room))
+    }) {
+        for banned in [
+            "std::thread",
+            "std::time",
+            "rayon::",
+            "HashMap",
+            "SystemTime",
+        ] {
             assert!(!text.contains(banned), "{file} names {banned}");
         }
         let does_files = ["std::fs", "File::"].iter().any(|name| text.contains(name));
-        assert!(!does_files || file.starts_with("env/file"), "{file} touches files");
+        assert!(
+            !does_files || file.starts_with("env/file"),
+            "{file} touches files"
+        );
     }
 }
 
 #[test]
 fn nothing_of_the_cartpole_is_in_code_but_its_twin() {
-    for (file, text) in house().into_iter().filter(|(file, _)| !file.starts_with("env/analytic")) {
+    for (file, text) in house()
+        .into_iter()
+        .filter(|(file, _)| !file.starts_with("env/analytic"))
+    {
         let code = text.split("#[cfg(test)]").next().unwrap();
         for word in ["theta_dot", "pole_mass", "cart_mass", "half_length"] {
             assert!(!code.contains(word), "{file} knows {word}");

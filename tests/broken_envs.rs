@@ -8,7 +8,9 @@ use seedbed::env::load;
 
 fn broken_files() -> Vec<PathBuf> {
     let entries = std::fs::read_dir("tests/broken_envs").expect("the folder is there");
-    let mut files: Vec<_> = entries.map(|entry| entry.expect("its entries can be read").path()).collect();
+    let mut files: Vec<_> = entries
+        .map(|entry| entry.expect("its entries can be read").path())
+        .collect();
     files.retain(|path| path.extension().is_some_and(|extension| extension == "ron"));
     files.sort();
     files
@@ -20,12 +22,19 @@ fn every_mistake_is_told_with_its_place() {
     let files = broken_files();
     assert!(files.len() >= 40);
     for file in files {
-        let Err(error) = load(&file) else { panic!("{} is not broken", file.display()) };
+        let Err(error) = load(&file) else {
+            panic!("{} is not broken", file.display())
+        };
         let expected = file.with_extension("txt");
         if std::env::var_os("UPDATE_EXPECTED").is_some() {
             std::fs::write(&expected, format!("{error}\n")).unwrap();
         }
-        assert_eq!(format!("{error}\n"), std::fs::read_to_string(&expected).unwrap_or_default(), "{}", file.display());
+        assert_eq!(
+            format!("{error}\n"),
+            std::fs::read_to_string(&expected).unwrap_or_default(),
+            "{}",
+            file.display()
+        );
     }
 }
 

@@ -41,18 +41,31 @@ fn coordinate(bodies: &dyn Dynamics, index: usize) -> (f64, f64) {
 /// arctan(ω h): Rapier turns the unit vector of the angle along its tangent, and normalises it.
 #[test]
 fn a_free_body_falls_as_galilei_says() {
-    let task = task("(0.0, -9.8)", r#"bodies: [(name: "ball", mass: 2.0, com: (0.3, 0.0), inertia: 0.5)], sensors: [],"#);
+    let task = task(
+        "(0.0, -9.8)",
+        r#"bodies: [(name: "ball", mass: 2.0, com: (0.3, 0.0), inertia: 0.5)], sensors: [],"#,
+    );
     let mut falling = bodies(&task);
     // The frame's origin is 0.3 m behind the centre of mass, which moves at (1 − 0, 2 + 0.3 × 5) m/s.
     falling.start(0, &[0.0, 10.0, 0.0], &[1.0, 2.0, 5.0]);
     run(&mut *falling, 1.0);
-    let ((x, _), (y, _), (angle, spin)) = (coordinate(&*falling, 0), coordinate(&*falling, 1), coordinate(&*falling, 2));
+    let ((x, _), (y, _), (angle, spin)) = (
+        coordinate(&*falling, 0),
+        coordinate(&*falling, 1),
+        coordinate(&*falling, 2),
+    );
     let (sine, cosine) = angle.sin_cos();
     let (right, up) = (x + 0.3 * cosine - 0.3, y + 0.3 * sine - 10.0);
     let fallen = 3.5 - 0.5 * 9.8 * (1.0 + CONTROL_STEP / SUBSTEPS);
     let turned = (1.0 / CONTROL_STEP * SUBSTEPS) * (5.0 * CONTROL_STEP / SUBSTEPS).atan();
-    assert!((angle - turned).abs() < 1e-5 && (spin - 5.0).abs() < 1e-5, "{angle} rad, {spin} rad/s");
-    assert!((right - 1.0).abs() < 1e-4 && (up - fallen).abs() < 2e-4, "{right} m, {up} m instead of {fallen} m");
+    assert!(
+        (angle - turned).abs() < 1e-5 && (spin - 5.0).abs() < 1e-5,
+        "{angle} rad, {spin} rad/s"
+    );
+    assert!(
+        (right - 1.0).abs() < 1e-4 && (up - fallen).abs() < 2e-4,
+        "{right} m, {up} m instead of {fallen} m"
+    );
 }
 
 /// Three links that fly, joined by two hinges; none is at its centre of mass.
@@ -79,7 +92,12 @@ struct Motion {
 
 fn motion(task: &Description, bodies: &dyn Dynamics) -> Motion {
     let frames = Tree::new(task).frames_of(bodies.joints(), 0);
-    let parts: Vec<_> = task.bodies.iter().zip(&frames).map(|(body, frame)| (body.inertial, frame)).collect();
+    let parts: Vec<_> = task
+        .bodies
+        .iter()
+        .zip(&frames)
+        .map(|(body, frame)| (body.inertial, frame))
+        .collect();
     let mass: f64 = parts.iter().map(|(inertial, _)| inertial.mass).sum();
     let at = |frame: &Frame, com| (frame.point(com), frame.velocity_at(frame.point(com)));
     let total = |value: &dyn Fn([f64; 2], [f64; 2]) -> f64| -> f64 {
@@ -93,11 +111,15 @@ fn motion(task: &Description, bodies: &dyn Dynamics) -> Motion {
     };
     let center = [total(&|p, _| p[0]) / mass, total(&|p, _| p[1]) / mass];
     let spin = |value: &dyn Fn(f64) -> f64| -> f64 {
-        parts.iter().map(|(inertial, frame)| inertial.inertia * value(frame.angular_velocity)).sum()
+        parts
+            .iter()
+            .map(|(inertial, frame)| inertial.inertia * value(frame.angular_velocity))
+            .sum()
     };
     Motion {
         momentum: [total(&|_, v| v[0]), total(&|_, v| v[1])],
-        angular: total(&|p, v| (p[0] - center[0]) * v[1] - (p[1] - center[1]) * v[0]) + spin(&|rate| rate),
+        angular: total(&|p, v| (p[0] - center[0]) * v[1] - (p[1] - center[1]) * v[0])
+            + spin(&|rate| rate),
         energy: total(&|_, v| 0.5 * (v[0] * v[0] + v[1] * v[1])) + spin(&|rate| 0.5 * rate * rate),
         center,
     }
@@ -117,10 +139,18 @@ fn the_centre_of_mass_of_a_flying_chain_follows_a_parabola() {
     let weight = 1.8 * 9.8;
     let expected = [before.momentum[0], before.momentum[1] - weight * 0.5];
     for axis in [0, 1] {
-        assert!((after.momentum[axis] - expected[axis]).abs() < 0.02, "{:?} instead of {expected:?}", after.momentum);
+        assert!(
+            (after.momentum[axis] - expected[axis]).abs() < 0.02,
+            "{:?} instead of {expected:?}",
+            after.momentum
+        );
         let mean = 0.5 * (before.momentum[axis] + after.momentum[axis]) / 1.8;
         let moved = after.center[axis] - before.center[axis];
-        assert!((moved - 0.5 * mean).abs() < 0.01, "{moved} m instead of {} m", 0.5 * mean);
+        assert!(
+            (moved - 0.5 * mean).abs() < 0.01,
+            "{moved} m instead of {} m",
+            0.5 * mean
+        );
     }
 }
 
@@ -133,9 +163,22 @@ fn a_flying_chain_keeps_energy_and_angular_momentum() {
     let before = motion(&task, &*chain);
     run(&mut *chain, 2.0);
     let after = motion(&task, &*chain);
-    println!("energy {} to {}, angular momentum {} to {}", before.energy, after.energy, before.angular, after.angular);
-    assert!((after.energy / before.energy - 1.0).abs() < 0.02, "{} J to {} J", before.energy, after.energy);
-    assert!((after.angular / before.angular - 1.0).abs() < 0.02, "{} to {}", before.angular, after.angular);
+    println!(
+        "energy {} to {}, angular momentum {} to {}",
+        before.energy, after.energy, before.angular, after.angular
+    );
+    assert!(
+        (after.energy / before.energy - 1.0).abs() < 0.02,
+        "{} J to {} J",
+        before.energy,
+        after.energy
+    );
+    assert!(
+        (after.angular / before.angular - 1.0).abs() < 0.02,
+        "{} to {}",
+        before.angular,
+        after.angular
+    );
 }
 
 /// A rod on a hinge at the world is a physical pendulum: its period at small swings is 2π √((I + m l²) / (m g l)).
@@ -161,7 +204,10 @@ fn a_multibody_pendulum_has_its_period() {
         before = angle;
     }
     let period = (crossings[crossings.len() - 1] - crossings[0]) / (crossings.len() - 1) as f64;
-    assert!((period / expected - 1.0).abs() < 2e-3, "{period} s instead of {expected} s");
+    assert!(
+        (period / expected - 1.0).abs() < 2e-3,
+        "{period} s instead of {expected} s"
+    );
 }
 
 /// A box that lies on the ground stays where it is and touches it; one in the air does not.
@@ -178,18 +224,37 @@ fn a_box_at_rest_stays_and_touches() {
     lying.start(0, &[0.0, 0.2, 0.0], &[0.0; 3]);
     run(&mut *lying, 10.0);
     let [x, y, angle] = [0, 1, 2].map(|index| coordinate(&*lying, index).0);
-    assert!(x.abs() < 1e-4 && (y - 0.2).abs() < 1.5e-3 && angle.abs() < 1e-4, "{x} m, {y} m, {angle} rad");
+    assert!(
+        x.abs() < 1e-4 && (y - 0.2).abs() < 1.5e-3 && angle.abs() < 1e-4,
+        "{x} m, {y} m, {angle} rad"
+    );
     let geometry = seedbed::env::physics::Geometry::new(&task);
     assert!(geometry.touch(1, 0, &Tree::new(&task).frames_of(lying.joints(), 0)));
     assert!(!geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.0)]));
-    assert!(geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.1)]), "turned by 0.1 rad, its corner is 0.03 m lower");
+    assert!(
+        geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.1)]),
+        "turned by 0.1 rad, its corner is 0.03 m lower"
+    );
     // The ground carries 3 kg × 9.8 m/s² at the box's lower corners.
     let mut forces = Vec::new();
     lying.contacts(0, &mut forces);
-    let total = forces.iter().fold([0.0; 2], |[x, y], force| [x + force.newtons[0], y + force.newtons[1]]);
-    assert!((total[1] - 29.4).abs() < 0.3 && total[0].abs() < 0.1, "{total:?} N");
-    let corners = forces.iter().all(|force| (force.at[0].abs() - 0.3).abs() < 0.02 && force.at[1].abs() < 0.01);
-    assert!(corners && forces.iter().all(|force| force.source == ForceSource::Contact), "{forces:?}");
+    let total = forces.iter().fold([0.0; 2], |[x, y], force| {
+        [x + force.newtons[0], y + force.newtons[1]]
+    });
+    assert!(
+        (total[1] - 29.4).abs() < 0.3 && total[0].abs() < 0.1,
+        "{total:?} N"
+    );
+    let corners = forces
+        .iter()
+        .all(|force| (force.at[0].abs() - 0.3).abs() < 0.02 && force.at[1].abs() < 0.01);
+    assert!(
+        corners
+            && forces
+                .iter()
+                .all(|force| force.source == ForceSource::Contact),
+        "{forces:?}"
+    );
 }
 
 /// A block on a slope of 20° that friction holds: the slope's force is the weight's opposite, whatever its parts.
@@ -206,12 +271,21 @@ fn friction_is_part_of_a_contact_force() {
         ),
     );
     let mut lying = bodies(&task);
-    lying.start(0, &[0.05 * sine, 0.05 * cosine, 20.0_f64.to_radians()], &[0.0; 3]);
+    lying.start(
+        0,
+        &[0.05 * sine, 0.05 * cosine, 20.0_f64.to_radians()],
+        &[0.0; 3],
+    );
     run(&mut *lying, 2.0);
     let mut forces = Vec::new();
     lying.contacts(0, &mut forces);
-    let total = forces.iter().fold([0.0; 2], |[x, y], force| [x + force.newtons[0], y + force.newtons[1]]);
-    assert!((total[1] - 29.4).abs() < 0.5 && total[0].abs() < 0.5, "{total:?} N");
+    let total = forces.iter().fold([0.0; 2], |[x, y], force| {
+        [x + force.newtons[0], y + force.newtons[1]]
+    });
+    assert!(
+        (total[1] - 29.4).abs() < 0.5 && total[0].abs() < 0.5,
+        "{total:?} N"
+    );
 }
 
 /// What actions push: a cart along its rail, a hinge as the force at the centre of mass with the same torque, a body at a point.
@@ -250,11 +324,20 @@ fn actions_are_seen_as_forces() {
     environment.step(&[0.0, 0.0, 0.0, 0.5, 3.0, 7.0]);
     let forces = seen(&*environment);
     // 0.5 × 2 N; clockwise 3 N m at 0.5 m: 6 N to the right; 7 N downwards, 1 m above the ship's origin. Bodies hardly moved.
-    let expected = [([0.0, 0.0], [1.0, 0.0]), ([0.0, 0.5], [6.0, 0.0]), ([5.0, 1.0], [0.0, -7.0])];
+    let expected = [
+        ([0.0, 0.0], [1.0, 0.0]),
+        ([0.0, 0.5], [6.0, 0.0]),
+        ([5.0, 1.0], [0.0, -7.0]),
+    ];
     assert_eq!(forces.len(), 3, "{forces:?}");
     for (force, (at, newtons)) in forces.iter().zip(expected) {
-        let off = |found: [f32; 2], expected: [f32; 2]| (found[0] - expected[0]).hypot(found[1] - expected[1]);
-        assert!(off(force.at, at) < 0.01 && off(force.newtons, newtons) < 0.01, "{force:?}, expected {at:?} {newtons:?}");
+        let off = |found: [f32; 2], expected: [f32; 2]| {
+            (found[0] - expected[0]).hypot(found[1] - expected[1])
+        };
+        assert!(
+            off(force.at, at) < 0.01 && off(force.newtons, newtons) < 0.01,
+            "{force:?}, expected {at:?} {newtons:?}"
+        );
     }
 }
 
@@ -270,7 +353,8 @@ fn slide(slope: f64, friction: f64) -> (f64, f64) {
     let mut sliding = bodies(&task("(0.0, -9.8)", &rest));
     sliding.start(0, &[0.05 * sine, 0.05 * cosine, -slope], &[0.0; 3]);
     run(&mut *sliding, 1.0);
-    let along = |(x, dx): (f64, f64), (y, dy): (f64, f64)| (x * cosine - y * sine, dx * cosine - dy * sine);
+    let along =
+        |(x, dx): (f64, f64), (y, dy): (f64, f64)| (x * cosine - y * sine, dx * cosine - dy * sine);
     along(coordinate(&*sliding, 0), coordinate(&*sliding, 1))
 }
 
@@ -279,11 +363,17 @@ fn slide(slope: f64, friction: f64) -> (f64, f64) {
 fn a_block_slips_iff_the_slope_is_steeper_than_its_friction() {
     for slope in [0.2, 0.5, 0.8] {
         let (moved, speed) = slide(slope, 1.05 * slope.tan());
-        assert!(moved.abs() < 2e-3 && speed.abs() < 2e-3, "{slope} rad: it slid {moved} m");
+        assert!(
+            moved.abs() < 2e-3 && speed.abs() < 2e-3,
+            "{slope} rad: it slid {moved} m"
+        );
         let friction = 0.7 * slope.tan();
         let (_, speed) = slide(slope, friction);
         let expected = 9.8 * (slope.sin() - friction * slope.cos());
-        assert!((speed / expected - 1.0).abs() < 0.02, "{slope} rad: {speed} m/s instead of {expected} m/s");
+        assert!(
+            (speed / expected - 1.0).abs() < 0.02,
+            "{slope} rad: {speed} m/s instead of {expected} m/s"
+        );
     }
 }
 
@@ -308,14 +398,23 @@ fn a_ball_bounces_as_high_as_its_restitution_says() {
             highest = highest.max(if has_hit { y - 0.1 } else { 0.0 });
         }
         let expected = restitution * restitution;
-        assert!((highest - expected).abs() < 0.06, "restitution {restitution}: {highest} m instead of {expected} m");
+        assert!(
+            (highest - expected).abs() < 0.06,
+            "restitution {restitution}: {highest} m instead of {expected} m"
+        );
     }
 }
 
 /// MuJoCo's rule: kinds 1 and 2 touch iff one's `conaffinity` has a bit of the other's `contype`.
 #[test]
 fn contact_filters_let_bodies_through() {
-    for (contype, conaffinity, stays) in [(1, 1, true), (1, 0, true), (2, 1, true), (2, 0, false), (2, 4, false)] {
+    for (contype, conaffinity, stays) in [
+        (1, 1, true),
+        (1, 0, true),
+        (2, 1, true),
+        (2, 0, false),
+        (2, 4, false),
+    ] {
         let rest = format!(
             r#"
             colliders: [(geom: HalfSpace(normal: (0.0, 1.0)))],
@@ -327,7 +426,11 @@ fn contact_filters_let_bodies_through() {
         let mut ball = bodies(&task("(0.0, -9.8)", &rest));
         ball.start(0, &[0.0, 0.1, 0.0], &[0.0; 3]);
         run(&mut *ball, 0.5);
-        assert_eq!(coordinate(&*ball, 1).0 > 0.0, stays, "contype {contype}, conaffinity {conaffinity}");
+        assert_eq!(
+            coordinate(&*ball, 1).0 > 0.0,
+            stays,
+            "contype {contype}, conaffinity {conaffinity}"
+        );
     }
 }
 
@@ -335,10 +438,18 @@ fn contact_filters_let_bodies_through() {
 #[test]
 fn rays_measure_distances() {
     let ray = |name: &str, direction: &str| {
-        format!(r#"(name: "{name}", type: Ray(body: "eye", from: (0.5, 0.0), direction: {direction}, length: 10.0)),"#)
+        format!(
+            r#"(name: "{name}", type: Ray(body: "eye", from: (0.5, 0.0), direction: {direction}, length: 10.0)),"#
+        )
     };
-    let rays = [ray("ahead", "(1.0, 0.0)"), ray("left", "(0.0, 1.0)"), ray("right", "(0.0, -2.0)"), ray("back", "(-1.0, 0.0)")];
-    let names = ["ahead", "left", "right", "back"].map(|name| format!(r#"(name: "{name}", range: (0.0, 10.0)),"#));
+    let rays = [
+        ray("ahead", "(1.0, 0.0)"),
+        ray("left", "(0.0, 1.0)"),
+        ray("right", "(0.0, -2.0)"),
+        ray("back", "(-1.0, 0.0)"),
+    ];
+    let names = ["ahead", "left", "right", "back"]
+        .map(|name| format!(r#"(name: "{name}", range: (0.0, 10.0)),"#));
     let text = format!(
         r#"Environment(
             description: "Rays.", gravity: (0.0, 0.0), control_step: 0.01, time_limit: 10,
@@ -358,8 +469,16 @@ fn rays_measure_distances() {
     environment.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
     // From (0, 1.5): up to the half-space at 4; to −x, the ball's near side at −2.5; to +x, the turned box's corner at
     // 2 − 0.25 √2; down, nothing but the body's own ball.
-    for (found, expected) in environment.observations().iter().zip([2.5, 2.5, 2.0 - 0.25 * std::f32::consts::SQRT_2, 10.0]) {
-        assert!((found - expected).abs() < 1e-5, "{found} m instead of {expected} m");
+    for (found, expected) in environment.observations().iter().zip([
+        2.5,
+        2.5,
+        2.0 - 0.25 * std::f32::consts::SQRT_2,
+        10.0,
+    ]) {
+        assert!(
+            (found - expected).abs() < 1e-5,
+            "{found} m instead of {expected} m"
+        );
     }
 }
 
@@ -380,7 +499,12 @@ fn a_start_without_a_position_is_where_the_file_draws_it() {
             (name: "angle", range: (-1.0, 1.0))],
         actuators: [], reward: "0",
     )"#;
-    let mut environment = build(&parse("stone", "stone", text.to_owned()).unwrap(), Physics::Rapier, 1).unwrap();
+    let mut environment = build(
+        &parse("stone", "stone", text.to_owned()).unwrap(),
+        Physics::Rapier,
+        1,
+    )
+    .unwrap();
     environment.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
     assert_eq!(environment.observations(), [0.0, 0.5, 3.0, 1.0]);
 }
@@ -403,7 +527,10 @@ fn wheel(resists: &str, actuators: &str) -> Description {
 /// frequency √(k / J − 0.4²). Implicit Euler damps a little more: by k h / 2 J = 0.02 1/s.
 #[test]
 fn a_spring_swings_as_its_stiffness_damping_and_armature_say() {
-    let task = wheel("stiffness: 4.0, springref: 0.5, damping: 0.2, armature: 0.15", "");
+    let task = wheel(
+        "stiffness: 4.0, springref: 0.5, damping: 0.2, armature: 0.15",
+        "",
+    );
     let mut wheel = bodies(&task);
     wheel.start(0, &[1.5], &[0.0]);
     let (decay, frequency): (f64, f64) = (0.4, (16.0_f64 - 0.16).sqrt());
@@ -413,7 +540,10 @@ fn a_spring_swings_as_its_stiffness_damping_and_armature_say() {
         let swing = (frequency * time).cos() + decay / frequency * (frequency * time).sin();
         let expected = 0.5 + (-decay * time).exp() * swing;
         let (angle, _) = coordinate(&*wheel, 0);
-        assert!((angle - expected).abs() < 0.03, "after {time} s: {angle} rad instead of {expected} rad");
+        assert!(
+            (angle - expected).abs() < 0.03,
+            "after {time} s: {angle} rad instead of {expected} rad"
+        );
     }
 }
 
@@ -442,7 +572,10 @@ fn a_joint_stops_at_its_range() {
         wheel.start(0, &[0.0], &[0.0]);
         (0..300).for_each(|_| wheel.step(&[force]));
         let (angle, rate) = coordinate(&*wheel, 0);
-        assert!((angle - end).abs() < 0.01 && rate.abs() < 0.05, "{angle} rad instead of {end} rad, {rate} rad/s");
+        assert!(
+            (angle - end).abs() < 0.01 && rate.abs() < 0.05,
+            "{angle} rad instead of {end} rad, {rate} rad/s"
+        );
     }
 }
 
@@ -454,14 +587,19 @@ fn servos_reach_their_targets() {
     aiming.start(0, &[0.0], &[0.0]);
     (0..200).for_each(|_| aiming.step(&[1.2]));
     let (angle, rate) = coordinate(&*aiming, 0);
-    assert!((angle - 1.2).abs() < 1e-3 && rate.abs() < 1e-3, "{angle} rad, {rate} rad/s");
-    let velocity =
-        r#"(name: "go", type: VelocityServo(joint: "axle", kv: 5.0, force_limit: 0.2), control: Continuous(-5.0, 5.0))"#;
+    assert!(
+        (angle - 1.2).abs() < 1e-3 && rate.abs() < 1e-3,
+        "{angle} rad, {rate} rad/s"
+    );
+    let velocity = r#"(name: "go", type: VelocityServo(joint: "axle", kv: 5.0, force_limit: 0.2), control: Continuous(-5.0, 5.0))"#;
     let mut going = bodies(&wheel("", velocity));
     going.start(0, &[0.0], &[0.0]);
     (0..50).for_each(|_| going.step(&[-3.0]));
     let (_, rate) = coordinate(&*going, 0);
-    assert!((rate + 1.0).abs() < 0.01, "0.2 N m for 0.5 s give 0.1 kg m² a rate of −1 rad/s, not {rate} rad/s");
+    assert!(
+        (rate + 1.0).abs() < 0.01,
+        "0.2 N m for 0.5 s give 0.1 kg m² a rate of −1 rad/s, not {rate} rad/s"
+    );
     (0..150).for_each(|_| going.step(&[-3.0]));
     let (_, rate) = coordinate(&*going, 0);
     assert!((rate + 3.0).abs() < 0.01, "{rate} rad/s");
@@ -487,7 +625,10 @@ fn a_body_force_pushes_and_turns() {
     };
     // The disc starts turned by a right angle: what is 0.2 m above its centre of mass is 0.2 m to the left in the world.
     let quarter = std::f64::consts::FRAC_PI_2;
-    for (frame, velocity, spin) in [("World", [0.05, -0.02], 0.0), ("Local", [0.02, 0.05], -0.05)] {
+    for (frame, velocity, spin) in [
+        ("World", [0.05, -0.02], 0.0),
+        ("Local", [0.02, 0.05], -0.05),
+    ] {
         let mut disc = bodies(&parse("disc", "disc", text(frame)).unwrap());
         disc.start(0, &[0.0, 0.0, quarter], &[0.0; 3]);
         disc.step(&[10.0, 4.0, 0.0, -4.0]);
@@ -495,7 +636,10 @@ fn a_body_force_pushes_and_turns() {
         // The centre of mass is 0.5 m above the frame's origin in the world: the origin is faster to the right by ω × 0.5.
         let center = [right - turn * 0.5, up];
         println!("{frame}: {center:?} {turn}");
-        assert!((center[0] - velocity[0]).abs() < 1e-4 && (center[1] - velocity[1]).abs() < 1e-4, "{frame}: {center:?}");
+        assert!(
+            (center[0] - velocity[0]).abs() < 1e-4 && (center[1] - velocity[1]).abs() < 1e-4,
+            "{frame}: {center:?}"
+        );
         assert!((turn - spin).abs() < 1e-4, "{frame}: {turn} rad/s");
     }
 }

@@ -12,7 +12,11 @@ use seedbed::random::{Purpose, Stream, stream};
 /// The files of a folder of the repository that end in `.ron`, in order.
 fn files(folder: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
-    let mut files: Vec<_> = std::fs::read_dir(folder).expect("the folder is there").flatten().map(|entry| entry.path()).collect();
+    let mut files: Vec<_> = std::fs::read_dir(folder)
+        .expect("the folder is there")
+        .flatten()
+        .map(|entry| entry.path())
+        .collect();
     files.retain(|path| path.extension().is_some_and(|extension| extension == "ron"));
     files.sort();
     files
@@ -21,15 +25,24 @@ fn files(folder: &str) -> Vec<PathBuf> {
 /// Every task with every physics that it has: those of users, and some whose joints those do not use.
 fn tasks() -> Vec<(Description, Physics)> {
     let files = [files("envs"), files("tests/envs")].concat();
-    let descriptions = files.iter().map(|path| load(path).unwrap_or_else(|error| panic!("{error}")));
+    let descriptions = files
+        .iter()
+        .map(|path| load(path).unwrap_or_else(|error| panic!("{error}")));
     let tasks: Vec<_> = descriptions
         .flat_map(|task| {
-            let analytic = task.twin.is_some().then(|| (task.clone(), Physics::Analytic));
+            let analytic = task
+                .twin
+                .is_some()
+                .then(|| (task.clone(), Physics::Analytic));
             [(task, Physics::Rapier)].into_iter().chain(analytic)
         })
         .collect();
     assert!(tasks.iter().any(|(task, _)| task.spec.name == "cartpole"));
-    assert!(tasks.iter().any(|(_, physics)| *physics == Physics::Analytic));
+    assert!(
+        tasks
+            .iter()
+            .any(|(_, physics)| *physics == Physics::Analytic)
+    );
     tasks
 }
 
@@ -71,17 +84,26 @@ impl Crowd {
             environment.reset(copy, &mut resets(name, 0));
         }
         let random = names.iter().map(|&name| actions(name)).collect();
-        Self { environment, random, episodes: vec![0; names.len()] }
+        Self {
+            environment,
+            random,
+            episodes: vec![0; names.len()],
+        }
     }
 
     /// One step of all; `names` as before. Copies whose name is not in `restarting` stay where they ended.
     fn step(&mut self, names: &[usize], restarting: &[usize]) {
-        let rows: Vec<_> = self.random.iter_mut().map(|random| random_action(&*self.environment, random)).collect();
+        let rows: Vec<_> = self
+            .random
+            .iter_mut()
+            .map(|random| random_action(&*self.environment, random))
+            .collect();
         self.environment.step(&rows.concat());
         for (copy, name) in names.iter().enumerate() {
             if self.environment.statuses()[copy] != Status::Running && restarting.contains(name) {
                 self.episodes[copy] += 1;
-                self.environment.reset(copy, &mut resets(*name, self.episodes[copy]));
+                self.environment
+                    .reset(copy, &mut resets(*name, self.episodes[copy]));
             }
         }
     }
@@ -90,20 +112,32 @@ impl Crowd {
     fn bits(&self, copy: usize) -> Vec<u32> {
         let width = self.environment.spec().observation_width();
         let seen = &self.environment.observations()[copy * width..][..width];
-        let bodies = self.environment.scene().map_or(0, |scene| scene.bodies.len());
+        let bodies = self
+            .environment
+            .scene()
+            .map_or(0, |scene| scene.bodies.len());
         let mut poses = vec![Pose::default(); bodies];
         if bodies > 0 {
             self.environment.poses(copy, &mut poses);
         }
         let poses = poses.iter().flat_map(|pose| [pose.x, pose.y, pose.angle]);
-        let numbers = seen.iter().copied().chain([self.environment.rewards()[copy]]).chain(poses);
-        numbers.map(f32::to_bits).chain([self.environment.statuses()[copy] as u32]).collect()
+        let numbers = seen
+            .iter()
+            .copied()
+            .chain([self.environment.rewards()[copy]])
+            .chain(poses);
+        numbers
+            .map(f32::to_bits)
+            .chain([self.environment.statuses()[copy] as u32])
+            .collect()
     }
 }
 
 /// Finite tasks start in one state, and chance alone does not bring an agent to all of their states.
 fn tasks_of_bodies() -> impl Iterator<Item = (Description, Physics)> {
-    tasks().into_iter().filter(|(task, _)| task.finite.is_none())
+    tasks()
+        .into_iter()
+        .filter(|(task, _)| task.finite.is_none())
 }
 
 #[test]
@@ -117,10 +151,21 @@ fn observations_are_finite_and_none_is_constant() {
         for _ in 0..500 {
             crowd.step(&names, &names);
             let seen = crowd.environment.observations();
-            assert!(seen.iter().all(|value| value.is_finite()), "{}: {seen:?}", task.spec.name);
-            moved.iter_mut().enumerate().for_each(|(index, moved)| *moved |= seen[index] != first[index]);
+            assert!(
+                seen.iter().all(|value| value.is_finite()),
+                "{}: {seen:?}",
+                task.spec.name
+            );
+            moved
+                .iter_mut()
+                .enumerate()
+                .for_each(|(index, moved)| *moved |= seen[index] != first[index]);
         }
-        assert!(moved.iter().all(|&moved| moved), "{}: an observation stays the same: {moved:?}", task.spec.name);
+        assert!(
+            moved.iter().all(|&moved| moved),
+            "{}: an observation stays the same: {moved:?}",
+            task.spec.name
+        );
     }
 }
 
@@ -128,12 +173,20 @@ fn observations_are_finite_and_none_is_constant() {
 fn the_same_seeds_give_the_same_bits() {
     for (task, physics) in tasks() {
         let names = [0, 1, 2];
-        let (mut one, mut other) = (Crowd::new(&task, physics, &names), Crowd::new(&task, physics, &names));
+        let (mut one, mut other) = (
+            Crowd::new(&task, physics, &names),
+            Crowd::new(&task, physics, &names),
+        );
         for _ in 0..300 {
             one.step(&names, &names);
             other.step(&names, &names);
             for copy in names {
-                assert_eq!(one.bits(copy), other.bits(copy), "{} {physics:?}", task.spec.name);
+                assert_eq!(
+                    one.bits(copy),
+                    other.bits(copy),
+                    "{} {physics:?}",
+                    task.spec.name
+                );
             }
         }
     }
@@ -147,7 +200,9 @@ fn a_copy_does_not_depend_on_the_others() {
         let mut crowds: Vec<_> = [2, 3, 8, 16, 33, 64]
             .into_iter()
             .map(|copies| {
-                let names: Vec<_> = (0..copies).map(|copy| if copy == copies / 2 { 5 } else { 100 + copy }).collect();
+                let names: Vec<_> = (0..copies)
+                    .map(|copy| if copy == copies / 2 { 5 } else { 100 + copy })
+                    .collect();
                 (Crowd::new(&task, physics, &names), names)
             })
             .collect();
@@ -155,7 +210,11 @@ fn a_copy_does_not_depend_on_the_others() {
             alone.step(&[5], &[5]);
             for (crowd, names) in &mut crowds {
                 // In every other batch only our copy starts again, so that it ends up alone among idle ones.
-                let restarting = if names.len() % 2 == 0 { names.clone() } else { vec![5] };
+                let restarting = if names.len() % 2 == 0 {
+                    names.clone()
+                } else {
+                    vec![5]
+                };
                 crowd.step(names, &restarting);
                 assert_eq!(
                     crowd.bits(names.len() / 2),
@@ -181,11 +240,20 @@ fn a_reset_equals_a_fresh_build() {
             new.reset(copy, &mut resets(copy, 50));
             used.random[copy] = actions(copy);
         }
-        let mut new = Crowd { environment: new, random: names.map(actions).to_vec(), episodes: vec![50; 4] };
+        let mut new = Crowd {
+            environment: new,
+            random: names.map(actions).to_vec(),
+            episodes: vec![50; 4],
+        };
         used.episodes = vec![50; 4];
         for _ in 0..150 {
             for copy in names {
-                assert_eq!(used.bits(copy), new.bits(copy), "{} {physics:?}", task.spec.name);
+                assert_eq!(
+                    used.bits(copy),
+                    new.bits(copy),
+                    "{} {physics:?}",
+                    task.spec.name
+                );
             }
             used.step(&names, &names);
             new.step(&names, &names);
@@ -208,13 +276,21 @@ fn a_saved_environment_continues_to_the_same_bits() {
         let mut one = Crowd::new(&task, physics, &names);
         (0..70).for_each(|_| one.step(&names, &[0, 1, 2]));
         let bytes = one.environment.save();
-        let mut other =
-            Crowd { environment: fresh(&task, physics, 5), random: one.random.clone(), episodes: one.episodes.clone() };
+        let mut other = Crowd {
+            environment: fresh(&task, physics, 5),
+            random: one.random.clone(),
+            episodes: one.episodes.clone(),
+        };
         other.environment.restore(&bytes).unwrap();
         assert_eq!(other.environment.save(), bytes);
         for _ in 0..150 {
             for copy in names {
-                assert_eq!(one.bits(copy), other.bits(copy), "{} {physics:?}", task.spec.name);
+                assert_eq!(
+                    one.bits(copy),
+                    other.bits(copy),
+                    "{} {physics:?}",
+                    task.spec.name
+                );
             }
             one.step(&names, &names);
             other.step(&names, &names);
@@ -227,12 +303,23 @@ fn a_foreign_state_is_refused() {
     for (task, physics) in tasks() {
         let bytes = fresh(&task, physics, 2).save();
         let mut other = fresh(&task, physics, 3);
-        assert_eq!(other.restore(&bytes), Err("the state is of another number of copies".to_owned()));
-        assert!(other.restore(&bytes[..bytes.len() / 2]).unwrap_err().starts_with("no saved environment: "));
+        assert_eq!(
+            other.restore(&bytes),
+            Err("the state is of another number of copies".to_owned())
+        );
+        assert!(
+            other
+                .restore(&bytes[..bytes.len() / 2])
+                .unwrap_err()
+                .starts_with("no saved environment: ")
+        );
         let mut renamed = task.clone();
         renamed.spec.name = "other".to_owned();
         let refused = fresh(&renamed, physics, 2).restore(&bytes).unwrap_err();
-        assert_eq!(refused, format!("the state is of task `{}`, not of `other`", task.spec.name));
+        assert_eq!(
+            refused,
+            format!("the state is of task `{}`, not of `other`", task.spec.name)
+        );
     }
 }
 
@@ -247,18 +334,30 @@ fn episodes_end_by_themselves_or_by_the_time_limit() {
         let names: Vec<_> = (0..32).collect();
         let mut crowd = Crowd::new(&limited, physics, &names);
         for step in 1..=LIMIT {
-            let before: Vec<_> = names.iter().map(|&copy| (crowd.environment.statuses()[copy], crowd.bits(copy))).collect();
+            let before: Vec<_> = names
+                .iter()
+                .map(|&copy| (crowd.environment.statuses()[copy], crowd.bits(copy)))
+                .collect();
             crowd.step(&names, &[]);
             for (copy, (status, bits)) in before.into_iter().enumerate() {
                 match (status, crowd.environment.statuses()[copy]) {
                     (Status::Running, Status::Truncated) => assert_eq!(step, LIMIT),
                     (Status::Running, Status::Running) => assert!(step < LIMIT),
                     (Status::Running, Status::Terminated) => assert_ne!(bits, crowd.bits(copy)),
-                    (_, _) => assert_eq!(bits, crowd.bits(copy), "{}: an ended copy moved", task.spec.name),
+                    (_, _) => assert_eq!(
+                        bits,
+                        crowd.bits(copy),
+                        "{}: an ended copy moved",
+                        task.spec.name
+                    ),
                 }
             }
         }
-        assert!(crowd.environment.statuses().contains(&Status::Truncated), "{}", task.spec.name);
+        assert!(
+            crowd.environment.statuses().contains(&Status::Truncated),
+            "{}",
+            task.spec.name
+        );
         assert!(!crowd.environment.statuses().contains(&Status::Running));
     }
 }
@@ -269,8 +368,16 @@ fn assert_finite(task: &Description, physics: Physics, steps: usize) {
     let mut crowd = Crowd::new(task, physics, &names);
     for step in 0..steps / names.len() {
         crowd.step(&names, &names);
-        let numbers = crowd.environment.observations().iter().chain(crowd.environment.rewards());
-        assert!(numbers.copied().all(f32::is_finite), "{} {physics:?}: step {step}", task.spec.name);
+        let numbers = crowd
+            .environment
+            .observations()
+            .iter()
+            .chain(crowd.environment.rewards());
+        assert!(
+            numbers.copied().all(f32::is_finite),
+            "{} {physics:?}: step {step}",
+            task.spec.name
+        );
     }
 }
 

@@ -8,7 +8,10 @@ use std::time::{Duration, Instant};
 
 fn seedbed(folder: &Path, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_seedbed"));
-    command.current_dir(env!("CARGO_MANIFEST_DIR")).args(["run", "scenarios/cartpole.ron", "--quiet", "--out"]).arg(folder);
+    command
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["run", "scenarios/cartpole.ron", "--quiet", "--out"])
+        .arg(folder);
     command.args(more).stderr(Stdio::null());
     command
 }
@@ -19,8 +22,17 @@ fn finish(mut command: Command) {
 
 /// Everything that must not depend on how a run was run.
 fn results(folder: &Path) -> Vec<Vec<u8>> {
-    let names = ["episodes.csv", "rounds.csv", "policies.safetensors", "summary.json"];
-    names.map(|name| std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))).to_vec()
+    let names = [
+        "episodes.csv",
+        "rounds.csv",
+        "policies.safetensors",
+        "summary.json",
+    ];
+    names
+        .map(|name| {
+            std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+        })
+        .to_vec()
 }
 
 fn folders() -> (tempfile::TempDir, PathBuf, PathBuf) {
@@ -43,7 +55,10 @@ fn any_number_of_threads_gives_the_same_bits() {
 fn recording_changes_nothing() {
     let (_guard, with, without) = folders();
     finish(seedbed(&with, &SHORT));
-    finish(seedbed(&without, &[&SHORT[..], &["--no-recording"]].concat()));
+    finish(seedbed(
+        &without,
+        &[&SHORT[..], &["--no-recording"]].concat(),
+    ));
     assert_eq!(results(&with), results(&without));
 }
 
@@ -51,8 +66,24 @@ fn recording_changes_nothing() {
 fn advantages_on_record_change_nothing() {
     for schedule in ["schedule=Synchronous(episodes: 2)", ASYNCHRONOUS] {
         let (_guard, with, without) = folders();
-        let common = [&SHORT[..], &["--set", "algorithm.standardise=PerTrajectory", "--set", schedule]].concat();
-        finish(seedbed(&with, &[&common[..], &["--set", "recording.axes=[Observations, Advantage()]"]].concat()));
+        let common = [
+            &SHORT[..],
+            &[
+                "--set",
+                "algorithm.standardise=PerTrajectory",
+                "--set",
+                schedule,
+            ],
+        ]
+        .concat();
+        finish(seedbed(
+            &with,
+            &[
+                &common[..],
+                &["--set", "recording.axes=[Observations, Advantage()]"],
+            ]
+            .concat(),
+        ));
         finish(seedbed(&without, &common));
         assert_eq!(results(&with), results(&without));
     }
@@ -62,7 +93,10 @@ fn advantages_on_record_change_nothing() {
 fn another_seed_gives_another_run() {
     let (_guard, zero, one) = folders();
     finish(seedbed(&zero, &[&SHORT[..], &["--no-recording"]].concat()));
-    finish(seedbed(&one, &[&SHORT[..], &["--no-recording", "--seed", "1"]].concat()));
+    finish(seedbed(
+        &one,
+        &[&SHORT[..], &["--no-recording", "--seed", "1"]].concat(),
+    ));
     assert_ne!(results(&zero), results(&one));
 }
 
@@ -70,8 +104,14 @@ fn another_seed_gives_another_run() {
 fn asynchronous_agents_do_not_wait_for_threads_either() {
     let (_guard, one, three) = folders();
     let asynchronous = [&SHORT[..], &["--set", ASYNCHRONOUS]].concat();
-    finish(seedbed(&one, &[&asynchronous[..], &["--threads", "1"]].concat()));
-    finish(seedbed(&three, &[&asynchronous[..], &["--threads", "3"]].concat()));
+    finish(seedbed(
+        &one,
+        &[&asynchronous[..], &["--threads", "1"]].concat(),
+    ));
+    finish(seedbed(
+        &three,
+        &[&asynchronous[..], &["--threads", "3"]].concat(),
+    ));
     assert_eq!(results(&one), results(&three));
 }
 
@@ -80,7 +120,10 @@ fn curiosity_does_not_depend_on_threads() {
     let (_guard, one, three) = folders();
     let curious = [&SHORT[..], &["--set", "algorithm.bonus=Vime(seeds: Shift)"]].concat();
     finish(seedbed(&one, &[&curious[..], &["--threads", "1"]].concat()));
-    finish(seedbed(&three, &[&curious[..], &["--threads", "3"]].concat()));
+    finish(seedbed(
+        &three,
+        &[&curious[..], &["--threads", "3"]].concat(),
+    ));
     assert_eq!(results(&one), results(&three));
 }
 
@@ -90,7 +133,10 @@ fn alone_an_asynchronous_agent_is_a_synchronous_one() {
     let (_guard, waiting, hurried) = folders();
     let alone = ["--set", "stop=Episodes(30)", "--set", "agents.count=1"];
     finish(seedbed(&waiting, &alone));
-    finish(seedbed(&hurried, &[&alone[..], &["--set", ASYNCHRONOUS]].concat()));
+    finish(seedbed(
+        &hurried,
+        &[&alone[..], &["--set", ASYNCHRONOUS]].concat(),
+    ));
     assert_eq!(results(&waiting), results(&hurried));
 }
 
@@ -98,8 +144,14 @@ fn alone_an_asynchronous_agent_is_a_synchronous_one() {
 #[test]
 fn an_ensemble_in_lockstep_does_not_depend_on_threads_or_recordings() {
     let (_guard, one, three) = folders();
-    finish(seedbed(&one, &[&SHORT[..], &ENSEMBLE, &["--threads", "1", "--no-recording"]].concat()));
-    finish(seedbed(&three, &[&SHORT[..], &ENSEMBLE, &["--threads", "3"]].concat()));
+    finish(seedbed(
+        &one,
+        &[&SHORT[..], &ENSEMBLE, &["--threads", "1", "--no-recording"]].concat(),
+    ));
+    finish(seedbed(
+        &three,
+        &[&SHORT[..], &ENSEMBLE, &["--threads", "3"]].concat(),
+    ));
     assert_eq!(results(&one), results(&three));
 }
 
@@ -137,26 +189,46 @@ fn a_killed_run_resumes_to_the_same_bits() {
 /// There the checkpoint finds episodes half played and updates half done.
 #[test]
 fn a_killed_asynchronous_run_resumes_to_the_same_bits() {
-    is_resumed_to_the_same_bits(&["--set", ASYNCHRONOUS, "--set", "algorithm.observations=Running"]);
+    is_resumed_to_the_same_bits(&[
+        "--set",
+        ASYNCHRONOUS,
+        "--set",
+        "algorithm.observations=Running",
+    ]);
 }
 
 /// There the checkpoint holds a model of the dynamics and the transitions that it is trained on.
 #[test]
 fn a_killed_curious_run_resumes_to_the_same_bits() {
-    is_resumed_to_the_same_bits(&["--set", "algorithm.bonus=Vime(seeds: Scale, buffer: Kept(transitions: 5000))"]);
+    is_resumed_to_the_same_bits(&[
+        "--set",
+        "algorithm.bonus=Vime(seeds: Scale, buffer: Kept(transitions: 5000))",
+    ]);
 }
 
 /// Kills a run between checkpoints, as often as it takes to have some rounds behind the newest one.
 fn is_resumed_to_the_same_bits(more: &[&str]) {
     let (_guard, whole, killed) = folders();
-    let long = [&["--set", "stop=Episodes(120)", "--set", "checkpoint_every=20"], more].concat();
+    let long = [
+        &[
+            "--set",
+            "stop=Episodes(120)",
+            "--set",
+            "checkpoint_every=20",
+        ],
+        more,
+    ]
+    .concat();
     finish(seedbed(&whole, &long));
 
     let mut child = seedbed(&killed, &long).spawn().unwrap();
     wait_for(&mut child, &killed.join("checkpoint/state.bin"));
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(!killed.join("summary.json").exists(), "killed before its end");
+    assert!(
+        !killed.join("summary.json").exists(),
+        "killed before its end"
+    );
     finish(seedbed(&killed, &[&long[..], &["--resume"]].concat()));
 
     assert_eq!(results(&whole), results(&killed));
@@ -167,29 +239,69 @@ fn is_resumed_to_the_same_bits(more: &[&str]) {
 #[test]
 fn only_the_same_run_resumes() {
     let (_guard, folder, _) = folders();
-    let long = ["--set", "stop=Episodes(100000)", "--set", "checkpoint_every=5", "--no-recording"];
+    let long = [
+        "--set",
+        "stop=Episodes(100000)",
+        "--set",
+        "checkpoint_every=5",
+        "--no-recording",
+    ];
     let mut child = seedbed(&folder, &long).spawn().unwrap();
     wait_for(&mut child, &folder.join("checkpoint/state.bin"));
     child.kill().unwrap();
     child.wait().unwrap();
 
-    let other = seedbed(&folder, &["--no-recording", "--resume", "--set", "algorithm.discount=0.9"]).status().unwrap();
+    let other = seedbed(
+        &folder,
+        &[
+            "--no-recording",
+            "--resume",
+            "--set",
+            "algorithm.discount=0.9",
+        ],
+    )
+    .status()
+    .unwrap();
     assert_eq!(other.code(), Some(2));
-    let before = std::fs::read_to_string(folder.join("rounds.csv")).unwrap().lines().count() / 4;
+    let before = std::fs::read_to_string(folder.join("rounds.csv"))
+        .unwrap()
+        .lines()
+        .count()
+        / 4;
     let resume = |episodes: usize| {
         let stop = format!("stop=Episodes({episodes})");
-        seedbed(&folder, &["--no-recording", "--resume", "--set", "checkpoint_every=5", "--set", &stop]).status().unwrap()
+        seedbed(
+            &folder,
+            &[
+                "--no-recording",
+                "--resume",
+                "--set",
+                "checkpoint_every=5",
+                "--set",
+                &stop,
+            ],
+        )
+        .status()
+        .unwrap()
     };
     assert_eq!(resume(1).code(), Some(2), "an end that has passed");
     assert!(resume(before + 50).success());
     let stop = format!("stop: Episodes({})", before + 50);
-    assert!(std::fs::read_to_string(folder.join("scenario.ron")).unwrap().contains(&stop), "the stored scenario tells the truth");
+    assert!(
+        std::fs::read_to_string(folder.join("scenario.ron"))
+            .unwrap()
+            .contains(&stop),
+        "the stored scenario tells the truth"
+    );
 }
 
 fn wait_for(child: &mut Child, file: &Path) {
     let patience = Instant::now() + Duration::from_mins(1);
     while !file.exists() {
-        assert!(child.try_wait().unwrap().is_none(), "the run ended before its first checkpoint");
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "the run ended before its first checkpoint"
+        );
         assert!(Instant::now() < patience, "no checkpoint within a minute");
         std::thread::sleep(Duration::from_millis(1));
     }

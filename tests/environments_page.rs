@@ -10,7 +10,10 @@ const PAGE: &str = include_str!("../envs/README.md");
 
 /// The page's blocks of RON, which are whole files.
 fn files() -> Vec<&'static str> {
-    PAGE.split("```ron\n").skip(1).map(|rest| rest.split("```").next().expect("a block has an end")).collect()
+    PAGE.split("```ron\n")
+        .skip(1)
+        .map(|rest| rest.split("```").next().expect("a block has an end"))
+        .collect()
 }
 
 #[test]
@@ -18,14 +21,27 @@ fn every_file_of_the_page_runs() {
     let files = files();
     assert!(files.len() >= 5);
     for (index, text) in files.into_iter().enumerate() {
-        let task = parse("mine", &format!("block {index}"), text.to_owned()).unwrap_or_else(|error| panic!("{error}"));
-        for physics in [Some(Physics::Rapier), task.twin.map(|_| Physics::Analytic)].into_iter().flatten() {
+        let task = parse("mine", &format!("block {index}"), text.to_owned())
+            .unwrap_or_else(|error| panic!("{error}"));
+        for physics in [Some(Physics::Rapier), task.twin.map(|_| Physics::Analytic)]
+            .into_iter()
+            .flatten()
+        {
             let mut environment = build(&task, physics, 1).unwrap();
             environment.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
             let before = environment.observations().to_vec();
             (0..5).for_each(|_| environment.step(&[1.0]));
-            assert_ne!(before, environment.observations(), "block {index}: nothing moves");
-            assert!(environment.observations().iter().all(|value| value.is_finite()));
+            assert_ne!(
+                before,
+                environment.observations(),
+                "block {index}: nothing moves"
+            );
+            assert!(
+                environment
+                    .observations()
+                    .iter()
+                    .all(|value| value.is_finite())
+            );
         }
     }
 }
@@ -73,11 +89,18 @@ fn the_page_names_every_construct() {
     ] {
         assert!(file.contains(place), "{place}");
         let error = parse("mine", "mine", file.replacen(place, instead, 1)).unwrap_err();
-        let known = error.message.split_once(", expected one of ").or(error.message.split_once(", expected "));
+        let known = error
+            .message
+            .split_once(", expected one of ")
+            .or(error.message.split_once(", expected "));
         let (_, names) = known.unwrap_or_else(|| panic!("{instead}: {error}"));
         for name in names.split('`').skip(1).step_by(2) {
             let named = PAGE.contains(&format!("`{name}`")) || PAGE.contains(&format!("`{name}("));
-            assert!(named, "the page does not name `{name}`, which can stand in `{}`", error.field);
+            assert!(
+                named,
+                "the page does not name `{name}`, which can stand in `{}`",
+                error.field
+            );
         }
     }
 }

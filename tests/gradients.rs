@@ -34,7 +34,11 @@ fn reference() -> Reference {
 
 /// Runs `check` on every case, of which there are this many at least.
 fn each<Case>(cases: &[Case], least: usize, check: impl Fn(&Case)) {
-    assert!(cases.len() >= least, "{} cases of at least {least}", cases.len());
+    assert!(
+        cases.len() >= least,
+        "{} cases of at least {least}",
+        cases.len()
+    );
     cases.iter().for_each(check);
 }
 
@@ -49,8 +53,15 @@ fn assert_gradient(name: &str, network: &Mlp, ours: &[f32], reference: &[f64]) {
     let mut rest = reference;
     for (tensor, _, ours) in network.tensors(ours) {
         let (reference, next) = rest.split_at(ours.len());
-        let largest = reference.iter().fold(0.0, |largest: f64, number| largest.max(number.abs()));
-        assert_close_at_scale(&format!("{name}: gradient of {tensor}"), ours, reference, largest);
+        let largest = reference
+            .iter()
+            .fold(0.0, |largest: f64, number| largest.max(number.abs()));
+        assert_close_at_scale(
+            &format!("{name}: gradient of {tensor}"),
+            ours,
+            reference,
+            largest,
+        );
         rest = next;
     }
 }
@@ -82,10 +93,18 @@ struct NetworkCase {
 fn networks() {
     each(&reference().networks, 2, |case| {
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
-        let outputs = network.forward(&case.parameters, &case.inputs, &mut activations).to_vec();
+        let outputs = network
+            .forward(&case.parameters, &case.inputs, &mut activations)
+            .to_vec();
         assert_close(&format!("{}: output", case.name), &outputs, &case.outputs);
         let mut gradient = vec![f32::NAN; network.parameter_count()];
-        network.backward(&case.parameters, &case.inputs, &mut activations, &outputs, &mut gradient);
+        network.backward(
+            &case.parameters,
+            &case.inputs,
+            &mut activations,
+            &outputs,
+            &mut gradient,
+        );
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }
@@ -108,17 +127,33 @@ fn categorical_distributions() {
         let (name, choices) = (&case.name, case.logits.len());
         let mut log_probs = case.logits.clone();
         categorical::log_softmax_in_place(&mut log_probs, choices);
-        assert_close(&format!("{name}: log-probability"), &log_probs, &case.log_probs);
-        assert_close(&format!("{name}: entropy"), &[categorical::entropy(&log_probs)], &[case.entropy]);
+        assert_close(
+            &format!("{name}: log-probability"),
+            &log_probs,
+            &case.log_probs,
+        );
+        assert_close(
+            &format!("{name}: entropy"),
+            &[categorical::entropy(&log_probs)],
+            &[case.entropy],
+        );
 
         let mut gradients = vec![f32::NAN; choices * choices];
         for (choice, gradient) in gradients.chunks_exact_mut(choices).enumerate() {
             categorical::log_prob_gradient(&log_probs, choice, 1.0, gradient);
         }
-        assert_close(&format!("{name}: gradient of log-probability"), &gradients, &case.log_prob_gradients);
+        assert_close(
+            &format!("{name}: gradient of log-probability"),
+            &gradients,
+            &case.log_prob_gradients,
+        );
         let mut gradient = vec![0.0; choices];
         categorical::add_entropy_gradient(&log_probs, 1.0, &mut gradient);
-        assert_close(&format!("{name}: gradient of entropy"), &gradient, &case.entropy_gradient);
+        assert_close(
+            &format!("{name}: gradient of entropy"),
+            &gradient,
+            &case.entropy_gradient,
+        );
     });
 }
 
@@ -137,11 +172,29 @@ struct GaussianCase {
 #[test]
 fn gaussian_distributions() {
     each(&reference().gaussian, 7, |case| {
-        let &GaussianCase { action, mean, log_deviation, .. } = case;
-        let name = |what| format!("action {action}, mean {mean}, log-deviation {log_deviation}: {what}");
-        assert_close(&name("log-density"), &[gaussian::log_density(action, mean, log_deviation)], &[case.log_density]);
-        assert_close(&name("gradient"), &gaussian::log_density_gradient(action, mean, log_deviation), &case.gradient);
-        assert_close(&name("entropy"), &[gaussian::entropy(log_deviation)], &[case.entropy]);
+        let &GaussianCase {
+            action,
+            mean,
+            log_deviation,
+            ..
+        } = case;
+        let name =
+            |what| format!("action {action}, mean {mean}, log-deviation {log_deviation}: {what}");
+        assert_close(
+            &name("log-density"),
+            &[gaussian::log_density(action, mean, log_deviation)],
+            &[case.log_density],
+        );
+        assert_close(
+            &name("gradient"),
+            &gaussian::log_density_gradient(action, mean, log_deviation),
+            &case.gradient,
+        );
+        assert_close(
+            &name("entropy"),
+            &[gaussian::entropy(log_deviation)],
+            &[case.entropy],
+        );
     });
 }
 
@@ -177,9 +230,17 @@ struct PolicyLossCase {
 #[test]
 fn policy_losses() {
     each(&reference().policy_losses, 60, |case| {
-        let &PolicyLossCase { loss, log_prob, behaviour, advantage, .. } = case;
+        let &PolicyLossCase {
+            loss,
+            log_prob,
+            behaviour,
+            advantage,
+            ..
+        } = case;
         let surrogate = loss.at(log_prob, behaviour, advantage);
-        let name = |what| format!("{loss:?} at log π {log_prob}, log μ {behaviour}, A {advantage}: {what}");
+        let name = |what| {
+            format!("{loss:?} at log π {log_prob}, log μ {behaviour}, A {advantage}: {what}")
+        };
         assert_close(&name("loss"), &[surrogate.loss], &[case.value]);
         assert_close(&name("slope"), &[surrogate.slope], &[case.slope]);
         assert_eq!(surrogate.clipped, case.slope == 0.0, "{}", name("clipped"));
@@ -188,8 +249,13 @@ fn policy_losses() {
 
 #[derive(Clone, Copy, Deserialize)]
 enum Head {
-    Categorical { choices: usize },
-    Gaussian { range: [f32; 2], initial_deviation: f32 },
+    Categorical {
+        choices: usize,
+    },
+    Gaussian {
+        range: [f32; 2],
+        initial_deviation: f32,
+    },
 }
 
 #[derive(Deserialize)]
@@ -213,24 +279,48 @@ impl PolicyCase {
     /// The objective's terms of one sample, and their gradient with respect to the network's outputs, as `agent::policy` composes it.
     fn sample(&self, index: usize, outputs: &[f32], gradient: &mut [f32]) -> f32 {
         let (action, weight) = (self.actions[index], 1.0 / self.actions.len() as f32);
-        let surrogate = |log_prob| self.loss.at(log_prob, self.behaviour[index], self.advantages[index]);
+        let surrogate = |log_prob| {
+            self.loss
+                .at(log_prob, self.behaviour[index], self.advantages[index])
+        };
         match self.head {
             Head::Categorical { choices } => {
                 let mut log_probs = outputs.to_vec();
                 categorical::log_softmax_in_place(&mut log_probs, choices);
                 let Surrogate { loss, slope, .. } = surrogate(log_probs[action as usize]);
-                categorical::log_prob_gradient(&log_probs, action as usize, weight * slope, gradient);
-                categorical::add_entropy_gradient(&log_probs, -weight * self.entropy_bonus, gradient);
+                categorical::log_prob_gradient(
+                    &log_probs,
+                    action as usize,
+                    weight * slope,
+                    gradient,
+                );
+                categorical::add_entropy_gradient(
+                    &log_probs,
+                    -weight * self.entropy_bonus,
+                    gradient,
+                );
                 weight * (loss - self.entropy_bonus * categorical::entropy(&log_probs))
             }
-            Head::Gaussian { range: [low, high], initial_deviation } => {
+            Head::Gaussian {
+                range: [low, high],
+                initial_deviation,
+            } => {
                 let (center, half_range) = (0.5 * (low + high), 0.5 * (high - low));
                 let relative = outputs[1] + initial_deviation.ln();
                 // ∂H/∂log σ = 1.
-                let free = if (-4.0..=1.0).contains(&relative) { 1.0 } else { 0.0 };
-                let (mean, log_deviation) = (half_range.mul_add(outputs[0], center), relative.clamp(-4.0, 1.0) + half_range.ln());
-                let Surrogate { loss, slope, .. } = surrogate(gaussian::log_density(action, mean, log_deviation));
-                let [by_mean, by_log_deviation] = gaussian::log_density_gradient(action, mean, log_deviation);
+                let free = if (-4.0..=1.0).contains(&relative) {
+                    1.0
+                } else {
+                    0.0
+                };
+                let (mean, log_deviation) = (
+                    half_range.mul_add(outputs[0], center),
+                    relative.clamp(-4.0, 1.0) + half_range.ln(),
+                );
+                let Surrogate { loss, slope, .. } =
+                    surrogate(gaussian::log_density(action, mean, log_deviation));
+                let [by_mean, by_log_deviation] =
+                    gaussian::log_density_gradient(action, mean, log_deviation);
                 gradient[0] = weight * slope * by_mean * half_range;
                 gradient[1] = free * weight * (slope * by_log_deviation - self.entropy_bonus);
                 weight * (loss - self.entropy_bonus * gaussian::entropy(log_deviation))
@@ -244,15 +334,32 @@ impl PolicyCase {
 fn whole_policies() {
     each(&reference().policies, 8, |case| {
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
-        let outputs = network.forward(&case.parameters, &case.states, &mut activations).to_vec();
+        let outputs = network
+            .forward(&case.parameters, &case.states, &mut activations)
+            .to_vec();
         let mut output_gradient = vec![f32::NAN; outputs.len()];
         let width = network.outputs();
-        let rows = outputs.chunks_exact(width).zip(output_gradient.chunks_exact_mut(width)).enumerate();
-        let value: f32 = rows.map(|(index, (outputs, gradient))| case.sample(index, outputs, gradient)).sum();
-        assert_close(&format!("{}: objective", case.name), &[value], &[case.value]);
+        let rows = outputs
+            .chunks_exact(width)
+            .zip(output_gradient.chunks_exact_mut(width))
+            .enumerate();
+        let value: f32 = rows
+            .map(|(index, (outputs, gradient))| case.sample(index, outputs, gradient))
+            .sum();
+        assert_close(
+            &format!("{}: objective", case.name),
+            &[value],
+            &[case.value],
+        );
 
         let mut gradient = vec![f32::NAN; network.parameter_count()];
-        network.backward(&case.parameters, &case.states, &mut activations, &output_gradient, &mut gradient);
+        network.backward(
+            &case.parameters,
+            &case.states,
+            &mut activations,
+            &output_gradient,
+            &mut gradient,
+        );
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }
@@ -276,14 +383,32 @@ fn whole_value_functions() {
     each(&reference().values, 2, |case| {
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
         let outputs = network.forward(&case.parameters, &case.states, &mut activations);
-        let errors: Vec<f32> = outputs.iter().zip(&case.targets).map(|(output, target)| output - target).collect();
+        let errors: Vec<f32> = outputs
+            .iter()
+            .zip(&case.targets)
+            .map(|(output, target)| output - target)
+            .collect();
         let share = 1.0 / errors.len() as f32;
-        let slopes: Vec<f32> = errors.iter().zip(&case.weights).map(|(error, weight)| share * weight * error).collect();
-        let value: f32 = errors.iter().zip(&slopes).map(|(error, slope)| 0.5 * error * slope).sum();
+        let slopes: Vec<f32> = errors
+            .iter()
+            .zip(&case.weights)
+            .map(|(error, weight)| share * weight * error)
+            .collect();
+        let value: f32 = errors
+            .iter()
+            .zip(&slopes)
+            .map(|(error, slope)| 0.5 * error * slope)
+            .sum();
         assert_close(&format!("{}: loss", case.name), &[value], &[case.value]);
 
         let mut gradient = vec![f32::NAN; network.parameter_count()];
-        network.backward(&case.parameters, &case.states, &mut activations, &slopes, &mut gradient);
+        network.backward(
+            &case.parameters,
+            &case.states,
+            &mut activations,
+            &slopes,
+            &mut gradient,
+        );
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }
@@ -319,18 +444,35 @@ impl ActionValueCase {
     /// Q = f + β p.
     fn values(&self, parameters: &[f32], states: &[f32]) -> Vec<f32> {
         let (network, mut activations) = (Mlp::new(&self.sizes), Activations::default());
-        let learned = network.forward(parameters, states, &mut activations).to_vec();
+        let learned = network
+            .forward(parameters, states, &mut activations)
+            .to_vec();
         let prior = network.forward(&self.prior, states, &mut activations);
-        learned.iter().zip(prior).map(|(learned, prior)| self.prior_scale.mul_add(*prior, *learned)).collect()
+        learned
+            .iter()
+            .zip(prior)
+            .map(|(learned, prior)| self.prior_scale.mul_add(*prior, *learned))
+            .collect()
     }
 
     /// r + z + γ Q′(s′, ·)
     fn targets(&self) -> Vec<f32> {
-        let rewards: Vec<f32> = self.rewards.iter().zip(&self.seeds).map(|(reward, z)| reward + z).collect();
+        let rewards: Vec<f32> = self
+            .rewards
+            .iter()
+            .zip(&self.seeds)
+            .map(|(reward, z)| reward + z)
+            .collect();
         let judged = self.values(&self.target, &self.next_states);
         let online = self.values(&self.parameters, &self.next_states);
         let mut targets = Vec::new();
-        q_learning::targets(&rewards, &self.discounts, &judged, if self.double { &online } else { &judged }, &mut targets);
+        q_learning::targets(
+            &rewards,
+            &self.discounts,
+            &judged,
+            if self.double { &online } else { &judged },
+            &mut targets,
+        );
         targets
     }
 }
@@ -340,18 +482,45 @@ impl ActionValueCase {
 fn whole_action_values() {
     each(&reference().action_values, 3, |case| {
         let (values, mut slopes) = (case.values(&case.parameters, &case.states), Vec::new());
-        let loss = q_learning::squared_error(&values, &case.actions, &case.targets(), &case.weights, &mut slopes);
-        let pull: Vec<f32> =
-            case.parameters.iter().zip(&case.start).map(|(now, start)| case.regularisation * (now - start)).collect();
-        let penalty: f32 =
-            pull.iter().zip(&case.parameters).zip(&case.start).map(|((pull, now), start)| 0.5 * pull * (now - start)).sum();
-        assert_close(&format!("{}: loss", case.name), &[loss + penalty], &[case.value]);
+        let loss = q_learning::squared_error(
+            &values,
+            &case.actions,
+            &case.targets(),
+            &case.weights,
+            &mut slopes,
+        );
+        let pull: Vec<f32> = case
+            .parameters
+            .iter()
+            .zip(&case.start)
+            .map(|(now, start)| case.regularisation * (now - start))
+            .collect();
+        let penalty: f32 = pull
+            .iter()
+            .zip(&case.parameters)
+            .zip(&case.start)
+            .map(|((pull, now), start)| 0.5 * pull * (now - start))
+            .sum();
+        assert_close(
+            &format!("{}: loss", case.name),
+            &[loss + penalty],
+            &[case.value],
+        );
 
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
         network.forward(&case.parameters, &case.states, &mut activations);
         let mut gradient = vec![f32::NAN; network.parameter_count()];
-        network.backward(&case.parameters, &case.states, &mut activations, &slopes, &mut gradient);
-        gradient.iter_mut().zip(pull).for_each(|(slope, pull)| *slope += pull);
+        network.backward(
+            &case.parameters,
+            &case.states,
+            &mut activations,
+            &slopes,
+            &mut gradient,
+        );
+        gradient
+            .iter_mut()
+            .zip(pull)
+            .for_each(|(slope, pull)| *slope += pull);
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }
@@ -380,7 +549,12 @@ fn steps_of_adam() {
             optimiser.descend(&mut parameters, gradient, case.factor);
             trajectory.extend_from_slice(&parameters);
         }
-        assert_close_at_scale(&format!("{}: parameter", case.name), &trajectory, &case.trajectory, 0.1);
+        assert_close_at_scale(
+            &format!("{}: parameter", case.name),
+            &trajectory,
+            &case.trajectory,
+            0.1,
+        );
     });
 }
 
@@ -410,12 +584,33 @@ fn updates_of_pop_art() {
         for (update, targets) in case.targets.iter().enumerate() {
             let (weight, bias) = network.output_layer(&mut parameters);
             normaliser.update(targets, weight, bias);
-            let (mean, deviation, name) = (normaliser.mean(), normaliser.deviation(), format!("{}: update {update}", case.name));
-            assert_close(&format!("{name}: mean"), &[mean], &case.means[update..=update]);
-            assert_close(&format!("{name}: deviation"), &[deviation], &case.deviations[update..=update]);
-            let normalised = network.forward(&parameters, &case.inputs, &mut activations).iter();
-            let outputs: Vec<f32> = normalised.map(|output| deviation.mul_add(*output, mean)).collect();
-            assert_close_at_scale(&format!("{name}: output"), &outputs, &case.denormalised, case.means[update]);
+            let (mean, deviation, name) = (
+                normaliser.mean(),
+                normaliser.deviation(),
+                format!("{}: update {update}", case.name),
+            );
+            assert_close(
+                &format!("{name}: mean"),
+                &[mean],
+                &case.means[update..=update],
+            );
+            assert_close(
+                &format!("{name}: deviation"),
+                &[deviation],
+                &case.deviations[update..=update],
+            );
+            let normalised = network
+                .forward(&parameters, &case.inputs, &mut activations)
+                .iter();
+            let outputs: Vec<f32> = normalised
+                .map(|output| deviation.mul_add(*output, mean))
+                .collect();
+            assert_close_at_scale(
+                &format!("{name}: output"),
+                &outputs,
+                &case.denormalised,
+                case.means[update],
+            );
         }
     });
 }

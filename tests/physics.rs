@@ -18,7 +18,8 @@ type State = [f64; 4];
 const NAMES: [&str; 4] = ["x", "theta", "x_dot", "theta_dot"];
 
 fn task(path: &str) -> Description {
-    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap_or_else(|error| panic!("{error}"))
+    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join(path))
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The cart-pole with `iterations` substeps in a control step.
@@ -42,13 +43,18 @@ fn start(dynamics: &mut dyn Dynamics, copy: usize, [x, theta, speed, rate]: Stat
 }
 
 fn state(dynamics: &dyn Dynamics, copy: usize) -> State {
-    let ((x, speed), (theta, rate)) = (dynamics.joints().get(0, copy), dynamics.joints().get(1, copy));
+    let ((x, speed), (theta, rate)) = (
+        dynamics.joints().get(0, copy),
+        dynamics.joints().get(1, copy),
+    );
     [x, theta, speed, rate].map(f64::from)
 }
 
 /// One control step by the exact equations: 200 Runge–Kutta steps of 1e-4 s, whose error is below 1e-12.
 fn truth(equations: &CartPole, start: State, force: f64) -> State {
-    (0..200).fold(start, |state, _| equations.runge_kutta(state, force, 0.0, 1e-4))
+    (0..200).fold(start, |state, _| {
+        equations.runge_kutta(state, force, 0.0, 1e-4)
+    })
 }
 
 fn random() -> Stream {
@@ -80,7 +86,10 @@ fn one_step_error(iterations: u32) -> State {
         let (before, force) = (random_state(&mut random), random_force(&mut random));
         start(&mut *bodies, 0, before);
         bodies.step(&[force as f32]);
-        larger(worst, difference(state(&*bodies, 0), truth(&equations, before, force)))
+        larger(
+            worst,
+            difference(state(&*bodies, 0), truth(&equations, before, force)),
+        )
     })
 }
 
@@ -93,11 +102,21 @@ fn the_error_of_one_step_halves_when_substeps_double() {
     for (coarse, fine) in errors.iter().zip(&errors[1..]) {
         for i in [0, 1] {
             let ratio = coarse[i] / fine[i];
-            assert!((1.95..2.05).contains(&ratio), "{}: {} and {}, a ratio of {ratio}", NAMES[i], coarse[i], fine[i]);
+            assert!(
+                (1.95..2.05).contains(&ratio),
+                "{}: {} and {}, a ratio of {ratio}",
+                NAMES[i],
+                coarse[i],
+                fine[i]
+            );
         }
     }
     for (i, most) in [5.5e-4, 1.1e-3, 4e-4, 3e-3].into_iter().enumerate() {
-        assert!(errors.iter().all(|error| error[i] < most), "{}: {errors:?}", NAMES[i]);
+        assert!(
+            errors.iter().all(|error| error[i] < most),
+            "{}: {errors:?}",
+            NAMES[i]
+        );
     }
 }
 
@@ -107,11 +126,23 @@ fn one_step_is_four_times_closer_than_gyms() {
     let (equations, mut random) = (exact(&cart_pole(4)), random());
     let gym = (0..500).fold([0.0; 4], |worst, _| {
         let (before, force) = (random_state(&mut random), random_force(&mut random));
-        larger(worst, difference(equations.gym_euler(before, force, 0.02), truth(&equations, before, force)))
+        larger(
+            worst,
+            difference(
+                equations.gym_euler(before, force, 0.02),
+                truth(&equations, before, force),
+            ),
+        )
     });
     let bodies = one_step_error(4);
-    assert!((0..2).all(|i| (3.9..4.1).contains(&(gym[i] / bodies[i]))), "{gym:?}, {bodies:?}");
-    assert!((2..4).all(|i| bodies[i] < 0.6 * gym[i]), "{gym:?}, {bodies:?}");
+    assert!(
+        (0..2).all(|i| (3.9..4.1).contains(&(gym[i] / bodies[i]))),
+        "{gym:?}, {bodies:?}"
+    );
+    assert!(
+        (2..4).all(|i| bodies[i] < 0.6 * gym[i]),
+        "{gym:?}, {bodies:?}"
+    );
 }
 
 /// Ten trials of 500 steps: a random force of ±10 N plus a stabilising feedback on each simulator's own state, so that errors neither
@@ -125,7 +156,9 @@ fn closed_loop_error(advance: &mut dyn FnMut(State, f64, bool) -> State) -> Stat
         let mut simulated = exact;
         for step in 0..500 {
             let push = random_force(&mut random);
-            let force = |[x, theta, speed, rate]: State| push + 2.0 * x + 40.0 * theta + 4.0 * speed + 8.0 * rate;
+            let force = |[x, theta, speed, rate]: State| {
+                push + 2.0 * x + 40.0 * theta + 4.0 * speed + 8.0 * rate
+            };
             exact = truth(&equations, exact, force(exact));
             simulated = advance(simulated, force(simulated), step == 0);
             worst = larger(worst, difference(exact, simulated));
@@ -154,7 +187,12 @@ fn a_controlled_run_is_closer_to_the_truth_than_gym() {
         let bodies = closed_loop_error_of_bodies(iterations);
         println!("{iterations} substeps: {bodies:?}; Gym: {gym:?}");
         for (i, name) in NAMES.into_iter().enumerate() {
-            assert!(bodies[i] * factor <= gym[i], "{name} with {iterations} substeps: {} against Gym's {}", bodies[i], gym[i]);
+            assert!(
+                bodies[i] * factor <= gym[i],
+                "{name} with {iterations} substeps: {} against Gym's {}",
+                bodies[i],
+                gym[i]
+            );
         }
     }
 }
@@ -169,10 +207,14 @@ fn the_equations_are_gyms() {
     for _ in 0..1000 {
         let ([_, theta, _, rate], force) = (random_state(&mut random), random_force(&mut random));
         let temp = (force + 0.05 * rate * rate * theta.sin()) / 1.1;
-        let spin = (9.8 * theta.sin() - theta.cos() * temp) / (0.5 * (4.0 / 3.0 - 0.1 * theta.cos().powi(2) / 1.1));
+        let spin = (9.8 * theta.sin() - theta.cos() * temp)
+            / (0.5 * (4.0 / 3.0 - 0.1 * theta.cos().powi(2) / 1.1));
         let acceleration = temp - 0.05 * spin * theta.cos() / 1.1;
         let found = equations.accelerations(theta, rate, force, 0.0);
-        assert!((found[0] - acceleration).abs() < 1e-12 && (found[1] - spin).abs() < 1e-12, "{found:?}");
+        assert!(
+            (found[0] - acceleration).abs() < 1e-12 && (found[1] - spin).abs() < 1e-12,
+            "{found:?}"
+        );
     }
 }
 
@@ -185,11 +227,15 @@ fn a_free_swing_keeps_its_energy() {
     let task = cart_pole(4);
     let equations = exact(&task);
     let mut bodies = rigid(&task, SWINGS.len());
-    SWINGS.iter().enumerate().for_each(|(copy, &theta)| start(&mut *bodies, copy, [0.0, theta, 0.0, 0.0]));
+    SWINGS
+        .iter()
+        .enumerate()
+        .for_each(|(copy, &theta)| start(&mut *bodies, copy, [0.0, theta, 0.0, 0.0]));
     for _ in 0..1000 {
         bodies.step(&[0.0; SWINGS.len()]);
         for (copy, &theta) in SWINGS.iter().enumerate() {
-            let change = equations.energy(state(&*bodies, copy)) - equations.energy([0.0, theta, 0.0, 0.0]);
+            let change =
+                equations.energy(state(&*bodies, copy)) - equations.energy([0.0, theta, 0.0, 0.0]);
             assert!(change.abs() < 0.01, "from {theta} rad: {change} J");
         }
     }
@@ -206,7 +252,10 @@ fn the_twin_is_exact() {
         let energy = equations.energy(swing);
         for _ in 0..4000 {
             swing = equations.runge_kutta(swing, 0.0, 0.0, 0.005);
-            assert!((equations.energy(swing) - energy).abs() < 1e-6, "from {theta} rad");
+            assert!(
+                (equations.energy(swing) - energy).abs() < 1e-6,
+                "from {theta} rad"
+            );
         }
     }
     let mut random = random();
@@ -244,7 +293,10 @@ fn a_force_gives_both_masses_their_momentum() {
     for step in 1..=50 {
         bodies.step(&[3.0]);
         let gained = momentum(state(&*bodies, 0)) - before;
-        assert!((gained - 3.0 * 0.02 * f64::from(step)).abs() < 2e-3, "after {step} steps: {gained} N s");
+        assert!(
+            (gained - 3.0 * 0.02 * f64::from(step)).abs() < 2e-3,
+            "after {step} steps: {gained} N s"
+        );
     }
 }
 
@@ -253,9 +305,14 @@ fn a_force_gives_both_masses_their_momentum() {
 #[test]
 fn a_small_swing_has_the_period_of_the_poles_inertia() {
     let inertia = 0.1 / 12.0 + 0.1 * 0.25;
-    let expected = std::f64::consts::TAU / (1.1 * 0.05 * 9.8 / (1.1 * inertia - 0.05_f64.powi(2))).sqrt();
+    let expected =
+        std::f64::consts::TAU / (1.1 * 0.05 * 9.8 / (1.1 * inertia - 0.05_f64.powi(2))).sqrt();
     let mut bodies = rigid(&cart_pole(16), 1);
-    start(&mut *bodies, 0, [0.0, std::f64::consts::PI - 0.02, 0.0, 0.0]);
+    start(
+        &mut *bodies,
+        0,
+        [0.0, std::f64::consts::PI - 0.02, 0.0, 0.0],
+    );
     let mut crossings = Vec::new();
     let mut before = -0.02;
     for step in 1..=1000 {
@@ -267,7 +324,10 @@ fn a_small_swing_has_the_period_of_the_poles_inertia() {
         before = angle;
     }
     let period = (crossings[crossings.len() - 1] - crossings[0]) / (crossings.len() - 1) as f64;
-    assert!((period / expected - 1.0).abs() < 1e-3, "{period} s instead of {expected} s");
+    assert!(
+        (period / expected - 1.0).abs() < 1e-3,
+        "{period} s instead of {expected} s"
+    );
 }
 
 /// Full turns are counted: a fast pole goes round and its angle goes on growing.
@@ -298,18 +358,31 @@ fn a_slide_falls_along_its_slope() {
     let along = 0.5 * 0.3_f64.cos() - 9.81 * 0.3_f64.sin() + 30.0 * 0.1 / 2.0;
     (0..50).for_each(|_| bodies.step(&[0.1, 0.0, 0.0]));
     let (_, speed) = bodies.joints().get(0, 0);
-    assert!((f64::from(speed) - along * 0.5).abs() < 2e-3, "{speed} m/s instead of {}", along * 0.5);
+    assert!(
+        (f64::from(speed) - along * 0.5).abs() < 2e-3,
+        "{speed} m/s instead of {}",
+        along * 0.5
+    );
 }
 
 /// Mean lengths of 4000 episodes of random pushes: the rigid bodies' lies within the 95 % interval of the exact equations'.
 #[test]
 fn random_episodes_are_as_long_as_the_twins() {
     let task = cart_pole(4);
-    let [twin, bodies] = [Physics::Analytic, Physics::Rapier].map(|physics| episode_lengths(&task, physics));
+    let [twin, bodies] =
+        [Physics::Analytic, Physics::Rapier].map(|physics| episode_lengths(&task, physics));
     let mean = |lengths: &[f64]| lengths.iter().sum::<f64>() / lengths.len() as f64;
-    let variance = twin.iter().map(|length| (length - mean(&twin)).powi(2)).sum::<f64>() / (twin.len() - 1) as f64;
+    let variance = twin
+        .iter()
+        .map(|length| (length - mean(&twin)).powi(2))
+        .sum::<f64>()
+        / (twin.len() - 1) as f64;
     let half_width = 1.96 * (variance / twin.len() as f64).sqrt();
-    println!("twin {} ± {half_width}, bodies {}", mean(&twin), mean(&bodies));
+    println!(
+        "twin {} ± {half_width}, bodies {}",
+        mean(&twin),
+        mean(&bodies)
+    );
     assert!((mean(&twin) - mean(&bodies)).abs() < half_width);
 }
 
@@ -319,7 +392,9 @@ fn episode_lengths(task: &Description, physics: Physics) -> Vec<f64> {
     let mut environment = build(task, physics, COPIES).expect("the cart-pole has a twin");
     let mut lengths = Vec::new();
     for round in 0..63 {
-        let mut pushes: Vec<_> = (0..COPIES as u32).map(|copy| stream(3, Purpose::Action, copy, round)).collect();
+        let mut pushes: Vec<_> = (0..COPIES as u32)
+            .map(|copy| stream(3, Purpose::Action, copy, round))
+            .collect();
         for copy in 0..COPIES {
             environment.reset(copy, &mut stream(3, Purpose::Reset, copy as u32, round));
         }
@@ -329,7 +404,10 @@ fn episode_lengths(task: &Description, physics: Physics) -> Vec<f64> {
                 .iter_mut()
                 .zip(environment.statuses())
                 .for_each(|(n, &status)| *n += f64::from(u8::from(status == Status::Running)));
-            let actions: Vec<_> = pushes.iter_mut().map(|push| f32::from(u8::from(push.random::<bool>()))).collect();
+            let actions: Vec<_> = pushes
+                .iter_mut()
+                .map(|push| f32::from(u8::from(push.random::<bool>())))
+                .collect();
             environment.step(&actions);
         }
         lengths.extend(length);
@@ -340,10 +418,22 @@ fn episode_lengths(task: &Description, physics: Physics) -> Vec<f64> {
 /// The bits of fixed runs, the same on every machine. They change only when Rapier, its settings or a task file do.
 #[test]
 fn fixed_runs_have_golden_bits() {
-    assert_eq!(format!("{:016x}", hash_of_run(&cart_pole(4), 2, 1)), GOLDEN_CART_POLE);
-    assert_eq!(format!("{:016x}", hash_of_run(&task("tests/envs/crane.ron"), 4, 3)), GOLDEN_CRANE);
+    assert_eq!(
+        format!("{:016x}", hash_of_run(&cart_pole(4), 2, 1)),
+        GOLDEN_CART_POLE
+    );
+    assert_eq!(
+        format!("{:016x}", hash_of_run(&task("tests/envs/crane.ron"), 4, 3)),
+        GOLDEN_CRANE
+    );
     // Six joints and a free body; four actuators and a field.
-    assert_eq!(format!("{:016x}", hash_of_run(&task("tests/envs/workshop.ron"), 9, 5)), GOLDEN_WORKSHOP);
+    assert_eq!(
+        format!(
+            "{:016x}",
+            hash_of_run(&task("tests/envs/workshop.ron"), 9, 5)
+        ),
+        GOLDEN_WORKSHOP
+    );
 }
 
 const GOLDEN_CART_POLE: &str = "e307e24cf556cf26";
@@ -359,7 +449,10 @@ fn hash_of_run(task: &Description, joints: usize, actuators: usize) -> u64 {
         let control = if step * step % 7 < 3 { 0.8 } else { -0.7 };
         bodies.step(&vec![control; actuators]);
         let coordinates = (0..joints).map(|joint| bodies.joints().get(joint, 0));
-        for byte in coordinates.flat_map(|(position, velocity)| [position, velocity]).flat_map(f32::to_le_bytes) {
+        for byte in coordinates
+            .flat_map(|(position, velocity)| [position, velocity])
+            .flat_map(f32::to_le_bytes)
+        {
             hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
     }

@@ -5,7 +5,9 @@
 
 use rand_distr::{Distribution, StandardNormal};
 use seedbed::random::{Purpose, stream};
-use seedbed::study::statistics::aggregate::{interquartile_mean, mean, mean_of_tasks, median, median_of_tasks, optimality_gap};
+use seedbed::study::statistics::aggregate::{
+    interquartile_mean, mean, mean_of_tasks, median, median_of_tasks, optimality_gap,
+};
 use seedbed::study::statistics::bootstrap::RESAMPLES;
 use seedbed::study::statistics::comparison::{holm, welch};
 use seedbed::study::statistics::improvement::probability_of_improvement;
@@ -51,16 +53,24 @@ fn reference() -> Reference {
 }
 
 fn assert_close(name: &str, ours: f64, reference: f64) {
-    assert!((ours - reference).abs() <= ROUNDING * reference.abs().max(1.0), "{name}: {ours}, the reference has {reference}");
+    assert!(
+        (ours - reference).abs() <= ROUNDING * reference.abs().max(1.0),
+        "{name}: {ours}, the reference has {reference}"
+    );
 }
 
 /// For tails, whose first digits count however small they are.
 fn assert_relatively_close(name: &str, ours: f64, reference: f64) {
-    assert!((ours - reference).abs() <= ROUNDING * reference.abs(), "{name}: {ours}, the reference has {reference}");
+    assert!(
+        (ours - reference).abs() <= ROUNDING * reference.abs(),
+        "{name}: {ours}, the reference has {reference}"
+    );
 }
 
 fn ends(interval: Interval) -> (f64, f64) {
-    let Interval::Known { low, high } = interval else { panic!("no interval") };
+    let Interval::Known { low, high } = interval else {
+        panic!("no interval")
+    };
     (low, high)
 }
 
@@ -70,7 +80,10 @@ fn assert_estimate(name: &str, ours: &Estimate, reference: &ReferenceEstimate, s
     let (low, high) = ends(ours.interval);
     let tolerance = (MONTE_CARLO * (reference.high - reference.low)).max(step) + ROUNDING;
     for (end, ours, reference) in [("low", low, reference.low), ("high", high, reference.high)] {
-        assert!((ours - reference).abs() <= tolerance, "{name}, {end}: {ours}, the reference has {reference} ± {tolerance}");
+        assert!(
+            (ours - reference).abs() <= tolerance,
+            "{name}, {end}: {ours}, the reference has {reference} ± {tolerance}"
+        );
     }
 }
 
@@ -87,15 +100,28 @@ struct AggregateCase {
 #[test]
 fn aggregates_are_those_of_rliable() {
     let reference = reference();
-    assert_eq!((reference.resamples, reference.aggregates.len()), (RESAMPLES, 4));
+    assert_eq!(
+        (reference.resamples, reference.aggregates.len()),
+        (RESAMPLES, 4)
+    );
     for case in &reference.aggregates {
-        let check = |kind: &str, reference: &ReferenceEstimate, statistic: &dyn Fn(&[Vec<f64>]) -> f64| {
-            assert_estimate(&format!("{}, {kind}", case.name), &estimate(&case.scores, statistic), reference, 0.0);
-        };
+        let check =
+            |kind: &str, reference: &ReferenceEstimate, statistic: &dyn Fn(&[Vec<f64>]) -> f64| {
+                assert_estimate(
+                    &format!("{}, {kind}", case.name),
+                    &estimate(&case.scores, statistic),
+                    reference,
+                    0.0,
+                );
+            };
         check("mean", &case.mean, &mean_of_tasks);
         check("median", &case.median, &median_of_tasks);
-        check("IQM", &case.interquartile_mean, &|tasks| interquartile_mean(&tasks.concat()));
-        check("gap", &case.optimality_gap, &|tasks| optimality_gap(&tasks.concat(), reference.goal));
+        check("IQM", &case.interquartile_mean, &|tasks| {
+            interquartile_mean(&tasks.concat())
+        });
+        check("gap", &case.optimality_gap, &|tasks| {
+            optimality_gap(&tasks.concat(), reference.goal)
+        });
     }
 }
 
@@ -111,9 +137,20 @@ struct ImprovementCase {
 fn the_probability_of_improvement_is_rliables() {
     let cases = reference().improvements;
     assert_eq!(cases.len(), 2);
-    for ImprovementCase { name, x, y, probability } in cases {
+    for ImprovementCase {
+        name,
+        x,
+        y,
+        probability,
+    } in cases
+    {
         let step = 0.5 / (x[0].len() * y[0].len() * x.len()) as f64;
-        assert_estimate(&name, &probability_of_improvement(&x, &y), &probability, step);
+        assert_estimate(
+            &name,
+            &probability_of_improvement(&x, &y),
+            &probability,
+            step,
+        );
     }
 }
 
@@ -126,7 +163,11 @@ struct ProfileCase {
 
 #[test]
 fn the_performance_profile_is_rliables() {
-    let ProfileCase { scores, thresholds, points } = reference().profile;
+    let ProfileCase {
+        scores,
+        thresholds,
+        points,
+    } = reference().profile;
     let ours = performance_profile(&scores, &thresholds);
     assert_eq!((ours.len(), points.len()), (7, 7));
     let step = 1.0 / scores.concat().len() as f64;
@@ -150,8 +191,18 @@ fn paired_differences_have_scipys_intervals() {
     assert_eq!(cases.len(), 2);
     for case in cases {
         let differences = differences(&case.x, &case.y);
-        assert_estimate(&format!("{}, mean", case.name), &estimate_of_sample(&differences, mean), &case.mean, 0.0);
-        assert_estimate(&format!("{}, median", case.name), &estimate_of_sample(&differences, median), &case.median, 0.0);
+        assert_estimate(
+            &format!("{}, mean", case.name),
+            &estimate_of_sample(&differences, mean),
+            &case.mean,
+            0.0,
+        );
+        assert_estimate(
+            &format!("{}, median", case.name),
+            &estimate_of_sample(&differences, median),
+            &case.median,
+            0.0,
+        );
     }
 }
 
@@ -171,9 +222,17 @@ fn the_signed_rank_test_is_scipys() {
         let ours = signed_rank(&case.differences);
         assert_relatively_close(&case.name, ours.p, case.p);
         // Under a permutation scipy reports the sum of positive ranks.
-        let other = case.differences.iter().filter(|difference| **difference != 0.0).count() as f64;
+        let other = case
+            .differences
+            .iter()
+            .filter(|difference| **difference != 0.0)
+            .count() as f64;
         let all = other * (other + 1.0) / 2.0;
-        assert_close(&case.name, ours.statistic, case.statistic.min(all - case.statistic));
+        assert_close(
+            &case.name,
+            ours.statistic,
+            case.statistic.min(all - case.statistic),
+        );
     }
 }
 
@@ -211,7 +270,9 @@ fn holms_correction_is_that_of_statsmodels() {
     for case in cases {
         let ours = holm(&case.p);
         assert_eq!(ours.len(), case.corrected.len());
-        ours.iter().zip(&case.corrected).for_each(|(ours, &reference)| assert_relatively_close("Holm", *ours, reference));
+        ours.iter()
+            .zip(&case.corrected)
+            .for_each(|(ours, &reference)| assert_relatively_close("Holm", *ours, reference));
     }
 }
 
@@ -223,7 +284,11 @@ struct Lifetimes {
 
 impl Lifetimes {
     fn runs(&self) -> Vec<Lifetime> {
-        self.times.iter().zip(&self.reached).map(|(&time, &reached)| Lifetime { time, reached }).collect()
+        self.times
+            .iter()
+            .zip(&self.reached)
+            .map(|(&time, &reached)| Lifetime { time, reached })
+            .collect()
     }
 }
 
@@ -250,7 +315,14 @@ struct ReferenceStep {
 fn survival_curves_are_those_of_scipy_and_bands_those_of_lifelines() {
     let cases = reference().survival;
     assert_eq!(cases.len(), 8);
-    for SurvivalCase { name, times, reached, steps, .. } in cases {
+    for SurvivalCase {
+        name,
+        times,
+        reached,
+        steps,
+        ..
+    } in cases
+    {
         let curve = kaplan_meier(&Lifetimes { times, reached }.runs());
         assert_eq!(curve.steps.len(), steps.len(), "{name}");
         for (ours, reference) in curve.steps.iter().zip(&steps) {
@@ -267,13 +339,25 @@ fn survival_curves_are_those_of_scipy_and_bands_those_of_lifelines() {
 #[test]
 fn median_times_are_those_of_lifelines() {
     let mut rests = 0;
-    for SurvivalCase { name, times, reached, steps, median: start, median_low, median_high } in reference().survival {
+    for SurvivalCase {
+        name,
+        times,
+        reached,
+        steps,
+        median: start,
+        median_low,
+        median_high,
+    } in reference().survival
+    {
         let curve = kaplan_meier(&Lifetimes { times, reached }.runs());
         let rest = steps.windows(2).find(|pair| pair[0].survival == 0.5);
         let halfway = rest.map(|pair| f64::midpoint(start.unwrap(), pair[1].time));
         rests += usize::from(rest.is_some());
         assert_eq!(curve.median(), halfway.or(start), "{name}");
-        let expected = (median_low.unwrap_or(f64::INFINITY), median_high.unwrap_or(f64::INFINITY));
+        let expected = (
+            median_low.unwrap_or(f64::INFINITY),
+            median_high.unwrap_or(f64::INFINITY),
+        );
         assert_eq!(ends(curve.median_interval()), expected, "{name}");
     }
     assert!(rests >= 2, "{rests} curves rest on ½");
@@ -303,11 +387,17 @@ fn the_log_rank_test_is_scipys() {
 fn coverage(statistic: impl Fn(&[f64]) -> f64) -> f64 {
     let samples = 200;
     let contains_truth = |sample: u32| {
-        let normals: Vec<f64> = StandardNormal.sample_iter(stream(1, Purpose::Preview, 0, sample)).take(20).collect();
+        let normals: Vec<f64> = StandardNormal
+            .sample_iter(stream(1, Purpose::Preview, 0, sample))
+            .take(20)
+            .collect();
         let (low, high) = ends(estimate_of_sample(&normals, &statistic).interval);
         low <= 0.0 && 0.0 <= high
     };
-    (0..samples).filter(|&sample| contains_truth(sample)).count() as f64 / f64::from(samples)
+    (0..samples)
+        .filter(|&sample| contains_truth(sample))
+        .count() as f64
+        / f64::from(samples)
 }
 
 #[test]

@@ -9,7 +9,9 @@ use std::process::{Command, Output, Stdio};
 
 fn command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_seedbed"));
-    command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR"));
+    command
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"));
     command
 }
 
@@ -45,7 +47,10 @@ fn lab(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("small.ron");
     fs::write(&study, text).unwrap();
-    let (study, out) = (study.to_str().unwrap().to_owned(), folder.path().join("out"));
+    let (study, out) = (
+        study.to_str().unwrap().to_owned(),
+        folder.path().join("out"),
+    );
     (folder, study, out)
 }
 
@@ -58,8 +63,17 @@ const MARK: usize = 8;
 
 /// Result files by their names.
 fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
-    let entries = fs::read_dir(out.join("runs")).unwrap().map(|entry| entry.unwrap().path());
-    entries.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(path).unwrap())).collect()
+    let entries = fs::read_dir(out.join("runs"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    entries
+        .map(|path| {
+            (
+                path.file_name().unwrap().to_string_lossy().into_owned(),
+                fs::read(path).unwrap(),
+            )
+        })
+        .collect()
 }
 
 #[test]
@@ -82,7 +96,10 @@ fn results_depend_neither_on_jobs_nor_on_who_runs_them() {
     let expected = "error: --index 6: expected an index from 0 to 5, as `--list` shows them\n";
     assert_eq!(String::from_utf8_lossy(&beyond.stderr), expected);
     let listed = said(&run(&study, &single, &["--list"]));
-    assert_eq!(listed.lines().next(), Some("     0  finished  seed 1000    σ 0"));
+    assert_eq!(
+        listed.lines().next(),
+        Some("     0  finished  seed 1000    σ 0")
+    );
     assert_eq!(listed.lines().count(), 6);
 }
 
@@ -91,12 +108,20 @@ fn results_depend_neither_on_jobs_nor_on_who_runs_them() {
 fn a_killed_study_goes_on_where_it_was() {
     let text = text(4, "").replace("Episodes(8)", "Episodes(60)");
     let (_folder, study, out) = lab(&text);
-    let mut child = command(&["study", &study, "--out", out.to_str().unwrap(), "--jobs", "1"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let finished = || fs::read_dir(out.join("runs")).map_or(0, |files| files.filter(is_result).count());
+    let mut child = command(&[
+        "study",
+        &study,
+        "--out",
+        out.to_str().unwrap(),
+        "--jobs",
+        "1",
+    ])
+    .stdout(Stdio::null())
+    .stderr(Stdio::null())
+    .spawn()
+    .unwrap();
+    let finished =
+        || fs::read_dir(out.join("runs")).map_or(0, |files| files.filter(is_result).count());
     while finished() == 0 && child.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
@@ -107,24 +132,46 @@ fn a_killed_study_goes_on_where_it_was() {
 
     let output = run(&study, &out, &[]);
     assert!(output.status.success(), "{output:?}");
-    assert!(said(&output).starts_with(&format!("study      small: 3 cells of 4 runs, {} to run\n", 12 - before)), "{output:?}");
+    assert!(
+        said(&output).starts_with(&format!(
+            "study      small: 3 cells of 4 runs, {} to run\n",
+            12 - before
+        )),
+        "{output:?}"
+    );
     let (_folder, _, undisturbed) = lab("");
     assert!(run(&study, &undisturbed, &[]).status.success());
     let mut kept = results(&out);
-    kept.retain(|name, _| Path::new(name).extension().is_some_and(|extension| extension == "run"));
+    kept.retain(|name, _| {
+        Path::new(name)
+            .extension()
+            .is_some_and(|extension| extension == "run")
+    });
     assert_eq!(kept, results(&undisturbed));
 }
 
 /// Two names for the same settings: run once, shown twice, with the states that either is to show.
 #[test]
 fn cells_of_the_same_settings_share_their_runs() {
-    let text =
-        text(1, "").replace("TwoPoint(sigma: 0)", "Normal(sigma: 0.0)").replace(r#"cells: ["σ 9"]"#, r#"cells: ["σ 0 again"]"#);
+    let text = text(1, "")
+        .replace("TwoPoint(sigma: 0)", "Normal(sigma: 0.0)")
+        .replace(r#"cells: ["σ 9"]"#, r#"cells: ["σ 0 again"]"#);
     let (_folder, study, out) = lab(&text);
     let output = said(&run(&study, &out, &[]));
-    assert!(output.starts_with("study      small: 3 cells of 1 run, 2 to run\n"), "{output}");
-    assert_eq!(fs::read_dir(out.join("runs")).unwrap().filter(is_result).count(), 2);
-    assert!(said(&run(&study, &out, &[])).starts_with("study      small: 3 cells of 1 run, 0 to run\n"));
+    assert!(
+        output.starts_with("study      small: 3 cells of 1 run, 2 to run\n"),
+        "{output}"
+    );
+    assert_eq!(
+        fs::read_dir(out.join("runs"))
+            .unwrap()
+            .filter(is_result)
+            .count(),
+        2
+    );
+    assert!(
+        said(&run(&study, &out, &[])).starts_with("study      small: 3 cells of 1 run, 0 to run\n")
+    );
     let table = fs::read_to_string(out.join("results.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + 3, "{table}");
 }
@@ -134,15 +181,31 @@ fn cells_of_the_same_settings_share_their_runs() {
 fn verifying_tells_runs_that_no_longer_come_out_the_same() {
     let (_folder, study, out) = lab(&text(2, ""));
     let empty = run(&study, &out, &["--verify"]);
-    let expected = format!("error: {} holds no runs of this study to verify\n", out.display());
-    assert_eq!((empty.status.code(), String::from_utf8_lossy(&empty.stderr).into_owned()), (Some(2), expected));
+    let expected = format!(
+        "error: {} holds no runs of this study to verify\n",
+        out.display()
+    );
+    assert_eq!(
+        (
+            empty.status.code(),
+            String::from_utf8_lossy(&empty.stderr).into_owned()
+        ),
+        (Some(2), expected)
+    );
     assert!(run(&study, &out, &[]).status.success());
     let before = results(&out);
     let verified = run(&study, &out, &["--verify=4"]);
     assert!(verified.status.success(), "{verified:?}");
-    assert_eq!(said(&verified), "verified   small: 4 of 4 came out the same to the bit; 6 runs stored\n");
+    assert_eq!(
+        said(&verified),
+        "verified   small: 4 of 4 came out the same to the bit; 6 runs stored\n"
+    );
 
-    let results_of = |seed: u64| before.keys().filter(move |name| name.ends_with(&format!("-{seed}.run")));
+    let results_of = |seed: u64| {
+        before
+            .keys()
+            .filter(move |name| name.ends_with(&format!("-{seed}.run")))
+    };
     for name in results_of(1001) {
         let mut bytes = before[name].clone();
         // Before the mark of the build come the curves: the sign of one value.
@@ -153,9 +216,18 @@ fn verifying_tells_runs_that_no_longer_come_out_the_same() {
     let verified = run(&study, &out, &["--verify"]);
     let errors = String::from_utf8_lossy(&verified.stderr).into_owned();
     assert_eq!(verified.status.code(), Some(1), "{errors}");
-    assert_eq!(said(&verified), "verified   small: 3 of 6 came out the same to the bit; 6 runs stored\n");
-    assert!(errors.contains("differs    σ 9 with seed 1001: ") && !errors.contains("with seed 1000"), "{errors}");
-    assert!(errors.ends_with("error: 3 runs came out differently\n"), "{errors}");
+    assert_eq!(
+        said(&verified),
+        "verified   small: 3 of 6 came out the same to the bit; 6 runs stored\n"
+    );
+    assert!(
+        errors.contains("differs    σ 9 with seed 1001: ") && !errors.contains("with seed 1000"),
+        "{errors}"
+    );
+    assert!(
+        errors.ends_with("error: 3 runs came out differently\n"),
+        "{errors}"
+    );
 }
 
 /// A result without the mark of its build is of an older version; one with another mark of another build.
@@ -165,7 +237,9 @@ fn a_report_tells_which_builds_ran_it() {
     assert!(run(&study, &out, &[]).status.success());
     let page = || fs::read_to_string(out.join("report.html")).unwrap();
     assert!(
-        !page().contains("Several builds.") && !page().contains("build unknown") && page().contains("rapier2d 0."),
+        !page().contains("Several builds.")
+            && !page().contains("build unknown")
+            && page().contains("rapier2d 0."),
         "{}",
         page()
     );
@@ -174,12 +248,22 @@ fn a_report_tells_which_builds_ran_it() {
         change(&mut bytes);
         fs::write(out.join("runs").join(name), bytes).unwrap();
         let output = said(&run(&study, &out, &[]));
-        assert!(output.starts_with("study      small: 3 cells of 1 run, 0 to run\n"), "{output}");
+        assert!(
+            output.starts_with("study      small: 3 cells of 1 run, 0 to run\n"),
+            "{output}"
+        );
     };
     change(0, |bytes| bytes.truncate(bytes.len() - MARK));
-    assert!(page().contains("Runs come from 2 builds (unknown, "), "{}", page());
+    assert!(
+        page().contains("Runs come from 2 builds (unknown, "),
+        "{}",
+        page()
+    );
     change(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
-    assert!(page().contains("Runs come from 3 builds (unknown, ") && page().contains(" --verify</code> tells whether"));
+    assert!(
+        page().contains("Runs come from 3 builds (unknown, ")
+            && page().contains(" --verify</code> tells whether")
+    );
     assert!(run(&study, &out, &["--verify"]).status.success());
 }
 
@@ -191,23 +275,46 @@ fn ctrl_c_ends_the_second_of_two_studies() {
     let long = folder.path().join("long.ron");
     fs::write(&long, text(9, "").replace("Episodes(8)", "Episodes(2000)")).unwrap();
     let mut command = command(&["study", &study, long.to_str().unwrap(), "--jobs", "1"]);
-    let mut child = command.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = command
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
     let begun = folder.path().join("recordings/studies/long/study.json");
     while !begun.is_file() && child.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
     std::thread::sleep(std::time::Duration::from_millis(200));
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
     let output = child.wait_with_output().unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
-    assert!(errors.ends_with("interrupted; the same command goes on with what long still lacks\n"), "{errors}");
+    assert!(
+        errors.ends_with("interrupted; the same command goes on with what long still lacks\n"),
+        "{errors}"
+    );
     assert!(!errors.contains("warning"), "{errors}");
-    assert!(folder.path().join("recordings/studies/small/report.html").is_file());
+    assert!(
+        folder
+            .path()
+            .join("recordings/studies/small/report.html")
+            .is_file()
+    );
 }
 
 fn is_result(file: &std::io::Result<fs::DirEntry>) -> bool {
-    file.as_ref().unwrap().path().extension().is_some_and(|extension| extension == "run")
+    file.as_ref()
+        .unwrap()
+        .path()
+        .extension()
+        .is_some_and(|extension| extension == "run")
 }
 
 #[test]
@@ -219,13 +326,25 @@ fn a_changed_study_runs_what_its_change_concerns() {
         let output = run(&study, &out, &[]);
         assert!(output.status.success(), "{output:?}");
         let said = said(&output);
-        said.lines().next().unwrap().rsplit(", ").next().unwrap().to_owned()
+        said.lines()
+            .next()
+            .unwrap()
+            .rsplit(", ")
+            .next()
+            .unwrap()
+            .to_owned()
     };
     assert_eq!(to_run(&text(2, "").replace("Small", "Another")), "0 to run");
     assert_eq!(to_run(&text(3, "")), "3 to run");
-    assert_eq!(to_run(&text(3, "").replace("sigma: 9", "sigma: 8")), "3 to run");
+    assert_eq!(
+        to_run(&text(3, "").replace("sigma: 9", "sigma: 8")),
+        "3 to run"
+    );
     // States are kept of the first run alone, so that alone lacks those of another window.
-    assert_eq!(to_run(&text(3, "").replace("First(2)", "First(3)")), "1 to run");
+    assert_eq!(
+        to_run(&text(3, "").replace("First(2)", "First(3)")),
+        "1 to run"
+    );
 }
 
 #[test]
@@ -234,11 +353,20 @@ fn a_failed_run_is_kept_apart() {
     for to_run in ["15 to run", "0 to run"] {
         let output = run(&study, &out, &[]);
         assert_eq!(output.status.code(), Some(1), "{output:?}");
-        assert!(said(&output).contains(to_run) && said(&output).contains("10 finished, 5 failed"), "{output:?}");
-        assert!(String::from_utf8_lossy(&output.stderr).ends_with("error: 5 runs failed\n"), "{output:?}");
+        assert!(
+            said(&output).contains(to_run) && said(&output).contains("10 finished, 5 failed"),
+            "{output:?}"
+        );
+        assert!(
+            String::from_utf8_lossy(&output.stderr).ends_with("error: 5 runs failed\n"),
+            "{output:?}"
+        );
     }
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(page.contains("σ 9, seed 1000: the networks of agent") && page.contains("5 runs failed."), "no reason on the page");
+    assert!(
+        page.contains("σ 9, seed 1000: the networks of agent") && page.contains("5 runs failed."),
+        "no reason on the page"
+    );
     assert!(said(&run(&study, &out, &["--retry"])).contains("5 to run"));
 }
 
@@ -258,31 +386,59 @@ fn the_reports_numbers_are_those_of_single_runs() {
     let mut finals = Vec::new();
     for row in rows.iter().filter(|row| row["cell"] == "σ 9") {
         let single = folder.path().join(&row["seed"]);
-        let set = ["--set", "agents.count=2", "--set", "stop=Episodes(8)", "--set", "agents.seeds=Normal(sigma: 9)"];
-        let base = ["run", "scenarios/cartpole.ron", "--no-recording", "--quiet", "--seed", &row["seed"], "--out"];
-        assert!(seedbed(&[&base, &[single.to_str().unwrap()][..], &set].concat()).status.success());
+        let set = [
+            "--set",
+            "agents.count=2",
+            "--set",
+            "stop=Episodes(8)",
+            "--set",
+            "agents.seeds=Normal(sigma: 9)",
+        ];
+        let base = [
+            "run",
+            "scenarios/cartpole.ron",
+            "--no-recording",
+            "--quiet",
+            "--seed",
+            &row["seed"],
+            "--out",
+        ];
+        assert!(
+            seedbed(&[&base, &[single.to_str().unwrap()][..], &set].concat())
+                .status
+                .success()
+        );
         let mut reader = csv::Reader::from_path(single.join("episodes.csv")).unwrap();
-        let episodes: Vec<BTreeMap<String, String>> = reader.deserialize().map(|row| row.unwrap()).collect();
+        let episodes: Vec<BTreeMap<String, String>> =
+            reader.deserialize().map(|row| row.unwrap()).collect();
         let mean = |from: usize| {
-            let late = episodes.iter().filter(|row| row["episode"].parse::<usize>().unwrap() >= from);
+            let late = episodes
+                .iter()
+                .filter(|row| row["episode"].parse::<usize>().unwrap() >= from);
             let returns: Vec<f64> = late.map(|row| row["return"].parse().unwrap()).collect();
             returns.iter().sum::<f64>() / returns.len() as f64
         };
         assert!((row["mean_return"].parse::<f64>().unwrap() - mean(0)).abs() < 1e-9);
         finals.push(mean(3));
-        let summary: serde_json::Value = serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+        let summary: serde_json::Value =
+            serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
         let coverage: f64 = row["team_coverage"].parse().unwrap();
         assert!((coverage - summary["team_coverage"].as_f64().unwrap()).abs() < 1e-6);
         assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     }
     finals.sort_by(f64::total_cmp);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    let table = &page[page.find("<h3>return over the last 5 episodes</h3>").unwrap()..];
+    let table = &page[page
+        .find("<h3>return over the last 5 episodes</h3>")
+        .unwrap()..];
     let row = table[table.find("<td class=\"name\">σ 9</td>").unwrap()..].replace("</td>", "");
     let cells: Vec<&str> = row.split("<td>").take(3).collect();
     assert_eq!(cells[1], "5");
     let median: f64 = cells[2].parse().unwrap();
-    assert!((median - finals[2]).abs() <= 0.005, "{median} for {finals:?}");
+    assert!(
+        (median - finals[2]).abs() <= 0.005,
+        "{median} for {finals:?}"
+    );
 }
 
 /// Two finite tasks, two algorithms; pictures pool the tasks.
@@ -321,32 +477,88 @@ fn finite_text() -> String {
 fn finite_tasks_are_studied_likewise() {
     let (folder, study, out) = lab(&finite_text());
     let output = run(&study, &out, &[]);
-    assert!(said(&output).contains("3 of 3 claims replicated, 1 of them smaller than claimed\n"), "{output:?}");
-    assert!(said(&output).contains("\nreplicated, smaller than claimed far less regret\n"), "{output:?}");
+    assert!(
+        said(&output).contains("3 of 3 claims replicated, 1 of them smaller than claimed\n"),
+        "{output:?}"
+    );
+    assert!(
+        said(&output).contains("\nreplicated, smaller than claimed far less regret\n"),
+        "{output:?}"
+    );
     let rows = rows(&out);
     assert_eq!(rows.len(), 30);
-    for row in rows.iter().filter(|row| row["cell"] == "bipolar_chain, seeds") {
+    for row in rows
+        .iter()
+        .filter(|row| row["cell"] == "bipolar_chain, seeds")
+    {
         let single = folder.path().join(&row["seed"]);
-        let set = ["--set", "agents.count=10", "--set", "agents.starts=Together"];
-        let base = [&["run", "scenarios/tabular/bipolar_chain.ron", "--no-recording"], &set[..], &["--seed"]].concat();
-        assert!(seedbed(&[&base[..], &[&row["seed"], "--out", single.to_str().unwrap()]].concat()).status.success());
-        let summary: serde_json::Value = serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+        let set = [
+            "--set",
+            "agents.count=10",
+            "--set",
+            "agents.starts=Together",
+        ];
+        let base = [
+            &[
+                "run",
+                "scenarios/tabular/bipolar_chain.ron",
+                "--no-recording",
+            ],
+            &set[..],
+            &["--seed"],
+        ]
+        .concat();
+        assert!(
+            seedbed(
+                &[
+                    &base[..],
+                    &[&row["seed"], "--out", single.to_str().unwrap()]
+                ]
+                .concat()
+            )
+            .status
+            .success()
+        );
+        let summary: serde_json::Value =
+            serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
         let number = |column: &str| row[column].parse::<f64>().unwrap();
-        assert!((number("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4, "{row:?}");
-        let visited = summary["states_visited"].as_f64().unwrap() / summary["states"].as_f64().unwrap();
+        assert!(
+            (number("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4,
+            "{row:?}"
+        );
+        let visited =
+            summary["states_visited"].as_f64().unwrap() / summary["states"].as_f64().unwrap();
         assert!((number("team_coverage") - visited).abs() < 1e-6);
         assert_eq!(row["env_steps"], summary["env_steps"].to_string());
-        assert_eq!((row["episodes_to_solve"].as_str(), row["episodes"].as_str()), ("", "1"));
+        assert_eq!(
+            (row["episodes_to_solve"].as_str(), row["episodes"].as_str()),
+            ("", "1")
+        );
     }
-    assert!(rows.iter().filter(|row| row["cell"].starts_with("deep_sea")).all(|row| row["episodes"] == "40"));
+    assert!(
+        rows.iter()
+            .filter(|row| row["cell"].starts_with("deep_sea"))
+            .all(|row| row["episodes"] == "40")
+    );
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
     // Thirty runs in pairs: each task's first cell is what its second stands against.
     let tables = fs::read_to_string(out.join("tables.md")).unwrap();
-    let titles: Vec<&str> = tables.lines().filter_map(|line| line.strip_prefix("## ")).collect();
-    assert!(titles[0] == "regret of an agent" && titles.last() == Some(&"Seed by seed: regret of an agent"), "{titles:?}");
-    assert!(tables.contains("| bipolar_chain, random | bipolar_chain, seeds | "), "{tables}");
+    let titles: Vec<&str> = tables
+        .lines()
+        .filter_map(|line| line.strip_prefix("## "))
+        .collect();
     assert!(
-        tables.contains("| deep_sea, random | deep_sea, seeds | ") && !tables.contains("| deep_sea, seeds | bipolar"),
+        titles[0] == "regret of an agent"
+            && titles.last() == Some(&"Seed by seed: regret of an agent"),
+        "{titles:?}"
+    );
+    assert!(
+        tables.contains("| bipolar_chain, random | bipolar_chain, seeds | "),
+        "{tables}"
+    );
+    assert!(
+        tables.contains("| deep_sea, random | deep_sea, seeds | ")
+            && !tables.contains("| deep_sea, seeds | bipolar"),
         "{tables}"
     );
     // All of six pairs of one sign: 2/2⁶, and three claims.
@@ -356,16 +568,40 @@ fn finite_tasks_are_studied_likewise() {
         " | 6 | 0.0938 | replicated |",
     );
     assert!(row.starts_with(head) && row.ends_with(tail), "{table}");
-    assert!(table.lines().nth(3).unwrap().ends_with(" | replicated, smaller than claimed |"), "{table}");
+    assert!(
+        table
+            .lines()
+            .nth(3)
+            .unwrap()
+            .ends_with(" | replicated, smaller than claimed |"),
+        "{table}"
+    );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    assert_eq!(page.matches(">replicated, smaller than claimed</p>").count(), 1);
-    for file in ["1-curves.svg", "2-visitation.svg", "3-profiles.svg", "4-intervals.svg"] {
+    assert_eq!(
+        page.matches(">replicated, smaller than claimed</p>")
+            .count(),
+        1
+    );
+    for file in [
+        "1-curves.svg",
+        "2-visitation.svg",
+        "3-profiles.svg",
+        "4-intervals.svg",
+    ] {
         assert!(out.join("figures").join(file).is_file(), "{file}");
     }
     let panels = fs::read_to_string(out.join("figures/2-visitation.svg")).unwrap();
-    assert!(panels.contains(">seeds: first 5 episodes, "), "what all panels have in common is left out");
+    assert!(
+        panels.contains(">seeds: first 5 episodes, "),
+        "what all panels have in common is left out"
+    );
     let pooled = fs::read_to_string(out.join("figures/4-intervals.svg")).unwrap();
-    assert!(pooled.contains(">seeds<") && pooled.contains("n = 12") && pooled.contains(">crowd<") && pooled.contains("n = 6"));
+    assert!(
+        pooled.contains(">seeds<")
+            && pooled.contains("n = 12")
+            && pooled.contains(">crowd<")
+            && pooled.contains("n = 6")
+    );
     let alone = lab("").2;
     assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
     assert_eq!(results(&alone), results(&out));
@@ -374,51 +610,98 @@ fn finite_tasks_are_studied_likewise() {
 /// `σ 0` and `σ 0 again` are the same to the bit: no claim of a difference may hold, and six pairs do not show that there is none.
 #[test]
 fn a_claim_of_nothing_is_not_replicated() {
-    let claim =
-        |direction: &str| format!(r#"(text: "{direction}", compare: ("σ 0 again", "σ 0"), direction: {direction}, size: 5)"#);
+    let claim = |direction: &str| {
+        format!(
+            r#"(text: "{direction}", compare: ("σ 0 again", "σ 0"), direction: {direction}, size: 5)"#
+        )
+    };
     let claims = ["More", "Less", "Same"].map(claim).join(", ");
     let (_folder, study, out) = lab(&text(6, &format!("claims: [{claims}],")));
     let said = said(&run(&study, &out, &[]));
-    for line in ["not replicated   More", "not replicated   Less", "inconclusive     Same", "0 of 3 claims replicated"] {
+    for line in [
+        "not replicated   More",
+        "not replicated   Less",
+        "inconclusive     Same",
+        "0 of 3 claims replicated",
+    ] {
         assert!(said.contains(line), "{line} in {said}");
     }
     // No difference at all has p = 1, which is no evidence that there is none.
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    let p: Vec<&str> = table.lines().skip(2).take(3).map(|row| row.split(" | ").nth(4).unwrap()).collect();
+    let p: Vec<&str> = table
+        .lines()
+        .skip(2)
+        .take(3)
+        .map(|row| row.split(" | ").nth(4).unwrap())
+        .collect();
     assert_eq!(p, ["1.0000", "1.0000", "–"]);
-    assert!(table.contains("\n\nThe p is of a test for a difference"), "{table}");
+    assert!(
+        table.contains("\n\nThe p is of a test for a difference"),
+        "{table}"
+    );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert_eq!(
-        (page.matches("; p = 1.0000 after Holm. ").count(), page.matches("; no p: a high one would be no evidence. ").count()),
+        (
+            page.matches("; p = 1.0000 after Holm. ").count(),
+            page.matches("; no p: a high one would be no evidence. ")
+                .count()
+        ),
         (2, 1)
     );
-    let sides = ["above", "below"].map(|side| page.matches(&format!("; P(first {side} second) = 0.5 (")).count());
+    let sides = ["above", "below"].map(|side| {
+        page.matches(&format!("; P(first {side} second) = 0.5 ("))
+            .count()
+    });
     assert_eq!(sides, [1, 2]);
 }
 
 #[test]
 fn a_report_tells_what_is_there() {
-    let (_folder, study, out) = lab(&text(6, r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#));
+    let (_folder, study, out) = lab(&text(
+        6,
+        r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#,
+    ));
     for index in ["0", "1", "6"] {
         assert!(run(&study, &out, &["--index", index]).status.success());
     }
     let output = seedbed(&["report", out.to_str().unwrap()]);
     assert!(output.status.success(), "{output:?}");
-    assert!(said(&output).starts_with("runs       3 finished, 15 missing\ninconclusive     x\n"), "{output:?}");
+    assert!(
+        said(&output).starts_with("runs       3 finished, 15 missing\ninconclusive     x\n"),
+        "{output:?}"
+    );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    for words in ["15 runs missing", "none: n = 2 is too few", "Small &amp; &lt;small&gt;", "no runs", "role=\"img\""] {
+    for words in [
+        "15 runs missing",
+        "none: n = 2 is too few",
+        "Small &amp; &lt;small&gt;",
+        "no runs",
+        "role=\"img\"",
+    ] {
         assert!(page.contains(words), "{words}");
     }
     for foreign in ["<script", "<link", "src=\"http", "url(http"] {
-        assert!(!page.contains(foreign), "the page needs no network: {foreign}");
+        assert!(
+            !page.contains(foreign),
+            "the page needs no network: {foreign}"
+        );
     }
-    for file in ["figures/1-curves.svg", "figures/1-curves.png", "figures/2-visitation.svg", "results.csv", "tables.md"] {
+    for file in [
+        "figures/1-curves.svg",
+        "figures/1-curves.png",
+        "figures/2-visitation.svg",
+        "results.csv",
+        "tables.md",
+    ] {
         assert!(out.join(file).is_file(), "{file}");
     }
 
     let nothing = seedbed(&["report", out.join("runs").to_str().unwrap()]);
     assert_eq!(nothing.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&nothing.stderr).starts_with("error: no study was run here: "), "{nothing:?}");
+    assert!(
+        String::from_utf8_lossy(&nothing.stderr).starts_with("error: no study was run here: "),
+        "{nothing:?}"
+    );
 }
 
 /// Nothing is solved in eight episodes: which cell is the faster nobody knows.
@@ -429,28 +712,48 @@ fn what_was_never_reached_decides_nothing() {
             r#"(text: "{direction} {test}", compare: ("σ 9", "σ 0"), measure: EpisodesToSolve, direction: {direction}, size: 5, test: {test})"#
         )
     };
-    let claims = [claim("More", "Paired"), claim("Less", "Independent"), claim("Same", "Paired")].join(", ");
+    let claims = [
+        claim("More", "Paired"),
+        claim("Less", "Independent"),
+        claim("Same", "Paired"),
+    ]
+    .join(", ");
     let (_folder, study, out) = lab(&text(30, &format!("claims: [{claims}],")));
     let output = run(&study, &out, &[]);
-    assert_eq!(said(&output).matches("inconclusive     ").count(), 3, "{output:?}");
-    assert!(fs::read_to_string(out.join("claims.md")).unwrap().contains("| unknown (−∞ to ∞) | 30 | 1.0000 | inconclusive |"));
+    assert_eq!(
+        said(&output).matches("inconclusive     ").count(),
+        3,
+        "{output:?}"
+    );
+    assert!(
+        fs::read_to_string(out.join("claims.md"))
+            .unwrap()
+            .contains("| unknown (−∞ to ∞) | 30 | 1.0000 | inconclusive |")
+    );
 }
 
 #[test]
 fn a_claim_that_comes_after_its_runs_is_said_to_be_late() {
-    let claim = |size: u32| format!(r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: {size})],"#);
+    let claim = |size: u32| {
+        format!(r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: {size})],"#)
+    };
     let verdict = |size: u32, out: &Path, study: &str| {
         fs::write(study, text(6, &claim(size))).unwrap();
         assert!(run(study, out, &[]).status.success());
         let page = fs::read_to_string(out.join("report.html")).unwrap();
         assert_eq!(
             page.contains("but claimed late</p>"),
-            fs::read_to_string(out.join("claims.md")).unwrap().contains("claimed late")
+            fs::read_to_string(out.join("claims.md"))
+                .unwrap()
+                .contains("claimed late")
         );
         page.contains("but claimed late</p>")
     };
     let (_folder, study, out) = lab("");
-    assert_eq!([5, 5, 6, 6, 5].map(|size| verdict(size, &out, &study)), [false, false, true, true, true]);
+    assert_eq!(
+        [5, 5, 6, 6, 5].map(|size| verdict(size, &out, &study)),
+        [false, false, true, true, true]
+    );
 }
 
 /// An older version noted no earlier repeats.
@@ -461,8 +764,13 @@ fn changed_repeats_are_told() {
     let told = |repeats: u32| {
         fs::write(&study, text(repeats, claim)).unwrap();
         assert!(run(&study, &out, &[]).status.success());
-        let [page, table] = ["report.html", "claims.md"].map(|file| fs::read_to_string(out.join(file)).unwrap());
-        let words = table.lines().find(|line| line.starts_with("Runs were ")).unwrap_or_default().to_owned();
+        let [page, table] =
+            ["report.html", "claims.md"].map(|file| fs::read_to_string(out.join(file)).unwrap());
+        let words = table
+            .lines()
+            .find(|line| line.starts_with("Runs were "))
+            .unwrap_or_default()
+            .to_owned();
         assert_eq!(page.contains("Runs were "), !words.is_empty());
         assert!(page.contains(&words));
         words
@@ -472,12 +780,32 @@ fn changed_repeats_are_told() {
     fs::remove_dir_all(out.join("runs")).unwrap();
     assert_eq!(told(1), "");
     let noted = fs::read_to_string(out.join("study.json")).unwrap();
-    fs::write(out.join("study.json"), noted.replace(",\n  \"earlier_repeats\": []", "")).unwrap();
-    assert!(!fs::read_to_string(out.join("study.json")).unwrap().contains("earlier_repeats"));
-    assert_eq!(told(2), "Runs were extended from 1 to 2 after the first were there.");
-    assert_eq!(told(2), "Runs were extended from 1 to 2 after the first were there.");
-    assert_eq!(told(3), "Runs were extended from 1 to 2 to 3 after the first were there.");
-    assert_eq!(told(2), "Runs were changed from 1 to 2 to 3 to 2 after the first were there.");
+    fs::write(
+        out.join("study.json"),
+        noted.replace(",\n  \"earlier_repeats\": []", ""),
+    )
+    .unwrap();
+    assert!(
+        !fs::read_to_string(out.join("study.json"))
+            .unwrap()
+            .contains("earlier_repeats")
+    );
+    assert_eq!(
+        told(2),
+        "Runs were extended from 1 to 2 after the first were there."
+    );
+    assert_eq!(
+        told(2),
+        "Runs were extended from 1 to 2 after the first were there."
+    );
+    assert_eq!(
+        told(3),
+        "Runs were extended from 1 to 2 to 3 after the first were there."
+    );
+    assert_eq!(
+        told(2),
+        "Runs were changed from 1 to 2 to 3 to 2 after the first were there."
+    );
 }
 
 #[test]
@@ -488,7 +816,10 @@ fn a_folder_holds_one_study() {
         assert_eq!(output.status.code(), Some(2), "{output:?}");
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
-    let holds = format!("error: {} holds the study `small`; choose another folder with --out\n", out.display());
+    let holds = format!(
+        "error: {} holds the study `small`; choose another folder with --out\n",
+        out.display()
+    );
     assert_eq!(refused(run(&study, &out, &["--quick"])), holds);
     let other = folder.path().join("other.ron");
     fs::copy(&study, &other).unwrap();
@@ -497,7 +828,12 @@ fn a_folder_holds_one_study() {
     let twin = folder.path().join("b/small.ron");
     fs::copy(&study, &twin).unwrap();
     let both = refused(seedbed(&["study", &study, twin.to_str().unwrap()]));
-    assert!(both.starts_with("error: two studies are named `small`, and both go to recordings/studies/small"), "{both}");
+    assert!(
+        both.starts_with(
+            "error: two studies are named `small`, and both go to recordings/studies/small"
+        ),
+        "{both}"
+    );
 }
 
 /// Figures of an earlier report go; what others put there stays. A column for each measure of the study.
@@ -510,7 +846,8 @@ fn a_report_replaces_the_one_before() {
     fs::write(out.join("claims.md"), "").unwrap();
     assert!(seedbed(&["report", out.to_str().unwrap()]).status.success());
     assert_eq!(
-        ["9-agents.svg", "notes.svg", "1-curves.svg"].map(|file| out.join("figures").join(file).is_file()),
+        ["9-agents.svg", "notes.svg", "1-curves.svg"]
+            .map(|file| out.join("figures").join(file).is_file()),
         [false, true, true]
     );
     assert!(!out.join("claims.md").exists());
@@ -523,13 +860,18 @@ fn a_report_replaces_the_one_before() {
 fn tuning_seeds_are_told_apart() {
     let (_folder, study, out) = lab(&text(2, "first_seed: 0,"));
     assert!(run(&study, &out, &[]).status.success());
-    assert!(fs::read_to_string(out.join("report.html")).unwrap().contains("Tuning seeds."));
+    assert!(
+        fs::read_to_string(out.join("report.html"))
+            .unwrap()
+            .contains("Tuning seeds.")
+    );
     assert!(rows(&out).iter().all(|row| row["seeds"] == "tuning"));
 }
 
 #[test]
 fn every_study_passes() {
-    let folders = ["scenarios/thesis", "scenarios/benchmark"].map(|folder| Path::new(env!("CARGO_MANIFEST_DIR")).join(folder));
+    let folders = ["scenarios/thesis", "scenarios/benchmark"]
+        .map(|folder| Path::new(env!("CARGO_MANIFEST_DIR")).join(folder));
     let files: Vec<PathBuf> = folders
         .iter()
         .flat_map(|folder| fs::read_dir(folder).unwrap())

@@ -53,7 +53,10 @@ impl Algorithm {
             Catalogued {
                 name: "BootstrappedDqn",
                 purpose: meanings::PURPOSES[2],
-                parameters: parameters(&values::BootstrappedDqn::default(), &meanings::BOOTSTRAPPED_DQN),
+                parameters: parameters(
+                    &values::BootstrappedDqn::default(),
+                    &meanings::BOOTSTRAPPED_DQN,
+                ),
             },
             Catalogued {
                 name: "Random",
@@ -65,13 +68,23 @@ impl Algorithm {
 }
 
 /// Pairs each field of a default configuration with its meaning.
-pub(crate) fn parameters(default: &impl Serialize, meanings: &[(&str, &'static str)]) -> Vec<Parameter> {
-    let config = PrettyConfig::new().depth_limit(1).extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
+pub(crate) fn parameters(
+    default: &impl Serialize,
+    meanings: &[(&str, &'static str)],
+) -> Vec<Parameter> {
+    let config = PrettyConfig::new()
+        .depth_limit(1)
+        .extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
     let text = ron::ser::to_string_pretty(default, config).unwrap_or_default();
-    let fields = text.lines().filter_map(|line| line.strip_prefix("    ")?.split_once(": "));
+    let fields = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("    ")?.split_once(": "));
     let parameter = |(name, default): (&str, &str)| Parameter {
         name: name.to_owned(),
-        meaning: meanings.iter().find(|(known, _)| *known == name).map_or("", |(_, meaning)| meaning),
+        meaning: meanings
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map_or("", |(_, meaning)| meaning),
         // RON marks a name of ours that is also one of its own, such as `None`, but reads it without the mark.
         default: default.trim_end_matches(',').replace("r#", ""),
     };
@@ -86,15 +99,33 @@ mod tests {
     fn every_parameter_has_a_meaning_and_a_default() {
         for algorithm in Algorithm::catalogue() {
             for parameter in algorithm.parameters {
-                assert!(!parameter.meaning.is_empty(), "{} of {}", parameter.name, algorithm.name);
-                assert!(!parameter.default.is_empty(), "{} of {}", parameter.name, algorithm.name);
+                assert!(
+                    !parameter.meaning.is_empty(),
+                    "{} of {}",
+                    parameter.name,
+                    algorithm.name
+                );
+                assert!(
+                    !parameter.default.is_empty(),
+                    "{} of {}",
+                    parameter.name,
+                    algorithm.name
+                );
             }
         }
         let seed_pg = &Algorithm::catalogue()[0];
         assert_eq!(seed_pg.parameters.len(), seed_pg::PARAMETERS.len());
-        let hidden = seed_pg.parameters.iter().find(|parameter| parameter.name == "hidden").unwrap();
+        let hidden = seed_pg
+            .parameters
+            .iter()
+            .find(|parameter| parameter.name == "hidden")
+            .unwrap();
         assert_eq!(hidden.default.replace(' ', ""), "[32,32]");
-        let bonus = seed_pg.parameters.iter().find(|parameter| parameter.name == "bonus").unwrap();
+        let bonus = seed_pg
+            .parameters
+            .iter()
+            .find(|parameter| parameter.name == "bonus")
+            .unwrap();
         assert_eq!(bonus.default, "None");
     }
 }

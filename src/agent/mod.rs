@@ -33,7 +33,14 @@ use crate::seed::SeedDistribution;
 pub trait Agent: Send + Sync {
     /// Chooses an action, and says how likely each of its components was.   `observation: [observation width]` →
     /// `action`, `log_prob`: `[action width]`
-    fn act(&self, observation: &[f32], random: &mut Stream, scratch: &mut ActScratch, action: &mut [f32], log_prob: &mut [f32]);
+    fn act(
+        &self,
+        observation: &[f32],
+        random: &mut Stream,
+        scratch: &mut ActScratch,
+        action: &mut [f32],
+        log_prob: &mut [f32],
+    );
 
     /// Learns from what the team has experienced.
     fn update(&mut self, experience: &Experience<'_>) -> UpdateReport;
@@ -105,7 +112,11 @@ pub struct Team {
 
 impl Default for Team {
     fn default() -> Self {
-        Self { count: known_count(4), seeds: SeedDistribution::Normal { sigma: known(0.1) }, initial: Initial::Random }
+        Self {
+            count: known_count(4),
+            seeds: SeedDistribution::Normal { sigma: known(0.1) },
+            initial: Initial::Random,
+        }
     }
 }
 
@@ -182,7 +193,12 @@ impl Algorithm {
     /// # Panics
     /// If an action of the task is not one discrete choice: see [`check_task`](Self::check_task).
     #[must_use]
-    pub fn build_shared(&self, run_seed: u64, team: &Team, spec: &Spec) -> Option<q_learning::ValueTeam> {
+    pub fn build_shared(
+        &self,
+        run_seed: u64,
+        team: &Team,
+        spec: &Spec,
+    ) -> Option<q_learning::ValueTeam> {
         q_learning::config::composition(self, team.count.get() as usize)
             .map(|composition| q_learning::ValueTeam::new(composition, run_seed, team, spec))
     }
@@ -192,9 +208,13 @@ impl Algorithm {
     pub fn with_actions(mut self, actions: ActionSelection) -> Self {
         match &mut self {
             Self::SeedPg(config) => config.actions = actions.into(),
-            Self::QLearning(config) => config.exploration = config.exploration.with_actions(actions),
+            Self::QLearning(config) => {
+                config.exploration = config.exploration.with_actions(actions)
+            }
             Self::SeedTd(config) => config.exploration = config.exploration.with_actions(actions),
-            Self::BootstrappedDqn(config) => config.exploration = config.exploration.with_actions(actions),
+            Self::BootstrappedDqn(config) => {
+                config.exploration = config.exploration.with_actions(actions)
+            }
             Self::Random => {}
         }
         self
@@ -246,7 +266,10 @@ impl Algorithm {
     /// Whether agents learn step by step, from single transitions.
     #[must_use]
     pub fn learns_from_transitions(&self) -> bool {
-        matches!(self, Self::QLearning(_) | Self::SeedTd(_) | Self::BootstrappedDqn(_))
+        matches!(
+            self,
+            Self::QLearning(_) | Self::SeedTd(_) | Self::BootstrappedDqn(_)
+        )
     }
 
     /// Says what in a configuration keeps agents from learning in the middle of a round.
@@ -269,7 +292,9 @@ impl Algorithm {
             Self::SeedPg(config) => config.check(),
             Self::QLearning(config) => q_learning::config::check(&config.learning, &config.bonus),
             Self::SeedTd(config) => q_learning::config::check(&config.learning, &config.bonus),
-            Self::BootstrappedDqn(config) => q_learning::config::check(&config.learning, &config.bonus),
+            Self::BootstrappedDqn(config) => {
+                q_learning::config::check(&config.learning, &config.bonus)
+            }
             Self::Random => Ok(()),
         }
     }

@@ -39,8 +39,17 @@ pub(super) struct Descent {
 impl Network {
     /// A network that starts at `seed`: `[parameter count]`.
     pub(super) fn new(mlp: Mlp, seed: Vec<f32>, optimiser: AdamSettings) -> Self {
-        let learned = Learned { parameters: seed.clone(), optimiser: Adam::new(optimiser, seed.len()) };
-        Self { mlp, gradient: vec![0.0; seed.len()], seed, learned, activations: Activations::default() }
+        let learned = Learned {
+            parameters: seed.clone(),
+            optimiser: Adam::new(optimiser, seed.len()),
+        };
+        Self {
+            mlp,
+            gradient: vec![0.0; seed.len()],
+            seed,
+            learned,
+            activations: Activations::default(),
+        }
     }
 
     pub(super) fn mlp(&self) -> &Mlp {
@@ -53,7 +62,8 @@ impl Network {
 
     /// `inputs: [B × in]` → `[B × out]`, kept for [`descend`](Self::descend).
     pub(super) fn forward(&mut self, inputs: &[f32]) -> &[f32] {
-        self.mlp.forward(&self.learned.parameters, inputs, &mut self.activations)
+        self.mlp
+            .forward(&self.learned.parameters, inputs, &mut self.activations)
     }
 
     /// One step of Adam along ∇L + λ (θ − θ̂), the seed regulariser being ψ = ½‖θ − θ̂‖² (thesis §3.4.3).
@@ -61,16 +71,29 @@ impl Network {
     /// `output_gradient: [B × out]` belongs to the latest forward pass, of these `inputs`.
     pub(super) fn descend(&mut self, inputs: &[f32], output_gradient: &[f32], descent: &Descent) {
         let parameters = &mut self.learned.parameters;
-        self.mlp.backward(parameters, inputs, &mut self.activations, output_gradient, &mut self.gradient);
+        self.mlp.backward(
+            parameters,
+            inputs,
+            &mut self.activations,
+            output_gradient,
+            &mut self.gradient,
+        );
         if descent.regularisation > 0.0 {
-            for ((slope, parameter), seed) in self.gradient.iter_mut().zip(parameters.iter()).zip(&self.seed) {
+            for ((slope, parameter), seed) in self
+                .gradient
+                .iter_mut()
+                .zip(parameters.iter())
+                .zip(&self.seed)
+            {
                 *slope += descent.regularisation * (parameter - seed);
             }
         }
         if let Some(most) = descent.gradient_clip {
             clip_norm(&mut self.gradient, most);
         }
-        self.learned.optimiser.descend(parameters, &self.gradient, descent.step_size_factor);
+        self.learned
+            .optimiser
+            .descend(parameters, &self.gradient, descent.step_size_factor);
     }
 
     /// The output layer's weights and biases.
@@ -81,11 +104,18 @@ impl Network {
     /// The parameters layer by layer, named after the network's `role`.
     pub(super) fn tensors<'a>(&'a self, role: &'a str) -> impl Iterator<Item = Tensor<'a>> {
         let tensors = self.mlp.tensors(&self.learned.parameters);
-        tensors.map(move |(name, shape, values)| Tensor { name: format!("{role}.{name}"), shape, values: Cow::Borrowed(values) })
+        tensors.map(move |(name, shape, values)| Tensor {
+            name: format!("{role}.{name}"),
+            shape,
+            values: Cow::Borrowed(values),
+        })
     }
 
     pub(super) fn is_finite(&self) -> bool {
-        self.learned.parameters.iter().all(|parameter| parameter.is_finite())
+        self.learned
+            .parameters
+            .iter()
+            .all(|parameter| parameter.is_finite())
     }
 
     pub(super) fn learned(&self) -> &Learned {
@@ -99,7 +129,11 @@ impl Network {
 
     pub(super) fn restore(&mut self, learned: Learned) -> Result<(), String> {
         if learned.parameters.len() != self.seed.len() {
-            return Err(format!("{} parameters stored for a network of {}", learned.parameters.len(), self.seed.len()));
+            return Err(format!(
+                "{} parameters stored for a network of {}",
+                learned.parameters.len(),
+                self.seed.len()
+            ));
         }
         self.learned = learned;
         Ok(())
@@ -108,7 +142,11 @@ impl Network {
 
 /// g ← g min(1, c / ‖g‖).
 fn clip_norm(gradient: &mut [f32], most: f32) {
-    let norm = gradient.iter().map(|slope| f64::from(*slope).powi(2)).sum::<f64>().sqrt() as f32;
+    let norm = gradient
+        .iter()
+        .map(|slope| f64::from(*slope).powi(2))
+        .sum::<f64>()
+        .sqrt() as f32;
     if norm > most {
         for slope in gradient {
             *slope *= most / norm;
@@ -135,9 +173,18 @@ mod tests {
     #[test]
     fn the_step_size_factor_scales_a_step() {
         let moved = |step_size_factor| {
-            let mut network = Network::new(Mlp::new(&[1, 1]), vec![0.5, 0.5], AdamSettings::default());
+            let mut network =
+                Network::new(Mlp::new(&[1, 1]), vec![0.5, 0.5], AdamSettings::default());
             network.forward(&[1.0]);
-            network.descend(&[1.0], &[1.0], &Descent { regularisation: 0.0, gradient_clip: None, step_size_factor });
+            network.descend(
+                &[1.0],
+                &[1.0],
+                &Descent {
+                    regularisation: 0.0,
+                    gradient_clip: None,
+                    step_size_factor,
+                },
+            );
             0.5 - network.parameters()[0]
         };
         assert!((moved(1.0) - 1e-3).abs() < 1e-6 && (moved(0.25) - 2.5e-4).abs() < 1e-6);

@@ -49,8 +49,14 @@ struct Component {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
-    Categorical { choices: usize },
-    Gaussian { center: f32, half_range: f32, initial_log_deviation: f32 },
+    Categorical {
+        choices: usize,
+    },
+    Gaussian {
+        center: f32,
+        half_range: f32,
+        initial_log_deviation: f32,
+    },
 }
 
 /// The logarithm of a relative deviation is held within these: from almost greedy to far beyond the range.
@@ -58,16 +64,33 @@ const LOG_DEVIATION: [f32; 2] = [-4.0, 1.0];
 
 /// The policy network of a task.
 pub(super) fn shape(spec: &Spec, hidden: &[usize]) -> Mlp {
-    let outputs = components(spec, 1.0).last().map_or(0, |component| component.start + component.width());
-    let sizes: Vec<usize> = [spec.observation_width()].into_iter().chain(hidden.iter().copied()).chain([outputs]).collect();
+    let outputs = components(spec, 1.0)
+        .last()
+        .map_or(0, |component| component.start + component.width());
+    let sizes: Vec<usize> = [spec.observation_width()]
+        .into_iter()
+        .chain(hidden.iter().copied())
+        .chain([outputs])
+        .collect();
     Mlp::new(&sizes)
 }
 
 impl Policy {
     /// A policy over the task's actions; continuous ones spread at first by about `initial_deviation` of half their range.
-    pub(super) fn new(spec: &Spec, network: Network, selection: ActionSelection, initial_deviation: f32) -> Self {
+    pub(super) fn new(
+        spec: &Spec,
+        network: Network,
+        selection: ActionSelection,
+        initial_deviation: f32,
+    ) -> Self {
         let components = components(spec, initial_deviation);
-        Self { network, selection, components, outputs: Vec::new(), output_gradient: Vec::new() }
+        Self {
+            network,
+            selection,
+            components,
+            outputs: Vec::new(),
+            output_gradient: Vec::new(),
+        }
     }
 
     /// Samples an action and its log-probability, component by component.   `action`, `log_prob`: `[C]`
@@ -79,7 +102,11 @@ impl Policy {
         action: &mut [f32],
         log_prob: &mut [f32],
     ) {
-        let outputs = self.network.mlp().forward(self.network.parameters(), observation, &mut scratch.activations);
+        let outputs = self.network.mlp().forward(
+            self.network.parameters(),
+            observation,
+            &mut scratch.activations,
+        );
         scratch.outputs.clear();
         scratch.outputs.extend_from_slice(outputs);
         for ((component, action), log_prob) in self.components.iter().zip(action).zip(log_prob) {
@@ -96,7 +123,11 @@ impl Policy {
         self.outputs.clear();
         self.outputs.extend_from_slice(self.network.forward(states));
         log_probs.clear();
-        for (row, actions) in self.outputs.chunks_exact_mut(width).zip(actions.chunks_exact(self.components.len())) {
+        for (row, actions) in self
+            .outputs
+            .chunks_exact_mut(width)
+            .zip(actions.chunks_exact(self.components.len()))
+        {
             for (component, &action) in self.components.iter().zip(actions) {
                 let outputs = component.slice_mut(row);
                 component.normalise(outputs);
@@ -109,18 +140,35 @@ impl Policy {
     pub(super) fn mean_entropy(&self) -> f32 {
         let rows = self.outputs.chunks_exact(self.network.mlp().outputs());
         let count = rows.len().max(1) as f32;
-        let entropy = |row| self.components.iter().map(|component| component.entropy(component.slice(row))).sum::<f32>();
+        let entropy = |row| {
+            self.components
+                .iter()
+                .map(|component| component.entropy(component.slice(row)))
+                .sum::<f32>()
+        };
         rows.map(entropy).sum::<f32>() / count
     }
 
     /// One step along the gradient of (mean loss − `entropy_bonus` · mean entropy), given ∂lossₜ/∂log π(a_{t,c}|sₜ) on the latest
     /// evaluated rows.   `states: [T × observation width]`, `actions`, `slopes`: `[T × C]`
-    pub(super) fn descend(&mut self, states: &[f32], actions: &[f32], slopes: &[f32], entropy_bonus: f32, descent: &Descent) {
+    pub(super) fn descend(
+        &mut self,
+        states: &[f32],
+        actions: &[f32],
+        slopes: &[f32],
+        entropy_bonus: f32,
+        descent: &Descent,
+    ) {
         let (width, count) = (self.network.mlp().outputs(), self.components.len());
         self.output_gradient.resize(self.outputs.len(), 0.0);
         let weight = count as f32 / slopes.len() as f32;
-        let rows = self.outputs.chunks_exact(width).zip(self.output_gradient.chunks_exact_mut(width));
-        for ((outputs, gradient), (actions, slopes)) in rows.zip(actions.chunks_exact(count).zip(slopes.chunks_exact(count))) {
+        let rows = self
+            .outputs
+            .chunks_exact(width)
+            .zip(self.output_gradient.chunks_exact_mut(width));
+        for ((outputs, gradient), (actions, slopes)) in
+            rows.zip(actions.chunks_exact(count).zip(slopes.chunks_exact(count)))
+        {
             for ((component, &action), slope) in self.components.iter().zip(actions).zip(slopes) {
                 let (outputs, gradient) = (component.slice(outputs), component.slice_mut(gradient));
                 component.gradient(outputs, action, weight * slope, gradient);
@@ -154,11 +202,17 @@ fn components(spec: &Spec, initial_deviation: f32) -> Vec<Component> {
     let mut start = 0;
     let component = |action: &Action| {
         let kind = match &action.choice {
-            Choice::Discrete(values) => Kind::Categorical { choices: values.len() },
+            Choice::Discrete(values) => Kind::Categorical {
+                choices: values.len(),
+            },
             Choice::Continuous => {
                 let [low, high] = action.quantity.range;
                 let (center, half_range) = (0.5 * (low + high), 0.5 * (high - low));
-                Kind::Gaussian { center, half_range, initial_log_deviation: initial_deviation.ln() }
+                Kind::Gaussian {
+                    center,
+                    half_range,
+                    initial_log_deviation: initial_deviation.ln(),
+                }
             }
         };
         let component = Component { start, kind };
@@ -193,14 +247,21 @@ impl Component {
 
     /// An action, and its log-probability under what it was drawn from; a greedy action counts as certain.
     /// `outputs` may be changed.
-    fn choose(&self, outputs: &mut [f32], selection: ActionSelection, random: &mut impl Rng) -> (f32, f32) {
+    fn choose(
+        &self,
+        outputs: &mut [f32],
+        selection: ActionSelection,
+        random: &mut impl Rng,
+    ) -> (f32, f32) {
         match self.kind {
             Kind::Categorical { .. } => choose_category(outputs, selection, random),
             Kind::Gaussian { .. } => {
                 let (mean, log_deviation) = self.moments(outputs);
                 let log_deviation = match selection {
                     ActionSelection::Sampled => log_deviation,
-                    ActionSelection::Tempered { temperature } => log_deviation + 0.5 * temperature.get_f32().ln(),
+                    ActionSelection::Tempered { temperature } => {
+                        log_deviation + 0.5 * temperature.get_f32().ln()
+                    }
                     ActionSelection::Greedy => return (mean, 0.0),
                 };
                 let standard: f32 = StandardNormal.sample(random);
@@ -230,12 +291,23 @@ impl Component {
     /// `weight` ∂log π(a)/∂outputs.
     fn gradient(&self, outputs: &[f32], action: f32, weight: f32, gradient: &mut [f32]) {
         match self.kind {
-            Kind::Categorical { .. } => categorical::log_prob_gradient(outputs, action as usize, weight, gradient),
-            Kind::Gaussian { half_range, initial_log_deviation, .. } => {
+            Kind::Categorical { .. } => {
+                categorical::log_prob_gradient(outputs, action as usize, weight, gradient)
+            }
+            Kind::Gaussian {
+                half_range,
+                initial_log_deviation,
+                ..
+            } => {
                 let (mean, log_deviation) = self.moments(outputs);
-                let [by_mean, by_log_deviation] = gaussian::log_density_gradient(action, mean, log_deviation);
+                let [by_mean, by_log_deviation] =
+                    gaussian::log_density_gradient(action, mean, log_deviation);
                 gradient[0] = weight * by_mean * half_range;
-                gradient[1] = if is_free(outputs[1], initial_log_deviation) { weight * by_log_deviation } else { 0.0 };
+                gradient[1] = if is_free(outputs[1], initial_log_deviation) {
+                    weight * by_log_deviation
+                } else {
+                    0.0
+                };
             }
         }
     }
@@ -243,10 +315,19 @@ impl Component {
     /// Adds `weight` ∂H/∂outputs.
     fn add_entropy_gradient(&self, outputs: &[f32], weight: f32, gradient: &mut [f32]) {
         match self.kind {
-            Kind::Categorical { .. } => categorical::add_entropy_gradient(outputs, weight, gradient),
-            Kind::Gaussian { initial_log_deviation, .. } => {
+            Kind::Categorical { .. } => {
+                categorical::add_entropy_gradient(outputs, weight, gradient)
+            }
+            Kind::Gaussian {
+                initial_log_deviation,
+                ..
+            } => {
                 // H = log σ + a constant.
-                gradient[1] += if is_free(outputs[1], initial_log_deviation) { weight } else { 0.0 };
+                gradient[1] += if is_free(outputs[1], initial_log_deviation) {
+                    weight
+                } else {
+                    0.0
+                };
             }
         }
     }
@@ -255,18 +336,32 @@ impl Component {
     fn moments(&self, outputs: &[f32]) -> (f32, f32) {
         match self.kind {
             Kind::Categorical { .. } => unreachable!("a categorical component has no moments"),
-            Kind::Gaussian { center, half_range, initial_log_deviation } => {
-                let relative = (outputs[1] + initial_log_deviation).clamp(LOG_DEVIATION[0], LOG_DEVIATION[1]);
-                (half_range.mul_add(outputs[0], center), relative + half_range.ln())
+            Kind::Gaussian {
+                center,
+                half_range,
+                initial_log_deviation,
+            } => {
+                let relative =
+                    (outputs[1] + initial_log_deviation).clamp(LOG_DEVIATION[0], LOG_DEVIATION[1]);
+                (
+                    half_range.mul_add(outputs[0], center),
+                    relative + half_range.ln(),
+                )
             }
         }
     }
 }
 
-fn choose_category(log_probs: &mut [f32], selection: ActionSelection, random: &mut impl Rng) -> (f32, f32) {
+fn choose_category(
+    log_probs: &mut [f32],
+    selection: ActionSelection,
+    random: &mut impl Rng,
+) -> (f32, f32) {
     match selection {
         ActionSelection::Sampled => {}
-        ActionSelection::Tempered { temperature } => categorical::temper(log_probs, temperature.get_f32()),
+        ActionSelection::Tempered { temperature } => {
+            categorical::temper(log_probs, temperature.get_f32())
+        }
         ActionSelection::Greedy => return (categorical::likeliest(log_probs) as f32, 0.0),
     }
     let choice = categorical::choose(log_probs, random.random());
@@ -287,20 +382,42 @@ mod tests {
     use crate::random::{Purpose, stream};
 
     fn spec(choices: Vec<Choice>) -> Spec {
-        let quantity = |name: &str, range| Quantity { name: name.to_owned(), unit: String::new(), range };
+        let quantity = |name: &str, range| Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range,
+        };
         Spec {
             observations: vec![quantity("x", [-1.0, 1.0]); 3],
-            actions: choices.into_iter().map(|choice| Action { quantity: quantity("a", [-2.0, 6.0]), choice }).collect(),
+            actions: choices
+                .into_iter()
+                .map(|choice| Action {
+                    quantity: quantity("a", [-2.0, 6.0]),
+                    choice,
+                })
+                .collect(),
             ..Spec::bare()
         }
     }
 
     fn mixed_policy(selection: ActionSelection) -> Policy {
-        let spec = spec(vec![Choice::Discrete(vec![0.0, 1.0, 2.0]), Choice::Continuous, Choice::Continuous]);
+        let spec = spec(vec![
+            Choice::Discrete(vec![0.0, 1.0, 2.0]),
+            Choice::Continuous,
+            Choice::Continuous,
+        ]);
         let mlp = shape(&spec, &[8]);
         assert_eq!(mlp.outputs(), 3 + 2 + 2);
-        let seed = mlp.initial(Initial::Random, &mut stream(3, Purpose::InitialParameters, 0, 0));
-        Policy::new(&spec, Network::new(mlp, seed, AdamSettings::default()), selection, 0.5)
+        let seed = mlp.initial(
+            Initial::Random,
+            &mut stream(3, Purpose::InitialParameters, 0, 0),
+        );
+        Policy::new(
+            &spec,
+            Network::new(mlp, seed, AdamSettings::default()),
+            selection,
+            0.5,
+        )
     }
 
     /// The network's parameters are not touched here, so the gradient is with respect to the outputs: by central differences.
@@ -311,24 +428,37 @@ mod tests {
         let actions = [2.0_f32, 3.5, -1.0];
         let log_prob = |raw: &[f32]| -> f32 {
             let mut row = raw.to_vec();
-            let each = policy.components.iter().zip(actions).map(|(component, action)| {
-                component.normalise(component.slice_mut(&mut row));
-                component.log_prob(component.slice(&row), action)
-            });
+            let each = policy
+                .components
+                .iter()
+                .zip(actions)
+                .map(|(component, action)| {
+                    component.normalise(component.slice_mut(&mut row));
+                    component.log_prob(component.slice(&row), action)
+                });
             each.sum()
         };
         let mut row = raw.to_vec();
         let mut gradient = [0.0; 7];
         for (component, action) in policy.components.iter().zip(actions) {
             component.normalise(component.slice_mut(&mut row));
-            component.gradient(component.slice(&row), action, 1.0, component.slice_mut(&mut gradient));
+            component.gradient(
+                component.slice(&row),
+                action,
+                1.0,
+                component.slice_mut(&mut gradient),
+            );
         }
         for index in 0..raw.len() {
             let (mut above, mut below) = (raw, raw);
             above[index] += 1e-2;
             below[index] -= 1e-2;
             let numeric = (log_prob(&above) - log_prob(&below)) / 2e-2;
-            assert!((numeric - gradient[index]).abs() < 5e-3, "{index}: {numeric} {}", gradient[index]);
+            assert!(
+                (numeric - gradient[index]).abs() < 5e-3,
+                "{index}: {numeric} {}",
+                gradient[index]
+            );
         }
     }
 
@@ -339,23 +469,38 @@ mod tests {
         let raw = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
         let normalised = |raw: &[f32]| {
             let mut row = raw.to_vec();
-            policy.components.iter().for_each(|component| component.normalise(component.slice_mut(&mut row)));
+            policy
+                .components
+                .iter()
+                .for_each(|component| component.normalise(component.slice_mut(&mut row)));
             row
         };
         let entropy = |raw: &[f32]| -> f32 {
             let row = normalised(raw);
-            policy.components.iter().map(|component| component.entropy(component.slice(&row))).sum()
+            policy
+                .components
+                .iter()
+                .map(|component| component.entropy(component.slice(&row)))
+                .sum()
         };
         let (row, mut gradient) = (normalised(&raw), [0.0; 7]);
         for component in &policy.components {
-            component.add_entropy_gradient(component.slice(&row), 1.0, component.slice_mut(&mut gradient));
+            component.add_entropy_gradient(
+                component.slice(&row),
+                1.0,
+                component.slice_mut(&mut gradient),
+            );
         }
         for index in 0..raw.len() {
             let (mut above, mut below) = (raw, raw);
             above[index] += 1e-2;
             below[index] -= 1e-2;
             let numeric = (entropy(&above) - entropy(&below)) / 2e-2;
-            assert!((numeric - gradient[index]).abs() < 5e-3, "{index}: {numeric} {}", gradient[index]);
+            assert!(
+                (numeric - gradient[index]).abs() < 5e-3,
+                "{index}: {numeric} {}",
+                gradient[index]
+            );
         }
     }
 
@@ -367,21 +512,45 @@ mod tests {
         let mut acted = |selection| {
             let (mut action, mut log_prob) = ([0.0; 3], [0.0; 3]);
             let mut random = stream(5, Purpose::Action, 0, 0);
-            mixed_policy(selection).sample(&state, &mut random, &mut scratch, &mut action, &mut log_prob);
+            mixed_policy(selection).sample(
+                &state,
+                &mut random,
+                &mut scratch,
+                &mut action,
+                &mut log_prob,
+            );
             (action, log_prob)
         };
         let mut policy = mixed_policy(ActionSelection::Sampled);
         let (greedy, certain) = acted(ActionSelection::Greedy);
         policy.evaluate(&state, &greedy, &mut Vec::new());
         let gaussian = policy.components[1];
-        assert_eq!(greedy[0], categorical::likeliest(&policy.outputs[..3]) as f32);
-        assert_eq!((greedy[1], certain), (gaussian.moments(gaussian.slice(&policy.outputs)).0, [0.0; 3]));
+        assert_eq!(
+            greedy[0],
+            categorical::likeliest(&policy.outputs[..3]) as f32
+        );
+        assert_eq!(
+            (greedy[1], certain),
+            (
+                gaussian.moments(gaussian.slice(&policy.outputs)).0,
+                [0.0; 3]
+            )
+        );
 
         let (sampled, _) = acted(ActionSelection::Sampled);
-        let (tempered, log_prob) = acted(ActionSelection::Tempered { temperature: known(0.25) });
-        assert!((2.0 * (tempered[1] - greedy[1]) - (sampled[1] - greedy[1])).abs() < 1e-5, "{tempered:?} {sampled:?}");
+        let (tempered, log_prob) = acted(ActionSelection::Tempered {
+            temperature: known(0.25),
+        });
+        assert!(
+            (2.0 * (tempered[1] - greedy[1]) - (sampled[1] - greedy[1])).abs() < 1e-5,
+            "{tempered:?} {sampled:?}"
+        );
         let (mean, log_deviation) = gaussian.moments(gaussian.slice(&policy.outputs));
-        assert!((log_prob[1] - gaussian::log_density(tempered[1], mean, log_deviation - 2.0_f32.ln())).abs() < 1e-4);
+        assert!(
+            (log_prob[1] - gaussian::log_density(tempered[1], mean, log_deviation - 2.0_f32.ln()))
+                .abs()
+                < 1e-4
+        );
     }
 
     /// Sampled actions have the likelihoods that evaluation gives them, and the spread that the deviation promises.
@@ -391,19 +560,35 @@ mod tests {
         let (state, mut random) = ([0.1, -0.4, 0.7], stream(5, Purpose::Action, 0, 0));
         let mut scratch = ActScratch::default();
         let (mut actions, mut log_probs) = (vec![0.0; 3 * 4000], vec![0.0; 3 * 4000]);
-        for (action, log_prob) in actions.chunks_exact_mut(3).zip(log_probs.chunks_exact_mut(3)) {
+        for (action, log_prob) in actions
+            .chunks_exact_mut(3)
+            .zip(log_probs.chunks_exact_mut(3))
+        {
             policy.sample(&state, &mut random, &mut scratch, action, log_prob);
         }
         let mut evaluated = Vec::new();
         policy.evaluate(&state.repeat(4000), &actions, &mut evaluated);
-        assert!(evaluated.iter().zip(&log_probs).all(|(a, b)| (a - b).abs() < 1e-4));
+        assert!(
+            evaluated
+                .iter()
+                .zip(&log_probs)
+                .all(|(a, b)| (a - b).abs() < 1e-4)
+        );
 
-        let (mean, log_deviation) = policy.components[1].moments(policy.components[1].slice(&policy.outputs));
+        let (mean, log_deviation) =
+            policy.components[1].moments(policy.components[1].slice(&policy.outputs));
         let second: Vec<f32> = actions.iter().skip(1).step_by(3).copied().collect();
         let average = second.iter().sum::<f32>() / 4000.0;
         let deviation = (second.iter().map(|a| (a - average).powi(2)).sum::<f32>() / 4000.0).sqrt();
         // Standard errors: σ/√4000 = 1.6 % of σ for the mean, 1.1 % for the deviation; four of them.
-        assert!((average - mean).abs() < 0.065 * log_deviation.exp(), "{average} {mean}");
-        assert!((deviation / log_deviation.exp() - 1.0).abs() < 0.045, "{deviation} {}", log_deviation.exp());
+        assert!(
+            (average - mean).abs() < 0.065 * log_deviation.exp(),
+            "{average} {mean}"
+        );
+        assert!(
+            (deviation / log_deviation.exp() - 1.0).abs() < 0.045,
+            "{deviation} {}",
+            log_deviation.exp()
+        );
     }
 }

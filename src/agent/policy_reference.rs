@@ -31,8 +31,13 @@ struct Case {
 
 #[derive(Deserialize)]
 enum Head {
-    Categorical { choices: usize },
-    Gaussian { range: [f32; 2], initial_deviation: f32 },
+    Categorical {
+        choices: usize,
+    },
+    Gaussian {
+        range: [f32; 2],
+        initial_deviation: f32,
+    },
 }
 
 #[derive(Deserialize)]
@@ -45,18 +50,34 @@ enum Loss {
 impl Case {
     fn policy(&self) -> (Policy, AdamSettings) {
         let (range, initial_deviation, choice) = match self.head {
-            Head::Categorical { choices } => ([0.0, 1.0], 1.0, Choice::Discrete(vec![0.0; choices])),
-            Head::Gaussian { range, initial_deviation } => (range, initial_deviation, Choice::Continuous),
+            Head::Categorical { choices } => {
+                ([0.0, 1.0], 1.0, Choice::Discrete(vec![0.0; choices]))
+            }
+            Head::Gaussian {
+                range,
+                initial_deviation,
+            } => (range, initial_deviation, Choice::Continuous),
         };
-        let quantity = |range| Quantity { name: "x".to_owned(), unit: String::new(), range };
+        let quantity = |range| Quantity {
+            name: "x".to_owned(),
+            unit: String::new(),
+            range,
+        };
         let spec = Spec {
             observations: vec![quantity([-1.0, 1.0]); self.sizes[0]],
-            actions: vec![Action { quantity: quantity(range), choice }],
+            actions: vec![Action {
+                quantity: quantity(range),
+                choice,
+            }],
             ..Spec::bare()
         };
         let mlp = shape(&spec, &self.sizes[1..self.sizes.len() - 1]);
         // The first step is α g / (|g| + ε), which is g α/ε where ε is beyond any gradient.
-        let optimiser = AdamSettings { step_size: known(1e8), epsilon: known(1e6), ..AdamSettings::default() };
+        let optimiser = AdamSettings {
+            step_size: known(1e8),
+            epsilon: known(1e6),
+            ..AdamSettings::default()
+        };
         (
             Policy::new(
                 &spec,
@@ -86,22 +107,42 @@ impl Case {
 /// The gradient is read from one step; f32 loses about 10⁻⁶ of the largest number on the way.
 #[test]
 fn a_step_follows_the_gradient() {
-    let reference: Reference = serde_json::from_str(include_str!("../../tests/gradients/reference.json")).unwrap();
+    let reference: Reference =
+        serde_json::from_str(include_str!("../../tests/gradients/reference.json")).unwrap();
     assert!(reference.policies.len() >= 8);
     for case in reference.policies {
         let (mut policy, optimiser) = case.policy();
         let mut log_probs = Vec::new();
         policy.evaluate(&case.states, &case.actions, &mut log_probs);
-        let descent = Descent { regularisation: 0.0, gradient_clip: None, step_size_factor: 1.0 };
-        policy.descend(&case.states, &case.actions, &case.slopes(&log_probs), case.entropy_bonus, &descent);
+        let descent = Descent {
+            regularisation: 0.0,
+            gradient_clip: None,
+            step_size_factor: 1.0,
+        };
+        policy.descend(
+            &case.states,
+            &case.actions,
+            &case.slopes(&log_probs),
+            case.entropy_bonus,
+            &descent,
+        );
 
-        let largest = case.gradient.iter().fold(0.0, |largest: f64, slope| largest.max(slope.abs()));
+        let largest = case
+            .gradient
+            .iter()
+            .fold(0.0, |largest: f64, slope| largest.max(slope.abs()));
         let scale = optimiser.step_size.get() / optimiser.epsilon.get();
         assert_eq!(case.gradient.len(), case.parameters.len());
         for (index, expected) in case.gradient.iter().enumerate() {
-            let moved = f64::from(case.parameters[index]) - f64::from(policy.network().parameters()[index]);
+            let moved =
+                f64::from(case.parameters[index]) - f64::from(policy.network().parameters()[index]);
             let error = (moved / scale - expected).abs() / largest;
-            assert!(error <= 2e-5, "{}[{index}]: {}, by automatic differentiation {expected}", case.name, moved / scale);
+            assert!(
+                error <= 2e-5,
+                "{}[{index}]: {}, by automatic differentiation {expected}",
+                case.name,
+                moved / scale
+            );
         }
     }
 }

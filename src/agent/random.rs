@@ -16,16 +16,27 @@ impl RandomAgent {
     /// A random agent for a task.
     #[must_use]
     pub fn new(spec: &Spec) -> Self {
-        Self { actions: spec.actions.clone() }
+        Self {
+            actions: spec.actions.clone(),
+        }
     }
 }
 
 impl Agent for RandomAgent {
-    fn act(&self, _: &[f32], random: &mut Stream, _: &mut ActScratch, action: &mut [f32], log_prob: &mut [f32]) {
+    fn act(
+        &self,
+        _: &[f32],
+        random: &mut Stream,
+        _: &mut ActScratch,
+        action: &mut [f32],
+        log_prob: &mut [f32],
+    ) {
         for ((action, log_prob), component) in action.iter_mut().zip(log_prob).zip(&self.actions) {
             *action = match &component.choice {
                 Choice::Discrete(values) => random.random_range(0..values.len()) as f32,
-                Choice::Continuous => random.random_range(component.quantity.range[0]..=component.quantity.range[1]),
+                Choice::Continuous => {
+                    random.random_range(component.quantity.range[0]..=component.quantity.range[1])
+                }
             };
             *log_prob = -entropy(component);
         }
@@ -33,7 +44,12 @@ impl Agent for RandomAgent {
 
     fn update(&mut self, _: &Experience<'_>) -> UpdateReport {
         let entropy = self.actions.iter().map(entropy).sum();
-        UpdateReport { ratio_deviation: 1.0, largest_ratio: 1.0, entropy, ..UpdateReport::default() }
+        UpdateReport {
+            ratio_deviation: 1.0,
+            largest_ratio: 1.0,
+            entropy,
+            ..UpdateReport::default()
+        }
     }
 
     fn is_finite(&self) -> bool {

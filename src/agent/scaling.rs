@@ -32,8 +32,15 @@ impl Scaling {
     pub(super) fn new(scaling: ObservationScaling, spec: &Spec) -> Self {
         match scaling {
             ObservationScaling::Raw => Self::Raw,
-            ObservationScaling::Range => Self::Range(spec.observations.iter().map(|quantity| middle(quantity.range)).collect()),
-            ObservationScaling::Running => Self::Running(Standardiser::new(spec.observation_width())),
+            ObservationScaling::Range => Self::Range(
+                spec.observations
+                    .iter()
+                    .map(|quantity| middle(quantity.range))
+                    .collect(),
+            ),
+            ObservationScaling::Running => {
+                Self::Running(Standardiser::new(spec.observation_width()))
+            }
         }
     }
 
@@ -44,7 +51,11 @@ impl Scaling {
             Self::Raw => scaled.extend_from_slice(observations),
             Self::Range(ranges) => {
                 let scale = |(value, [center, half]): (&f32, &[f32; 2])| (value - center) / half;
-                scaled.extend(observations.chunks_exact(ranges.len()).flat_map(|row| row.iter().zip(ranges).map(scale)));
+                scaled.extend(
+                    observations
+                        .chunks_exact(ranges.len())
+                        .flat_map(|row| row.iter().zip(ranges).map(scale)),
+                );
             }
             Self::Running(standardiser) => standardiser.apply(observations, scaled),
         }
@@ -65,7 +76,10 @@ impl Scaling {
                 shape: vec![values.len()],
                 values: Cow::Owned(values),
             };
-            [named("mean", moments.mean().collect()), named("deviation", moments.deviation().collect())]
+            [
+                named("mean", moments.mean().collect()),
+                named("deviation", moments.deviation().collect()),
+            ]
         });
         moments.into_iter().flatten()
     }
@@ -98,8 +112,15 @@ mod tests {
     use crate::env::Quantity;
 
     fn spec() -> Spec {
-        let quantity = |name: &str, range| Quantity { name: name.to_owned(), unit: String::new(), range };
-        Spec { observations: vec![quantity("x", [-8.0, 8.0]), quantity("y", [0.0, 4.0])], ..Spec::bare() }
+        let quantity = |name: &str, range| Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range,
+        };
+        Spec {
+            observations: vec![quantity("x", [-8.0, 8.0]), quantity("y", [0.0, 4.0])],
+            ..Spec::bare()
+        }
     }
 
     fn scaled(scaling: &Scaling, observations: &[f32]) -> Vec<f32> {
@@ -111,8 +132,17 @@ mod tests {
     #[test]
     fn a_range_becomes_minus_one_to_one() {
         let scaling = Scaling::new(ObservationScaling::Range, &spec());
-        assert_eq!(scaled(&scaling, &[-8.0, 4.0, 4.0, 2.0, 0.0, 0.0]), [-1.0, 1.0, 0.5, 0.0, 0.0, -1.0]);
-        assert_eq!(scaled(&Scaling::new(ObservationScaling::Raw, &spec()), &[-8.0, 4.0]), [-8.0, 4.0]);
+        assert_eq!(
+            scaled(&scaling, &[-8.0, 4.0, 4.0, 2.0, 0.0, 0.0]),
+            [-1.0, 1.0, 0.5, 0.0, 0.0, -1.0]
+        );
+        assert_eq!(
+            scaled(
+                &Scaling::new(ObservationScaling::Raw, &spec()),
+                &[-8.0, 4.0]
+            ),
+            [-8.0, 4.0]
+        );
     }
 
     /// x = 1, 3: mean 2, deviation 1; y = 10, 30: mean 20, deviation 10.
@@ -122,6 +152,9 @@ mod tests {
         assert_eq!(scaled(&scaling, &[3.0, 7.0]), [3.0, 7.0]);
         scaling.update(&[1.0, 10.0, 3.0, 30.0]);
         let later = scaled(&scaling, &[4.0, 15.0]);
-        assert!((later[0] - 2.0).abs() < 1e-3 && (later[1] + 0.5).abs() < 1e-3, "{later:?}");
+        assert!(
+            (later[0] - 2.0).abs() < 1e-3 && (later[1] + 0.5).abs() < 1e-3,
+            "{later:?}"
+        );
     }
 }

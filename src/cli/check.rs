@@ -23,30 +23,53 @@ pub(super) fn check(files: &[PathBuf]) -> Result<(), Failure> {
             }
         }
     }
-    if wrong == 0 { Ok(()) } else { Err(Failure::Files(wrong)) }
+    if wrong == 0 {
+        Ok(())
+    } else {
+        Err(Failure::Files(wrong))
+    }
 }
 
 fn check_file(path: &Path) -> Result<String, InputError> {
     let text = input::read_text(path)?;
     match input::kind(&path.display().to_string(), &text)? {
-        Kind::Environment | Kind::TabularEnvironment => Ok(format!("environment with {}", described(&env::load(path)?.spec))),
-        Kind::TabularScenario => tabular::described(path).map(|said| format!("tabular scenario of {said}")),
+        Kind::Environment | Kind::TabularEnvironment => Ok(format!(
+            "environment with {}",
+            described(&env::load(path)?.spec)
+        )),
+        Kind::TabularScenario => {
+            tabular::described(path).map(|said| format!("tabular scenario of {said}"))
+        }
         Kind::Scenario => {
             let plan = Plan::load(path, &[])?;
             let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
-            Ok(format!("scenario of {agents} in `{}`, {}", plan.description.spec.name, described(&plan.description.spec)))
+            Ok(format!(
+                "scenario of {agents} in `{}`, {}",
+                plan.description.spec.name,
+                described(&plan.description.spec)
+            ))
         }
         Kind::Study => {
             let plan = StudyPlan::load(path, false)?;
             StudyPlan::load(path, true)?;
-            let (cells, claims) = (counted(plan.cells.len(), "cell"), counted(plan.study().claims.len(), "claim"));
-            Ok(format!("study of {cells} with {} each, and {claims}", counted(plan.repeats() as usize, "run")))
+            let (cells, claims) = (
+                counted(plan.cells.len(), "cell"),
+                counted(plan.study().claims.len(), "claim"),
+            );
+            Ok(format!(
+                "study of {cells} with {} each, and {claims}",
+                counted(plan.repeats() as usize, "run")
+            ))
         }
     }
 }
 
 fn described(spec: &Spec) -> String {
-    let observations: Vec<&str> = spec.observations.iter().map(|quantity| quantity.name.as_str()).collect();
+    let observations: Vec<&str> = spec
+        .observations
+        .iter()
+        .map(|quantity| quantity.name.as_str())
+        .collect();
     let shown = match observations.get(..MOST_SHOWN) {
         Some(first) => format!("{}, … ({} in all)", first.join(", "), observations.len()),
         None => observations.join(", "),
@@ -59,10 +82,18 @@ pub(super) fn actions(spec: &Spec) -> String {
     let described = spec.actions.iter().map(|action| {
         let quantity = &action.quantity;
         let values = match &action.choice {
-            Choice::Discrete(values) => values.iter().map(f32::to_string).collect::<Vec<_>>().join(" or "),
+            Choice::Discrete(values) => values
+                .iter()
+                .map(f32::to_string)
+                .collect::<Vec<_>>()
+                .join(" or "),
             Choice::Continuous => format!("{} to {}", quantity.range[0], quantity.range[1]),
         };
-        format!("{} ({})", quantity.name, format!("{values} {}", quantity.unit).trim_end())
+        format!(
+            "{} ({})",
+            quantity.name,
+            format!("{values} {}", quantity.unit).trim_end()
+        )
     });
     described.collect::<Vec<_>>().join(", ")
 }

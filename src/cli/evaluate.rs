@@ -9,8 +9,15 @@ pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), Failure> {
     let evaluation = evaluation(args.episodes, &args.play)?;
     let (plan, episodes) = evaluate::evaluate(&evaluate::run_folder(&args.run), &evaluation)?;
     let (task, count) = (&plan.description.spec.name, args.episodes);
-    say!("{task}, {count} episode{} of each agent, {}:\n", if count == 1 { "" } else { "s" }, words(evaluation.actions));
-    let rows: Vec<_> = episodes.iter().map(|episode| (episode.agent, episode.total_reward(), episode.length())).collect();
+    say!(
+        "{task}, {count} episode{} of each agent, {}:\n",
+        if count == 1 { "" } else { "s" },
+        words(evaluation.actions)
+    );
+    let rows: Vec<_> = episodes
+        .iter()
+        .map(|episode| (episode.agent, episode.total_reward(), episode.length()))
+        .collect();
     print_table(&rows);
     Ok(())
 }
@@ -31,13 +38,20 @@ pub(super) fn print_table(episodes: &[(u32, f64, usize)]) {
 
 /// So many episodes of each agent, played as `args` says.
 pub(super) fn evaluation(episodes: u32, args: &PlayArgs) -> Result<Evaluation, Failure> {
-    Ok(Evaluation { episodes, actions: actions(args.actions, args.temperature)?, seed: args.seed })
+    Ok(Evaluation {
+        episodes,
+        actions: actions(args.actions, args.temperature)?,
+        seed: args.seed,
+    })
 }
 
-fn actions(actions: Option<ActionsArg>, temperature: Option<f64>) -> Result<Option<ActionSelection>, Failure> {
+fn actions(
+    actions: Option<ActionsArg>,
+    temperature: Option<f64>,
+) -> Result<Option<ActionSelection>, Failure> {
     let tempered = |temperature: f64| {
-        let temperature =
-            Positive::try_from(temperature).map_err(|message| Failure::Input(format!("--temperature: {message}")))?;
+        let temperature = Positive::try_from(temperature)
+            .map_err(|message| Failure::Input(format!("--temperature: {message}")))?;
         Ok(ActionSelection::Tempered { temperature })
     };
     match (actions, temperature) {
@@ -53,7 +67,9 @@ pub(super) fn words(actions: Option<ActionSelection>) -> String {
         None => "actions chosen as in training".to_owned(),
         Some(ActionSelection::Sampled) => "sampled actions".to_owned(),
         Some(ActionSelection::Greedy) => "greedy actions".to_owned(),
-        Some(ActionSelection::Tempered { temperature }) => format!("actions at temperature {}", temperature.get()),
+        Some(ActionSelection::Tempered { temperature }) => {
+            format!("actions at temperature {}", temperature.get())
+        }
     }
 }
 
@@ -61,8 +77,17 @@ fn row(episodes: &[(u32, f64, usize)]) -> String {
     let returns: Vec<f64> = episodes.iter().map(|episode| episode.1).collect();
     let count = returns.len() as f64;
     let mean = returns.iter().sum::<f64>() / count;
-    let deviation = (returns.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let (least, most) = returns.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)));
+    let deviation = (returns
+        .iter()
+        .map(|value| (value - mean).powi(2))
+        .sum::<f64>()
+        / count)
+        .sqrt();
+    let (least, most) = returns
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
+            (low.min(x), high.max(x))
+        });
     let length = episodes.iter().map(|episode| episode.2 as f64).sum::<f64>() / count;
     format!("| {mean:.2} | {deviation:.2} | {least:.2} | {most:.2} | {length:.1} |")
 }

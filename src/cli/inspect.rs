@@ -34,12 +34,35 @@ const MOST_ROWS: usize = 64;
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     let mut review = Review::open(&args.run)?;
     let counter = Counter::new("episodes read");
-    let survey = review.survey(|_| counter.count()).map_err(ReviewError::from)?;
+    let survey = review
+        .survey(|_| counter.count())
+        .map_err(ReviewError::from)?;
     drop(counter);
-    let width = Term::stdout().size_checked().map_or(110, |(_, columns)| usize::from(columns)).clamp(60, 160);
-    let page = Page { review: &review, survey: survey.as_ref(), width };
-    let sections = [page.heading(), page.returns(), page.agents(), page.overlaps(), page.axes(), page.files()];
-    say!("{}", sections.into_iter().filter(|section| !section.is_empty()).collect::<Vec<_>>().join("\n"));
+    let width = Term::stdout()
+        .size_checked()
+        .map_or(110, |(_, columns)| usize::from(columns))
+        .clamp(60, 160);
+    let page = Page {
+        review: &review,
+        survey: survey.as_ref(),
+        width,
+    };
+    let sections = [
+        page.heading(),
+        page.returns(),
+        page.agents(),
+        page.overlaps(),
+        page.axes(),
+        page.files(),
+    ];
+    say!(
+        "{}",
+        sections
+            .into_iter()
+            .filter(|section| !section.is_empty())
+            .collect::<Vec<_>>()
+            .join("\n")
+    );
     Ok(())
 }
 
@@ -54,7 +77,10 @@ impl Page<'_> {
         let review = self.review;
         let per_agent = review.team_returns().len();
         let env_steps = review.episodes.last().map_or(0, |row| row.env_steps);
-        let task = review.recording.as_ref().and_then(|recording| recording.properties().get("environment"));
+        let task = review
+            .recording
+            .as_ref()
+            .and_then(|recording| recording.properties().get("environment"));
         let task = task.map_or(String::new(), |task| format!(" in {task}"));
         let mut text = format!(
             "{}: {}{task}, {}{}, {} env steps\n",
@@ -70,27 +96,42 @@ impl Page<'_> {
 
     fn outcome(&self) -> String {
         let Some(summary) = &self.review.summary else {
-            let state =
-                if self.review.folder.is_some() { "not finished, or interrupted" } else { "a recording alone, without tables" };
+            let state = if self.review.folder.is_some() {
+                "not finished, or interrupted"
+            } else {
+                "a recording alone, without tables"
+            };
             return format!("{state}\n");
         };
         match (summary.solved_at, summary.episodes_until_solved) {
             (None, _) => "finished; nothing says when the task counts as solved\n".to_owned(),
             (Some(at), Some(episodes)) => {
                 let solved = Style::new().green().apply_to("solved");
-                format!("{solved} after {episodes} episodes: the team's mean return over {} reached {}\n", at.window, at.r#return)
+                format!(
+                    "{solved} after {episodes} episodes: the team's mean return over {} reached {}\n",
+                    at.window, at.r#return
+                )
             }
             (Some(at), None) => {
-                format!("not solved: the team's mean return over {} episodes never reached {}\n", at.window, at.r#return)
+                format!(
+                    "not solved: the team's mean return over {} episodes never reached {}\n",
+                    at.window, at.r#return
+                )
             }
         }
     }
 
     fn returns(&self) -> String {
         let returns = self.review.team_returns();
-        let Some(last) = final_mean(&returns) else { return "no episode that all agents have finished\n".to_owned() };
+        let Some(last) = final_mean(&returns) else {
+            return "no episode that all agents have finished\n".to_owned();
+        };
         let (least, most) = ends(&returns);
-        let line = spark(&returns, self.width.saturating_sub(30).min(returns.len()), [least, most]);
+        let line = spark(
+            &returns,
+            self.width.saturating_sub(30).min(returns.len()),
+            [least, most],
+        );
         format!(
             "{}\n  {:>9} {line} {:<9}\n  least {}, most {}, mean of the last {}: {}\n",
             bold("mean return of the team, from the first episode to the last"),
@@ -105,7 +146,11 @@ impl Page<'_> {
 
     fn agents(&self) -> String {
         let agents = self.review.agents();
-        let curious = self.review.rounds.iter().any(|row| row.intrinsic_reward != 0.0);
+        let curious = self
+            .review
+            .rounds
+            .iter()
+            .any(|row| row.intrinsic_reward != 0.0);
         let mut text = format!(
             "{}\n  {:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  returns\n",
             bold("agents"),
@@ -115,7 +160,11 @@ impl Page<'_> {
             "best",
             "coverage",
             "evenness",
-            if curious { format!(" {:>9}", "bonus") } else { String::new() }
+            if curious {
+                format!(" {:>9}", "bonus")
+            } else {
+                String::new()
+            }
         );
         for agent in 0..agents.min(MOST_ROWS) as u32 {
             text += &self.agent(agent, curious);
@@ -129,8 +178,16 @@ impl Page<'_> {
     fn agent(&self, agent: u32, curious: bool) -> String {
         let returns: Vec<f64> = self.review.returns(agent).collect();
         let (least, best) = ends(&returns);
-        let room = self.width.saturating_sub(if curious { 70 } else { 60 }).clamp(8, 50);
-        let update = self.review.rounds.iter().rev().find(|row| row.agent == agent);
+        let room = self
+            .width
+            .saturating_sub(if curious { 70 } else { 60 })
+            .clamp(8, 50);
+        let update = self
+            .review
+            .rounds
+            .iter()
+            .rev()
+            .find(|row| row.agent == agent);
         let bonus = update.map_or(f64::NAN, |row| f64::from(row.intrinsic_reward));
         format!(
             "  {agent:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  {}\n",
@@ -139,18 +196,28 @@ impl Page<'_> {
             number(best),
             percent(self.coverage(agent, update)),
             percent(self.evenness(agent, update)),
-            if curious { format!(" {:>9}", number(bonus)) } else { String::new() },
+            if curious {
+                format!(" {:>9}", number(bonus))
+            } else {
+                String::new()
+            },
             spark(&returns, room.min(returns.len()), [least, best])
         )
     }
 
     fn coverage(&self, agent: u32, update: Option<&RoundRow>) -> Option<f64> {
-        let counted = self.survey.and_then(|survey| survey.visitation.get(agent as usize));
-        counted.map(crate::run::measures::visitation::Visitation::coverage).or(update.map(|row| row.coverage))
+        let counted = self
+            .survey
+            .and_then(|survey| survey.visitation.get(agent as usize));
+        counted
+            .map(crate::run::measures::visitation::Visitation::coverage)
+            .or(update.map(|row| row.coverage))
     }
 
     fn evenness(&self, agent: u32, update: Option<&RoundRow>) -> Option<f64> {
-        let counted = self.survey.and_then(|survey| survey.visitation.get(agent as usize));
+        let counted = self
+            .survey
+            .and_then(|survey| survey.visitation.get(agent as usize));
         let counted = counted.map(|visitation| visitation.entropy() / visitation.largest_entropy());
         counted.or(update.map(|row| row.visitation_evenness))
     }
@@ -158,8 +225,15 @@ impl Page<'_> {
     /// How far the agents differ, if there are several.
     fn team(&self) -> String {
         let agents = self.review.agents();
-        let counted = self.survey.map(Survey::diversity).map(|team| (team.overlap, team.effective_agents));
-        let told = self.review.rounds.last().map(|row| (row.team_overlap, row.effective_agents));
+        let counted = self
+            .survey
+            .map(Survey::diversity)
+            .map(|team| (team.overlap, team.effective_agents));
+        let told = self
+            .review
+            .rounds
+            .last()
+            .map(|row| (row.team_overlap, row.effective_agents));
         match counted.or(told) {
             Some((overlap, effective)) if agents > 1 => format!(
                 "  the team visits as many different places as {} agents that share none; overlap {}\n",
@@ -171,16 +245,25 @@ impl Page<'_> {
     }
 
     fn overlaps(&self) -> String {
-        let Some(survey) = self.survey.filter(|survey| (2..=MOST_PAIRED).contains(&survey.visitation.len())) else {
+        let Some(survey) = self
+            .survey
+            .filter(|survey| (2..=MOST_PAIRED).contains(&survey.visitation.len()))
+        else {
             return String::new();
         };
         let (agents, overlaps) = (survey.visitation.len(), survey.overlaps());
-        let mut text = bold("overlap of where two agents were, in % (100: alike, 0: no place in common)") + "\n        ";
+        let mut text =
+            bold("overlap of where two agents were, in % (100: alike, 0: no place in common)")
+                + "\n        ";
         text.extend((0..agents).map(|agent| format!("{agent:>4}")));
         for (one, row) in overlaps.chunks(agents).enumerate() {
             let _ = write!(text, "\n  {one:>5} ");
             let cell = |(other, overlap): (usize, &f64)| {
-                if one == other { "   ·".to_owned() } else { format!("{:>4.0}", 100.0 * overlap) }
+                if one == other {
+                    "   ·".to_owned()
+                } else {
+                    format!("{:>4.0}", 100.0 * overlap)
+                }
             };
             text.extend(row.iter().enumerate().map(cell));
         }
@@ -188,11 +271,18 @@ impl Page<'_> {
     }
 
     fn axes(&self) -> String {
-        let Some(survey) = self.survey.filter(|survey| survey.spreads.iter().any(|spread| spread.count > 0)) else {
+        let Some(survey) = self
+            .survey
+            .filter(|survey| survey.spreads.iter().any(|spread| spread.count > 0))
+        else {
             return String::new();
         };
         let spreads: Vec<&Spread> = survey.spreads.iter().chain(&survey.bonus).collect();
-        let widest = spreads.iter().map(|spread| label(spread).chars().count()).max().unwrap_or(0);
+        let widest = spreads
+            .iter()
+            .map(|spread| label(spread).chars().count())
+            .max()
+            .unwrap_or(0);
         let states = grouped(survey.spreads[0].count);
         let mut text = format!(
             "{}\n  {:widest$} {:>10} {:>10} {:>10} {:>22} {:>8}\n",
@@ -227,24 +317,41 @@ impl Page<'_> {
             let named = folder.summary();
             let recording = folder.recording();
             let part = recording.with_added_extension("part");
-            [recording, part, episodes, rounds, folder.scenario(), named, folder.policies()]
+            [
+                recording,
+                part,
+                episodes,
+                rounds,
+                folder.scenario(),
+                named,
+                folder.policies(),
+            ]
         });
         let alone = review.folder.is_none().then(|| review.path.clone());
         let mut text = bold("files") + "\n";
         for path in of_folder.chain(alone).filter(|path| path.is_file()) {
             let _ = writeln!(text, "  {} ({})", path.display(), size(&path));
         }
-        text + &format!("  seedbed plot {} draws where agents went\n", review.path.display())
+        text + &format!(
+            "  seedbed plot {} draws where agents went\n",
+            review.path.display()
+        )
     }
 }
 
 fn size(path: &Path) -> String {
-    path.metadata().map_or("?".to_owned(), |metadata| HumanBytes(metadata.len()).to_string())
+    path.metadata().map_or("?".to_owned(), |metadata| {
+        HumanBytes(metadata.len()).to_string()
+    })
 }
 
 fn label(spread: &Spread) -> String {
     let quantity = &spread.quantity;
-    if quantity.unit.is_empty() { quantity.name.clone() } else { format!("{} [{}]", quantity.name, quantity.unit) }
+    if quantity.unit.is_empty() {
+        quantity.name.clone()
+    } else {
+        format!("{} [{}]", quantity.name, quantity.unit)
+    }
 }
 
 fn bold(text: &str) -> String {
@@ -252,7 +359,9 @@ fn bold(text: &str) -> String {
 }
 
 fn percent(share: Option<f64>) -> String {
-    share.filter(|share| share.is_finite()).map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
+    share
+        .filter(|share| share.is_finite())
+        .map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
 }
 
 /// At most four significant digits.
@@ -260,10 +369,22 @@ fn number(value: f64) -> String {
     if !value.is_finite() {
         return "–".to_owned();
     }
-    let digits = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 + 1 };
+    let digits = if value == 0.0 {
+        0
+    } else {
+        value.abs().log10().floor() as i32 + 1
+    };
     let text = format!("{value:.*}", (4 - digits).clamp(0, 6) as usize);
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+    let text = if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        &text
+    };
+    if text == "-0" {
+        "0".to_owned()
+    } else {
+        text.to_owned()
+    }
 }
 
 fn grouped(number: u64) -> String {
@@ -271,7 +392,11 @@ fn grouped(number: u64) -> String {
 }
 
 fn ends(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
+    values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| {
+            (low.min(value), high.max(value))
+        })
 }
 
 #[cfg(test)]
@@ -280,7 +405,19 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let numbers = [0.0, 195.0, -1_234.56, 0.012_342, 1e6, f64::NAN, -0.000_000_1].map(number);
-        assert_eq!(numbers, ["0", "195", "-1235", "0.01234", "1000000", "–", "0"]);
+        let numbers = [
+            0.0,
+            195.0,
+            -1_234.56,
+            0.012_342,
+            1e6,
+            f64::NAN,
+            -0.000_000_1,
+        ]
+        .map(number);
+        assert_eq!(
+            numbers,
+            ["0", "195", "-1235", "0.01234", "1000000", "–", "0"]
+        );
     }
 }

@@ -36,21 +36,39 @@ fn print_environment(spec: &env::Spec) {
     say!("  {}\n      {}", spec.name, spec.description);
     let few = spec.observation_width() < MOST_SHOWN;
     let shown = &spec.observations[..if few { spec.observation_width() } else { 3 }];
-    let width = shown.iter().map(|quantity| quantity.name.chars().count()).max().unwrap_or(0);
-    for env::Quantity { name, unit, range: [low, high] } in shown {
-        say!("{}", format!("      observes  {name:<width$} {low} to {high} {unit}").trim_end());
+    let width = shown
+        .iter()
+        .map(|quantity| quantity.name.chars().count())
+        .max()
+        .unwrap_or(0);
+    for env::Quantity {
+        name,
+        unit,
+        range: [low, high],
+    } in shown
+    {
+        say!(
+            "{}",
+            format!("      observes  {name:<width$} {low} to {high} {unit}").trim_end()
+        );
     }
     if !few {
         say!("      observes  … {} in all", spec.observation_width());
     }
     say!("      acts      {}", actions(spec));
-    say!("      {} of {} s at most", counted(spec.time_limit as usize, "step"), spec.control_step);
+    say!(
+        "      {} of {} s at most",
+        counted(spec.time_limit as usize, "step"),
+        spec.control_step
+    );
 }
 
 fn scenarios() {
-    for_each_file("Scenarios", "scenarios", |path, width| match described(path) {
-        Ok(words) => say!("  {:<width$} {words}", path.display()),
-        Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
+    for_each_file("Scenarios", "scenarios", |path, width| {
+        match described(path) {
+            Ok(words) => say!("  {:<width$} {words}", path.display()),
+            Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
+        }
     });
 }
 
@@ -59,19 +77,27 @@ fn described(path: &Path) -> Result<String, InputError> {
     match input::kind(&path.display().to_string(), &input::read_text(path)?)? {
         Kind::Study => Ok(study_in_words(&StudyPlan::load(path, false)?)),
         Kind::TabularScenario => tabular::described(path),
-        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => Ok(scenario_in_words(&Plan::load(path, &[])?)),
+        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => {
+            Ok(scenario_in_words(&Plan::load(path, &[])?))
+        }
     }
 }
 
 fn study_in_words(plan: &StudyPlan) -> String {
-    let (cells, runs) = (counted(plan.cells.len(), "cell"), counted(plan.repeats() as usize, "run"));
+    let (cells, runs) = (
+        counted(plan.cells.len(), "cell"),
+        counted(plan.repeats() as usize, "run"),
+    );
     format!("study: {}; {cells} of {runs}", plan.study().title)
 }
 
 fn scenario_in_words(plan: &Plan) -> String {
     let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
     let episodes = counted(plan.scenario.most_episodes() as usize, "episode");
-    format!("{agents} in {}, {episodes} each at most", plan.description.spec.name)
+    format!(
+        "{agents} in {}, {episodes} each at most",
+        plan.description.spec.name
+    )
 }
 
 /// Goes through the folders of this name here and further up, where names are looked for. `print` is told how long the longest of a
@@ -80,12 +106,19 @@ fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path, usize)) {
     let here = std::env::current_dir().unwrap_or_default();
     let folders = input::folders_upwards(&here, folder);
     if folders.is_empty() {
-        say!("{title}: none, for there is no folder `{folder}` in {} or further up\n", here.display());
+        say!(
+            "{title}: none, for there is no folder `{folder}` in {} or further up\n",
+            here.display()
+        );
     }
     for found in folders.iter().map(|found| scenario::shortened(found)) {
         say!("{title} ({})", found.join("").display());
         let files = ron_files(&found);
-        let longest = files.iter().map(|path| path.display().to_string().chars().count()).max().unwrap_or(0);
+        let longest = files
+            .iter()
+            .map(|path| path.display().to_string().chars().count())
+            .max()
+            .unwrap_or(0);
         for path in &files {
             print(path, longest);
         }
@@ -115,7 +148,11 @@ fn algorithms() {
 
 fn print_parameter(parameter: &Parameter) {
     let mut lines = wrapped(parameter.meaning, WIDTH).into_iter();
-    say!("      {:<18} {}", parameter.name, lines.next().unwrap_or_default());
+    say!(
+        "      {:<18} {}",
+        parameter.name,
+        lines.next().unwrap_or_default()
+    );
     for line in lines {
         say!("      {:<18}   {line}", "");
     }
@@ -142,9 +179,19 @@ fn wrapped(sentence: &str, width: usize) -> Vec<String> {
 
 /// All `.ron` files below a folder, sorted.
 fn ron_files(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let entries = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path());
     let mut files: Vec<PathBuf> = entries
-        .flat_map(|path| if path.is_dir() { ron_files(&path) } else { vec![path] })
+        .flat_map(|path| {
+            if path.is_dir() {
+                ron_files(&path)
+            } else {
+                vec![path]
+            }
+        })
         .filter(|path| path.extension().is_some_and(|extension| extension == "ron"))
         .collect();
     files.sort();

@@ -89,7 +89,10 @@ enum Command {
 }
 
 #[derive(Debug, Args)]
-#[expect(clippy::struct_excessive_bools, reason = "each is a switch on the command line")]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch on the command line"
+)]
 #[command(after_help = "Examples:
   seedbed run scenarios/cartpole.ron --seed 3
   seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)' --out results/unseeded
@@ -268,7 +271,12 @@ struct PlayArgs {
     #[arg(long, value_enum)]
     actions: Option<ActionsArg>,
     /// Sample from the policy to the power 1/T: below 1 is greedier
-    #[arg(long, value_name = "T", conflicts_with = "actions", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "T",
+        conflicts_with = "actions",
+        allow_negative_numbers = true
+    )]
     temperature: Option<f64>,
     /// Seed of the starts and the actions
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -328,7 +336,9 @@ pub fn main() -> ExitCode {
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Plot(args) => plot::plot(&args),
     };
-    let Err(failure) = done else { return ExitCode::SUCCESS };
+    let Err(failure) = done else {
+        return ExitCode::SUCCESS;
+    };
     if !matches!(failure, Failure::Files(1)) {
         eprintln!("error: {failure}");
     }
@@ -379,9 +389,10 @@ impl From<RunError> for Failure {
     fn from(error: RunError) -> Self {
         match error {
             RunError::Input(_) | RunError::AnotherRun(_) => Self::Input(error.to_string()),
-            RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. } | RunError::Diverged(_) => {
-                Self::Work(error.to_string())
-            }
+            RunError::Record(_)
+            | RunError::Checkpoint(_)
+            | RunError::File { .. }
+            | RunError::Diverged(_) => Self::Work(error.to_string()),
         }
     }
 }

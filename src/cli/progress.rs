@@ -32,13 +32,21 @@ pub(super) struct Bar {
 
 impl Bar {
     pub(super) fn new(plan: &Plan) -> Self {
-        let style = ProgressStyle::with_template("{prefix} {bar:32} {pos}/{len} episodes · {msg} · {eta} left");
+        let style = ProgressStyle::with_template(
+            "{prefix} {bar:32} {pos}/{len} episodes · {msg} · {eta} left",
+        );
         let drawn = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(u64::from(plan.scenario.most_episodes())).with_prefix(plan.name.clone());
+            let bar = ProgressBar::new(u64::from(plan.scenario.most_episodes()))
+                .with_prefix(plan.name.clone());
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
         });
-        Self { drawn, started: Instant::now(), first_steps: 0, tenths: 0 }
+        Self {
+            drawn,
+            started: Instant::now(),
+            first_steps: 0,
+            tenths: 0,
+        }
     }
 }
 
@@ -48,9 +56,13 @@ impl Observer for Bar {
     }
 
     fn round_finished(&mut self, progress: &Progress) {
-        let rate = (progress.env_steps - self.first_steps) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
+        let rate = (progress.env_steps - self.first_steps) as f64
+            / self.started.elapsed().as_secs_f64().max(1e-3);
         let rate = HumanCount(rate as u64);
-        let message = format!("mean return {:.1} · {rate} env steps/s", progress.recent_return);
+        let message = format!(
+            "mean return {:.1} · {rate} env steps/s",
+            progress.recent_return
+        );
         match &self.drawn {
             Some(bar) => {
                 bar.set_position(progress.episodes_per_agent as u64);
@@ -73,7 +85,10 @@ impl Bar {
         let tenths = 10 * progress.episodes_per_agent / progress.at_most.max(1);
         if tenths > self.tenths {
             self.tenths = tenths;
-            eprintln!("{}/{} episodes · {message}", progress.episodes_per_agent, progress.at_most);
+            eprintln!(
+                "{}/{} episodes · {message}",
+                progress.episodes_per_agent, progress.at_most
+            );
         }
     }
 }
@@ -99,11 +114,23 @@ pub(super) struct StudyBar {
 
 impl StudyBar {
     pub(super) fn new(name: &str, tasks: &[Task<'_>]) -> Self {
-        let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}").unwrap_or_else(|_| ProgressStyle::default_bar());
-        let drawn =
-            std::io::stderr().is_terminal().then(|| ProgressBar::new(PARTS).with_prefix(name.to_owned()).with_style(style));
+        let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+        let drawn = std::io::stderr().is_terminal().then(|| {
+            ProgressBar::new(PARTS)
+                .with_prefix(name.to_owned())
+                .with_style(style)
+        });
         let cost = tasks.iter().map(|task| task.cell.course.cost()).sum();
-        let bar = Self { drawn, runs: tasks.len(), finished: 0, cost, done: 0.0, tenths: 0, started: Instant::now() };
+        let bar = Self {
+            drawn,
+            runs: tasks.len(),
+            finished: 0,
+            cost,
+            done: 0.0,
+            tenths: 0,
+            started: Instant::now(),
+        };
         bar.show();
         bar
     }
@@ -128,12 +155,20 @@ impl StudyBar {
 
     /// The part of the work that is done, by the runs' estimated costs.
     fn share(&self) -> f64 {
-        if self.finished == self.runs { 1.0 } else { self.done / self.cost }
+        if self.finished == self.runs {
+            1.0
+        } else {
+            self.done / self.cost
+        }
     }
 
     fn message(&self) -> String {
         let elapsed = self.started.elapsed().as_secs_f64();
-        let left = if self.finished == 0 { String::new() } else { in_time(elapsed * (1.0 / self.share() - 1.0)) };
+        let left = if self.finished == 0 {
+            String::new()
+        } else {
+            in_time(elapsed * (1.0 / self.share() - 1.0))
+        };
         format!("{}/{} runs{left}", self.finished, self.runs)
     }
 }
@@ -161,7 +196,8 @@ impl Drop for StudyBar {
 /// A bar that counts to `total`; none where nobody looks on.
 pub(super) fn counter(total: u32, what: &str) -> ProgressBar {
     let bar = ProgressBar::new(total.into());
-    let style = ProgressStyle::with_template(&format!("{{bar:30}} {{pos}}/{{len}} {what} · {{eta}} left"));
+    let style =
+        ProgressStyle::with_template(&format!("{{bar:30}} {{pos}}/{{len}} {what} · {{eta}} left"));
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar
 }

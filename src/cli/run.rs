@@ -20,17 +20,38 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         return tabular::run(args, &overrides);
     }
     let plan = Plan::load(&args.scenario, &overrides)?;
-    let folder = args.out.as_ref().map_or_else(|| plan.default_folder(), RunFolder::new);
+    let folder = args
+        .out
+        .as_ref()
+        .map_or_else(|| plan.default_folder(), RunFolder::new);
     let audience = audience(args)?;
     let claim = make_room(args, &folder)?;
     let threads = args.threads.map_or(0, usize::from);
-    let options = Options { folder, resume: args.resume, threads, recording: !args.no_recording };
+    let options = Options {
+        folder,
+        resume: args.resume,
+        threads,
+        recording: !args.no_recording,
+    };
     if let (Some(Audience::Visitors(server)), false) = (&audience, args.quiet) {
-        say!("serving    {0}; look with: rerun --connect {0}", server.address());
+        say!(
+            "serving    {0}; look with: rerun --connect {0}",
+            server.address()
+        );
     }
     let started = Instant::now();
-    let mut observer: Box<dyn Observer> = if args.quiet { Box::new(Silent) } else { Box::new(Bar::new(&plan)) };
-    let ending = run::execute(&plan, &options, audience, &mut *observer, &interruption("stopping after this round"));
+    let mut observer: Box<dyn Observer> = if args.quiet {
+        Box::new(Silent)
+    } else {
+        Box::new(Bar::new(&plan))
+    };
+    let ending = run::execute(
+        &plan,
+        &options,
+        audience,
+        &mut *observer,
+        &interruption("stopping after this round"),
+    );
     drop(observer);
     match ending.map_err(|error| with_way_on(error, args, &options.folder))? {
         Ending::Interrupted { rounds } => Err(Failure::Work(format!(
@@ -39,7 +60,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             resuming_command(args)
         ))),
         Ending::Finished(summary) => {
-            claim.release().map_err(|error| Failure::Work(error.to_string()))?;
+            claim
+                .release()
+                .map_err(|error| Failure::Work(error.to_string()))?;
             if !args.quiet {
                 print(&summary, &options.folder, started.elapsed().as_secs_f64());
             }
@@ -50,17 +73,34 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
 
 /// Who shall look at the recording.
 fn audience(args: &RunArgs) -> Result<Option<Audience>, Failure> {
-    let viewer = args.live.as_deref().map(Viewer::connect).transpose()?.map(Audience::Viewer);
-    let visitors = args.serve.map(Server::bind).transpose()?.map(Audience::Visitors);
+    let viewer = args
+        .live
+        .as_deref()
+        .map(Viewer::connect)
+        .transpose()?
+        .map(Audience::Viewer);
+    let visitors = args
+        .serve
+        .map(Server::bind)
+        .transpose()?
+        .map(Audience::Visitors);
     Ok(viewer.or(visitors))
 }
 
 /// What failed, and how to go on from the newest checkpoint, if there is one and it helps.
 fn with_way_on(error: RunError, args: &RunArgs, folder: &RunFolder) -> Failure {
-    let is_of_disk = matches!(error, RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. });
+    let is_of_disk = matches!(
+        error,
+        RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. }
+    );
     match Failure::from(error) {
-        Failure::Work(said) if is_of_disk && !args.resume && folder.contents() == Contents::UnfinishedRun => {
-            Failure::Work(format!("{said}\nthe newest checkpoint is kept; go on with\n  {}", resuming_command(args)))
+        Failure::Work(said)
+            if is_of_disk && !args.resume && folder.contents() == Contents::UnfinishedRun =>
+        {
+            Failure::Work(format!(
+                "{said}\nthe newest checkpoint is kept; go on with\n  {}",
+                resuming_command(args)
+            ))
         }
         failure => failure,
     }
@@ -68,8 +108,17 @@ fn with_way_on(error: RunError, args: &RunArgs, folder: &RunFolder) -> Failure {
 
 /// What was typed, and `--resume`.
 fn resuming_command(args: &RunArgs) -> String {
-    let quoted = |word: String| if word.contains([' ', '(', '\'', '"', '*']) { format!("'{word}'") } else { word };
-    let mut words: Vec<String> = std::env::args().map(quoted).filter(|word| word != "--overwrite").collect();
+    let quoted = |word: String| {
+        if word.contains([' ', '(', '\'', '"', '*']) {
+            format!("'{word}'")
+        } else {
+            word
+        }
+    };
+    let mut words: Vec<String> = std::env::args()
+        .map(quoted)
+        .filter(|word| word != "--overwrite")
+        .collect();
     if !args.resume {
         words.push("--resume".to_owned());
     }
@@ -80,18 +129,28 @@ fn resuming_command(args: &RunArgs) -> String {
 pub(super) fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Failure> {
     let shown = folder.path().display();
     let before = folder.contents();
-    let elsewhere = if args.out.is_some() { "another --out" } else { "another --seed or --out" };
+    let elsewhere = if args.out.is_some() {
+        "another --out"
+    } else {
+        "another --seed or --out"
+    };
     let choice = format!("keep both with {elsewhere}, replace it with --overwrite");
     let refusal = match (before, args.resume, args.overwrite) {
-        (Contents::Other, _, _) => Some(format!("{shown} is not empty, and what it holds is of no run; choose {elsewhere}")),
-        (Contents::FinishedRun, true, _) => Some(format!("the run in {shown} is finished; there is nothing to resume")),
-        (Contents::Nothing | Contents::BrokenOffRun, true, _) => {
-            Some(format!("{shown} holds no checkpoint to resume from; start afresh without --resume"))
+        (Contents::Other, _, _) => Some(format!(
+            "{shown} is not empty, and what it holds is of no run; choose {elsewhere}"
+        )),
+        (Contents::FinishedRun, true, _) => Some(format!(
+            "the run in {shown} is finished; there is nothing to resume"
+        )),
+        (Contents::Nothing | Contents::BrokenOffRun, true, _) => Some(format!(
+            "{shown} holds no checkpoint to resume from; start afresh without --resume"
+        )),
+        (Contents::FinishedRun, false, false) => {
+            Some(format!("{shown} holds a finished run; {choice}"))
         }
-        (Contents::FinishedRun, false, false) => Some(format!("{shown} holds a finished run; {choice}")),
-        (Contents::UnfinishedRun, false, false) => {
-            Some(format!("{shown} holds a run that was interrupted; go on with --resume, {choice}"))
-        }
+        (Contents::UnfinishedRun, false, false) => Some(format!(
+            "{shown} holds a run that was interrupted; go on with --resume, {choice}"
+        )),
         _ => None,
     };
     if let Some(refusal) = refusal {
@@ -99,7 +158,11 @@ pub(super) fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Fai
     }
     let fault = |error: std::io::Error| Failure::Work(format!("cannot write to {shown}: {error}"));
     let claim = folder.claim().map_err(fault)?;
-    let claim = claim.ok_or_else(|| Failure::Input(format!("another seedbed is writing to {shown}; choose {elsewhere}")))?;
+    let claim = claim.ok_or_else(|| {
+        Failure::Input(format!(
+            "another seedbed is writing to {shown}; choose {elsewhere}"
+        ))
+    })?;
     if !args.resume && before != Contents::Nothing {
         folder.clear().map_err(fault)?;
     }
@@ -127,10 +190,21 @@ pub(super) fn interruption(what: &'static str) -> Arc<AtomicBool> {
 }
 
 fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
-    let Summary { agents, episodes_per_agent, env_steps, final_return, .. } = summary;
+    let Summary {
+        agents,
+        episodes_per_agent,
+        env_steps,
+        final_return,
+        ..
+    } = summary;
     let rate = *env_steps as f64 / seconds;
-    let (episodes, team) = (counted(*episodes_per_agent, "episode"), counted(*agents, "agent"));
-    say!("finished   {episodes} of {team}, {env_steps} env steps in {seconds:.1} s ({rate:.0} a second)");
+    let (episodes, team) = (
+        counted(*episodes_per_agent, "episode"),
+        counted(*agents, "agent"),
+    );
+    say!(
+        "finished   {episodes} of {team}, {env_steps} env steps in {seconds:.1} s ({rate:.0} a second)"
+    );
     say!("solved     {}", solved(summary));
     let last = counted(FINAL_WINDOW.min(*episodes_per_agent), "episode");
     say!("return     {final_return:.1}, mean over the team's last {last}");
@@ -138,7 +212,11 @@ fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
     say!("results    {}", folder.path().display());
     let recording = folder.recording();
     if recording.is_file() {
-        say!("recording  {} ({}); look at it with", recording.display(), size(&recording));
+        say!(
+            "recording  {} ({}); look at it with",
+            recording.display(),
+            size(&recording)
+        );
         say!("             rerun {}", recording.display());
     }
 }
@@ -150,11 +228,17 @@ fn solved(summary: &Summary) -> String {
         (None, _) => "nothing says when this task counts as solved".to_owned(),
         (Some(at), Some(episodes)) => {
             let (episodes, window) = (counted(episodes, "episode"), counted(at.window, "episode"));
-            format!("after {episodes} per agent (mean return of {} over {window})", shown(at.r#return))
+            format!(
+                "after {episodes} per agent (mean return of {} over {window})",
+                shown(at.r#return)
+            )
         }
         (Some(at), None) => {
             let window = counted(at.window, "episode");
-            format!("no: a mean return of {} over {window} was not reached", shown(at.r#return))
+            format!(
+                "no: a mean return of {} over {window} was not reached",
+                shown(at.r#return)
+            )
         }
     }
 }
@@ -163,8 +247,16 @@ fn coverage(summary: &Summary) -> String {
     const SHOWN: usize = 8;
     let percent = |fraction: &f64| format!("{:.1} %", 100.0 * fraction);
     let agents: Vec<String> = summary.coverage.iter().take(SHOWN).map(percent).collect();
-    let more = if summary.coverage.len() > SHOWN { " …" } else { "" };
-    format!("{} of the state space by agent{more}; {} together", agents.join(", "), percent(&summary.team_coverage))
+    let more = if summary.coverage.len() > SHOWN {
+        " …"
+    } else {
+        ""
+    };
+    format!(
+        "{} of the state space by agent{more}; {} together",
+        agents.join(", "),
+        percent(&summary.team_coverage)
+    )
 }
 
 fn size(path: &Path) -> String {

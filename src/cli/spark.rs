@@ -6,7 +6,9 @@ const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█
 pub(super) fn spark(values: &[f64], columns: usize, [low, high]: [f64; 2]) -> String {
     let columns = columns.min(values.len());
     let bound = |column: usize| column * values.len() / columns.max(1);
-    (0..columns).map(|column| block(mean(&values[bound(column)..bound(column + 1)]), low, high)).collect()
+    (0..columns)
+        .map(|column| block(mean(&values[bound(column)..bound(column + 1)]), low, high))
+        .collect()
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -14,7 +16,11 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 fn block(value: f64, low: f64, high: f64) -> char {
-    let share = if high > low { (value - low) / (high - low) } else { 0.0 };
+    let share = if high > low {
+        (value - low) / (high - low)
+    } else {
+        0.0
+    };
     BLOCKS[((share * 8.0) as usize).min(7)]
 }
 
@@ -26,7 +32,11 @@ mod tests {
     fn blocks_rise_with_values() {
         let values: Vec<f64> = (0..8).map(f64::from).collect();
         assert_eq!(spark(&values, 8, [0.0, 7.0]), "▁▂▃▄▅▆▇█");
-        assert_eq!(spark(&values, 4, [0.0, 8.0]), "▁▃▅▇", "means 0.5, 2.5, 4.5, 6.5 of 8");
+        assert_eq!(
+            spark(&values, 4, [0.0, 8.0]),
+            "▁▃▅▇",
+            "means 0.5, 2.5, 4.5, 6.5 of 8"
+        );
         assert_eq!(spark(&[3.0; 5], 3, [3.0, 3.0]), "▁▁▁");
         assert_eq!(spark(&[], 3, [0.0, 1.0]), "");
     }

@@ -30,28 +30,55 @@ use crate::tabular::team::{Step, Team};
 pub(super) fn described(path: &Path) -> Result<String, InputError> {
     let scenario = scenario::load(path, &[])?.value;
     let agents = counted(scenario.agents.count.get() as usize, "agent");
-    Ok(format!("{agents} in {}, {}", scenario.task.name(), scenario.algorithm.name()))
+    Ok(format!(
+        "{agents} in {}, {}",
+        scenario.task.name(),
+        scenario.algorithm.name()
+    ))
 }
 
 pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), Failure> {
     let scenario = scenario::load(&args.scenario, overrides)?.value;
     if args.serve.is_some() {
         let shown = args.scenario.display();
-        return Err(Failure::Input(format!("{shown} is of a finite task, whose recording is not served; leave out --serve")));
+        return Err(Failure::Input(format!(
+            "{shown} is of a finite task, whose recording is not served; leave out --serve"
+        )));
     }
     let name = stem(&args.scenario);
-    let folder = RunFolder::new(args.out.clone().unwrap_or_else(|| default_folder(&name, scenario.seed)));
+    let folder = RunFolder::new(
+        args.out
+            .clone()
+            .unwrap_or_else(|| default_folder(&name, scenario.seed)),
+    );
     let claim = make_room(args, &folder)?;
     let started = Instant::now();
     let path = folder.recording();
-    let mut film = Film::of(&name, &scenario, (!args.no_recording).then_some(path.as_path())).map_err(RunError::from)?;
-    let results = play(&name, &scenario, &bar(&scenario, args.quiet), |step| film.take_in(step)).map_err(RunError::from)?;
+    let mut film = Film::of(
+        &name,
+        &scenario,
+        (!args.no_recording).then_some(path.as_path()),
+    )
+    .map_err(RunError::from)?;
+    let results = play(&name, &scenario, &bar(&scenario, args.quiet), |step| {
+        film.take_in(step)
+    })
+    .map_err(RunError::from)?;
     film.finish().map_err(RunError::from)?;
-    let fault = |error: std::io::Error| Failure::Work(format!("cannot write to {}: {error}", folder.path().display()));
+    let fault = |error: std::io::Error| {
+        Failure::Work(format!(
+            "cannot write to {}: {error}",
+            folder.path().display()
+        ))
+    };
     results.write(&scenario, &folder).map_err(fault)?;
     claim.release().map_err(fault)?;
     if !args.quiet {
-        print(&results.summary, folder.path(), started.elapsed().as_secs_f64());
+        print(
+            &results.summary,
+            folder.path(),
+            started.elapsed().as_secs_f64(),
+        );
         print_recording(args, &path);
     }
     Ok(())
@@ -59,18 +86,25 @@ pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), Failure> {
 
 fn print_recording(args: &RunArgs, path: &Path) {
     if path.is_file() {
-        say!("recording  {}; look at it with\n             rerun {}", path.display(), path.display());
+        say!(
+            "recording  {}; look at it with\n             rerun {}",
+            path.display(),
+            path.display()
+        );
     } else if !args.no_recording {
         say!("recording  none, for the team has more than {MOST_AGENTS} agents");
     }
 }
 
 fn stem(path: &Path) -> String {
-    path.file_stem().map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned())
+    path.file_stem()
+        .map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned())
 }
 
 fn default_folder(name: &str, seed: u64) -> PathBuf {
-    Path::new("recordings").join(name).join(format!("seed-{seed}"))
+    Path::new("recordings")
+        .join(name)
+        .join(format!("seed-{seed}"))
 }
 
 /// Plays a scenario to its end; `bar` counts episodes, `watch` sees every step.
@@ -98,20 +132,40 @@ fn bar(scenario: &TabularScenario, quiet: bool) -> ProgressBar {
         return ProgressBar::hidden();
     }
     let style = ProgressStyle::with_template("{bar:32} {pos}/{len} episodes · {eta} left");
-    let bar = ProgressBar::new(u64::from(scenario.agents.count.get()) * u64::from(scenario.episodes.get()));
+    let bar = ProgressBar::new(
+        u64::from(scenario.agents.count.get()) * u64::from(scenario.episodes.get()),
+    );
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
 fn print(summary: &Summary, folder: &Path, seconds: f64) {
-    let Summary { agents, episodes_per_agent, env_steps, optimal_value, regret_per_agent, cumulative_regret, .. } = summary;
-    let (episodes, team) = (counted(*episodes_per_agent as usize, "episode"), counted(*agents as usize, "agent"));
+    let Summary {
+        agents,
+        episodes_per_agent,
+        env_steps,
+        optimal_value,
+        regret_per_agent,
+        cumulative_regret,
+        ..
+    } = summary;
+    let (episodes, team) = (
+        counted(*episodes_per_agent as usize, "episode"),
+        counted(*agents as usize, "agent"),
+    );
     say!("finished   {episodes} of {team}, {env_steps} env steps in {seconds:.1} s");
     say!("optimal    {optimal_value:.3} an episode");
     say!("regret     {regret_per_agent:.3} per agent, {cumulative_regret:.1} in all");
     let share = 100.0 * summary.episodes_without_regret;
     say!("best       {share:.1} % of episodes were without regret");
-    say!("visited    {} of {} states", summary.states_visited, summary.states);
-    say!("results    {}: regret.csv, visits.csv, summary.json, scenario.ron", folder.display());
+    say!(
+        "visited    {} of {} states",
+        summary.states_visited,
+        summary.states
+    );
+    say!(
+        "results    {}: regret.csv, visits.csv, summary.json, scenario.ron",
+        folder.display()
+    );
 }
 
 /// What the runs of one scenario came to, in the order of their seeds.
@@ -125,12 +179,22 @@ struct Bench {
 
 impl Bench {
     fn regrets(&self) -> Vec<f64> {
-        self.summaries.iter().map(|summary| summary.regret_per_agent).collect()
+        self.summaries
+            .iter()
+            .map(|summary| summary.regret_per_agent)
+            .collect()
     }
 }
 
-const REGRET: Columns<7> =
-    [("K", 6), ("regret", 8), ("95 % interval", 18), ("least", 8), ("most", 8), ("no regret", 9), ("steps/s", 9)];
+const REGRET: Columns<7> = [
+    ("K", 6),
+    ("regret", 8),
+    ("95 % interval", 18),
+    ("least", 8),
+    ("most", 8),
+    ("no regret", 9),
+    ("steps/s", 9),
+];
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let other = args.scenarios.iter().find(|path| !is_meant(path));
@@ -141,8 +205,19 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
         )));
     }
     let load = |path: &PathBuf| Ok((stem(path), scenario::load(path, &args.overrides)?.value));
-    let scenarios: Vec<(String, TabularScenario)> = args.scenarios.iter().map(load).collect::<Result<_, InputError>>()?;
-    let table = Table { name_width: scenarios.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0).max(8) };
+    let scenarios: Vec<(String, TabularScenario)> = args
+        .scenarios
+        .iter()
+        .map(load)
+        .collect::<Result<_, InputError>>()?;
+    let table = Table {
+        name_width: scenarios
+            .iter()
+            .map(|(name, _)| name.chars().count())
+            .max()
+            .unwrap_or(0)
+            .max(8),
+    };
     let seeds = counted(args.seeds as usize, "seed");
     say!(
         "Regret per agent, of {seeds} from {} on: mean with its 95 % interval, least and most; episodes without",
@@ -158,31 +233,54 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     }
     compare(&table, &benches);
     if (args.seeds as usize) < LEAST_RUNS {
-        say!("\nn = {} is too few for an interval, which takes at least {LEAST_RUNS} seeds.", args.seeds);
+        say!(
+            "\nn = {} is too few for an interval, which takes at least {LEAST_RUNS} seeds.",
+            args.seeds
+        );
     }
     Ok(())
 }
 
 fn play_all(name: String, scenario: &TabularScenario, args: &BenchArgs) -> Result<Bench, Failure> {
-    let pool = ThreadPoolBuilder::new().num_threads(args.jobs.map_or(0, usize::from)).build();
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(args.jobs.map_or(0, usize::from))
+        .build();
     let seeds = args.first_seed..args.first_seed.saturating_add(args.seeds);
     let play_one = |seed| {
         let started = Instant::now();
-        let scenario = TabularScenario { seed, ..scenario.clone() };
+        let scenario = TabularScenario {
+            seed,
+            ..scenario.clone()
+        };
         let Ok(results) = play::<Infallible>(&name, &scenario, &ProgressBar::hidden(), |_| Ok(()));
         (results.summary, started.elapsed().as_secs_f64())
     };
     let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
-    let played: Vec<(Summary, f64)> = pool.install(|| seeds.into_par_iter().map(play_one).collect());
+    let played: Vec<(Summary, f64)> =
+        pool.install(|| seeds.into_par_iter().map(play_one).collect());
     let (summaries, seconds): (Vec<Summary>, Vec<f64>) = played.into_iter().unzip();
-    Ok(Bench { name, task: scenario.task.clone(), agents: scenario.agents.count.get(), summaries, seconds: seconds.iter().sum() })
+    Ok(Bench {
+        name,
+        task: scenario.task.clone(),
+        agents: scenario.agents.count.get(),
+        summaries,
+        seconds: seconds.iter().sum(),
+    })
 }
 
 fn cells(bench: &Bench) -> [String; 7] {
     let regrets = bench.regrets();
     let regret = estimate_of_sample(&regrets, mean);
-    let steps: u64 = bench.summaries.iter().map(|summary| summary.env_steps).sum();
-    let best: Vec<f64> = bench.summaries.iter().map(|summary| summary.episodes_without_regret).collect();
+    let steps: u64 = bench
+        .summaries
+        .iter()
+        .map(|summary| summary.env_steps)
+        .sum();
+    let best: Vec<f64> = bench
+        .summaries
+        .iter()
+        .map(|summary| summary.episodes_without_regret)
+        .collect();
     [
         bench.agents.to_string(),
         shown(regret.value),
@@ -194,28 +292,64 @@ fn cells(bench: &Bench) -> [String; 7] {
     ]
 }
 
-const PAIRED: Columns<3> = [("difference", 10), ("95 % interval", 20), ("p after Holm", 12)];
+const PAIRED: Columns<3> = [
+    ("difference", 10),
+    ("95 % interval", 20),
+    ("p after Holm", 12),
+];
 
 /// Each of the others against the first, if it is about the same tasks, seed by seed: equal seeds draw equal tasks.
 fn compare(table: &Table, benches: &[Bench]) {
-    let Some((first, others)) = benches.split_first() else { return };
-    let others: Vec<&Bench> = others.iter().filter(|other| other.task == first.task).collect();
+    let Some((first, others)) = benches.split_first() else {
+        return;
+    };
+    let others: Vec<&Bench> = others
+        .iter()
+        .filter(|other| other.task == first.task)
+        .collect();
     if others.is_empty() {
         return;
     }
-    say!("\nAgainst {}, seed by seed: the mean difference in regret (below 0 is better), and p of Wilcoxon's", first.name);
+    say!(
+        "\nAgainst {}, seed by seed: the mean difference in regret (below 0 is better), and p of Wilcoxon's",
+        first.name
+    );
     say!("signed-rank test.\n");
     table.head(&PAIRED);
-    let against: Vec<Vec<f64>> = others.iter().map(|other| differences(&other.regrets(), &first.regrets())).collect();
-    let p = holm(&against.iter().map(|differences| signed_rank(differences).p).collect::<Vec<f64>>());
+    let against: Vec<Vec<f64>> = others
+        .iter()
+        .map(|other| differences(&other.regrets(), &first.regrets()))
+        .collect();
+    let p = holm(
+        &against
+            .iter()
+            .map(|differences| signed_rank(differences).p)
+            .collect::<Vec<f64>>(),
+    );
     for ((other, differences), p) in others.iter().zip(&against).zip(p) {
         let difference = estimate_of_sample(differences, mean);
-        let p = if p < 0.0001 { "< 0.0001".to_owned() } else { format!("{p:.4}") };
-        table.row(&PAIRED, &other.name, &[shown(difference.value), interval_in_words(difference.interval, shown), p]);
+        let p = if p < 0.0001 {
+            "< 0.0001".to_owned()
+        } else {
+            format!("{p:.4}")
+        };
+        table.row(
+            &PAIRED,
+            &other.name,
+            &[
+                shown(difference.value),
+                interval_in_words(difference.interval, shown),
+                p,
+            ],
+        );
     }
 }
 
 /// Three digits behind the point for what is small.
 fn shown(value: f64) -> String {
-    if value.abs() < 10.0 { format!("{value:.3}") } else { format!("{value:.1}") }
+    if value.abs() < 10.0 {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.1}")
+    }
 }

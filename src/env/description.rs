@@ -256,7 +256,11 @@ impl Description {
             spec,
             scene: None,
             gravity: [0.0; 2],
-            solver: Solver { iterations: 1, passes: 1, searches: 1 },
+            solver: Solver {
+                iterations: 1,
+                passes: 1,
+                searches: 1,
+            },
             bodies: Vec::new(),
             joints: Vec::new(),
             free: Vec::new(),
@@ -265,7 +269,11 @@ impl Description {
             sensors: Vec::new(),
             fields: Vec::new(),
             drawings: Vec::new(),
-            formulas: Formulas { observations: Vec::new(), reward: Program::zero(), terminated: Program::zero() },
+            formulas: Formulas {
+                observations: Vec::new(),
+                reward: Program::zero(),
+                terminated: Program::zero(),
+            },
             reset: Vec::new(),
             twin: None,
             finite: Some(finite),
@@ -293,16 +301,27 @@ impl Description {
     #[must_use]
     pub fn reference(&self) -> Vec<f64> {
         let pose = |&body: &usize| {
-            let Body { position: [x, y], angle, .. } = self.bodies[body];
+            let Body {
+                position: [x, y],
+                angle,
+                ..
+            } = self.bodies[body];
             [x, y, angle]
         };
-        vec![0.0; self.joints.len()].into_iter().chain(self.free.iter().flat_map(pose)).collect()
+        vec![0.0; self.joints.len()]
+            .into_iter()
+            .chain(self.free.iter().flat_map(pose))
+            .collect()
     }
 
     /// Whether each copy needs a world of its own: if bodies may touch something, hang on nothing, or are pushed directly.
     #[must_use]
     pub fn needs_worlds(&self) -> bool {
-        let drives = self.actuators.iter().map(|actuator| actuator.drive).chain(self.fields.iter().map(|field| field.drive));
+        let drives = self
+            .actuators
+            .iter()
+            .map(|actuator| actuator.drive)
+            .chain(self.fields.iter().map(|field| field.drive));
         let pushes = |drive| matches!(drive, Drive::BodyForce { .. });
         drives.into_iter().any(pushes) || !self.colliders.is_empty() || !self.free.is_empty()
     }

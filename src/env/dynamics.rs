@@ -51,7 +51,11 @@ impl JointColumns {
     /// All at rest at 0.
     #[must_use]
     pub fn new(joints: usize, copies: usize) -> Self {
-        Self { copies, positions: vec![0.0; joints * copies], velocities: vec![0.0; joints * copies] }
+        Self {
+            copies,
+            positions: vec![0.0; joints * copies],
+            velocities: vec![0.0; joints * copies],
+        }
     }
 
     /// M.

@@ -58,7 +58,11 @@ impl Program {
     /// The formula `0`.
     #[must_use]
     pub fn zero() -> Self {
-        Self { constants: vec![0.0], instructions: Vec::new(), result: Place::Scratch(0) }
+        Self {
+            constants: vec![0.0],
+            instructions: Vec::new(),
+            result: Place::Scratch(0),
+        }
     }
 
     /// The formula's value, if it is the same in every state.
@@ -73,8 +77,14 @@ impl Program {
     /// Whether the formula reads any of these columns.
     #[must_use]
     pub fn reads(&self, columns: &Range<usize>) -> bool {
-        let reads = |place: &Place| matches!(place, Place::Variable(index) if columns.contains(index));
-        reads(&self.result) || self.instructions.iter().flat_map(Instruction::inputs).any(reads)
+        let reads =
+            |place: &Place| matches!(place, Place::Variable(index) if columns.contains(index));
+        reads(&self.result)
+            || self
+                .instructions
+                .iter()
+                .flat_map(Instruction::inputs)
+                .any(reads)
     }
 }
 
@@ -86,7 +96,10 @@ impl Formula {
         for (index, &constant) in program.constants.iter().enumerate() {
             scratch.column_mut(index).fill(constant);
         }
-        Self { program: program.clone(), scratch }
+        Self {
+            program: program.clone(),
+            scratch,
+        }
     }
 
     /// The formula's value for each of the given copies.
@@ -99,7 +112,9 @@ impl Formula {
                 Place::Scratch(index) => &inputs.column(index)[copies.clone()],
             };
             let [a, b, c] = instruction.places.map(read);
-            instruction.operation.apply(&mut output[copies.clone()], a, b, c);
+            instruction
+                .operation
+                .apply(&mut output[copies.clone()], a, b, c);
         }
         match self.program.result {
             Place::Variable(index) => &variables.column(index)[copies],
@@ -112,7 +127,10 @@ impl Table {
     /// Columns full of zeros.
     #[must_use]
     pub fn new(columns: usize, copies: usize) -> Self {
-        Self { copies, values: vec![0.0; columns * copies] }
+        Self {
+            copies,
+            values: vec![0.0; columns * copies],
+        }
     }
 
     /// The values of one column: `[copies]`.
@@ -139,7 +157,10 @@ impl Table {
 
     /// Copies the columns from `from` on to where `to` begins.
     pub fn copy_columns(&mut self, from: Range<usize>, to: usize) {
-        self.values.copy_within(from.start * self.copies..from.end * self.copies, to * self.copies);
+        self.values.copy_within(
+            from.start * self.copies..from.end * self.copies,
+            to * self.copies,
+        );
     }
 
     /// Several columns: `[columns × copies]`.
@@ -151,13 +172,22 @@ impl Table {
     /// All columns, to be read.
     #[must_use]
     pub fn view(&self) -> View<'_> {
-        View { copies: self.copies, values: &self.values }
+        View {
+            copies: self.copies,
+            values: &self.values,
+        }
     }
 
     /// The columns before `index`, and column `index`.
     pub fn split_at(&mut self, index: usize) -> (View<'_>, &mut [f32]) {
         let (before, from) = self.values.split_at_mut(index * self.copies);
-        (View { copies: self.copies, values: before }, &mut from[..self.copies])
+        (
+            View {
+                copies: self.copies,
+                values: before,
+            },
+            &mut from[..self.copies],
+        )
     }
 }
 
@@ -200,19 +230,27 @@ mod tests {
         NAMES
             .iter()
             .enumerate()
-            .map(|(index, &name)| Variable { name: name.to_owned(), column: index, previous: (index < 2).then_some(3 + index) })
+            .map(|(index, &name)| Variable {
+                name: name.to_owned(),
+                column: index,
+                previous: (index < 2).then_some(3 + index),
+            })
             .collect()
     }
 
     fn value(text: &str, kind: Type, x: f32) -> f32 {
-        let program = compile(text, kind, &variables()).unwrap_or_else(|mistake| panic!("{text}: {mistake:?}"));
+        let program = compile(text, kind, &variables())
+            .unwrap_or_else(|mistake| panic!("{text}: {mistake:?}"));
         let mut table = Table::new(5, 3);
         for (column, value) in [x, 2.0, -0.5, 7.0, 8.0].into_iter().enumerate() {
             table.column_mut(column).fill(value);
         }
         let mut formula = Formula::new(&program, 3);
         let all = formula.evaluate(table.view(), 0..3).to_vec();
-        assert_eq!(all[1].to_bits(), formula.evaluate(table.view(), 1..2)[0].to_bits());
+        assert_eq!(
+            all[1].to_bits(),
+            formula.evaluate(table.view(), 1..2)[0].to_bits()
+        );
         all[1]
     }
 
@@ -236,7 +274,10 @@ mod tests {
         assert_eq!(number("-x - -1.5e0", 3.0), -1.5);
         assert_eq!(number("x % 2", -3.0), -1.0);
         assert_eq!(number("1 / x", 4.0), 0.25);
-        assert_eq!(number("if x > 0 { x } else if x < -1 { -1 } else { 10 * x }", -0.5), -5.0);
+        assert_eq!(
+            number("if x > 0 { x } else if x < -1 { -1 } else { 10 * x }", -0.5),
+            -5.0
+        );
     }
 
     #[test]
@@ -246,7 +287,11 @@ mod tests {
         assert_eq!(boolean("!(x >= 1) && true", 0.5), 1.0);
         assert_eq!(boolean("x == 2 && x != 3 && x <= 2", 2.0), 1.0);
         assert_eq!(boolean("if x > 1 { theta < 0 } else { false }", 2.0), 1.0);
-        assert_eq!(boolean("x < 1 || x >= 1", f32::NAN), 0.0, "a comparison with NaN is false");
+        assert_eq!(
+            boolean("x < 1 || x >= 1", f32::NAN),
+            0.0,
+            "a comparison with NaN is false"
+        );
     }
 
     #[test]
@@ -270,7 +315,11 @@ mod tests {
             ("180 * degree", std::f32::consts::PI),
             ("2 * pi", std::f32::consts::TAU),
         ] {
-            assert!((number(text, -0.5) - expected).abs() < 1e-6, "{text} = {} instead of {expected}", number(text, -0.5));
+            assert!(
+                (number(text, -0.5) - expected).abs() < 1e-6,
+                "{text} = {} instead of {expected}",
+                number(text, -0.5)
+            );
         }
     }
 
@@ -283,7 +332,10 @@ mod tests {
     fn a_formula_without_names_is_a_constant() {
         let folded = |text| compile(text, Type::Number, &variables()).unwrap();
         assert_eq!(folded("1").constant(), Some(1.0));
-        assert_eq!(folded("max(2 * 3, 5) - if 1 < 2 { 1 } else { 0 }").constant(), Some(5.0));
+        assert_eq!(
+            folded("max(2 * 3, 5) - if 1 < 2 { 1 } else { 0 }").constant(),
+            Some(5.0)
+        );
         assert_eq!(folded("x").constant(), None);
         assert_eq!(folded("x * (2 + 3)").instructions.len(), 1);
         assert!(folded("x").reads(&(0..1)) && !folded("x").reads(&(1..5)));
@@ -293,31 +345,79 @@ mod tests {
     fn mistakes_point_at_their_place() {
         let unknown = mistake("x + tehta", Type::Number);
         assert_eq!(unknown.0, 4);
-        assert_eq!(unknown.1, "no variable is named `tehta`, expected one of `x`, `x_dot`, `theta`, `pi`, `degree`");
+        assert_eq!(
+            unknown.1,
+            "no variable is named `tehta`, expected one of `x`, `x_dot`, `theta`, `pi`, `degree`"
+        );
         assert_eq!(unknown.2.as_deref(), Some("did you mean `theta`?"));
         let wrong = |text: &str, kind: Type, column: usize, message: &str| {
             let found = mistake(text, kind);
             assert_eq!((found.0, found.1.as_str()), (column, message), "{text}");
         };
-        wrong("abs(x, 1)", Type::Number, 0, "`abs` takes 1 argument, found 2");
-        wrong("x + (x < 1)", Type::Number, 4, "expected a number, found true or false");
-        wrong("x", Type::Boolean, 0, "expected true or false, found a number");
-        wrong("if x { 1 } else { 2 }", Type::Number, 3, "expected true or false, found a number");
+        wrong(
+            "abs(x, 1)",
+            Type::Number,
+            0,
+            "`abs` takes 1 argument, found 2",
+        );
+        wrong(
+            "x + (x < 1)",
+            Type::Number,
+            4,
+            "expected a number, found true or false",
+        );
+        wrong(
+            "x",
+            Type::Boolean,
+            0,
+            "expected true or false, found a number",
+        );
+        wrong(
+            "if x { 1 } else { 2 }",
+            Type::Number,
+            3,
+            "expected true or false, found a number",
+        );
         wrong("if x > 0 { 1 }", Type::Number, 0, "an `if` needs an `else`");
-        wrong("1 < x < 2", Type::Boolean, 6, "comparison operators cannot be chained");
+        wrong(
+            "1 < x < 2",
+            Type::Boolean,
+            6,
+            "comparison operators cannot be chained",
+        );
         wrong("x = 2", Type::Boolean, 0, NO_FORMULA);
-        wrong("previous(1 + x)", Type::Number, 9, "`previous` takes the name of an observation or a sensor");
+        wrong(
+            "previous(1 + x)",
+            Type::Number,
+            9,
+            "`previous` takes the name of an observation or a sensor",
+        );
         wrong(
             "previous(theta)",
             Type::Number,
             9,
             "`theta` has no previous value here: rewards and endings look back, at observations and sensors",
         );
-        wrong("x +", Type::Number, 3, "unexpected end of input, expected an expression");
-        wrong("", Type::Number, 0, "unexpected end of input, expected an expression");
+        wrong(
+            "x +",
+            Type::Number,
+            3,
+            "unexpected end of input, expected an expression",
+        );
+        wrong(
+            "",
+            Type::Number,
+            0,
+            "unexpected end of input, expected an expression",
+        );
         wrong("\"x\"", Type::Number, 0, NO_FORMULA);
         wrong("x.abs()", Type::Number, 0, NO_FORMULA);
-        wrong("2f32 * x", Type::Number, 0, "a number takes no suffix, found `f32`");
+        wrong(
+            "2f32 * x",
+            Type::Number,
+            0,
+            "a number takes no suffix, found `f32`",
+        );
     }
 
     proptest! {
@@ -341,7 +441,10 @@ mod tests {
     fn endless_nesting_is_refused_before_it_is_read() {
         let deep = format!("{}1{}", "(".repeat(100_000), ")".repeat(100_000));
         let mistake = compile(&deep, Type::Number, &[]).unwrap_err();
-        assert_eq!(mistake.message, "a formula has at most 1000 characters, this one has 200001");
+        assert_eq!(
+            mistake.message,
+            "a formula has at most 1000 characters, this one has 200001"
+        );
         let allowed = format!("{}1{}", "(".repeat(499), ")".repeat(499));
         assert!(compile(&allowed, Type::Number, &[]).is_ok());
     }

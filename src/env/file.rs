@@ -341,7 +341,10 @@ pub enum Twin {
 /// # Errors
 /// The file cannot be read, or something in it is wrong.
 pub fn load(path: &Path) -> Result<Description, InputError> {
-    let name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = path
+        .file_stem()
+        .map(|stem| stem.to_string_lossy().into_owned())
+        .unwrap_or_default();
     parse(&name, &path.display().to_string(), input::read_text(path)?)
 }
 
@@ -357,12 +360,17 @@ pub fn parse(name: &str, origin: &str, text: String) -> Result<Description, Inpu
 }
 
 fn describe(name: &str, document: &Document<Environment>) -> Result<Description, InputError> {
-    resolve::description(name, &document.origin, &document.value).map_err(|complaint| document.locate(complaint))
+    resolve::description(name, &document.origin, &document.value)
+        .map_err(|complaint| document.locate(complaint))
 }
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { iterations: known_count(4), passes: known_count(1), searches: known_count(1) }
+        Self {
+            iterations: known_count(4),
+            passes: known_count(1),
+            searches: known_count(1),
+        }
     }
 }
 
@@ -384,7 +392,14 @@ impl TryFrom<Vec<Finite>> for Values {
     type Error = String;
 
     fn try_from(values: Vec<Finite>) -> Result<Self, String> {
-        if values.len() >= 2 { Ok(Self(values)) } else { Err(format!("expected at least 2 values, found {}", values.len())) }
+        if values.len() >= 2 {
+            Ok(Self(values))
+        } else {
+            Err(format!(
+                "expected at least 2 values, found {}",
+                values.len()
+            ))
+        }
     }
 }
 

@@ -15,16 +15,36 @@ pub(super) fn add_actions(
     joint: impl Fn(usize) -> (f32, f32),
     forces: &mut Vec<Force>,
 ) {
-    let actuators = description.actuators.iter().map(|actuator| Some((actuator.drive, actuator.gear)));
+    let actuators = description
+        .actuators
+        .iter()
+        .map(|actuator| Some((actuator.drive, actuator.gear)));
     let first_action = description.columns().first_action();
     let actions = first_action..first_action + description.actuators.len();
-    let fields = description.fields.iter().map(|field| field.force.reads(&actions).then_some((field.drive, 1.0)));
+    let fields = description
+        .fields
+        .iter()
+        .map(|field| field.force.reads(&actions).then_some((field.drive, 1.0)));
     let before = forces.len();
     for (index, drive) in actuators.chain(fields).enumerate() {
         let Some((drive, gear)) = drive else { continue };
-        if let Some((body, at, force)) = push(description, poses, drive, gear * f64::from(control(index)), &joint) {
+        if let Some((body, at, force)) = push(
+            description,
+            poses,
+            drive,
+            gear * f64::from(control(index)),
+            &joint,
+        ) {
             let (at, newtons) = (poses[body].point(at), poses[body].vector(force));
-            add_at(Force { source: ForceSource::Action, at, newtons }, before, forces);
+            add_at(
+                Force {
+                    source: ForceSource::Action,
+                    at,
+                    newtons,
+                },
+                before,
+                forces,
+            );
         }
     }
     let acts = |force: &Force| force.newtons != [0.0; 2];
@@ -33,7 +53,10 @@ pub(super) fn add_actions(
 }
 
 fn add_at(force: Force, before: usize, forces: &mut Vec<Force>) {
-    match forces[before..].iter_mut().find(|other| other.at == force.at) {
+    match forces[before..]
+        .iter_mut()
+        .find(|other| other.at == force.at)
+    {
         Some(other) => (0..2).for_each(|axis| other.newtons[axis] += force.newtons[axis]),
         None => forces.push(force),
     }
@@ -49,11 +72,28 @@ fn push(
     match drive {
         Drive::Nothing => None,
         Drive::JointForce(index) => along(description, &description.joints[index], value),
-        Drive::Servo(servo) => along(description, &description.joints[servo.joint], of_servo(&servo, value, joint(servo.joint))),
-        Drive::BodyForce { body, at, direction, local } => {
+        Drive::Servo(servo) => along(
+            description,
+            &description.joints[servo.joint],
+            of_servo(&servo, value, joint(servo.joint)),
+        ),
+        Drive::BodyForce {
+            body,
+            at,
+            direction,
+            local,
+        } => {
             let force = direction.map(|along| along * value);
-            let force = if local { force } else { turned(force, -f64::from(poses[body].angle)) };
-            Some((body, at.unwrap_or(description.bodies[body].inertial.com), force))
+            let force = if local {
+                force
+            } else {
+                turned(force, -f64::from(poses[body].angle))
+            };
+            Some((
+                body,
+                at.unwrap_or(description.bodies[body].inertial.com),
+                force,
+            ))
         }
     }
 }
@@ -65,7 +105,9 @@ fn of_servo(servo: &Servo, told: f64, (position, rate): (f32, f32)) -> f64 {
         Target::Position => servo.kp * (told - position) - servo.kv * rate,
         Target::Velocity => servo.kv * (told - rate),
     };
-    servo.force_limit.map_or(force, |limit| force.clamp(-limit, limit))
+    servo
+        .force_limit
+        .map_or(force, |limit| force.clamp(-limit, limit))
 }
 
 /// A force (N) or torque (N m) along a joint's coordinate. With r from the hinge to the centre of mass, the torque τ is that of the
@@ -73,13 +115,19 @@ fn of_servo(servo: &Servo, told: f64, (position, rate): (f32, f32)) -> f64 {
 fn along(description: &Description, joint: &Joint, value: f64) -> Option<Push> {
     match joint.kind {
         JointKind::Weld => None,
-        JointKind::Slide { axis } => Some((joint.child, joint.anchor, axis.map(|along| along * value))),
+        JointKind::Slide { axis } => {
+            Some((joint.child, joint.anchor, axis.map(|along| along * value)))
+        }
         JointKind::Hinge { sense } => {
             let com = description.bodies[joint.child].inertial.com;
             let arm = [com[0] - joint.anchor[0], com[1] - joint.anchor[1]];
             let square = arm[0] * arm[0] + arm[1] * arm[1];
             let per_length = sense * value / square;
-            (square > 1e-12).then_some((joint.child, com, [-arm[1] * per_length, arm[0] * per_length]))
+            (square > 1e-12).then_some((
+                joint.child,
+                com,
+                [-arm[1] * per_length, arm[0] * per_length],
+            ))
         }
     }
 }

@@ -61,8 +61,16 @@ impl Tree {
     /// The joints of a description.
     #[must_use]
     pub fn new(description: &Description) -> Self {
-        let links = description.joints.iter().map(|joint| Link::new(joint, description)).collect();
-        Self { links, free: description.free.clone(), bodies: description.bodies.len() }
+        let links = description
+            .joints
+            .iter()
+            .map(|joint| Link::new(joint, description))
+            .collect();
+        Self {
+            links,
+            free: description.free.clone(),
+            bodies: description.bodies.len(),
+        }
     }
 
     /// The joints, parents before their children.
@@ -80,8 +88,11 @@ impl Tree {
     /// Where the bodies of one copy are: `[bodies]`
     #[must_use]
     pub fn frames_of(&self, columns: &JointColumns, copy: usize) -> Vec<Frame> {
-        let coordinates = (0..self.links.len() + 3 * self.free.len()).map(|coordinate| columns.get(coordinate, copy));
-        let (positions, velocities): (Vec<_>, Vec<_>) = coordinates.map(|(q, v)| (f64::from(q), f64::from(v))).unzip();
+        let coordinates = (0..self.links.len() + 3 * self.free.len())
+            .map(|coordinate| columns.get(coordinate, copy));
+        let (positions, velocities): (Vec<_>, Vec<_>) = coordinates
+            .map(|(q, v)| (f64::from(q), f64::from(v)))
+            .unzip();
         let mut frames = self.frames();
         self.place(&positions, &velocities, &mut frames);
         frames
@@ -94,7 +105,11 @@ impl Tree {
             let first = self.links.len() + 3 * index;
             let [x, y, angle] = std::array::from_fn(|axis| positions[first + axis]);
             let [right, up, spin] = std::array::from_fn(|axis| velocities[first + axis]);
-            frames[body] = Frame { velocity: [right, up], angular_velocity: spin, ..Frame::at([x, y], angle) };
+            frames[body] = Frame {
+                velocity: [right, up],
+                angular_velocity: spin,
+                ..Frame::at([x, y], angle)
+            };
         }
         for ((link, &position), &velocity) in self.links.iter().zip(positions).zip(velocities) {
             let parent = link.parent.map_or(Frame::WORLD, |body| frames[body]);
@@ -105,7 +120,12 @@ impl Tree {
 
 impl Link {
     fn new(joint: &Joint, description: &Description) -> Self {
-        let reference = |body: usize| Frame::at(description.bodies[body].position, description.bodies[body].angle);
+        let reference = |body: usize| {
+            Frame::at(
+                description.bodies[body].position,
+                description.bodies[body].angle,
+            )
+        };
         let parent = joint.parent.map_or(Frame::WORLD, reference);
         let child = reference(joint.child);
         Self {
@@ -115,7 +135,9 @@ impl Link {
             anchor_in_child: joint.anchor,
             angle: child.angle - parent.angle,
             motion: match joint.kind {
-                JointKind::Slide { axis } => Motion::Slide(turn(conjugate(parent.rotation), turn(child.rotation, axis))),
+                JointKind::Slide { axis } => {
+                    Motion::Slide(turn(conjugate(parent.rotation), turn(child.rotation, axis)))
+                }
                 JointKind::Hinge { sense } => Motion::Hinge(sense),
                 JointKind::Weld => Motion::Weld,
             },
@@ -142,14 +164,24 @@ impl Link {
 
 impl Frame {
     /// The world's frame, at rest.
-    pub const WORLD: Self =
-        Self { position: [0.0; 2], angle: 0.0, rotation: [1.0, 0.0], velocity: [0.0; 2], angular_velocity: 0.0 };
+    pub const WORLD: Self = Self {
+        position: [0.0; 2],
+        angle: 0.0,
+        rotation: [1.0, 0.0],
+        velocity: [0.0; 2],
+        angular_velocity: 0.0,
+    };
 
     /// A frame at rest.
     #[must_use]
     pub fn at(position: [f64; 2], angle: f64) -> Self {
         let (sine, cosine) = libm::sincos(angle);
-        Self { position, angle, rotation: [cosine, sine], ..Self::WORLD }
+        Self {
+            position,
+            angle,
+            rotation: [cosine, sine],
+            ..Self::WORLD
+        }
     }
 
     /// A point of this frame in the world.
@@ -173,7 +205,10 @@ impl Frame {
     /// Velocity, m/s, of what moves with this frame at a point of the world.
     #[must_use]
     pub fn velocity_at(&self, point: [f64; 2]) -> [f64; 2] {
-        sum(self.velocity, crossed(self.angular_velocity, difference(point, self.position)))
+        sum(
+            self.velocity,
+            crossed(self.angular_velocity, difference(point, self.position)),
+        )
     }
 }
 
@@ -191,7 +226,10 @@ fn scaled(a: [f64; 2], by: f64) -> [f64; 2] {
 
 /// Turns `a` by the angle whose cosine and sine are `rotation`.
 fn turn(rotation: [f64; 2], a: [f64; 2]) -> [f64; 2] {
-    [rotation[0] * a[0] - rotation[1] * a[1], rotation[1] * a[0] + rotation[0] * a[1]]
+    [
+        rotation[0] * a[0] - rotation[1] * a[1],
+        rotation[1] * a[0] + rotation[0] * a[1],
+    ]
 }
 
 fn conjugate(rotation: [f64; 2]) -> [f64; 2] {
@@ -222,9 +260,17 @@ mod tests {
         let tree = tree("envs/cartpole.ron");
         let mut frames = tree.frames();
         tree.place(&[0.3, FRAC_PI_2], &[2.0, 1.0], &mut frames);
-        let [cart, pole] = frames[..] else { panic!("two bodies") };
-        assert_eq!((cart.position, cart.angle, cart.velocity), ([0.3, 0.0], 0.0, [2.0, 0.0]));
-        assert_eq!((pole.position, pole.angle, pole.angular_velocity), ([0.3, 0.0], -FRAC_PI_2, -1.0));
+        let [cart, pole] = frames[..] else {
+            panic!("two bodies")
+        };
+        assert_eq!(
+            (cart.position, cart.angle, cart.velocity),
+            ([0.3, 0.0], 0.0, [2.0, 0.0])
+        );
+        assert_eq!(
+            (pole.position, pole.angle, pole.angular_velocity),
+            ([0.3, 0.0], -FRAC_PI_2, -1.0)
+        );
         // The centre of mass, 0.5 m from the hinge, lies level with it and falls at 0.5 m × 1 rad/s.
         let com = pole.point([0.0, 0.5]);
         let velocity = pole.velocity_at(com);
@@ -238,20 +284,29 @@ mod tests {
         let tree = tree("tests/envs/crane.ron");
         let (positions, velocities) = ([0.2, 1.0, -2.0, 0.1], [1.0, -0.5, 2.0, 0.7]);
         let moment = 1e-6;
-        let later: Vec<_> = positions.iter().zip(velocities).map(|(position, rate)| position + moment * rate).collect();
+        let later: Vec<_> = positions
+            .iter()
+            .zip(velocities)
+            .map(|(position, rate)| position + moment * rate)
+            .collect();
         let (mut now, mut then) = (tree.frames(), tree.frames());
         tree.place(&positions, &velocities, &mut now);
         tree.place(&later, &velocities, &mut then);
         for (now, then) in now.iter().zip(&then) {
             let moved = scaled(difference(then.position, now.position), 1.0 / moment);
             assert_abs_diff_eq!(moved[..], now.velocity[..], epsilon = 1e-5);
-            assert_abs_diff_eq!((then.angle - now.angle) / moment, now.angular_velocity, epsilon = 1e-8);
+            assert_abs_diff_eq!(
+                (then.angle - now.angle) / moment,
+                now.angular_velocity,
+                epsilon = 1e-8
+            );
         }
     }
 
     #[test]
     fn at_coordinate_zero_bodies_are_where_the_file_puts_them() {
-        let description = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/envs/crane.ron")).unwrap();
+        let description =
+            load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/envs/crane.ron")).unwrap();
         let tree = Tree::new(&description);
         let mut frames = tree.frames();
         tree.place(&[0.0; 4], &[0.0; 4], &mut frames);

@@ -29,7 +29,11 @@ pub(super) struct Senses {
 
 impl Senses {
     pub(super) fn new(description: &Description, copies: usize) -> Self {
-        let readings: Vec<_> = description.sensors.iter().map(|sensor| sensor.reading.clone()).collect();
+        let readings: Vec<_> = description
+            .sensors
+            .iter()
+            .map(|sensor| sensor.reading.clone())
+            .collect();
         let tree = Tree::new(description);
         Self {
             reads_bodies: readings.iter().any(is_of_bodies),
@@ -52,14 +56,22 @@ impl Senses {
         for (column, reading) in self.readings.iter().enumerate() {
             let column = &mut table.column_mut(column)[copies.clone()];
             match reading {
-                Reading::JointPosition(coordinate) => column.copy_from_slice(&columns.positions(*coordinate)[copies.clone()]),
-                Reading::WrappedJointPosition(coordinate) => wrap(column, &columns.positions(*coordinate)[copies.clone()]),
-                Reading::JointVelocity(coordinate) => column.copy_from_slice(&columns.velocities(*coordinate)[copies.clone()]),
+                Reading::JointPosition(coordinate) => {
+                    column.copy_from_slice(&columns.positions(*coordinate)[copies.clone()])
+                }
+                Reading::WrappedJointPosition(coordinate) => {
+                    wrap(column, &columns.positions(*coordinate)[copies.clone()])
+                }
+                Reading::JointVelocity(coordinate) => {
+                    column.copy_from_slice(&columns.velocities(*coordinate)[copies.clone()])
+                }
                 _ => {}
             }
         }
         if self.reads_bodies {
-            copies.clone().for_each(|copy| self.read_bodies(columns, copy, table));
+            copies
+                .clone()
+                .for_each(|copy| self.read_bodies(columns, copy, table));
         }
         for (column, formula) in &mut self.formulas {
             let (before, column) = table.split_at(*column);
@@ -68,11 +80,17 @@ impl Senses {
     }
 
     fn read_bodies(&mut self, columns: &JointColumns, copy: usize, table: &mut Table) {
-        for (coordinate, (position, velocity)) in self.positions.iter_mut().zip(&mut self.velocities).enumerate() {
+        for (coordinate, (position, velocity)) in self
+            .positions
+            .iter_mut()
+            .zip(&mut self.velocities)
+            .enumerate()
+        {
             let (place, rate) = columns.get(coordinate, copy);
             (*position, *velocity) = (f64::from(place), f64::from(rate));
         }
-        self.tree.place(&self.positions, &self.velocities, &mut self.frames);
+        self.tree
+            .place(&self.positions, &self.velocities, &mut self.frames);
         for (column, reading) in self.readings.iter().enumerate() {
             if let Some(value) = self.measured(reading) {
                 table.column_mut(column)[copy] = value;
@@ -83,14 +101,21 @@ impl Senses {
     /// None for what does not depend on where the bodies are.
     fn measured(&self, reading: &Reading) -> Option<f32> {
         Some(match reading {
-            Reading::JointPosition(_) | Reading::WrappedJointPosition(_) | Reading::JointVelocity(_) | Reading::Formula(_) => {
+            Reading::JointPosition(_)
+            | Reading::WrappedJointPosition(_)
+            | Reading::JointVelocity(_)
+            | Reading::Formula(_) => {
                 return None;
             }
             Reading::BodyPosition(point) => self.place_of(point)[point.axis] as f32,
-            Reading::BodyVelocity(point) => self.frames[point.body].velocity_at(self.place_of(point))[point.axis] as f32,
+            Reading::BodyVelocity(point) => {
+                self.frames[point.body].velocity_at(self.place_of(point))[point.axis] as f32
+            }
             Reading::BodyAngle(body) => self.frames[*body].angle as f32,
             Reading::BodyAngularVelocity(body) => self.frames[*body].angular_velocity as f32,
-            Reading::Contact(one, other) => f32::from(u8::from(self.geometry.touch(*one, *other, &self.frames))),
+            Reading::Contact(one, other) => {
+                f32::from(u8::from(self.geometry.touch(*one, *other, &self.frames)))
+            }
             Reading::Ray(ray) => self.geometry.distance(ray, &self.frames),
         })
     }
@@ -109,9 +134,16 @@ fn wrap(wrapped: &mut [f32], angles: &[f32]) {
 
 fn is_of_bodies(reading: &Reading) -> bool {
     use Reading::{Formula, JointPosition, JointVelocity, WrappedJointPosition};
-    !matches!(reading, JointPosition(_) | WrappedJointPosition(_) | JointVelocity(_) | Formula(_))
+    !matches!(
+        reading,
+        JointPosition(_) | WrappedJointPosition(_) | JointVelocity(_) | Formula(_)
+    )
 }
 
 fn formula(reading: &Reading, copies: usize) -> Option<Formula> {
-    if let Reading::Formula(program) = reading { Some(Formula::new(program, copies)) } else { None }
+    if let Reading::Formula(program) = reading {
+        Some(Formula::new(program, copies))
+    } else {
+        None
+    }
 }

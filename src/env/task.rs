@@ -11,7 +11,9 @@ use super::dynamics::{Dynamics, from_bytes, to_bytes};
 use super::expression::{Formula, Table};
 use super::sensing::Senses;
 use super::tabular::environment::FiniteEnvironment;
-use super::{Choice, Environment, Force, Physics, Pose, Scene, Spec, Status, analytic, forces, physics};
+use super::{
+    Choice, Environment, Force, Physics, Pose, Scene, Spec, Status, analytic, forces, physics,
+};
 use crate::input::InputError;
 use crate::random::Stream;
 
@@ -19,28 +21,47 @@ use crate::random::Stream;
 ///
 /// # Errors
 /// The task has no closed-form twin, but `physics` asks for it.
-pub fn build(description: &Description, physics: Physics, copies: usize) -> Result<Box<dyn Environment>, InputError> {
+pub fn build(
+    description: &Description,
+    physics: Physics,
+    copies: usize,
+) -> Result<Box<dyn Environment>, InputError> {
     if let Some(finite) = &description.finite
         && physics == Physics::Rapier
     {
-        return Ok(Box::new(FiniteEnvironment::new(&description.spec, finite, copies)));
+        return Ok(Box::new(FiniteEnvironment::new(
+            &description.spec,
+            finite,
+            copies,
+        )));
     }
-    Ok(Box::new(Task::new(description, dynamics(description, physics, copies)?, copies)))
+    Ok(Box::new(Task::new(
+        description,
+        dynamics(description, physics, copies)?,
+        copies,
+    )))
 }
 
 /// Builds the moving part of a task alone.
 ///
 /// # Errors
 /// The task has no closed-form twin, but `physics` asks for it.
-pub fn dynamics(description: &Description, physics: Physics, copies: usize) -> Result<Box<dyn Dynamics>, InputError> {
+pub fn dynamics(
+    description: &Description,
+    physics: Physics,
+    copies: usize,
+) -> Result<Box<dyn Dynamics>, InputError> {
     match physics {
-        Physics::Rapier if description.needs_worlds() => Ok(Box::new(physics::ContactWorlds::new(description, copies))),
+        Physics::Rapier if description.needs_worlds() => {
+            Ok(Box::new(physics::ContactWorlds::new(description, copies)))
+        }
         Physics::Rapier => Ok(Box::new(physics::RigidBodies::new(description, copies))),
         Physics::Analytic => analytic::build(description, copies).ok_or_else(|| InputError {
             origin: description.origin.clone(),
             position: None,
             field: "analytic".to_owned(),
-            message: "the task has no closed-form twin, so it cannot run with `physics: Analytic`".to_owned(),
+            message: "the task has no closed-form twin, so it cannot run with `physics: Analytic`"
+                .to_owned(),
             help: Some("use `physics: Rapier`".to_owned()),
         }),
     }
@@ -94,15 +115,27 @@ impl Task {
             columns,
             dynamics,
             table: Table::new(columns.count(), copies),
-            observation_formulas: formulas.observations.iter().map(|program| Formula::new(program, copies)).collect(),
-            fields: description.fields.iter().map(|field| Formula::new(&field.force, copies)).collect(),
+            observation_formulas: formulas
+                .observations
+                .iter()
+                .map(|program| Formula::new(program, copies))
+                .collect(),
+            fields: description
+                .fields
+                .iter()
+                .map(|field| Formula::new(&field.force, copies))
+                .collect(),
             reward: Formula::new(&formulas.reward, copies),
             constant_reward: formulas.reward.constant(),
             terminated: Formula::new(&formulas.terminated, copies),
-            reads_previous: formulas.reward.reads(&previous) || formulas.terminated.reads(&previous),
+            reads_previous: formulas.reward.reads(&previous)
+                || formulas.terminated.reads(&previous),
             progress: Progress::new(copies, columns.observations),
             senses: Senses::new(description, copies),
-            start: [description.reference(), vec![0.0; description.coordinates()]],
+            start: [
+                description.reference(),
+                vec![0.0; description.coordinates()],
+            ],
             description: description.clone(),
         }
     }
@@ -131,13 +164,23 @@ impl Environment for Task {
     }
 
     fn step(&mut self, actions: &[f32]) {
-        assert_eq!(actions.len(), self.copies() * self.columns.actions, "one row of actions a copy");
+        assert_eq!(
+            actions.len(),
+            self.copies() * self.columns.actions,
+            "one row of actions a copy"
+        );
         self.take(actions);
         if self.reads_previous {
-            self.table.copy_columns(0..self.columns.first_action(), self.columns.first_previous());
+            self.table.copy_columns(
+                0..self.columns.first_action(),
+                self.columns.first_previous(),
+            );
         }
         self.apply_fields();
-        self.dynamics.step(self.table.columns(self.columns.first_action()..self.columns.first_previous()));
+        self.dynamics.step(
+            self.table
+                .columns(self.columns.first_action()..self.columns.first_previous()),
+        );
         self.observe(0..self.copies());
         self.judge();
     }
@@ -165,12 +208,18 @@ impl Environment for Task {
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let state: SavedTask = from_bytes(bytes).map_err(|error| format!("no saved environment: {error}"))?;
+        let state: SavedTask =
+            from_bytes(bytes).map_err(|error| format!("no saved environment: {error}"))?;
         let name = &self.description.spec.name;
         if state.task != *name {
-            return Err(format!("the state is of task `{}`, not of `{name}`", state.task));
+            return Err(format!(
+                "the state is of task `{}`, not of `{name}`",
+                state.task
+            ));
         }
-        if state.table.len() != self.table.values().len() || !state.progress.same_shape(&self.progress) {
+        if state.table.len() != self.table.values().len()
+            || !state.progress.same_shape(&self.progress)
+        {
             return Err("the state is of another number of copies".to_owned());
         }
         self.dynamics.restore(&state.dynamics)?;
@@ -207,11 +256,17 @@ impl Task {
         let width = self.columns.actions;
         for (index, actuator) in self.description.actuators.iter().enumerate() {
             let controls = self.table.column_mut(self.columns.first_action() + index);
-            for ((control, row), status) in controls.iter_mut().zip(actions.chunks_exact(width)).zip(&self.progress.statuses) {
+            for ((control, row), status) in controls
+                .iter_mut()
+                .zip(actions.chunks_exact(width))
+                .zip(&self.progress.statuses)
+            {
                 if *status == Status::Running {
                     *control = match &actuator.choice {
                         Choice::Discrete(values) => values[row[index] as usize],
-                        Choice::Continuous => row[index].clamp(actuator.range[0], actuator.range[1]),
+                        Choice::Continuous => {
+                            row[index].clamp(actuator.range[0], actuator.range[1])
+                        }
                     };
                 }
             }
@@ -229,7 +284,9 @@ impl Task {
 
     /// Only pictures ask for this, so that it may allocate.
     fn draw_elsewhere(&self, copy: usize, poses: &mut [Pose]) {
-        let value = |program| Formula::new(program, self.copies()).evaluate(self.table.view(), copy..copy + 1)[0];
+        let value = |program| {
+            Formula::new(program, self.copies()).evaluate(self.table.view(), copy..copy + 1)[0]
+        };
         for drawing in &self.description.drawings {
             poses[drawing.body].y += value(&drawing.y);
             poses[drawing.body].angle += value(&drawing.angle);
@@ -238,13 +295,22 @@ impl Task {
 
     /// Reads the sensors of some copies and computes what is observed.
     fn observe(&mut self, copies: std::ops::Range<usize>) {
-        self.senses.read(self.dynamics.joints(), copies.clone(), &mut self.table);
+        self.senses
+            .read(self.dynamics.joints(), copies.clone(), &mut self.table);
         let width = self.columns.observations;
         for (index, formula) in self.observation_formulas.iter_mut().enumerate() {
-            let (before, column) = self.table.split_at(self.columns.first_observation() + index);
+            let (before, column) = self
+                .table
+                .split_at(self.columns.first_observation() + index);
             let values = formula.evaluate(before, copies.clone());
             column[copies.clone()].copy_from_slice(values);
-            for (row, &value) in self.progress.observations.chunks_exact_mut(width).skip(copies.start).zip(values) {
+            for (row, &value) in self
+                .progress
+                .observations
+                .chunks_exact_mut(width)
+                .skip(copies.start)
+                .zip(values)
+            {
                 row[index] = value;
             }
         }
@@ -254,11 +320,16 @@ impl Task {
     fn judge(&mut self) {
         let copies = 0..self.copies();
         let terminated = self.terminated.evaluate(self.table.view(), copies.clone());
-        let rewards = self.constant_reward.is_none().then(|| self.reward.evaluate(self.table.view(), copies.clone()));
+        let rewards = self
+            .constant_reward
+            .is_none()
+            .then(|| self.reward.evaluate(self.table.view(), copies.clone()));
         let progress = &mut self.progress;
         for copy in copies {
             if progress.statuses[copy] == Status::Running {
-                progress.rewards[copy] = self.constant_reward.unwrap_or_else(|| rewards.map_or(0.0, |rewards| rewards[copy]));
+                progress.rewards[copy] = self
+                    .constant_reward
+                    .unwrap_or_else(|| rewards.map_or(0.0, |rewards| rewards[copy]));
                 progress.steps[copy] += 1;
                 let limit = progress.steps[copy] >= self.description.spec.time_limit;
                 progress.statuses[copy] = ending(terminated[copy] != 0.0, limit);

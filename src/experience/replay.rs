@@ -58,7 +58,10 @@ impl Replay {
     /// If it could hold none.
     #[must_use]
     pub fn new(capacity: usize, width: usize) -> Self {
-        assert!(capacity > 0 && width > 0, "room for a transition with something to see");
+        assert!(
+            capacity > 0 && width > 0,
+            "room for a transition with something to see"
+        );
         Self {
             capacity,
             width,
@@ -90,7 +93,11 @@ impl Replay {
     pub fn push_newest(&mut self, episode: &Episode) {
         let (width, step) = (self.width, episode.length() - 1);
         let observations = &episode.observations[step * width..(step + 2) * width];
-        let origin = Origin { agent: episode.agent, episode: episode.episode, step: step as u32 };
+        let origin = Origin {
+            agent: episode.agent,
+            episode: episode.episode,
+            step: step as u32,
+        };
         let (action, reward) = (episode.actions[step] as u16, episode.rewards[step]);
         if self.len() < self.capacity {
             self.observations.extend_from_slice(observations);
@@ -168,8 +175,19 @@ mod tests {
     #[test]
     fn a_transition_is_the_newest_step() {
         let replay = filled(3);
-        let origin = Origin { agent: 3, episode: 5, step: 2 };
-        let expected = Transition { state: &[2.0], action: 0, reward: 20.0, next: &[3.0], status: Status::Terminated, origin };
+        let origin = Origin {
+            agent: 3,
+            episode: 5,
+            step: 2,
+        };
+        let expected = Transition {
+            state: &[2.0],
+            action: 0,
+            reward: 20.0,
+            next: &[3.0],
+            status: Status::Terminated,
+            origin,
+        };
         assert_eq!((replay.len(), replay.get(2)), (3, expected));
         assert_eq!(replay.get(1).status, Status::Running);
     }
@@ -178,7 +196,9 @@ mod tests {
     #[test]
     fn the_oldest_make_room() {
         let replay = filled(6);
-        let steps: Vec<u32> = (0..replay.len()).map(|place| replay.get(place).origin.step).collect();
+        let steps: Vec<u32> = (0..replay.len())
+            .map(|place| replay.get(place).origin.step)
+            .collect();
         assert_eq!(steps, [4, 5, 2, 3]);
         assert_eq!(replay.get(1).next, [6.0]);
     }
@@ -186,10 +206,14 @@ mod tests {
     /// 4,000 draws of four: each 1,000 times, four standard errors being 4 √(4000 · 3/16) = 110.
     #[test]
     fn every_transition_is_equally_likely() {
-        let (replay, mut random, mut counts) = (filled(6), stream(0, Purpose::Shuffle, 0, 0), [0; 6]);
+        let (replay, mut random, mut counts) =
+            (filled(6), stream(0, Purpose::Shuffle, 0, 0), [0; 6]);
         for _ in 0..4000 {
             counts[replay.draw(&mut random).origin.step as usize] += 1_i32;
         }
-        assert!(counts[..2] == [0, 0] && counts[2..].iter().all(|count| (count - 1000).abs() < 110), "{counts:?}");
+        assert!(
+            counts[..2] == [0, 0] && counts[2..].iter().all(|count| (count - 1000).abs() < 110),
+            "{counts:?}"
+        );
     }
 }

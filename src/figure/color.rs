@@ -26,8 +26,16 @@ pub fn agent_color(agent: u32) -> Color {
 }
 
 /// After Okabe and Ito, "Color Universal Design"; yellow is darkened for white ground, and grey stands for black.
-const BASE: [Color; 8] =
-    [[230, 159, 0], [86, 180, 233], [0, 158, 115], [196, 174, 0], [0, 98, 178], [213, 94, 0], [204, 121, 167], [120, 120, 120]];
+const BASE: [Color; 8] = [
+    [230, 159, 0],
+    [86, 180, 233],
+    [0, 158, 115],
+    [196, 174, 0],
+    [0, 98, 178],
+    [213, 94, 0],
+    [204, 121, 167],
+    [120, 120, 120],
+];
 
 /// A perceptual map for something that runs from low to high: dark violet to light green.   `share`: 0 to 1
 #[must_use]
@@ -39,7 +47,11 @@ pub fn gradual(share: f64) -> Color {
 /// A perceptual map for counts on a logarithmic scale: pale for one, dark for the most, white for none.   `count` of at most `most`
 #[must_use]
 pub fn of_count(count: u32, most: u32) -> Color {
-    if count == 0 { [255; 3] } else { dense(position(f64::from(count), most)) }
+    if count == 0 {
+        [255; 3]
+    } else {
+        dense(position(f64::from(count), most))
+    }
 }
 
 /// Pale at 0, dark at 1.
@@ -94,7 +106,10 @@ mod tests {
     #[test]
     fn agents_differ_and_are_seen_on_white() {
         let mut colors: Vec<Color> = (0..24).map(agent_color).collect();
-        assert!(colors.iter().all(|&color| luminance(color) < 200.0), "{colors:?}");
+        assert!(
+            colors.iter().all(|&color| luminance(color) < 200.0),
+            "{colors:?}"
+        );
         colors.sort_unstable();
         colors.dedup();
         assert_eq!(colors.len(), 24);

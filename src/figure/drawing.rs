@@ -29,7 +29,12 @@ impl Area {
     /// Without margins, in the order of CSS: top, right, bottom, left.
     pub(super) fn within(&self, [top, right, bottom, left]: [f64; 4]) -> Self {
         let (width, height) = (self.width - left - right, self.height - top - bottom);
-        Self { x: self.x + left, y: self.y + top, width: width.max(1.0), height: height.max(1.0) }
+        Self {
+            x: self.x + left,
+            y: self.y + top,
+            width: width.max(1.0),
+            height: height.max(1.0),
+        }
     }
 }
 
@@ -44,7 +49,12 @@ pub(super) struct Stroke {
 
 impl Stroke {
     pub(super) fn new(color: Color, width: f64) -> Self {
-        Self { color, width, opacity: 1.0, dashed: false }
+        Self {
+            color,
+            width,
+            opacity: 1.0,
+            dashed: false,
+        }
     }
 }
 
@@ -69,7 +79,13 @@ pub(super) struct Lettering {
 
 impl Lettering {
     pub(super) fn new(size: f64, anchor: Anchor) -> Self {
-        Self { size, anchor, color: INK, weight: Weight::Regular, upwards: false }
+        Self {
+            size,
+            anchor,
+            color: INK,
+            weight: Weight::Regular,
+            upwards: false,
+        }
     }
 
     pub(super) fn color(self, color: Color) -> Self {
@@ -77,11 +93,17 @@ impl Lettering {
     }
 
     pub(super) fn bold(self) -> Self {
-        Self { weight: Weight::Medium, ..self }
+        Self {
+            weight: Weight::Medium,
+            ..self
+        }
     }
 
     pub(super) fn upwards(self) -> Self {
-        Self { upwards: true, ..self }
+        Self {
+            upwards: true,
+            ..self
+        }
     }
 }
 
@@ -93,8 +115,19 @@ pub(super) struct Drawing {
 
 impl Drawing {
     /// Encloses what was drawn in a page.
-    pub(super) fn into_svg(self, width: f64, height: f64, title: &str, description: &str) -> String {
-        let (w, h, title, description) = (number(width), number(height), escaped(title), escaped(description));
+    pub(super) fn into_svg(
+        self,
+        width: f64,
+        height: f64,
+        title: &str,
+        description: &str,
+    ) -> String {
+        let (w, h, title, description) = (
+            number(width),
+            number(height),
+            escaped(title),
+            escaped(description),
+        );
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
              font-family=\"{FAMILY}\">\n<title>{title}</title>\n<desc>{description}</desc>\n\
@@ -104,7 +137,10 @@ impl Drawing {
     }
 
     fn push(&mut self, element: std::fmt::Arguments<'_>) {
-        self.elements.write_fmt(element).and_then(|()| self.elements.write_char('\n')).expect("a string takes any text");
+        self.elements
+            .write_fmt(element)
+            .and_then(|()| self.elements.write_char('\n'))
+            .expect("a string takes any text");
     }
 
     /// What `draw` draws is cut off at the edges of `area`.
@@ -128,7 +164,9 @@ impl Drawing {
     /// A filled shape.
     pub(super) fn fill(&mut self, points: &[[f64; 2]], color: Color, opacity: f64) {
         let (path, color, opacity) = (path(points), hex(color), number(opacity));
-        self.push(format_args!("<path d=\"{path}Z\" fill=\"{color}\" fill-opacity=\"{opacity}\"/>"));
+        self.push(format_args!(
+            "<path d=\"{path}Z\" fill=\"{color}\" fill-opacity=\"{opacity}\"/>"
+        ));
     }
 
     pub(super) fn rectangle(&mut self, area: &Area, fill: Color, opacity: f64) {
@@ -153,8 +191,16 @@ impl Drawing {
             Anchor::Middle => "middle",
             Anchor::End => "end",
         };
-        let turn = if lettering.upwards { format!(" transform=\"rotate(-90 {x} {y})\"") } else { String::new() };
-        let (weight, color, text) = (lettering.weight.number(), hex(lettering.color), escaped(text));
+        let turn = if lettering.upwards {
+            format!(" transform=\"rotate(-90 {x} {y})\"")
+        } else {
+            String::new()
+        };
+        let (weight, color, text) = (
+            lettering.weight.number(),
+            hex(lettering.color),
+            escaped(text),
+        );
         self.push(format_args!(
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" font-weight=\"{weight}\" text-anchor=\"{anchor}\" fill=\"{color}\"{turn}>\
              {text}</text>"
@@ -164,7 +210,10 @@ impl Drawing {
     /// A picture made of pixels, stretched over `area`.
     pub(super) fn image(&mut self, area: &Area, png: &[u8], sharp: bool) {
         let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(number);
-        let (rendering, data) = (if sharp { "pixelated" } else { "auto" }, BASE64_STANDARD.encode(png));
+        let (rendering, data) = (
+            if sharp { "pixelated" } else { "auto" },
+            BASE64_STANDARD.encode(png),
+        );
         self.push(format_args!(
             "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
              style=\"image-rendering:{rendering}\" href=\"data:image/png;base64,{data}\"/>"
@@ -184,11 +233,20 @@ fn path(points: &[[f64; 2]]) -> String {
 }
 
 fn style(stroke: Stroke) -> String {
-    let mut style = format!("stroke=\"{}\" stroke-width=\"{}\"", hex(stroke.color), number(stroke.width));
+    let mut style = format!(
+        "stroke=\"{}\" stroke-width=\"{}\"",
+        hex(stroke.color),
+        number(stroke.width)
+    );
     if stroke.opacity < 1.0 {
         style = format!("{style} stroke-opacity=\"{}\"", number(stroke.opacity));
     }
-    style + if stroke.dashed { " stroke-dasharray=\"5 4\"" } else { " stroke-linejoin=\"round\"" }
+    style
+        + if stroke.dashed {
+            " stroke-dasharray=\"5 4\""
+        } else {
+            " stroke-linejoin=\"round\""
+        }
 }
 
 fn hex([red, green, blue]: Color) -> String {
@@ -199,7 +257,11 @@ fn hex([red, green, blue]: Color) -> String {
 fn number(value: f64) -> String {
     let text = format!("{:.2}", if value.is_finite() { value } else { 0.0 });
     let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+    if text == "-0" {
+        "0".to_owned()
+    } else {
+        text.to_owned()
+    }
 }
 
 /// Without what XML would take for markup, or does not allow at all.
@@ -223,18 +285,30 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        assert_eq!([1.0, 0.126, -0.001, 120.5, f64::NAN].map(number), ["1", "0.13", "0", "120.5", "0"]);
+        assert_eq!(
+            [1.0, 0.126, -0.001, 120.5, f64::NAN].map(number),
+            ["1", "0.13", "0", "120.5", "0"]
+        );
     }
 
     #[test]
     fn words_are_no_markup() {
-        assert_eq!(escaped("a < b & \"c\"\u{7}"), "a &lt; b &amp; &quot;c&quot;");
+        assert_eq!(
+            escaped("a < b & \"c\"\u{7}"),
+            "a &lt; b &amp; &quot;c&quot;"
+        );
     }
 
     #[test]
     fn a_line_is_a_path() {
         let mut drawing = Drawing::default();
-        drawing.line(&[[0.0, 1.0], [2.5, 3.0]], Stroke { dashed: true, ..Stroke::new([255, 0, 128], 1.5) });
+        drawing.line(
+            &[[0.0, 1.0], [2.5, 3.0]],
+            Stroke {
+                dashed: true,
+                ..Stroke::new([255, 0, 128], 1.5)
+            },
+        );
         let wanted = "<path d=\"M0 1L2.5 3\" fill=\"none\" stroke=\"#ff0080\" stroke-width=\"1.5\" stroke-dasharray=\"5 4\"/>\n";
         assert_eq!(drawing.elements, wanted);
     }

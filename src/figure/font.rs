@@ -39,7 +39,9 @@ impl Weight {
 pub fn font_faces() -> String {
     let face = |weight: Weight| {
         let (number, data) = (weight.number(), BASE64_STANDARD.encode(weight.data()));
-        format!("@font-face{{font-family:Roboto;font-weight:{number};src:url(data:font/ttf;base64,{data})}}\n")
+        format!(
+            "@font-face{{font-family:Roboto;font-weight:{number};src:url(data:font/ttf;base64,{data})}}\n"
+        )
     };
     [Weight::Regular, Weight::Medium].map(face).concat()
 }
@@ -47,10 +49,23 @@ pub fn font_faces() -> String {
 /// How wide a text is, in the unit of `size`. Letters that the font lacks count as half a square.
 pub(super) fn width(text: &str, size: f64, weight: Weight) -> f64 {
     let font = FontRef::new(weight.data()).expect("the font came with the program");
-    let (letters, advances) = (font.charmap(), font.glyph_metrics(Size::unscaled(), LocationRef::default()));
-    let unit = size / f64::from(font.metrics(Size::unscaled(), LocationRef::default()).units_per_em);
-    let advance = |letter: char| letters.map(letter).and_then(|glyph| advances.advance_width(glyph));
-    text.chars().map(|letter| advance(letter).map_or(0.5 * size, |width| f64::from(width) * unit)).sum()
+    let (letters, advances) = (
+        font.charmap(),
+        font.glyph_metrics(Size::unscaled(), LocationRef::default()),
+    );
+    let unit = size
+        / f64::from(
+            font.metrics(Size::unscaled(), LocationRef::default())
+                .units_per_em,
+        );
+    let advance = |letter: char| {
+        letters
+            .map(letter)
+            .and_then(|glyph| advances.advance_width(glyph))
+    };
+    text.chars()
+        .map(|letter| advance(letter).map_or(0.5 * size, |width| f64::from(width) * unit))
+        .sum()
 }
 
 /// `text`, shortened to `room`.
@@ -59,9 +74,20 @@ pub(super) fn fitted(text: &str, room: f64, size: f64, weight: Weight) -> String
         return text.to_owned();
     }
     let letters: Vec<char> = text.chars().collect();
-    let shortened = |count: usize| letters[..count].iter().collect::<String>().trim_end().to_owned() + "…";
+    let shortened = |count: usize| {
+        letters[..count]
+            .iter()
+            .collect::<String>()
+            .trim_end()
+            .to_owned()
+            + "…"
+    };
     let fits = |count: &usize| width(&shortened(*count), size, weight) <= room;
-    (1..letters.len()).rev().find(fits).map(shortened).unwrap_or_default()
+    (1..letters.len())
+        .rev()
+        .find(fits)
+        .map(shortened)
+        .unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -79,7 +105,10 @@ mod tests {
     fn long_words_are_shortened() {
         assert_eq!(fitted("angle", 100.0, 12.0, Weight::Regular), "angle");
         let short = fitted("angular velocity", 60.0, 12.0, Weight::Regular);
-        assert!(short.ends_with('…') && width(&short, 12.0, Weight::Regular) <= 60.0, "{short}");
+        assert!(
+            short.ends_with('…') && width(&short, 12.0, Weight::Regular) <= 60.0,
+            "{short}"
+        );
         assert_eq!(fitted("angle", 1.0, 12.0, Weight::Regular), "");
     }
 }

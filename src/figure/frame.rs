@@ -44,7 +44,11 @@ impl Frame<'_> {
     /// Where data will go.
     pub(super) fn plot(&self, panel: &Area) -> Plot {
         let below = self.below();
-        let widest = self.ticks_of_y(panel).iter().map(|(_, text)| width(text, TICK, Weight::Regular)).fold(0.0, f64::max);
+        let widest = self
+            .ticks_of_y(panel)
+            .iter()
+            .map(|(_, text)| width(text, TICK, Weight::Regular))
+            .fold(0.0, f64::max);
         let left = widest + if self.y_label.is_empty() { 12.0 } else { 30.0 };
         let area = panel.within([HEAD, 12.0, below, left]);
         Plot {
@@ -69,7 +73,14 @@ impl Frame<'_> {
         title(self.title, panel, area.x, drawing);
         self.draw_y(&plot, &ticks_of_y, panel, drawing);
         self.draw_x(&plot, panel, drawing);
-        drawing.line(&[[area.x, area.y], [area.x, area.bottom()], [area.right(), area.bottom()]], Stroke::new(AXIS, 1.0));
+        drawing.line(
+            &[
+                [area.x, area.y],
+                [area.x, area.bottom()],
+                [area.right(), area.bottom()],
+            ],
+            Stroke::new(AXIS, 1.0),
+        );
         plot
     }
 
@@ -80,12 +91,20 @@ impl Frame<'_> {
             if self.grid {
                 drawing.line(&[[area.x, y], [area.right(), y]], Stroke::new(GRID, 1.0));
             }
-            drawing.text([area.x - 6.0, y + 4.0], text, Lettering::new(TICK, Anchor::End).color(GREY));
+            drawing.text(
+                [area.x - 6.0, y + 4.0],
+                text,
+                Lettering::new(TICK, Anchor::End).color(GREY),
+            );
         }
         let label = fitted(self.y_label, panel.height, LABEL, Weight::Regular);
         if !label.is_empty() {
             let place = [panel.x + 12.0, area.y + area.height / 2.0];
-            drawing.text(place, &label, Lettering::new(LABEL, Anchor::Middle).upwards());
+            drawing.text(
+                place,
+                &label,
+                Lettering::new(LABEL, Anchor::Middle).upwards(),
+            );
         }
     }
 
@@ -93,12 +112,23 @@ impl Frame<'_> {
         let area = plot.area;
         for (value, text) in plot.x.ticks(count(area.width, 52.0)) {
             let x = plot.x.at(value);
-            drawing.line(&[[x, area.bottom()], [x, area.bottom() + 4.0]], Stroke::new(AXIS, 1.0));
-            drawing.text([x, area.bottom() + 16.0], &text, Lettering::new(TICK, Anchor::Middle).color(GREY));
+            drawing.line(
+                &[[x, area.bottom()], [x, area.bottom() + 4.0]],
+                Stroke::new(AXIS, 1.0),
+            );
+            drawing.text(
+                [x, area.bottom() + 16.0],
+                &text,
+                Lettering::new(TICK, Anchor::Middle).color(GREY),
+            );
         }
         let label = fitted(self.x_label, panel.width, LABEL, Weight::Regular);
         if !label.is_empty() {
-            drawing.text([area.x + area.width / 2.0, panel.bottom() - 7.0], &label, Lettering::new(LABEL, Anchor::Middle));
+            drawing.text(
+                [area.x + area.width / 2.0, panel.bottom() - 7.0],
+                &label,
+                Lettering::new(LABEL, Anchor::Middle),
+            );
         }
     }
 }
@@ -117,7 +147,11 @@ pub(super) fn title(title: &str, panel: &Area, x: f64, drawing: &mut Drawing) {
         (_, true) => (vec![title.to_owned()], TICK, 14.0),
         _ => (in_two_lines(title, room, SMALL), SMALL, 8.0),
     };
-    for (line, text) in lines.iter().enumerate().filter(|(_, text)| !text.is_empty()) {
+    for (line, text) in lines
+        .iter()
+        .enumerate()
+        .filter(|(_, text)| !text.is_empty())
+    {
         let y = panel.y + first + (SMALL + 1.0) * line as f64;
         drawing.text([x, y], text, Lettering::new(size, Anchor::Start).bold());
     }
@@ -126,11 +160,20 @@ pub(super) fn title(title: &str, panel: &Area, x: f64, drawing: &mut Drawing) {
 /// Broken after a colon where both parts have room, or else after as many words as have; what is left is shortened if it must be.
 fn in_two_lines(text: &str, room: f64, size: f64) -> Vec<String> {
     let fits = |text: &str| width(text, size, Weight::Medium) <= room;
-    let after_colon = text.find(": ").map(|at| at + 1).filter(|&at| fits(&text[..at]) && fits(&text[at + 1..]));
-    let last = || text.rmatch_indices(' ').map(|(at, _)| at).find(|&at| fits(&text[..at]));
+    let after_colon = text
+        .find(": ")
+        .map(|at| at + 1)
+        .filter(|&at| fits(&text[..at]) && fits(&text[at + 1..]));
+    let last = || {
+        text.rmatch_indices(' ')
+            .map(|(at, _)| at)
+            .find(|&at| fits(&text[..at]))
+    };
     let break_at = after_colon.or_else(last);
     let (first, rest) = break_at.map_or((text, ""), |at| (&text[..at], &text[at + 1..]));
-    [first, rest].map(|line| fitted(line, room, size, Weight::Medium)).to_vec()
+    [first, rest]
+        .map(|line| fitted(line, room, size, Weight::Medium))
+        .to_vec()
 }
 
 #[cfg(test)]
@@ -141,9 +184,15 @@ mod tests {
     fn a_long_title_takes_two_lines() {
         let title = "16 agents together: 277,974 states";
         let room = |text: &str| width(text, SMALL, Weight::Medium);
-        assert_eq!(in_two_lines(title, room("16 agents together: 277,974"), SMALL), ["16 agents together:", "277,974 states"]);
+        assert_eq!(
+            in_two_lines(title, room("16 agents together: 277,974"), SMALL),
+            ["16 agents together:", "277,974 states"]
+        );
         let long = "Thompson resampling of seeds: 880 states";
-        assert_eq!(in_two_lines(long, room("Thompson resampling o"), SMALL), ["Thompson resampling", "of seeds: 880 states"]);
+        assert_eq!(
+            in_two_lines(long, room("Thompson resampling o"), SMALL),
+            ["Thompson resampling", "of seeds: 880 states"]
+        );
         let lines = in_two_lines("incomprehensibilities", 40.0, SMALL);
         assert!(lines[0].ends_with('…') && lines[1].is_empty(), "{lines:?}");
     }

@@ -52,9 +52,12 @@ impl Intervals {
 
     pub(super) fn draw(&self, panel: &Area, drawing: &mut Drawing) {
         let widest = |texts: &mut dyn Iterator<Item = String>| {
-            texts.map(|text| BROADER * width(&text, LABEL, Weight::Regular)).fold(0.0, f64::max)
+            texts
+                .map(|text| BROADER * width(&text, LABEL, Weight::Regular))
+                .fold(0.0, f64::max)
         };
-        let names = widest(&mut self.rows.iter().map(|row| row.name.clone())).min(0.4 * panel.width) + 12.0;
+        let names =
+            widest(&mut self.rows.iter().map(|row| row.name.clone())).min(0.4 * panel.width) + 12.0;
         let numbers = widest(&mut self.rows.iter().map(IntervalRow::numbers)) + 16.0;
         let area = panel.within([HEAD, numbers, 44.0, names]);
         title(&self.title, panel, panel.x + 4.0, drawing);
@@ -64,14 +67,27 @@ impl Intervals {
         for (index, row) in self.rows.iter().enumerate() {
             let y = area.y + each * (index as f64 + 0.5);
             let name = fitted(&row.name, names - 8.0, LABEL, Weight::Regular);
-            drawing.text([area.x - 8.0, y + 4.0], &name, Lettering::new(LABEL, Anchor::End));
-            drawing.text([panel.right() - 4.0, y + 4.0], &row.numbers(), Lettering::new(LABEL, Anchor::End).color(GREY));
-            drawing.clipped(&with_room_for_dots(&area), |drawing| row.draw(&scale, &area, y, drawing));
+            drawing.text(
+                [area.x - 8.0, y + 4.0],
+                &name,
+                Lettering::new(LABEL, Anchor::End),
+            );
+            drawing.text(
+                [panel.right() - 4.0, y + 4.0],
+                &row.numbers(),
+                Lettering::new(LABEL, Anchor::End).color(GREY),
+            );
+            drawing.clipped(&with_room_for_dots(&area), |drawing| {
+                row.draw(&scale, &area, y, drawing)
+            });
         }
     }
 
     fn range(&self) -> [f64; 2] {
-        let values = self.rows.iter().flat_map(|row| row.interval.into_iter().flatten().chain(row.estimate));
+        let values = self
+            .rows
+            .iter()
+            .flat_map(|row| row.interval.into_iter().flatten().chain(row.estimate));
         padded(extent(values.chain(self.reference)))
     }
 
@@ -79,20 +95,38 @@ impl Intervals {
         for (value, text) in scale.ticks(((area.width / 48.0) as usize).clamp(3, 8)) {
             let x = scale.at(value);
             drawing.line(&[[x, area.y], [x, area.bottom()]], Stroke::new(GRID, 1.0));
-            drawing.text([x, area.bottom() + 14.0], &text, Lettering::new(TICK, Anchor::Middle).color(GREY));
+            drawing.text(
+                [x, area.bottom() + 14.0],
+                &text,
+                Lettering::new(TICK, Anchor::Middle).color(GREY),
+            );
         }
         if let Some(reference) = self.reference {
             let x = scale.at(reference);
-            drawing.line(&[[x, area.y], [x, area.bottom()]], Stroke { dashed: true, ..Stroke::new(GREY, 1.0) });
+            drawing.line(
+                &[[x, area.y], [x, area.bottom()]],
+                Stroke {
+                    dashed: true,
+                    ..Stroke::new(GREY, 1.0)
+                },
+            );
         }
         let label = fitted(&self.x_label, panel.width, LABEL, Weight::Regular);
-        drawing.text([area.x + area.width / 2.0, area.bottom() + 32.0], &label, Lettering::new(LABEL, Anchor::Middle));
+        drawing.text(
+            [area.x + area.width / 2.0, area.bottom() + 32.0],
+            &label,
+            Lettering::new(LABEL, Anchor::Middle),
+        );
     }
 }
 
 /// A dot at the very edge shows all of itself.
 fn with_room_for_dots(area: &Area) -> Area {
-    Area { x: area.x - DOT, width: area.width + 2.0 * DOT, ..*area }
+    Area {
+        x: area.x - DOT,
+        width: area.width + 2.0 * DOT,
+        ..*area
+    }
 }
 
 impl IntervalRow {
@@ -128,9 +162,21 @@ mod tests {
 
     #[test]
     fn numbers_stand_beside_their_dots() {
-        let row = |estimate, interval| IntervalRow { name: String::new(), estimate, interval, n: 10, color: [0; 3] };
-        assert_eq!(row(Some(127.5), Some([80.0, 134.0])).numbers(), "127.5 [80, 134], n = 10");
-        assert_eq!(row(None, Some([210.0, f64::INFINITY])).numbers(), "not reached [from 210], n = 10");
+        let row = |estimate, interval| IntervalRow {
+            name: String::new(),
+            estimate,
+            interval,
+            n: 10,
+            color: [0; 3],
+        };
+        assert_eq!(
+            row(Some(127.5), Some([80.0, 134.0])).numbers(),
+            "127.5 [80, 134], n = 10"
+        );
+        assert_eq!(
+            row(None, Some([210.0, f64::INFINITY])).numbers(),
+            "not reached [from 210], n = 10"
+        );
         assert_eq!(row(None, None).numbers(), "not reached, n = 10");
         assert_eq!(row(Some(-6.0), None).numbers(), "−6, n = 10");
     }

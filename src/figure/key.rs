@@ -44,7 +44,10 @@ impl Key {
     pub(super) fn width(&self) -> f64 {
         match self {
             Self::Names(names) => {
-                let widest = names.iter().map(|(name, _)| width(name, TICK, Weight::Regular)).fold(0.0, f64::max);
+                let widest = names
+                    .iter()
+                    .map(|(name, _)| width(name, TICK, Weight::Regular))
+                    .fold(0.0, f64::max);
                 (widest + 30.0).min(180.0)
             }
             Self::Gradual { .. } | Self::Counts { .. } | Self::Shares { .. } => 78.0,
@@ -63,7 +66,12 @@ impl Key {
             Self::Shares { label, most, of } => {
                 bar(area, drawing, label, color::dense);
                 for (count, text) in round_shares(*most, *of) {
-                    tick(area, drawing, area.bottom() - position(count, *most) * area.height, &text);
+                    tick(
+                        area,
+                        drawing,
+                        area.bottom() - position(count, *most) * area.height,
+                        &text,
+                    );
                 }
             }
             Self::Counts { label, most } => {
@@ -79,31 +87,46 @@ impl Key {
 
 /// Where a count stands between 1 and `most` on a logarithmic scale, 0 to 1.
 pub(super) fn position(count: f64, most: u32) -> f64 {
-    if most > 1 { (count.max(1.0).ln() / f64::from(most).ln()).min(1.0) } else { 0.0 }
+    if most > 1 {
+        (count.max(1.0).ln() / f64::from(most).ln()).min(1.0)
+    } else {
+        0.0
+    }
 }
 
 /// 1, powers of ten that are not too near to the end, and the most.
 fn round_counts(most: u32) -> Vec<(u32, String)> {
-    let tens = (0..10).map(|power| 10_u32.pow(power)).take_while(|&count| count < most && position(f64::from(count), most) < 0.9);
+    let tens = (0..10)
+        .map(|power| 10_u32.pow(power))
+        .take_while(|&count| count < most && position(f64::from(count), most) < 0.9);
     let mut counts: Vec<u32> = tens.collect();
     counts.push(most.max(1));
     counts.dedup();
-    counts.into_iter().map(|count| (count, grouped(count))).collect()
+    counts
+        .into_iter()
+        .map(|count| (count, grouped(count)))
+        .collect()
 }
 
 /// Powers of ten that are not too near to the end, and the most, as per cent of `of`: each as the count that it is.
 fn round_shares(most: u32, of: u64) -> Vec<(f64, String)> {
     let percent = |count: f64| 100.0 * count / of.max(1) as f64;
     let tens = (-9..=2).map(|power| 10_f64.powi(power) * of as f64 / 100.0);
-    let fitting = tens.filter(|&count| count >= 1.0 && count < f64::from(most) && position(count, most) < 0.9);
-    fitting.chain([f64::from(most)]).map(|count| (count, format!("{} %", significant(percent(count), 2)))).collect()
+    let fitting = tens
+        .filter(|&count| count >= 1.0 && count < f64::from(most) && position(count, most) < 0.9);
+    fitting
+        .chain([f64::from(most)])
+        .map(|count| (count, format!("{} %", significant(percent(count), 2))))
+        .collect()
 }
 
 /// With a comma for each thousand.
 fn grouped(count: u32) -> String {
     let digits = count.to_string();
     let head = digits.len() % 3;
-    let groups = digits.as_bytes()[head..].chunks(3).map(|group| String::from_utf8_lossy(group).into_owned());
+    let groups = digits.as_bytes()[head..]
+        .chunks(3)
+        .map(|group| String::from_utf8_lossy(group).into_owned());
     let head = (head > 0).then(|| digits[..head].to_owned());
     head.into_iter().chain(groups).collect::<Vec<_>>().join(",")
 }
@@ -118,7 +141,11 @@ fn draw_names(names: &[(String, Color)], area: &Area, drawing: &mut Drawing) {
         } else {
             fitted(name, area.width - 22.0, TICK, Weight::Regular)
         };
-        drawing.text([area.x + 22.0, y + 4.0], &name, Lettering::new(TICK, Anchor::Start));
+        drawing.text(
+            [area.x + 22.0, y + 4.0],
+            &name,
+            Lettering::new(TICK, Anchor::Start),
+        );
     }
 }
 
@@ -129,17 +156,33 @@ fn bar(area: &Area, drawing: &mut Drawing, label: &str, map: fn(f64) -> Color) {
     for index in 0..STEPS {
         // Each step reaches under the next, so that no white shines through between them.
         let y = area.bottom() - step * f64::from(index + 1);
-        let part = Area { x: area.x, y, width: BAR, height: if index == 0 { step } else { step + 0.5 } };
+        let part = Area {
+            x: area.x,
+            y,
+            width: BAR,
+            height: if index == 0 { step } else { step + 0.5 },
+        };
         drawing.rectangle(&part, map((f64::from(index) + 0.5) / f64::from(STEPS)), 1.0);
     }
     let middle = [area.right() - 4.0, area.y + area.height / 2.0];
     let label = fitted(label, area.height, LABEL, Weight::Regular);
-    drawing.text(middle, &label, Lettering::new(LABEL, Anchor::Middle).upwards());
+    drawing.text(
+        middle,
+        &label,
+        Lettering::new(LABEL, Anchor::Middle).upwards(),
+    );
 }
 
 fn tick(area: &Area, drawing: &mut Drawing, y: f64, text: &str) {
-    drawing.line(&[[area.x + BAR, y], [area.x + BAR + 3.0, y]], Stroke::new(GREY, 1.0));
-    drawing.text([area.x + BAR + 6.0, y + 4.0], text, Lettering::new(TICK, Anchor::Start).color(GREY));
+    drawing.line(
+        &[[area.x + BAR, y], [area.x + BAR + 3.0, y]],
+        Stroke::new(GREY, 1.0),
+    );
+    drawing.text(
+        [area.x + BAR + 6.0, y + 4.0],
+        text,
+        Lettering::new(TICK, Anchor::Start).color(GREY),
+    );
 }
 
 #[cfg(test)]
@@ -150,13 +193,24 @@ mod tests {
     #[test]
     fn shares_are_round() {
         let shares = round_shares(2469, 20_000);
-        assert_eq!(shares.iter().map(|(_, text)| text.as_str()).collect::<Vec<_>>(), ["0.01 %", "0.1 %", "1 %", "12 %"]);
+        assert_eq!(
+            shares
+                .iter()
+                .map(|(_, text)| text.as_str())
+                .collect::<Vec<_>>(),
+            ["0.01 %", "0.1 %", "1 %", "12 %"]
+        );
         assert!((shares[1].0 - 20.0).abs() < 1e-9 && shares[3].0 == 2469.0);
     }
 
     #[test]
     fn counts_are_round() {
-        let texts = |most| round_counts(most).into_iter().map(|(_, text)| text).collect::<Vec<_>>();
+        let texts = |most| {
+            round_counts(most)
+                .into_iter()
+                .map(|(_, text)| text)
+                .collect::<Vec<_>>()
+        };
         assert_eq!(texts(12_345), ["1", "10", "100", "1,000", "12,345"]);
         assert_eq!(texts(1), ["1"]);
         assert_eq!(texts(120), ["1", "10", "120"]);

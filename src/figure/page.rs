@@ -3,7 +3,9 @@
 use super::drawing::{Anchor, Area, Drawing, Lettering};
 use super::font::{Weight, fitted};
 use super::frame::HEAD;
-use super::{Curves, Figure, HeatMap, Intervals, Panel, ParallelCoordinates, PngError, Row, Scatter, pixels};
+use super::{
+    Curves, Figure, HeatMap, Intervals, Panel, ParallelCoordinates, PngError, Row, Scatter, pixels,
+};
 
 const HEADING: f64 = 15.0;
 const MARGIN: f64 = 8.0;
@@ -29,17 +31,39 @@ impl Figure {
     #[must_use]
     pub fn svg(&self) -> String {
         let mut drawing = Drawing::default();
-        let page = Area { x: 0.0, y: 0.0, width: self.width, height: self.height() }.within([MARGIN; 4]);
+        let page = Area {
+            x: 0.0,
+            y: 0.0,
+            width: self.width,
+            height: self.height(),
+        }
+        .within([MARGIN; 4]);
         if !self.title.is_empty() {
             let title = fitted(&self.title, page.width, HEADING, Weight::Medium);
-            drawing.text([page.x, page.y + HEADING], &title, Lettering::new(HEADING, Anchor::Start).bold());
+            drawing.text(
+                [page.x, page.y + HEADING],
+                &title,
+                Lettering::new(HEADING, Anchor::Start).bold(),
+            );
         }
         let mut y = page.y + self.head();
         for row in &self.rows {
-            row.draw(&Area { y, height: row.height, ..page }, &mut drawing);
+            row.draw(
+                &Area {
+                    y,
+                    height: row.height,
+                    ..page
+                },
+                &mut drawing,
+            );
             y += row.height + GAP;
         }
-        drawing.into_svg(self.width, self.height(), &self.alternative(), &self.description)
+        drawing.into_svg(
+            self.width,
+            self.height(),
+            &self.alternative(),
+            &self.description,
+        )
     }
 
     /// As the bytes of a PNG file with `scale` pixels for each CSS pixel.
@@ -56,8 +80,16 @@ impl Figure {
 
     /// The title, or else that of the first panel that has one.
     fn alternative(&self) -> String {
-        let titles = self.rows.iter().flat_map(|row| &row.panels).map(Panel::title);
-        std::iter::once(self.title.as_str()).chain(titles).find(|title| !title.is_empty()).unwrap_or_default().to_owned()
+        let titles = self
+            .rows
+            .iter()
+            .flat_map(|row| &row.panels)
+            .map(Panel::title);
+        std::iter::once(self.title.as_str())
+            .chain(titles)
+            .find(|title| !title.is_empty())
+            .unwrap_or_default()
+            .to_owned()
     }
 }
 
@@ -73,7 +105,11 @@ impl Row {
             x += width + GAP;
         }
         if let Some(key) = &self.key {
-            let place = Area { x: panels.right() + GAP, width: key.width(), ..panels };
+            let place = Area {
+                x: panels.right() + GAP,
+                width: key.width(),
+                ..panels
+            };
             key.draw(&place.within([HEAD + 12.0, 0.0, 24.0, 0.0]), drawing);
         }
     }
@@ -105,12 +141,18 @@ impl Panel {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{DensityPicture, IntervalRow, Key, ScatterPoint, Series, StateLine, States, Threshold};
+    use super::super::{
+        DensityPicture, IntervalRow, Key, ScatterPoint, Series, StateLine, States, Threshold,
+    };
     use super::*;
     use crate::env::Quantity;
 
     fn quantity(name: &str) -> Quantity {
-        Quantity { name: name.to_owned(), unit: "m/s".to_owned(), range: [-1.0, 1.0] }
+        Quantity {
+            name: name.to_owned(),
+            unit: "m/s".to_owned(),
+            range: [-1.0, 1.0],
+        }
     }
 
     fn curves() -> Curves {
@@ -120,48 +162,126 @@ mod tests {
             band: Some(vec![[0.0, -1.0, 1.0], [3.0, 4.0, 6.0]]),
             ..Series::default()
         };
-        let thresholds = vec![Threshold { name: "solved".to_owned(), value: 4.0 }];
-        Curves { title: "returns".to_owned(), series: vec![series], thresholds, legend: true, ..Curves::default() }
+        let thresholds = vec![Threshold {
+            name: "solved".to_owned(),
+            value: 4.0,
+        }];
+        Curves {
+            title: "returns".to_owned(),
+            series: vec![series],
+            thresholds,
+            legend: true,
+            ..Curves::default()
+        }
     }
 
     fn states(states: States) -> Panel {
-        let axes = vec![quantity("x"), quantity("y"), quantity("an angular velocity with a long name")];
-        Panel::ParallelCoordinates(ParallelCoordinates { title: "states".to_owned(), axes, states })
+        let axes = vec![
+            quantity("x"),
+            quantity("y"),
+            quantity("an angular velocity with a long name"),
+        ];
+        Panel::ParallelCoordinates(ParallelCoordinates {
+            title: "states".to_owned(),
+            axes,
+            states,
+        })
     }
 
     /// One of each.
     fn page() -> Figure {
-        let line = StateLine { fractions: vec![0.0, 0.5, 1.0], color: [0; 3] };
-        let density = DensityPicture { pixels: vec![0, 1, 5, 9], width: 2, most: 9 };
-        let point = ScatterPoint { at: [0.0, 9.0], color: [1, 2, 3] };
+        let line = StateLine {
+            fractions: vec![0.0, 0.5, 1.0],
+            color: [0; 3],
+        };
+        let density = DensityPicture {
+            pixels: vec![0, 1, 5, 9],
+            width: 2,
+            most: 9,
+        };
+        let point = ScatterPoint {
+            at: [0.0, 9.0],
+            color: [1, 2, 3],
+        };
         let (x, y, title) = (quantity("x"), quantity("y"), "pair".to_owned());
-        let heat = HeatMap { title: title.clone(), x: x.clone(), y: y.clone(), counts: vec![0, 1, 2, 3], columns: 2, most: 3 };
-        let row = IntervalRow { name: "a".to_owned(), estimate: Some(1.0), interval: Some([0.0, 2.0]), n: 5, color: [0; 3] };
+        let heat = HeatMap {
+            title: title.clone(),
+            x: x.clone(),
+            y: y.clone(),
+            counts: vec![0, 1, 2, 3],
+            columns: 2,
+            most: 3,
+        };
+        let row = IntervalRow {
+            name: "a".to_owned(),
+            estimate: Some(1.0),
+            interval: Some([0.0, 2.0]),
+            n: 5,
+            color: [0; 3],
+        };
         let rows: Vec<(Vec<Panel>, Option<Key>)> = vec![
             (vec![Panel::Curves(curves()), Panel::Blank], None),
             (
-                vec![states(States::Lines(vec![line; 3])), states(States::Density(density))],
-                Some(Key::Counts { label: "states".to_owned(), most: 9 }),
+                vec![
+                    states(States::Lines(vec![line; 3])),
+                    states(States::Density(density)),
+                ],
+                Some(Key::Counts {
+                    label: "states".to_owned(),
+                    most: 9,
+                }),
             ),
             (
-                vec![Panel::Scatter(Scatter { title, x, y, points: vec![point; 4] }), Panel::HeatMap(heat)],
-                Some(Key::Gradual { label: "episode".to_owned(), range: [0.0, 50.0] }),
+                vec![
+                    Panel::Scatter(Scatter {
+                        title,
+                        x,
+                        y,
+                        points: vec![point; 4],
+                    }),
+                    Panel::HeatMap(heat),
+                ],
+                Some(Key::Gradual {
+                    label: "episode".to_owned(),
+                    range: [0.0, 50.0],
+                }),
             ),
             (
-                vec![Panel::Intervals(Intervals { rows: vec![row; 2], ..Intervals::default() })],
+                vec![Panel::Intervals(Intervals {
+                    rows: vec![row; 2],
+                    ..Intervals::default()
+                })],
                 Some(Key::Names(vec![("agent 0".to_owned(), [9; 3])])),
             ),
         ];
-        let rows = rows.into_iter().map(|(panels, key)| Row { height: 200.0, panels, key }).collect();
-        Figure { title: "A & B".to_owned(), description: "All panels".to_owned(), width: 600.0, rows }
+        let rows = rows
+            .into_iter()
+            .map(|(panels, key)| Row {
+                height: 200.0,
+                panels,
+                key,
+            })
+            .collect();
+        Figure {
+            title: "A & B".to_owned(),
+            description: "All panels".to_owned(),
+            width: 600.0,
+            rows,
+        }
     }
 
     #[test]
     fn a_figure_tells_what_it_is() {
         let svg = page().svg();
-        assert!(svg.contains("<title>A &amp; B</title>\n<desc>All panels</desc>"), "{svg}");
+        assert!(
+            svg.contains("<title>A &amp; B</title>\n<desc>All panels</desc>"),
+            "{svg}"
+        );
         assert!(svg.contains(">agent &lt;0&gt;</text>"));
-        let untitled = Figure { title: String::new(), ..page() };
+        let untitled = Figure {
+            title: String::new(),
+            ..page()
+        };
         assert!(untitled.svg().contains("<title>returns</title>"));
     }
 
@@ -191,7 +311,12 @@ mod tests {
         assert_eq!((number(16), number(20)), (1200, 2 * page().height() as u32));
         let mut wide = page();
         wide.fit(1e6, 100.0);
-        assert!(wide.png(2.0).unwrap_err().to_string().starts_with("a picture of 2000000 × "));
+        assert!(
+            wide.png(2.0)
+                .unwrap_err()
+                .to_string()
+                .starts_with("a picture of 2000000 × ")
+        );
     }
 
     #[test]
@@ -204,8 +329,15 @@ mod tests {
     /// Two pages that differ in a word differ in pixels: the lettering is there whatever fonts the machine has.
     #[test]
     fn words_are_drawn() {
-        let named = |title: &str| Figure { title: title.to_owned(), rows: Vec::new(), ..page() };
-        assert_ne!(named("σ = 0.1").png(1.0).unwrap(), named("σ = 0.2").png(1.0).unwrap());
+        let named = |title: &str| Figure {
+            title: title.to_owned(),
+            rows: Vec::new(),
+            ..page()
+        };
+        assert_ne!(
+            named("σ = 0.1").png(1.0).unwrap(),
+            named("σ = 0.2").png(1.0).unwrap()
+        );
         assert_ne!(named("σ").png(1.0).unwrap(), named("θ").png(1.0).unwrap());
     }
 }

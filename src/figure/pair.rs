@@ -48,10 +48,17 @@ pub struct HeatMap {
 impl Scatter {
     pub(super) fn draw(&self, panel: &Area, drawing: &mut Drawing) {
         let plot = frame(&self.title, &self.x, &self.y, panel, drawing);
-        let (radius, opacity) = if self.points.len() > 500 { (1.3, 0.5) } else { (2.2, 0.7) };
+        let (radius, opacity) = if self.points.len() > 500 {
+            (1.3, 0.5)
+        } else {
+            (2.2, 0.7)
+        };
         for point in &self.points {
             let within = |value: f32, [low, high]: [f32; 2]| f64::from(value.clamp(low, high));
-            let at = plot.at([within(point.at[0], self.x.range), within(point.at[1], self.y.range)]);
+            let at = plot.at([
+                within(point.at[0], self.x.range),
+                within(point.at[1], self.y.range),
+            ]);
             drawing.dot(at, radius, point.color, opacity);
         }
     }
@@ -61,7 +68,9 @@ impl HeatMap {
     pub(super) fn draw(&self, panel: &Area, drawing: &mut Drawing) {
         let plot = frame(&self.title, &self.x, &self.y, panel, drawing);
         let from_the_top = self.counts.chunks(self.columns.max(1)).rev().flatten();
-        let colors: Vec<Color> = from_the_top.map(|&count| of_count(count, self.most)).collect();
+        let colors: Vec<Color> = from_the_top
+            .map(|&count| of_count(count, self.most))
+            .collect();
         if !colors.is_empty() {
             drawing.image(&plot.area, &pixels::picture(&colors, self.columns), true);
         }
@@ -83,5 +92,9 @@ fn frame(title: &str, x: &Quantity, y: &Quantity, panel: &Area, drawing: &mut Dr
 
 /// Such as `angle [rad]`.
 pub(super) fn name(quantity: &Quantity) -> String {
-    if quantity.unit.is_empty() { quantity.name.clone() } else { format!("{} [{}]", quantity.name, quantity.unit) }
+    if quantity.unit.is_empty() {
+        quantity.name.clone()
+    } else {
+        format!("{} [{}]", quantity.name, quantity.unit)
+    }
 }

@@ -76,13 +76,19 @@ impl ParallelCoordinates {
     /// What a name may take.
     fn room(&self, panel: &Area, staggered: bool) -> f64 {
         let each = panel.width / self.axes.len().max(1) as f64;
-        if staggered { 2.0 * each - 6.0 } else { each - 4.0 }
+        if staggered {
+            2.0 * each - 6.0
+        } else {
+            each - 4.0
+        }
     }
 
     /// Whether names do not stand beside each other, so that every other one stands one line higher.
     fn names_are_crowded(&self, panel: &Area) -> bool {
         let room = self.room(panel, false);
-        self.axes.iter().any(|axis| width(&name(axis), LABEL, Weight::Regular) > room)
+        self.axes
+            .iter()
+            .any(|axis| width(&name(axis), LABEL, Weight::Regular) > room)
     }
 }
 
@@ -94,16 +100,30 @@ fn draw_lines(lines: &[StateLine], area: &Area, drawing: &mut Drawing) {
     };
     for line in lines {
         let gap = area.width / (line.fractions.len() - 1).max(1) as f64;
-        let place =
-            |(index, fraction): (usize, &f32)| [area.x + gap * index as f64, area.bottom() - f64::from(*fraction) * area.height];
+        let place = |(index, fraction): (usize, &f32)| {
+            [
+                area.x + gap * index as f64,
+                area.bottom() - f64::from(*fraction) * area.height,
+            ]
+        };
         let places: Vec<[f64; 2]> = line.fractions.iter().enumerate().map(place).collect();
-        drawing.line(&places, Stroke { opacity, ..Stroke::new(line.color, 0.7) });
+        drawing.line(
+            &places,
+            Stroke {
+                opacity,
+                ..Stroke::new(line.color, 0.7)
+            },
+        );
     }
 }
 
 impl DensityPicture {
     fn draw(&self, area: &Area, drawing: &mut Drawing) {
-        let colors: Vec<Color> = self.pixels.iter().map(|&count| of_count(count, self.most)).collect();
+        let colors: Vec<Color> = self
+            .pixels
+            .iter()
+            .map(|&count| of_count(count, self.most))
+            .collect();
         if !colors.is_empty() {
             drawing.image(area, &pixels::picture(&colors, self.width), false);
         }
@@ -122,7 +142,11 @@ fn draw_axis(axis: &Quantity, x: f64, area: &Area, drawing: &mut Drawing) {
 /// With its unit where there is room; those of the outer axes are moved into the panel.
 fn draw_name(axis: &Quantity, [x, y]: [f64; 2], panel: &Area, room: f64, drawing: &mut Drawing) {
     let full = name(axis);
-    let name = if width(&full, LABEL, Weight::Regular) > room { &axis.name } else { &full };
+    let name = if width(&full, LABEL, Weight::Regular) > room {
+        &axis.name
+    } else {
+        &full
+    };
     let name = fitted(name, room.min(panel.width), LABEL, Weight::Regular);
     let half = 0.5 * width(&name, LABEL, Weight::Regular);
     let x = x.clamp(panel.x + half, (panel.right() - half).max(panel.x + half));

@@ -34,20 +34,42 @@ static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
 
 /// Draws an SVG file with `scale` pixels for each of its units.
 pub(super) fn draw(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
-    let options = Options { fontdb: Arc::clone(&FONTS), font_family: "Roboto".to_owned(), ..Options::default() };
-    let tree = Tree::from_str(svg, &options).map_err(|error| PngError::Drawing(error.to_string()))?;
-    let [width, height] = [tree.size().width(), tree.size().height()].map(|side| (f64::from(side) * scale).round());
+    let options = Options {
+        fontdb: Arc::clone(&FONTS),
+        font_family: "Roboto".to_owned(),
+        ..Options::default()
+    };
+    let tree =
+        Tree::from_str(svg, &options).map_err(|error| PngError::Drawing(error.to_string()))?;
+    let [width, height] =
+        [tree.size().width(), tree.size().height()].map(|side| (f64::from(side) * scale).round());
     let refused = || PngError::Size(width as u32, height as u32);
     let drawable = width.max(height) <= MOST;
-    let mut pixels = drawable.then(|| Pixmap::new(width as u32, height as u32)).flatten().ok_or_else(refused)?;
+    let mut pixels = drawable
+        .then(|| Pixmap::new(width as u32, height as u32))
+        .flatten()
+        .ok_or_else(refused)?;
     pixels.fill(Paint::WHITE);
-    resvg::render(&tree, Transform::from_scale(scale as f32, scale as f32), &mut pixels.as_mut());
-    let opaque: Vec<u8> = pixels.pixels().iter().flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]).collect();
-    encoded(&opaque, [width as u32, height as u32], scale).map_err(|error| PngError::Drawing(error.to_string()))
+    resvg::render(
+        &tree,
+        Transform::from_scale(scale as f32, scale as f32),
+        &mut pixels.as_mut(),
+    );
+    let opaque: Vec<u8> = pixels
+        .pixels()
+        .iter()
+        .flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()])
+        .collect();
+    encoded(&opaque, [width as u32, height as u32], scale)
+        .map_err(|error| PngError::Drawing(error.to_string()))
 }
 
 /// The bytes of a file without transparency, as small as may be.   `rgb: [height × width × 3]`
-fn encoded(rgb: &[u8], [width, height]: [u32; 2], scale: f64) -> Result<Vec<u8>, png::EncodingError> {
+fn encoded(
+    rgb: &[u8],
+    [width, height]: [u32; 2],
+    scale: f64,
+) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
@@ -62,11 +84,20 @@ fn encoded(rgb: &[u8], [width, height]: [u32; 2], scale: f64) -> Result<Vec<u8>,
 /// So that programs show and print the figure in its own size: a CSS pixel is 1/96 inch.
 fn density(scale: f64) -> png::PixelDimensions {
     let per_metre = (scale * 96.0 / 0.0254).round() as u32;
-    png::PixelDimensions { xppu: per_metre, yppu: per_metre, unit: png::Unit::Meter }
+    png::PixelDimensions {
+        xppu: per_metre,
+        yppu: per_metre,
+        unit: png::Unit::Meter,
+    }
 }
 
 /// A picture of colours, row by row from the top.   `colors: [height × width]`
 pub(super) fn picture(colors: &[Color], width: usize) -> Vec<u8> {
     let height = colors.len() / width.max(1);
-    encoded(&colors[..width * height].concat(), [width as u32, height as u32], 1.0).expect("pixels in memory can be encoded")
+    encoded(
+        &colors[..width * height].concat(),
+        [width as u32, height as u32],
+        1.0,
+    )
+    .expect("pixels in memory can be encoded")
 }

@@ -10,18 +10,25 @@ pub(super) struct Scale {
 
 impl Scale {
     pub(super) fn new(values: [f64; 2], places: [f64; 2]) -> Self {
-        Self { values, places, logarithmic: false }
+        Self {
+            values,
+            places,
+            logarithmic: false,
+        }
     }
 
     /// Equal ratios are equally far apart; values are above 0.
     pub(super) fn logarithmic(self, logarithmic: bool) -> Self {
-        Self { logarithmic, ..self }
+        Self {
+            logarithmic,
+            ..self
+        }
     }
 
     pub(super) fn at(&self, value: f64) -> f64 {
         let [from, to] = self.places;
-        let [value, low, high] =
-            [value, self.values[0], self.values[1]].map(|value| if self.logarithmic { value.ln() } else { value });
+        let [value, low, high] = [value, self.values[0], self.values[1]]
+            .map(|value| if self.logarithmic { value.ln() } else { value });
         from + (value - low) / (high - low) * (to - from)
     }
 
@@ -43,15 +50,24 @@ impl Scale {
 
 /// As many of them as `count` allows, with what is written beside them.
 fn powers_of_ten([low, high]: [f64; 2], count: usize) -> Vec<(f64, String)> {
-    let (first, last) = ((low.log10() - 1e-9).ceil() as i32, (high.log10() + 1e-9).floor() as i32);
+    let (first, last) = (
+        (low.log10() - 1e-9).ceil() as i32,
+        (high.log10() + 1e-9).floor() as i32,
+    );
     let each = ((last - first + 1) as usize).div_ceil(count.max(1)).max(1);
-    (first..=last).step_by(each).map(|power| 10_f64.powi(power)).map(|value| (value, written(value))).collect()
+    (first..=last)
+        .step_by(each)
+        .map(|power| 10_f64.powi(power))
+        .map(|value| (value, written(value)))
+        .collect()
 }
 
 /// 1, 2 or 5 times a power of ten, about `wanted`.
 fn round_step(wanted: f64) -> f64 {
     let power = 10_f64.powf(wanted.log10().floor());
-    let factor = [1.0, 2.0, 5.0].into_iter().find(|factor| factor * power >= 0.7 * wanted);
+    let factor = [1.0, 2.0, 5.0]
+        .into_iter()
+        .find(|factor| factor * power >= 0.7 * wanted);
     factor.unwrap_or(10.0) * power
 }
 
@@ -87,24 +103,53 @@ pub(super) fn significant(value: f64, digits: i32) -> String {
     let whole_digits = value.abs().max(1e-300).log10().floor() as i32 + 1;
     let decimals = (digits - whole_digits).clamp(0, 9) as usize;
     let text = format!("{value:.decimals$}");
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    if text == "-0" { "0".to_owned() } else { signed(text) }
+    let text = if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        &text
+    };
+    if text == "-0" {
+        "0".to_owned()
+    } else {
+        signed(text)
+    }
 }
 
 /// From the least to the largest of `values`, widened where that has no extent; 0 to 1 where there are none.
 pub(super) fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    let ends = values.filter(|value| value.is_finite()).fold(None, |ends: Option<[f64; 2]>, value| {
-        Some(ends.map_or([value; 2], |[low, high]| [low.min(value), high.max(value)]))
-    });
+    let ends =
+        values
+            .filter(|value| value.is_finite())
+            .fold(None, |ends: Option<[f64; 2]>, value| {
+                Some(ends.map_or([value; 2], |[low, high]| [low.min(value), high.max(value)]))
+            });
     let [low, high] = ends.unwrap_or([0.0, 1.0]);
-    if high > low { [low, high] } else { [low - 0.5_f64.max(low.abs() / 10.0), low + 0.5_f64.max(low.abs() / 10.0)] }
+    if high > low {
+        [low, high]
+    } else {
+        [
+            low - 0.5_f64.max(low.abs() / 10.0),
+            low + 0.5_f64.max(low.abs() / 10.0),
+        ]
+    }
 }
 
 /// With some room at both ends, but not beyond zero.
 pub(super) fn padded([low, high]: [f64; 2]) -> [f64; 2] {
     let room = 0.05 * (high - low);
-    let lower = if low >= 0.0 { (low - room).max(0.0) } else { low - room };
-    [lower, if high <= 0.0 { (high + room).min(0.0) } else { high + room }]
+    let lower = if low >= 0.0 {
+        (low - room).max(0.0)
+    } else {
+        low - room
+    };
+    [
+        lower,
+        if high <= 0.0 {
+            (high + room).min(0.0)
+        } else {
+            high + room
+        },
+    ]
 }
 
 /// The same on a logarithmic scale.
@@ -118,7 +163,11 @@ mod tests {
     use super::*;
 
     fn labels(low: f64, high: f64) -> Vec<String> {
-        Scale::new([low, high], [0.0, 1.0]).ticks(5).into_iter().map(|(_, label)| label).collect()
+        Scale::new([low, high], [0.0, 1.0])
+            .ticks(5)
+            .into_iter()
+            .map(|(_, label)| label)
+            .collect()
     }
 
     #[test]
@@ -126,14 +175,20 @@ mod tests {
         assert_eq!(labels(0.0, 200.0), ["0", "50", "100", "150", "200"]);
         assert_eq!(labels(-0.21, 0.21), ["−0.2", "−0.1", "0", "0.1", "0.2"]);
         assert_eq!(labels(0.0, 1.0), ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
-        assert_eq!(labels(0.0, 250_000.0), ["0", "50k", "100k", "150k", "200k", "250k"]);
+        assert_eq!(
+            labels(0.0, 250_000.0),
+            ["0", "50k", "100k", "150k", "200k", "250k"]
+        );
         assert_eq!(labels(3.0, 9.5), ["3", "4", "5", "6", "7", "8", "9"]);
     }
 
     #[test]
     fn places_are_straight() {
         let scale = Scale::new([0.0, 4.0], [100.0, 20.0]);
-        assert_eq!((scale.at(0.0), scale.at(1.0), scale.at(4.0)), (100.0, 80.0, 20.0));
+        assert_eq!(
+            (scale.at(0.0), scale.at(1.0), scale.at(4.0)),
+            (100.0, 80.0, 20.0)
+        );
     }
 
     /// 1 is one third of the way from 0.1 to 100 in powers of ten.
@@ -141,10 +196,19 @@ mod tests {
     fn ratios_are_equally_far_apart() {
         let scale = Scale::new([0.1, 100.0], [0.0, 30.0]).logarithmic(true);
         assert!((scale.at(1.0) - 10.0).abs() < 1e-9 && scale.at(0.1) == 0.0);
-        let labels = |count| scale.ticks(count).into_iter().map(|(_, label)| label).collect::<Vec<_>>();
+        let labels = |count| {
+            scale
+                .ticks(count)
+                .into_iter()
+                .map(|(_, label)| label)
+                .collect::<Vec<_>>()
+        };
         assert_eq!(
             (labels(5), labels(2)),
-            (["0.1", "1", "10", "100"].map(str::to_owned).to_vec(), vec!["0.1".into(), "10".into()])
+            (
+                ["0.1", "1", "10", "100"].map(str::to_owned).to_vec(),
+                vec!["0.1".into(), "10".into()]
+            )
         );
     }
 

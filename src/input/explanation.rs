@@ -3,22 +3,48 @@
 use super::{Position, listed, nearest};
 
 /// Structs whose names people write: those that files open with.
-const KINDS: [&str; 5] = ["Scenario", "Environment", "TabularScenario", "TabularEnvironment", "Study"];
+const KINDS: [&str; 5] = [
+    "Scenario",
+    "Environment",
+    "TabularScenario",
+    "TabularEnvironment",
+    "Study",
+];
 
 /// What is wrong and what was expected, and what may have been meant.
 pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
     let message = match error {
-        ron::Error::NoSuchStructField { expected, found, .. } => {
+        ron::Error::NoSuchStructField {
+            expected, found, ..
+        } => {
             let help = suggestion(found, expected.iter().copied());
-            return (format!("unexpected field `{found}`, expected one of {}", listed(expected.iter().copied())), help);
+            return (
+                format!(
+                    "unexpected field `{found}`, expected one of {}",
+                    listed(expected.iter().copied())
+                ),
+                help,
+            );
         }
-        ron::Error::NoSuchEnumVariant { expected, found, .. } => {
+        ron::Error::NoSuchEnumVariant {
+            expected, found, ..
+        } => {
             let help = suggestion(found, expected.iter().copied());
-            return (format!("unexpected variant `{found}`, expected one of {}", listed(expected.iter().copied())), help);
+            return (
+                format!(
+                    "unexpected variant `{found}`, expected one of {}",
+                    listed(expected.iter().copied())
+                ),
+                help,
+            );
         }
         ron::Error::MissingStructField { field, .. } => format!("missing field `{field}`"),
-        ron::Error::DuplicateStructField { field, .. } => format!("field `{field}` stands here twice"),
-        ron::Error::ExpectedInteger | ron::Error::InvalidIntegerDigit { .. } => "expected a whole number".to_owned(),
+        ron::Error::DuplicateStructField { field, .. } => {
+            format!("field `{field}` stands here twice")
+        }
+        ron::Error::ExpectedInteger | ron::Error::InvalidIntegerDigit { .. } => {
+            "expected a whole number".to_owned()
+        }
         ron::Error::ExpectedFloat => "expected a number".to_owned(),
         ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd if splits_number(at) => {
             "expected a whole number, found a fraction".to_owned()
@@ -47,9 +73,14 @@ fn splits_number(at: &Position) -> bool {
 
 fn lowercased(sentence: &str) -> String {
     let mut characters = sentence.chars();
-    characters.next().map_or_else(String::new, |first| first.to_lowercase().chain(characters).collect())
+    characters.next().map_or_else(String::new, |first| {
+        first.to_lowercase().chain(characters).collect()
+    })
 }
 
-pub(super) fn suggestion<'a>(found: &str, valid: impl IntoIterator<Item = &'a str>) -> Option<String> {
+pub(super) fn suggestion<'a>(
+    found: &str,
+    valid: impl IntoIterator<Item = &'a str>,
+) -> Option<String> {
     nearest(found, valid).map(|name| format!("did you mean `{name}`?"))
 }

@@ -99,7 +99,8 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError>
 /// # Errors
 /// The file cannot be read.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
-    let text = std::fs::read_to_string(path).map(|text| text.trim_start_matches('\u{feff}').to_owned());
+    let text =
+        std::fs::read_to_string(path).map(|text| text.trim_start_matches('\u{feff}').to_owned());
     text.map_err(|error| InputError {
         origin: path.display().to_string(),
         position: None,
@@ -120,7 +121,11 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
 /// What the text says is not a `T`.
 pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document<T>, InputError> {
     match deserialize(origin, &text, None) {
-        Ok(value) => Ok(Document { origin: origin.to_owned(), text, value }),
+        Ok(value) => Ok(Document {
+            origin: origin.to_owned(),
+            text,
+            value,
+        }),
         Err(error) => Err(error),
     }
 }
@@ -130,7 +135,9 @@ pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document
 /// # Errors
 /// Such as a bracket that is not closed.
 pub fn is_a_value(text: &str) -> Result<(), String> {
-    deserialize::<IgnoredAny>("", text, None).map(|IgnoredAny| ()).map_err(|error| error.message)
+    deserialize::<IgnoredAny>("", text, None)
+        .map(|IgnoredAny| ())
+        .map_err(|error| error.message)
 }
 
 /// Says what kind of file a text is by its first word.
@@ -151,8 +158,16 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
             let line = before.matches('\n').count() + 1;
             let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
             let opening = text[offset..].split_whitespace().next().unwrap_or_default();
-            let shown: String = opening.chars().take(40).flat_map(char::escape_debug).collect();
-            let found = if opening.is_empty() { "is empty".to_owned() } else { format!("opens with `{shown}`") };
+            let shown: String = opening
+                .chars()
+                .take(40)
+                .flat_map(char::escape_debug)
+                .collect();
+            let found = if opening.is_empty() {
+                "is empty".to_owned()
+            } else {
+                format!("opens with `{shown}`")
+            };
             Err(InputError {
                 origin: origin.to_owned(),
                 position: (!opening.is_empty()).then(|| position(text, line, column)),
@@ -160,7 +175,16 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
                 message: format!(
                     "a file opens with its kind, `Environment(`, `TabularEnvironment(`, `Scenario(`, `TabularScenario(` or `Study(`, but this one {found}"
                 ),
-                help: suggestion(word, ["Environment", "TabularEnvironment", "Scenario", "TabularScenario", "Study"]),
+                help: suggestion(
+                    word,
+                    [
+                        "Environment",
+                        "TabularEnvironment",
+                        "Scenario",
+                        "TabularScenario",
+                        "Study",
+                    ],
+                ),
             })
         }
     }
@@ -171,8 +195,15 @@ pub fn kind(origin: &str, text: &str) -> Result<Kind, InputError> {
 pub fn nearest<'a>(found: &str, valid: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     valid
         .into_iter()
-        .map(|name| (strsim::damerau_levenshtein(&found.to_lowercase(), &name.to_lowercase()), name))
-        .filter(|&(distance, name)| distance <= 1 + name.chars().count().min(found.chars().count()) / 4)
+        .map(|name| {
+            (
+                strsim::damerau_levenshtein(&found.to_lowercase(), &name.to_lowercase()),
+                name,
+            )
+        })
+        .filter(|&(distance, name)| {
+            distance <= 1 + name.chars().count().min(found.chars().count()) / 4
+        })
         .min_by_key(|&(distance, _)| distance)
         .map(|(_, name)| name)
 }
@@ -180,7 +211,11 @@ pub fn nearest<'a>(found: &str, valid: impl IntoIterator<Item = &'a str>) -> Opt
 /// `` `a`, `b`, `c` ``
 #[must_use]
 pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    names.into_iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+    names
+        .into_iter()
+        .map(|name| format!("`{name}`"))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 impl<T> Document<T> {
@@ -194,9 +229,19 @@ impl<T> Document<T> {
         let message = complaint.message.clone();
         let within = complaint.within;
         match deserialize::<T>(&self.origin, &self.text, Some(complaint)) {
-            Err(error) => InputError { help, position: error.position.map(|place| place.moved(within, &self.text)), ..error },
+            Err(error) => InputError {
+                help,
+                position: error.position.map(|place| place.moved(within, &self.text)),
+                ..error
+            },
             // A value that was filled in by a default stands nowhere in the text.
-            Ok(_) => InputError { origin: self.origin.clone(), position: None, field: String::new(), message, help },
+            Ok(_) => InputError {
+                origin: self.origin.clone(),
+                position: None,
+                field: String::new(),
+                message,
+                help,
+            },
         }
     }
 }
@@ -205,7 +250,12 @@ impl<T> Located<T> {
     /// Complains about this value.
     #[must_use]
     pub fn complain(&self, message: impl Into<String>) -> Complaint {
-        Complaint { ordinal: self.ordinal, message: message.into(), help: None, within: (0, 0) }
+        Complaint {
+            ordinal: self.ordinal,
+            message: message.into(),
+            help: None,
+            within: (0, 0),
+        }
     }
 
     /// The value itself.
@@ -218,10 +268,18 @@ impl<T> Located<T> {
 impl<T: AsRef<str>> Located<T> {
     /// Complains that this value names no `what`; lists the `valid` names and suggests the nearest.
     #[must_use]
-    pub fn complain_unknown<'a>(&self, what: &str, valid: impl IntoIterator<Item = &'a str> + Clone) -> Complaint {
+    pub fn complain_unknown<'a>(
+        &self,
+        what: &str,
+        valid: impl IntoIterator<Item = &'a str> + Clone,
+    ) -> Complaint {
         let found = self.value.as_ref();
         let names = listed(valid.clone());
-        let expected = if names.is_empty() { "there is none".to_owned() } else { format!("expected one of {names}") };
+        let expected = if names.is_empty() {
+            "there is none".to_owned()
+        } else {
+            format!("expected one of {names}")
+        };
         Complaint {
             ordinal: self.ordinal,
             message: format!("no {what} is named `{found}`, {expected}"),
@@ -256,7 +314,10 @@ impl Position {
             return self;
         }
         match line {
-            0 => Self { column: self.column + column, ..self },
+            0 => Self {
+                column: self.column + column,
+                ..self
+            },
             _ => position(text, self.line + line, column + 1),
         }
     }
@@ -272,7 +333,10 @@ impl<T> Deref for Located<T> {
 
 impl<T> From<T> for Located<T> {
     fn from(value: T) -> Self {
-        Self { value, ordinal: None }
+        Self {
+            value,
+            ordinal: None,
+        }
     }
 }
 
@@ -298,15 +362,23 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Located<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = T::deserialize(deserializer)?;
         let ordinal = READING.with_borrow_mut(|reading| {
-            let Some(reading) = reading else { return Ok(None) };
+            let Some(reading) = reading else {
+                return Ok(None);
+            };
             let ordinal = reading.next;
             reading.next += 1;
-            match reading.complaint.take_if(|complaint| complaint.ordinal == Some(ordinal)) {
+            match reading
+                .complaint
+                .take_if(|complaint| complaint.ordinal == Some(ordinal))
+            {
                 Some(complaint) => Err(complaint.message),
                 None => Ok(Some(ordinal)),
             }
         });
-        Ok(Self { value, ordinal: ordinal.map_err(D::Error::custom)? })
+        Ok(Self {
+            value,
+            ordinal: ordinal.map_err(D::Error::custom)?,
+        })
     }
 }
 
@@ -322,7 +394,12 @@ impl fmt::Display for InputError {
         write!(formatter, ": {}", self.message)?;
         if let Some(position) = &self.position {
             let (lead, shown) = excerpt(position);
-            write!(formatter, "\n  | {}\n  | {}^", shown.trim_end(), " ".repeat(lead))?;
+            write!(
+                formatter,
+                "\n  | {}\n  | {}^",
+                shown.trim_end(),
+                " ".repeat(lead)
+            )?;
         }
         if let Some(help) = &self.help {
             write!(formatter, "\n  = help: {help}")?;
@@ -341,7 +418,11 @@ struct Reading {
     complaint: Option<Complaint>,
 }
 
-fn deserialize<T: DeserializeOwned>(origin: &str, text: &str, complaint: Option<Complaint>) -> Result<T, InputError> {
+fn deserialize<T: DeserializeOwned>(
+    origin: &str,
+    text: &str,
+    complaint: Option<Complaint>,
+) -> Result<T, InputError> {
     let outer = READING.replace(Some(Reading { next: 0, complaint }));
     let result = deserialize_tracked(origin, text);
     READING.set(outer);
@@ -349,15 +430,20 @@ fn deserialize<T: DeserializeOwned>(origin: &str, text: &str, complaint: Option<
 }
 
 fn deserialize_tracked<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T, InputError> {
-    let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
-    let located = |spanned: &ron::error::SpannedError, field: String| located_error(origin, text, spanned, field);
-    let mut deserializer =
-        ron::Deserializer::from_str_with_options(text, &options).map_err(|spanned| located(&spanned, String::new()))?;
+    let options = ron::Options::default()
+        .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
+    let located = |spanned: &ron::error::SpannedError, field: String| {
+        located_error(origin, text, spanned, field)
+    };
+    let mut deserializer = ron::Deserializer::from_str_with_options(text, &options)
+        .map_err(|spanned| located(&spanned, String::new()))?;
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let field = field_path(error.path());
         located(&deserializer.span_error(error.into_inner()), field)
     })?;
-    deserializer.end().map_err(|error| located(&deserializer.span_error(error), String::new()))?;
+    deserializer
+        .end()
+        .map_err(|error| located(&deserializer.span_error(error), String::new()))?;
     Ok(value)
 }
 
@@ -369,21 +455,47 @@ fn field_path(path: &serde_path_to_error::Path) -> String {
         Segment::Map { key } | Segment::Enum { variant: key } => Some(format!(".{key}")),
         Segment::Unknown => None,
     });
-    segments.collect::<String>().trim_start_matches('.').to_owned()
+    segments
+        .collect::<String>()
+        .trim_start_matches('.')
+        .to_owned()
 }
 
-fn located_error(origin: &str, text: &str, spanned: &ron::error::SpannedError, field: String) -> InputError {
+fn located_error(
+    origin: &str,
+    text: &str,
+    spanned: &ron::error::SpannedError,
+    field: String,
+) -> InputError {
     let position = position(text, spanned.span.start.line, spanned.span.start.col);
     let (message, help) = explain(&spanned.code, &position);
-    InputError { origin: origin.to_owned(), position: Some(position), field, message, help }
+    InputError {
+        origin: origin.to_owned(),
+        position: Some(position),
+        field,
+        message,
+        help,
+    }
 }
 
 /// Points at the first character from `column` on that is not a space: the parser may stop before one.
 fn position(text: &str, line: usize, column: usize) -> Position {
     let text = text.lines().nth(line.saturating_sub(1)).unwrap_or_default();
-    let spaces = text.chars().skip(column.saturating_sub(1)).take_while(|c| c.is_whitespace()).count();
-    let column = if column - 1 + spaces < text.chars().count() { column + spaces } else { column };
-    Position { line, column, text: text.to_owned() }
+    let spaces = text
+        .chars()
+        .skip(column.saturating_sub(1))
+        .take_while(|c| c.is_whitespace())
+        .count();
+    let column = if column - 1 + spaces < text.chars().count() {
+        column + spaces
+    } else {
+        column
+    };
+    Position {
+        line,
+        column,
+        text: text.to_owned(),
+    }
 }
 
 /// Where the caret goes, and the line, shortened around it where it is long.
@@ -391,7 +503,13 @@ fn excerpt(position: &Position) -> (usize, String) {
     const WIDTH: usize = 100;
     let lead = position.column.saturating_sub(1);
     let start = lead.saturating_sub(WIDTH / 2);
-    let shown = position.text.chars().skip(start).take(WIDTH).map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let shown = position
+        .text
+        .chars()
+        .skip(start)
+        .take(WIDTH)
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect();
     (lead - start, shown)
 }
 
@@ -409,18 +527,27 @@ fn first_word(text: &str) -> &str {
         };
         rest = skipped.trim_start();
     }
-    let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
+    let end = rest
+        .find(|c: char| !c.is_alphanumeric() && c != '_')
+        .unwrap_or(rest.len());
     &rest[..end]
 }
 
 /// The folders named `folder` under `start` and its ancestors, nearest first.
 #[must_use]
 pub fn folders_upwards(start: &Path, folder: &str) -> Vec<PathBuf> {
-    start.ancestors().map(|ancestor| ancestor.join(folder)).filter(|path| path.is_dir()).collect()
+    start
+        .ancestors()
+        .map(|ancestor| ancestor.join(folder))
+        .filter(|path| path.is_dir())
+        .collect()
 }
 
 /// The path of the nearest existing file named `name` under a folder `folder` of `start` or of one of its ancestors.
 #[must_use]
 pub fn find_upwards(start: &Path, folder: &str, name: &str) -> Option<PathBuf> {
-    start.ancestors().map(|ancestor| ancestor.join(folder).join(name)).find(|path| path.is_file())
+    start
+        .ancestors()
+        .map(|ancestor| ancestor.join(folder).join(name))
+        .find(|path| path.is_file())
 }

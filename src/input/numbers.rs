@@ -108,8 +108,11 @@ impl<const MOST: u32, const LEAST: u32> TryFrom<u64> for Count<MOST, LEAST> {
     type Error = String;
 
     fn try_from(value: u64) -> Result<Self, String> {
-        let fits = u32::try_from(value).ok().filter(|count| (LEAST..=MOST).contains(count));
-        fits.map(Self).ok_or_else(|| format!("expected a whole number from {LEAST} to {MOST}, found {value}"))
+        let fits = u32::try_from(value)
+            .ok()
+            .filter(|count| (LEAST..=MOST).contains(count));
+        fits.map(Self)
+            .ok_or_else(|| format!("expected a whole number from {LEAST} to {MOST}, found {value}"))
     }
 }
 

@@ -21,7 +21,12 @@ pub struct AdamSettings {
 
 impl Default for AdamSettings {
     fn default() -> Self {
-        Self { step_size: known(1e-3), beta1: known(0.9), beta2: known(0.999), epsilon: known(1e-8) }
+        Self {
+            step_size: known(1e-3),
+            beta1: known(0.9),
+            beta2: known(0.999),
+            epsilon: known(1e-8),
+        }
     }
 }
 
@@ -38,7 +43,12 @@ impl Adam {
     /// An optimiser for `count` parameters that has not taken a step.
     #[must_use]
     pub fn new(settings: AdamSettings, count: usize) -> Self {
-        Self { settings, first_moment: vec![0.0; count], second_moment: vec![0.0; count], steps: 0 }
+        Self {
+            settings,
+            first_moment: vec![0.0; count],
+            second_moment: vec![0.0; count],
+            steps: 0,
+        }
     }
 
     /// Descends, α being the step size times `factor`: m ← β₁m + (1−β₁)g, v ← β₂v + (1−β₂)g², θ ← θ − α m̂ / (√v̂ + ε), with m̂ = m/(1−β₁ᵗ), v̂ = v/(1−β₂ᵗ).
@@ -46,14 +56,30 @@ impl Adam {
     /// # Panics
     /// If the slices do not have the optimiser's length.
     pub fn descend(&mut self, parameters: &mut [f32], gradient: &[f32], factor: f64) {
-        let AdamSettings { step_size, beta1, beta2, epsilon } = self.settings;
+        let AdamSettings {
+            step_size,
+            beta1,
+            beta2,
+            epsilon,
+        } = self.settings;
         self.steps = self.steps.saturating_add(1);
         let root = (1.0 - beta2.get().powi(self.steps)).sqrt();
         let rate = (step_size.get() * factor * root / (1.0 - beta1.get().powi(self.steps))) as f32;
         let epsilon = (epsilon.get() * root) as f32;
         let (beta1, beta2) = (beta1.get_f32(), beta2.get_f32());
-        let (first_moment, second_moment) = (&mut self.first_moment[..], &mut self.second_moment[..]);
-        AdamStep { parameters, gradient, first_moment, second_moment, beta1, beta2, rate, epsilon }.run();
+        let (first_moment, second_moment) =
+            (&mut self.first_moment[..], &mut self.second_moment[..]);
+        AdamStep {
+            parameters,
+            gradient,
+            first_moment,
+            second_moment,
+            beta1,
+            beta2,
+            rate,
+            epsilon,
+        }
+        .run();
     }
 }
 
@@ -66,12 +92,20 @@ mod tests {
     /// step 2 = 0.1·2.0526316/2.2365110 = 0.0917783.
     #[test]
     fn two_steps_by_hand() {
-        let settings = AdamSettings { step_size: known(0.1), epsilon: known(1e-30), ..AdamSettings::default() };
+        let settings = AdamSettings {
+            step_size: known(0.1),
+            epsilon: known(1e-30),
+            ..AdamSettings::default()
+        };
         let mut adam = Adam::new(settings, 2);
         let mut parameters = [1.0, -1.0];
         adam.descend(&mut parameters, &[1.0, -2.0], 1.0);
         assert!((parameters[0] - 0.9).abs() < 1e-6 && (parameters[1] + 0.9).abs() < 1e-6);
         adam.descend(&mut parameters, &[3.0, 0.0], 1.0);
-        assert!((parameters[0] - (0.9 - 0.091_778_3)).abs() < 1e-5, "{}", parameters[0]);
+        assert!(
+            (parameters[0] - (0.9 - 0.091_778_3)).abs() < 1e-5,
+            "{}",
+            parameters[0]
+        );
     }
 }

@@ -22,7 +22,10 @@ impl MedianScale {
     #[must_use]
     pub fn new(kept: usize) -> Self {
         assert!(kept > 0, "a mean of at least one median");
-        Self { kept, medians: VecDeque::with_capacity(kept) }
+        Self {
+            kept,
+            medians: VecDeque::with_capacity(kept),
+        }
     }
 
     /// Takes in the median of a batch and forgets the oldest beyond those kept. `numbers` are reordered; without any nothing moves.
@@ -48,7 +51,11 @@ impl MedianScale {
 fn median(numbers: &mut [f32]) -> f32 {
     let even = numbers.len().is_multiple_of(2);
     let (below, &mut middle, _) = numbers.select_nth_unstable_by(numbers.len() / 2, f32::total_cmp);
-    let lower = below.iter().copied().max_by(f32::total_cmp).filter(|_| even);
+    let lower = below
+        .iter()
+        .copied()
+        .max_by(f32::total_cmp)
+        .filter(|_| even);
     0.5 * (lower.unwrap_or(middle) + middle)
 }
 

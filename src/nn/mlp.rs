@@ -43,14 +43,24 @@ impl Mlp {
     /// With fewer than two layers or an empty one.
     #[must_use]
     pub fn new(sizes: &[usize]) -> Self {
-        assert!(sizes.len() >= 2 && sizes.iter().all(|&size| size > 0), "an input and an output, none empty: {sizes:?}");
+        assert!(
+            sizes.len() >= 2 && sizes.iter().all(|&size| size > 0),
+            "an input and an output, none empty: {sizes:?}"
+        );
         let mut start = 0;
         let layer = |(index, pair): (usize, &[usize])| {
-            let layer = Layer { index, inputs: pair[0], outputs: pair[1], start };
+            let layer = Layer {
+                index,
+                inputs: pair[0],
+                outputs: pair[1],
+                start,
+            };
             start = layer.end();
             layer
         };
-        Self { layers: sizes.windows(2).enumerate().map(layer).collect() }
+        Self {
+            layers: sizes.windows(2).enumerate().map(layer).collect(),
+        }
     }
 
     /// Number of parameters.
@@ -91,7 +101,12 @@ impl Mlp {
     ///
     /// # Panics
     /// If a slice has another shape.
-    pub fn forward<'a>(&self, parameters: &[f32], inputs: &[f32], activations: &'a mut Activations) -> &'a [f32] {
+    pub fn forward<'a>(
+        &self,
+        parameters: &[f32],
+        inputs: &[f32],
+        activations: &'a mut Activations,
+    ) -> &'a [f32] {
         assert_eq!(parameters.len(), self.parameter_count());
         let batch = inputs.len() / self.inputs();
         activations.layers.resize_with(self.layers.len(), Vec::new);
@@ -99,7 +114,13 @@ impl Mlp {
             let (below, here) = activations.layers.split_at_mut(layer.index);
             let x = below.last().map_or(inputs, Vec::as_slice);
             here[0].resize(batch * layer.outputs, 0.0);
-            kernels::affine(layer.weight(parameters), layer.bias(parameters), x, &mut here[0], &mut activations.scratch);
+            kernels::affine(
+                layer.weight(parameters),
+                layer.bias(parameters),
+                x,
+                &mut here[0],
+                &mut activations.scratch,
+            );
             if layer.index + 1 < self.layers.len() {
                 kernels::tanh_in_place(&mut here[0]);
             }
@@ -121,16 +142,30 @@ impl Mlp {
         gradient: &mut [f32],
     ) {
         assert_eq!(gradient.len(), self.parameter_count());
-        let Activations { layers, deltas: [delta, below], scratch } = activations;
+        let Activations {
+            layers,
+            deltas: [delta, below],
+            scratch,
+        } = activations;
         delta.clear();
         delta.extend_from_slice(output_gradient);
         for layer in self.layers.iter().rev() {
-            let x = if layer.index == 0 { inputs } else { &layers[layer.index - 1] };
+            let x = if layer.index == 0 {
+                inputs
+            } else {
+                &layers[layer.index - 1]
+            };
             let (dw, db) = layer.split_mut(gradient);
             kernels::parameter_gradient(x, delta, dw, db, scratch);
             if layer.index > 0 {
                 below.resize(x.len(), 0.0);
-                kernels::input_gradient(layer.weight(parameters), delta, below, layer.outputs, scratch);
+                kernels::input_gradient(
+                    layer.weight(parameters),
+                    delta,
+                    below,
+                    layer.outputs,
+                    scratch,
+                );
                 kernels::tanh_gradient_in_place(x, below);
                 std::mem::swap(delta, below);
             }
@@ -143,11 +178,22 @@ impl Mlp {
     }
 
     /// Names, shapes and values of the parameters, layer by layer.
-    pub fn tensors<'a>(&self, parameters: &'a [f32]) -> impl Iterator<Item = (String, Vec<usize>, &'a [f32])> {
+    pub fn tensors<'a>(
+        &self,
+        parameters: &'a [f32],
+    ) -> impl Iterator<Item = (String, Vec<usize>, &'a [f32])> {
         self.layers.iter().flat_map(move |layer| {
             [
-                (format!("layer_{}.weight", layer.index), vec![layer.inputs, layer.outputs], layer.weight(parameters)),
-                (format!("layer_{}.bias", layer.index), vec![layer.outputs], layer.bias(parameters)),
+                (
+                    format!("layer_{}.weight", layer.index),
+                    vec![layer.inputs, layer.outputs],
+                    layer.weight(parameters),
+                ),
+                (
+                    format!("layer_{}.bias", layer.index),
+                    vec![layer.outputs],
+                    layer.bias(parameters),
+                ),
             ]
         })
     }
@@ -188,7 +234,10 @@ impl Layer {
     }
 
     /// Weight and bias of a vector that is to change.
-    pub(super) fn split_mut<'a>(&self, parameters: &'a mut [f32]) -> (&'a mut [f32], &'a mut [f32]) {
+    pub(super) fn split_mut<'a>(
+        &self,
+        parameters: &'a mut [f32],
+    ) -> (&'a mut [f32], &'a mut [f32]) {
         parameters[self.range()].split_at_mut(self.inputs * self.outputs)
     }
 
@@ -212,20 +261,36 @@ mod tests {
     #[test]
     fn forward_is_the_formula() {
         let network = Mlp::new(&[2, 1, 1]);
-        let output = network.forward(&[0.5, -0.25, 0.1, 2.0, -1.0], &[1.0, 2.0], &mut Activations::default()).to_vec();
+        let output = network
+            .forward(
+                &[0.5, -0.25, 0.1, 2.0, -1.0],
+                &[1.0, 2.0],
+                &mut Activations::default(),
+            )
+            .to_vec();
         assert!((output[0] - (2.0 * 0.1_f32.tanh() - 1.0)).abs() < 1e-6);
     }
 
     #[test]
     fn one_sample_and_a_batch_agree() {
         let network = Mlp::new(&[3, 16, 16, 2]);
-        let parameters = network.initial(Initial::Random, &mut stream(1, Purpose::InitialParameters, 0, 0));
+        let parameters = network.initial(
+            Initial::Random,
+            &mut stream(1, Purpose::InitialParameters, 0, 0),
+        );
         let inputs: Vec<f32> = (0..60).map(|i| (i as f32 * 0.37).sin()).collect();
         let mut activations = Activations::default();
-        let batch = network.forward(&parameters, &inputs, &mut activations).to_vec();
+        let batch = network
+            .forward(&parameters, &inputs, &mut activations)
+            .to_vec();
         for (row, expected) in inputs.chunks(3).zip(batch.chunks(2)) {
             let single = network.forward(&parameters, row, &mut activations);
-            assert!(single.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6));
+            assert!(
+                single
+                    .iter()
+                    .zip(expected)
+                    .all(|(a, b)| (a - b).abs() < 1e-6)
+            );
         }
     }
 

@@ -11,7 +11,9 @@ pub mod pop_art;
 pub mod standardiser;
 
 pub use adam::{Adam, AdamSettings};
-pub use bayesian::{BayesianLoss, BayesianNetwork, BayesianSettings, BayesianState, DiagonalGaussian, Likelihood};
+pub use bayesian::{
+    BayesianLoss, BayesianNetwork, BayesianSettings, BayesianState, DiagonalGaussian, Likelihood,
+};
 pub use median_scale::MedianScale;
 pub use mlp::{Activations, Initial, Mlp};
 pub use pop_art::PopArt;

@@ -18,7 +18,11 @@ impl PopArt {
     /// A normaliser with mean 0 and second moment 1, whose moments move by `beta` at each update.
     #[must_use]
     pub fn new(beta: f64) -> Self {
-        Self { beta, mean: 0.0, second_moment: 1.0 }
+        Self {
+            beta,
+            mean: 0.0,
+            second_moment: 1.0,
+        }
     }
 
     /// A normaliser that leaves targets as they are.
@@ -53,7 +57,13 @@ impl PopArt {
             return;
         }
         let (old_mean, old_deviation) = (self.mean, self.exact_deviation());
-        let average = |power| targets.iter().map(|&y| f64::from(y).powi(power)).sum::<f64>() / targets.len() as f64;
+        let average = |power| {
+            targets
+                .iter()
+                .map(|&y| f64::from(y).powi(power))
+                .sum::<f64>()
+                / targets.len() as f64
+        };
         self.mean += self.beta * (average(1) - self.mean);
         self.second_moment += self.beta * (average(2) - self.second_moment);
         let deviation = self.exact_deviation();
@@ -68,7 +78,10 @@ impl PopArt {
     }
 
     fn exact_deviation(&self) -> f64 {
-        (self.second_moment - self.mean * self.mean).max(0.0).sqrt().max(MINIMUM_DEVIATION)
+        (self.second_moment - self.mean * self.mean)
+            .max(0.0)
+            .sqrt()
+            .max(MINIMUM_DEVIATION)
     }
 }
 

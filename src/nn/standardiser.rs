@@ -27,7 +27,11 @@ impl Standardiser {
     #[must_use]
     pub fn new(width: usize) -> Self {
         assert!(width > 0, "a row has at least one number");
-        Self { count: 0, mean: vec![0.0; width], squares: vec![0.0; width] }
+        Self {
+            count: 0,
+            mean: vec![0.0; width],
+            squares: vec![0.0; width],
+        }
     }
 
     /// Merges the moments of a batch b into those of the past a, column by column, with δ = `μ_b` − `μ_a`:
@@ -58,7 +62,9 @@ impl Standardiser {
     /// # Panics
     /// If `rows` does not consist of whole rows.
     pub fn apply(&self, rows: &[f32], standardised: &mut Vec<f32>) {
-        self.map_columns(rows, standardised, |column| (self.mean[column], self.exact_deviation(column)));
+        self.map_columns(rows, standardised, |column| {
+            (self.mean[column], self.exact_deviation(column))
+        });
     }
 
     /// x/RMS, held within ±10: for numbers whose sign and zero mean something.   `rows: [B × width]` → `scaled: [B × width]`,
@@ -67,7 +73,9 @@ impl Standardiser {
     /// # Panics
     /// If `rows` does not consist of whole rows.
     pub fn apply_scale(&self, rows: &[f32], scaled: &mut Vec<f32>) {
-        self.map_columns(rows, scaled, |column| (0.0, self.exact_root_mean_square(column)));
+        self.map_columns(rows, scaled, |column| {
+            (0.0, self.exact_root_mean_square(column))
+        });
     }
 
     /// μ of every column; 0 before the first update.
@@ -92,7 +100,12 @@ impl Standardiser {
     }
 
     /// (x − shift)/scale, column by column.
-    fn map_columns(&self, rows: &[f32], out: &mut Vec<f32>, shift_and_scale: impl Fn(usize) -> (f64, f64)) {
+    fn map_columns(
+        &self,
+        rows: &[f32],
+        out: &mut Vec<f32>,
+        shift_and_scale: impl Fn(usize) -> (f64, f64),
+    ) {
         let width = self.width();
         assert_eq!(rows.len() % width, 0, "whole rows of {width}");
         out.clear();
@@ -121,7 +134,9 @@ impl Standardiser {
         if self.count == 0 {
             return 1.0;
         }
-        (squares / self.count as f64 + center * center).sqrt().max(MINIMUM_DEVIATION)
+        (squares / self.count as f64 + center * center)
+            .sqrt()
+            .max(MINIMUM_DEVIATION)
     }
 }
 
@@ -143,9 +158,18 @@ mod tests {
         standardiser.update(&[1.0, 2.0, 3.0, 2.0]);
         standardiser.update(&[5.0, 2.0, 7.0, 2.0]);
         assert_eq!(standardiser.mean().collect::<Vec<_>>(), [4.0, 2.0]);
-        assert_eq!(standardiser.deviation().collect::<Vec<_>>(), [5.0_f32.sqrt(), 1e-4]);
-        assert_eq!(standardiser.root_mean_square().collect::<Vec<_>>(), [21.0_f32.sqrt(), 2.0]);
-        assert_eq!(standardised(&standardiser, &[9.0, 2.0]), [5.0_f32.sqrt(), 0.0]);
+        assert_eq!(
+            standardiser.deviation().collect::<Vec<_>>(),
+            [5.0_f32.sqrt(), 1e-4]
+        );
+        assert_eq!(
+            standardiser.root_mean_square().collect::<Vec<_>>(),
+            [21.0_f32.sqrt(), 2.0]
+        );
+        assert_eq!(
+            standardised(&standardiser, &[9.0, 2.0]),
+            [5.0_f32.sqrt(), 0.0]
+        );
         let mut scaled = Vec::new();
         standardiser.apply_scale(&[-42.0, 1.0], &mut scaled);
         assert_eq!(scaled, [-(84.0_f32.sqrt()), 0.5]);
@@ -156,7 +180,13 @@ mod tests {
         let mut standardiser = Standardiser::new(2);
         standardiser.update(&[]);
         assert_eq!(standardised(&standardiser, &[3.0, -400.0]), [3.0, -400.0]);
-        assert_eq!(standardiser.deviation().chain(standardiser.root_mean_square()).collect::<Vec<_>>(), [1.0; 4]);
+        assert_eq!(
+            standardiser
+                .deviation()
+                .chain(standardiser.root_mean_square())
+                .collect::<Vec<_>>(),
+            [1.0; 4]
+        );
     }
 
     /// One part in 10⁷ off a constant is 0.1 by the smallest deviation; anything far off is held.

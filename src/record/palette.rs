@@ -48,13 +48,23 @@ pub fn glow(share: f32) -> [u8; 3] {
 /// The colour of a difference from −1, blue, over 0, black, to 1, orange.
 #[must_use]
 pub fn diverging(difference: f32) -> [u8; 3] {
-    let [half, end] = if difference < 0.0 { [[30, 110, 220], [150, 205, 255]] } else { [[215, 95, 10], [255, 200, 120]] };
+    let [half, end] = if difference < 0.0 {
+        [[30, 110, 220], [150, 205, 255]]
+    } else {
+        [[215, 95, 10], [255, 200, 120]]
+    };
     let share = 2.0 * difference.abs().min(1.0);
-    if share < 1.0 { mixed([0, 0, 4], half, share) } else { mixed(half, end, share - 1.0) }
+    if share < 1.0 {
+        mixed([0, 0, 4], half, share)
+    } else {
+        mixed(half, end, share - 1.0)
+    }
 }
 
 fn mixed(one: [u8; 3], other: [u8; 3], share: f32) -> [u8; 3] {
-    std::array::from_fn(|channel| (f32::from(one[channel]) * (1.0 - share) + f32::from(other[channel]) * share).round() as u8)
+    std::array::from_fn(|channel| {
+        (f32::from(one[channel]) * (1.0 - share) + f32::from(other[channel]) * share).round() as u8
+    })
 }
 
 fn level(share: f32) -> usize {
@@ -68,7 +78,11 @@ static GLOW: Colors = LazyLock::new(|| colors(INFERNO, 0.0));
 
 /// Some gradient's colours between `from` and its end.
 fn colors(gradient: Gradient, from: f64) -> [[u8; 3]; 256] {
-    std::array::from_fn(|level| gradient.eval_continuous(from + (1.0 - from) * level as f64 / 255.0).as_array())
+    std::array::from_fn(|level| {
+        gradient
+            .eval_continuous(from + (1.0 - from) * level as f64 / 255.0)
+            .as_array()
+    })
 }
 
 #[cfg(test)]
@@ -102,10 +116,21 @@ mod tests {
         let share = |step: u8| f32::from(step) / 50.0;
         let blue = |share: f32| diverging(-share);
         for map in [sequential, glow, diverging, blue] {
-            assert!((0..50).all(|step| lightness(map(share(step))) < lightness(map(share(step + 1)))));
+            assert!(
+                (0..50).all(|step| lightness(map(share(step))) < lightness(map(share(step + 1))))
+            );
         }
-        let near = |one: [u8; 3], other: [u8; 3]| one.iter().zip(other).all(|(one, other)| one.abs_diff(other) < 6);
-        assert!(near(sequential(1.0), [253, 231, 37]) && near(glow(0.0), [0, 0, 4]), "{:?} {:?}", sequential(1.0), glow(0.0));
+        let near = |one: [u8; 3], other: [u8; 3]| {
+            one.iter()
+                .zip(other)
+                .all(|(one, other)| one.abs_diff(other) < 6)
+        };
+        assert!(
+            near(sequential(1.0), [253, 231, 37]) && near(glow(0.0), [0, 0, 4]),
+            "{:?} {:?}",
+            sequential(1.0),
+            glow(0.0)
+        );
         assert_eq!(diverging(0.0), [0, 0, 4]);
     }
 }

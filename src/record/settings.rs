@@ -132,7 +132,10 @@ impl Default for RecordingSettings {
 
 impl Default for SceneSettings {
     fn default() -> Self {
-        Self { agents: vec![0.into()].into(), every: known_count(10) }
+        Self {
+            agents: vec![0.into()].into(),
+            every: known_count(10),
+        }
     }
 }
 
@@ -151,12 +154,17 @@ impl RecordingSettings {
     /// # Errors
     /// The field to blame, and why.
     pub fn check(&self, agents: u32, curious: bool, advantages: bool) -> Result<(), Complaint> {
-        self.scene.as_ref().map_or(Ok(()), |scene| scene.check(agents))?;
+        self.scene
+            .as_ref()
+            .map_or(Ok(()), |scene| scene.check(agents))?;
         if let Difference::Between(one, other) = &self.difference {
             one_of_the_team(one, agents)?;
             one_of_the_team(other, agents)?;
             if one == other {
-                return Err(other.complain(format!("expected another agent than {}, with which it is compared", **one)));
+                return Err(other.complain(format!(
+                    "expected another agent than {}, with which it is compared",
+                    **one
+                )));
             }
         }
         if *self.colour == Colour::IntrinsicReward && !curious {
@@ -164,8 +172,7 @@ impl RecordingSettings {
             return Err(self.colour.complain(message));
         }
         if self.has_advantages() && !advantages {
-            let message =
-                "only agents of `SeedPg` estimate advantages; expected Observations, Action, Reward, IntrinsicReward or Step";
+            let message = "only agents of `SeedPg` estimate advantages; expected Observations, Action, Reward, IntrinsicReward or Step";
             return Err(self.axes.complain(message));
         }
         self.check_axes()
@@ -174,7 +181,9 @@ impl RecordingSettings {
     /// Whether an axis tells advantages, so that they are on record.
     #[must_use]
     pub fn has_advantages(&self) -> bool {
-        self.axes.iter().any(|axis| matches!(axis, AxisChoice::Advantage { .. }))
+        self.axes
+            .iter()
+            .any(|axis| matches!(axis, AxisChoice::Advantage { .. }))
     }
 
     /// The same for agents that do not learn, who estimate no advantages; where no axis is left, with the observations.
@@ -183,20 +192,30 @@ impl RecordingSettings {
         if self.has_advantages() {
             let mut axes = self.axes.to_vec();
             axes.retain(|axis| !matches!(axis, AxisChoice::Advantage { .. }));
-            self.axes = if axes.is_empty() { vec![AxisChoice::Observations] } else { axes }.into();
+            self.axes = if axes.is_empty() {
+                vec![AxisChoice::Observations]
+            } else {
+                axes
+            }
+            .into();
         }
         self
     }
 
     fn check_axes(&self) -> Result<(), Complaint> {
         if self.axes.is_empty() {
-            return Err(self.axes.complain("names no axis; expected at least one, such as `axes: [Observations]`"));
+            return Err(self
+                .axes
+                .complain("names no axis; expected at least one, such as `axes: [Observations]`"));
         }
         for axis in self.axes.iter() {
             if let AxisChoice::Reward { from, to } | AxisChoice::Advantage { from, to } = axis
                 && *from >= **to
             {
-                return Err(to.complain(format!("expected more than {}, where the axis begins", from.get())));
+                return Err(to.complain(format!(
+                    "expected more than {}, where the axis begins",
+                    from.get()
+                )));
             }
         }
         Ok(())
@@ -207,18 +226,27 @@ impl RecordingSettings {
     /// # Errors
     /// The name that is none.
     pub fn check_task(&self, spec: &Spec) -> Result<(), Complaint> {
-        let PairChoice::These(pairs) = &self.pairs else { return Ok(()) };
-        let known = spec.observations.iter().map(|quantity| quantity.name.as_str());
+        let PairChoice::These(pairs) = &self.pairs else {
+            return Ok(());
+        };
+        let known = spec
+            .observations
+            .iter()
+            .map(|quantity| quantity.name.as_str());
         let unknown = |name: &&Located<String>| !known.clone().any(|known| known == name.as_str());
         let named = pairs.iter().flat_map(|(across, upwards)| [across, upwards]);
-        named.into_iter().find(unknown).map_or(Ok(()), |name| Err(name.complain_unknown("observation", known.clone())))
+        named.into_iter().find(unknown).map_or(Ok(()), |name| {
+            Err(name.complain_unknown("observation", known.clone()))
+        })
     }
 }
 
 impl SceneSettings {
     fn check(&self, count: u32) -> Result<(), Complaint> {
         if self.agents.is_empty() {
-            return Err(self.agents.complain("names no agent; `scene: None` draws none"));
+            return Err(self
+                .agents
+                .complain("names no agent; `scene: None` draws none"));
         }
         for (index, agent) in self.agents.iter().enumerate() {
             one_of_the_team(agent, count)?;
@@ -232,7 +260,8 @@ impl SceneSettings {
     /// Whether an agent's episode is drawn.
     #[must_use]
     pub fn films(&self, agent: u32, episode: u32) -> bool {
-        episode.is_multiple_of(self.every.get()) && self.agents.iter().any(|filmed| **filmed == agent)
+        episode.is_multiple_of(self.every.get())
+            && self.agents.iter().any(|filmed| **filmed == agent)
     }
 }
 
@@ -240,7 +269,10 @@ fn one_of_the_team(agent: &Located<u32>, count: u32) -> Result<(), Complaint> {
     if **agent < count {
         return Ok(());
     }
-    Err(agent.complain(format!("expected an agent from 0 to {}, for the team has {count}", count - 1)))
+    Err(agent.complain(format!(
+        "expected an agent from 0 to {}, for the team has {count}",
+        count - 1
+    )))
 }
 
 #[cfg(test)]
@@ -250,15 +282,27 @@ mod tests {
     /// The axis goes, the others stay in their order; where it was the only one, there are the observations.
     #[test]
     fn who_does_not_learn_has_no_axis_of_advantages() {
-        let advantage = AxisChoice::Advantage { from: minus_one(), to: plus_one() };
+        let advantage = AxisChoice::Advantage {
+            from: minus_one(),
+            to: plus_one(),
+        };
         let left = |axes: Vec<AxisChoice>| {
-            let settings = RecordingSettings { axes: axes.into(), ..RecordingSettings::default() };
+            let settings = RecordingSettings {
+                axes: axes.into(),
+                ..RecordingSettings::default()
+            };
             assert!(settings.has_advantages());
             settings.without_advantages().axes.to_vec()
         };
-        assert_eq!(left(vec![AxisChoice::Step, advantage, AxisChoice::Action]), [AxisChoice::Step, AxisChoice::Action]);
+        assert_eq!(
+            left(vec![AxisChoice::Step, advantage, AxisChoice::Action]),
+            [AxisChoice::Step, AxisChoice::Action]
+        );
         assert_eq!(left(vec![advantage]), [AxisChoice::Observations]);
-        let others = RecordingSettings { axes: vec![AxisChoice::IntrinsicReward].into(), ..RecordingSettings::default() };
+        let others = RecordingSettings {
+            axes: vec![AxisChoice::IntrinsicReward].into(),
+            ..RecordingSettings::default()
+        };
         assert_eq!(others.clone().without_advantages(), others);
     }
 }

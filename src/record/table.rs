@@ -78,10 +78,15 @@ pub struct TableError {
 /// # Errors
 /// The file cannot be read, lacks a column, or has a row that is no row of this table.
 pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, TableError> {
-    let fault = |reason: String| TableError { path: path.to_owned(), reason };
+    let fault = |reason: String| TableError {
+        path: path.to_owned(),
+        reason,
+    };
     let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
     let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
-    let rows: Result<Vec<R>, csv::Error> = csv::Reader::from_reader(whole.as_bytes()).into_deserialize().collect();
+    let rows: Result<Vec<R>, csv::Error> = csv::Reader::from_reader(whole.as_bytes())
+        .into_deserialize()
+        .collect();
     rows.map_err(|error| fault(error.to_string()))
 }
 
@@ -94,25 +99,46 @@ impl Table {
     /// Opens the file and cuts it to `length` bytes; an empty one will open with a header.
     fn open(path: PathBuf, length: u64) -> Result<Self, RecordError> {
         let cut = || -> std::io::Result<File> {
-            let mut file = OpenOptions::new().create(true).truncate(false).write(true).open(&path)?;
+            let mut file = OpenOptions::new()
+                .create(true)
+                .truncate(false)
+                .write(true)
+                .open(&path)?;
             if file.metadata()?.len() < length {
-                return Err(std::io::Error::other(format!("shorter than the {length} bytes of its checkpoint")));
+                return Err(std::io::Error::other(format!(
+                    "shorter than the {length} bytes of its checkpoint"
+                )));
             }
             file.set_len(length)?;
             file.seek(SeekFrom::End(0))?;
             Ok(file)
         };
         match cut() {
-            Ok(file) => Ok(Self { writer: csv::WriterBuilder::new().has_headers(length == 0).from_writer(file), path }),
+            Ok(file) => Ok(Self {
+                writer: csv::WriterBuilder::new()
+                    .has_headers(length == 0)
+                    .from_writer(file),
+                path,
+            }),
             Err(error) => {
-                let attempt = if length > 0 { Attempt::GoOn } else { Attempt::Write };
-                Err(RecordError { path, attempt, reason: error.to_string() })
+                let attempt = if length > 0 {
+                    Attempt::GoOn
+                } else {
+                    Attempt::Write
+                };
+                Err(RecordError {
+                    path,
+                    attempt,
+                    reason: error.to_string(),
+                })
             }
         }
     }
 
     fn append<R: Serialize>(&mut self, rows: &[R]) -> Result<(), RecordError> {
-        rows.iter().try_for_each(|row| self.writer.serialize(row)).map_err(|error| self.fault(error))
+        rows.iter()
+            .try_for_each(|row| self.writer.serialize(row))
+            .map_err(|error| self.fault(error))
     }
 
     /// Brings all rows to disk and returns the file's length in bytes.
@@ -130,6 +156,10 @@ impl Table {
     }
 
     fn fault(&self, error: impl std::fmt::Display) -> RecordError {
-        RecordError { path: self.path.clone(), attempt: Attempt::Write, reason: error.to_string() }
+        RecordError {
+            path: self.path.clone(),
+            attempt: Attempt::Write,
+            reason: error.to_string(),
+        }
     }
 }

@@ -9,7 +9,13 @@
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn monte_carlo_single(rewards: &[f32], returns: &[f32], baseline: &[f32], discount: f32, advantages: &mut [f32]) {
+pub fn monte_carlo_single(
+    rewards: &[f32],
+    returns: &[f32],
+    baseline: &[f32],
+    discount: f32,
+    advantages: &mut [f32],
+) {
     one_step(rewards, returns, baseline, discount, advantages);
 }
 
@@ -28,7 +34,12 @@ pub fn monte_carlo_double(returns: &[f32], baseline: &[f32], advantages: &mut [f
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn temporal_difference_errors(rewards: &[f32], values: &[f32], discount: f32, errors: &mut [f32]) {
+pub fn temporal_difference_errors(
+    rewards: &[f32],
+    values: &[f32],
+    discount: f32,
+    errors: &mut [f32],
+) {
     one_step(rewards, values, values, discount, errors);
 }
 
@@ -37,7 +48,13 @@ pub fn temporal_difference_errors(rewards: &[f32], values: &[f32], discount: f32
 ///
 /// # Panics
 /// If the slices differ in length, or `segment` is 0.
-pub fn n_step(rewards: &[f32], values: &[f32], discount: f32, segment: usize, advantages: &mut [f32]) {
+pub fn n_step(
+    rewards: &[f32],
+    values: &[f32],
+    discount: f32,
+    segment: usize,
+    advantages: &mut [f32],
+) {
     temporal_difference_errors(rewards, values, discount, advantages);
     for segment in advantages.chunks_mut(segment) {
         accumulate(segment, |_| discount);
@@ -58,7 +75,14 @@ pub fn gae(rewards: &[f32], values: &[f32], discount: f32, lambda: f32, advantag
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn retrace(rewards: &[f32], values: &[f32], ratios: &[f32], discount: f32, lambda: f32, advantages: &mut [f32]) {
+pub fn retrace(
+    rewards: &[f32],
+    values: &[f32],
+    ratios: &[f32],
+    discount: f32,
+    lambda: f32,
+    advantages: &mut [f32],
+) {
     assert_eq!(ratios.len(), rewards.len());
     temporal_difference_errors(rewards, values, discount, advantages);
     accumulate(advantages, |next| discount * lambda * ratios[next].min(1.0));
@@ -69,7 +93,13 @@ pub fn retrace(rewards: &[f32], values: &[f32], ratios: &[f32], discount: f32, l
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn v_trace(rewards: &[f32], targets: &[f32], values: &[f32], discount: f32, advantages: &mut [f32]) {
+pub fn v_trace(
+    rewards: &[f32],
+    targets: &[f32],
+    values: &[f32],
+    discount: f32,
+    advantages: &mut [f32],
+) {
     monte_carlo_single(rewards, targets, values, discount, advantages);
 }
 
@@ -85,7 +115,11 @@ pub fn standardise(advantages: &mut [f32]) {
     for advantage in &mut *advantages {
         *advantage -= center;
     }
-    let variance = advantages.iter().map(|centred| centred * centred).sum::<f32>() / advantages.len().max(1) as f32;
+    let variance = advantages
+        .iter()
+        .map(|centred| centred * centred)
+        .sum::<f32>()
+        / advantages.len().max(1) as f32;
     let scale = 1.0 / (variance.sqrt() + 1e-8);
     for advantage in advantages {
         *advantage *= scale;
@@ -93,10 +127,21 @@ pub fn standardise(advantages: &mut [f32]) {
 }
 
 /// rₜ₊₁ + γ nₜ₊₁ − bₜ, `n_T` = 0.
-fn one_step(rewards: &[f32], next: &[f32], baseline: &[f32], discount: f32, differences: &mut [f32]) {
-    assert_eq!([next.len(), baseline.len(), differences.len()], [rewards.len(); 3]);
+fn one_step(
+    rewards: &[f32],
+    next: &[f32],
+    baseline: &[f32],
+    discount: f32,
+    differences: &mut [f32],
+) {
+    assert_eq!(
+        [next.len(), baseline.len(), differences.len()],
+        [rewards.len(); 3]
+    );
     let next = next[1.min(next.len())..].iter().copied().chain([0.0]);
-    for (((difference, reward), baseline), next) in differences.iter_mut().zip(rewards).zip(baseline).zip(next) {
+    for (((difference, reward), baseline), next) in
+        differences.iter_mut().zip(rewards).zip(baseline).zip(next)
+    {
         *difference = discount.mul_add(next, *reward) - baseline;
     }
 }
@@ -120,7 +165,13 @@ mod tests {
     #[test]
     fn single_by_hand() {
         let mut advantages = [0.0; 3];
-        monte_carlo_single(&[1.0, 2.0, 4.0], &[6.0, 4.0, 12.0], &[1.0; 3], 0.5, &mut advantages);
+        monte_carlo_single(
+            &[1.0, 2.0, 4.0],
+            &[6.0, 4.0, 12.0],
+            &[1.0; 3],
+            0.5,
+            &mut advantages,
+        );
         assert_eq!(advantages, [2.0, 7.0, 3.0]);
     }
 
@@ -143,30 +194,57 @@ mod tests {
 
     #[test]
     fn temporal_difference_errors_by_hand() {
-        assert_eq!(of(|a| temporal_difference_errors(&REWARDS, &VALUES, 0.5, a)), [1.0, 1.0, -2.0]);
+        assert_eq!(
+            of(|a| temporal_difference_errors(&REWARDS, &VALUES, 0.5, a)),
+            [1.0, 1.0, -2.0]
+        );
     }
 
     /// Λ = 2: A₀ = 1 + ½·1, A₁ = 1, and a new segment: A₂ = −2. Λ = 3: A₁ = 1 − 1 = 0, A₀ = 1 + 0.
     #[test]
     fn n_step_by_hand() {
-        assert_eq!(of(|a| n_step(&REWARDS, &VALUES, 0.5, 2, a)), [1.5, 1.0, -2.0]);
-        assert_eq!(of(|a| n_step(&REWARDS, &VALUES, 0.5, 3, a)), [1.0, 0.0, -2.0]);
-        assert_eq!(of(|a| n_step(&REWARDS, &VALUES, 0.5, 100, a)), [1.0, 0.0, -2.0]);
+        assert_eq!(
+            of(|a| n_step(&REWARDS, &VALUES, 0.5, 2, a)),
+            [1.5, 1.0, -2.0]
+        );
+        assert_eq!(
+            of(|a| n_step(&REWARDS, &VALUES, 0.5, 3, a)),
+            [1.0, 0.0, -2.0]
+        );
+        assert_eq!(
+            of(|a| n_step(&REWARDS, &VALUES, 0.5, 100, a)),
+            [1.0, 0.0, -2.0]
+        );
     }
 
     /// λ = ½, γλ = ¼: A₂ = −2, A₁ = 1 − ½ = ½, A₀ = 1 + ⅛. λ = 0 gives δ, λ = 1 the return minus v: 3 − 2, 4 − 4, 4 − 6.
     #[test]
     fn gae_by_hand() {
-        assert_eq!(of(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a)), [1.125, 0.5, -2.0]);
-        assert_eq!(of(|a| gae(&REWARDS, &VALUES, 0.5, 0.0, a)), [1.0, 1.0, -2.0]);
-        assert_eq!(of(|a| gae(&REWARDS, &VALUES, 0.5, 1.0, a)), [1.0, 0.0, -2.0]);
+        assert_eq!(
+            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a)),
+            [1.125, 0.5, -2.0]
+        );
+        assert_eq!(
+            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.0, a)),
+            [1.0, 1.0, -2.0]
+        );
+        assert_eq!(
+            of(|a| gae(&REWARDS, &VALUES, 0.5, 1.0, a)),
+            [1.0, 0.0, -2.0]
+        );
     }
 
     /// λ = ½, ρ = 9, ½, 3: A₂ = −2, A₁ = 1 − ¼·1·2 = ½, A₀ = 1 + ¼·½·½ = 1.0625; ρ₀ has no say.
     #[test]
     fn retrace_by_hand() {
-        assert_eq!(of(|a| retrace(&REWARDS, &VALUES, &[9.0, 0.5, 3.0], 0.5, 0.5, a)), [1.0625, 0.5, -2.0]);
-        assert_eq!(of(|a| retrace(&REWARDS, &VALUES, &[1.0; 3], 0.5, 0.5, a)), of(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a)));
+        assert_eq!(
+            of(|a| retrace(&REWARDS, &VALUES, &[9.0, 0.5, 3.0], 0.5, 0.5, a)),
+            [1.0625, 0.5, -2.0]
+        );
+        assert_eq!(
+            of(|a| retrace(&REWARDS, &VALUES, &[1.0; 3], 0.5, 0.5, a)),
+            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a))
+        );
     }
 
     /// G = 3, 6: mean 4.5. A = 1, 3, 8 has mean 4 and variance (9 + 1 + 16)/3 = 26/3.
@@ -180,7 +258,12 @@ mod tests {
             standardise(a);
         });
         let deviation = (26.0_f32 / 3.0).sqrt();
-        assert!(standardised.iter().zip([-3.0, -1.0, 4.0]).all(|(a, b)| (a - b / deviation).abs() < 1e-6));
+        assert!(
+            standardised
+                .iter()
+                .zip([-3.0, -1.0, 4.0])
+                .all(|(a, b)| (a - b / deviation).abs() < 1e-6)
+        );
         assert_eq!(
             of(|a| {
                 a.fill(7.0);

@@ -37,7 +37,11 @@ pub fn choose(log_probs: &[f32], uniform: f32) -> usize {
 #[must_use]
 pub fn entropy(log_probs: &[f32]) -> f32 {
     // A choice that is never made has π log π = 0, which 0 · −∞ would not give.
-    -log_probs.iter().filter(|log_prob| **log_prob != f32::NEG_INFINITY).map(|log_prob| log_prob.exp() * log_prob).sum::<f32>()
+    -log_probs
+        .iter()
+        .filter(|log_prob| **log_prob != f32::NEG_INFINITY)
+        .map(|log_prob| log_prob.exp() * log_prob)
+        .sum::<f32>()
 }
 
 /// ∂/∂logits of w log π(a): w (1{i = a} − πᵢ).   `log_probs: [n]` → `gradient: [n]`
@@ -51,7 +55,11 @@ pub fn log_prob_gradient(log_probs: &[f32], choice: usize, weight: f32, gradient
 /// ∂/∂logits of w H: −w πᵢ (log πᵢ + H), added to `gradient`.   `log_probs: [n]` → `gradient: [n]`
 pub fn add_entropy_gradient(log_probs: &[f32], weight: f32, gradient: &mut [f32]) {
     let entropy = entropy(log_probs);
-    for (slot, log_prob) in gradient.iter_mut().zip(log_probs).filter(|(_, log_prob)| **log_prob != f32::NEG_INFINITY) {
+    for (slot, log_prob) in gradient
+        .iter_mut()
+        .zip(log_probs)
+        .filter(|(_, log_prob)| **log_prob != f32::NEG_INFINITY)
+    {
         *slot -= weight * log_prob.exp() * (log_prob + entropy);
     }
 }
@@ -67,7 +75,13 @@ pub fn temper(log_probs: &mut [f32], temperature: f32) {
 /// The likeliest choice, the first among equals.   `log_probs: [n]`
 #[must_use]
 pub fn likeliest(log_probs: &[f32]) -> usize {
-    let best = |best: usize, index: usize| if log_probs[index] > log_probs[best] { index } else { best };
+    let best = |best: usize, index: usize| {
+        if log_probs[index] > log_probs[best] {
+            index
+        } else {
+            best
+        }
+    };
     (0..log_probs.len()).fold(0, best)
 }
 
@@ -83,7 +97,15 @@ mod tests {
         log_softmax_in_place(&mut row, 2);
         assert!((row[0].exp() - 0.25).abs() < 1e-6 && (row[1].exp() - 0.75).abs() < 1e-6);
         assert!((entropy(&row) - 0.562_335_1).abs() < 1e-6);
-        assert_eq!([choose(&row, 0.0), choose(&row, 0.24), choose(&row, 0.26), choose(&row, 0.999_999_9)], [0, 0, 1, 1]);
+        assert_eq!(
+            [
+                choose(&row, 0.0),
+                choose(&row, 0.24),
+                choose(&row, 0.26),
+                choose(&row, 0.999_999_9)
+            ],
+            [0, 0, 1, 1]
+        );
     }
 
     #[test]
@@ -104,7 +126,10 @@ mod tests {
             row.map(f32::exp)
         };
         assert!((tempered(0.5)[0] - 0.1).abs() < 1e-6 && (tempered(1.0)[0] - 0.25).abs() < 1e-6);
-        assert_eq!((likeliest(&log_probs), likeliest(&[0.0, 0.0, -1.0])), (1, 0));
+        assert_eq!(
+            (likeliest(&log_probs), likeliest(&[0.0, 0.0, -1.0])),
+            (1, 0)
+        );
     }
 
     proptest! {

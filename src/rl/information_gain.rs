@@ -11,11 +11,20 @@
 /// # Panics
 /// If the slices differ in length.
 #[must_use]
-pub fn second_order(deviation: &[f32], mean_slope: &[f32], deviation_slope: &[f32], step: f32) -> f32 {
-    assert_eq!([mean_slope.len(), deviation_slope.len()], [deviation.len(); 2]);
+pub fn second_order(
+    deviation: &[f32],
+    mean_slope: &[f32],
+    deviation_slope: &[f32],
+    step: f32,
+) -> f32 {
+    assert_eq!(
+        [mean_slope.len(), deviation_slope.len()],
+        [deviation.len(); 2]
+    );
     let slopes = mean_slope.iter().zip(deviation_slope);
-    let term =
-        |(sigma, (by_mean, by_sigma)): (&f32, (&f32, &f32))| sigma * sigma * (by_mean * by_mean + 0.5 * by_sigma * by_sigma);
+    let term = |(sigma, (by_mean, by_sigma)): (&f32, (&f32, &f32))| {
+        sigma * sigma * (by_mean * by_mean + 0.5 * by_sigma * by_sigma)
+    };
     0.5 * step * step * deviation.iter().zip(slopes).map(term).sum::<f32>()
 }
 
@@ -27,12 +36,21 @@ pub fn second_order(deviation: &[f32], mean_slope: &[f32], deviation_slope: &[f3
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn one_draw_coefficients(deviation: &[f32], noise: &[f32], step: f32, coefficients: &mut Vec<f32>) {
+pub fn one_draw_coefficients(
+    deviation: &[f32],
+    noise: &[f32],
+    step: f32,
+    coefficients: &mut Vec<f32>,
+) {
     assert_eq!(deviation.len(), noise.len());
     let half_square = 0.5 * step * step;
     coefficients.clear();
-    coefficients
-        .extend(deviation.iter().zip(noise).map(|(sigma, noise)| half_square * sigma * sigma * (1.0 + 0.5 * noise * noise)));
+    coefficients.extend(
+        deviation
+            .iter()
+            .zip(noise)
+            .map(|(sigma, noise)| half_square * sigma * sigma * (1.0 + 0.5 * noise * noise)),
+    );
 }
 
 /// KL(q(φ + λΔφ) ‖ q(φ)) of the explicit step in φ = (μ, ρ), σ = log(1 + eᵖ): Δμ = σ² `g_μ`, Δρ = σ² `g_σ`/(2σ'), σ' = ∂σ/∂ρ.
@@ -44,8 +62,16 @@ pub fn one_draw_coefficients(deviation: &[f32], noise: &[f32], step: f32, coeffi
 /// # Panics
 /// If the slices differ in length.
 #[must_use]
-pub fn of_explicit_step(deviation: &[f32], mean_slope: &[f32], deviation_slope: &[f32], step: f32) -> f64 {
-    assert_eq!([mean_slope.len(), deviation_slope.len()], [deviation.len(); 2]);
+pub fn of_explicit_step(
+    deviation: &[f32],
+    mean_slope: &[f32],
+    deviation_slope: &[f32],
+    step: f32,
+) -> f64 {
+    assert_eq!(
+        [mean_slope.len(), deviation_slope.len()],
+        [deviation.len(); 2]
+    );
     let slopes = mean_slope.iter().zip(deviation_slope);
     let term = |(&sigma, (&by_mean, &by_sigma)): (&f32, (&f32, &f32))| {
         let [sigma, by_mean, by_sigma, step] = [sigma, by_mean, by_sigma, step].map(f64::from);
@@ -82,7 +108,10 @@ mod tests {
     /// σ = ½, 2, g_μ = 4, 1, g_σ = 2, −1, λ = ½: ½·¼·(¼ (16 + 2) + 4 (1 + ½)) = 1.3125.
     #[test]
     fn second_order_by_hand() {
-        assert_eq!(second_order(&[0.5, 2.0], &[4.0, 1.0], &[2.0, -1.0], 0.5), 1.3125);
+        assert_eq!(
+            second_order(&[0.5, 2.0], &[4.0, 1.0], &[2.0, -1.0], 0.5),
+            1.3125
+        );
     }
 
     /// σ = log 2 is ρ = 0, where σ' = ½. g_σ = 2/σ² gives Δρ = 2: with λ = ½ ρ goes to 1, σ to log(1 + e) = 1.3132617, r = 1.8946361.

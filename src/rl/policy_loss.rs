@@ -14,7 +14,11 @@ pub struct Surrogate {
 /// Simple policy gradient (thesis Eq. 7, 20): −log π(a|s) A.
 #[must_use]
 pub fn simple(log_prob: f32, advantage: f32) -> Surrogate {
-    Surrogate { loss: -log_prob * advantage, slope: -advantage, clipped: false }
+    Surrogate {
+        loss: -log_prob * advantage,
+        slope: -advantage,
+        clipped: false,
+    }
 }
 
 /// PPO's clipped surrogate (thesis Eq. 8, 16, 21, 23): −min(ρ A, clip(ρ, 1−ε, 1+ε) A), differentiated through ρ.
@@ -25,14 +29,22 @@ pub fn ppo(ratio: f32, advantage: f32, clip: f32) -> Surrogate {
     let free = ratio * advantage;
     let bounded = ratio.clamp(1.0 - clip, 1.0 + clip) * advantage;
     let clipped = bounded < free;
-    Surrogate { loss: -free.min(bounded), slope: if clipped { 0.0 } else { -free }, clipped }
+    Surrogate {
+        loss: -free.min(bounded),
+        slope: if clipped { 0.0 } else { -free },
+        clipped,
+    }
 }
 
 /// Off-PAC (thesis Eq. 15, 22): −ρ log π(a|s) A, with ρ held constant and, where `cap` says so, bounded.
 #[must_use]
 pub fn off_pac(log_prob: f32, ratio: f32, advantage: f32, cap: Option<f32>) -> Surrogate {
     let weight = ratio.min(cap.unwrap_or(f32::INFINITY));
-    Surrogate { loss: -weight * log_prob * advantage, slope: -weight * advantage, clipped: false }
+    Surrogate {
+        loss: -weight * log_prob * advantage,
+        slope: -weight * advantage,
+        clipped: false,
+    }
 }
 
 #[cfg(test)]
@@ -48,16 +60,51 @@ mod tests {
         assert!((at(1.5, 2.0).loss + 2.4).abs() < 1e-6);
         assert!((at(0.5, -2.0).loss - 1.6).abs() < 1e-6);
         assert!(at(0.5, -2.0).clipped);
-        assert_eq!(at(1.5, -2.0), Surrogate { loss: 3.0, slope: 3.0, clipped: false });
-        assert_eq!(at(0.5, 2.0), Surrogate { loss: -1.0, slope: -1.0, clipped: false });
-        assert_eq!(at(1.0, 2.0), Surrogate { loss: -2.0, slope: -2.0, clipped: false });
+        assert_eq!(
+            at(1.5, -2.0),
+            Surrogate {
+                loss: 3.0,
+                slope: 3.0,
+                clipped: false
+            }
+        );
+        assert_eq!(
+            at(0.5, 2.0),
+            Surrogate {
+                loss: -1.0,
+                slope: -1.0,
+                clipped: false
+            }
+        );
+        assert_eq!(
+            at(1.0, 2.0),
+            Surrogate {
+                loss: -2.0,
+                slope: -2.0,
+                clipped: false
+            }
+        );
     }
 
     /// ρ = 4, A = 2, log π = −0.5: slope −8, loss 4; capped at 1: −2 and 1.
     #[test]
     fn off_pac_by_hand() {
-        assert_eq!(off_pac(-0.5, 4.0, 2.0, None), Surrogate { loss: 4.0, slope: -8.0, clipped: false });
-        assert_eq!(off_pac(-0.5, 4.0, 2.0, Some(1.0)), Surrogate { loss: 1.0, slope: -2.0, clipped: false });
+        assert_eq!(
+            off_pac(-0.5, 4.0, 2.0, None),
+            Surrogate {
+                loss: 4.0,
+                slope: -8.0,
+                clipped: false
+            }
+        );
+        assert_eq!(
+            off_pac(-0.5, 4.0, 2.0, Some(1.0)),
+            Surrogate {
+                loss: 1.0,
+                slope: -2.0,
+                clipped: false
+            }
+        );
     }
 
     proptest! {

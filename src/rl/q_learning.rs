@@ -11,13 +11,30 @@ use super::categorical::likeliest;
 ///
 /// # Panics
 /// If the slices do not belong to the same number of samples.
-pub fn targets(rewards: &[f32], discounts: &[f32], judged: &[f32], chosen_by: &[f32], targets: &mut Vec<f32>) {
-    assert_eq!((rewards.len(), judged.len()), (discounts.len(), chosen_by.len()));
+pub fn targets(
+    rewards: &[f32],
+    discounts: &[f32],
+    judged: &[f32],
+    chosen_by: &[f32],
+    targets: &mut Vec<f32>,
+) {
+    assert_eq!(
+        (rewards.len(), judged.len()),
+        (discounts.len(), chosen_by.len())
+    );
     let choices = judged.len() / rewards.len().max(1);
-    let rows = judged.chunks_exact(choices.max(1)).zip(chosen_by.chunks_exact(choices.max(1)));
+    let rows = judged
+        .chunks_exact(choices.max(1))
+        .zip(chosen_by.chunks_exact(choices.max(1)));
     let follow = rows.map(|(judged, chosen_by)| judged[likeliest(chosen_by)]);
     targets.clear();
-    targets.extend(rewards.iter().zip(discounts).zip(follow).map(|((reward, discount), value)| discount.mul_add(value, *reward)));
+    targets.extend(
+        rewards
+            .iter()
+            .zip(discounts)
+            .zip(follow)
+            .map(|((reward, discount), value)| discount.mul_add(value, *reward)),
+    );
 }
 
 /// ∂L/∂Q of L = ½ mean wᵢ (Q(sᵢ, aᵢ) − yᵢ)², the targets held constant; returns L.
@@ -26,14 +43,24 @@ pub fn targets(rewards: &[f32], discounts: &[f32], judged: &[f32], chosen_by: &[
 ///
 /// # Panics
 /// If an action is not among the choices.
-pub fn squared_error(values: &[f32], actions: &[usize], targets: &[f32], weights: &[f32], gradient: &mut Vec<f32>) -> f32 {
+pub fn squared_error(
+    values: &[f32],
+    actions: &[usize],
+    targets: &[f32],
+    weights: &[f32],
+    gradient: &mut Vec<f32>,
+) -> f32 {
     let share = 1.0 / actions.len() as f32;
     let choices = values.len() / actions.len().max(1);
     gradient.clear();
     gradient.resize(values.len(), 0.0);
-    let rows = values.chunks_exact(choices).zip(gradient.chunks_exact_mut(choices));
+    let rows = values
+        .chunks_exact(choices)
+        .zip(gradient.chunks_exact_mut(choices));
     let mut loss = 0.0;
-    for (((values, gradient), &action), (target, weight)) in rows.zip(actions).zip(targets.iter().zip(weights)) {
+    for (((values, gradient), &action), (target, weight)) in
+        rows.zip(actions).zip(targets.iter().zip(weights))
+    {
         let error = values[action] - target;
         gradient[action] = share * weight * error;
         loss += 0.5 * share * weight * error * error;
@@ -62,7 +89,13 @@ mod tests {
     #[test]
     fn targets_by_hand() {
         let mut found = Vec::new();
-        targets(&[1.0, 2.0], &[0.5, 0.0], &[1.0, 3.0, 2.0, 0.0], &[1.0, 3.0, 2.0, 0.0], &mut found);
+        targets(
+            &[1.0, 2.0],
+            &[0.5, 0.0],
+            &[1.0, 3.0, 2.0, 0.0],
+            &[1.0, 3.0, 2.0, 0.0],
+            &mut found,
+        );
         assert_eq!(found, [2.5, 2.0]);
         targets(&[1.0], &[0.5], &[1.0, 3.0], &[5.0, 4.0], &mut found);
         assert_eq!(found, [1.5]);
@@ -72,7 +105,13 @@ mod tests {
     #[test]
     fn squared_errors_by_hand() {
         let mut gradient = vec![9.0];
-        let loss = squared_error(&[7.0, 3.0, 0.5, 8.0], &[1, 0], &[1.0, 1.5], &[1.0, 3.0], &mut gradient);
+        let loss = squared_error(
+            &[7.0, 3.0, 0.5, 8.0],
+            &[1, 0],
+            &[1.0, 1.5],
+            &[1.0, 3.0],
+            &mut gradient,
+        );
         assert_eq!((loss, gradient), (1.75, vec![0.0, 1.0, -1.5, 0.0]));
     }
 
@@ -84,7 +123,13 @@ mod tests {
             values.map(f32::exp)
         };
         let spread = probabilities([1.0, 2.0, 0.0], 0.3);
-        assert!(spread.iter().zip([0.1, 0.8, 0.1]).all(|(ours, expected)| (ours - expected).abs() < 1e-6), "{spread:?}");
+        assert!(
+            spread
+                .iter()
+                .zip([0.1, 0.8, 0.1])
+                .all(|(ours, expected)| (ours - expected).abs() < 1e-6),
+            "{spread:?}"
+        );
         assert_eq!(probabilities([2.0, 2.0, 0.0], 0.0), [1.0, 0.0, 0.0]);
     }
 
@@ -94,7 +139,10 @@ mod tests {
         for temperature in [0.1, 1.0, 7.0] {
             let mut row = [0.0, temperature * 3.0_f32.ln()];
             gibbs(&mut row, temperature);
-            assert!((row[0].exp() - 0.25).abs() < 1e-6 && (row[1].exp() - 0.75).abs() < 1e-6, "{temperature}: {row:?}");
+            assert!(
+                (row[0].exp() - 0.25).abs() < 1e-6 && (row[1].exp() - 0.75).abs() < 1e-6,
+                "{temperature}: {row:?}"
+            );
         }
     }
 

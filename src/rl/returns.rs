@@ -1,6 +1,9 @@
 //! Returns: what followed a step, summed (thesis §1.3, §3.1), and the targets that value functions learn.
 
-#![expect(clippy::inline_always, reason = "a loop is compiled for a level of SIMD only where it is inlined into the dispatch")]
+#![expect(
+    clippy::inline_always,
+    reason = "a loop is compiled for a level of SIMD only where it is inlined into the dispatch"
+)]
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -53,7 +56,13 @@ pub fn per_decision(
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn ordinary(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>, returns: &mut [f32]) {
+pub fn ordinary(
+    ratios: &[f32],
+    rewards: &[f32],
+    discount: f32,
+    cap: Option<f32>,
+    returns: &mut [f32],
+) {
     discounted(rewards, discount, returns);
     let mut product = 1.0_f32;
     for (ratio, value) in ratios.iter().zip(returns).rev() {
@@ -68,7 +77,10 @@ pub fn ordinary(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>
 /// If the slices differ in length.
 pub fn temporal_difference(rewards: &[f32], values: &[f32], discount: f32, targets: &mut [f32]) {
     advantage::temporal_difference_errors(rewards, values, discount, targets);
-    targets.iter_mut().zip(values).for_each(|(target, value)| *target += value);
+    targets
+        .iter_mut()
+        .zip(values)
+        .for_each(|(target, value)| *target += value);
 }
 
 /// λ-return (Schulman et al. 2016): v(sₜ) + Aₜ with the [advantage](advantage::gae) of the same λ.   `rewards`, `values`: `[T]` →
@@ -78,7 +90,10 @@ pub fn temporal_difference(rewards: &[f32], values: &[f32], discount: f32, targe
 /// If the slices differ in length.
 pub fn lambda(rewards: &[f32], values: &[f32], discount: f32, lambda: f32, targets: &mut [f32]) {
     advantage::gae(rewards, values, discount, lambda, targets);
-    targets.iter_mut().zip(values).for_each(|(target, value)| *target += value);
+    targets
+        .iter_mut()
+        .zip(values)
+        .for_each(|(target, value)| *target += value);
 }
 
 /// How far V-trace trusts ratios (Espeholt et al. 2018, Eq. 1).
@@ -97,7 +112,14 @@ pub struct Truncation {
 ///
 /// # Panics
 /// If the slices differ in length.
-pub fn v_trace(rewards: &[f32], values: &[f32], ratios: &[f32], discount: f32, truncation: Truncation, targets: &mut [f32]) {
+pub fn v_trace(
+    rewards: &[f32],
+    values: &[f32],
+    ratios: &[f32],
+    discount: f32,
+    truncation: Truncation,
+    targets: &mut [f32],
+) {
     assert_eq!(ratios.len(), rewards.len());
     advantage::temporal_difference_errors(rewards, values, discount, targets);
     let mut correction = 0.0_f32;
@@ -116,7 +138,14 @@ fn per_decision_uncapped(ratios: &[f32], rewards: &[f32], discount: f32, returns
     }
 }
 
-fn per_decision_capped(ratios: &[f32], rewards: &[f32], discount: f32, cap: f32, padded: &mut Vec<f32>, returns: &mut [f32]) {
+fn per_decision_capped(
+    ratios: &[f32],
+    rewards: &[f32],
+    discount: f32,
+    cap: f32,
+    padded: &mut Vec<f32>,
+    returns: &mut [f32],
+) {
     let length = ratios.len() + TIMES;
     padded.clear();
     for column in [ratios, rewards] {
@@ -124,7 +153,13 @@ fn per_decision_capped(ratios: &[f32], rewards: &[f32], discount: f32, cap: f32,
         padded.extend([0.0; TIMES]);
     }
     let (ratios, rewards) = padded.split_at(length);
-    Arch::new().dispatch(Capped { ratios, rewards, discount, cap, returns });
+    Arch::new().dispatch(Capped {
+        ratios,
+        rewards,
+        discount,
+        cap,
+        returns,
+    });
 }
 
 /// Times t that advance together.
@@ -148,10 +183,17 @@ impl WithSimd for Capped<'_> {
         for (block, returns) in self.returns.chunks_mut(TIMES).enumerate() {
             let from = block * TIMES;
             let (ratios, rewards) = (&self.ratios[from..], &self.rewards[from..]);
-            let (mut products, mut sums, mut weight) = ([1.0_f32; TIMES], [0.0_f32; TIMES], 1.0_f32);
+            let (mut products, mut sums, mut weight) =
+                ([1.0_f32; TIMES], [0.0_f32; TIMES], 1.0_f32);
             // Lag by lag: after lag d, a product is Π_{j=t..t+d} ρⱼ.
-            for (ratios, rewards) in ratios.windows(TIMES).zip(rewards.windows(TIMES)).take(steps - from) {
-                for (((product, sum), ratio), reward) in products.iter_mut().zip(&mut sums).zip(ratios).zip(rewards) {
+            for (ratios, rewards) in ratios
+                .windows(TIMES)
+                .zip(rewards.windows(TIMES))
+                .take(steps - from)
+            {
+                for (((product, sum), ratio), reward) in
+                    products.iter_mut().zip(&mut sums).zip(ratios).zip(rewards)
+                {
                     *product = lesser(*product * ratio, LIMIT);
                     *sum = (weight * lesser(*product, self.cap)).mul_add(*reward, *sum);
                 }
@@ -173,9 +215,21 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn per_decision_of(ratios: &[f32], rewards: &[f32], discount: f32, cap: Option<f32>) -> Vec<f32> {
+    fn per_decision_of(
+        ratios: &[f32],
+        rewards: &[f32],
+        discount: f32,
+        cap: Option<f32>,
+    ) -> Vec<f32> {
         let mut returns = vec![f32::NAN; ratios.len()];
-        per_decision(ratios, rewards, discount, cap, &mut Vec::new(), &mut returns);
+        per_decision(
+            ratios,
+            rewards,
+            discount,
+            cap,
+            &mut Vec::new(),
+            &mut returns,
+        );
         returns
     }
 
@@ -190,14 +244,20 @@ mod tests {
     /// γ = 0.5, r = 1, 2, 4, ρ = 2, 0.5, 3, no cap: G̃₂ = 3·4 = 12, G̃₁ = ½(2 + 6) = 4, G̃₀ = 2(1 + 2) = 6.
     #[test]
     fn per_decision_by_hand() {
-        assert_eq!(per_decision_of(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, None), [6.0, 4.0, 12.0]);
+        assert_eq!(
+            per_decision_of(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, None),
+            [6.0, 4.0, 12.0]
+        );
     }
 
     /// The same with c = 1. Products from 0: 2, 1, 3 → 1, 1, 1: G̃₀ = 1 + ½·2 + ¼·4 = 3. From 1: ½, 3/2 → ½, 1:
     /// G̃₁ = ½·2 + ½·4 = 3. From 2: 3 → 1: G̃₂ = 4. Capping each factor instead would give G̃₀ = 1 + ½·½·2 + ¼·½·4 = 2.
     #[test]
     fn the_cap_is_on_products() {
-        assert_eq!(per_decision_of(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, Some(1.0)), [3.0, 3.0, 4.0]);
+        assert_eq!(
+            per_decision_of(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, Some(1.0)),
+            [3.0, 3.0, 4.0]
+        );
     }
 
     /// γ = 0.5, ρ = 2, 0.5, 3: ρ_{0:2} = 3, ρ_{1:2} = 1.5, ρ_2 = 3, times G = 3, 4, 4.
@@ -206,7 +266,13 @@ mod tests {
         let mut returns = [0.0; 3];
         ordinary(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, None, &mut returns);
         assert_eq!(returns, [9.0, 6.0, 12.0]);
-        ordinary(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, Some(1.0), &mut returns);
+        ordinary(
+            &[2.0, 0.5, 3.0],
+            &[1.0, 2.0, 4.0],
+            0.5,
+            Some(1.0),
+            &mut returns,
+        );
         assert_eq!(returns, [3.0, 4.0, 4.0]);
     }
 
@@ -262,16 +328,32 @@ mod tests {
     /// TD: 1 + 2, 2 + 3, 4. λ = ½: A = 1.125, 0.5, −2 plus v.
     #[test]
     fn bootstrapped_targets_by_hand() {
-        assert_eq!(target_of(|r, v, y| temporal_difference(r, v, 0.5, y)), [3.0, 5.0, 4.0]);
-        assert_eq!(target_of(|r, v, y| lambda(r, v, 0.5, 0.5, y)), [3.125, 4.5, 4.0]);
+        assert_eq!(
+            target_of(|r, v, y| temporal_difference(r, v, 0.5, y)),
+            [3.0, 5.0, 4.0]
+        );
+        assert_eq!(
+            target_of(|r, v, y| lambda(r, v, 0.5, 0.5, y)),
+            [3.125, 4.5, 4.0]
+        );
     }
 
     /// ρ = 4, ½, 3, ρ̄ = 2, c̄ = 1, λ = 1: Δ₂ = 2·(−2) = −4; Δ₁ = ½·1 + ½·½·(−4) = −½; Δ₀ = 2·1 + ½·1·(−½) = 1.75.
     #[test]
     fn v_trace_by_hand() {
-        let truncation = Truncation { ratio: 2.0, trace: 1.0, lambda: 1.0 };
-        assert_eq!(target_of(|r, v, y| v_trace(r, v, &[4.0, 0.5, 3.0], 0.5, truncation, y)), [3.75, 3.5, 2.0]);
-        let on_policy = Truncation { lambda: 0.5, ..truncation };
+        let truncation = Truncation {
+            ratio: 2.0,
+            trace: 1.0,
+            lambda: 1.0,
+        };
+        assert_eq!(
+            target_of(|r, v, y| v_trace(r, v, &[4.0, 0.5, 3.0], 0.5, truncation, y)),
+            [3.75, 3.5, 2.0]
+        );
+        let on_policy = Truncation {
+            lambda: 0.5,
+            ..truncation
+        };
         assert_eq!(
             target_of(|r, v, y| v_trace(r, v, &[1.0; 3], 0.5, on_policy, y)),
             target_of(|r, v, y| lambda(r, v, 0.5, 0.5, y))

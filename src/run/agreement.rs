@@ -10,7 +10,9 @@ pub(super) fn mean_rank_correlation(judgements: &[Vec<f32>]) -> Option<f64> {
     let mut sum = vec![0.0; steps];
     for judgement in judgements {
         let standardised = standardised(&ranks(judgement))?;
-        sum.iter_mut().zip(standardised).for_each(|(sum, z)| *sum += z);
+        sum.iter_mut()
+            .zip(standardised)
+            .for_each(|(sum, z)| *sum += z);
     }
     let square = sum.iter().map(|sum| sum * sum).sum::<f64>() / steps as f64;
     (judgements.len() > 1).then(|| (square - count) / (count * (count - 1.0)))
@@ -53,8 +55,14 @@ mod tests {
     fn correlations_by_hand() {
         let (one, other) = (vec![1.0, 5.0, 6.0, 90.0], vec![0.2, 0.1, 0.4, 0.3]);
         let close = |value: Option<f64>, expected: f64| (value.unwrap() - expected).abs() < 1e-12;
-        assert!(close(mean_rank_correlation(&[one.clone(), other.clone()]), 0.6));
-        assert!(close(mean_rank_correlation(&[one.clone(), one.clone(), other]), 2.2 / 3.0));
+        assert!(close(
+            mean_rank_correlation(&[one.clone(), other.clone()]),
+            0.6
+        ));
+        assert!(close(
+            mean_rank_correlation(&[one.clone(), one.clone(), other]),
+            2.2 / 3.0
+        ));
         let reversed = one.iter().map(|value| -value).collect();
         assert!(close(mean_rank_correlation(&[one.clone(), reversed]), -1.0));
         assert_eq!(mean_rank_correlation(std::slice::from_ref(&one)), None);

@@ -50,21 +50,39 @@ pub(super) struct Ended {
 impl Desk {
     pub(super) fn new(run_seed: u64, agents: usize) -> Self {
         Self {
-            places: vec![Place { begun: 0, learning: 0, learned: 0 }; agents],
-            seats: (0..agents as u32).map(|agent| Seat::new(run_seed, agent, 0)).collect(),
+            places: vec![
+                Place {
+                    begun: 0,
+                    learning: 0,
+                    learned: 0
+                };
+                agents
+            ],
+            seats: (0..agents as u32)
+                .map(|agent| Seat::new(run_seed, agent, 0))
+                .collect(),
             room: None,
         }
     }
 
     /// Goes on until at least one episode ends; nothing ends any more when every agent has played all of its own.
-    pub(super) fn play(&mut self, environment: &mut dyn Environment, agents: &[Box<dyn Agent>], pace: &Pace<'_>) -> Ended {
+    pub(super) fn play(
+        &mut self,
+        environment: &mut dyn Environment,
+        agents: &[Box<dyn Agent>],
+        pace: &Pace<'_>,
+    ) -> Ended {
         let mut ended = Ended::default();
         while ended.episodes.is_empty() && self.goes_on(pace) {
             self.begin_episodes(environment, pace);
             if self.seats.iter().any(Seat::is_playing) {
-                self.room.get_or_insert_with(|| Room::new(&*environment)).step(environment, agents, &mut self.seats);
+                self.room
+                    .get_or_insert_with(|| Room::new(&*environment))
+                    .step(environment, agents, &mut self.seats);
             }
-            self.places.iter_mut().for_each(|place| place.learning = place.learning.saturating_sub(1));
+            self.places
+                .iter_mut()
+                .for_each(|place| place.learning = place.learning.saturating_sub(1));
             for seat in &mut self.seats {
                 if let Some(episode) = seat.observe(environment) {
                     ended.episodes.push(episode);
@@ -80,12 +98,19 @@ impl Desk {
     pub(super) fn learn(&mut self, agent: u32, total: u64, pace: &Pace<'_>) -> (u64, u32) {
         let place = &mut self.places[agent as usize];
         place.learning = pace.learning;
-        (std::mem::replace(&mut place.learned, total), place.begun - 1)
+        (
+            std::mem::replace(&mut place.learned, total),
+            place.begun - 1,
+        )
     }
 
     /// Episodes of the team that every agent has learned from.
     pub(super) fn learned_by_all(&self) -> u64 {
-        self.places.iter().map(|place| place.learned).min().unwrap_or(u64::MAX)
+        self.places
+            .iter()
+            .map(|place| place.learned)
+            .min()
+            .unwrap_or(u64::MAX)
     }
 
     fn goes_on(&self, pace: &Pace<'_>) -> bool {

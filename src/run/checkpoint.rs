@@ -34,7 +34,11 @@ impl Checkpoint {
     /// A checkpoint of this version.
     #[must_use]
     pub fn new(trainer: Vec<u8>, recorders: Vec<Vec<u8>>) -> Self {
-        Self { version: VERSION, trainer, recorders }
+        Self {
+            version: VERSION,
+            trainer,
+            recorders,
+        }
     }
 
     /// Replaces the checkpoint in a run's folder.
@@ -47,7 +51,10 @@ impl Checkpoint {
     pub fn write(&self, folder: &Path) -> Result<(), CheckpointError> {
         let path = file(folder);
         let bytes = postcard::to_stdvec(self).expect("bytes always serialise");
-        files::replace(&path, &bytes).map_err(|error| CheckpointError { path, reason: error.to_string() })
+        files::replace(&path, &bytes).map_err(|error| CheckpointError {
+            path,
+            reason: error.to_string(),
+        })
     }
 
     /// Reads the checkpoint in a run's folder.
@@ -56,11 +63,17 @@ impl Checkpoint {
     /// There is none, or it is unreadable.
     pub fn read(folder: &Path) -> Result<Self, CheckpointError> {
         let path = file(folder);
-        let fault = |reason: String| CheckpointError { path: path.clone(), reason };
+        let fault = |reason: String| CheckpointError {
+            path: path.clone(),
+            reason,
+        };
         let bytes = fs::read(&path).map_err(|error| fault(error.to_string()))?;
-        let (version, _) = postcard::take_from_bytes::<u32>(&bytes).map_err(|error| fault(error.to_string()))?;
+        let (version, _) =
+            postcard::take_from_bytes::<u32>(&bytes).map_err(|error| fault(error.to_string()))?;
         if version != VERSION {
-            return Err(fault(format!("is of format {version}; this seedbed reads format {VERSION}")));
+            return Err(fault(format!(
+                "is of format {version}; this seedbed reads format {VERSION}"
+            )));
         }
         postcard::from_bytes(&bytes).map_err(|error| fault(format!("is damaged: {error}")))
     }

@@ -26,7 +26,11 @@ pub struct Evaluation {
 /// The folder of the run that `path` names: the folder itself, or a file in it such as `run.rrd`.
 #[must_use]
 pub fn run_folder(path: &Path) -> RunFolder {
-    let folder = if path.is_file() { path.parent().unwrap_or(path) } else { path };
+    let folder = if path.is_file() {
+        path.parent().unwrap_or(path)
+    } else {
+        path
+    };
     RunFolder::new(folder)
 }
 
@@ -34,9 +38,13 @@ pub fn run_folder(path: &Path) -> RunFolder {
 ///
 /// # Errors
 /// The folder holds no run with a checkpoint, or one of another version.
-pub fn evaluate(folder: &RunFolder, evaluation: &Evaluation) -> Result<(Plan, Vec<Episode>), RunError> {
+pub fn evaluate(
+    folder: &RunFolder,
+    evaluation: &Evaluation,
+) -> Result<(Plan, Vec<Episode>), RunError> {
     let (plan, mut trainer) = trained(folder, evaluation.actions)?;
-    let rounds = (0..evaluation.episodes).map(|number| play(&mut trainer, evaluation, number, None));
+    let rounds =
+        (0..evaluation.episodes).map(|number| play(&mut trainer, evaluation, number, None));
     let mut episodes: Vec<Episode> = rounds.flat_map(|played| played.episodes).collect();
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     Ok((plan, episodes))
@@ -46,28 +54,51 @@ pub fn evaluate(folder: &RunFolder, evaluation: &Evaluation) -> Result<(Plan, Ve
 ///
 /// # Errors
 /// The folder holds no run with a checkpoint, or one of another version.
-pub(super) fn trained(folder: &RunFolder, actions: Option<ActionSelection>) -> Result<(Plan, Trainer), RunError> {
+pub(super) fn trained(
+    folder: &RunFolder,
+    actions: Option<ActionSelection>,
+) -> Result<(Plan, Trainer), RunError> {
     let mut plan = Plan::load(&folder.scenario(), &[])?;
     plan.name = name(folder).unwrap_or(plan.name);
     if let Some(actions) = actions {
-        plan.scenario.algorithm = plan.scenario.algorithm.value().clone().with_actions(actions).into();
+        plan.scenario.algorithm = plan
+            .scenario
+            .algorithm
+            .value()
+            .clone()
+            .with_actions(actions)
+            .into();
     }
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
     let checkpoint = Checkpoint::read(folder.path())?;
     let path: PathBuf = checkpoint::file(folder.path());
-    trainer.restore(&checkpoint.trainer).map_err(|reason| CheckpointError { path, reason })?;
+    trainer
+        .restore(&checkpoint.trainer)
+        .map_err(|reason| CheckpointError { path, reason })?;
     Ok((plan, trainer))
 }
 
 /// What the scenario was called when the run was finished; its copy in the folder is called `scenario`.
 fn name(folder: &RunFolder) -> Option<String> {
     let summary = std::fs::read(folder.summary()).ok()?;
-    serde_json::from_slice::<Summary>(&summary).ok().map(|summary| summary.scenario)
+    serde_json::from_slice::<Summary>(&summary)
+        .ok()
+        .map(|summary| summary.scenario)
 }
 
 /// Plays episode `number` of every agent. Its streams bear a round that no training reaches.
-pub(super) fn play(trainer: &mut Trainer, evaluation: &Evaluation, number: u32, camera: Option<&SceneSettings>) -> Played {
-    let plan = RoundPlan { run_seed: evaluation.seed, round: u32::MAX - number, episodes: 1, camera };
+pub(super) fn play(
+    trainer: &mut Trainer,
+    evaluation: &Evaluation,
+    number: u32,
+    camera: Option<&SceneSettings>,
+) -> Played {
+    let plan = RoundPlan {
+        run_seed: evaluation.seed,
+        round: u32::MAX - number,
+        episodes: 1,
+        camera,
+    };
     let mut played = trainer.play_without_learning(&plan);
     for episode in &mut played.episodes {
         (episode.episode, episode.round) = (number, number);

@@ -20,7 +20,9 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     }
     written?;
     // The new name has to reach the disk as well.
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).map_or(Ok(()), |folder| File::open(folder)?.sync_all())
+    path.parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .map_or(Ok(()), |folder| File::open(folder)?.sync_all())
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {

@@ -64,7 +64,11 @@ impl RunFolder {
     pub fn claim(&self) -> io::Result<Option<Claim>> {
         fs::create_dir_all(&self.path)?;
         let path = self.lock();
-        let lock = File::options().create(true).truncate(false).write(true).open(&path)?;
+        let lock = File::options()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(&path)?;
         match lock.try_lock() {
             Ok(()) => Ok(Some(Claim { lock, path })),
             Err(TryLockError::WouldBlock) => Ok(None),
@@ -79,7 +83,15 @@ impl RunFolder {
     pub fn clear(&self) -> io::Result<()> {
         let recording = self.recording();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
-        let files = [self.summary(), recording, self.replay(), self.scenario(), self.policies(), self.regret(), self.visits()];
+        let files = [
+            self.summary(),
+            recording,
+            self.replay(),
+            self.scenario(),
+            self.policies(),
+            self.regret(),
+            self.visits(),
+        ];
         for path in files.into_iter().chain(unfinished).chain(self.tables()) {
             remove(fs::remove_file(path))?;
         }

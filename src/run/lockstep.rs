@@ -56,16 +56,26 @@ pub(super) fn end_round(
     if learning == Learning::AfterRound {
         learn(team, pool);
     }
-    let bonuses = if team.is_curious() { reflect(team, experience, pool) } else { Vec::new() };
+    let bonuses = if team.is_curious() {
+        reflect(team, experience, pool)
+    } else {
+        Vec::new()
+    };
     team.end_round(experience, &bonuses);
     team.reports()
 }
 
 /// For each model, the bonuses of the steps of each fresh episode of its followers.
-fn reflect(team: &mut ValueTeam, experience: &Experience<'_>, pool: Option<&ThreadPool>) -> Vec<Vec<Vec<f32>>> {
+fn reflect(
+    team: &mut ValueTeam,
+    experience: &Experience<'_>,
+    pool: Option<&ThreadPool>,
+) -> Vec<Vec<Vec<f32>>> {
     let places = |model: usize| -> Vec<usize> {
         let followers = team.followers(model);
-        (0..experience.fresh.len()).filter(|&place| followers.contains(&(experience.fresh[place].agent as usize))).collect()
+        (0..experience.fresh.len())
+            .filter(|&place| followers.contains(&(experience.fresh[place].agent as usize)))
+            .collect()
     };
     let places: Vec<Vec<usize>> = (0..team.model_count()).map(places).collect();
     let judge = |(model, own): (&mut ValueModel, &Vec<usize>)| {
@@ -84,7 +94,9 @@ fn reflect(team: &mut ValueTeam, experience: &Experience<'_>, pool: Option<&Thre
 fn learn(team: &mut ValueTeam, pool: Option<&ThreadPool>) {
     let (models, lesson): (&mut [ValueModel], Lesson<'_>) = team.lesson();
     match pool {
-        Some(pool) if models.len() > 1 => pool.install(|| models.par_iter_mut().for_each(|model| model.learn(&lesson))),
+        Some(pool) if models.len() > 1 => {
+            pool.install(|| models.par_iter_mut().for_each(|model| model.learn(&lesson)))
+        }
         _ => models.iter_mut().for_each(|model| model.learn(&lesson)),
     }
 }
@@ -103,8 +115,17 @@ struct Sharers<'a> {
 
 impl Players for Sharers<'_> {
     fn step(&mut self, environment: &mut dyn Environment, seats: &mut [Seat]) {
-        let Self { team, playing, actions, room, .. } = self;
-        playing.iter_mut().zip(&*seats).for_each(|(playing, seat)| *playing = seat.is_playing());
+        let Self {
+            team,
+            playing,
+            actions,
+            room,
+            ..
+        } = self;
+        playing
+            .iter_mut()
+            .zip(&*seats)
+            .for_each(|(playing, seat)| *playing = seat.is_playing());
         team.evaluate(environment.observations(), playing, room);
         for (agent, (seat, slot)) in seats.iter_mut().zip(&mut *actions).enumerate() {
             if let Some(action) = seat.act(|random| team.choose(agent, random, room)) {

@@ -146,7 +146,9 @@ impl Plan {
         let description = env::load(&environment)?;
         check(&document, &description)?;
         Ok(Self {
-            name: path.file_stem().map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned()),
+            name: path
+                .file_stem()
+                .map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned()),
             environment_text: input::read_text(&environment)?,
             scenario: document.value,
             description,
@@ -156,15 +158,24 @@ impl Plan {
     /// The default folder of its results.
     #[must_use]
     pub fn default_folder(&self) -> RunFolder {
-        RunFolder::new(Path::new("recordings").join(&self.name).join(format!("seed-{}", self.scenario.seed)))
+        RunFolder::new(
+            Path::new("recordings")
+                .join(&self.name)
+                .join(format!("seed-{}", self.scenario.seed)),
+        )
     }
 }
 
 /// What can only be said of a scenario and its task together, or of several fields.
 fn check(document: &Document<Scenario>, description: &Description) -> Result<(), InputError> {
     let scenario = &document.value;
-    scenario.check().map_err(|complaint| document.locate(complaint))?;
-    scenario.recording.check_task(&description.spec).map_err(|complaint| document.locate(complaint))?;
+    scenario
+        .check()
+        .map_err(|complaint| document.locate(complaint))?;
+    scenario
+        .recording
+        .check_task(&description.spec)
+        .map_err(|complaint| document.locate(complaint))?;
     let fits = scenario.algorithm.check_task(&description.spec);
     fits.map_err(|message| document.locate(scenario.algorithm.complain(message)))?;
     env::build(description, scenario.physics, 1).map(|_| ())
@@ -182,19 +193,28 @@ pub fn execute(
     interrupted: &AtomicBool,
 ) -> Result<Ending, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
-    let mut recorders =
-        if options.resume { resume(plan, options, audience, &mut trainer)? } else { begin(plan, options, audience, &trainer)? };
+    let mut recorders = if options.resume {
+        resume(plan, options, audience, &mut trainer)?
+    } else {
+        begin(plan, options, audience, &trainer)?
+    };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
         play_round(&mut trainer, &mut recorders)?;
         warn(&mut recorders, observer);
         observer.round_finished(&progress(plan, &trainer));
         let interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
-        if interrupted || trainer.rounds().is_multiple_of(plan.scenario.checkpoint_every.get()) {
+        if interrupted
+            || trainer
+                .rounds()
+                .is_multiple_of(plan.scenario.checkpoint_every.get())
+        {
             write_checkpoint(options, &trainer, &mut recorders)?;
         }
         if interrupted {
-            return Ok(Ending::Interrupted { rounds: trainer.rounds() });
+            return Ok(Ending::Interrupted {
+                rounds: trainer.rounds(),
+            });
         }
     }
     let ending = finish(plan, options, &trainer, &mut recorders);
@@ -205,7 +225,10 @@ pub fn execute(
 type Recorders = Vec<Box<dyn Recorder>>;
 
 /// Plays a round, learns from it, and records it.
-fn play_round(trainer: &mut Trainer, recorders: &mut [Box<dyn Recorder>]) -> Result<RoundRows, RunError> {
+fn play_round(
+    trainer: &mut Trainer,
+    recorders: &mut [Box<dyn Recorder>],
+) -> Result<RoundRows, RunError> {
     let Round { rows, footage } = trainer.advance()?;
     let round = RoundRecord {
         round: trainer.rounds() - 1,
@@ -214,23 +237,41 @@ fn play_round(trainer: &mut Trainer, recorders: &mut [Box<dyn Recorder>]) -> Res
         round_rows: &rows.updates,
         footage: &footage,
     };
-    recorders.iter_mut().try_for_each(|recorder| recorder.record_round(&round))?;
+    recorders
+        .iter_mut()
+        .try_for_each(|recorder| recorder.record_round(&round))?;
     Ok(rows)
 }
 
 fn warn(recorders: &mut Recorders, observer: &mut dyn Observer) {
-    recorders.iter_mut().filter_map(|recorder| recorder.warning()).for_each(|warning| observer.warn(&warning));
+    recorders
+        .iter_mut()
+        .filter_map(|recorder| recorder.warning())
+        .for_each(|warning| observer.warn(&warning));
 }
 
-fn begin(plan: &Plan, options: &Options, audience: Option<Audience>, trainer: &Trainer) -> Result<Recorders, RunError> {
+fn begin(
+    plan: &Plan,
+    options: &Options,
+    audience: Option<Audience>,
+    trainer: &Trainer,
+) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
-    write(&folder.task(&plan.description.spec.name), plan.environment_text.as_bytes())?;
+    write(
+        &folder.task(&plan.description.spec.name),
+        plan.environment_text.as_bytes(),
+    )?;
     let mut recorders: Recorders = vec![Box::new(TableRecorder::create(folder.path())?)];
     if options.recording {
         let settings = &plan.scenario.recording;
-        let create = |about: &RecordingAbout<'_>| RerunRecorder::create(&folder.recording(), about, settings);
-        recorders.push(Box::new(shown(with_about(plan, trainer, create)?, audience)));
+        let create = |about: &RecordingAbout<'_>| {
+            RerunRecorder::create(&folder.recording(), about, settings)
+        };
+        recorders.push(Box::new(shown(
+            with_about(plan, trainer, create)?,
+            audience,
+        )));
     }
     Ok(recorders)
 }
@@ -242,11 +283,19 @@ fn shown(mut recorder: RerunRecorder, audience: Option<Audience>) -> RerunRecord
     recorder
 }
 
-fn resume(plan: &Plan, options: &Options, audience: Option<Audience>, trainer: &mut Trainer) -> Result<Recorders, RunError> {
+fn resume(
+    plan: &Plan,
+    options: &Options,
+    audience: Option<Audience>,
+    trainer: &mut Trainer,
+) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     same_run(plan, options)?;
     let checkpoint = Checkpoint::read(folder.path())?;
-    let damaged = |reason| CheckpointError { path: checkpoint::file(folder.path()), reason };
+    let damaged = |reason| CheckpointError {
+        path: checkpoint::file(folder.path()),
+        reason,
+    };
     trainer.restore(&checkpoint.trainer).map_err(damaged)?;
     let [table, recording @ ..] = checkpoint.recorders.as_slice() else {
         return Err(damaged("holds no tables".to_owned()).into());
@@ -263,8 +312,13 @@ fn resume(plan: &Plan, options: &Options, audience: Option<Audience>, trainer: &
     let mut recorders: Recorders = vec![Box::new(TableRecorder::resume(folder.path(), table)?)];
     if let [bytes] = recording {
         let settings = &plan.scenario.recording;
-        let resume = |about: &RecordingAbout<'_>| RerunRecorder::resume(&folder.recording(), about, settings, bytes);
-        recorders.push(Box::new(shown(with_about(plan, trainer, resume)?, audience)));
+        let resume = |about: &RecordingAbout<'_>| {
+            RerunRecorder::resume(&folder.recording(), about, settings, bytes)
+        };
+        recorders.push(Box::new(shown(
+            with_about(plan, trainer, resume)?,
+            audience,
+        )));
     }
     Ok(recorders)
 }
@@ -275,8 +329,12 @@ fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
     let mut stored: Document<Scenario> = input::read(&path)?;
     stored.value.stop = plan.scenario.stop.clone();
     let (stored, wanted) = (stored.value.resolved(), plan.scenario.resolved());
-    let differs = stored.lines().zip(wanted.lines()).find(|(stored, wanted)| stored != wanted);
-    let task = input::read_text(&options.folder.task(&plan.description.spec.name))? != plan.environment_text;
+    let differs = stored
+        .lines()
+        .zip(wanted.lines())
+        .find(|(stored, wanted)| stored != wanted);
+    let task = input::read_text(&options.folder.task(&plan.description.spec.name))?
+        != plan.environment_text;
     match differs {
         Some((stored, wanted)) => Err(RunError::AnotherRun(format!(
             "{} holds another run, which cannot be resumed as this one: it has `{}`, this one has `{}`",
@@ -293,7 +351,11 @@ fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
     }
 }
 
-fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingAbout<'_>) -> R) -> R {
+fn with_about<R>(
+    plan: &Plan,
+    trainer: &Trainer,
+    record: impl FnOnce(&RecordingAbout<'_>) -> R,
+) -> R {
     let scenario = plan.scenario.resolved();
     record(&RecordingAbout {
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
@@ -309,34 +371,60 @@ fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RecordingA
     })
 }
 
-fn write_checkpoint(options: &Options, trainer: &Trainer, recorders: &mut Recorders) -> Result<(), RunError> {
-    let states: Result<Vec<Vec<u8>>, RecordError> = recorders.iter_mut().map(|recorder| recorder.checkpoint()).collect();
+fn write_checkpoint(
+    options: &Options,
+    trainer: &Trainer,
+    recorders: &mut Recorders,
+) -> Result<(), RunError> {
+    let states: Result<Vec<Vec<u8>>, RecordError> = recorders
+        .iter_mut()
+        .map(|recorder| recorder.checkpoint())
+        .collect();
     Ok(Checkpoint::new(trainer.save(), states?).write(options.folder.path())?)
 }
 
 /// Writes what only a finished run has; the summary comes last, because it says that the rest is there.
-fn finish(plan: &Plan, options: &Options, trainer: &Trainer, recorders: &mut Recorders) -> Result<Ending, RunError> {
+fn finish(
+    plan: &Plan,
+    options: &Options,
+    trainer: &Trainer,
+    recorders: &mut Recorders,
+) -> Result<Ending, RunError> {
     write_checkpoint(options, trainer, recorders)?;
-    recorders.iter_mut().try_for_each(|recorder| recorder.finish())?;
+    recorders
+        .iter_mut()
+        .try_for_each(|recorder| recorder.finish())?;
     let policies = options.folder.policies();
-    weights::write(&policies, &trainer.tensors()).map_err(|error| RunError::File { path: policies, error })?;
+    weights::write(&policies, &trainer.tensors()).map_err(|error| RunError::File {
+        path: policies,
+        error,
+    })?;
     let summary = Summary::of(&plan.name, plan.scenario.seed, trainer);
     let text = serde_json::to_string_pretty(&summary).map_err(std::io::Error::other);
     let path = options.folder.summary();
-    let text = text.map_err(|error| RunError::File { path: path.clone(), error })?;
+    let text = text.map_err(|error| RunError::File {
+        path: path.clone(),
+        error,
+    })?;
     write(&path, format!("{text}\n").as_bytes())?;
     Ok(Ending::Finished(Box::new(summary)))
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
-    files::replace(path, bytes).map_err(|error| RunError::File { path: path.to_owned(), error })
+    files::replace(path, bytes).map_err(|error| RunError::File {
+        path: path.to_owned(),
+        error,
+    })
 }
 
 fn progress(plan: &Plan, trainer: &Trainer) -> Progress {
     Progress {
         episodes_per_agent: trainer.measures().episodes_per_agent(),
         at_most: plan.scenario.most_episodes() as usize,
-        recent_return: trainer.measures().recent_return(FINAL_WINDOW).unwrap_or(0.0),
+        recent_return: trainer
+            .measures()
+            .recent_return(FINAL_WINDOW)
+            .unwrap_or(0.0),
         env_steps: trainer.measures().env_steps(),
     }
 }

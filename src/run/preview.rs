@@ -40,12 +40,18 @@ pub fn record(
         scenario: &text,
         properties: &[],
     };
-    let mut recorders: Recorders = vec![Box::new(RerunRecorder::create(path, &about, &scenario.recording)?)];
+    let mut recorders: Recorders = vec![Box::new(RerunRecorder::create(
+        path,
+        &about,
+        &scenario.recording,
+    )?)];
     let mut all = Vec::new();
     while !trainer.is_done() {
         all.extend(play_round(&mut trainer, &mut recorders)?.episodes);
     }
-    recorders.iter_mut().try_for_each(|recorder| recorder.finish())?;
+    recorders
+        .iter_mut()
+        .try_for_each(|recorder| recorder.finish())?;
     Ok(all)
 }
 
@@ -54,13 +60,19 @@ fn scenario(description: &Description, physics: Physics, episodes: Count, seed: 
     Scenario {
         environment: description.spec.name.clone().into(),
         physics,
-        agents: Team { count: known_count(1), ..Team::default() },
+        agents: Team {
+            count: known_count(1),
+            ..Team::default()
+        },
         algorithm: Algorithm::Random.into(),
         schedule: Schedule::default(),
         stop: Stop::Episodes(episodes),
         recording: RecordingSettings {
             density_every: known_count(1),
-            scene: Some(SceneSettings { every: known_count(1), ..SceneSettings::default() }),
+            scene: Some(SceneSettings {
+                every: known_count(1),
+                ..SceneSettings::default()
+            }),
             ..Default::default()
         },
         checkpoint_every: episodes,

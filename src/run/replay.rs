@@ -41,9 +41,16 @@ pub fn replay(
     let mut measures = Measures::new(trainer.spec(), trainer.agent_count());
     let mut rows = Vec::new();
     for number in 0..replay.evaluation.episodes {
-        let played = play(&mut trainer, &replay.evaluation, number, settings.scene.as_ref());
+        let played = play(
+            &mut trainer,
+            &replay.evaluation,
+            number,
+            settings.scene.as_ref(),
+        );
         let episodes: Vec<_> = played.episodes.iter().collect();
-        let measured = measures.take_in(trainer.spec(), number, &episodes, &[]).episodes;
+        let measured = measures
+            .take_in(trainer.spec(), number, &episodes, &[])
+            .episodes;
         recorder.record_round(&RoundRecord {
             round: number,
             episodes: &episodes,
@@ -62,9 +69,23 @@ pub fn replay(
 /// As the scenario has them, but every episode in full; nobody learns, and so nobody estimates advantages.
 fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, InputError> {
     let count = plan.scenario.agents.count.get();
-    if let Some(agent) = agents.unwrap_or_default().iter().find(|agent| **agent >= count) {
-        let message = format!("there is no agent {agent}; the team of `{}` has agents 0 to {}", plan.name, count - 1);
-        return Err(InputError { origin: "--agents".to_owned(), position: None, field: String::new(), message, help: None });
+    if let Some(agent) = agents
+        .unwrap_or_default()
+        .iter()
+        .find(|agent| **agent >= count)
+    {
+        let message = format!(
+            "there is no agent {agent}; the team of `{}` has agents 0 to {}",
+            plan.name,
+            count - 1
+        );
+        return Err(InputError {
+            origin: "--agents".to_owned(),
+            position: None,
+            field: String::new(),
+            message,
+            help: None,
+        });
     }
     let mut settings = plan.scenario.recording.clone().without_advantages();
     let mut filmed: Vec<u32> = match (agents, &settings.scene) {
@@ -75,7 +96,10 @@ fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, In
     filmed.sort_unstable();
     filmed.dedup();
     let agents: Vec<_> = filmed.into_iter().map(Into::into).collect();
-    settings.scene = Some(SceneSettings { agents: agents.into(), every: known_count(1) });
+    settings.scene = Some(SceneSettings {
+        agents: agents.into(),
+        every: known_count(1),
+    });
     settings.raw_every = known_count(1);
     Ok(settings)
 }
@@ -96,7 +120,10 @@ fn recorder(
         episodes: replay.evaluation.episodes,
         run_seed: plan.scenario.seed,
         scenario: &plan.scenario.resolved(),
-        properties: &[("replay_after_round", trainer.rounds().to_string()), ("replay_seed", replay.evaluation.seed.to_string())],
+        properties: &[
+            ("replay_after_round", trainer.rounds().to_string()),
+            ("replay_seed", replay.evaluation.seed.to_string()),
+        ],
     };
     Ok(RerunRecorder::create(replay.path, &about, settings)?)
 }

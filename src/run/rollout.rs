@@ -46,8 +46,15 @@ pub(super) trait Players {
 }
 
 /// Plays one round. Agent k acts in copy k; a copy that has played its episodes waits for the others.
-pub fn play(environment: &mut dyn Environment, agents: &[Box<dyn Agent>], plan: &RoundPlan<'_>) -> Played {
-    let mut individuals = Individuals { agents, room: Room::new(&*environment) };
+pub fn play(
+    environment: &mut dyn Environment,
+    agents: &[Box<dyn Agent>],
+    plan: &RoundPlan<'_>,
+) -> Played {
+    let mut individuals = Individuals {
+        agents,
+        room: Room::new(&*environment),
+    };
     play_by(environment, &mut individuals, agents.len(), plan)
 }
 
@@ -58,7 +65,9 @@ pub(super) fn play_by(
     count: usize,
     plan: &RoundPlan<'_>,
 ) -> Played {
-    let mut seats: Vec<Seat> = (0..count as u32).map(|agent| Seat::new(plan.run_seed, agent, plan.round)).collect();
+    let mut seats: Vec<Seat> = (0..count as u32)
+        .map(|agent| Seat::new(plan.run_seed, agent, plan.round))
+        .collect();
     let mut finished: Vec<Vec<Episode>> = vec![Vec::with_capacity(plan.episodes as usize); count];
     let mut footage = Vec::new();
     let first = plan.round.wrapping_mul(plan.episodes);
@@ -69,17 +78,29 @@ pub(super) fn play_by(
         players.step(environment, &mut seats);
         for (seat, finished) in seats.iter_mut().zip(&mut finished) {
             let ended = seat.observe(environment);
-            ended.as_ref().or(seat.playing.as_ref()).into_iter().for_each(|episode| players.experience(episode));
+            ended
+                .as_ref()
+                .or(seat.playing.as_ref())
+                .into_iter()
+                .for_each(|episode| players.experience(episode));
             let Some(episode) = ended else { continue };
             footage.extend(seat.footage.take());
             finished.push(episode);
             if finished.len() < plan.episodes as usize {
-                seat.start(environment, first.wrapping_add(finished.len() as u32), plan.round, plan.camera);
+                seat.start(
+                    environment,
+                    first.wrapping_add(finished.len() as u32),
+                    plan.round,
+                    plan.camera,
+                );
             }
         }
         players.step_ended();
     }
-    Played { episodes: finished.into_iter().flatten().collect(), footage }
+    Played {
+        episodes: finished.into_iter().flatten().collect(),
+        footage,
+    }
 }
 
 /// Agents that each act for themselves.
@@ -106,16 +127,37 @@ impl Room {
     pub(super) fn new(environment: &dyn Environment) -> Self {
         let width = environment.spec().action_width();
         let copies = environment.statuses().len();
-        Self { scratch: ActScratch::default(), actions: vec![0.0; copies * width], log_prob: vec![0.0; width] }
+        Self {
+            scratch: ActScratch::default(),
+            actions: vec![0.0; copies * width],
+            log_prob: vec![0.0; width],
+        }
     }
 
     /// Every agent that plays acts, and time goes on by a step.
-    pub(super) fn step(&mut self, environment: &mut dyn Environment, agents: &[Box<dyn Agent>], seats: &mut [Seat]) {
-        let (observed, acted) = (environment.spec().observation_width(), environment.spec().action_width());
-        let rows = environment.observations().chunks_exact(observed).zip(self.actions.chunks_exact_mut(acted));
+    pub(super) fn step(
+        &mut self,
+        environment: &mut dyn Environment,
+        agents: &[Box<dyn Agent>],
+        seats: &mut [Seat],
+    ) {
+        let (observed, acted) = (
+            environment.spec().observation_width(),
+            environment.spec().action_width(),
+        );
+        let rows = environment
+            .observations()
+            .chunks_exact(observed)
+            .zip(self.actions.chunks_exact_mut(acted));
         for ((agent, seat), (observation, action)) in agents.iter().zip(seats).zip(rows) {
             if let Some(episode) = &mut seat.playing {
-                agent.act(observation, &mut seat.actions, &mut self.scratch, action, &mut self.log_prob);
+                agent.act(
+                    observation,
+                    &mut seat.actions,
+                    &mut self.scratch,
+                    action,
+                    &mut self.log_prob,
+                );
                 episode.actions.extend_from_slice(action);
                 episode.log_probs.extend_from_slice(&self.log_prob);
             }
@@ -161,13 +203,25 @@ impl Seat {
     }
 
     /// Starts the agent's episode number `episode`.
-    pub(super) fn start(&mut self, environment: &mut dyn Environment, episode: u32, round: u32, camera: Option<&SceneSettings>) {
+    pub(super) fn start(
+        &mut self,
+        environment: &mut dyn Environment,
+        episode: u32,
+        round: u32,
+        camera: Option<&SceneSettings>,
+    ) {
         environment.reset(self.agent as usize, &mut self.resets);
         let mut started = Episode::start(self.agent, episode, round, environment.spec());
-        started.observations.extend_from_slice(self.observation(environment));
+        started
+            .observations
+            .extend_from_slice(self.observation(environment));
         self.playing = Some(started);
         let filming = camera.is_some_and(|camera| camera.films(self.agent, episode));
-        self.footage = filming.then(|| Footage { agent: self.agent, episode, ..Footage::default() });
+        self.footage = filming.then(|| Footage {
+            agent: self.agent,
+            episode,
+            ..Footage::default()
+        });
         self.film(environment);
     }
 
@@ -176,7 +230,9 @@ impl Seat {
         let mut episode = self.playing.take()?;
         let copy = self.agent as usize;
         episode.rewards.push(environment.rewards()[copy]);
-        episode.observations.extend_from_slice(self.observation(environment));
+        episode
+            .observations
+            .extend_from_slice(self.observation(environment));
         self.film(environment);
         episode.outcome = environment.statuses()[copy];
         if episode.outcome == Status::Running {
@@ -192,12 +248,20 @@ impl Seat {
     }
 
     fn film(&mut self, environment: &dyn Environment) {
-        let (Some(scene), Some(footage)) = (environment.scene(), &mut self.footage) else { return };
+        let (Some(scene), Some(footage)) = (environment.scene(), &mut self.footage) else {
+            return;
+        };
         let start = footage.poses.len();
-        footage.poses.resize(start + scene.bodies.len(), Pose::default());
+        footage
+            .poses
+            .resize(start + scene.bodies.len(), Pose::default());
         environment.poses(self.agent as usize, &mut footage.poses[start..]);
         let before = footage.forces.len();
-        environment.forces(self.agent as usize, &footage.poses[start..], &mut footage.forces);
+        environment.forces(
+            self.agent as usize,
+            &footage.poses[start..],
+            &mut footage.forces,
+        );
         footage.forces_per_row.push(footage.forces.len() - before);
     }
 }

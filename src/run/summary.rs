@@ -67,8 +67,12 @@ impl Summary {
             rounds: trainer.rounds(),
             episodes_per_agent: measures.episodes_per_agent(),
             env_steps: measures.env_steps(),
-            solved_at: threshold.map(|threshold| SolvedAt { r#return: threshold.r#return, window: threshold.window }),
-            episodes_until_solved: threshold.and_then(|threshold| measures.episodes_until(threshold)),
+            solved_at: threshold.map(|threshold| SolvedAt {
+                r#return: threshold.r#return,
+                window: threshold.window,
+            }),
+            episodes_until_solved: threshold
+                .and_then(|threshold| measures.episodes_until(threshold)),
             final_return: measures.recent_return(FINAL_WINDOW).unwrap_or(0.0),
             coverage: measures.coverage().collect(),
             team_coverage: visits.team_coverage,

@@ -75,7 +75,9 @@ struct Saved<B, D, M> {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Diverged {
     /// In the simulation.
-    #[error("{what} of agent {agent} ceased to be finite in its episode {episode}; the task's numbers are too extreme")]
+    #[error(
+        "{what} of agent {agent} ceased to be finite in its episode {episode}; the task's numbers are too extreme"
+    )]
     Simulation {
         /// Whose copy.
         agent: u32,
@@ -85,7 +87,9 @@ pub enum Diverged {
         what: String,
     },
     /// In learning.
-    #[error("the networks of agent {agent} ceased to be finite in round {round}; its step sizes or seeds are too large")]
+    #[error(
+        "the networks of agent {agent} ceased to be finite in round {round}; its step sizes or seeds are too large"
+    )]
     Learning {
         /// Whose.
         agent: u32,
@@ -102,15 +106,38 @@ impl Trainer {
     ///
     /// # Panics
     /// If the system refuses to start threads.
-    pub fn new(scenario: &Scenario, description: &Description, threads: usize) -> Result<Self, InputError> {
+    pub fn new(
+        scenario: &Scenario,
+        description: &Description,
+        threads: usize,
+    ) -> Result<Self, InputError> {
         let count = scenario.agents.count.get();
         let environment = env::build(description, scenario.physics, count as usize)?;
         let spec = environment.spec();
-        let (run_seed, team, notes_advantages) = (scenario.seed, &scenario.agents, scenario.recording.has_advantages());
-        let member = |agent| Membership { run_seed, agent, team, spec, notes_advantages };
-        let agents = (0..count).filter_map(|agent| scenario.algorithm.build(&member(agent))).collect();
-        let sharers = scenario.algorithm.build_shared(scenario.seed, &scenario.agents, spec);
-        let several = || ThreadPoolBuilder::new().num_threads(threads).thread_name(|index| format!("agents-{index}")).build();
+        let (run_seed, team, notes_advantages) = (
+            scenario.seed,
+            &scenario.agents,
+            scenario.recording.has_advantages(),
+        );
+        let member = |agent| Membership {
+            run_seed,
+            agent,
+            team,
+            spec,
+            notes_advantages,
+        };
+        let agents = (0..count)
+            .filter_map(|agent| scenario.algorithm.build(&member(agent)))
+            .collect();
+        let sharers = scenario
+            .algorithm
+            .build_shared(scenario.seed, &scenario.agents, spec);
+        let several = || {
+            ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .thread_name(|index| format!("agents-{index}"))
+                .build()
+        };
         Ok(Self {
             measures: Measures::new(spec, count as usize),
             buffer: SharedBuffer::default(),
@@ -122,7 +149,8 @@ impl Trainer {
             sharers,
             exchange: Box::new(OneProcess),
             round: 0,
-            pool: (threads != 1 && count > 1).then(|| several().expect("the system starts threads")),
+            pool: (threads != 1 && count > 1)
+                .then(|| several().expect("the system starts threads")),
         })
     }
 
@@ -134,11 +162,20 @@ impl Trainer {
     /// An observation, a reward or a network's parameters are not finite.
     pub fn advance(&mut self) -> Result<Round, Diverged> {
         let learned = self.desk.as_ref().map_or(u64::MAX, Desk::learned_by_all);
-        self.buffer.forget(learned.min(self.buffer.before(self.scenario.algorithm.transitions_kept())));
+        self.buffer.forget(
+            learned.min(
+                self.buffer
+                    .before(self.scenario.algorithm.transitions_kept()),
+            ),
+        );
         self.recorded = self.buffer.total();
         let (mut reports, footage) = match self.scenario.schedule {
-            Schedule::Synchronous { episodes } => self.advance_together(episodes.get(), Learning::AfterRound)?,
-            Schedule::Lockstep { learn_every } => self.advance_together(1, Learning::Every(learn_every.get()))?,
+            Schedule::Synchronous { episodes } => {
+                self.advance_together(episodes.get(), Learning::AfterRound)?
+            }
+            Schedule::Lockstep { learn_every } => {
+                self.advance_together(1, Learning::Every(learn_every.get()))?
+            }
             Schedule::Asynchronous { training } => self.advance_each(training.env_steps)?,
         };
         let agreement = self.agreement();
@@ -146,7 +183,9 @@ impl Trainer {
             report.bonus_agreement = agreement.map(|agreement| agreement as f32);
         }
         let episodes = newest_episodes(&self.buffer, self.recorded);
-        let rows = self.measures.take_in(self.environment.spec(), self.round, &episodes, &reports);
+        let rows = self
+            .measures
+            .take_in(self.environment.spec(), self.round, &episodes, &reports);
         self.round += 1;
         Ok(Round { rows, footage })
     }
@@ -163,27 +202,49 @@ impl Trainer {
         let Some(sharers) = &mut self.sharers else {
             let played = rollout::play(&mut *self.environment, &self.agents, &plan);
             self.share(played.episodes)?;
-            let learners = (0..self.agents.len() as u32).map(|agent| Learner { agent, start, round: self.round });
+            let learners = (0..self.agents.len() as u32).map(|agent| Learner {
+                agent,
+                start,
+                round: self.round,
+            });
             let reports = self.learn(&learners.collect::<Vec<_>>())?;
             return Ok((reports, played.footage));
         };
-        let played = lockstep::play(&mut *self.environment, sharers, &plan, learning, self.pool.as_ref());
+        let played = lockstep::play(
+            &mut *self.environment,
+            sharers,
+            &plan,
+            learning,
+            self.pool.as_ref(),
+        );
         self.share(played.episodes)?;
         Ok((self.end_shared_round(start, learning)?, played.footage))
     }
 
     /// Those that act by shared models learn what can be learned from whole episodes only.
-    fn end_shared_round(&mut self, start: u64, learning: Learning) -> Result<Vec<(u32, UpdateReport)>, Diverged> {
+    fn end_shared_round(
+        &mut self,
+        start: u64,
+        learning: Learning,
+    ) -> Result<Vec<(u32, UpdateReport)>, Diverged> {
         let (buffer, round) = (&mut self.buffer, self.round);
-        let Some(sharers) = &mut self.sharers else { return Ok(Vec::new()) };
-        let experience = Experience { fresh: buffer.since(start), kept: buffer.since(0), round };
+        let Some(sharers) = &mut self.sharers else {
+            return Ok(Vec::new());
+        };
+        let experience = Experience {
+            fresh: buffer.since(start),
+            kept: buffer.since(0),
+            round,
+        };
         let reports = lockstep::end_round(sharers, &experience, learning, self.pool.as_ref());
         if let Some(agent) = sharers.diverged() {
             return Err(Diverged::Learning { agent, round });
         }
         for &(agent, _) in &reports {
             let rewards = sharers.intrinsic_rewards(agent as usize);
-            buffer.note(agent, start, rewards, |episode| &mut episode.intrinsic_rewards);
+            buffer.note(agent, start, rewards, |episode| {
+                &mut episode.intrinsic_rewards
+            });
         }
         Ok(reports)
     }
@@ -191,9 +252,16 @@ impl Trainer {
     /// Agents whose episodes end learn while the others play.
     fn advance_each(&mut self, learning: u32) -> Result<Advance, Diverged> {
         let scene = self.scenario.recording.scene.clone();
-        let pace =
-            Pace { run_seed: self.scenario.seed, episodes: self.scenario.most_episodes(), learning, camera: scene.as_ref() };
-        let mut desk = self.desk.take().unwrap_or_else(|| Desk::new(self.scenario.seed, self.agents.len()));
+        let pace = Pace {
+            run_seed: self.scenario.seed,
+            episodes: self.scenario.most_episodes(),
+            learning,
+            camera: scene.as_ref(),
+        };
+        let mut desk = self
+            .desk
+            .take()
+            .unwrap_or_else(|| Desk::new(self.scenario.seed, self.agents.len()));
         let (mut reports, mut footage) = (Vec::new(), Vec::new());
         let enough = self.recorded + self.agents.len() as u64;
         while self.buffer.total() < enough {
@@ -206,7 +274,11 @@ impl Trainer {
             footage.extend(ended.footage);
             let learner = |agent| {
                 let (start, round) = desk.learn(agent, self.buffer.total(), &pace);
-                Learner { agent, start, round }
+                Learner {
+                    agent,
+                    start,
+                    round,
+                }
             };
             let learners: Vec<Learner> = agents.into_iter().map(learner).collect();
             reports.extend(self.learn(&learners)?);
@@ -217,7 +289,9 @@ impl Trainer {
 
     /// Brings episodes that ended at one moment to all agents.
     fn share(&mut self, episodes: Vec<Episode>) -> Result<(), Diverged> {
-        episodes.iter().try_for_each(|episode| self.check_episode(episode))?;
+        episodes
+            .iter()
+            .try_for_each(|episode| self.check_episode(episode))?;
         let mut episodes = self.exchange.gather(episodes);
         for episode in &mut episodes {
             episode.round = self.round;
@@ -237,8 +311,11 @@ impl Trainer {
             }
         }
         let update = |(agent, learner): (&mut Box<dyn Agent>, &Learner)| {
-            let report =
-                agent.update(&Experience { fresh: buffer.since(learner.start), kept: buffer.since(0), round: learner.round });
+            let report = agent.update(&Experience {
+                fresh: buffer.since(learner.start),
+                kept: buffer.since(0),
+                round: learner.round,
+            });
             (learner.agent, report, agent.is_finite())
         };
         let learned: Vec<(u32, UpdateReport, bool)> = match &self.pool {
@@ -250,10 +327,23 @@ impl Trainer {
         }
         for learner in learners {
             let agent = &self.agents[learner.agent as usize];
-            self.buffer.note(learner.agent, learner.start, agent.intrinsic_rewards(), |episode| &mut episode.intrinsic_rewards);
-            self.buffer.note(learner.agent, learner.start, agent.advantages(), |episode| &mut episode.advantages);
+            self.buffer.note(
+                learner.agent,
+                learner.start,
+                agent.intrinsic_rewards(),
+                |episode| &mut episode.intrinsic_rewards,
+            );
+            self.buffer.note(
+                learner.agent,
+                learner.start,
+                agent.advantages(),
+                |episode| &mut episode.advantages,
+            );
         }
-        Ok(learned.into_iter().map(|(agent, report, _)| (agent, report)).collect())
+        Ok(learned
+            .into_iter()
+            .map(|(agent, report, _)| (agent, report))
+            .collect())
     }
 
     /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode) order.
@@ -271,41 +361,70 @@ impl Trainer {
         let (probe, round) = (self.buffer.since(self.recorded).first()?, self.round);
         let judgements: Vec<Vec<f32>> = match &mut self.sharers {
             Some(sharers) => sharers.judge(probe, round),
-            None => self.agents.iter_mut().map(|agent| agent.judge(probe, round)).collect(),
+            None => self
+                .agents
+                .iter_mut()
+                .map(|agent| agent.judge(probe, round))
+                .collect(),
         };
         agreement::mean_rank_correlation(&judgements)
     }
 
     fn check_episode(&self, episode: &Episode) -> Result<(), Diverged> {
         let observations = &self.spec().observations;
-        let lost = episode.observations.iter().position(|value| !value.is_finite());
-        let observed = lost.map(|index| format!("observation `{}`", observations[index % observations.len()].name));
-        let rewarded = || (!episode.rewards.iter().all(|reward| reward.is_finite())).then(|| "the reward".to_owned());
-        let Some(what) = observed.or_else(rewarded) else { return Ok(()) };
-        Err(Diverged::Simulation { agent: episode.agent, episode: episode.episode, what })
+        let lost = episode
+            .observations
+            .iter()
+            .position(|value| !value.is_finite());
+        let observed = lost.map(|index| {
+            format!(
+                "observation `{}`",
+                observations[index % observations.len()].name
+            )
+        });
+        let rewarded = || {
+            (!episode.rewards.iter().all(|reward| reward.is_finite()))
+                .then(|| "the reward".to_owned())
+        };
+        let Some(what) = observed.or_else(rewarded) else {
+            return Ok(());
+        };
+        Err(Diverged::Simulation {
+            agent: episode.agent,
+            episode: episode.episode,
+            what,
+        })
     }
 
     /// Whether the scenario's end is reached.
     #[must_use]
     pub fn is_done(&self) -> bool {
         let ends_when_solved = matches!(self.scenario.stop, Stop::Solved { .. });
-        self.measures.episodes_per_agent() >= self.scenario.most_episodes() as usize || (ends_when_solved && self.is_solved())
+        self.measures.episodes_per_agent() >= self.scenario.most_episodes() as usize
+            || (ends_when_solved && self.is_solved())
     }
 
     /// Whether the newest full window of episodes counts as solving the task.
     #[must_use]
     pub fn is_solved(&self) -> bool {
-        self.threshold().is_some_and(|threshold| self.measures.reaches(threshold))
+        self.threshold()
+            .is_some_and(|threshold| self.measures.reaches(threshold))
     }
 
     /// When the task counts as solved: as the scenario says, or else as the task does, over 25 episodes.
     #[must_use]
     pub fn threshold(&self) -> Option<Threshold> {
         match &self.scenario.stop {
-            Stop::Solved { r#return, window, .. } => Some(Threshold { r#return: r#return.get(), window: window.get() as usize }),
-            Stop::Episodes(_) => {
-                self.spec().reward_threshold.map(|r#return| Threshold { r#return: f64::from(r#return), window: 25 })
-            }
+            Stop::Solved {
+                r#return, window, ..
+            } => Some(Threshold {
+                r#return: r#return.get(),
+                window: window.get() as usize,
+            }),
+            Stop::Episodes(_) => self.spec().reward_threshold.map(|r#return| Threshold {
+                r#return: f64::from(r#return),
+                window: 25,
+            }),
         }
     }
 
@@ -336,7 +455,8 @@ impl Trainer {
                 Tensor { name, ..tensor }
             })
         });
-        own.chain(self.sharers.iter().flat_map(ValueTeam::tensors)).collect()
+        own.chain(self.sharers.iter().flat_map(ValueTeam::tensors))
+            .collect()
     }
 
     /// The newest round's episodes, in (agent, episode) order.
@@ -384,10 +504,17 @@ impl Trainer {
         let saved: Saved<SharedBuffer, Option<Desk>, Measures> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         if saved.agents.len() != self.agents.len() {
-            return Err(format!("{} agents stored for a team of {}", saved.agents.len(), self.agents.len()));
+            return Err(format!(
+                "{} agents stored for a team of {}",
+                saved.agents.len(),
+                self.agents.len()
+            ));
         }
         self.environment.restore(&saved.environment)?;
-        self.agents.iter_mut().zip(&saved.agents).try_for_each(|(agent, bytes)| agent.restore(bytes))?;
+        self.agents
+            .iter_mut()
+            .zip(&saved.agents)
+            .try_for_each(|(agent, bytes)| agent.restore(bytes))?;
         match (&mut self.sharers, &saved.sharers) {
             (Some(sharers), Some(bytes)) => sharers.restore(bytes)?,
             (None, None) => {}

@@ -13,12 +13,28 @@ use crate::agent::Tensor;
 /// # Errors
 /// The file cannot be written.
 pub fn write(path: &Path, tensors: &[Tensor<'_>]) -> std::io::Result<()> {
-    let bytes = |tensor: &Tensor<'_>| tensor.values.iter().flat_map(|value| value.to_le_bytes()).collect();
-    let named: Vec<(&Tensor<'_>, Vec<u8>)> = tensors.iter().map(|tensor| (tensor, bytes(tensor))).collect();
+    let bytes = |tensor: &Tensor<'_>| {
+        tensor
+            .values
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect()
+    };
+    let named: Vec<(&Tensor<'_>, Vec<u8>)> = tensors
+        .iter()
+        .map(|tensor| (tensor, bytes(tensor)))
+        .collect();
     let views: Result<Vec<(&str, TensorView<'_>)>, SafeTensorError> = named
         .iter()
-        .map(|(tensor, bytes)| Ok((tensor.name.as_str(), TensorView::new(Dtype::F32, tensor.shape.clone(), bytes)?)))
+        .map(|(tensor, bytes)| {
+            Ok((
+                tensor.name.as_str(),
+                TensorView::new(Dtype::F32, tensor.shape.clone(), bytes)?,
+            ))
+        })
         .collect();
-    let bytes = views.and_then(|views| safetensors::serialize(views, None)).map_err(std::io::Error::other)?;
+    let bytes = views
+        .and_then(|views| safetensors::serialize(views, None))
+        .map_err(std::io::Error::other)?;
     files::replace(path, &bytes)
 }

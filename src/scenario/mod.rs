@@ -144,10 +144,16 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, Inp
 ///
 /// # Errors
 /// There is no such file; says where it was looked for and what there is.
-pub fn environment_path(scenario: &Document<Scenario>, scenario_path: &Path) -> Result<PathBuf, InputError> {
+pub fn environment_path(
+    scenario: &Document<Scenario>,
+    scenario_path: &Path,
+) -> Result<PathBuf, InputError> {
     let name = &scenario.value.environment;
     let folder = scenario_path.parent().unwrap_or(Path::new("."));
-    let starts = [folder.canonicalize().unwrap_or_default(), std::env::current_dir().unwrap_or_default()];
+    let starts = [
+        folder.canonicalize().unwrap_or_default(),
+        std::env::current_dir().unwrap_or_default(),
+    ];
     if name.ends_with(".ron") {
         let path = folder.join(name.as_str());
         if path.is_file() {
@@ -155,8 +161,9 @@ pub fn environment_path(scenario: &Document<Scenario>, scenario_path: &Path) -> 
         }
         return Err(scenario.locate(name.complain(format!("no file {}", path.display()))));
     }
-    task_file(name, &starts)
-        .map_err(|known| scenario.locate(name.complain_unknown("environment", known.iter().map(String::as_str))))
+    task_file(name, &starts).map_err(|known| {
+        scenario.locate(name.complain_unknown("environment", known.iter().map(String::as_str)))
+    })
 }
 
 /// The file of the task `name` in the nearest folder `envs` on the way up from the first of `starts` that has it.
@@ -165,8 +172,12 @@ pub fn environment_path(scenario: &Document<Scenario>, scenario_path: &Path) -> 
 /// The names of all tasks that were found instead.
 pub fn task_file(name: &str, starts: &[PathBuf]) -> Result<PathBuf, Vec<String>> {
     let file = format!("{name}.ron");
-    let found = starts.iter().find_map(|start| input::find_upwards(start, "envs", &file));
-    found.map(|path| shortened(&path)).ok_or_else(|| known_environments(starts))
+    let found = starts
+        .iter()
+        .find_map(|start| input::find_upwards(start, "envs", &file));
+    found
+        .map(|path| shortened(&path))
+        .ok_or_else(|| known_environments(starts))
 }
 
 impl Scenario {
@@ -192,13 +203,22 @@ impl Scenario {
     pub fn check(&self) -> Result<(), Complaint> {
         self.algorithm.check()?;
         self.check_schedule()?;
-        if let Stop::Solved { window, at_most, .. } = &self.stop
+        if let Stop::Solved {
+            window, at_most, ..
+        } = &self.stop
             && window.get() > at_most.get()
         {
-            return Err(window.complain(format!("expected a window of at most the {} episodes of `at_most`", at_most.get())));
+            return Err(window.complain(format!(
+                "expected a window of at most the {} episodes of `at_most`",
+                at_most.get()
+            )));
         }
         let curious = self.algorithm.largest_intrinsic_reward().is_some();
-        self.recording.check(self.agents.count.get(), curious, self.algorithm.estimates_advantages())
+        self.recording.check(
+            self.agents.count.get(),
+            curious,
+            self.algorithm.estimates_advantages(),
+        )
     }
 
     /// Whether the algorithm can learn when the schedule says.
@@ -241,10 +261,18 @@ impl overrides::Resolve for Scenario {
 
 /// The stems of all files in the `envs` folders that would be searched.
 fn known_environments(starts: &[PathBuf]) -> Vec<String> {
-    let folders = starts.iter().flat_map(|start| input::folders_upwards(start, "envs"));
-    let entries = folders.filter_map(|folder| std::fs::read_dir(folder).ok()).flatten().flatten().map(|entry| entry.path());
+    let folders = starts
+        .iter()
+        .flat_map(|start| input::folders_upwards(start, "envs"));
+    let entries = folders
+        .filter_map(|folder| std::fs::read_dir(folder).ok())
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path());
     let files = entries.filter(|path| path.extension().is_some_and(|extension| extension == "ron"));
-    let mut stems: Vec<String> = files.filter_map(|path| path.file_stem()?.to_str().map(str::to_owned)).collect();
+    let mut stems: Vec<String> = files
+        .filter_map(|path| path.file_stem()?.to_str().map(str::to_owned))
+        .collect();
     stems.sort();
     stems.dedup();
     stems
@@ -253,7 +281,9 @@ fn known_environments(starts: &[PathBuf]) -> Vec<String> {
 /// The path from the working directory, where it lies below.
 #[must_use]
 pub fn shortened(path: &Path) -> PathBuf {
-    let below = std::env::current_dir().ok().and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
+    let below = std::env::current_dir()
+        .ok()
+        .and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
     below.unwrap_or_else(|| path.to_owned())
 }
 
@@ -263,9 +293,13 @@ mod tests {
 
     #[test]
     fn the_shortest_scenario_resolves_to_one_that_reads_back_the_same() {
-        let short: Document<Scenario> = input::parse("test", r#"Scenario(environment: "cartpole")"#.to_owned()).unwrap();
+        let short: Document<Scenario> =
+            input::parse("test", r#"Scenario(environment: "cartpole")"#.to_owned()).unwrap();
         let text = short.value.resolved();
-        assert!(text.starts_with("Scenario(\n    environment: \"cartpole\",\n"), "{text}");
+        assert!(
+            text.starts_with("Scenario(\n    environment: \"cartpole\",\n"),
+            "{text}"
+        );
         assert!(text.contains("algorithm: SeedPg(\n"), "{text}");
         let again: Document<Scenario> = input::parse("test", text).unwrap();
         assert_eq!(short.value, again.value);

@@ -21,9 +21,13 @@ pub trait Resolve: DeserializeOwned {
 /// If it does not serialise.
 #[must_use]
 pub fn spelled_out(kind: &str, value: &impl Serialize) -> String {
-    let config = PrettyConfig::new().compact_arrays(true).extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
+    let config = PrettyConfig::new()
+        .compact_arrays(true)
+        .extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
     let text = ron::ser::to_string_pretty(value, config).expect("a file always serialises");
-    let body = text.split_once("\n(").map_or(text.as_str(), |(_, body)| body);
+    let body = text
+        .split_once("\n(")
+        .map_or(text.as_str(), |(_, body)| body);
     format!("{kind}({body}\n")
 }
 
@@ -31,7 +35,10 @@ pub fn spelled_out(kind: &str, value: &impl Serialize) -> String {
 ///
 /// # Errors
 /// An assignment is wrong.
-pub fn apply_all<T: Resolve>(mut document: Document<T>, assignments: &[String]) -> Result<Document<T>, InputError> {
+pub fn apply_all<T: Resolve>(
+    mut document: Document<T>,
+    assignments: &[String],
+) -> Result<Document<T>, InputError> {
     for assignment in assignments {
         document = apply(&document, assignment)?;
     }
@@ -42,7 +49,10 @@ pub fn apply_all<T: Resolve>(mut document: Document<T>, assignments: &[String]) 
 ///
 /// # Errors
 /// The assignment is wrong.
-pub fn apply<T: Resolve>(document: &Document<T>, assignment: &str) -> Result<Document<T>, InputError> {
+pub fn apply<T: Resolve>(
+    document: &Document<T>,
+    assignment: &str,
+) -> Result<Document<T>, InputError> {
     let fault = |field: &str, message: String, help: Option<String>| InputError {
         origin: format!("--set {assignment}"),
         position: None,
@@ -50,19 +60,43 @@ pub fn apply<T: Resolve>(document: &Document<T>, assignment: &str) -> Result<Doc
         message,
         help,
     };
-    let (path, value) =
-        assignment.split_once('=').ok_or_else(|| fault("", "expected PATH=VALUE, such as agents.count=16".to_owned(), None))?;
+    let (path, value) = assignment.split_once('=').ok_or_else(|| {
+        fault(
+            "",
+            "expected PATH=VALUE, such as agents.count=16".to_owned(),
+            None,
+        )
+    })?;
     let (path, value) = (path.trim(), value.trim());
-    input::is_a_value(value)
-        .map_err(|reason| fault(path, format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}"), None))?;
+    input::is_a_value(value).map_err(|reason| {
+        fault(
+            path,
+            format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}"),
+            None,
+        )
+    })?;
     let text = replace(&document.value.resolved(), path, value).map_err(|unknown| {
         let names = unknown.valid.iter().map(String::as_str);
-        let help = nearest(&unknown.name, names.clone()).map(|name| format!("did you mean `{name}`?"));
-        fault(path, format!("there is no field `{}` here, expected one of {}", unknown.name, listed(names)), help)
+        let help =
+            nearest(&unknown.name, names.clone()).map(|name| format!("did you mean `{name}`?"));
+        fault(
+            path,
+            format!(
+                "there is no field `{}` here, expected one of {}",
+                unknown.name,
+                listed(names)
+            ),
+            help,
+        )
     })?;
     let read = input::parse::<T>(&document.origin, text);
-    let scenario = read.map_err(|error| fault(path, error.message, error.help))?.value;
-    let origin = format!("{} with --set", document.origin.trim_end_matches(" with --set"));
+    let scenario = read
+        .map_err(|error| fault(path, error.message, error.help))?
+        .value;
+    let origin = format!(
+        "{} with --set",
+        document.origin.trim_end_matches(" with --set")
+    );
     input::parse(&origin, scenario.resolved())
 }
 
@@ -79,31 +113,54 @@ fn replace(text: &str, path: &str, value: &str) -> Result<String, UnknownField> 
     let mut block = 0..lines.len();
     for (depth, segment) in segments(path, &lines).iter().enumerate() {
         let indent = " ".repeat(4 * (depth + 1));
-        let fields = block.clone().filter_map(|index| Some((index, field_name(lines[index].strip_prefix(&indent)?)?)));
+        let fields = block
+            .clone()
+            .filter_map(|index| Some((index, field_name(lines[index].strip_prefix(&indent)?)?)));
         let fields: Vec<(usize, &str)> = fields.collect();
         let Some(&(start, _)) = fields.iter().find(|(_, name)| name == segment) else {
             let valid = fields.iter().map(|(_, name)| (*name).to_owned()).collect();
-            return Err(UnknownField { name: (*segment).to_owned(), valid });
+            return Err(UnknownField {
+                name: (*segment).to_owned(),
+                valid,
+            });
         };
         block = start..end_of_block(&lines, start, &indent);
     }
-    let (key, _) = lines[block.start].split_once(':').unwrap_or((lines[block.start], ""));
+    let (key, _) = lines[block.start]
+        .split_once(':')
+        .unwrap_or((lines[block.start], ""));
     let replaced = format!("{key}: {value},");
     let (before, after) = (&lines[..block.start], &lines[block.end..]);
-    Ok(before.iter().copied().chain([replaced.as_str()]).chain(after.iter().copied()).collect::<Vec<_>>().join("\n"))
+    Ok(before
+        .iter()
+        .copied()
+        .chain([replaced.as_str()])
+        .chain(after.iter().copied())
+        .collect::<Vec<_>>()
+        .join("\n"))
 }
 
 /// The path's names without those of enum variants, which stand behind a field's name on its line.
 fn segments<'a>(path: &'a str, lines: &[&str]) -> Vec<&'a str> {
-    let is_variant = |parent: &str, name: &str| lines.iter().any(|line| line.trim() == format!("{parent}: {name}("));
+    let is_variant = |parent: &str, name: &str| {
+        lines
+            .iter()
+            .any(|line| line.trim() == format!("{parent}: {name}("))
+    };
     let names: Vec<&str> = path.split('.').collect();
-    let kept = names.iter().enumerate().filter(|&(index, name)| index == 0 || !is_variant(names[index - 1], name));
+    let kept = names
+        .iter()
+        .enumerate()
+        .filter(|&(index, name)| index == 0 || !is_variant(names[index - 1], name));
     kept.map(|(_, name)| *name).collect()
 }
 
 fn field_name(line: &str) -> Option<&str> {
     let (name, _) = line.split_once(':')?;
-    let is_name = !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '#');
+    let is_name = !name.is_empty()
+        && name
+            .chars()
+            .all(|c| c.is_alphanumeric() || c == '_' || c == '#');
     is_name.then(|| name.trim_start_matches("r#"))
 }
 
@@ -112,7 +169,10 @@ fn end_of_block(lines: &[&str], start: usize, indent: &str) -> usize {
     if !lines[start].ends_with(['(', '[', '{']) {
         return start + 1;
     }
-    let closes = |line: &&str| line.strip_prefix(indent).is_some_and(|rest| rest.starts_with([')', ']', '}']));
+    let closes = |line: &&str| {
+        line.strip_prefix(indent)
+            .is_some_and(|rest| rest.starts_with([')', ']', '}']))
+    };
     let rest = lines[start + 1..].iter().position(closes);
     rest.map_or(lines.len(), |offset| start + offset + 2)
 }
@@ -123,7 +183,11 @@ mod tests {
     use crate::scenario::Scenario;
 
     fn document() -> Document<Scenario> {
-        input::parse("short.ron", r#"Scenario(environment: "cartpole")"#.to_owned()).unwrap()
+        input::parse(
+            "short.ron",
+            r#"Scenario(environment: "cartpole")"#.to_owned(),
+        )
+        .unwrap()
     }
 
     fn message(assignment: &str) -> String {
@@ -146,10 +210,19 @@ mod tests {
             changed = apply(&changed, assignment).unwrap_or_else(|error| panic!("{error}"));
         }
         let text = changed.value.resolved();
-        for expected in ["count: 16,", "sigma: 0.0,", "discount: 0.5,", "policy_loss: SimplePg,", "ratio_product_cap: None,"] {
+        for expected in [
+            "count: 16,",
+            "sigma: 0.0,",
+            "discount: 0.5,",
+            "policy_loss: SimplePg,",
+            "ratio_product_cap: None,",
+        ] {
             assert!(text.contains(expected), "{expected} in {text}");
         }
-        assert!(text.contains("window: 10,") && text.contains("scene: None,"), "{text}");
+        assert!(
+            text.contains("window: 10,") && text.contains("scene: None,"),
+            "{text}"
+        );
     }
 
     #[test]
@@ -164,16 +237,23 @@ mod tests {
             "--set agents.count=0: in `agents.count`: expected a whole number from 1 to 10000, found 0"
         );
         for (broken, reason) in [
-            ("Normal(sigma: 0", "expected a comma or the end of the list of fields"),
+            (
+                "Normal(sigma: 0",
+                "expected a comma or the end of the list of fields",
+            ),
             ("Normal(sigma: 0))", "unexpected text after the end"),
             ("", "unexpected end of RON"),
         ] {
-            let expected = format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}");
+            let expected =
+                format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}");
             assert_eq!(
                 message(&format!("agents.seeds={broken}")),
                 format!("--set agents.seeds={broken}: in `agents.seeds`: {expected}")
             );
         }
-        assert_eq!(message("agents"), "--set agents: expected PATH=VALUE, such as agents.count=16");
+        assert_eq!(
+            message("agents"),
+            "--set agents: expected PATH=VALUE, such as agents.count=16"
+        );
     }
 }

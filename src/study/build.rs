@@ -15,7 +15,8 @@ const PARTS: [&str; 3] = ["rapier2d", "nalgebra", "rerun"];
 
 const LOCK: &str = include_str!("../../Cargo.lock");
 
-static MARK: LazyLock<Option<BuildMark>> = LazyLock::new(|| hash(File::open(running().ok()?).ok()?).ok());
+static MARK: LazyLock<Option<BuildMark>> =
+    LazyLock::new(|| hash(File::open(running().ok()?).ok()?).ok());
 
 /// The mark of the running executable, worked out once; none where that cannot be read.
 #[must_use]
@@ -26,18 +27,28 @@ pub fn mark() -> Option<BuildMark> {
 /// Such as `3f00a91c5e7d2b48`.
 #[must_use]
 pub fn in_words(build: Option<BuildMark>) -> String {
-    build.map_or_else(|| "unknown".to_owned(), |mark| format!("{:016x}", u64::from_be_bytes(mark)))
+    build.map_or_else(
+        || "unknown".to_owned(),
+        |mark| format!("{:016x}", u64::from_be_bytes(mark)),
+    )
 }
 
 /// The versions of the parts, such as `rapier2d 0.31.0`.
 #[must_use]
 pub fn parts() -> Vec<String> {
-    PARTS.iter().flat_map(|part| locked(LOCK, part).map(move |version| format!("{part} {version}"))).collect()
+    PARTS
+        .iter()
+        .flat_map(|part| locked(LOCK, part).map(move |version| format!("{part} {version}")))
+        .collect()
 }
 
 /// What runs, even where its file was replaced since it started.
 fn running() -> io::Result<PathBuf> {
-    if cfg!(target_os = "linux") { Ok(PathBuf::from("/proc/self/exe")) } else { std::env::current_exe() }
+    if cfg!(target_os = "linux") {
+        Ok(PathBuf::from("/proc/self/exe"))
+    } else {
+        std::env::current_exe()
+    }
 }
 
 fn hash(mut file: impl Read) -> io::Result<BuildMark> {
@@ -58,7 +69,9 @@ fn locked<'a>(lock: &'a str, package: &'a str) -> impl Iterator<Item = &'a str> 
         let line = block.lines().find_map(|line| line.strip_prefix(field))?;
         line.strip_prefix(" = \"")?.strip_suffix('"')
     };
-    let blocks = lock.split("[[package]]").filter(move |block| of(block, "name") == Some(package));
+    let blocks = lock
+        .split("[[package]]")
+        .filter(move |block| of(block, "name") == Some(package));
     blocks.filter_map(move |block| of(block, "version"))
 }
 

@@ -27,24 +27,53 @@ pub struct Judgement {
 /// Judges all claims of a study, in their order.
 #[must_use]
 pub fn judge(results: &Results) -> Vec<Judgement> {
-    let comparisons: Vec<Option<Comparison>> = results.study.claims.iter().map(|claim| comparison(results, claim)).collect();
-    let p: Vec<f64> = comparisons.iter().map(|comparison| comparison.map_or(1.0, |comparison| comparison.p)).collect();
+    let comparisons: Vec<Option<Comparison>> = results
+        .study
+        .claims
+        .iter()
+        .map(|claim| comparison(results, claim))
+        .collect();
+    let p: Vec<f64> = comparisons
+        .iter()
+        .map(|comparison| comparison.map_or(1.0, |comparison| comparison.p))
+        .collect();
     let judged = results.study.claims.iter().zip(comparisons).zip(holm(&p));
     let judge = |((claim, comparison), p): ((&Claim, Option<Comparison>), f64)| {
-        let late = results.manifest.late_claims.contains(&claim.spelled_out(&results.study));
-        Judgement { comparison, p, verdict: verdict_on(claim, comparison), smaller: is_smaller(claim, comparison), late }
+        let late = results
+            .manifest
+            .late_claims
+            .contains(&claim.spelled_out(&results.study));
+        Judgement {
+            comparison,
+            p,
+            verdict: verdict_on(claim, comparison),
+            smaller: is_smaller(claim, comparison),
+            late,
+        }
     };
     judged.map(judge).collect()
 }
 
 fn comparison(results: &Results, claim: &Claim) -> Option<Comparison> {
     let measure = results.study.measure_of(claim);
-    let scores = |cell: &str| results.cell(cell).map(|cell| cell.scores(measure)).unwrap_or_default();
-    compare(&scores(&claim.compare.0), &scores(&claim.compare.1), measure.is_time(), claim.test)
+    let scores = |cell: &str| {
+        results
+            .cell(cell)
+            .map(|cell| cell.scores(measure))
+            .unwrap_or_default()
+    };
+    compare(
+        &scores(&claim.compare.0),
+        &scores(&claim.compare.1),
+        measure.is_time(),
+        claim.test,
+    )
 }
 
 fn verdict_on(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
-    let Some(comparison) = comparison else { return Verdict::Inconclusive };
+    let Some(comparison) = comparison else {
+        return Verdict::Inconclusive;
+    };
     let (effect, size) = (comparison.effect.interval, claim.size.get());
     match claim.direction {
         Claimed::More => verdict(effect, Direction::Positive, size),
@@ -57,17 +86,32 @@ fn verdict_on(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
 
 /// Only a claim of an effect has a size that an effect can fall short of.
 fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
-    let direction = if claim.direction.is_upwards() { Direction::Positive } else { Direction::Negative };
-    let falls_short = |found: Comparison| is_smaller_than_claimed(found.effect.interval, direction, claim.size.get());
+    let direction = if claim.direction.is_upwards() {
+        Direction::Positive
+    } else {
+        Direction::Negative
+    };
+    let falls_short = |found: Comparison| {
+        is_smaller_than_claimed(found.effect.interval, direction, claim.size.get())
+    };
     !claim.direction.is_null() && comparison.is_some_and(falls_short)
 }
 
 /// That an effect lies between `least` and `most`: borne out if its whole interval does and runs are many, not if none of it does.
-fn verdict_on_a_null(effect: Interval, [least, most]: [f64; 2], comparison: &Comparison) -> Verdict {
-    let Interval::Known { low, high } = effect else { return Verdict::Inconclusive };
+fn verdict_on_a_null(
+    effect: Interval,
+    [least, most]: [f64; 2],
+    comparison: &Comparison,
+) -> Verdict {
+    let Interval::Known { low, high } = effect else {
+        return Verdict::Inconclusive;
+    };
     let inside = (low > least || least.is_infinite()) && (high < most || most.is_infinite());
     let outside = low >= most || high <= least;
-    match (inside && comparison.n.iter().all(|&n| n >= LEAST_RUNS_OF_A_NULL), outside && !inside) {
+    match (
+        inside && comparison.n.iter().all(|&n| n >= LEAST_RUNS_OF_A_NULL),
+        outside && !inside,
+    ) {
         (true, _) => Verdict::Replicated,
         (_, true) => Verdict::NotReplicated,
         _ => Verdict::Inconclusive,
@@ -94,9 +138,19 @@ mod tests {
 
     fn null(low: f64, high: f64, bounds: [f64; 2], n: usize) -> Verdict {
         let interval = Interval::Known { low, high };
-        let estimate = Estimate { value: f64::midpoint(low, high), interval };
+        let estimate = Estimate {
+            value: f64::midpoint(low, high),
+            interval,
+        };
         let (between, horizon) = ([estimate.value; 2], f64::INFINITY);
-        let comparison = Comparison { n: [n; 2], effect: estimate, between, below: estimate, p: 1.0, horizon };
+        let comparison = Comparison {
+            n: [n; 2],
+            effect: estimate,
+            between,
+            below: estimate,
+            p: 1.0,
+            horizon,
+        };
         verdict_on_a_null(interval, bounds, &comparison)
     }
 
@@ -106,13 +160,29 @@ mod tests {
         use Verdict::{Inconclusive, NotReplicated, Replicated};
         let same = [-2.0, 2.0];
         assert_eq!(
-            [null(-1.0, 1.0, same, 30), null(3.0, 5.0, same, 30), null(1.0, 3.0, same, 30)],
+            [
+                null(-1.0, 1.0, same, 30),
+                null(3.0, 5.0, same, 30),
+                null(1.0, 3.0, same, 30)
+            ],
             [Replicated, NotReplicated, Inconclusive]
         );
-        assert_eq!([null(-1.0, 1.0, same, 29), null(3.0, 5.0, same, 29)], [Inconclusive, NotReplicated]);
+        assert_eq!(
+            [null(-1.0, 1.0, same, 29), null(3.0, 5.0, same, 29)],
+            [Inconclusive, NotReplicated]
+        );
         let not_more = [f64::NEG_INFINITY, 2.0];
-        assert_eq!([null(f64::NEG_INFINITY, 1.0, not_more, 30), null(-9.0, -5.0, not_more, 30)], [Replicated; 2]);
-        assert_eq!([null(2.0, 9.0, not_more, 30), null(1.0, 3.0, not_more, 30)], [NotReplicated, Inconclusive]);
+        assert_eq!(
+            [
+                null(f64::NEG_INFINITY, 1.0, not_more, 30),
+                null(-9.0, -5.0, not_more, 30)
+            ],
+            [Replicated; 2]
+        );
+        assert_eq!(
+            [null(2.0, 9.0, not_more, 30), null(1.0, 3.0, not_more, 30)],
+            [NotReplicated, Inconclusive]
+        );
         assert_eq!(null(-5.0, -3.0, [-2.0, f64::INFINITY], 30), NotReplicated);
     }
 }

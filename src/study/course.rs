@@ -51,20 +51,31 @@ impl Course {
     ) -> Result<Self, Complaint> {
         if tabular::scenario::is_meant(path) {
             let scenario = overridden(tabular::scenario::load(path, &[]), place, overrides)?.value;
-            let scenario = TabularScenario { seed: 0, ..scenario };
+            let scenario = TabularScenario {
+                seed: 0,
+                ..scenario
+            };
             let spec = tabular::recording::spec(&scenario, &scenario.task.model(0));
             return Ok(Self::Finite(Box::new(Finite { scenario, spec })));
         }
         let document = overridden(scenario::load(path, &[]), place, overrides)?;
         let plan = Plan::of(document, path).map_err(|error| repeated(blamed, &error))?;
-        Ok(Self::Training(Box::new(Plan { scenario: bare(plan.scenario), ..plan })))
+        Ok(Self::Training(Box::new(Plan {
+            scenario: bare(plan.scenario),
+            ..plan
+        })))
     }
 
     /// Runs once. `windows`: of which first episodes states are kept. `None` if interrupted.
     ///
     /// # Errors
     /// The task cannot be built, or numbers ceased to be finite.
-    pub fn run(&self, seed: u64, windows: &[u32], interrupted: &AtomicBool) -> Result<Option<Measured>, RunError> {
+    pub fn run(
+        &self,
+        seed: u64,
+        windows: &[u32],
+        interrupted: &AtomicBool,
+    ) -> Result<Option<Measured>, RunError> {
         match self {
             Self::Training(plan) => {
                 let mut plan = plan.clone();
@@ -72,7 +83,10 @@ impl Course {
                 train(&plan, Until::ItsStop, windows, interrupted)
             }
             Self::Finite(finite) => {
-                let scenario = TabularScenario { seed, ..finite.scenario.clone() };
+                let scenario = TabularScenario {
+                    seed,
+                    ..finite.scenario.clone()
+                };
                 Ok(finite::play(&scenario, windows, interrupted))
             }
         }
@@ -136,12 +150,14 @@ impl Course {
         let (needs, threshold) = (measure.needs(), self.threshold());
         let is_finite = matches!(self, Self::Finite(_));
         match needs {
-            Needs::Tables if !is_finite => {
-                Some(("the regret of training is not known", "expected another measure, or the scenario of a finite task"))
-            }
-            Needs::Rounds if is_finite => {
-                Some(("a finite task has no rounds of learning", "expected another measure, such as `Regret` or `Coverage`"))
-            }
+            Needs::Tables if !is_finite => Some((
+                "the regret of training is not known",
+                "expected another measure, or the scenario of a finite task",
+            )),
+            Needs::Rounds if is_finite => Some((
+                "a finite task has no rounds of learning",
+                "expected another measure, such as `Regret` or `Coverage`",
+            )),
             Needs::Threshold if is_finite => Some((
                 "nothing says when a finite task counts as solved",
                 "expected another measure, such as `Regret` or `Reach`",
@@ -156,7 +172,9 @@ impl Course {
 
     /// The mean return at which its task counts as solved, if anything says so.
     fn threshold(&self) -> Option<f64> {
-        let Self::Training(plan) = self else { return None };
+        let Self::Training(plan) = self else {
+            return None;
+        };
         match &plan.scenario.stop {
             Stop::Solved { r#return, .. } => Some(r#return.get()),
             Stop::Episodes(_) => plan.description.spec.reward_threshold.map(f64::from),
@@ -166,18 +184,30 @@ impl Course {
     /// A rough guess at a run's work, in steps of learning: only the order of runs and the time that is left are guessed from it.
     #[must_use]
     pub fn cost(&self) -> f64 {
-        let steps = f64::from(self.most_episodes()) * f64::from(self.spec().time_limit) * f64::from(self.agents());
+        let steps = f64::from(self.most_episodes())
+            * f64::from(self.spec().time_limit)
+            * f64::from(self.agents());
         steps * (1.0 + self.learning())
     }
 
     /// Work for each step beside that of acting.
     fn learning(&self) -> f64 {
-        let Self::Training(plan) = self else { return 10.0 };
+        let Self::Training(plan) = self else {
+            return 10.0;
+        };
         let agents = f64::from(plan.scenario.agents.count.get());
         match plan.scenario.algorithm.value() {
             Algorithm::SeedPg(config) => {
-                let sources = if config.policy_data == Data::Shared { agents } else { 1.0 };
-                let curious = if config.bonus.largest().is_some() { 20.0 } else { 0.0 };
+                let sources = if config.policy_data == Data::Shared {
+                    agents
+                } else {
+                    1.0
+                };
+                let curious = if config.bonus.largest().is_some() {
+                    20.0
+                } else {
+                    0.0
+                };
                 f64::from(config.epochs.get()) * sources + curious
             }
             Algorithm::QLearning(_) | Algorithm::SeedTd(_) | Algorithm::BootstrappedDqn(_) => 30.0,
@@ -200,7 +230,11 @@ fn overridden<T: Resolve + DeserializeOwned>(
 
 /// The same error at a place of the study.
 fn repeated(place: &Located<String>, error: &InputError) -> Complaint {
-    let inner = InputError { position: None, help: None, ..error.clone() };
+    let inner = InputError {
+        position: None,
+        help: None,
+        ..error.clone()
+    };
     let complaint = place.complain(inner.to_string());
     match &error.help {
         Some(help) => complaint.with_help(help.clone()),
@@ -213,14 +247,20 @@ fn learned(scenario: &Scenario) -> String {
     let window = format!("        window: {},\n", scenario.recording.window.get());
     let text = scenario.resolved();
     match text.split_once("\n    recording: (\n") {
-        Some((before, rest)) => format!("{before}\n    recording: (\n{}", rest.replacen(&window, "", 1)),
+        Some((before, rest)) => format!(
+            "{before}\n    recording: (\n{}",
+            rest.replacen(&window, "", 1)
+        ),
         None => text,
     }
 }
 
 /// Without what makes no difference to what is learned.
 fn bare(mut scenario: Scenario) -> Scenario {
-    scenario.recording = RecordingSettings { scene: None, ..RecordingSettings::default() };
+    scenario.recording = RecordingSettings {
+        scene: None,
+        ..RecordingSettings::default()
+    };
     scenario.checkpoint_every = known_count(1);
     scenario.seed = 0;
     scenario
@@ -232,8 +272,18 @@ mod tests {
 
     fn digest(overrides: &[&str]) -> String {
         let here: Located<String> = "here".to_owned().into();
-        let overrides: Vec<Override<'_>> = overrides.iter().map(|text| (&here, (*text).to_owned())).collect();
-        Course::load(Path::new("scenarios/cartpole.ron"), &here, &overrides, &here).expect("a scenario").digest()
+        let overrides: Vec<Override<'_>> = overrides
+            .iter()
+            .map(|text| (&here, (*text).to_owned()))
+            .collect();
+        Course::load(
+            Path::new("scenarios/cartpole.ron"),
+            &here,
+            &overrides,
+            &here,
+        )
+        .expect("a scenario")
+        .digest()
     }
 
     /// Stored runs are found by their digests. This one names the runs of a study of `cartpole.ron` and nothing else, in files such as
@@ -241,7 +291,14 @@ mod tests {
     #[test]
     fn what_a_recording_shows_is_not_in_the_digest() {
         assert_eq!(digest(&[]), "8f479739e642d279");
-        assert_eq!(digest(&["recording.window=7", "recording.lines=10", "recording.scene=None"]), digest(&[]));
+        assert_eq!(
+            digest(&[
+                "recording.window=7",
+                "recording.lines=10",
+                "recording.scene=None"
+            ]),
+            digest(&[])
+        );
         assert_ne!(digest(&["agents.count=5"]), digest(&[]));
         // There the stop has a window as well, of 50 episodes.
         assert_ne!(

@@ -140,7 +140,9 @@ impl Figure {
     #[must_use]
     pub fn over(&self) -> Option<&Located<Vec<String>>> {
         match self {
-            Self::Intervals { over, .. } | Self::Profiles { over, .. } if !over.is_empty() => Some(over),
+            Self::Intervals { over, .. } | Self::Profiles { over, .. } if !over.is_empty() => {
+                Some(over)
+            }
             _ => None,
         }
     }

@@ -182,13 +182,19 @@ impl Study {
     /// If the study was not checked and measures nothing.
     #[must_use]
     pub fn main_measure(&self) -> Measure {
-        **self.measures.first().expect("a checked study measures something")
+        **self
+            .measures
+            .first()
+            .expect("a checked study measures something")
     }
 
     /// What a claim compares.
     #[must_use]
     pub fn measure_of(&self, claim: &Claim) -> Measure {
-        claim.measure.as_ref().map_or_else(|| self.main_measure(), |measure| **measure)
+        claim
+            .measure
+            .as_ref()
+            .map_or_else(|| self.main_measure(), |measure| **measure)
     }
 
     /// Says what is wrong with a study whose cells have these names.
@@ -198,28 +204,52 @@ impl Study {
     pub fn check(&self, cells: &[&str]) -> Result<(), Complaint> {
         self.check_seeds()?;
         if self.measures.is_empty() {
-            return Err(self.measures.complain("expected at least one measure, such as `EpisodesToSolve`"));
+            return Err(self
+                .measures
+                .complain("expected at least one measure, such as `EpisodesToSolve`"));
         }
-        let compared = self.claims.iter().flat_map(|claim| [&claim.compare.0, &claim.compare.1]);
+        let compared = self
+            .claims
+            .iter()
+            .flat_map(|claim| [&claim.compare.0, &claim.compare.1]);
         let drawn = self.figures.iter().flat_map(Figure::cells);
         let unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
         if let Some(name) = compared.chain(drawn).find(unknown) {
             return Err(name.complain_unknown("cell", cells.iter().copied()));
         }
         self.check_pools(cells)?;
-        let itself = self.claims.iter().find(|claim| claim.compare.0 == claim.compare.1);
-        itself.map_or(Ok(()), |claim| Err(claim.compare.1.complain("expected another cell than the first")))
+        let itself = self
+            .claims
+            .iter()
+            .find(|claim| claim.compare.0 == claim.compare.1);
+        itself.map_or(Ok(()), |claim| {
+            Err(claim
+                .compare
+                .1
+                .complain("expected another cell than the first"))
+        })
     }
 
     /// Only shares mean the same in all tasks.
     fn check_pools(&self, cells: &[&str]) -> Result<(), Complaint> {
-        for (figure, over) in self.figures.iter().filter_map(|figure| Some((figure, figure.over()?))) {
-            if !figure.shown(self.main_measure()).is_some_and(Measure::is_share) {
+        for (figure, over) in self
+            .figures
+            .iter()
+            .filter_map(|figure| Some((figure, figure.over()?)))
+        {
+            if !figure
+                .shown(self.main_measure())
+                .is_some_and(Measure::is_share)
+            {
                 return Err(
                     over.complain("only shares can be pooled over tasks; expected a `measure` from 0 to 1, such as `Reach`")
                 );
             }
-            let is_known = |word: &&String| cells.iter().any(|cell| cell.split(", ").any(|part| part == word.as_str()));
+            let is_known = |word: &&String| {
+                cells
+                    .iter()
+                    .any(|cell| cell.split(", ").any(|part| part == word.as_str()))
+            };
             if let Some(word) = over.iter().find(|word| !is_known(word)) {
                 return Err(
                     over.complain(format!("no cell has `{word}` in its name; expected words between commas of cells' names"))
@@ -231,12 +261,19 @@ impl Study {
 
     /// Tuning and reporting seeds do not mix.
     fn check_seeds(&self) -> Result<(), Complaint> {
-        let (first, count) = (*self.first_seed, u64::from(self.repeats.get().max(self.quick.repeats.get())));
+        let (first, count) = (
+            *self.first_seed,
+            u64::from(self.repeats.get().max(self.quick.repeats.get())),
+        );
         let Some(end) = first.checked_add(count) else {
             return Err(self.first_seed.complain("this whole number is too large"));
         };
         let last = end - 1;
-        let seeded = self.assignments().find(|set| set.split('=').next().is_some_and(|path| path.trim() == "seed"));
+        let seeded = self.assignments().find(|set| {
+            set.split('=')
+                .next()
+                .is_some_and(|path| path.trim() == "seed")
+        });
         if let Some(set) = seeded {
             return Err(set.complain("runs take their seeds from `first_seed` on"));
         }
@@ -252,15 +289,25 @@ impl Study {
 
     /// All that replaces values of scenarios, each as `path=value`.
     fn assignments(&self) -> impl Iterator<Item = &Located<String>> {
-        let of_grid = self.grid.iter().flat_map(|axis| axis.set.iter().chain(axis.with.iter().flatten()));
+        let of_grid = self
+            .grid
+            .iter()
+            .flat_map(|axis| axis.set.iter().chain(axis.with.iter().flatten()));
         let of_cells = self.cells.iter().flat_map(|cell| &cell.set);
-        self.set.iter().chain(&self.quick.set).chain(of_grid).chain(of_cells)
+        self.set
+            .iter()
+            .chain(&self.quick.set)
+            .chain(of_grid)
+            .chain(of_cells)
     }
 }
 
 impl Default for Quick {
     fn default() -> Self {
-        Self { repeats: known_count(5), set: Vec::new() }
+        Self {
+            repeats: known_count(5),
+            set: Vec::new(),
+        }
     }
 }
 

@@ -125,14 +125,23 @@ impl Measure {
         match self {
             Self::EpisodesToSolve => time(run.solved.map(|solved| f64::from(solved.episodes))),
             Self::EnvStepsToSolve => time(run.solved.map(|solved| solved.env_steps as f64)),
-            Self::Solved => run.threshold.map(|_| f64::from(u8::from(run.solved.is_some()))),
+            Self::Solved => run
+                .threshold
+                .map(|_| f64::from(u8::from(run.solved.is_some()))),
             Self::Reach => run.has_goal().then(|| share_reached(run)),
             Self::FirstGoal => run.has_goal().then(|| median(&first_goals(run))),
-            Self::Regret => (!run.regrets.is_empty()).then(|| run.curve(Curve::Regret).iter().sum()),
+            Self::Regret => {
+                (!run.regrets.is_empty()).then(|| run.curve(Curve::Regret).iter().sum())
+            }
             Self::FinalReturn { window } => window_mean(&run.team_returns(), usize::MAX, window),
-            Self::ReturnAt { episode, window } => window_mean(&run.team_returns(), episode.get() as usize, window),
+            Self::ReturnAt { episode, window } => {
+                window_mean(&run.team_returns(), episode.get() as usize, window)
+            }
             Self::SpreadOfAgents { window } => spread(run, window.get() as usize),
-            Self::Coverage => Self::Last { of: Curve::TeamCoverage }.of(run),
+            Self::Coverage => Self::Last {
+                of: Curve::TeamCoverage,
+            }
+            .of(run),
             Self::Mean { of } => (!run.curve(of).is_empty()).then(|| mean(&run.curve(of))),
             Self::At { of, episode } => run.curve_at(of, episode.get()),
             Self::Last { of } => run.curve(of).last().copied(),
@@ -142,7 +151,10 @@ impl Measure {
     /// Whether it is a time, which runs may end without reaching.
     #[must_use]
     pub fn is_time(self) -> bool {
-        matches!(self, Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::FirstGoal)
+        matches!(
+            self,
+            Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::FirstGoal
+        )
     }
 
     /// What it takes.
@@ -153,7 +165,10 @@ impl Measure {
             Self::FirstGoal | Self::Reach => Needs::Goal,
             Self::Regret => Needs::Tables,
             Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => of.needs(),
-            Self::FinalReturn { .. } | Self::ReturnAt { .. } | Self::SpreadOfAgents { .. } | Self::Coverage => Needs::Nothing,
+            Self::FinalReturn { .. }
+            | Self::ReturnAt { .. }
+            | Self::SpreadOfAgents { .. }
+            | Self::Coverage => Needs::Nothing,
         }
     }
 
@@ -177,8 +192,22 @@ impl Measure {
     #[must_use]
     pub fn lifetime(self, run: &Measured) -> Option<Lifetime> {
         let value = self.of(run)?;
-        let watched = if self == Self::EnvStepsToSolve { run.env_steps as f64 } else { run.episodes_per_agent() as f64 };
-        Some(if value.is_finite() { Lifetime { time: value, reached: true } } else { Lifetime { time: watched, reached: false } })
+        let watched = if self == Self::EnvStepsToSolve {
+            run.env_steps as f64
+        } else {
+            run.episodes_per_agent() as f64
+        };
+        Some(if value.is_finite() {
+            Lifetime {
+                time: value,
+                reached: true,
+            }
+        } else {
+            Lifetime {
+                time: watched,
+                reached: false,
+            }
+        })
     }
 
     /// What it is called, with its unit.
@@ -191,12 +220,23 @@ impl Measure {
             Self::Reach => "share of agents that reached the goal".to_owned(),
             Self::FirstGoal => "episode of the first goal".to_owned(),
             Self::Regret => "regret of an agent".to_owned(),
-            Self::FinalReturn { window } if window.get() == 1 => "return of the last episode".to_owned(),
-            Self::FinalReturn { window } => format!("return over the last {} episodes", window.get()),
-            Self::ReturnAt { episode, window } => {
-                format!("return over {} episodes up to episode {}", window.get(), episode.get())
+            Self::FinalReturn { window } if window.get() == 1 => {
+                "return of the last episode".to_owned()
             }
-            Self::SpreadOfAgents { window } => format!("spread between agents of returns over {} episodes", window.get()),
+            Self::FinalReturn { window } => {
+                format!("return over the last {} episodes", window.get())
+            }
+            Self::ReturnAt { episode, window } => {
+                format!(
+                    "return over {} episodes up to episode {}",
+                    window.get(),
+                    episode.get()
+                )
+            }
+            Self::SpreadOfAgents { window } => format!(
+                "spread between agents of returns over {} episodes",
+                window.get()
+            ),
             Self::Coverage => "coverage of the state space".to_owned(),
             Self::Mean { of } => format!("{}, mean of the run", of.title()),
             Self::At { of, episode } => format!("{} at episode {}", of.title(), episode.get()),
@@ -228,14 +268,25 @@ impl Curve {
     #[must_use]
     pub fn needs(self) -> Needs {
         match self {
-            Self::Return | Self::Coverage | Self::TeamCoverage | Self::TeamOverlap | Self::EffectiveAgents => Needs::Nothing,
+            Self::Return
+            | Self::Coverage
+            | Self::TeamCoverage
+            | Self::TeamOverlap
+            | Self::EffectiveAgents => Needs::Nothing,
             Self::Regret => Needs::Tables,
             _ => Needs::Rounds,
         }
     }
 
     fn is_share(self) -> bool {
-        matches!(self, Self::ClippedFraction | Self::Coverage | Self::VisitationEvenness | Self::TeamCoverage | Self::TeamOverlap)
+        matches!(
+            self,
+            Self::ClippedFraction
+                | Self::Coverage
+                | Self::VisitationEvenness
+                | Self::TeamCoverage
+                | Self::TeamOverlap
+        )
     }
 
     /// What it is called.
@@ -264,7 +315,10 @@ impl Curve {
 
 /// Of each agent: the first episode, counted from 1, that reached the return by itself; infinite where none did.   → `[K]`
 fn first_goals(run: &Measured) -> Vec<f64> {
-    run.first_goals().into_iter().map(|episode| episode.map_or(f64::INFINITY, f64::from)).collect()
+    run.first_goals()
+        .into_iter()
+        .map(|episode| episode.map_or(f64::INFINITY, f64::from))
+        .collect()
 }
 
 fn share_reached(run: &Measured) -> f64 {
@@ -286,12 +340,21 @@ pub fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
 }
 
 fn spread(run: &Measured, window: usize) -> Option<f64> {
-    let smooth: Vec<Vec<f64>> = run.returns.iter().map(|returns| moving_average(&widened(returns), window)).collect();
+    let smooth: Vec<Vec<f64>> = run
+        .returns
+        .iter()
+        .map(|returns| moving_average(&widened(returns), window))
+        .collect();
     let episodes = smooth.iter().map(Vec::len).min().unwrap_or(0);
     let deviation = |episode: usize| {
         let now: Vec<f64> = smooth.iter().map(|agent| agent[episode]).collect();
         let centre = mean(&now);
-        mean(&now.iter().map(|value| (value - centre).powi(2)).collect::<Vec<f64>>()).sqrt()
+        mean(
+            &now.iter()
+                .map(|value| (value - centre).powi(2))
+                .collect::<Vec<f64>>(),
+        )
+        .sqrt()
     };
     (episodes > 0).then(|| mean(&(0..episodes).map(deviation).collect::<Vec<f64>>()))
 }

@@ -78,7 +78,12 @@ pub enum Until {
 ///
 /// # Errors
 /// The task cannot be built, or numbers ceased to be finite.
-pub fn train(plan: &Plan, until: Until, windows: &[u32], interrupted: &AtomicBool) -> Result<Option<Measured>, RunError> {
+pub fn train(
+    plan: &Plan,
+    until: Until,
+    windows: &[u32],
+    interrupted: &AtomicBool,
+) -> Result<Option<Measured>, RunError> {
     let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
     let mut measured = Measured::begin(&trainer);
     let mut reservoir = Reservoir::new(plan.scenario.seed, windows);
@@ -88,9 +93,15 @@ pub fn train(plan: &Plan, until: Until, windows: &[u32], interrupted: &AtomicBoo
         }
         let rows = trainer.advance()?.rows;
         measured.take_in(&trainer, &rows);
-        trainer.newest_episodes().iter().for_each(|episode| reservoir.take_in_all(episode));
+        trainer
+            .newest_episodes()
+            .iter()
+            .for_each(|episode| reservoir.take_in_all(episode));
     }
-    Ok(Some(Measured { states: reservoir.states(), ..measured }))
+    Ok(Some(Measured {
+        states: reservoir.states(),
+        ..measured
+    }))
 }
 
 fn is_done(trainer: &Trainer, plan: &Plan, until: Until) -> bool {
@@ -106,7 +117,9 @@ impl Measured {
     fn begin(trainer: &Trainer) -> Self {
         Self {
             returns: vec![Vec::new(); trainer.agent_count()],
-            threshold: trainer.threshold().map(|threshold| (threshold.r#return, threshold.window as u32)),
+            threshold: trainer
+                .threshold()
+                .map(|threshold| (threshold.r#return, threshold.window as u32)),
             curves: vec![Vec::new(); Curve::KEPT.len()],
             ..Self::default()
         }
@@ -116,15 +129,20 @@ impl Measured {
         for row in &rows.episodes {
             self.returns[row.agent as usize].push(row.r#return as f32);
         }
-        let now =
-            Milestone { episodes: trainer.measures().episodes_per_agent() as u32, env_steps: trainer.measures().env_steps() };
+        let now = Milestone {
+            episodes: trainer.measures().episodes_per_agent() as u32,
+            env_steps: trainer.measures().env_steps(),
+        };
         self.env_steps = now.env_steps;
         if self.solved.is_none() && trainer.is_solved() {
             self.solved = Some(now);
         }
         if !rows.updates.is_empty() {
             self.episodes.push(now.episodes);
-            self.curves.iter_mut().zip(Curve::KEPT).for_each(|(values, curve)| values.push(of_round(curve, &rows.updates)));
+            self.curves
+                .iter_mut()
+                .zip(Curve::KEPT)
+                .for_each(|(values, curve)| values.push(of_round(curve, &rows.updates)));
         }
     }
 
@@ -151,8 +169,12 @@ impl Measured {
     #[must_use]
     pub fn first_goals(&self) -> Vec<Option<u32>> {
         let first = |values: &[Vec<f32>], is_goal: &dyn Fn(f64) -> bool| -> Vec<Option<u32>> {
-            let of_agent = |values: &Vec<f32>| values.iter().position(|&value| is_goal(value.into()));
-            values.iter().map(|values| of_agent(values).map(|episode| episode as u32 + 1)).collect()
+            let of_agent =
+                |values: &Vec<f32>| values.iter().position(|&value| is_goal(value.into()));
+            values
+                .iter()
+                .map(|values| of_agent(values).map(|episode| episode as u32 + 1))
+                .collect()
         };
         match self.threshold {
             Some((wanted, _)) => first(&self.returns, &|got| got >= wanted),
@@ -164,7 +186,10 @@ impl Measured {
     /// One value an episode for the return, one a round for all others.
     #[must_use]
     pub fn curve(&self, curve: Curve) -> Vec<f64> {
-        let kept = Curve::KEPT.iter().position(|kept| *kept == curve).and_then(|index| self.curves.get(index));
+        let kept = Curve::KEPT
+            .iter()
+            .position(|kept| *kept == curve)
+            .and_then(|index| self.curves.get(index));
         match (curve, kept) {
             (_, Some(values)) => widened(values),
             (Curve::Regret, None) => team_means(&self.regrets),
@@ -184,14 +209,19 @@ impl Measured {
     /// A curve's newest value when each agent has finished so many episodes, or its last one if the run was shorter.
     #[must_use]
     pub fn curve_at(&self, curve: Curve, episode: u32) -> Option<f64> {
-        let before = self.curve_episodes(curve).partition_point(|&episodes| episodes <= episode);
+        let before = self
+            .curve_episodes(curve)
+            .partition_point(|&episodes| episodes <= episode);
         self.curve(curve).get(before.checked_sub(1)?).copied()
     }
 
     /// The coverage of the team at the end.
     #[must_use]
     pub fn team_coverage(&self) -> f64 {
-        self.curve(Curve::TeamCoverage).last().copied().unwrap_or(0.0)
+        self.curve(Curve::TeamCoverage)
+            .last()
+            .copied()
+            .unwrap_or(0.0)
     }
 }
 
@@ -207,21 +237,37 @@ impl Reservoir {
     pub fn new(seed: u64, windows: &[u32]) -> Self {
         let kept = |&episodes: &u32| {
             let random = stream(seed, Purpose::Recording, episodes, THINNING);
-            (VisitedStates { episodes, visited: 0, states: Vec::new() }, random)
+            (
+                VisitedStates {
+                    episodes,
+                    visited: 0,
+                    states: Vec::new(),
+                },
+                random,
+            )
         };
-        Self { kept: windows.iter().map(kept).collect() }
+        Self {
+            kept: windows.iter().map(kept).collect(),
+        }
     }
 
     /// A state that an agent visited in this episode of its own.
     pub fn take_in(&mut self, episode: u32, state: &[f32]) {
-        for (kept, random) in self.kept.iter_mut().filter(|(kept, _)| episode < kept.episodes) {
+        for (kept, random) in self
+            .kept
+            .iter_mut()
+            .filter(|(kept, _)| episode < kept.episodes)
+        {
             kept.take_in(state, random);
         }
     }
 
     fn take_in_all(&mut self, episode: &Episode) {
         let width = episode.observations.len() / (episode.length() + 1);
-        episode.states().chunks_exact(width).for_each(|state| self.take_in(episode.episode, state));
+        episode
+            .states()
+            .chunks_exact(width)
+            .for_each(|state| self.take_in(episode.episode, state));
     }
 
     /// What was kept.
@@ -249,8 +295,15 @@ impl VisitedStates {
 /// The mean over agents of their n-th values: `[K][episodes]` → `[episodes of all]`
 fn team_means(values: &[Vec<f32>]) -> Vec<f64> {
     let episodes = values.iter().map(Vec::len).min().unwrap_or(0);
-    let sum = |episode: usize| values.iter().map(|values| f64::from(values[episode])).sum::<f64>();
-    (0..episodes).map(|episode| sum(episode) / values.len() as f64).collect()
+    let sum = |episode: usize| {
+        values
+            .iter()
+            .map(|values| f64::from(values[episode]))
+            .sum::<f64>()
+    };
+    (0..episodes)
+        .map(|episode| sum(episode) / values.len() as f64)
+        .collect()
 }
 
 /// The mean over agents, or the largest ratio of all.

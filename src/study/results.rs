@@ -58,7 +58,13 @@ impl Results {
     pub fn read(folder: &StudyFolder) -> Result<Self, ResultsError> {
         let manifest = folder.manifest().map_err(ResultsError::Folder)?;
         let study: Study = input::parse(&manifest.study_path, manifest.study.clone())?.value;
-        let mut results = Self { study, cells: Vec::new(), versions: BTreeSet::new(), builds: BTreeSet::new(), manifest };
+        let mut results = Self {
+            study,
+            cells: Vec::new(),
+            versions: BTreeSet::new(),
+            builds: BTreeSet::new(),
+            manifest,
+        };
         for about in results.manifest.cells.clone() {
             results.read_cell(folder, about);
         }
@@ -66,7 +72,12 @@ impl Results {
     }
 
     fn read_cell(&mut self, folder: &StudyFolder, about: ManifestCell) {
-        let mut cell = CellResults { about, runs: Vec::new(), failures: Vec::new(), missing: 0 };
+        let mut cell = CellResults {
+            about,
+            runs: Vec::new(),
+            failures: Vec::new(),
+            missing: 0,
+        };
         for seed in self.manifest.first_seed..self.manifest.first_seed + self.manifest.repeats {
             let Some(stored) = folder.stored(&cell.about.digest, seed, &[]) else {
                 cell.missing += 1;
@@ -94,7 +105,11 @@ impl Results {
         if figure.cells().is_empty() {
             return self.cells.iter().collect();
         }
-        figure.cells().iter().filter_map(|name| self.cell(name)).collect()
+        figure
+            .cells()
+            .iter()
+            .filter_map(|name| self.cell(name))
+            .collect()
     }
 
     /// Whether its seeds are those for tuning, whose results are not to be published.
@@ -107,7 +122,11 @@ impl Results {
     #[must_use]
     pub fn counts(&self) -> [usize; 3] {
         let sum = |count: fn(&CellResults) -> usize| self.cells.iter().map(count).sum();
-        [sum(|cell| cell.runs.len()), sum(|cell| cell.failures.len()), sum(|cell| cell.missing)]
+        [
+            sum(|cell| cell.runs.len()),
+            sum(|cell| cell.failures.len()),
+            sum(|cell| cell.missing),
+        ]
     }
 }
 
@@ -115,13 +134,20 @@ impl CellResults {
     /// A measure of all runs that can tell it.
     #[must_use]
     pub fn scores(&self, measure: Measure) -> Vec<Score> {
-        self.runs.iter().filter_map(|(seed, run)| Score::of(measure, *seed, run)).collect()
+        self.runs
+            .iter()
+            .filter_map(|(seed, run)| Score::of(measure, *seed, run))
+            .collect()
     }
 
     /// The states of the first run's first episodes, if they were kept: how many were visited, and a sample of them.
     #[must_use]
     pub fn states(&self, upto: Upto) -> Option<(u64, &[f32])> {
-        let kept = self.runs.iter().flat_map(|(_, run)| &run.states).find(|states| states.episodes == upto.episodes());
+        let kept = self
+            .runs
+            .iter()
+            .flat_map(|(_, run)| &run.states)
+            .find(|states| states.episodes == upto.episodes());
         kept.map(|kept| (kept.visited, kept.states.as_slice()))
     }
 }

@@ -34,9 +34,14 @@ pub fn run(
     told: &(dyn Fn(&Finished<'_>) + Sync),
 ) -> Result<(), StoreError> {
     each(tasks, jobs, interrupted, &|task| {
-        let Some(outcome) = measure(task, task.windows(), interrupted) else { return Ok(()) };
+        let Some(outcome) = measure(task, task.windows(), interrupted) else {
+            return Ok(());
+        };
         let stored = folder.store(task, outcome)?;
-        told(&Finished { task, failure: stored.outcome.as_ref().err().map(String::as_str) });
+        told(&Finished {
+            task,
+            failure: stored.outcome.as_ref().err().map(String::as_str),
+        });
         Ok(())
     })
 }
@@ -53,7 +58,9 @@ pub fn verify<'a>(
     told: &(dyn Fn(&'a Task<'a>, bool) + Sync),
 ) {
     let never: Result<(), Infallible> = each(tasks, jobs, interrupted, &|task| {
-        let Some(stored) = folder.stored_task(task) else { return Ok(()) };
+        let Some(stored) = folder.stored_task(task) else {
+            return Ok(());
+        };
         let kept = stored.outcome.iter().flat_map(|run| &run.states);
         let windows: Vec<u32> = kept.map(|states| states.episodes).collect();
         if let Some(outcome) = measure(task, &windows, interrupted) {
@@ -66,7 +73,9 @@ pub fn verify<'a>(
 
 /// Bit by bit, so that what is not a number equals itself.
 fn is_same(one: &Result<Measured, String>, other: &Result<Measured, String>) -> bool {
-    let bytes = |outcome: &Result<Measured, String>| postcard::to_stdvec(outcome).expect("plain data always serialises");
+    let bytes = |outcome: &Result<Measured, String>| {
+        postcard::to_stdvec(outcome).expect("plain data always serialises")
+    };
     bytes(one) == bytes(other)
 }
 
@@ -88,7 +97,10 @@ fn each<'a, E: Send>(
         {
             if let Err(refused) = work(task) {
                 hopeless.store(true, Ordering::Relaxed);
-                error.lock().expect("no thread fails while it holds the lock").get_or_insert(refused);
+                error
+                    .lock()
+                    .expect("no thread fails while it holds the lock")
+                    .get_or_insert(refused);
             }
         }
     };
@@ -97,11 +109,18 @@ fn each<'a, E: Send>(
             scope.spawn(take);
         }
     });
-    error.into_inner().expect("no thread fails while it holds the lock").map_or(Ok(()), Err)
+    error
+        .into_inner()
+        .expect("no thread fails while it holds the lock")
+        .map_or(Ok(()), Err)
 }
 
 /// Runs once, whatever happens. `windows`: of which first episodes states are kept. `None` if interrupted.
-fn measure(task: &Task<'_>, windows: &[u32], interrupted: &AtomicBool) -> Option<Result<Measured, String>> {
+fn measure(
+    task: &Task<'_>,
+    windows: &[u32],
+    interrupted: &AtomicBool,
+) -> Option<Result<Measured, String>> {
     let run = || task.cell.course.run(task.seed, windows, interrupted);
     match catch_unwind(AssertUnwindSafe(run)) {
         Ok(Ok(None)) => None,
@@ -110,7 +129,10 @@ fn measure(task: &Task<'_>, windows: &[u32], interrupted: &AtomicBool) -> Option
         Err(panic) => {
             let words = panic.downcast_ref::<&str>().map(|word| (*word).to_owned());
             let words = words.or_else(|| panic.downcast_ref::<String>().cloned());
-            Some(Err(format!("broke off: {}", words.unwrap_or_else(|| "for an unknown reason".to_owned()))))
+            Some(Err(format!(
+                "broke off: {}",
+                words.unwrap_or_else(|| "for an unknown reason".to_owned())
+            )))
         }
     }
 }

@@ -116,8 +116,16 @@ impl StudyFolder {
     /// The system refuses.
     pub fn claim(&self, alone: bool) -> io::Result<Option<StudyClaim>> {
         std::fs::create_dir_all(&self.path)?;
-        let lock = File::options().create(true).truncate(false).write(true).open(self.path.join(".lock"))?;
-        match if alone { lock.try_lock() } else { lock.try_lock_shared() } {
+        let lock = File::options()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(self.path.join(".lock"))?;
+        match if alone {
+            lock.try_lock()
+        } else {
+            lock.try_lock_shared()
+        } {
             Ok(()) => Ok(Some(StudyClaim { _lock: lock })),
             Err(TryLockError::WouldBlock) => Ok(None),
             Err(TryLockError::Error(error)) => Err(error),
@@ -129,8 +137,15 @@ impl StudyFolder {
     pub fn stored(&self, digest: &str, seed: u64, windows: &[u32]) -> Option<StoredRun> {
         let bytes = std::fs::read(self.file(digest, seed)).ok()?;
         let (stored, rest) = postcard::take_from_bytes::<StoredRun>(&bytes).ok()?;
-        let stored = StoredRun { build: postcard::from_bytes(rest).ok(), ..stored };
-        let kept = |run: &Measured| windows.iter().all(|window| run.states.iter().any(|states| states.episodes == *window));
+        let stored = StoredRun {
+            build: postcard::from_bytes(rest).ok(),
+            ..stored
+        };
+        let kept = |run: &Measured| {
+            windows
+                .iter()
+                .all(|window| run.states.iter().any(|states| states.episodes == *window))
+        };
         let whole = stored.layout == LAYOUT && stored.digest == digest && stored.seed == seed;
         (whole && stored.outcome.as_ref().map_or(true, kept)).then_some(stored)
     }
@@ -148,13 +163,30 @@ impl StudyFolder {
     ///
     /// # Panics
     /// Never: plain data always serialises.
-    pub fn store(&self, task: &Task<'_>, outcome: Result<Measured, String>) -> Result<StoredRun, StoreError> {
-        let (version, digest) = (env!("CARGO_PKG_VERSION").to_owned(), task.cell.digest.clone());
-        let stored = StoredRun { layout: LAYOUT, version, digest, seed: task.seed, outcome, build: build::mark() };
+    pub fn store(
+        &self,
+        task: &Task<'_>,
+        outcome: Result<Measured, String>,
+    ) -> Result<StoredRun, StoreError> {
+        let (version, digest) = (
+            env!("CARGO_PKG_VERSION").to_owned(),
+            task.cell.digest.clone(),
+        );
+        let stored = StoredRun {
+            layout: LAYOUT,
+            version,
+            digest,
+            seed: task.seed,
+            outcome,
+            build: build::mark(),
+        };
         let mut bytes = postcard::to_stdvec(&stored).expect("plain data always serialises");
         bytes.extend(stored.build.into_iter().flatten());
         let path = self.file(&stored.digest, stored.seed);
-        files::replace(&path, &bytes).map_err(|error| StoreError { path, reason: error.to_string() })?;
+        files::replace(&path, &bytes).map_err(|error| StoreError {
+            path,
+            reason: error.to_string(),
+        })?;
         Ok(stored)
     }
 
@@ -180,37 +212,82 @@ impl StudyFolder {
     pub fn note(&self, plan: &StudyPlan) -> Result<(), StoreError> {
         let path = self.manifest_file();
         let noted = self.manifest().ok();
-        let (late_claims, earlier_repeats) = (self.late_claims(plan, noted.as_ref()), self.earlier_repeats(plan, noted.as_ref()));
-        let manifest = Manifest { late_claims, earlier_repeats, ..Manifest::of(plan) };
-        let mut text = serde_json::to_string_pretty(&manifest).expect("plain data always serialises");
+        let (late_claims, earlier_repeats) = (
+            self.late_claims(plan, noted.as_ref()),
+            self.earlier_repeats(plan, noted.as_ref()),
+        );
+        let manifest = Manifest {
+            late_claims,
+            earlier_repeats,
+            ..Manifest::of(plan)
+        };
+        let mut text =
+            serde_json::to_string_pretty(&manifest).expect("plain data always serialises");
         text.push('\n');
         if std::fs::read_to_string(&path).is_ok_and(|noted| noted == text) {
             return Ok(());
         }
-        files::replace(&path, text.as_bytes()).map_err(|error| StoreError { path, reason: error.to_string() })
+        files::replace(&path, text.as_bytes()).map_err(|error| StoreError {
+            path,
+            reason: error.to_string(),
+        })
     }
 
     /// Claims that were late before and still are there, and those that are new although both sides have runs.
     fn late_claims(&self, plan: &StudyPlan, noted: Option<&Manifest>) -> Vec<String> {
-        let known = noted.and_then(|noted| input::parse::<Study>(&noted.study_path, noted.study.clone()).ok());
-        let known: Vec<String> =
-            known.iter().flat_map(|study| study.value.claims.iter().map(|claim| claim.spelled_out(&study.value))).collect();
-        let was_late = |claim: &String| noted.is_some_and(|noted| noted.late_claims.contains(claim));
+        let known = noted
+            .and_then(|noted| input::parse::<Study>(&noted.study_path, noted.study.clone()).ok());
+        let known: Vec<String> = known
+            .iter()
+            .flat_map(|study| {
+                study
+                    .value
+                    .claims
+                    .iter()
+                    .map(|claim| claim.spelled_out(&study.value))
+            })
+            .collect();
+        let was_late =
+            |claim: &String| noted.is_some_and(|noted| noted.late_claims.contains(claim));
         let (study, tasks) = (plan.study(), plan.tasks());
-        let has_runs = |name: &str| tasks.iter().any(|task| task.cell.name == name && self.stored_task(task).is_some());
-        let is_late = |(claim, spelled): &(&Claim, String)| {
-            was_late(spelled) || !known.contains(spelled) && has_runs(&claim.compare.0) && has_runs(&claim.compare.1)
+        let has_runs = |name: &str| {
+            tasks
+                .iter()
+                .any(|task| task.cell.name == name && self.stored_task(task).is_some())
         };
-        let spelled = study.claims.iter().map(|claim| (claim, claim.spelled_out(study)));
-        spelled.filter(is_late).map(|(_, spelled)| spelled).collect()
+        let is_late = |(claim, spelled): &(&Claim, String)| {
+            was_late(spelled)
+                || !known.contains(spelled)
+                    && has_runs(&claim.compare.0)
+                    && has_runs(&claim.compare.1)
+        };
+        let spelled = study
+            .claims
+            .iter()
+            .map(|claim| (claim, claim.spelled_out(study)));
+        spelled
+            .filter(is_late)
+            .map(|(_, spelled)| spelled)
+            .collect()
     }
 
     /// Repeats that were noted before, and those noted last if they are others now although there are runs.
     fn earlier_repeats(&self, plan: &StudyPlan, noted: Option<&Manifest>) -> Vec<u64> {
-        let Some(noted) = noted else { return Vec::new() };
-        let has_runs = || plan.tasks().iter().any(|task| self.stored(&task.cell.digest, task.seed, &[]).is_some());
+        let Some(noted) = noted else {
+            return Vec::new();
+        };
+        let has_runs = || {
+            plan.tasks()
+                .iter()
+                .any(|task| self.stored(&task.cell.digest, task.seed, &[]).is_some())
+        };
         let changed = noted.repeats != plan.repeats() && has_runs();
-        noted.earlier_repeats.iter().copied().chain(changed.then_some(noted.repeats)).collect()
+        noted
+            .earlier_repeats
+            .iter()
+            .copied()
+            .chain(changed.then_some(noted.repeats))
+            .collect()
     }
 
     /// What study this is.
@@ -220,7 +297,8 @@ impl StudyFolder {
     pub fn manifest(&self) -> Result<Manifest, StoreError> {
         let path = self.manifest_file();
         let text = std::fs::read_to_string(&path).map_err(|error| error.to_string());
-        let manifest = text.and_then(|text| serde_json::from_str(&text).map_err(|error| error.to_string()));
+        let manifest =
+            text.and_then(|text| serde_json::from_str(&text).map_err(|error| error.to_string()));
         manifest.map_err(|reason| StoreError { path, reason })
     }
 
@@ -234,9 +312,20 @@ impl Manifest {
     #[must_use]
     pub fn changed_repeats(&self) -> Option<String> {
         let last = self.earlier_repeats.last()?;
-        let word = if self.earlier_repeats.is_sorted() && *last < self.repeats { "extended" } else { "changed" };
-        let all = self.earlier_repeats.iter().chain([&self.repeats]).map(u64::to_string);
-        Some(format!("Runs were {word} from {} after the first were there.", all.collect::<Vec<_>>().join(" to ")))
+        let word = if self.earlier_repeats.is_sorted() && *last < self.repeats {
+            "extended"
+        } else {
+            "changed"
+        };
+        let all = self
+            .earlier_repeats
+            .iter()
+            .chain([&self.repeats])
+            .map(u64::to_string);
+        Some(format!(
+            "Runs were {word} from {} after the first were there.",
+            all.collect::<Vec<_>>().join(" to ")
+        ))
     }
 
     /// What the report has to know of a study before any of it is run.

@@ -43,7 +43,9 @@ pub enum Algorithm {
 
 impl Default for Algorithm {
     fn default() -> Self {
-        Self::SeedSampling { rewards: RewardSeeds::default() }
+        Self::SeedSampling {
+            rewards: RewardSeeds::default(),
+        }
     }
 }
 
@@ -54,11 +56,26 @@ impl Algorithm {
             "SeedSampling",
             "each agent's own fixed seed makes an MDP of the latest belief; rewards: StandardGaussian (default) | MartingaleGaussian",
         ),
-        ("ThompsonResampling", "control without commitment: a new sample of the belief before every action"),
-        ("SharedSeed", "control without diversity: seed sampling in which all agents have the same seed"),
-        ("SampleOnce", "control without adaptivity: one sample of the belief for each episode (PSRL)"),
-        ("Ucrl", "control without diversity: the best MDP within `width` (default 2) standard deviations, before every action"),
-        ("EpsilonGreedy", "control: the mean of the belief, and a random action with probability `epsilon` (default 0.1)"),
+        (
+            "ThompsonResampling",
+            "control without commitment: a new sample of the belief before every action",
+        ),
+        (
+            "SharedSeed",
+            "control without diversity: seed sampling in which all agents have the same seed",
+        ),
+        (
+            "SampleOnce",
+            "control without adaptivity: one sample of the belief for each episode (PSRL)",
+        ),
+        (
+            "Ucrl",
+            "control without diversity: the best MDP within `width` (default 2) standard deviations, before every action",
+        ),
+        (
+            "EpsilonGreedy",
+            "control: the mean of the belief, and a random action with probability `epsilon` (default 0.1)",
+        ),
         ("Random", "control: random actions"),
     ];
 

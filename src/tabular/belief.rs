@@ -34,7 +34,11 @@ impl Belief {
     #[must_use]
     pub fn new(model: &Model) -> Self {
         Self {
-            posteriors: model.parameters.iter().map(|&prior| Posterior::of(prior)).collect(),
+            posteriors: model
+                .parameters
+                .iter()
+                .map(|&prior| Posterior::of(prior))
+                .collect(),
             sightings: vec![0; model.parameters.len()],
             counts: vec![0; model.outcomes().len()],
             version: 0,
@@ -99,9 +103,15 @@ impl Posterior {
     fn of(prior: Prior) -> Self {
         match prior {
             Prior::Sign => Self::UnknownSign,
-            Prior::Normal { mean, deviation, .. } | Prior::LogNormal { mean, deviation, .. } => {
-                Self::Gaussian { mean, variance: deviation * deviation }
+            Prior::Normal {
+                mean, deviation, ..
             }
+            | Prior::LogNormal {
+                mean, deviation, ..
+            } => Self::Gaussian {
+                mean,
+                variance: deviation * deviation,
+            },
         }
     }
 
@@ -109,13 +119,22 @@ impl Posterior {
     fn after(self, prior: Prior, seen: f64) -> Self {
         let (y, noise) = match prior {
             Prior::Sign => return Self::Known(seen),
-            Prior::Normal { noise, .. } | Prior::LogNormal { noise, .. } if noise == 0.0 => return Self::Known(seen),
+            Prior::Normal { noise, .. } | Prior::LogNormal { noise, .. } if noise == 0.0 => {
+                return Self::Known(seen);
+            }
             Prior::Normal { noise, .. } => (seen, noise * noise),
-            Prior::LogNormal { noise, .. } => (libm::log(seen) + 0.5 * noise * noise, noise * noise),
+            Prior::LogNormal { noise, .. } => {
+                (libm::log(seen) + 0.5 * noise * noise, noise * noise)
+            }
         };
-        let Self::Gaussian { mean, variance } = self else { return self };
+        let Self::Gaussian { mean, variance } = self else {
+            return self;
+        };
         let total = variance + noise;
-        Self::Gaussian { mean: (noise * mean + variance * y) / total, variance: variance * noise / total }
+        Self::Gaussian {
+            mean: (noise * mean + variance * y) / total,
+            variance: variance * noise / total,
+        }
     }
 
     /// θ at the quantile where a standard normal number is `normal`: distributed as the posterior if that is.
@@ -134,7 +153,9 @@ impl Posterior {
         match (self, prior) {
             (Self::UnknownSign, _) => 0.0,
             (Self::Known(value), _) => value,
-            (Self::Gaussian { mean, variance }, Prior::LogNormal { .. }) => libm::exp(mean + 0.5 * variance),
+            (Self::Gaussian { mean, variance }, Prior::LogNormal { .. }) => {
+                libm::exp(mean + 0.5 * variance)
+            }
             (Self::Gaussian { mean, .. }, _) => mean,
         }
     }
@@ -142,5 +163,9 @@ impl Posterior {
 
 /// θ of a number on the scale of its prior's Gaussian.
 pub(super) fn from_scale(prior: Prior, number: f64) -> f64 {
-    if matches!(prior, Prior::LogNormal { .. }) { libm::exp(number) } else { number }
+    if matches!(prior, Prior::LogNormal { .. }) {
+        libm::exp(number)
+    } else {
+        number
+    }
 }

@@ -50,13 +50,27 @@ impl Planner {
     ///
     /// Where there is `optimism`, `[outcomes]`, each pair's best outcome takes that share of the likelihood of all others, as in the
     /// extended value iteration of Jaksch et al. 2010, §3.1.2.
-    pub fn plan(&mut self, model: &Model, mdp: &Mdp, optimism: &[f64], from: u32, policy: &mut Policy) {
-        (0..self.rewards.len()).for_each(|outcome| self.rewards[outcome] = model.mean_reward(outcome, &mdp.values));
+    pub fn plan(
+        &mut self,
+        model: &Model,
+        mdp: &Mdp,
+        optimism: &[f64],
+        from: u32,
+        policy: &mut Policy,
+    ) {
+        (0..self.rewards.len())
+            .for_each(|outcome| self.rewards[outcome] = model.mean_reward(outcome, &mdp.values));
         self.values[0].fill(0.0);
         for step in (from as usize..self.layers.len()).rev() {
             let [after, now] = &mut self.values;
             for &state in &self.layers[step] {
-                let backup = Backup { model, mdp, optimism, rewards: &self.rewards, after };
+                let backup = Backup {
+                    model,
+                    mdp,
+                    optimism,
+                    rewards: &self.rewards,
+                    after,
+                };
                 let (action, value) = backup.best(state);
                 now[state as usize] = value;
                 policy[step * self.states + state as usize] = action;
@@ -116,9 +130,17 @@ impl Backup<'_> {
         for outcome in outcomes {
             let worth = self.worth(outcome);
             mean += self.mdp.probabilities[outcome] * worth;
-            best = if worth > best.0 { (worth, outcome) } else { best };
+            best = if worth > best.0 {
+                (worth, outcome)
+            } else {
+                best
+            };
         }
-        if self.optimism.is_empty() { mean } else { mean + self.optimism[best.1] * (best.0 - mean) }
+        if self.optimism.is_empty() {
+            mean
+        } else {
+            mean + self.optimism[best.1] * (best.0 - mean)
+        }
     }
 
     /// The reward of an outcome, and all that may follow.
@@ -141,5 +163,7 @@ fn layers(model: &Model) -> Vec<Vec<u32>> {
         states.dedup();
         Some(states)
     };
-    std::iter::successors(Some(vec![model.start]), next).take(model.horizon as usize).collect()
+    std::iter::successors(Some(vec![model.start]), next)
+        .take(model.horizon as usize)
+        .collect()
 }

@@ -34,7 +34,11 @@ impl Film {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn of(name: &str, scenario: &TabularScenario, path: Option<&Path>) -> Result<Self, RecordError> {
+    pub fn of(
+        name: &str,
+        scenario: &TabularScenario,
+        path: Option<&Path>,
+    ) -> Result<Self, RecordError> {
         let agents = scenario.agents.count.get();
         let model = scenario.task.model(scenario.seed);
         let spec = spec(scenario, &model);
@@ -50,12 +54,35 @@ impl Film {
             scenario: &scenario.resolved(),
             properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
         };
-        let settings = RecordingSettings { scene: None, ..RecordingSettings::default() };
+        let settings = RecordingSettings {
+            scene: None,
+            ..RecordingSettings::default()
+        };
         let path = path.filter(|_| agents <= MOST_AGENTS);
-        let recorder = path.map(|path| RerunRecorder::create(path, &about, &settings)).transpose()?;
-        let running = (0..agents).map(|agent| started(&model, &spec, agent, 0)).collect();
-        let been = vec![vec![false; model.states()]; if recorder.is_some() { agents as usize } else { 0 }];
-        Ok(Self { recorder, model, spec, running, ended: Vec::new(), been, round: 0, steps: 0 })
+        let recorder = path
+            .map(|path| RerunRecorder::create(path, &about, &settings))
+            .transpose()?;
+        let running = (0..agents)
+            .map(|agent| started(&model, &spec, agent, 0))
+            .collect();
+        let been = vec![
+            vec![false; model.states()];
+            if recorder.is_some() {
+                agents as usize
+            } else {
+                0
+            }
+        ];
+        Ok(Self {
+            recorder,
+            model,
+            spec,
+            running,
+            ended: Vec::new(),
+            been,
+            round: 0,
+            steps: 0,
+        })
     }
 
     /// Takes in one step.
@@ -66,9 +93,14 @@ impl Film {
         if self.recorder.is_none() {
             return Ok(());
         }
-        let (running, been) = (&mut self.running[step.agent as usize], &mut self.been[step.agent as usize]);
+        let (running, been) = (
+            &mut self.running[step.agent as usize],
+            &mut self.been[step.agent as usize],
+        );
         (been[step.from as usize], been[step.to as usize]) = (true, true);
-        running.observations.extend_from_slice(self.model.place(step.to));
+        running
+            .observations
+            .extend_from_slice(self.model.place(step.to));
         running.actions.push(step.action as f32);
         running.rewards.push(step.reward as f32);
         running.log_probs.push(0.0);
@@ -76,7 +108,11 @@ impl Film {
             let next = started(&self.model, &self.spec, step.agent, step.episode + 1);
             let mut ended = std::mem::replace(running, next);
             let left = !self.model.pairs(step.to).is_empty();
-            ended.outcome = if left { Status::Truncated } else { Status::Terminated };
+            ended.outcome = if left {
+                Status::Truncated
+            } else {
+                Status::Terminated
+            };
             self.ended.push(ended);
             self.write_whole_rounds()?;
         }
@@ -85,9 +121,16 @@ impl Film {
 
     /// An agent may be rounds ahead of others.
     fn write_whole_rounds(&mut self) -> Result<(), RecordError> {
-        while self.ended.iter().filter(|episode| episode.round == self.round).count() == self.running.len() {
-            let (mut whole, rest): (Vec<Episode>, _) =
-                std::mem::take(&mut self.ended).into_iter().partition(|episode| episode.round == self.round);
+        while self
+            .ended
+            .iter()
+            .filter(|episode| episode.round == self.round)
+            .count()
+            == self.running.len()
+        {
+            let (mut whole, rest): (Vec<Episode>, _) = std::mem::take(&mut self.ended)
+                .into_iter()
+                .partition(|episode| episode.round == self.round);
             self.ended = rest;
             whole.sort_by_key(|episode| episode.agent);
             self.write_round(&whole)?;
@@ -99,8 +142,16 @@ impl Film {
     fn write_round(&mut self, episodes: &[Episode]) -> Result<(), RecordError> {
         let rows: Vec<EpisodeRow> = episodes.iter().map(|episode| self.row(episode)).collect();
         let episodes: Vec<&Episode> = episodes.iter().collect();
-        let record = RoundRecord { round: self.round, episodes: &episodes, episode_rows: &rows, round_rows: &[], footage: &[] };
-        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.record_round(&record))
+        let record = RoundRecord {
+            round: self.round,
+            episodes: &episodes,
+            episode_rows: &rows,
+            round_rows: &[],
+            footage: &[],
+        };
+        self.recorder
+            .as_mut()
+            .map_or(Ok(()), |recorder| recorder.record_round(&record))
     }
 
     fn row(&mut self, episode: &Episode) -> EpisodeRow {
@@ -134,16 +185,27 @@ impl Film {
 /// An agent's episode at the task's start.
 fn started(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode {
     let mut started = Episode::start(agent, episode, episode, spec);
-    started.observations.extend_from_slice(model.place(model.start));
+    started
+        .observations
+        .extend_from_slice(model.place(model.start));
     started
 }
 
 /// A finite task as the recording and the report describe it.
 #[must_use]
 pub fn spec(scenario: &TabularScenario, model: &Model) -> Spec {
-    let quantity = |name: &str, range| Quantity { name: name.to_owned(), unit: String::new(), range };
-    let actions: Vec<f32> = (0..model.most_actions()).map(|action| action as f32).collect();
-    let observations = model.coordinates.iter().map(|coordinate| quantity(coordinate.name, [0.0, coordinate.largest]));
+    let quantity = |name: &str, range| Quantity {
+        name: name.to_owned(),
+        unit: String::new(),
+        range,
+    };
+    let actions: Vec<f32> = (0..model.most_actions())
+        .map(|action| action as f32)
+        .collect();
+    let observations = model
+        .coordinates
+        .iter()
+        .map(|coordinate| quantity(coordinate.name, [0.0, coordinate.largest]));
     Spec {
         name: scenario.task.name().to_owned(),
         description: String::new(),

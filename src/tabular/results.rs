@@ -71,7 +71,10 @@ impl Results {
     #[must_use]
     pub fn of(name: &str, scenario: &TabularScenario, team: &Team, episodes: Vec<Episode>) -> Self {
         let cumulative: f64 = episodes.iter().map(|episode| episode.regret).sum();
-        let without = episodes.iter().filter(|episode| episode.regret < ROUNDING).count();
+        let without = episodes
+            .iter()
+            .filter(|episode| episode.regret < ROUNDING)
+            .count();
         let agents = scenario.agents.count.get();
         let summary = Summary {
             scenario: name.to_owned(),
@@ -88,7 +91,11 @@ impl Results {
             states_visited: team.states_visited(),
             states: team.model().states(),
         };
-        Self { summary, episodes, visits: visit_rows(team) }
+        Self {
+            summary,
+            episodes,
+            visits: visit_rows(team),
+        }
     }
 
     /// Writes `scenario.ron`, `regret.csv`, `visits.csv` and, last of all, `summary.json` into `folder`.
@@ -106,15 +113,37 @@ impl Results {
 
 fn visit_rows(team: &Team) -> Vec<VisitRow> {
     let place = |state: u32| {
-        let named = team.model().coordinates.iter().zip(team.model().place(state));
-        named.map(|(coordinate, value)| format!("{} {value}", coordinate.name)).collect::<Vec<_>>().join(", ")
+        let named = team
+            .model()
+            .coordinates
+            .iter()
+            .zip(team.model().place(state));
+        named
+            .map(|(coordinate, value)| format!("{} {value}", coordinate.name))
+            .collect::<Vec<_>>()
+            .join(", ")
     };
-    let visited = team.visits().iter().zip(0..).filter(|(visits, _)| visits.agents > 0);
-    visited.map(|(visits, state)| VisitRow { state, place: place(state), visits: visits.visits, agents: visits.agents }).collect()
+    let visited = team
+        .visits()
+        .iter()
+        .zip(0..)
+        .filter(|(visits, _)| visits.agents > 0);
+    visited
+        .map(|(visits, state)| VisitRow {
+            state,
+            place: place(state),
+            visits: visits.visits,
+            agents: visits.agents,
+        })
+        .collect()
 }
 
 fn table(rows: &[impl Serialize]) -> std::io::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    rows.iter().try_for_each(|row| writer.serialize(row)).map_err(std::io::Error::other)?;
-    writer.into_inner().map_err(|error| std::io::Error::other(error.to_string()))
+    rows.iter()
+        .try_for_each(|row| writer.serialize(row))
+        .map_err(std::io::Error::other)?;
+    writer
+        .into_inner()
+        .map_err(|error| std::io::Error::other(error.to_string()))
 }

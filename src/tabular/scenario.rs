@@ -56,13 +56,18 @@ pub enum Starts {
 
 impl Default for Agents {
     fn default() -> Self {
-        Self { count: known_count(100), starts: Starts::default() }
+        Self {
+            count: known_count(100),
+            starts: Starts::default(),
+        }
     }
 }
 
 impl Default for Starts {
     fn default() -> Self {
-        Self::OneByOne { mean_gap: default_gap() }
+        Self::OneByOne {
+            mean_gap: default_gap(),
+        }
     }
 }
 
@@ -77,7 +82,8 @@ fn one() -> Count<100_000> {
 /// Whether a file says that it is a tabular scenario.
 #[must_use]
 pub fn is_meant(path: &Path) -> bool {
-    let kind = input::read_text(path).and_then(|text| input::kind(&path.display().to_string(), &text));
+    let kind =
+        input::read_text(path).and_then(|text| input::kind(&path.display().to_string(), &text));
     matches!(kind, Ok(Kind::TabularScenario))
 }
 
@@ -104,7 +110,10 @@ mod tests {
         let short: Document<TabularScenario> =
             input::parse("test", "TabularScenario(task: DeepSea(size: 5))".to_owned()).unwrap();
         let text = short.value.resolved();
-        assert!(text.starts_with("TabularScenario(\n    task: DeepSea(\n        size: 5,\n"), "{text}");
+        assert!(
+            text.starts_with("TabularScenario(\n    task: DeepSea(\n        size: 5,\n"),
+            "{text}"
+        );
         let again: Document<TabularScenario> = input::parse("test", text).unwrap();
         assert_eq!(short.value, again.value);
     }
@@ -113,9 +122,22 @@ mod tests {
     fn values_are_replaced() {
         let document: Document<TabularScenario> =
             input::parse("test", "TabularScenario(task: BipolarChain())".to_owned()).unwrap();
-        let assignments = ["task.vertices=50", "agents.count=1000", "agents.starts=Together", "algorithm=Ucrl(width: 3)"];
-        let changed = overrides::apply_all(document, &assignments.map(str::to_owned)).unwrap().value.resolved();
-        for expected in ["vertices: 50,", "count: 1000,", "starts: Together,", "width: 3.0,"] {
+        let assignments = [
+            "task.vertices=50",
+            "agents.count=1000",
+            "agents.starts=Together",
+            "algorithm=Ucrl(width: 3)",
+        ];
+        let changed = overrides::apply_all(document, &assignments.map(str::to_owned))
+            .unwrap()
+            .value
+            .resolved();
+        for expected in [
+            "vertices: 50,",
+            "count: 1000,",
+            "starts: Together,",
+            "width: 3.0,",
+        ] {
             assert!(changed.contains(expected), "{expected} in {changed}");
         }
     }

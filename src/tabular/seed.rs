@@ -54,9 +54,16 @@ impl Seed {
         Self {
             run: run_seed,
             agent,
-            normals: StandardNormal.sample_iter(random).take(model.parameters.len()).collect(),
+            normals: StandardNormal
+                .sample_iter(random)
+                .take(model.parameters.len())
+                .collect(),
             walks: vec![Sum::default(); model.parameters.len()],
-            weights: if certain { Vec::new() } else { prior_weights(model, run_seed, agent) },
+            weights: if certain {
+                Vec::new()
+            } else {
+                prior_weights(model, run_seed, agent)
+            },
         }
     }
 
@@ -66,7 +73,10 @@ impl Seed {
             let (prior, posterior) = (model.parameters[parameter], belief.posterior(parameter));
             mdp.values[parameter] = match (rewards, posterior) {
                 (RewardSeeds::MartingaleGaussian, Posterior::Gaussian { mean, variance }) => {
-                    from_scale(prior, mean + variance * self.pull(parameter, prior, belief.sightings(parameter)))
+                    from_scale(
+                        prior,
+                        mean + variance * self.pull(parameter, prior, belief.sightings(parameter)),
+                    )
                 }
                 _ => posterior.quantile(prior, self.normals[parameter]),
             };
@@ -78,13 +88,29 @@ impl Seed {
 
     /// How far the seed pulls a martingale from the posterior mean, in units of its variance: (θ̂₀ − μ₀) / σ₀² + Σ wₙ / s².
     fn pull(&mut self, parameter: usize, prior: Prior, sightings: u32) -> f64 {
-        let (Prior::Normal { deviation, noise, .. } | Prior::LogNormal { deviation, noise, .. }) = prior else { return 0.0 };
-        let (start, walk) = (self.normals[parameter] / deviation, &mut self.walks[parameter]);
+        let (Prior::Normal {
+            deviation, noise, ..
+        }
+        | Prior::LogNormal {
+            deviation, noise, ..
+        }) = prior
+        else {
+            return 0.0;
+        };
+        let (start, walk) = (
+            self.normals[parameter] / deviation,
+            &mut self.walks[parameter],
+        );
         if sightings == 0 {
             return start;
         }
         if walk.count < sightings {
-            let mut random = stream(self.run, Purpose::TabularNoise, self.agent, parameter as u32);
+            let mut random = stream(
+                self.run,
+                Purpose::TabularNoise,
+                self.agent,
+                parameter as u32,
+            );
             random.set_word_pos(u128::from(walk.count) * 4);
             walk.extend(sightings, || box_muller(&mut random));
         }
@@ -96,9 +122,14 @@ impl Seed {
     fn sample_transitions(&mut self, model: &Model, belief: &Belief, mdp: &mut Mdp) {
         for pair in 0..model.pair_count() {
             let outcomes = model.outcomes_of(pair);
-            outcomes.clone().for_each(|outcome| self.weigh(outcome, belief.count(outcome)));
+            outcomes
+                .clone()
+                .for_each(|outcome| self.weigh(outcome, belief.count(outcome)));
             let weights = self.weights[outcomes.clone()].iter().map(|sum| sum.total);
-            mdp.probabilities[outcomes].iter_mut().zip(weights).for_each(|(probability, weight)| *probability = weight);
+            mdp.probabilities[outcomes]
+                .iter_mut()
+                .zip(weights)
+                .for_each(|(probability, weight)| *probability = weight);
         }
         normalise(model, mdp);
     }
@@ -106,7 +137,12 @@ impl Seed {
     fn weigh(&mut self, outcome: usize, count: u32) {
         let sum = &mut self.weights[outcome];
         if sum.count < count {
-            let mut random = stream(self.run, Purpose::TabularTransitions, self.agent, outcome as u32);
+            let mut random = stream(
+                self.run,
+                Purpose::TabularTransitions,
+                self.agent,
+                outcome as u32,
+            );
             random.set_word_pos(FIRST_EXPONENTIAL + u128::from(sum.count) * 2);
             sum.extend(count, || -libm::log(uniform(&mut random)));
         }
@@ -123,8 +159,20 @@ impl Sum {
 
 fn prior_weights(model: &Model, run_seed: u64, agent: u32) -> Vec<Sum> {
     let gamma = gamma(model.outcome_weight);
-    let weight = |outcome| gamma.sample(&mut stream(run_seed, Purpose::TabularTransitions, agent, outcome as u32));
-    (0..model.outcomes().len()).map(|outcome| Sum { count: 0, total: weight(outcome) }).collect()
+    let weight = |outcome| {
+        gamma.sample(&mut stream(
+            run_seed,
+            Purpose::TabularTransitions,
+            agent,
+            outcome as u32,
+        ))
+    };
+    (0..model.outcomes().len())
+        .map(|outcome| Sum {
+            count: 0,
+            total: weight(outcome),
+        })
+        .collect()
 }
 
 fn gamma(shape: f64) -> Gamma<f64> {
@@ -135,11 +183,14 @@ fn gamma(shape: f64) -> Gamma<f64> {
 pub fn draw_posterior(model: &Model, belief: &Belief, random: &mut Stream, mdp: &mut Mdp) {
     for parameter in 0..model.parameters.len() {
         let normal = StandardNormal.sample(random);
-        mdp.values[parameter] = belief.posterior(parameter).quantile(model.parameters[parameter], normal);
+        mdp.values[parameter] = belief
+            .posterior(parameter)
+            .quantile(model.parameters[parameter], normal);
     }
     if model.outcomes().len() > model.pair_count() {
         for outcome in 0..model.outcomes().len() {
-            mdp.probabilities[outcome] = gamma(model.outcome_weight + f64::from(belief.count(outcome))).sample(random);
+            mdp.probabilities[outcome] =
+                gamma(model.outcome_weight + f64::from(belief.count(outcome))).sample(random);
         }
         normalise(model, mdp);
     }

@@ -17,7 +17,9 @@ impl Shelf {
         let certain = model.outcomes().len() == model.pair_count();
         let signs = model.parameters.len();
         let used = only_signs && certain && signs <= MOST_SIGNS;
-        Self { plans: vec![None; if used { 1 << signs } else { 0 }] }
+        Self {
+            plans: vec![None; if used { 1 << signs } else { 0 }],
+        }
     }
 
     /// Where the plan for an MDP stands; none where a sign is neither −1 nor 1, as in the mean of a belief.

@@ -125,14 +125,19 @@ impl Team {
         let model = scenario.task.model(scenario.seed);
         let truth = scenario.task.draw(&model, scenario.seed);
         let mut planner = Planner::new(&model);
-        let agents: Vec<Agent> = (0..scenario.agents.count.get()).map(|agent| Agent::new(scenario, &model, agent)).collect();
+        let agents: Vec<Agent> = (0..scenario.agents.count.get())
+            .map(|agent| Agent::new(scenario, &model, agent))
+            .collect();
         let mut team = Self {
             optimal_value: planner.optimal_value(&model, &truth),
             belief: Belief::new(&model),
             queue: BinaryHeap::new(),
             agents,
             shelf: Shelf::new(&model),
-            imagined: Mdp { values: vec![0.0; model.parameters.len()], probabilities: vec![1.0; model.outcomes().len()] },
+            imagined: Mdp {
+                values: vec![0.0; model.parameters.len()],
+                probabilities: vec![1.0; model.outcomes().len()],
+            },
             optimism: Vec::new(),
             visits: vec![Visits::default(); model.states()],
             steps: 0,
@@ -141,7 +146,10 @@ impl Team {
             truth,
             planner,
         };
-        team.queue = first_turns(scenario).into_iter().map(|turn| Reverse(team.begin(turn, 0))).collect();
+        team.queue = first_turns(scenario)
+            .into_iter()
+            .map(|turn| Reverse(team.begin(turn, 0)))
+            .collect();
         team
     }
 
@@ -156,7 +164,10 @@ impl Team {
             self.queue.push(Reverse(turn.next(&mut agent.clock)));
             return Some(step);
         }
-        step.ended = Some(Episode { ended: turn.time, ..agent.episode });
+        step.ended = Some(Episode {
+            ended: turn.time,
+            ..agent.episode
+        });
         if step.episode + 1 < self.scenario.episodes.get() {
             let begun = self.begin(turn, step.episode + 1);
             self.queue.push(Reverse(begun));
@@ -171,8 +182,13 @@ impl Team {
         let agent = &mut self.agents[turn.agent as usize];
         agent.state = self.model.start;
         agent.step = 0;
-        agent.episode =
-            Episode { agent: turn.agent, episode, begun: turn.time, regret: self.optimal_value, ..Episode::default() };
+        agent.episode = Episode {
+            agent: turn.agent,
+            episode,
+            begun: turn.time,
+            regret: self.optimal_value,
+            ..Episode::default()
+        };
         let next = turn.next(&mut agent.clock);
         self.visit(turn.agent);
         next
@@ -190,16 +206,30 @@ impl Team {
     fn act(&mut self, turn: Turn, pair: usize) -> Step {
         let agent = &mut self.agents[turn.agent as usize];
         let outcome = self.model.sample(&self.truth, pair, &mut agent.outcomes);
-        let seen = self.model.observe(&self.truth, outcome, &mut agent.outcomes);
+        let seen = self
+            .model
+            .observe(&self.truth, outcome, &mut agent.outcomes);
         let (from, to) = (agent.state, self.model.outcomes()[outcome].state);
         let reward = self.model.reward(outcome, seen);
-        agent.take(to, reward, self.model.mean_reward(outcome, &self.truth.values));
+        agent.take(
+            to,
+            reward,
+            self.model.mean_reward(outcome, &self.truth.values),
+        );
         let episode = agent.episode.episode;
         self.steps += 1;
         self.belief.take_in(&self.model, pair, outcome, seen);
         self.visit(turn.agent);
         let action = (pair - self.model.pairs(from).start) as u32;
-        Step { agent: turn.agent, episode, from, action, reward, to, ended: None }
+        Step {
+            agent: turn.agent,
+            episode,
+            from,
+            action,
+            reward,
+            to,
+            ended: None,
+        }
     }
 
     /// What an agent does now: a pair of its state.
@@ -223,7 +253,9 @@ impl Team {
         }
         let agent = &self.agents[number as usize];
         let policy = match agent.plan {
-            Plan::Shared(slot) => self.shelf.plans[slot].as_ref().expect("a plan on the shelf was made"),
+            Plan::Shared(slot) => self.shelf.plans[slot]
+                .as_ref()
+                .expect("a plan on the shelf was made"),
             Plan::Own | Plan::None => &agent.policy,
         };
         self.planner.action(policy, agent.step, agent.state)
@@ -249,13 +281,20 @@ impl Team {
             let plan = &mut self.shelf.plans[slot];
             if plan.is_none() {
                 let policy = plan.insert(self.planner.empty_policy());
-                self.planner.plan(&self.model, &self.imagined, &[], 0, policy);
+                self.planner
+                    .plan(&self.model, &self.imagined, &[], 0, policy);
             }
             return;
         }
         agent.plan = Plan::Own;
         agent.policy.resize(self.planner.policy_length(), 0);
-        self.planner.plan(&self.model, &self.imagined, &self.optimism, agent.step, &mut agent.policy);
+        self.planner.plan(
+            &self.model,
+            &self.imagined,
+            &self.optimism,
+            agent.step,
+            &mut agent.policy,
+        );
     }
 
     /// What the best policy earns in an episode on average.
@@ -279,7 +318,10 @@ impl Team {
     /// States in which any agent was.
     #[must_use]
     pub fn states_visited(&self) -> usize {
-        self.visits.iter().filter(|visits| visits.agents > 0).count()
+        self.visits
+            .iter()
+            .filter(|visits| visits.agents > 0)
+            .count()
     }
 
     /// Actions of the whole team.

@@ -20,7 +20,10 @@ impl Turn {
     /// The same agent's next turn.
     pub(super) fn next(self, clock: &mut Stream) -> Self {
         let pause: f64 = Exp1.sample(clock);
-        Self { time: self.time + pause, ..self }
+        Self {
+            time: self.time + pause,
+            ..self
+        }
     }
 }
 
@@ -42,7 +45,9 @@ impl Eq for Turn {}
 
 impl Ord for Turn {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.time.total_cmp(&other.time).then(self.agent.cmp(&other.agent))
+        self.time
+            .total_cmp(&other.time)
+            .then(self.agent.cmp(&other.agent))
     }
 }
 

@@ -21,7 +21,10 @@ impl Contents {
                 && store.kind() == StoreKind::Recording
             {
                 let chunk = Chunk::from_arrow_msg(&arrow).unwrap();
-                entities.entry(chunk.entity_path().to_string()).or_default().push(chunk);
+                entities
+                    .entry(chunk.entity_path().to_string())
+                    .or_default()
+                    .push(chunk);
             }
         }
         Self(entities)
@@ -33,25 +36,44 @@ impl Contents {
 
     pub(super) fn times(&self, entity: &str, timeline: &'static str) -> Vec<i64> {
         let timeline = TimelineName::from(timeline);
-        let columns = self.chunks(entity).iter().filter_map(|chunk| chunk.timelines().get(&timeline));
-        columns.flat_map(|column| column.times_raw().to_vec()).collect()
+        let columns = self
+            .chunks(entity)
+            .iter()
+            .filter_map(|chunk| chunk.timelines().get(&timeline));
+        columns
+            .flat_map(|column| column.times_raw().to_vec())
+            .collect()
     }
 
     pub(super) fn numbers(&self, entity: &str, component: &str) -> Vec<f32> {
         let component = ComponentIdentifier::try_new(component).unwrap();
-        self.chunks(entity).iter().flat_map(|chunk| chunk.iter_slices::<f32>(component).flatten().copied()).collect()
+        self.chunks(entity)
+            .iter()
+            .flat_map(|chunk| chunk.iter_slices::<f32>(component).flatten().copied())
+            .collect()
     }
 
     pub(super) fn numbers64(&self, entity: &str, component: &str) -> Vec<f64> {
         let component = ComponentIdentifier::try_new(component).unwrap();
-        self.chunks(entity).iter().flat_map(|chunk| chunk.iter_slices::<f64>(component).flatten().copied()).collect()
+        self.chunks(entity)
+            .iter()
+            .flat_map(|chunk| chunk.iter_slices::<f64>(component).flatten().copied())
+            .collect()
     }
 
     pub(super) fn words(&self, entity: &str, component: &str) -> Vec<String> {
         let component = ComponentIdentifier::try_new(component).unwrap();
         let mut words = Vec::new();
-        for list in self.chunks(entity).iter().filter_map(|chunk| chunk.components().get_array(component)) {
-            let values = list.values().as_any().downcast_ref::<StringArray>().unwrap();
+        for list in self
+            .chunks(entity)
+            .iter()
+            .filter_map(|chunk| chunk.components().get_array(component))
+        {
+            let values = list
+                .values()
+                .as_any()
+                .downcast_ref::<StringArray>()
+                .unwrap();
             words.extend(values.iter().flatten().map(ToOwned::to_owned));
         }
         words
@@ -59,21 +81,32 @@ impl Contents {
 
     pub(super) fn integers(&self, entity: &str, component: &str) -> Vec<u32> {
         let component = ComponentIdentifier::try_new(component).unwrap();
-        self.chunks(entity).iter().flat_map(|chunk| chunk.iter_slices::<u32>(component).flatten().copied()).collect()
+        self.chunks(entity)
+            .iter()
+            .flat_map(|chunk| chunk.iter_slices::<u32>(component).flatten().copied())
+            .collect()
     }
 
     pub(super) fn points(&self, entity: &str) -> Vec<[f32; 2]> {
         let component = ComponentIdentifier::try_new("Points2D:positions").unwrap();
-        self.chunks(entity).iter().flat_map(|chunk| chunk.iter_slices::<[f32; 2]>(component).flatten().copied()).collect()
+        self.chunks(entity)
+            .iter()
+            .flat_map(|chunk| chunk.iter_slices::<[f32; 2]>(component).flatten().copied())
+            .collect()
     }
 
     /// The bytes of each picture, of densities or in colour.
     pub(super) fn pictures(&self, entity: &str) -> Vec<Vec<u8>> {
-        let names = ["DepthImage:buffer", "Image:buffer"].map(|name| ComponentIdentifier::try_new(name).unwrap());
+        let names = ["DepthImage:buffer", "Image:buffer"]
+            .map(|name| ComponentIdentifier::try_new(name).unwrap());
         let bytes = |chunk: &Chunk| -> Vec<Vec<u8>> {
-            let buffers = names
-                .iter()
-                .flat_map(|name| chunk.iter_slices::<&[u8]>(*name).flatten().map(|bytes| bytes.to_vec()).collect::<Vec<_>>());
+            let buffers = names.iter().flat_map(|name| {
+                chunk
+                    .iter_slices::<&[u8]>(*name)
+                    .flatten()
+                    .map(|bytes| bytes.to_vec())
+                    .collect::<Vec<_>>()
+            });
             buffers.collect()
         };
         self.chunks(entity).iter().flat_map(bytes).collect()
@@ -81,29 +114,55 @@ impl Contents {
 
     /// The rows, counted over all chunks, that have the component.
     pub(super) fn rows_with(&self, entity: &str, component: &str) -> Vec<usize> {
-        self.lists(entity, component).iter().enumerate().filter_map(|(row, length)| length.map(|_| row)).collect()
+        self.lists(entity, component)
+            .iter()
+            .enumerate()
+            .filter_map(|(row, length)| length.map(|_| row))
+            .collect()
     }
 
     pub(super) fn lines_per_row(&self, entity: &str, component: &str) -> Vec<usize> {
-        self.lists(entity, component).into_iter().flatten().collect()
+        self.lists(entity, component)
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     fn lists(&self, entity: &str, component: &str) -> Vec<Option<usize>> {
         let component = ComponentIdentifier::try_new(component).unwrap();
-        let lists = self.chunks(entity).iter().filter_map(|chunk| chunk.components().get_array(component));
-        lists.flat_map(|list| (0..list.len()).map(|row| list.is_valid(row).then(|| list.value_length(row) as usize))).collect()
+        let lists = self
+            .chunks(entity)
+            .iter()
+            .filter_map(|chunk| chunk.components().get_array(component));
+        lists
+            .flat_map(|list| {
+                (0..list.len())
+                    .map(|row| list.is_valid(row).then(|| list.value_length(row) as usize))
+            })
+            .collect()
     }
 
     /// Every column of every entity, row by row, in words; however the rows are cut into chunks.
     pub(super) fn columns(&self) -> BTreeMap<String, Vec<String>> {
         let mut columns: BTreeMap<String, Vec<String>> = BTreeMap::new();
-        for (entity, chunk) in self.0.iter().flat_map(|(entity, chunks)| chunks.iter().map(move |chunk| (entity, chunk))) {
+        for (entity, chunk) in self
+            .0
+            .iter()
+            .flat_map(|(entity, chunks)| chunks.iter().map(move |chunk| (entity, chunk)))
+        {
             for (name, column) in chunk.timelines() {
-                columns.entry(format!("{entity} {name}")).or_default().extend(column.times_raw().iter().map(ToString::to_string));
+                columns
+                    .entry(format!("{entity} {name}"))
+                    .or_default()
+                    .extend(column.times_raw().iter().map(ToString::to_string));
             }
             for column in chunk.components().values() {
-                let rows = (0..column.list_array.len()).map(|row| format!("{:?}", column.list_array.value(row)));
-                columns.entry(format!("{entity} {}", column.descriptor.component)).or_default().extend(rows);
+                let rows = (0..column.list_array.len())
+                    .map(|row| format!("{:?}", column.list_array.value(row)));
+                columns
+                    .entry(format!("{entity} {}", column.descriptor.component))
+                    .or_default()
+                    .extend(rows);
             }
         }
         columns

@@ -37,8 +37,15 @@ impl Round {
 impl Run {
     pub(super) fn new(agents: u32, rounds: u32) -> Self {
         let mut env_steps = 0;
-        let rounds = (0..rounds).map(|round| made_up_round(agents, round, rounds, &mut env_steps)).collect();
-        Self { agents, spec: cart_pole(), scene: cart_and_pole(), rounds }
+        let rounds = (0..rounds)
+            .map(|round| made_up_round(agents, round, rounds, &mut env_steps))
+            .collect();
+        Self {
+            agents,
+            spec: cart_pole(),
+            scene: cart_and_pole(),
+            rounds,
+        }
     }
 
     pub(super) fn about(&self) -> RecordingAbout<'_> {
@@ -58,7 +65,11 @@ impl Run {
 }
 
 fn cart_pole() -> Spec {
-    let quantity = |name: &str, unit: &str, end: f32| Quantity { name: name.into(), unit: unit.into(), range: [-end, end] };
+    let quantity = |name: &str, unit: &str, end: f32| Quantity {
+        name: name.into(),
+        unit: unit.into(),
+        range: [-end, end],
+    };
     Spec {
         name: "cartpole".to_owned(),
         description: "Keep a pole upright on a cart.".to_owned(),
@@ -68,7 +79,10 @@ fn cart_pole() -> Spec {
             quantity("theta", "rad", 0.209),
             quantity("theta_dot", "rad/s", 3.0),
         ],
-        actions: vec![Action { quantity: quantity("force", "N", 10.0), choice: Choice::Discrete(vec![-10.0, 10.0]) }],
+        actions: vec![Action {
+            quantity: quantity("force", "N", 10.0),
+            choice: Choice::Discrete(vec![-10.0, 10.0]),
+        }],
         control_step: 0.02,
         time_limit: 200,
         reward_threshold: Some(195.0),
@@ -76,12 +90,31 @@ fn cart_pole() -> Spec {
 }
 
 fn cart_and_pole() -> Scene {
-    let body = |name: &str, shapes| SceneBody { name: name.to_owned(), fixed: name == "rail", shapes, hinge: None };
+    let body = |name: &str, shapes| SceneBody {
+        name: name.to_owned(),
+        fixed: name == "rail",
+        shapes,
+        hinge: None,
+    };
     Scene {
         bodies: vec![
             body("rail", vec![Shape::Polyline(vec![[-2.4, 0.0], [2.4, 0.0]])]),
-            body("cart", vec![Shape::Box { center: [0.0, 0.0], half_size: [0.25, 0.125], angle: 0.0 }]),
-            body("pole", vec![Shape::Capsule { from: [0.0, 0.0], to: [0.0, 1.0], radius: 0.04 }]),
+            body(
+                "cart",
+                vec![Shape::Box {
+                    center: [0.0, 0.0],
+                    half_size: [0.25, 0.125],
+                    angle: 0.0,
+                }],
+            ),
+            body(
+                "pole",
+                vec![Shape::Capsule {
+                    from: [0.0, 0.0],
+                    to: [0.0, 1.0],
+                    radius: 0.04,
+                }],
+            ),
         ],
         tracked: None,
     }
@@ -89,7 +122,9 @@ fn cart_and_pole() -> Scene {
 
 fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> Round {
     let skill = (f64::from(round) / f64::from(rounds)).min(0.9);
-    let played: Vec<(Episode, Footage)> = (0..agents).map(|agent| made_up_episode(agent, round, skill)).collect();
+    let played: Vec<(Episode, Footage)> = (0..agents)
+        .map(|agent| made_up_episode(agent, round, skill))
+        .collect();
     let row = |episode: &Episode| {
         *env_steps += episode.length() as u64;
         EpisodeRow {
@@ -110,8 +145,14 @@ fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> R
     Round {
         round,
         episode_rows: episodes.iter().map(row).collect(),
-        round_rows: (0..agents).map(|agent| made_up_update(agent, round, skill)).collect(),
-        footage: round.is_multiple_of(10).then(|| played[0].1.clone()).into_iter().collect(),
+        round_rows: (0..agents)
+            .map(|agent| made_up_update(agent, round, skill))
+            .collect(),
+        footage: round
+            .is_multiple_of(10)
+            .then(|| played[0].1.clone())
+            .into_iter()
+            .collect(),
         episodes,
     }
 }
@@ -156,17 +197,33 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
         advantages: Vec::new(),
         outcome: Status::Truncated,
     };
-    let mut footage = Footage { agent, episode: round, poses: poses(state).to_vec(), ..Footage::default() };
+    let mut footage = Footage {
+        agent,
+        episode: round,
+        poses: poses(state).to_vec(),
+        ..Footage::default()
+    };
     while episode.length() < 200 {
-        let lean = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5) + 0.1 * state[1] + state[2] + 0.3 * state[3];
+        let lean = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5)
+            + 0.1 * state[1]
+            + state[2]
+            + 0.3 * state[3];
         let heed = noise.symmetric().abs() < skill + 0.1;
-        let push = if heed { lean > 0.0 } else { noise.symmetric() > 0.0 };
+        let push = if heed {
+            lean > 0.0
+        } else {
+            noise.symmetric() > 0.0
+        };
         state = moved(state, if push { 10.0 } else { -10.0 });
         episode.actions.push(f32::from(u8::from(push)));
-        episode.intrinsic_rewards.push(0.001 * (episode.length() % 10) as f32);
+        episode
+            .intrinsic_rewards
+            .push(0.001 * (episode.length() % 10) as f32);
         episode.advantages.push(episode.length() as f32 - 30.0);
         episode.rewards.push(1.0);
-        episode.log_probs.push(-(1.0 + noise.symmetric().abs() as f32).ln());
+        episode
+            .log_probs
+            .push(-(1.0 + noise.symmetric().abs() as f32).ln());
         episode.observations.extend(state.map(|x| x as f32));
         footage.poses.extend(poses(state));
         if state[0].abs() > 2.4 || state[2].abs() > 0.209 {
@@ -178,15 +235,32 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, Footage) {
 }
 
 fn poses([x, _, theta, _]: [f64; 4]) -> [Pose; 3] {
-    let cart = Pose { x: x as f32, y: 0.1, angle: 0.0 };
-    [Pose::default(), cart, Pose { angle: -theta as f32, ..cart }]
+    let cart = Pose {
+        x: x as f32,
+        y: 0.1,
+        angle: 0.0,
+    };
+    [
+        Pose::default(),
+        cart,
+        Pose {
+            angle: -theta as f32,
+            ..cart
+        },
+    ]
 }
 
 fn moved([x, v, theta, omega]: [f64; 4], force: f64) -> [f64; 4] {
     let push = (force + 0.05 * omega * omega * theta.sin()) / 1.1;
-    let alpha = (9.8 * theta.sin() - theta.cos() * push) / (0.5 * (4.0 / 3.0 - 0.1 * theta.cos().powi(2) / 1.1));
+    let alpha = (9.8 * theta.sin() - theta.cos() * push)
+        / (0.5 * (4.0 / 3.0 - 0.1 * theta.cos().powi(2) / 1.1));
     let a = push - 0.05 * alpha * theta.cos() / 1.1;
-    [x + 0.02 * v, v + 0.02 * a, theta + 0.02 * omega, omega + 0.02 * alpha]
+    [
+        x + 0.02 * v,
+        v + 0.02 * a,
+        theta + 0.02 * omega,
+        omega + 0.02 * alpha,
+    ]
 }
 
 struct Noise(u64);
@@ -194,7 +268,10 @@ struct Noise(u64);
 impl Noise {
     /// Evenly between −1 and 1.
     fn symmetric(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 }

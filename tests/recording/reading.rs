@@ -17,11 +17,20 @@ fn episodes_are_read_back_as_they_were() {
     let run = Run::new(3, 40);
     let path = record(&run, folder.path(), &RecordingSettings::default());
     let recording = Recording::open(&path).unwrap();
-    assert_eq!((recording.observations(), recording.largest_bonus()), (&run.spec.observations[..], Some(0.01)));
+    assert_eq!(
+        (recording.observations(), recording.largest_bonus()),
+        (&run.spec.observations[..], Some(0.01))
+    );
     assert_eq!(recording.actions(), [run.spec.actions[0].quantity.clone()]);
-    assert_eq!(recording.axes(), Axes::of(&run.spec, &RecordingSettings::default().axes, Some(0.01)));
+    assert_eq!(
+        recording.axes(),
+        Axes::of(&run.spec, &RecordingSettings::default().axes, Some(0.01))
+    );
     let property = |name: &str| recording.properties().get(name).map(String::as_str);
-    assert_eq!([property("agents"), property("RecordingInfo:name")], [Some("3"), Some("cartpole-made-up")]);
+    assert_eq!(
+        [property("agents"), property("RecordingInfo:name")],
+        [Some("3"), Some("cartpole-made-up")]
+    );
     assert_eq!(read_back(&path), played(&run, 40));
 }
 
@@ -30,16 +39,29 @@ fn episodes_are_read_back_as_they_were() {
 fn a_killed_recording_is_read_as_far_as_it_goes() {
     let folder = tempfile::tempdir().unwrap();
     let run = Run::new(2, 60);
-    let mut recorder =
-        RerunRecorder::create(&folder.path().join("run.rrd"), &run.about(), &RecordingSettings::default()).unwrap();
-    run.rounds[..20].iter().for_each(|round| round.record(&mut recorder));
+    let mut recorder = RerunRecorder::create(
+        &folder.path().join("run.rrd"),
+        &run.about(),
+        &RecordingSettings::default(),
+    )
+    .unwrap();
+    run.rounds[..20]
+        .iter()
+        .for_each(|round| round.record(&mut recorder));
     recorder.checkpoint().unwrap();
     let part = folder.path().join("run.rrd.part");
     let length = std::fs::metadata(&part).unwrap().len();
-    run.rounds[20..].iter().for_each(|round| round.record(&mut recorder));
+    run.rounds[20..]
+        .iter()
+        .for_each(|round| round.record(&mut recorder));
     drop(recorder);
     assert_eq!(read_back(&part), played(&run, 60));
-    File::options().write(true).open(&part).unwrap().set_len(length + 50).unwrap();
+    File::options()
+        .write(true)
+        .open(&part)
+        .unwrap()
+        .set_len(length + 50)
+        .unwrap();
     assert_eq!(read_back(&part), played(&run, 20));
 }
 
@@ -47,11 +69,25 @@ fn a_killed_recording_is_read_as_far_as_it_goes() {
 fn other_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other.rrd");
-    let refusal = |path: &Path| Recording::open(path).unwrap_err().to_string().replace(path.to_str().unwrap(), "FILE");
-    assert_eq!(refusal(&path), "cannot read FILE: No such file or directory (os error 2)");
+    let refusal = |path: &Path| {
+        Recording::open(path)
+            .unwrap_err()
+            .to_string()
+            .replace(path.to_str().unwrap(), "FILE")
+    };
+    assert_eq!(
+        refusal(&path),
+        "cannot read FILE: No such file or directory (os error 2)"
+    );
     std::fs::write(&path, "agent,episode,round\n0,0,0\n").unwrap();
-    assert!(refusal(&path).starts_with("cannot read FILE: "), "{}", refusal(&path));
-    let stream = rerun::RecordingStreamBuilder::new("other").save(&path).unwrap();
+    assert!(
+        refusal(&path).starts_with("cannot read FILE: "),
+        "{}",
+        refusal(&path)
+    );
+    let stream = rerun::RecordingStreamBuilder::new("other")
+        .save(&path)
+        .unwrap();
     stream.log("words", &rerun::TextLog::new("hello")).unwrap();
     drop(stream);
     let none = "FILE holds no run that this version of seedbed can read: there is no `/scenario/quantities` in it";
@@ -67,20 +103,30 @@ fn other_files_are_refused() {
 fn read_back(path: &Path) -> Vec<RecordedEpisode> {
     let episodes = Recording::open(path).unwrap().episodes().unwrap();
     let mut episodes: Vec<RecordedEpisode> = episodes.collect::<Result<_, _>>().unwrap();
-    assert!(episodes.iter().all(|episode| episode.observations.len() == 4 * (episode.length() + 1)));
+    assert!(
+        episodes
+            .iter()
+            .all(|episode| episode.observations.len() == 4 * (episode.length() + 1))
+    );
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     episodes
 }
 
 fn played(run: &Run, rounds: usize) -> Vec<RecordedEpisode> {
-    let all = run.rounds[..rounds].iter().flat_map(|round| round.episodes.clone());
+    let all = run.rounds[..rounds]
+        .iter()
+        .flat_map(|round| round.episodes.clone());
     let mut played: Vec<RecordedEpisode> = all
         .map(|episode| RecordedEpisode {
             agent: episode.agent,
             episode: episode.episode,
             round: episode.round,
             observations: episode.observations,
-            actions: episode.actions.iter().map(|&action| if action == 0.0 { -10.0 } else { 10.0 }).collect(),
+            actions: episode
+                .actions
+                .iter()
+                .map(|&action| if action == 0.0 { -10.0 } else { 10.0 })
+                .collect(),
             rewards: episode.rewards,
             intrinsic_rewards: episode.intrinsic_rewards,
             outcome: episode.outcome,

@@ -21,8 +21,12 @@ const CURIOUS: [&str; 5] = [
 ];
 
 /// Agents that do not wait for each other, with several continuous actions at once.
-const HOPPING: [&str; 4] =
-    ["environment=\"hopper\"", "agents.count=2", "stop=Episodes(4)", "schedule=Asynchronous(training: (env_steps: 30))"];
+const HOPPING: [&str; 4] = [
+    "environment=\"hopper\"",
+    "agents.count=2",
+    "stop=Episodes(4)",
+    "schedule=Asynchronous(training: (env_steps: 30))",
+];
 
 struct Nobody;
 
@@ -40,7 +44,12 @@ fn plan(overrides: &[&str]) -> Plan {
 fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
     let folder = RunFolder::new(folder);
     let _claim = folder.claim().unwrap();
-    let options = Options { folder: folder.clone(), resume: false, threads, recording: true };
+    let options = Options {
+        folder: folder.clone(),
+        resume: false,
+        threads,
+        recording: true,
+    };
     let ending = execute(plan, &options, None, &mut Nobody, &AtomicBool::new(false)).unwrap();
     assert!(matches!(ending, Ending::Finished(_)));
     Contents::of(&folder.recording())
@@ -52,7 +61,10 @@ fn played(plan: &Plan) -> Vec<Vec<Episode>> {
     let mut agents = vec![Vec::new(); trainer.agent_count()];
     while !trainer.is_done() {
         trainer.advance().unwrap();
-        trainer.newest_episodes().into_iter().for_each(|episode| agents[episode.agent as usize].push(episode.clone()));
+        trainer
+            .newest_episodes()
+            .into_iter()
+            .for_each(|episode| agents[episode.agent as usize].push(episode.clone()));
     }
     agents
 }
@@ -62,7 +74,10 @@ fn a_recording_holds_what_the_agents_saw_and_did() {
     for overrides in [&CURIOUS[..], &HOPPING[..]] {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
         let (contents, agents) = (recorded(&plan, folder.path(), 2), played(&plan));
-        assert_ne!(agents[0][0].observations, agents[1][0].observations, "agents that do the same could be mistaken");
+        assert_ne!(
+            agents[0][0].observations, agents[1][0].observations,
+            "agents that do the same could be mistaken"
+        );
         for (agent, episodes) in agents.iter().enumerate() {
             assert_eq!(episodes.len(), plan.scenario.most_episodes() as usize);
             compare(&plan, &contents, &format!("/raw/agent_{agent}"), episodes);
@@ -75,10 +90,18 @@ fn compare(plan: &Plan, contents: &Contents, entity: &str, episodes: &[Episode])
     let spec = &plan.description.spec;
     let column = |name: &str| contents.numbers(entity, &format!("State:{name}"));
     let strided = |values: fn(&Episode) -> &Vec<f32>, index: usize, width: usize| -> Vec<f32> {
-        episodes.iter().flat_map(|episode| values(episode).iter().skip(index).step_by(width)).copied().collect()
+        episodes
+            .iter()
+            .flat_map(|episode| values(episode).iter().skip(index).step_by(width))
+            .copied()
+            .collect()
     };
     for (index, quantity) in spec.observations.iter().enumerate() {
-        let seen = strided(|episode| &episode.observations, index, spec.observations.len());
+        let seen = strided(
+            |episode| &episode.observations,
+            index,
+            spec.observations.len(),
+        );
         assert_eq!(column(&quantity.name), seen, "{entity} {}", quantity.name);
     }
     for (index, action) in spec.actions.iter().enumerate() {
@@ -88,33 +111,74 @@ fn compare(plan: &Plan, contents: &Contents, entity: &str, episodes: &[Episode])
                 *action = values[*action as usize];
             }
         }
-        assert_eq!(column(&action.quantity.name), done, "{entity} {}", action.quantity.name);
+        assert_eq!(
+            column(&action.quantity.name),
+            done,
+            "{entity} {}",
+            action.quantity.name
+        );
     }
     assert_eq!(column("reward"), strided(|episode| &episode.rewards, 0, 1));
     let log_probs = strided(|episode| &episode.log_probs, 0, 1);
-    assert_eq!(column("log_prob"), log_probs.chunks(spec.actions.len()).map(|parts| parts.iter().sum()).collect::<Vec<f32>>());
+    assert_eq!(
+        column("log_prob"),
+        log_probs
+            .chunks(spec.actions.len())
+            .map(|parts| parts.iter().sum())
+            .collect::<Vec<f32>>()
+    );
     if plan.scenario.algorithm.largest_intrinsic_reward().is_some() {
-        assert_eq!(column("intrinsic_reward"), strided(|episode| &episode.intrinsic_rewards, 0, 1));
-        assert_eq!(column("advantage"), strided(|episode| &episode.advantages, 0, 1));
+        assert_eq!(
+            column("intrinsic_reward"),
+            strided(|episode| &episode.intrinsic_rewards, 0, 1)
+        );
+        assert_eq!(
+            column("advantage"),
+            strided(|episode| &episode.advantages, 0, 1)
+        );
     }
     let repeated = |value: fn(&Episode) -> u32| -> Vec<i64> {
-        episodes.iter().flat_map(|episode| vec![i64::from(value(episode)); episode.length() + 1]).collect()
+        episodes
+            .iter()
+            .flat_map(|episode| vec![i64::from(value(episode)); episode.length() + 1])
+            .collect()
     };
-    assert_eq!(contents.times(entity, "episode"), repeated(|episode| episode.episode));
-    assert_eq!(contents.times(entity, "round"), repeated(|episode| episode.round));
-    let word = |episode: &Episode| if episode.outcome == Status::Terminated { "terminated" } else { "truncated" };
-    assert_eq!(contents.words(entity, "State:outcome"), episodes.iter().map(word).collect::<Vec<_>>());
+    assert_eq!(
+        contents.times(entity, "episode"),
+        repeated(|episode| episode.episode)
+    );
+    assert_eq!(
+        contents.times(entity, "round"),
+        repeated(|episode| episode.round)
+    );
+    let word = |episode: &Episode| {
+        if episode.outcome == Status::Terminated {
+            "terminated"
+        } else {
+            "truncated"
+        }
+    };
+    assert_eq!(
+        contents.words(entity, "State:outcome"),
+        episodes.iter().map(word).collect::<Vec<_>>()
+    );
 }
 
 #[test]
 fn any_number_of_threads_gives_the_same_recording() {
     for overrides in [&CURIOUS[..], &HOPPING[..]] {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
-        let [one, three] = [1, 3].map(|threads| recorded(&plan, &folder.path().join(threads.to_string()), threads).columns());
+        let [one, three] = [1, 3].map(|threads| {
+            recorded(&plan, &folder.path().join(threads.to_string()), threads).columns()
+        });
         assert!(
-            one.contains_key("/raw/agent_1 State:reward") && one.contains_key("/visitation/agent_1/latest DepthImage:buffer")
+            one.contains_key("/raw/agent_1 State:reward")
+                && one.contains_key("/visitation/agent_1/latest DepthImage:buffer")
         );
-        let differing = one.iter().find(|(name, rows)| three.get(*name) != Some(rows)).map(|(name, _)| name);
+        let differing = one
+            .iter()
+            .find(|(name, rows)| three.get(*name) != Some(rows))
+            .map(|(name, _)| name);
         assert_eq!((differing, one.len()), (None, three.len()));
     }
 }

@@ -11,17 +11,34 @@ use super::task;
 fn gyms_car([position, velocity]: [f64; 2], action: f64) -> [f64; 2] {
     let velocity = velocity + action * 0.0015 - 0.0025 * (3.0 * position).cos();
     let position = (position + velocity).clamp(-1.2, 0.6);
-    [position, if position == -1.2 && velocity < 0.0 { 0.0 } else { velocity }]
+    [
+        position,
+        if position == -1.2 && velocity < 0.0 {
+            0.0
+        } else {
+            velocity
+        },
+    ]
 }
 
 /// Runs an environment of one copy under `action` and calls `check` with each step's x, v.
-fn drive(physics: Physics, from: f64, action: &dyn Fn(usize, [f64; 2]) -> f64, check: &mut dyn FnMut([f64; 2])) {
+fn drive(
+    physics: Physics,
+    from: f64,
+    action: &dyn Fn(usize, [f64; 2]) -> f64,
+    check: &mut dyn FnMut([f64; 2]),
+) {
     let mut task = task("mountain_car_continuous");
     task.reset[0].position = Distribution::Constant(from);
     task.spec.time_limit = 100_000;
     let mut car = build(&task, physics, 1).unwrap();
     car.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
-    let seen = |car: &dyn Environment| [f64::from(car.observations()[0]), f64::from(car.observations()[1])];
+    let seen = |car: &dyn Environment| {
+        [
+            f64::from(car.observations()[0]),
+            f64::from(car.observations()[1]),
+        ]
+    };
     for step in 0..5000 {
         let action = action(step, seen(&*car));
         car.step(&[action as f32]);
@@ -40,7 +57,10 @@ fn the_mountain_car_is_gyms() {
             drive(physics, -0.5, &action, &mut |found| {
                 let exact = gyms_car(before, action(step, before));
                 let error = (exact[0] - found[0]).abs().max((exact[1] - found[1]).abs());
-                assert!(error < 2e-7, "{physics:?}: step {step}: {found:?} instead of {exact:?}");
+                assert!(
+                    error < 2e-7,
+                    "{physics:?}: step {step}: {found:?} instead of {exact:?}"
+                );
                 stops += usize::from(exact == [-1.2, 0.0]);
                 (before, step) = (found, step + 1);
             });
@@ -57,16 +77,24 @@ fn a_rolling_car_keeps_its_energy() {
     let energy = |[x, v]: [f64; 2]| 0.5 * v * v + 0.0025 / 3.0 * (3.0 * x).sin();
     for physics in [Physics::Rapier, Physics::Analytic] {
         let (mut all, from) = (Vec::new(), f64::from(-0.9_f32));
-        drive(physics, from, &|_, _| 0.0, &mut |state| all.push(energy(state)));
+        drive(physics, from, &|_, _| 0.0, &mut |state| {
+            all.push(energy(state))
+        });
         let before = energy([from, 0.0]);
-        assert!(all.iter().all(|energy| (energy - before).abs() < 5e-5), "{physics:?}");
+        assert!(
+            all.iter().all(|energy| (energy - before).abs() < 5e-5),
+            "{physics:?}"
+        );
         let mean = |energies: &[f64]| energies.iter().sum::<f64>() / energies.len() as f64;
         let drift = mean(&all[4000..]) - mean(&all[..1000]);
         assert!(drift.abs() < 2e-6, "{physics:?}: {drift}");
     }
     let mut euler = [-0.9, 0.0];
     for _ in 0..200 {
-        euler = [euler[0] + euler[1], euler[1] - 0.0025 * f64::cos(3.0 * euler[0])];
+        euler = [
+            euler[0] + euler[1],
+            euler[1] - 0.0025 * f64::cos(3.0 * euler[0]),
+        ];
     }
     assert!(energy(euler) - energy([-0.9, 0.0]) > 1e-4, "{euler:?}");
 }
@@ -85,8 +113,16 @@ fn only_a_run_down_from_the_goal_is_faster_than_gyms_clip() {
         }
         fastest
     };
-    assert!((0.068..0.07).contains(&fastest(-1.2, 1.0)), "{}", fastest(-1.2, 1.0));
-    assert!((0.080..0.082).contains(&fastest(0.4499, -1.0)), "{}", fastest(0.4499, -1.0));
+    assert!(
+        (0.068..0.07).contains(&fastest(-1.2, 1.0)),
+        "{}",
+        fastest(-1.2, 1.0)
+    );
+    assert!(
+        (0.080..0.082).contains(&fastest(0.4499, -1.0)),
+        "{}",
+        fastest(0.4499, -1.0)
+    );
 }
 
 /// The car is drawn on its hill, 0.45 sin 3x + 0.55, with the slope's angle, while its body moves along x.

@@ -10,7 +10,14 @@ use seedbed::random::{Purpose, stream};
 use super::{rigid, start, state, task};
 
 /// A body of 2 kg and 0.5 kg m² on one joint, which `joint` describes, with the given actuators and no gravity.
-fn rig(kind: &str, joint: &str, actuators: &str, solver: &str, gravity: &str, com: &str) -> Description {
+fn rig(
+    kind: &str,
+    joint: &str,
+    actuators: &str,
+    solver: &str,
+    gravity: &str,
+    com: &str,
+) -> Description {
     let text = format!(
         r#"Environment(
             description: "One body on one joint.", gravity: {gravity}, control_step: 0.02, time_limit: 1000, solver: ({solver}),
@@ -32,10 +39,22 @@ const LEVEL: &str = "Slide(axis: (1.0, 0.0))";
 const SLOPE: &str = "Slide(axis: (0.8, 0.6))";
 
 /// Every way in which a single joint is held, and its inertia without gravity: 2 kg, or 0.5 kg m² about the centre of mass.
-const KINDS: [(&str, f64); 4] = [(LEVEL, 2.0), (SLOPE, 2.0), ("Hinge()", 0.5), ("Hinge(positive: Clockwise)", 0.5)];
+const KINDS: [(&str, f64); 4] = [
+    (LEVEL, 2.0),
+    (SLOPE, 2.0),
+    ("Hinge()", 0.5),
+    ("Hinge(positive: Clockwise)", 0.5),
+];
 
 fn weightless(kind: &str, joint: &str, actuators: &str) -> Description {
-    rig(kind, joint, actuators, "iterations: 32, passes: 4", "(0.0, 0.0)", "(0.0, 0.0)")
+    rig(
+        kind,
+        joint,
+        actuators,
+        "iterations: 32, passes: 4",
+        "(0.0, 0.0)",
+        "(0.0, 0.0)",
+    )
 }
 
 /// The state after each of `steps` control steps under a constant control.
@@ -57,7 +76,11 @@ fn damping_decays_as_it_should() {
         let states = run(&weightless(kind, "damping: 1.5", PUSH), [0.1, 3.0], 0.0, 50);
         for (step, state) in (1..).zip(&states) {
             let expected = 3.0 * (-1.5 / inertia * 0.02 * f64::from(step)).exp();
-            assert!((state[1] - expected).abs() < 3e-3, "{kind}: {} instead of {expected}", state[1]);
+            assert!(
+                (state[1] - expected).abs() < 3e-3,
+                "{kind}: {} instead of {expected}",
+                state[1]
+            );
         }
     }
 }
@@ -74,7 +97,11 @@ fn a_spring_has_its_frequency() {
         for (step, state) in (1..).zip(&states) {
             let time = 0.02 * f64::from(step);
             let expected = 0.2 + 0.5 * (-decay * time).exp() * (omega * time).cos();
-            assert!((state[0] - expected).abs() < 0.01, "{kind}: {} instead of {expected} after {time} s", state[0]);
+            assert!(
+                (state[0] - expected).abs() < 0.01,
+                "{kind}: {} instead of {expected} after {time} s",
+                state[0]
+            );
         }
     }
 }
@@ -85,13 +112,22 @@ fn dry_friction_holds_slides_and_stops() {
     for (kind, inertia) in KINDS {
         let task = weightless(kind, "frictionloss: 2.0", PUSH);
         let held = run(&task, [0.3, 0.0], 1.9, 100)[99];
-        assert!((held[0] - 0.3).abs() < 1e-5 && held[1].abs() < 1e-5, "{kind}: {held:?}");
+        assert!(
+            (held[0] - 0.3).abs() < 1e-5 && held[1].abs() < 1e-5,
+            "{kind}: {held:?}"
+        );
         let sliding = run(&task, [0.0, 0.0], 3.0, 25)[24];
-        assert!((sliding[1] - 0.5 / inertia).abs() < 1e-3, "{kind}: {sliding:?}");
+        assert!(
+            (sliding[1] - 0.5 / inertia).abs() < 1e-3,
+            "{kind}: {sliding:?}"
+        );
         let stopping = run(&task, [0.0, 0.5 / inertia], 0.0, 24)[23];
         assert!(stopping[1].abs() < 1e-5, "{kind}: {stopping:?}");
         let coasting = run(&task, [0.0, 1.0 / inertia], 0.0, 12)[11];
-        assert!((coasting[1] - (1.0 - 2.0 * 0.24) / inertia).abs() < 1e-3, "{kind}: {coasting:?}");
+        assert!(
+            (coasting[1] - (1.0 - 2.0 * 0.24) / inertia).abs() < 1e-3,
+            "{kind}: {coasting:?}"
+        );
     }
 }
 
@@ -99,11 +135,27 @@ fn dry_friction_holds_slides_and_stops() {
 #[test]
 fn an_armature_adds_inertia_without_weight() {
     for (kind, inertia) in KINDS {
-        let state = run(&weightless(kind, "armature: 1.5", PUSH), [0.0, 0.0], 3.0, 25)[24];
+        let state = run(
+            &weightless(kind, "armature: 1.5", PUSH),
+            [0.0, 0.0],
+            3.0,
+            25,
+        )[24];
         let expected = 3.0 * 0.5 / (inertia + 1.5);
-        assert!((state[1] - expected).abs() < 1e-3, "{kind}: {} instead of {expected}", state[1]);
+        assert!(
+            (state[1] - expected).abs() < 1e-3,
+            "{kind}: {} instead of {expected}",
+            state[1]
+        );
     }
-    let falling = rig("Slide(axis: (0.0, 1.0))", "armature: 2.0", PUSH, "iterations: 4", "(0.0, -10.0)", "(0.0, 0.0)");
+    let falling = rig(
+        "Slide(axis: (0.0, 1.0))",
+        "armature: 2.0",
+        PUSH,
+        "iterations: 4",
+        "(0.0, -10.0)",
+        "(0.0, 0.0)",
+    );
     let state = run(&falling, [0.0, 0.0], 0.0, 50)[49];
     assert!((state[1] + 5.0).abs() < 1e-4, "{state:?}");
 }
@@ -116,19 +168,31 @@ fn servos_settle_where_their_gains_say() {
     let position = r#"(name: "push", type: PositionServo(joint: "joint", kp: 90.0, kv: 12.0), control: Continuous(-5.0, 5.0))"#;
     for (kind, _) in KINDS {
         // 6 (2 × 0.5 − q̇) = 3 q̇
-        let state = run(&weightless(kind, "damping: 3.0", velocity), [0.0, 0.0], 0.5, 200)[199];
+        let state = run(
+            &weightless(kind, "damping: 3.0", velocity),
+            [0.0, 0.0],
+            0.5,
+            200,
+        )[199];
         assert!((state[1] - 2.0 / 3.0).abs() < 2e-3, "{kind}: {state:?}");
         // 90 (0.8 − q) = 30 (q − 0.2)
-        let state = run(&weightless(kind, "stiffness: 30.0, springref: 0.2", position), [0.0, 0.0], 0.8, 400)[399];
-        assert!((state[0] - 0.65).abs() < 1e-3 && state[1].abs() < 1e-3, "{kind}: {state:?}");
+        let state = run(
+            &weightless(kind, "stiffness: 30.0, springref: 0.2", position),
+            [0.0, 0.0],
+            0.8,
+            400,
+        )[399];
+        assert!(
+            (state[0] - 0.65).abs() < 1e-3 && state[1].abs() < 1e-3,
+            "{kind}: {state:?}"
+        );
     }
 }
 
 /// As long as a servo asks for more than its limit, it pushes with its limit: v = F t / m.
 #[test]
 fn servos_push_no_harder_than_their_limit() {
-    let servo =
-        r#"(name: "push", type: VelocityServo(joint: "joint", kv: 50.0, force_limit: 1.0), control: Continuous(-50.0, 50.0))"#;
+    let servo = r#"(name: "push", type: VelocityServo(joint: "joint", kv: 50.0, force_limit: 1.0), control: Continuous(-50.0, 50.0))"#;
     for (kind, inertia) in KINDS {
         let state = run(&weightless(kind, "", servo), [0.0, 0.0], 20.0, 50)[49];
         assert!((state[1] - 1.0 / inertia).abs() < 1e-3, "{kind}: {state:?}");
@@ -165,11 +229,23 @@ fn ranges_hold() {
             let task = weightless(kind, "range: (-0.3, 0.5)", PUSH);
             let states = run(&task, [0.0, 2.0 * direction], (3.0 * direction) as f32, 300);
             let end = if direction > 0.0 { 0.5 } else { 0.3 };
-            let overshoot = states.iter().map(|state| direction * state[0] - end).fold(f64::MIN, f64::max);
-            let bounce = states.iter().map(|state| -direction * state[1]).fold(f64::MIN, f64::max);
-            assert!(overshoot < 6e-3 && bounce < 0.2 * 4.0, "{kind}: overshoot {overshoot}, bounce {bounce}");
+            let overshoot = states
+                .iter()
+                .map(|state| direction * state[0] - end)
+                .fold(f64::MIN, f64::max);
+            let bounce = states
+                .iter()
+                .map(|state| -direction * state[1])
+                .fold(f64::MIN, f64::max);
+            assert!(
+                overshoot < 6e-3 && bounce < 0.2 * 4.0,
+                "{kind}: overshoot {overshoot}, bounce {bounce}"
+            );
             let last = states[299];
-            assert!((direction * last[0] - end).abs() < 2e-3 && last[1].abs() < 0.02, "{kind}: {last:?}");
+            assert!(
+                (direction * last[0] - end).abs() < 2e-3 && last[1].abs() < 0.02,
+                "{kind}: {last:?}"
+            );
             if kind == LEVEL {
                 assert!(overshoot <= 1e-7 && bounce <= 0.0, "{overshoot}, {bounce}");
             }
@@ -180,10 +256,21 @@ fn ranges_hold() {
 /// A pendulum that falls onto the end of its range stays there: the hinge's own constraint and the range's have to agree.
 #[test]
 fn a_range_holds_a_falling_pendulum() {
-    let task = rig("Hinge()", "range: (-2.0, 1.0)", PUSH, "iterations: 32, passes: 4", "(0.0, -9.81)", "(0.0, 0.7)");
+    let task = rig(
+        "Hinge()",
+        "range: (-2.0, 1.0)",
+        PUSH,
+        "iterations: 32, passes: 4",
+        "(0.0, -9.81)",
+        "(0.0, 0.7)",
+    );
     let states = run(&task, [0.1, 0.0], 0.0, 400);
     assert!(states.iter().all(|state| state[0] < 1.01), "{states:?}");
-    assert!((states[399][0] - 1.0).abs() < 5e-3 && states[399][1].abs() < 0.01, "{:?}", states[399]);
+    assert!(
+        (states[399][0] - 1.0).abs() < 5e-3 && states[399][1].abs() < 0.01,
+        "{:?}",
+        states[399]
+    );
 }
 
 /// A cart that carries a pole is held by a constraint, not stopped dead: the pole's momentum has to go somewhere.
@@ -228,8 +315,18 @@ fn a_weld_makes_two_bodies_one() {
     )
     .unwrap_or_else(|error| panic!("{error}"));
     // Centre at (3 × 0.1, −0.5 − 3 × 1) / 4 = (0.075, −0.875); each body's inertia and m d² about it.
-    let inertia = 0.1 + (0.075_f64.powi(2) + 0.375_f64.powi(2)) + 0.2 + 3.0 * (0.025_f64.powi(2) + 0.125_f64.powi(2));
-    let one = rig("Hinge()", "", PUSH, "iterations: 32", "(0.0, -9.81)", "(0.075, -0.875)");
+    let inertia = 0.1
+        + (0.075_f64.powi(2) + 0.375_f64.powi(2))
+        + 0.2
+        + 3.0 * (0.025_f64.powi(2) + 0.125_f64.powi(2));
+    let one = rig(
+        "Hinge()",
+        "",
+        PUSH,
+        "iterations: 32",
+        "(0.0, -9.81)",
+        "(0.075, -0.875)",
+    );
     let mut one = one;
     one.bodies[0].inertial.mass = 4.0;
     one.bodies[0].inertial.inertia = inertia;
@@ -241,10 +338,20 @@ fn a_weld_makes_two_bodies_one() {
         welded.step(&[0.5]);
         single.step(&[0.5]);
         let (found, expected) = (welded.joints().get(1, 0).0, single.joints().get(0, 0).0);
-        assert!((found - expected).abs() < 0.02, "{found} instead of {expected}");
+        assert!(
+            (found - expected).abs() < 0.02,
+            "{found} instead of {expected}"
+        );
         welded.poses(0, &mut poses);
-        assert!((poses[2].angle - poses[1].angle - 0.7).sin().abs() < 1e-2, "{poses:?}");
-        assert!((poses[0].x - 0.2).abs() + (poses[0].y - 0.1).abs() + (poses[0].angle - 0.4).abs() < 1e-6, "{poses:?}");
+        assert!(
+            (poses[2].angle - poses[1].angle - 0.7).sin().abs() < 1e-2,
+            "{poses:?}"
+        );
+        assert!(
+            (poses[0].x - 0.2).abs() + (poses[0].y - 0.1).abs() + (poses[0].angle - 0.4).abs()
+                < 1e-6,
+            "{poses:?}"
+        );
     }
 }
 
@@ -255,18 +362,28 @@ fn a_wrapped_angle_stays_within_half_a_turn() {
     task.sensors[0].reading = Reading::WrappedJointPosition(0);
     task.reset = vec![Start {
         coordinate: 0,
-        position: Distribution::Uniform { low: -50.0, high: 50.0 },
+        position: Distribution::Uniform {
+            low: -50.0,
+            high: 50.0,
+        },
         velocity: Distribution::Constant(0.0),
     }];
     let mut plain = task.clone();
     plain.sensors[0].reading = Reading::JointPosition(0);
-    let [mut wrapped, mut counted] = [&task, &plain].map(|task| build(task, Physics::Rapier, 1).unwrap());
+    let [mut wrapped, mut counted] =
+        [&task, &plain].map(|task| build(task, Physics::Rapier, 1).unwrap());
     for episode in 0..1000 {
         wrapped.reset(0, &mut stream(0, Purpose::Reset, 0, episode));
         counted.reset(0, &mut stream(0, Purpose::Reset, 0, episode));
-        let (angle, full) = (f64::from(wrapped.observations()[0]), f64::from(counted.observations()[0]));
+        let (angle, full) = (
+            f64::from(wrapped.observations()[0]),
+            f64::from(counted.observations()[0]),
+        );
         assert!(angle > -PI - 1e-6 && angle < PI + 1e-6, "{angle}");
         let turns = (full - angle) / TAU;
-        assert!((turns - turns.round()).abs() < 1e-6, "{full} became {angle}");
+        assert!(
+            (turns - turns.round()).abs() < 1e-6,
+            "{full} became {angle}"
+        );
     }
 }

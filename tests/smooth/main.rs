@@ -16,8 +16,13 @@ use seedbed::env::{Physics, load};
 use seedbed::random::{Purpose, Stream, stream};
 
 fn task(name: &str) -> Description {
-    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs").join(name).with_extension("ron"))
-        .unwrap_or_else(|error| panic!("{error}"))
+    load(
+        &Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("envs")
+            .join(name)
+            .with_extension("ron"),
+    )
+    .unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn with_iterations(name: &str, iterations: u32) -> Description {
@@ -38,7 +43,9 @@ fn random() -> Stream {
 fn state(bodies: &dyn Dynamics, joints: usize) -> Vec<f64> {
     let joint = |joint| bodies.joints().get(joint, 0);
     let positions = (0..joints).map(|index| f64::from(joint(index).0));
-    positions.chain((0..joints).map(|index| f64::from(joint(index).1))).collect()
+    positions
+        .chain((0..joints).map(|index| f64::from(joint(index).1)))
+        .collect()
 }
 
 fn start(bodies: &mut dyn Dynamics, state: &[f64]) {

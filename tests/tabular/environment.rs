@@ -11,7 +11,8 @@ fn sea(task: &str, more: &str) -> Description {
 
 fn started(task: &Description, copies: usize) -> Box<dyn Environment> {
     let mut environment = build(task, Physics::Rapier, copies).unwrap();
-    (0..copies).for_each(|copy| environment.reset(copy, &mut stream(0, Purpose::Reset, copy as u32, 0)));
+    (0..copies)
+        .for_each(|copy| environment.reset(copy, &mut stream(0, Purpose::Reset, copy as u32, 0)));
     environment
 }
 
@@ -24,15 +25,26 @@ fn the_treasure_is_in_the_lower_right_corner() {
     for (step, (actions, rewards, places)) in [
         ([1.0, 1.0], [cost, cost], [1.0, 1.0, 1.0, 1.0]),
         ([1.0, 0.0], [cost, 0.0], [2.0, 2.0, 2.0, 0.0]),
-        ([1.0, 1.0], [(1.0 - 0.01_f64 / 3.0) as f32, cost], [3.0, 0.0, 3.0, 0.0]),
+        (
+            [1.0, 1.0],
+            [(1.0 - 0.01_f64 / 3.0) as f32, cost],
+            [3.0, 0.0, 3.0, 0.0],
+        ),
     ]
     .into_iter()
     .enumerate()
     {
         environment.step(&actions);
         assert_eq!(environment.rewards(), rewards, "step {step}");
-        let scaled = places.iter().zip([3.0, 2.0, 3.0, 2.0]).map(|(place, largest)| place / largest);
-        assert_eq!(environment.observations(), scaled.collect::<Vec<f32>>(), "step {step}");
+        let scaled = places
+            .iter()
+            .zip([3.0, 2.0, 3.0, 2.0])
+            .map(|(place, largest)| place / largest);
+        assert_eq!(
+            environment.observations(),
+            scaled.collect::<Vec<f32>>(),
+            "step {step}"
+        );
     }
     assert_eq!(environment.statuses(), [Status::Terminated; 2]);
 }
@@ -41,8 +53,16 @@ fn the_treasure_is_in_the_lower_right_corner() {
 #[test]
 fn each_cell_has_an_observation_of_its_own() {
     let task = sea("size: 3, randomised: false", "");
-    let names: Vec<&str> = task.spec.observations.iter().map(|quantity| quantity.name.as_str()).collect();
-    assert_eq!(names[..3], ["row_0_column_0", "row_1_column_0", "row_1_column_1"]);
+    let names: Vec<&str> = task
+        .spec
+        .observations
+        .iter()
+        .map(|quantity| quantity.name.as_str())
+        .collect();
+    assert_eq!(
+        names[..3],
+        ["row_0_column_0", "row_1_column_0", "row_1_column_1"]
+    );
     let mut environment = started(&task, 1);
     assert_eq!(environment.observations(), [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     environment.step(&[1.0]);
@@ -57,7 +77,10 @@ fn each_cell_has_an_observation_of_its_own() {
 #[test]
 fn which_action_moves_right_is_drawn_by_name() {
     let path = |drawn_with: u64| {
-        let task = sea("size: 10", &format!("observation: Place, drawn_with: {drawn_with}"));
+        let task = sea(
+            "size: 10",
+            &format!("observation: Place, drawn_with: {drawn_with}"),
+        );
         let rightwards = |actions: &[f32]| {
             let mut environment = started(&task, 1);
             for action in actions {
@@ -83,6 +106,10 @@ fn moves_to_the_right_slip() {
     let task = sea("size: 2, randomised: false, slip: 0.5", "");
     let mut environment = started(&task, 2000);
     environment.step(&[1.0; 2000]);
-    let moved = environment.rewards().iter().filter(|reward| **reward != 0.0).count();
+    let moved = environment
+        .rewards()
+        .iter()
+        .filter(|reward| **reward != 0.0)
+        .count();
     assert!((910..1090).contains(&moved), "{moved}");
 }

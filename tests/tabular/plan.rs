@@ -2,12 +2,16 @@
 
 use approx::assert_relative_eq;
 use proptest::prelude::*;
-use seedbed::env::tabular::{BipolarChain, DeepSea, MaximumRewardPath, Mdp, Model, Outcome, ParallelChains, Reward, Task};
+use seedbed::env::tabular::{
+    BipolarChain, DeepSea, MaximumRewardPath, Mdp, Model, Outcome, ParallelChains, Reward, Task,
+};
 use seedbed::input;
 use seedbed::tabular::plan::Planner;
 
 fn task(text: &str) -> Task {
-    input::parse("test", text.to_owned()).unwrap_or_else(|error| panic!("{error}")).value
+    input::parse("test", text.to_owned())
+        .unwrap_or_else(|error| panic!("{error}"))
+        .value
 }
 
 fn optimal_value(task: &Task, seed: u64) -> f64 {
@@ -21,7 +25,10 @@ fn the_best_walk_along_a_bipolar_chain() {
     let task = Task::BipolarChain(BipolarChain::default());
     let model = task.model(0);
     let value = |sign: f64| {
-        let mdp = Mdp { values: vec![sign], probabilities: vec![1.0; model.outcomes().len()] };
+        let mdp = Mdp {
+            values: vec![sign],
+            probabilities: vec![1.0; model.outcomes().len()],
+        };
         Planner::new(&model).optimal_value(&model, &mdp)
     };
     assert_eq!((value(-1.0), value(1.0)), (51.0, 52.0));
@@ -38,7 +45,11 @@ fn the_best_of_parallel_chains() {
     for seed in 0..5 {
         let model = task.model(seed);
         let truth = task.draw(&model, seed);
-        let largest = truth.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let largest = truth
+            .values
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
         assert_eq!(optimal_value(&task, seed), largest, "seed {seed}");
     }
 }
@@ -53,31 +64,50 @@ fn the_treasure_of_deep_sea() {
     // N = 2, p = ½: to the right at the start is (1/2)(−0.005 + V) with V = (1/2)(1 − 0.005) in the corner; beside it moving
     // is not worth its cost.
     let slipping = task("DeepSea(size: 2, slip: 0.5)");
-    assert_relative_eq!(optimal_value(&slipping, 0), 0.5 * (-0.005 + 0.5 * 0.995), max_relative = 1e-12);
+    assert_relative_eq!(
+        optimal_value(&slipping, 0),
+        0.5 * (-0.005 + 0.5 * 0.995),
+        max_relative = 1e-12
+    );
     assert_eq!(Task::DeepSea(DeepSea::default()).name(), "DeepSea");
 }
 
 /// What is best within `steps` steps, by trying all paths.
 fn by_trying(model: &Model, mdp: &Mdp, state: u32, steps: u32) -> f64 {
     let worth = |outcome: usize| {
-        model.mean_reward(outcome, &mdp.values) + by_trying(model, mdp, model.outcomes()[outcome].state, steps - 1)
+        model.mean_reward(outcome, &mdp.values)
+            + by_trying(model, mdp, model.outcomes()[outcome].state, steps - 1)
     };
-    let value = |pair: usize| model.outcomes_of(pair).map(|outcome| mdp.probabilities[outcome] * worth(outcome)).sum::<f64>();
+    let value = |pair: usize| {
+        model
+            .outcomes_of(pair)
+            .map(|outcome| mdp.probabilities[outcome] * worth(outcome))
+            .sum::<f64>()
+    };
     if steps == 0 || model.pairs(state).is_empty() {
         return 0.0;
     }
-    model.pairs(state).map(value).fold(f64::NEG_INFINITY, f64::max)
+    model
+        .pairs(state)
+        .map(value)
+        .fold(f64::NEG_INFINITY, f64::max)
 }
 
 #[test]
 fn walks_in_random_graphs_are_the_best_of_all() {
-    let path = MaximumRewardPath { ..MaximumRewardPath::default() };
+    let path = MaximumRewardPath {
+        ..MaximumRewardPath::default()
+    };
     assert_eq!(path.vertices.get(), 100);
     for seed in 0..5 {
         let task = task("MaximumRewardPath(vertices: 8, steps: 5)");
         let model = task.model(seed);
         let truth = task.draw(&model, seed);
-        assert_relative_eq!(optimal_value(&task, seed), by_trying(&model, &truth, 0, 5), max_relative = 1e-12);
+        assert_relative_eq!(
+            optimal_value(&task, seed),
+            by_trying(&model, &truth, 0, 5),
+            max_relative = 1e-12
+        );
     }
 }
 
@@ -86,11 +116,24 @@ fn small_mdp() -> impl Strategy<Value = (Model, Mdp)> {
     let outcome = (0..4_u32, -2.0..2.0);
     let outcomes = prop::collection::vec(outcome, 12);
     (outcomes, prop::collection::vec(0.0..1.0, 6)).prop_map(|(outcomes, likelihoods)| {
-        let outcome = |&(state, known): &(u32, f64)| Outcome { state, reward: Reward::known(known) };
-        let pairs: Vec<Vec<Outcome>> = outcomes.chunks(2).map(|pair| pair.iter().map(outcome).collect()).collect();
-        let actions: Vec<Vec<Vec<Outcome>>> = pairs.chunks(2).map(<[_]>::to_vec).chain([vec![]]).collect();
+        let outcome = |&(state, known): &(u32, f64)| Outcome {
+            state,
+            reward: Reward::known(known),
+        };
+        let pairs: Vec<Vec<Outcome>> = outcomes
+            .chunks(2)
+            .map(|pair| pair.iter().map(outcome).collect())
+            .collect();
+        let actions: Vec<Vec<Vec<Outcome>>> =
+            pairs.chunks(2).map(<[_]>::to_vec).chain([vec![]]).collect();
         let probabilities = likelihoods.iter().flat_map(|p| [*p, 1.0 - p]).collect();
-        (Model::new(0, 4, &actions), Mdp { values: vec![], probabilities })
+        (
+            Model::new(0, 4, &actions),
+            Mdp {
+                values: vec![],
+                probabilities,
+            },
+        )
     })
 }
 

@@ -60,7 +60,11 @@ pub struct BonusScale {
 
 impl Default for BonusScale {
     fn default() -> Self {
-        Self { weight: known(1e-3), cap: known(10.0), medians: known_count(10) }
+        Self {
+            weight: known(1e-3),
+            cap: known(10.0),
+            medians: known_count(10),
+        }
     }
 }
 
@@ -69,7 +73,10 @@ impl Bonus {
     #[must_use]
     pub fn transitions_kept(&self) -> u64 {
         match self {
-            Self::Vime(Vime { buffer: ModelBuffer::Kept { transitions }, .. }) => transitions.get().into(),
+            Self::Vime(Vime {
+                buffer: ModelBuffer::Kept { transitions },
+                ..
+            }) => transitions.get().into(),
             Self::Vime(_) | Self::Rnd(_) | Self::None => 0,
         }
     }
@@ -145,23 +152,49 @@ impl Curiosity {
         };
         let medians = MedianScale::new(scale.medians.get() as usize);
         let (run_seed, agent) = (member.run_seed, member.agent);
-        Some(Self { run_seed, agent, sharing, scale, medians, model, own_gains: Vec::new(), own_bonuses: Vec::new() })
+        Some(Self {
+            run_seed,
+            agent,
+            sharing,
+            scale,
+            medians,
+            model,
+            own_gains: Vec::new(),
+            own_bonuses: Vec::new(),
+        })
     }
 
     /// The bonus of every step of each chosen episode, as the model has it before it learns from them. Then the scale moves by the
     /// agent's own gains. `bonuses` has a list for each of the fresh episodes, empty for those that are not chosen.
-    pub(super) fn reward(&mut self, experience: &Experience<'_>, chosen: &[usize], bonuses: &mut Vec<Vec<f32>>) {
+    pub(super) fn reward(
+        &mut self,
+        experience: &Experience<'_>,
+        chosen: &[usize],
+        bonuses: &mut Vec<Vec<f32>>,
+    ) {
         let agent = self.agent;
-        self.reward_where(experience, chosen, bonuses, |episode| episode.agent == agent);
+        self.reward_where(experience, chosen, bonuses, |episode| {
+            episode.agent == agent
+        });
     }
 
     /// The same where all chosen episodes count as the agent's own.
-    pub(super) fn reward_own(&mut self, experience: &Experience<'_>, own: &[usize], bonuses: &mut Vec<Vec<f32>>) {
+    pub(super) fn reward_own(
+        &mut self,
+        experience: &Experience<'_>,
+        own: &[usize],
+        bonuses: &mut Vec<Vec<f32>>,
+    ) {
         self.reward_where(experience, own, bonuses, |_| true);
     }
 
     /// The bonus of every second step of `pairs`, as the model and the scale are now.
-    pub(super) fn bonuses_of_pairs(&mut self, pairs: &Episode, random: &mut Stream, bonuses: &mut Vec<f32>) {
+    pub(super) fn bonuses_of_pairs(
+        &mut self,
+        pairs: &Episode,
+        random: &mut Stream,
+        bonuses: &mut Vec<f32>,
+    ) {
         self.gains(pairs, 2, random, bonuses);
         self.scale_gains(bonuses);
     }
@@ -173,7 +206,12 @@ impl Curiosity {
         bonuses: &mut Vec<Vec<f32>>,
         is_own: impl Fn(&Episode) -> bool,
     ) {
-        let mut random = stream(self.run_seed, Purpose::BonusNoise, self.agent, experience.round);
+        let mut random = stream(
+            self.run_seed,
+            Purpose::BonusNoise,
+            self.agent,
+            experience.round,
+        );
         bonuses.resize_with(experience.fresh.len().max(bonuses.len()), Vec::new);
         bonuses.iter_mut().for_each(Vec::clear);
         self.own_gains.clear();
@@ -195,7 +233,11 @@ impl Curiosity {
 
     /// Gains become bonuses, in place.
     fn scale_gains(&self, gains: &mut [f32]) {
-        let (scale, cap, weight) = (self.medians.scale(), self.scale.cap.get_f32(), self.scale.weight.get_f32());
+        let (scale, cap, weight) = (
+            self.medians.scale(),
+            self.scale.cap.get_f32(),
+            self.scale.weight.get_f32(),
+        );
         for gain in gains {
             *gain = information_gain::bonus(*gain, scale, cap, weight);
         }
@@ -203,8 +245,16 @@ impl Curiosity {
 
     /// Raw gains of steps spread over an episode. Draws from a stream of its own, so that learning does not notice.
     pub(super) fn judge(&mut self, episode: &Episode, round: u32) -> Vec<f32> {
-        let (mut random, mut gains) = (stream(self.run_seed, Purpose::Judgement, self.agent, round), Vec::new());
-        self.gains(episode, episode.length().div_ceil(JUDGED).max(1), &mut random, &mut gains);
+        let (mut random, mut gains) = (
+            stream(self.run_seed, Purpose::Judgement, self.agent, round),
+            Vec::new(),
+        );
+        self.gains(
+            episode,
+            episode.length().div_ceil(JUDGED).max(1),
+            &mut random,
+            &mut gains,
+        );
         gains
     }
 
@@ -216,8 +266,15 @@ impl Curiosity {
     /// The model learns, where it does; returns its mean squared error on the fresh episodes before that, in its own units.
     pub(super) fn learn(&mut self, experience: &Experience<'_>) -> f32 {
         let owner = owner(self.sharing, self.agent);
-        let mut random = stream(self.run_seed, Purpose::ModelTraining, owner, experience.round);
-        let mine = |episode: &&Episode| self.sharing != ModelSharing::Independent || episode.agent == self.agent;
+        let mut random = stream(
+            self.run_seed,
+            Purpose::ModelTraining,
+            owner,
+            experience.round,
+        );
+        let mine = |episode: &&Episode| {
+            self.sharing != ModelSharing::Independent || episode.agent == self.agent
+        };
         let fresh: Vec<&Episode> = experience.fresh.iter().filter(mine).collect();
         let kept: Vec<&Episode> = experience.kept.iter().filter(mine).collect();
         let frozen = self.sharing == ModelSharing::Frozen;
@@ -239,11 +296,16 @@ impl Curiosity {
             Model::Vime(model) => model.save(),
             Model::Rnd(model) => model.save(),
         };
-        postcard::to_stdvec(&Saved { medians: &self.medians, model }).expect("plain numbers always serialise")
+        postcard::to_stdvec(&Saved {
+            medians: &self.medians,
+            model,
+        })
+        .expect("plain numbers always serialise")
     }
 
     pub(super) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<MedianScale> = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let saved: Saved<MedianScale> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.medians = saved.medians;
         match &mut self.model {
             Model::Vime(model) => model.restore(&saved.model),
@@ -252,7 +314,13 @@ impl Curiosity {
     }
 
     /// Of every `stride`-th step.
-    fn gains(&mut self, episode: &Episode, stride: usize, random: &mut Stream, gains: &mut Vec<f32>) {
+    fn gains(
+        &mut self,
+        episode: &Episode,
+        stride: usize,
+        random: &mut Stream,
+        gains: &mut Vec<f32>,
+    ) {
         match &mut self.model {
             Model::Vime(model) => model.gains(episode, stride, random, gains),
             Model::Rnd(model) => model.gains(episode, stride, gains),
@@ -262,7 +330,11 @@ impl Curiosity {
 
 /// Whose streams a model draws from: the team's are agent 0's.
 fn owner(sharing: ModelSharing, agent: u32) -> u32 {
-    if sharing == ModelSharing::Shared { 0 } else { agent }
+    if sharing == ModelSharing::Shared {
+        0
+    } else {
+        agent
+    }
 }
 
 #[cfg(test)]
@@ -272,27 +344,47 @@ mod tests {
     use crate::env::{Action, Choice, Quantity, Spec, Status};
 
     fn spec() -> Spec {
-        let quantity = |name: &str| Quantity { name: name.to_owned(), unit: String::new(), range: [-1.0, 1.0] };
+        let quantity = |name: &str| Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range: [-1.0, 1.0],
+        };
         Spec {
             observations: vec![quantity("x"), quantity("v")],
-            actions: vec![Action { quantity: quantity("push"), choice: Choice::Continuous }],
+            actions: vec![Action {
+                quantity: quantity("push"),
+                choice: Choice::Continuous,
+            }],
             ..Spec::bare()
         }
     }
 
     fn curiosity(bonus: &Bonus, agent: u32) -> Curiosity {
         let (team, spec) = (Team::default(), spec());
-        let member = Membership { run_seed: 1, agent, team: &team, spec: &spec, notes_advantages: false };
+        let member = Membership {
+            run_seed: 1,
+            agent,
+            team: &team,
+            spec: &spec,
+            notes_advantages: false,
+        };
         Curiosity::new(bonus, &member).unwrap()
     }
 
     fn vime(model: ModelSharing, seeds: ModelSeeds) -> Bonus {
-        Bonus::Vime(Vime { model, seeds, ..Vime::default() })
+        Bonus::Vime(Vime {
+            model,
+            seeds,
+            ..Vime::default()
+        })
     }
 
     /// A body pushed to and fro: x' = x + 0.1 v, v' = 0.9 v + a, with a sine of the agent's own for a.
     fn episode(agent: u32) -> Episode {
-        let mut episode = Episode { outcome: Status::Truncated, ..Episode::start(agent, 0, 0, &spec()) };
+        let mut episode = Episode {
+            outcome: Status::Truncated,
+            ..Episode::start(agent, 0, 0, &spec())
+        };
         let (mut x, mut v) = (0.0_f32, 0.0_f32);
         episode.observations.extend([x, v]);
         for step in 0..50 {
@@ -306,12 +398,25 @@ mod tests {
     }
 
     fn learn(curiosity: &mut Curiosity, fresh: &[Episode], rounds: u32) -> Vec<f32> {
-        (0..rounds).map(|round| curiosity.learn(&Experience { fresh, kept: fresh, round })).collect()
+        (0..rounds)
+            .map(|round| {
+                curiosity.learn(&Experience {
+                    fresh,
+                    kept: fresh,
+                    round,
+                })
+            })
+            .collect()
     }
 
     fn gains(curiosity: &mut Curiosity, noise: u32) -> Vec<f32> {
         let mut gains = vec![];
-        curiosity.gains(&episode(0), 1, &mut stream(9, Purpose::BonusNoise, 0, noise), &mut gains);
+        curiosity.gains(
+            &episode(0),
+            1,
+            &mut stream(9, Purpose::BonusNoise, 0, noise),
+            &mut gains,
+        );
         gains
     }
 
@@ -319,21 +424,43 @@ mod tests {
     #[test]
     fn a_shared_model_is_the_same_for_all() {
         let fresh = [episode(0), episode(1)];
-        for (sharing, same) in [(ModelSharing::Shared, true), (ModelSharing::Independent, false)] {
-            let [mut one, mut other] = [0, 1].map(|agent| curiosity(&vime(sharing, ModelSeeds::Off), agent));
+        for (sharing, same) in [
+            (ModelSharing::Shared, true),
+            (ModelSharing::Independent, false),
+        ] {
+            let [mut one, mut other] =
+                [0, 1].map(|agent| curiosity(&vime(sharing, ModelSeeds::Off), agent));
             learn(&mut one, &fresh, 2);
             learn(&mut other, &fresh, 2);
-            assert_eq!(gains(&mut one, 0) == gains(&mut other, 0), same, "{sharing:?}");
+            assert_eq!(
+                gains(&mut one, 0) == gains(&mut other, 0),
+                same,
+                "{sharing:?}"
+            );
         }
     }
 
     /// Under the same draws, seeds make agents judge differently. A fixed sample does not depend on the draw at all.
     #[test]
     fn seeds_make_agents_judge_differently() {
-        for seeds in [ModelSeeds::Off, ModelSeeds::Scale, ModelSeeds::Shift, ModelSeeds::FixedSample] {
-            let [mut one, mut other] = [0, 1].map(|agent| curiosity(&vime(ModelSharing::Shared, seeds), agent));
-            assert_eq!(gains(&mut one, 0) == gains(&mut other, 0), seeds == ModelSeeds::Off, "{seeds:?}");
-            assert_eq!(gains(&mut one, 0) == gains(&mut one, 1), seeds == ModelSeeds::FixedSample, "{seeds:?}");
+        for seeds in [
+            ModelSeeds::Off,
+            ModelSeeds::Scale,
+            ModelSeeds::Shift,
+            ModelSeeds::FixedSample,
+        ] {
+            let [mut one, mut other] =
+                [0, 1].map(|agent| curiosity(&vime(ModelSharing::Shared, seeds), agent));
+            assert_eq!(
+                gains(&mut one, 0) == gains(&mut other, 0),
+                seeds == ModelSeeds::Off,
+                "{seeds:?}"
+            );
+            assert_eq!(
+                gains(&mut one, 0) == gains(&mut one, 1),
+                seeds == ModelSeeds::FixedSample,
+                "{seeds:?}"
+            );
         }
     }
 
@@ -343,13 +470,29 @@ mod tests {
         for (bonus, learns) in [
             (vime(ModelSharing::Shared, ModelSeeds::Off), true),
             (vime(ModelSharing::Frozen, ModelSeeds::Off), false),
-            (Bonus::Vime(Vime { buffer: ModelBuffer::Cleared, ..Vime::default() }), true),
+            (
+                Bonus::Vime(Vime {
+                    buffer: ModelBuffer::Cleared,
+                    ..Vime::default()
+                }),
+                true,
+            ),
             (Bonus::Rnd(Rnd::default()), true),
-            (Bonus::Rnd(Rnd { model: ModelSharing::Frozen, ..Rnd::default() }), false),
+            (
+                Bonus::Rnd(Rnd {
+                    model: ModelSharing::Frozen,
+                    ..Rnd::default()
+                }),
+                false,
+            ),
         ] {
             let errors = learn(&mut curiosity(&bonus, 0), &fresh, 20);
             // The first error is in the units before any moments.
-            assert_eq!(errors[19] < 0.5 * errors[1], learns, "{bonus:?}: {errors:?}");
+            assert_eq!(
+                errors[19] < 0.5 * errors[1],
+                learns,
+                "{bonus:?}: {errors:?}"
+            );
         }
     }
 
@@ -359,9 +502,17 @@ mod tests {
         let mut curious = curiosity(&vime(ModelSharing::Shared, ModelSeeds::Off), 0);
         let fresh = [episode(0), episode(1)];
         let mut bonuses = vec![];
-        let experience = |round| Experience { fresh: &fresh, kept: &fresh, round };
+        let experience = |round| Experience {
+            fresh: &fresh,
+            kept: &fresh,
+            round,
+        };
         curious.reward(&experience(0), &[0, 1], &mut bonuses);
-        assert!(bonuses.iter().all(|bonuses| bonuses.len() == 50 && bonuses.iter().all(|&bonus| bonus == 0.0)));
+        assert!(
+            bonuses
+                .iter()
+                .all(|bonuses| bonuses.len() == 50 && bonuses.iter().all(|&bonus| bonus == 0.0))
+        );
         curious.reward(&experience(1), &[0], &mut bonuses);
         let mut sorted = bonuses[0].clone();
         sorted.sort_by(f32::total_cmp);
@@ -372,13 +523,27 @@ mod tests {
     #[test]
     fn a_restored_curiosity_goes_on_to_the_same_bits() {
         let fresh = [episode(0), episode(1)];
-        for bonus in [vime(ModelSharing::Shared, ModelSeeds::Shift), Bonus::Rnd(Rnd::default())] {
+        for bonus in [
+            vime(ModelSharing::Shared, ModelSeeds::Shift),
+            Bonus::Rnd(Rnd::default()),
+        ] {
             let [mut original, mut restored] = [0, 0].map(|agent| curiosity(&bonus, agent));
-            original.reward(&Experience { fresh: &fresh, kept: &fresh, round: 0 }, &[0], &mut vec![]);
+            original.reward(
+                &Experience {
+                    fresh: &fresh,
+                    kept: &fresh,
+                    round: 0,
+                },
+                &[0],
+                &mut vec![],
+            );
             learn(&mut original, &fresh, 2);
             restored.restore(&original.save()).unwrap();
             assert_eq!(restored.save(), original.save());
-            assert_eq!(learn(&mut restored, &fresh, 3), learn(&mut original, &fresh, 3));
+            assert_eq!(
+                learn(&mut restored, &fresh, 3),
+                learn(&mut original, &fresh, 3)
+            );
             assert_eq!(gains(&mut restored, 0), gains(&mut original, 0));
             assert!(restored.restore(&[7]).is_err());
         }

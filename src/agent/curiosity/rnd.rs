@@ -67,7 +67,11 @@ impl RndModel {
     pub(super) fn new(config: &Rnd, owner: u32, member: &Membership<'_>) -> Self {
         let [inputs, _] = Transitions::widths(member.spec);
         let hidden = config.hidden.iter().map(|units| units.get() as usize);
-        let sizes: Vec<usize> = [inputs].into_iter().chain(hidden).chain([config.outputs.get() as usize]).collect();
+        let sizes: Vec<usize> = [inputs]
+            .into_iter()
+            .chain(hidden)
+            .chain([config.outputs.get() as usize])
+            .collect();
         let mut random = stream(member.run_seed, Purpose::ModelParameters, owner, 0);
         let (target, predictor) = (Mlp::new(&sizes), Mlp::new(&sizes));
         let target_parameters = target.initial(Initial::Random, &mut random);
@@ -89,7 +93,8 @@ impl RndModel {
         self.transitions.of_episode(episode, stride, &mut self.rows);
         self.errors();
         let width = self.target.outputs();
-        let mean_square = |row: &[f32]| row.iter().map(|error| error * error).sum::<f32>() / width as f32;
+        let mean_square =
+            |row: &[f32]| row.iter().map(|error| error * error).sum::<f32>() / width as f32;
         gains.clear();
         gains.extend(self.gradient.chunks_exact(width).map(mean_square));
     }
@@ -103,25 +108,44 @@ impl RndModel {
         if frozen || fresh.iter().all(|episode| episode.length() == 0) {
             return error;
         }
-        let descent = Descent { regularisation: 0.0, gradient_clip: None, step_size_factor: 1.0 };
+        let descent = Descent {
+            regularisation: 0.0,
+            gradient_clip: None,
+            step_size_factor: 1.0,
+        };
         for _ in 0..self.config.minibatches.get() {
-            self.transitions.sample(fresh, self.config.minibatch.get() as usize, random, &mut self.rows);
+            self.transitions.sample(
+                fresh,
+                self.config.minibatch.get() as usize,
+                random,
+                &mut self.rows,
+            );
             self.errors();
             let share = 2.0 / self.gradient.len() as f32;
             for slope in &mut self.gradient {
                 *slope *= share;
             }
-            self.predictor.descend(&self.rows.inputs, &self.gradient, &descent);
+            self.predictor
+                .descend(&self.rows.inputs, &self.gradient, &descent);
         }
         error
     }
 
     /// Prediction minus target of the rows at hand, as `gradient`: `[N × outputs]`.
     fn errors(&mut self) {
-        let target = self.target.forward(&self.target_parameters, &self.rows.inputs, &mut self.activations);
+        let target = self.target.forward(
+            &self.target_parameters,
+            &self.rows.inputs,
+            &mut self.activations,
+        );
         let predicted = self.predictor.forward(&self.rows.inputs);
         self.gradient.clear();
-        self.gradient.extend(predicted.iter().zip(target).map(|(ours, target)| ours - target));
+        self.gradient.extend(
+            predicted
+                .iter()
+                .zip(target)
+                .map(|(ours, target)| ours - target),
+        );
     }
 
     fn prediction_error(&mut self, episodes: &[&Episode]) -> f32 {
@@ -129,7 +153,11 @@ impl RndModel {
         for episode in episodes {
             self.transitions.of_episode(episode, 1, &mut self.rows);
             self.errors();
-            sum += self.gradient.iter().map(|error| f64::from(*error).powi(2)).sum::<f64>();
+            sum += self
+                .gradient
+                .iter()
+                .map(|error| f64::from(*error).powi(2))
+                .sum::<f64>();
             count += self.gradient.len();
         }
         (sum / count.max(1) as f64) as f32
@@ -140,12 +168,16 @@ impl RndModel {
     }
 
     pub(super) fn save(&self) -> Vec<u8> {
-        let saved = Saved { predictor: self.predictor.learned(), moments: self.transitions.moments() };
+        let saved = Saved {
+            predictor: self.predictor.learned(),
+            moments: self.transitions.moments(),
+        };
         postcard::to_stdvec(&saved).expect("plain numbers always serialise")
     }
 
     pub(super) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<Learned, Moments> = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let saved: Saved<Learned, Moments> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.predictor.restore(saved.predictor)?;
         self.transitions.restore(saved.moments);
         Ok(())

@@ -43,17 +43,30 @@ enum Encoding {
 impl Transitions {
     pub(super) fn new(spec: &Spec) -> Self {
         let encoding = |action: &crate::env::Action| match &action.choice {
-            Choice::Discrete(values) => Encoding::OneHot { choices: values.len() },
+            Choice::Discrete(values) => Encoding::OneHot {
+                choices: values.len(),
+            },
             Choice::Continuous => {
                 let [low, high] = action.quantity.range;
-                Encoding::Scaled { center: 0.5 * (low + high), half_range: 0.5 * (high - low) }
+                Encoding::Scaled {
+                    center: 0.5 * (low + high),
+                    half_range: 0.5 * (high - low),
+                }
             }
         };
         let actions: Vec<Encoding> = spec.actions.iter().map(encoding).collect();
         let observed = spec.observation_width();
         let width = observed + actions.iter().map(Encoding::width).sum::<usize>();
-        let moments = Moments { inputs: Standardiser::new(width), changes: Standardiser::new(observed) };
-        Self { observed, actions, moments, raw: Rows::default() }
+        let moments = Moments {
+            inputs: Standardiser::new(width),
+            changes: Standardiser::new(observed),
+        };
+        Self {
+            observed,
+            actions,
+            moments,
+            raw: Rows::default(),
+        }
     }
 
     /// Numbers that enter the network, and that leave it.
@@ -62,7 +75,10 @@ impl Transitions {
             Choice::Discrete(values) => values.len(),
             Choice::Continuous => 1,
         });
-        [spec.observation_width() + actions.sum::<usize>(), spec.observation_width()]
+        [
+            spec.observation_width() + actions.sum::<usize>(),
+            spec.observation_width(),
+        ]
     }
 
     pub(super) fn moments(&self) -> &Moments {
@@ -76,12 +92,20 @@ impl Transitions {
     /// Every `stride`-th step of an episode.
     pub(super) fn of_episode(&mut self, episode: &Episode, stride: usize, rows: &mut Rows) {
         self.raw.clear();
-        (0..episode.length()).step_by(stride).for_each(|step| self.push(episode, step));
+        (0..episode.length())
+            .step_by(stride)
+            .for_each(|step| self.push(episode, step));
         self.standardise(rows);
     }
 
     /// `count` steps drawn from all episodes, each step equally likely.
-    pub(super) fn sample(&mut self, episodes: &[&Episode], count: usize, random: &mut Stream, rows: &mut Rows) {
+    pub(super) fn sample(
+        &mut self,
+        episodes: &[&Episode],
+        count: usize,
+        random: &mut Stream,
+        rows: &mut Rows,
+    ) {
         self.raw.clear();
         let total: usize = episodes.iter().map(|episode| episode.length()).sum();
         let mut drawn: Vec<usize> = (0..count).map(|_| random.random_range(0..total)).collect();
@@ -110,18 +134,25 @@ impl Transitions {
 
     fn push(&mut self, episode: &Episode, step: usize) {
         let observed = self.observed;
-        let [now, next] = [step, step + 1].map(|row| &episode.observations[row * observed..(row + 1) * observed]);
+        let [now, next] =
+            [step, step + 1].map(|row| &episode.observations[row * observed..(row + 1) * observed]);
         self.raw.inputs.extend_from_slice(now);
         let actions = &episode.actions[step * self.actions.len()..(step + 1) * self.actions.len()];
         for (encoding, &action) in self.actions.iter().zip(actions) {
             encoding.push(action, &mut self.raw.inputs);
         }
-        self.raw.targets.extend(next.iter().zip(now).map(|(next, now)| next - now));
+        self.raw
+            .targets
+            .extend(next.iter().zip(now).map(|(next, now)| next - now));
     }
 
     fn standardise(&self, rows: &mut Rows) {
-        self.moments.inputs.apply(&self.raw.inputs, &mut rows.inputs);
-        self.moments.changes.apply_scale(&self.raw.targets, &mut rows.targets);
+        self.moments
+            .inputs
+            .apply(&self.raw.inputs, &mut rows.inputs);
+        self.moments
+            .changes
+            .apply_scale(&self.raw.targets, &mut rows.targets);
     }
 }
 
@@ -142,8 +173,12 @@ impl Encoding {
 
     fn push(&self, action: f32, row: &mut Vec<f32>) {
         match *self {
-            Self::OneHot { choices } => row.extend((0..choices).map(|choice| f32::from(choice == action as usize))),
-            Self::Scaled { center, half_range } => row.push(((action - center) / half_range).clamp(-1.0, 1.0)),
+            Self::OneHot { choices } => {
+                row.extend((0..choices).map(|choice| f32::from(choice == action as usize)))
+            }
+            Self::Scaled { center, half_range } => {
+                row.push(((action - center) / half_range).clamp(-1.0, 1.0))
+            }
         }
     }
 }
@@ -155,12 +190,22 @@ mod tests {
     use crate::random::{Purpose, stream};
 
     fn spec() -> Spec {
-        let quantity = |name: &str, range| Quantity { name: name.to_owned(), unit: String::new(), range };
+        let quantity = |name: &str, range| Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range,
+        };
         Spec {
             observations: vec![quantity("x", [-1.0, 1.0])],
             actions: vec![
-                Action { quantity: quantity("kick", [0.0, 2.0]), choice: Choice::Discrete(vec![0.0, 1.0, 2.0]) },
-                Action { quantity: quantity("push", [0.0, 4.0]), choice: Choice::Continuous },
+                Action {
+                    quantity: quantity("kick", [0.0, 2.0]),
+                    choice: Choice::Discrete(vec![0.0, 1.0, 2.0]),
+                },
+                Action {
+                    quantity: quantity("push", [0.0, 4.0]),
+                    choice: Choice::Continuous,
+                },
             ],
             ..Spec::bare()
         }
@@ -183,7 +228,10 @@ mod tests {
         assert_eq!(Transitions::widths(&spec()), [5, 1]);
         let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
         transitions.of_episode(&episode(), 1, &mut rows);
-        assert_eq!(rows.inputs, [1.0, 0.0, 0.0, 1.0, 0.5, 2.0, 1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(
+            rows.inputs,
+            [1.0, 0.0, 0.0, 1.0, 0.5, 2.0, 1.0, 0.0, 0.0, 1.0]
+        );
         assert_eq!(rows.targets, [1.0, 2.0]);
         transitions.of_episode(&episode(), 2, &mut rows);
         assert_eq!(rows.targets, [1.0]);
@@ -195,19 +243,34 @@ mod tests {
         let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
         transitions.take_in(&episode());
         transitions.of_episode(&episode(), 1, &mut rows);
-        assert!((rows.targets[1] - 2.0 / 2.5_f32.sqrt()).abs() < 1e-5, "{:?}", rows.targets);
-        assert!((rows.inputs[0] + 1.0).abs() < 1e-4, "x = 1 is a deviation below its mean of 1.5: {:?}", rows.inputs);
+        assert!(
+            (rows.targets[1] - 2.0 / 2.5_f32.sqrt()).abs() < 1e-5,
+            "{:?}",
+            rows.targets
+        );
+        assert!(
+            (rows.inputs[0] + 1.0).abs() < 1e-4,
+            "x = 1 is a deviation below its mean of 1.5: {:?}",
+            rows.inputs
+        );
     }
 
     /// Every step of two episodes is drawn about as often: 3,000 of 4 kinds, four standard errors of √(3000 · 3/16) = 24.
     #[test]
     fn steps_are_drawn_uniformly_and_never_across_an_end() {
         let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
-        let other = Episode { observations: vec![5.0, 8.0, 12.0], ..episode() };
+        let other = Episode {
+            observations: vec![5.0, 8.0, 12.0],
+            ..episode()
+        };
         let mut random = stream(1, Purpose::Shuffle, 0, 0);
         transitions.sample(&[&episode(), &other], 3000, &mut random, &mut rows);
         for change in [1.0, 2.0, 3.0, 4.0] {
-            let count = rows.targets.iter().filter(|target| **target == change).count();
+            let count = rows
+                .targets
+                .iter()
+                .filter(|target| **target == change)
+                .count();
             assert!(count.abs_diff(750) < 100, "{change}: {count}");
         }
         assert_eq!(rows.targets.len(), 3000);

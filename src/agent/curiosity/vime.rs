@@ -92,7 +92,9 @@ impl Default for Vime {
             gain: Gain::OneDraw,
             step: known(0.01),
             scale: BonusScale::default(),
-            buffer: ModelBuffer::Kept { transitions: default_transitions() },
+            buffer: ModelBuffer::Kept {
+                transitions: default_transitions(),
+            },
             minibatches: known_count(60),
             minibatch: known_count(64),
             hidden: vec![known_count(32)],
@@ -138,19 +140,40 @@ impl VimeModel {
     pub(super) fn new(config: &Vime, owner: u32, member: &Membership<'_>) -> Self {
         let [inputs, outputs] = Transitions::widths(member.spec);
         let hidden = config.hidden.iter().map(|units| units.get() as usize);
-        let sizes: Vec<usize> = [inputs].into_iter().chain(hidden).chain([outputs]).collect();
+        let sizes: Vec<usize> = [inputs]
+            .into_iter()
+            .chain(hidden)
+            .chain([outputs])
+            .collect();
         let mut random = stream(member.run_seed, Purpose::ModelParameters, owner, 0);
         let network = BayesianNetwork::new(&sizes, &config.network, &mut random);
         let mut seeds = Vec::new();
         let count = network.likelihood().weight_count();
-        fill_normal(&mut seeds, count, &mut stream(member.run_seed, Purpose::ModelSeeds, member.agent, 0));
-        Self { config: config.clone(), transitions: Transitions::new(member.spec), network, seeds, work: Workspace::default() }
+        fill_normal(
+            &mut seeds,
+            count,
+            &mut stream(member.run_seed, Purpose::ModelSeeds, member.agent, 0),
+        );
+        Self {
+            config: config.clone(),
+            transitions: Transitions::new(member.spec),
+            network,
+            seeds,
+            work: Workspace::default(),
+        }
     }
 
     /// The information gain of every `stride`-th step of an episode.   `gains: [⌈T/stride⌉]`, overwritten
-    pub(super) fn gains(&mut self, episode: &Episode, stride: usize, random: &mut Stream, gains: &mut Vec<f32>) {
+    pub(super) fn gains(
+        &mut self,
+        episode: &Episode,
+        stride: usize,
+        random: &mut Stream,
+        gains: &mut Vec<f32>,
+    ) {
         let count = self.network.likelihood().weight_count();
-        self.transitions.of_episode(episode, stride, &mut self.work.rows);
+        self.transitions
+            .of_episode(episode, stride, &mut self.work.rows);
         let draws = match self.config.gain {
             Gain::OneDraw => 1,
             Gain::Draws(draws) | Gain::ExplicitStep(draws) => draws.get() as usize,
@@ -172,7 +195,9 @@ impl VimeModel {
 
     /// `φ_k`, and the noise that a fixed sample replaces.
     fn perturb(&mut self) {
-        let Workspace { perturbed, noise, .. } = &mut self.work;
+        let Workspace {
+            perturbed, noise, ..
+        } = &mut self.work;
         let posterior = self.network.posterior();
         match self.config.seeds {
             ModelSeeds::Off => perturbed.clone_from(posterior),
@@ -186,25 +211,64 @@ impl VimeModel {
     }
 
     fn one_draw(&mut self, gains: &mut [f32]) {
-        let Workspace { rows, noise, perturbed, weights, coefficients, pass, .. } = &mut self.work;
+        let Workspace {
+            rows,
+            noise,
+            perturbed,
+            weights,
+            coefficients,
+            pass,
+            ..
+        } = &mut self.work;
         perturbed.draw(noise, weights);
-        information_gain::one_draw_coefficients(&perturbed.deviation, noise, self.config.step.get_f32(), coefficients);
-        self.network.likelihood().weighted_squares((weights, coefficients), (&rows.inputs, &rows.targets), pass, gains);
+        information_gain::one_draw_coefficients(
+            &perturbed.deviation,
+            noise,
+            self.config.step.get_f32(),
+            coefficients,
+        );
+        self.network.likelihood().weighted_squares(
+            (weights, coefficients),
+            (&rows.inputs, &rows.targets),
+            pass,
+            gains,
+        );
     }
 
-    fn several_draws(&mut self, gains: &mut [f32], gain: impl Fn(&[f32], &[f32], &[f32], f32) -> f32) {
-        let Workspace { rows, noise, perturbed, draws, .. } = &mut self.work;
+    fn several_draws(
+        &mut self,
+        gains: &mut [f32],
+        gain: impl Fn(&[f32], &[f32], &[f32], f32) -> f32,
+    ) {
+        let Workspace {
+            rows,
+            noise,
+            perturbed,
+            draws,
+            ..
+        } = &mut self.work;
         let (step, mut slots) = (self.config.step.get_f32(), gains.iter_mut());
         let visit = |by_mean: &[f32], by_deviation: &[f32]| {
             if let Some(slot) = slots.next() {
                 *slot = gain(&perturbed.deviation, by_mean, by_deviation, step);
             }
         };
-        self.network.likelihood().expected_gradients((perturbed, noise), (&rows.inputs, &rows.targets), draws, visit);
+        self.network.likelihood().expected_gradients(
+            (perturbed, noise),
+            (&rows.inputs, &rows.targets),
+            draws,
+            visit,
+        );
     }
 
     /// Trains on minibatches, unless frozen; returns the mean squared error of the mean weights on the fresh episodes before that.
-    pub(super) fn learn(&mut self, kept: &[&Episode], fresh: &[&Episode], frozen: bool, random: &mut Stream) -> f32 {
+    pub(super) fn learn(
+        &mut self,
+        kept: &[&Episode],
+        fresh: &[&Episode],
+        frozen: bool,
+        random: &mut Stream,
+    ) -> f32 {
         let error = self.prediction_error(fresh);
         for episode in fresh {
             self.transitions.take_in(episode);
@@ -217,9 +281,11 @@ impl VimeModel {
         }
         for _ in 0..self.config.minibatches.get() {
             let Workspace { rows, noise, .. } = &mut self.work;
-            self.transitions.sample(source, self.config.minibatch.get() as usize, random, rows);
+            self.transitions
+                .sample(source, self.config.minibatch.get() as usize, random, rows);
             fill_normal(noise, self.network.likelihood().weight_count(), random);
-            self.network.descend(&rows.inputs, &rows.targets, noise, total);
+            self.network
+                .descend(&rows.inputs, &rows.targets, noise, total);
         }
         if cleared {
             self.network.make_posterior_the_prior();
@@ -232,25 +298,44 @@ impl VimeModel {
         for episode in episodes {
             let Workspace { rows, pass, .. } = &mut self.work;
             self.transitions.of_episode(episode, 1, rows);
-            let predicted = self.network.likelihood().forward(&self.network.posterior().mean, &rows.inputs, pass);
-            sum += predicted.iter().zip(&rows.targets).map(|(ours, target)| f64::from(ours - target).powi(2)).sum::<f64>();
+            let predicted = self.network.likelihood().forward(
+                &self.network.posterior().mean,
+                &rows.inputs,
+                pass,
+            );
+            sum += predicted
+                .iter()
+                .zip(&rows.targets)
+                .map(|(ours, target)| f64::from(ours - target).powi(2))
+                .sum::<f64>();
             count += rows.targets.len();
         }
         (sum / count.max(1) as f64) as f32
     }
 
     pub(super) fn is_finite(&self) -> bool {
-        self.network.posterior().mean.iter().all(|mean| mean.is_finite())
+        self.network
+            .posterior()
+            .mean
+            .iter()
+            .all(|mean| mean.is_finite())
     }
 
     pub(super) fn save(&self) -> Vec<u8> {
-        let saved = Saved { network: self.network.state(), moments: self.transitions.moments() };
+        let saved = Saved {
+            network: self.network.state(),
+            moments: self.transitions.moments(),
+        };
         postcard::to_stdvec(&saved).expect("plain numbers always serialise")
     }
 
     pub(super) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<BayesianState, Moments> = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        let (stored, ours) = (saved.network.weight_count(), self.network.likelihood().weight_count());
+        let saved: Saved<BayesianState, Moments> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let (stored, ours) = (
+            saved.network.weight_count(),
+            self.network.likelihood().weight_count(),
+        );
         if stored != ours {
             return Err(format!("{stored} weights stored for a model of {ours}"));
         }

@@ -8,7 +8,9 @@ use crate::agent::curiosity::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::agent::seed_pg::config::TimeLimit;
-use crate::input::numbers::{Count, Fraction, NonNegative, Positive, PositiveFraction, known, known_count};
+use crate::input::numbers::{
+    Count, Fraction, NonNegative, Positive, PositiveFraction, known, known_count,
+};
 use crate::input::{Complaint, Located};
 use crate::nn::AdamSettings;
 
@@ -171,17 +173,26 @@ pub(in crate::agent) fn composition(algorithm: &Algorithm, agents: usize) -> Opt
 }
 
 /// Says which parameters of a value-based learner contradict each other.
-pub(in crate::agent) fn check(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), Complaint> {
+pub(in crate::agent) fn check(
+    learning: &Learning,
+    bonus: &Located<Bonus>,
+) -> Result<(), Complaint> {
     if learning.hidden.is_empty() {
-        return Err(learning.hidden.complain("names no layer; expected at least one, such as `hidden: [50, 50]`"));
+        return Err(learning
+            .hidden
+            .complain("names no layer; expected at least one, such as `hidden: [50, 50]`"));
     }
     if learning.minibatch.get() > learning.replay.get() {
-        let message =
-            format!("is more than the {} transitions of `replay`, so that nothing would be learned", learning.replay.get());
+        let message = format!(
+            "is more than the {} transitions of `replay`, so that nothing would be learned",
+            learning.replay.get()
+        );
         return Err(learning.minibatch.complain(message));
     }
     if bonus.is_independent() {
-        return Err(bonus.complain("value models learn from the team's transitions; expected `model: Shared` or `Frozen`"));
+        return Err(bonus.complain(
+            "value models learn from the team's transitions; expected `model: Shared` or `Frozen`",
+        ));
     }
     Ok(())
 }
@@ -189,7 +200,11 @@ pub(in crate::agent) fn check(learning: &Learning, bonus: &Located<Bonus>) -> Re
 impl QLearning {
     pub(super) fn compose(&self, agents: usize) -> Composition {
         Composition {
-            models: if self.networks == Networks::Shared { 1 } else { agents },
+            models: if self.networks == Networks::Shared {
+                1
+            } else {
+                agents
+            },
             exploration: self.exploration,
             double: self.double,
             ..Composition::plain(&self.learning, &self.bonus)
@@ -274,7 +289,11 @@ impl Default for QLearning {
     fn default() -> Self {
         Self {
             networks: Networks::Shared,
-            exploration: Exploration::EpsilonGreedy { from: known(1.0), to: known(0.05), steps: known_count(10_000) },
+            exploration: Exploration::EpsilonGreedy {
+                from: known(1.0),
+                to: known(0.05),
+                steps: known_count(10_000),
+            },
             double: true,
             learning: Learning::default(),
             bonus: Bonus::None.into(),
@@ -285,7 +304,9 @@ impl Default for QLearning {
 impl Default for SeedTd {
     fn default() -> Self {
         Self {
-            models: Models::Ensemble { most: default_ensemble() },
+            models: Models::Ensemble {
+                most: default_ensemble(),
+            },
             fit: Fit::Td.into(),
             regularisation: known(0.0),
             prior_scale: known(3.0),

@@ -25,20 +25,44 @@ pub(super) struct Minibatch {
 impl Minibatch {
     /// Room for transitions that curiosity will see.
     pub(super) fn for_curiosity(spec: &Spec) -> Self {
-        Self { pairs: Some(Episode::start(0, 0, 0, spec)), ..Self::default() }
+        Self {
+            pairs: Some(Episode::start(0, 0, 0, spec)),
+            ..Self::default()
+        }
     }
 
     pub(super) fn clear(&mut self) {
-        let Self { states, rewards, next, discounts, weights, .. } = self;
-        [states, rewards, next, discounts, weights].into_iter().for_each(Vec::clear);
+        let Self {
+            states,
+            rewards,
+            next,
+            discounts,
+            weights,
+            ..
+        } = self;
+        [states, rewards, next, discounts, weights]
+            .into_iter()
+            .for_each(Vec::clear);
         self.actions.clear();
         if let Some(pairs) = &mut self.pairs {
-            [&mut pairs.observations, &mut pairs.actions, &mut pairs.rewards].into_iter().for_each(Vec::clear);
+            [
+                &mut pairs.observations,
+                &mut pairs.actions,
+                &mut pairs.rewards,
+            ]
+            .into_iter()
+            .for_each(Vec::clear);
         }
     }
 
     /// Adds a transition with its reward as the model has it, γ, and how much it counts.
-    pub(super) fn push(&mut self, transition: &Transition<'_>, reward: f32, discount: f32, weight: f32) {
+    pub(super) fn push(
+        &mut self,
+        transition: &Transition<'_>,
+        reward: f32,
+        discount: f32,
+        weight: f32,
+    ) {
         self.states.extend_from_slice(transition.state);
         self.actions.push(transition.action);
         self.rewards.push(reward);
@@ -58,14 +82,21 @@ impl Minibatch {
 
 fn push_pair(pairs: &mut Episode, transition: &Transition<'_>) {
     let between = usize::from(!pairs.observations.is_empty());
-    pairs.observations.extend(transition.state.iter().chain(transition.next));
-    pairs.actions.extend(std::iter::repeat_n(transition.action as f32, 1 + between));
-    pairs.rewards.extend(std::iter::repeat_n(transition.reward, 1 + between));
+    pairs
+        .observations
+        .extend(transition.state.iter().chain(transition.next));
+    pairs
+        .actions
+        .extend(std::iter::repeat_n(transition.action as f32, 1 + between));
+    pairs
+        .rewards
+        .extend(std::iter::repeat_n(transition.reward, 1 + between));
 }
 
 /// What is left of γ after a step.
 pub(super) fn remaining(discount: f32, status: Status, time_limit: TimeLimit) -> f32 {
-    let ends = status == Status::Terminated || (status == Status::Truncated && time_limit == TimeLimit::Ends);
+    let ends = status == Status::Terminated
+        || (status == Status::Truncated && time_limit == TimeLimit::Ends);
     if ends { 0.0 } else { discount }
 }
 
@@ -77,19 +108,36 @@ mod tests {
     /// Transitions 1 → 2 with action 1 and 5 → 6 with action 0 are steps 0 and 2 of the pairs.
     #[test]
     fn every_second_step_is_a_transition() {
-        let origin = Origin { agent: 0, episode: 0, step: 0 };
+        let origin = Origin {
+            agent: 0,
+            episode: 0,
+            step: 0,
+        };
         let mut minibatch = Minibatch::for_curiosity(&Spec::bare());
         for _ in 0..2 {
             minibatch.clear();
             for (state, next, action) in [([1.0], [2.0], 1), ([5.0], [6.0], 0)] {
-                let transition = Transition { state: &state, action, reward: 0.0, next: &next, status: Status::Running, origin };
+                let transition = Transition {
+                    state: &state,
+                    action,
+                    reward: 0.0,
+                    next: &next,
+                    status: Status::Running,
+                    origin,
+                };
                 minibatch.push(&transition, 0.0, 0.9, 1.0);
             }
         }
         let pairs = minibatch.pairs().unwrap();
-        assert_eq!((&pairs.observations[..], pairs.length()), (&[1.0, 2.0, 5.0, 6.0][..], 3));
+        assert_eq!(
+            (&pairs.observations[..], pairs.length()),
+            (&[1.0, 2.0, 5.0, 6.0][..], 3)
+        );
         assert_eq!((pairs.actions[0], pairs.actions[2]), (1.0, 0.0));
-        assert_eq!((&minibatch.states[..], &minibatch.next[..]), (&[1.0, 5.0][..], &[2.0, 6.0][..]));
+        assert_eq!(
+            (&minibatch.states[..], &minibatch.next[..]),
+            (&[1.0, 5.0][..], &[2.0, 6.0][..])
+        );
     }
 
     #[test]

@@ -74,9 +74,19 @@ impl ValueTeam {
         let choices = one_choice(spec).expect("checked: an action is one discrete choice");
         let learning = &composition.learning;
         let hidden = learning.hidden.iter().map(|units| units.get() as usize);
-        let sizes: Vec<usize> = [spec.observation_width()].into_iter().chain(hidden).chain([choices]).collect();
+        let sizes: Vec<usize> = [spec.observation_width()]
+            .into_iter()
+            .chain(hidden)
+            .chain([choices])
+            .collect();
         let model = |index| {
-            let leader = Membership { run_seed, agent: index, team, spec, notes_advantages: false };
+            let leader = Membership {
+                run_seed,
+                agent: index,
+                team,
+                spec,
+                notes_advantages: false,
+            };
             ValueModel::new(index, &composition, Mlp::new(&sizes), &leader)
         };
         let agents = team.count.get() as usize;
@@ -85,25 +95,37 @@ impl ValueTeam {
             choices,
             scaling: Scaling::new(learning.observations, spec),
             models: (0..composition.models as u32).map(model).collect(),
-            following: (0..agents).map(|agent| agent % composition.models).collect(),
+            following: (0..agents)
+                .map(|agent| agent % composition.models)
+                .collect(),
             followers: vec![Vec::new(); composition.models],
             replay: Replay::new(learning.replay.get() as usize, spec.observation_width()),
             steps: 0,
-            own_bonuses: if composition.bonus == Bonus::None { Vec::new() } else { vec![Vec::new(); agents] },
+            own_bonuses: if composition.bonus == Bonus::None {
+                Vec::new()
+            } else {
+                vec![Vec::new(); agents]
+            },
             composition,
         }
     }
 
     /// A round begins: agents that do not stay with their model draw one.
     pub fn begin_round(&mut self, round: u32) {
-        self.models.iter_mut().for_each(|model| model.begin_round(round));
+        self.models
+            .iter_mut()
+            .for_each(|model| model.begin_round(round));
         if self.composition.following == Following::Drawn {
             for (following, agent) in self.following.iter_mut().zip(0..) {
-                *following = stream(self.run_seed, Purpose::ModelChoice, agent, round).random_range(0..self.models.len());
+                *following = stream(self.run_seed, Purpose::ModelChoice, agent, round)
+                    .random_range(0..self.models.len());
             }
         }
         self.followers.iter_mut().for_each(Vec::clear);
-        self.following.iter().enumerate().for_each(|(agent, &model)| self.followers[model].push(agent));
+        self.following
+            .iter()
+            .enumerate()
+            .for_each(|(agent, &model)| self.followers[model].push(agent));
     }
 
     /// Values of all choices for all agents that play, model by model.   `observations: [K × width]`, `playing: [K]`
@@ -114,13 +136,16 @@ impl ValueTeam {
             let players = || followers.iter().copied().filter(|&agent| playing[agent]);
             room.rows.clear();
             for agent in players() {
-                room.rows.extend_from_slice(&observations[agent * width..(agent + 1) * width]);
+                room.rows
+                    .extend_from_slice(&observations[agent * width..(agent + 1) * width]);
             }
             if room.rows.is_empty() {
                 continue;
             }
             self.scaling.apply(&room.rows, &mut room.scaled);
-            let rows = model.values(&room.scaled, &mut room.evaluation).chunks_exact(self.choices);
+            let rows = model
+                .values(&room.scaled, &mut room.evaluation)
+                .chunks_exact(self.choices);
             for (agent, row) in players().zip(rows) {
                 room.values[agent * self.choices..(agent + 1) * self.choices].copy_from_slice(row);
             }
@@ -130,7 +155,10 @@ impl ValueTeam {
     /// Chooses by the values that were just [evaluated](Self::evaluate); returns the action and its log-probability.
     pub fn choose(&self, agent: usize, random: &mut Stream, room: &mut DecisionRoom) -> (f32, f32) {
         let values = &mut room.values[agent * self.choices..(agent + 1) * self.choices];
-        let (choice, log_prob) = self.composition.exploration.choose(self.steps, values, random);
+        let (choice, log_prob) = self
+            .composition
+            .exploration
+            .choose(self.steps, values, random);
         (choice as f32, log_prob)
     }
 
@@ -146,17 +174,38 @@ impl ValueTeam {
 
     /// The models, which may learn at once, and what they learn from.
     pub fn lesson(&mut self) -> (&mut [ValueModel], Lesson<'_>) {
-        let Self { composition, replay, scaling, steps, models, .. } = self;
-        (models, Lesson { composition, replay, scaling, steps: *steps })
+        let Self {
+            composition,
+            replay,
+            scaling,
+            steps,
+            models,
+            ..
+        } = self;
+        (
+            models,
+            Lesson {
+                composition,
+                replay,
+                scaling,
+                steps: *steps,
+            },
+        )
     }
 
     /// Takes in what curiosity made of a finished round, once the models have [reflected](ValueModel::reflect) on it.
     pub fn end_round(&mut self, experience: &Experience<'_>, bonuses: &[Vec<Vec<f32>>]) {
-        experience.fresh.iter().for_each(|episode| self.scaling.update(episode.states()));
+        experience
+            .fresh
+            .iter()
+            .for_each(|episode| self.scaling.update(episode.states()));
         self.own_bonuses.iter_mut().for_each(Vec::clear);
         for (place, episode) in experience.fresh.iter().enumerate() {
             let agent = episode.agent as usize;
-            if let (Some(own), Some(of_model)) = (self.own_bonuses.get_mut(agent), bonuses.get(self.following[agent])) {
+            if let (Some(own), Some(of_model)) = (
+                self.own_bonuses.get_mut(agent),
+                bonuses.get(self.following[agent]),
+            ) {
                 own.extend(of_model.get(place).into_iter().flatten());
             }
         }
@@ -176,7 +225,10 @@ impl ValueTeam {
 
     /// Raw gains of steps of an episode as each model's curiosity has them now: one list a model.
     pub fn judge(&mut self, episode: &Episode, round: u32) -> Vec<Vec<f32>> {
-        self.models.iter_mut().map(|model| model.judge(episode, round)).collect()
+        self.models
+            .iter_mut()
+            .map(|model| model.judge(episode, round))
+            .collect()
     }
 
     /// For each agent, what learning was like for its model: `[K]`.
@@ -185,7 +237,13 @@ impl ValueTeam {
         let report = |(agent, &model): (u32, &usize)| {
             let own = self.intrinsic_rewards(agent as usize);
             let intrinsic_reward = own.iter().sum::<f32>() / own.len().max(1) as f32;
-            (agent, UpdateReport { intrinsic_reward, ..self.models[model].report() })
+            (
+                agent,
+                UpdateReport {
+                    intrinsic_reward,
+                    ..self.models[model].report()
+                },
+            )
         };
         (0..).zip(&self.following).map(report).collect()
     }
@@ -200,7 +258,11 @@ impl ValueTeam {
     #[must_use]
     pub fn diverged(&self) -> Option<u32> {
         let lost = self.models.iter().position(|model| !model.is_finite())?;
-        Some(self.followers[lost].first().map_or(0, |&agent| agent as u32))
+        Some(
+            self.followers[lost]
+                .first()
+                .map_or(0, |&agent| agent as u32),
+        )
     }
 
     /// How many models there are.
@@ -213,7 +275,10 @@ impl ValueTeam {
     pub fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
         let mut models = Vec::new();
         for (number, model) in self.models.iter().enumerate() {
-            models.extend(model.tensors().map(|tensor| Tensor { name: format!("model_{number}.{}", tensor.name), ..tensor }));
+            models.extend(model.tensors().map(|tensor| Tensor {
+                name: format!("model_{number}.{}", tensor.name),
+                ..tensor
+            }));
         }
         models.into_iter().chain(self.scaling.tensors())
     }
@@ -225,7 +290,12 @@ impl ValueTeam {
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
         let models = self.models.iter().map(ValueModel::save).collect();
-        let saved = Saved { models, replay: &self.replay, observations: self.scaling.learned(), steps: self.steps };
+        let saved = Saved {
+            models,
+            replay: &self.replay,
+            observations: self.scaling.learned(),
+            steps: self.steps,
+        };
         postcard::to_stdvec(&saved).expect("plain data always serialises")
     }
 
@@ -234,11 +304,15 @@ impl ValueTeam {
     /// # Errors
     /// Says what is wrong where the bytes are not of such a team.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<Replay, Standardiser> = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let saved: Saved<Replay, Standardiser> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         if saved.models.len() != self.models.len() || !saved.replay.is_like(&self.replay) {
             return Err("stored for another team".to_owned());
         }
-        self.models.iter_mut().zip(&saved.models).try_for_each(|(model, bytes)| model.restore(bytes))?;
+        self.models
+            .iter_mut()
+            .zip(&saved.models)
+            .try_for_each(|(model, bytes)| model.restore(bytes))?;
         self.scaling.restore(saved.observations)?;
         (self.replay, self.steps) = (saved.replay, saved.steps);
         Ok(())
@@ -253,8 +327,15 @@ pub fn one_choice(spec: &Spec) -> Result<usize, String> {
     match spec.actions.as_slice() {
         [only] => match &only.choice {
             Choice::Discrete(values) => Ok(values.len()),
-            Choice::Continuous => Err(format!("`{}` of `{}` is continuous", only.quantity.name, spec.name)),
+            Choice::Continuous => Err(format!(
+                "`{}` of `{}` is continuous",
+                only.quantity.name, spec.name
+            )),
         },
-        several => Err(format!("an action of `{}` has {} components", spec.name, several.len())),
+        several => Err(format!(
+            "an action of `{}` has {} components",
+            spec.name,
+            several.len()
+        )),
     }
 }

@@ -88,34 +88,57 @@ struct Saved<L, V> {
 
 impl ValueModel {
     /// Model number `index` of a team at its seed. `leader` is the first agent that follows it.
-    pub(super) fn new(index: u32, composition: &Composition, mlp: Mlp, leader: &Membership<'_>) -> Self {
+    pub(super) fn new(
+        index: u32,
+        composition: &Composition,
+        mlp: Mlp,
+        leader: &Membership<'_>,
+    ) -> Self {
         let (run_seed, team) = (leader.run_seed, leader.team);
-        let seed = mlp.initial(team.initial, &mut stream(run_seed, Purpose::InitialParameters, index, 0));
+        let seed = mlp.initial(
+            team.initial,
+            &mut stream(run_seed, Purpose::InitialParameters, index, 0),
+        );
         let prior = (composition.prior_scale > 0.0).then(|| Prior {
-            parameters: mlp.initial(Initial::Random, &mut stream(run_seed, Purpose::ValuePrior, index, 0)),
+            parameters: mlp.initial(
+                Initial::Random,
+                &mut stream(run_seed, Purpose::ValuePrior, index, 0),
+            ),
             scale: composition.prior_scale,
         });
         let network = Network::new(mlp, seed.clone(), composition.learning.optimiser);
         let seeds = composition.seeded.then_some(team.seeds);
         let curiosity = Curiosity::new(&composition.bonus, leader);
-        let minibatch = curiosity.as_ref().map_or_else(Minibatch::default, |_| Minibatch::for_curiosity(leader.spec));
+        let minibatch = curiosity.as_ref().map_or_else(Minibatch::default, |_| {
+            Minibatch::for_curiosity(leader.spec)
+        });
         Self {
             start: matches!(composition.fit, Fit::Lsvi { .. }).then(|| network.learned().clone()),
             network,
             target: seed,
             prior,
-            perturbation: Perturbation { run_seed, model: index, seeds, mask: composition.mask },
+            perturbation: Perturbation {
+                run_seed,
+                model: index,
+                seeds,
+                mask: composition.mask,
+            },
             descents: 0,
             curiosity,
             random: stream(run_seed, Purpose::Replay, index, 0),
             totals: Totals::default(),
-            work: Workspace { minibatch, ..Workspace::default() },
+            work: Workspace {
+                minibatch,
+                ..Workspace::default()
+            },
         }
     }
 
     /// A round begins: its minibatches are drawn from a stream of their own.
     pub(super) fn begin_round(&mut self, round: u32) {
-        let Perturbation { run_seed, model, .. } = self.perturbation;
+        let Perturbation {
+            run_seed, model, ..
+        } = self.perturbation;
         self.random = stream(run_seed, Purpose::Replay, model, round);
         self.totals = Totals::default();
     }
@@ -127,7 +150,10 @@ impl ValueModel {
     }
 
     fn values_with(&self, parameters: &[f32], states: &[f32], room: &mut Evaluation) {
-        let Evaluation { activations, values } = room;
+        let Evaluation {
+            activations,
+            values,
+        } = room;
         values.clear();
         values.extend_from_slice(self.network.mlp().forward(parameters, states, activations));
         self.add_prior(states, activations, values);
@@ -135,8 +161,14 @@ impl ValueModel {
 
     fn add_prior(&self, states: &[f32], activations: &mut Activations, values: &mut [f32]) {
         let Some(prior) = &self.prior else { return };
-        let added = self.network.mlp().forward(&prior.parameters, states, activations);
-        values.iter_mut().zip(added).for_each(|(value, added)| *value += prior.scale * added);
+        let added = self
+            .network
+            .mlp()
+            .forward(&prior.parameters, states, activations);
+        values
+            .iter_mut()
+            .zip(added)
+            .for_each(|(value, added)| *value += prior.scale * added);
     }
 
     /// Learns as much as it does at one time. Nothing before the replay holds a minibatch.
@@ -170,31 +202,69 @@ impl ValueModel {
         self.add_bonuses();
         self.aim(lesson);
         let mut work = std::mem::take(&mut self.work);
-        let Workspace { minibatch, scaled, now, targets, gradient, .. } = &mut work;
+        let Workspace {
+            minibatch,
+            scaled,
+            now,
+            targets,
+            gradient,
+            ..
+        } = &mut work;
         now.values.clear();
         now.values.extend_from_slice(self.network.forward(scaled));
         self.add_prior(scaled, &mut now.activations, &mut now.values);
-        let loss = q_learning::squared_error(&now.values, &minibatch.actions, targets, &minibatch.weights, gradient);
-        self.network.descend(scaled, gradient, &descent(lesson.composition));
+        let loss = q_learning::squared_error(
+            &now.values,
+            &minibatch.actions,
+            targets,
+            &minibatch.weights,
+            gradient,
+        );
+        self.network
+            .descend(scaled, gradient, &descent(lesson.composition));
         self.note(lesson, loss, &mut now.values);
         self.work = work;
         self.descents += 1;
         let iterates = self.start.is_some();
-        if !iterates && self.descents.is_multiple_of(lesson.composition.learning.target_every.get().into()) {
+        if !iterates
+            && self
+                .descents
+                .is_multiple_of(lesson.composition.learning.target_every.get().into())
+        {
             self.target.copy_from_slice(self.network.parameters());
         }
     }
 
     fn draw_minibatch(&mut self, lesson: &Lesson<'_>, bootstrap: bool) {
         let learning = &lesson.composition.learning;
-        let Self { work: Workspace { minibatch, scaled, scaled_next, .. }, perturbation, random, .. } = self;
-        let discount = if bootstrap { learning.discount.get_f32() } else { 0.0 };
+        let Self {
+            work:
+                Workspace {
+                    minibatch,
+                    scaled,
+                    scaled_next,
+                    ..
+                },
+            perturbation,
+            random,
+            ..
+        } = self;
+        let discount = if bootstrap {
+            learning.discount.get_f32()
+        } else {
+            0.0
+        };
         minibatch.clear();
         for _ in 0..learning.minibatch.get() {
             let transition = lesson.replay.draw(random);
             let reward = transition.reward + perturbation.seed(transition.origin);
             let discount = remaining(discount, transition.status, learning.time_limit);
-            minibatch.push(&transition, reward, discount, perturbation.weight(transition.origin));
+            minibatch.push(
+                &transition,
+                reward,
+                discount,
+                perturbation.weight(transition.origin),
+            );
         }
         lesson.scaling.apply(&minibatch.states, scaled);
         lesson.scaling.apply(&minibatch.next, scaled_next);
@@ -202,16 +272,31 @@ impl ValueModel {
 
     /// Adds what the model's curiosity makes of the transitions now.
     fn add_bonuses(&mut self) {
-        let Workspace { minibatch, bonuses, .. } = &mut self.work;
-        let (Some(curiosity), Some(pairs)) = (&mut self.curiosity, minibatch.pairs()) else { return };
+        let Workspace {
+            minibatch, bonuses, ..
+        } = &mut self.work;
+        let (Some(curiosity), Some(pairs)) = (&mut self.curiosity, minibatch.pairs()) else {
+            return;
+        };
         curiosity.bonuses_of_pairs(pairs, &mut self.random, bonuses);
-        minibatch.rewards.iter_mut().zip(bonuses).for_each(|(reward, bonus)| *reward += *bonus);
+        minibatch
+            .rewards
+            .iter_mut()
+            .zip(bonuses)
+            .for_each(|(reward, bonus)| *reward += *bonus);
     }
 
     /// What the values of the minibatch are to become.
     fn aim(&mut self, lesson: &Lesson<'_>) {
         let mut work = std::mem::take(&mut self.work);
-        let Workspace { minibatch, scaled_next, next, online_next, targets, .. } = &mut work;
+        let Workspace {
+            minibatch,
+            scaled_next,
+            next,
+            online_next,
+            targets,
+            ..
+        } = &mut work;
         self.values_with(&self.target, scaled_next, next);
         let chosen_by = if lesson.composition.double {
             self.values_with(self.network.parameters(), scaled_next, online_next);
@@ -219,7 +304,13 @@ impl ValueModel {
         } else {
             &next.values
         };
-        q_learning::targets(&minibatch.rewards, &minibatch.discounts, &next.values, chosen_by, targets);
+        q_learning::targets(
+            &minibatch.rewards,
+            &minibatch.discounts,
+            &next.values,
+            chosen_by,
+            targets,
+        );
         self.work = work;
     }
 
@@ -234,7 +325,12 @@ impl ValueModel {
     }
 
     /// The round is over: curiosity judges the followers' episodes, at `own` among the fresh ones, and learns from all.
-    pub fn reflect(&mut self, experience: &Experience<'_>, own: &[usize], bonuses: &mut Vec<Vec<f32>>) {
+    pub fn reflect(
+        &mut self,
+        experience: &Experience<'_>,
+        own: &[usize],
+        bonuses: &mut Vec<Vec<f32>>,
+    ) {
         if let Some(curiosity) = &mut self.curiosity {
             curiosity.reward_own(experience, own, bonuses);
             self.totals.prediction_error = curiosity.learn(experience);
@@ -243,7 +339,9 @@ impl ValueModel {
 
     /// Raw gains of steps spread over an episode; none without curiosity.
     pub(super) fn judge(&mut self, episode: &Episode, round: u32) -> Vec<f32> {
-        self.curiosity.as_mut().map_or_else(Vec::new, |curiosity| curiosity.judge(episode, round))
+        self.curiosity
+            .as_mut()
+            .map_or_else(Vec::new, |curiosity| curiosity.judge(episode, round))
     }
 
     /// What learning was like in this round.
@@ -266,21 +364,35 @@ impl ValueModel {
     pub(super) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
         let prior = self.prior.iter().flat_map(|prior| {
             let tensors = self.network.mlp().tensors(&prior.parameters);
-            tensors.map(|(name, shape, values)| Tensor { name: format!("prior.{name}"), shape, values: values.into() })
+            tensors.map(|(name, shape, values)| Tensor {
+                name: format!("prior.{name}"),
+                shape,
+                values: values.into(),
+            })
         });
         self.network.tensors("value").chain(prior)
     }
 
     pub(super) fn save(&self) -> Vec<u8> {
         let curiosity = self.curiosity.as_ref().map(Curiosity::save);
-        let saved = Saved { learned: self.network.learned(), target: &self.target, descents: self.descents, curiosity };
+        let saved = Saved {
+            learned: self.network.learned(),
+            target: &self.target,
+            descents: self.descents,
+            curiosity,
+        };
         postcard::to_stdvec(&saved).expect("plain numbers always serialise")
     }
 
     pub(super) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<Learned, Vec<f32>> = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let saved: Saved<Learned, Vec<f32>> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         if saved.target.len() != self.target.len() {
-            return Err(format!("{} parameters stored for a network of {}", saved.target.len(), self.target.len()));
+            return Err(format!(
+                "{} parameters stored for a network of {}",
+                saved.target.len(),
+                self.target.len()
+            ));
         }
         self.network.restore(saved.learned)?;
         (self.target, self.descents) = (saved.target, saved.descents);

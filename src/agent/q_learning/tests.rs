@@ -10,12 +10,19 @@ use crate::seed::SeedDistribution;
 /// A chain of three states, seen as one of three numbers: action 0 goes left, action 1 right. Leaving state 2 to the right ends an
 /// episode with a reward of 1; leaving state 0 to the left ends it with 0.2.
 fn spec() -> Spec {
-    let quantity = |name: &str| Quantity { name: name.to_owned(), unit: String::new(), range: [-1.0, 1.0] };
+    let quantity = |name: &str| Quantity {
+        name: name.to_owned(),
+        unit: String::new(),
+        range: [-1.0, 1.0],
+    };
     Spec {
         name: "chain".to_owned(),
         description: String::new(),
         observations: ["first", "second", "third"].map(quantity).to_vec(),
-        actions: vec![Action { quantity: quantity("move"), choice: Choice::Discrete(vec![-1.0, 1.0]) }],
+        actions: vec![Action {
+            quantity: quantity("move"),
+            choice: Choice::Discrete(vec![-1.0, 1.0]),
+        }],
         control_step: 0.1,
         time_limit: 10,
         reward_threshold: None,
@@ -55,7 +62,13 @@ fn learning() -> Learning {
 }
 
 fn team_of(agents: u32, sigma: f64) -> Team {
-    Team { count: known_count(agents), seeds: SeedDistribution::Normal { sigma: known(sigma) }, ..Team::default() }
+    Team {
+        count: known_count(agents),
+        seeds: SeedDistribution::Normal {
+            sigma: known(sigma),
+        },
+        ..Team::default()
+    }
 }
 
 fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
@@ -88,14 +101,22 @@ fn values(team: &ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
 const OPTIMAL: [f32; 6] = [0.2, 0.64, 0.512, 0.8, 0.64, 1.0];
 
 fn assert_optimal(found: &[f32], tolerance: f32) {
-    let largest = found.iter().zip(OPTIMAL).map(|(ours, exact)| (ours - exact).abs()).fold(0.0, f32::max);
+    let largest = found
+        .iter()
+        .zip(OPTIMAL)
+        .map(|(ours, exact)| (ours - exact).abs())
+        .fold(0.0, f32::max);
     assert!(largest < tolerance, "{found:?} against {OPTIMAL:?}");
 }
 
 #[test]
 fn q_learning_finds_the_exact_values_of_a_chain() {
     for double in [false, true] {
-        let config = QLearning { double, learning: learning(), ..QLearning::default() };
+        let config = QLearning {
+            double,
+            learning: learning(),
+            ..QLearning::default()
+        };
         let mut team = team(config.compose(1), 1, 0.0);
         learn(&mut team, 6000);
         assert_optimal(&values(&team, 0, 1), 0.02);
@@ -105,9 +126,20 @@ fn q_learning_finds_the_exact_values_of_a_chain() {
 /// Ten regressions on the one before: enough for a chain that ends after three steps at best, whose values have converged to 0.8¹⁰.
 #[test]
 fn least_squares_value_iteration_finds_them_as_well() {
-    let learning = Learning { minibatches: known_count(1000), ..learning() };
-    let fit = Fit::Lsvi { iterations: known_count(10) }.into();
-    let config = SeedTd { fit, prior_scale: known(0.0), learning, ..SeedTd::default() };
+    let learning = Learning {
+        minibatches: known_count(1000),
+        ..learning()
+    };
+    let fit = Fit::Lsvi {
+        iterations: known_count(10),
+    }
+    .into();
+    let config = SeedTd {
+        fit,
+        prior_scale: known(0.0),
+        learning,
+        ..SeedTd::default()
+    };
     let mut team = team(config.compose(1), 1, 0.0);
     learn(&mut team, 1);
     assert_optimal(&values(&team, 0, 1), 0.03);
@@ -116,10 +148,19 @@ fn least_squares_value_iteration_finds_them_as_well() {
 /// A prior network changes what the learned one has to be, not what both come to together.
 #[test]
 fn a_prior_does_not_change_what_is_learned() {
-    let config = SeedTd { learning: learning(), ..SeedTd::default() };
+    let config = SeedTd {
+        learning: learning(),
+        ..SeedTd::default()
+    };
     let mut team = team(config.compose(2), 2, 0.0);
     let before = values(&team, 0, 2);
-    assert!(before.iter().zip(OPTIMAL).any(|(ours, exact)| (ours - exact).abs() > 0.3), "{before:?}");
+    assert!(
+        before
+            .iter()
+            .zip(OPTIMAL)
+            .any(|(ours, exact)| (ours - exact).abs() > 0.3),
+        "{before:?}"
+    );
     learn(&mut team, 6000);
     (0..2).for_each(|agent| assert_optimal(&values(&team, agent, 2), 0.03));
 }
@@ -127,11 +168,20 @@ fn a_prior_does_not_change_what_is_learned() {
 /// Seed TD's own answer is that of the chain with rewards r + z: Q(2, right) = 1 + z, z of its origin.
 #[test]
 fn seeds_shift_what_is_learned_by_as_much() {
-    let config = SeedTd { learning: learning(), prior_scale: known(0.0), ..SeedTd::default() };
+    let config = SeedTd {
+        learning: learning(),
+        prior_scale: known(0.0),
+        ..SeedTd::default()
+    };
     let mut team = team(config.compose(2), 2, 0.3);
     learn(&mut team, 6000);
     for model in 0..2 {
-        let perturbation = perturbation::Perturbation { run_seed: 3, model, seeds: Some(team_of(2, 0.3).seeds), mask: 1.0 };
+        let perturbation = perturbation::Perturbation {
+            run_seed: 3,
+            model,
+            seeds: Some(team_of(2, 0.3).seeds),
+            mask: 1.0,
+        };
         let z = perturbation.seed(team.replay.get(5).origin);
         let found = values(&team, model as usize, 2)[5];
         assert!((found - 1.0 - z).abs() < 0.03, "{found} with z = {z}");
@@ -142,21 +192,43 @@ fn seeds_shift_what_is_learned_by_as_much() {
 #[test]
 fn regularisation_pulls_a_model_back_to_its_start() {
     let moved = |regularisation| {
-        let config = SeedTd { learning: learning(), regularisation: known(regularisation), ..SeedTd::default() };
+        let config = SeedTd {
+            learning: learning(),
+            regularisation: known(regularisation),
+            ..SeedTd::default()
+        };
         let mut team = team(config.compose(1), 1, 0.0);
         let before = values(&team, 0, 1);
         learn(&mut team, 2000);
-        values(&team, 0, 1).iter().zip(before).map(|(after, before)| (after - before).abs()).fold(0.0, f32::max)
+        values(&team, 0, 1)
+            .iter()
+            .zip(before)
+            .map(|(after, before)| (after - before).abs())
+            .fold(0.0, f32::max)
     };
-    assert!(moved(100.0) < 0.1 && moved(0.0) > 0.3, "{} {}", moved(100.0), moved(0.0));
+    assert!(
+        moved(100.0) < 0.1 && moved(0.0) > 0.3,
+        "{} {}",
+        moved(100.0),
+        moved(0.0)
+    );
 }
 
 #[test]
 fn agents_of_an_ensemble_share_its_models() {
-    let models = Models::Ensemble { most: known_count(30) };
-    let config = SeedTd { models, learning: learning(), ..SeedTd::default() };
+    let models = Models::Ensemble {
+        most: known_count(30),
+    };
+    let config = SeedTd {
+        models,
+        learning: learning(),
+        ..SeedTd::default()
+    };
     let of_many = team(config.compose(70), 70, 0.1);
-    assert_eq!((of_many.model_count(), of_many.followers(5)), (30, &[5, 35, 65][..]));
+    assert_eq!(
+        (of_many.model_count(), of_many.followers(5)),
+        (30, &[5, 35, 65][..])
+    );
     assert_eq!(values(&of_many, 5, 70), values(&of_many, 65, 70));
     assert_ne!(values(&of_many, 5, 70), values(&of_many, 6, 70));
     assert_eq!(team(config.compose(4), 4, 0.1).model_count(), 4);
@@ -165,19 +237,31 @@ fn agents_of_an_ensemble_share_its_models() {
 /// Whoever else plays: an agent's values are those of its own observation.
 #[test]
 fn values_are_each_player_s_own() {
-    let config = SeedTd { models: Models::Ensemble { most: known_count(2) }, learning: learning(), ..SeedTd::default() };
+    let config = SeedTd {
+        models: Models::Ensemble {
+            most: known_count(2),
+        },
+        learning: learning(),
+        ..SeedTd::default()
+    };
     let team = team(config.compose(5), 5, 0.1);
     let observations: Vec<f32> = [0, 1, 2, 1, 0].into_iter().flat_map(seen).collect();
     let mut room = DecisionRoom::default();
     team.evaluate(&observations, &[false, true, true, true, true], &mut room);
     for (agent, state) in [(1, 1), (2, 2), (3, 1), (4, 0)] {
-        assert_eq!(room.values[2 * agent..2 * agent + 2], values(&team, agent, 5)[2 * state..2 * state + 2]);
+        assert_eq!(
+            room.values[2 * agent..2 * agent + 2],
+            values(&team, agent, 5)[2 * state..2 * state + 2]
+        );
     }
 }
 
 #[test]
 fn a_drawn_model_changes_from_round_to_round_and_back() {
-    let config = config::BootstrappedDqn { learning: learning(), ..config::BootstrappedDqn::default() };
+    let config = config::BootstrappedDqn {
+        learning: learning(),
+        ..config::BootstrappedDqn::default()
+    };
     let mut team = team(config.compose(), 4, 0.0);
     let mut followed = |round| {
         team.begin_round(round);
@@ -193,7 +277,11 @@ fn a_drawn_model_changes_from_round_to_round_and_back() {
 fn a_restored_team_goes_on_to_the_same_bits() {
     let bonus = Bonus::Rnd(crate::agent::curiosity::Rnd::default());
     for bonus in [Bonus::None, bonus] {
-        let config = SeedTd { learning: learning(), bonus: bonus.into(), ..SeedTd::default() };
+        let config = SeedTd {
+            learning: learning(),
+            bonus: bonus.into(),
+            ..SeedTd::default()
+        };
         let [mut original, mut restored] = [0, 1].map(|_| team(config.compose(3), 3, 0.1));
         learn(&mut original, 30);
         restored.restore(&original.save()).unwrap();
@@ -210,8 +298,23 @@ fn a_restored_team_goes_on_to_the_same_bits() {
 fn only_one_discrete_action_has_values() {
     let one = spec();
     assert_eq!(one_choice(&one), Ok(2));
-    let continuous = Spec { actions: vec![Action { choice: Choice::Continuous, ..one.actions[0].clone() }], ..spec() };
-    assert_eq!(one_choice(&continuous), Err("`move` of `chain` is continuous".to_owned()));
-    let two = Spec { actions: vec![one.actions[0].clone(), one.actions[0].clone()], ..spec() };
-    assert_eq!(one_choice(&two), Err("an action of `chain` has 2 components".to_owned()));
+    let continuous = Spec {
+        actions: vec![Action {
+            choice: Choice::Continuous,
+            ..one.actions[0].clone()
+        }],
+        ..spec()
+    };
+    assert_eq!(
+        one_choice(&continuous),
+        Err("`move` of `chain` is continuous".to_owned())
+    );
+    let two = Spec {
+        actions: vec![one.actions[0].clone(), one.actions[0].clone()],
+        ..spec()
+    };
+    assert_eq!(
+        one_choice(&two),
+        Err("an action of `chain` has 2 components".to_owned())
+    );
 }

@@ -5,19 +5,29 @@ use serde::{Deserialize, Serialize};
 use crate::agent::curiosity::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
-use crate::input::numbers::{Count, Fraction, NonNegative, Positive, PositiveFraction, known, known_count};
+use crate::input::numbers::{
+    Count, Fraction, NonNegative, Positive, PositiveFraction, known, known_count,
+};
 use crate::input::{Complaint, Located};
 use crate::nn::AdamSettings;
 
 /// What it is for.
-pub(in crate::agent) const PURPOSE: &str =
-    "Seed policy gradient (thesis §3.4): K policies learn from shared experience, each with its own fixed seed.";
+pub(in crate::agent) const PURPOSE: &str = "Seed policy gradient (thesis §3.4): K policies learn from shared experience, each with its own fixed seed.";
 
 /// What each parameter means, and what may stand there.
 pub(in crate::agent) const PARAMETERS: [(&str, &str); 25] = [
-    ("value_data", "whose trajectories the value function learns from: Shared | Own"),
-    ("policy_data", "whose trajectories the policy learns from: Shared | Own"),
-    ("sharing", "how many of the others' trajectories a round brings: All | Sampled(trajectories: M), drawn anew for each agent"),
+    (
+        "value_data",
+        "whose trajectories the value function learns from: Shared | Own",
+    ),
+    (
+        "policy_data",
+        "whose trajectories the policy learns from: Shared | Own",
+    ),
+    (
+        "sharing",
+        "how many of the others' trajectories a round brings: All | Sampled(trajectories: M), drawn anew for each agent",
+    ),
     (
         "value_target",
         "what the value function is regressed on: MonteCarlo(importance: PerDecision | Ordinary | Off, ratio_product_cap: Some(c) | \
@@ -29,29 +39,65 @@ pub(in crate::agent) const PARAMETERS: [(&str, &str); 25] = [
         "how much better an action was: MonteCarlo(importance: Single | Double, baseline: Value | Mean | Off) | NStep(segment: Λ) | \
          Gae(lambda: λ) | Retrace(lambda: λ) | VTrace(lambda: λ, ratio_cap: ρ̄, trace_cap: c̄)",
     ),
-    ("standardise", "whether advantages are brought to mean 0 and deviation 1: Off | PerTrajectory | PerMinibatch"),
+    (
+        "standardise",
+        "whether advantages are brought to mean 0 and deviation 1: Off | PerTrajectory | PerMinibatch",
+    ),
     (
         "policy_loss",
         "what the policy descends: Ppo(clip: ε, clipping: Joint | DimensionWise) | SimplePg | OffPac(ratio_cap: None)",
     ),
-    ("entropy_bonus", "weight of the policy's entropy in its loss"),
-    ("returns", "how targets are normalised: PopArt(beta: β) | Raw"),
+    (
+        "entropy_bonus",
+        "weight of the policy's entropy in its loss",
+    ),
+    (
+        "returns",
+        "how targets are normalised: PopArt(beta: β) | Raw",
+    ),
     ("discount", "γ, 0 to 1"),
-    ("time_limit", "whether the time limit counts as an end, or v of the last state stands for the rest: Ends | Bootstraps"),
-    ("observations", "how they enter the networks: Raw | Range, display range to ±1 | Running, by running mean and deviation"),
-    ("actions", "how they are chosen: Sampled | Tempered(temperature: τ) | Greedy"),
+    (
+        "time_limit",
+        "whether the time limit counts as an end, or v of the last state stands for the rest: Ends | Bootstraps",
+    ),
+    (
+        "observations",
+        "how they enter the networks: Raw | Range, display range to ±1 | Running, by running mean and deviation",
+    ),
+    (
+        "actions",
+        "how they are chosen: Sampled | Tempered(temperature: τ) | Greedy",
+    ),
     ("hidden", "units of the hidden layers of both networks"),
     ("epochs", "passes over the data of a round"),
     (
         "minibatch",
         "what one gradient step sees: Trajectory, with fresh estimates each time | Steps(n) of all trajectories, shuffled",
     ),
-    ("gradient_clip", "a bound on the norm of each network's gradient: Some(c) | None"),
-    ("step_size_schedule", "how both step sizes change: Constant | Linear(rounds: N, to: part of the first)"),
-    ("regularisation", "λ, the pull of both networks back to their initial parameters"),
-    ("initial_deviation", "spread of continuous actions at the start, as a part of half their range"),
-    ("policy_scale", "factor on the initial parameters of the policy's output layer; small is nearly uniform"),
-    ("value_scale", "factor on the initial parameters of the value function's output layer"),
+    (
+        "gradient_clip",
+        "a bound on the norm of each network's gradient: Some(c) | None",
+    ),
+    (
+        "step_size_schedule",
+        "how both step sizes change: Constant | Linear(rounds: N, to: part of the first)",
+    ),
+    (
+        "regularisation",
+        "λ, the pull of both networks back to their initial parameters",
+    ),
+    (
+        "initial_deviation",
+        "spread of continuous actions at the start, as a part of half their range",
+    ),
+    (
+        "policy_scale",
+        "factor on the initial parameters of the policy's output layer; small is nearly uniform",
+    ),
+    (
+        "value_scale",
+        "factor on the initial parameters of the value function's output layer",
+    ),
     ("policy_optimiser", "Adam of the policy"),
     ("value_optimiser", "Adam of the value function"),
     (
@@ -355,13 +401,17 @@ impl SeedPg {
         self.check_advantage()?;
         self.check_actions()?;
         if self.hidden.is_empty() {
-            return Err(self.hidden.complain("names no layer; expected at least one, such as `hidden: [32, 32]`"));
+            return Err(self
+                .hidden
+                .complain("names no layer; expected at least one, such as `hidden: [32, 32]`"));
         }
         Ok(())
     }
 
     fn check_policy_loss(&self) -> Result<(), Complaint> {
-        let newest_own = self.policy_data == Data::Own && self.epochs.get() == 1 && self.minibatch == Minibatch::Trajectory;
+        let newest_own = self.policy_data == Data::Own
+            && self.epochs.get() == 1
+            && self.minibatch == Minibatch::Trajectory;
         if *self.policy_loss == PolicyLoss::SimplePg && !newest_own {
             return Err(self.policy_loss.complain(
                 "`SimplePg` is sound only with `policy_data: Own`, `epochs: 1` and `minibatch: Trajectory`: it does not weigh samples by \
@@ -375,14 +425,25 @@ impl SeedPg {
         let complain = |message: &str| Err(self.value_target.complain(message));
         match (*self.value_target, self.value_data) {
             (
-                ValueTarget::MonteCarlo { importance: Importance::Off, .. } | ValueTarget::Td { importance: Importance::Off, .. },
+                ValueTarget::MonteCarlo {
+                    importance: Importance::Off,
+                    ..
+                }
+                | ValueTarget::Td {
+                    importance: Importance::Off,
+                    ..
+                },
                 Data::Shared,
-            ) => {
-                complain("`importance: Off` takes trajectories as the agent's own; expected `PerDecision`, or `value_data: Own`")
-            }
-            (ValueTarget::Td { importance: Importance::Ordinary, .. }, _) => {
-                complain("one step has one ratio; expected `importance: PerDecision` or `Off`")
-            }
+            ) => complain(
+                "`importance: Off` takes trajectories as the agent's own; expected `PerDecision`, or `value_data: Own`",
+            ),
+            (
+                ValueTarget::Td {
+                    importance: Importance::Ordinary,
+                    ..
+                },
+                _,
+            ) => complain("one step has one ratio; expected `importance: PerDecision` or `Off`"),
             (ValueTarget::Gae { .. }, Data::Shared) => complain(
                 "`Gae` takes trajectories as the agent's own; expected `VTrace`, which is the same there, or `value_data: Own`",
             ),
@@ -392,14 +453,20 @@ impl SeedPg {
 
     fn check_advantage(&self) -> Result<(), Complaint> {
         let complain = |message: &str| Err(self.advantage.complain(message));
-        let unweighed = matches!(*self.value_target, ValueTarget::MonteCarlo { importance: Importance::Off, .. });
+        let unweighed = matches!(
+            *self.value_target,
+            ValueTarget::MonteCarlo {
+                importance: Importance::Off,
+                ..
+            }
+        );
         match (*self.advantage, self.policy_data) {
             (AdvantageEstimate::Gae { .. }, Data::Shared) => complain(
                 "`Gae` takes trajectories as the agent's own; expected `Retrace`, which is the same there, or `policy_data: Own`",
             ),
-            (AdvantageEstimate::NStep { segment }, Data::Shared) if segment.get() > 1 => {
-                complain("`NStep` takes trajectories as the agent's own; expected `segment: 1`, `Retrace`, or `policy_data: Own`")
-            }
+            (AdvantageEstimate::NStep { segment }, Data::Shared) if segment.get() > 1 => complain(
+                "`NStep` takes trajectories as the agent's own; expected `segment: 1`, `Retrace`, or `policy_data: Own`",
+            ),
             (AdvantageEstimate::MonteCarlo { .. }, Data::Shared) if unweighed => complain(
                 "takes the value target's return, which is `importance: Off`; expected `PerDecision` there, or `policy_data: Own`",
             ),
@@ -410,11 +477,17 @@ impl SeedPg {
     fn check_actions(&self) -> Result<(), Complaint> {
         let plain_target = matches!(
             *self.value_target,
-            ValueTarget::MonteCarlo { importance: Importance::Off, .. }
-                | ValueTarget::Td { importance: Importance::Off, .. }
-                | ValueTarget::Gae { .. }
+            ValueTarget::MonteCarlo {
+                importance: Importance::Off,
+                ..
+            } | ValueTarget::Td {
+                importance: Importance::Off,
+                ..
+            } | ValueTarget::Gae { .. }
         );
-        if *self.actions == ActionSelection::Greedy && !(plain_target && *self.policy_loss == PolicyLoss::SimplePg) {
+        if *self.actions == ActionSelection::Greedy
+            && !(plain_target && *self.policy_loss == PolicyLoss::SimplePg)
+        {
             return Err(self.actions.complain(
                 "greedy actions have no likelihood to weigh samples by; expected `Sampled` or `Tempered`, or `policy_loss: SimplePg` with \
                  an unweighed `value_target`",
@@ -430,13 +503,26 @@ impl Default for SeedPg {
             value_data: Data::Shared,
             policy_data: Data::Shared,
             sharing: Sharing::All,
-            value_target: ValueTarget::MonteCarlo { importance: Importance::PerDecision, ratio_product_cap: default_cap() }
-                .into(),
-            advantage: AdvantageEstimate::MonteCarlo { importance: RatioCount::Single, baseline: Baseline::Value }.into(),
+            value_target: ValueTarget::MonteCarlo {
+                importance: Importance::PerDecision,
+                ratio_product_cap: default_cap(),
+            }
+            .into(),
+            advantage: AdvantageEstimate::MonteCarlo {
+                importance: RatioCount::Single,
+                baseline: Baseline::Value,
+            }
+            .into(),
             standardise: Standardisation::Off,
-            policy_loss: PolicyLoss::Ppo { clip: default_clip(), clipping: Clipping::Joint }.into(),
+            policy_loss: PolicyLoss::Ppo {
+                clip: default_clip(),
+                clipping: Clipping::Joint,
+            }
+            .into(),
             entropy_bonus: known(0.0),
-            returns: ReturnNormalisation::PopArt { beta: default_beta() },
+            returns: ReturnNormalisation::PopArt {
+                beta: default_beta(),
+            },
             discount: known(0.99),
             time_limit: TimeLimit::Ends,
             observations: ObservationScaling::Raw,
@@ -459,7 +545,11 @@ impl Default for SeedPg {
 
 impl Default for VTrace {
     fn default() -> Self {
-        Self { lambda: known(1.0), ratio_cap: known(1.0), trace_cap: known(1.0) }
+        Self {
+            lambda: known(1.0),
+            ratio_cap: known(1.0),
+            trace_cap: known(1.0),
+        }
     }
 }
 
@@ -477,7 +567,10 @@ impl StepSizeSchedule {
     }
 }
 
-#[expect(clippy::unnecessary_wraps, reason = "serde wants the default in the field's own type")]
+#[expect(
+    clippy::unnecessary_wraps,
+    reason = "serde wants the default in the field's own type"
+)]
 fn default_cap() -> Option<Positive> {
     Some(known(1.0))
 }

@@ -16,7 +16,10 @@ mod totals;
 use rand::seq::{SliceRandom, index};
 use serde::{Deserialize, Serialize};
 
-use self::config::{Clipping, Data, Minibatch, PolicyLoss, ReturnNormalisation, SeedPg, Sharing, Standardisation, TimeLimit};
+use self::config::{
+    Clipping, Data, Minibatch, PolicyLoss, ReturnNormalisation, SeedPg, Sharing, Standardisation,
+    TimeLimit,
+};
 use self::estimates::{Scratch, Trajectory};
 use self::samples::Samples;
 use self::totals::Totals;
@@ -94,13 +97,38 @@ impl SeedPgAgent {
     /// An agent at its seed.
     #[must_use]
     pub fn new(config: &SeedPg, member: &Membership<'_>) -> Self {
-        let &Membership { run_seed, agent, team, spec, notes_advantages } = member;
-        let hidden: Vec<usize> = config.hidden.iter().map(|units| units.get() as usize).collect();
+        let &Membership {
+            run_seed,
+            agent,
+            team,
+            spec,
+            notes_advantages,
+        } = member;
+        let hidden: Vec<usize> = config
+            .hidden
+            .iter()
+            .map(|units| units.get() as usize)
+            .collect();
         let policy_shape = policy::shape(spec, &hidden);
-        let value_sizes: Vec<usize> = [spec.observation_width()].into_iter().chain(hidden).chain([1]).collect();
+        let value_sizes: Vec<usize> = [spec.observation_width()]
+            .into_iter()
+            .chain(hidden)
+            .chain([1])
+            .collect();
         let value_shape = Mlp::new(&value_sizes);
-        let mut seed = Seed::draw(run_seed, agent, team.seeds, team.initial, (&policy_shape, &value_shape), spec.time_limit);
-        scale_output_layer(&policy_shape, &mut seed.policy, config.policy_scale.get_f32());
+        let mut seed = Seed::draw(
+            run_seed,
+            agent,
+            team.seeds,
+            team.initial,
+            (&policy_shape, &value_shape),
+            spec.time_limit,
+        );
+        scale_output_layer(
+            &policy_shape,
+            &mut seed.policy,
+            config.policy_scale.get_f32(),
+        );
         scale_output_layer(&value_shape, &mut seed.value, config.value_scale.get_f32());
         let policy = Network::new(policy_shape, seed.policy, config.policy_optimiser);
         Self {
@@ -108,7 +136,12 @@ impl SeedPgAgent {
             agent,
             reward_seeds: seed.reward,
             scaling: Scaling::new(config.observations, spec),
-            policy: Policy::new(spec, policy, *config.actions, config.initial_deviation.get_f32()),
+            policy: Policy::new(
+                spec,
+                policy,
+                *config.actions,
+                config.initial_deviation.get_f32(),
+            ),
             value: Network::new(value_shape, seed.value, config.value_optimiser),
             normaliser: match config.returns {
                 ReturnNormalisation::PopArt { beta } => PopArt::new(beta.get()),
@@ -123,17 +156,27 @@ impl SeedPgAgent {
 
     /// The fresh episodes that this agent learns from, by their place: its own, and those of others that reach it.
     fn choose_episodes(&mut self, fresh: &[Episode], random: &mut Stream) {
-        let Self { agent, config, work, .. } = self;
+        let Self {
+            agent,
+            config,
+            work,
+            ..
+        } = self;
         let shares = config.value_data == Data::Shared || config.policy_data == Data::Shared;
-        let (own, others): (Vec<usize>, Vec<usize>) =
-            (0..fresh.len()).filter(|&index| fresh[index].length() > 0).partition(|&index| fresh[index].agent == *agent);
+        let (own, others): (Vec<usize>, Vec<usize>) = (0..fresh.len())
+            .filter(|&index| fresh[index].length() > 0)
+            .partition(|&index| fresh[index].agent == *agent);
         work.order = own;
         match config.sharing {
             _ if !shares => {}
             Sharing::All => work.order.extend(others),
             Sharing::Sampled { trajectories } => {
                 let count = others.len().min(trajectories.get() as usize);
-                work.order.extend(index::sample(random, others.len(), count).into_iter().map(|place| others[place]));
+                work.order.extend(
+                    index::sample(random, others.len(), count)
+                        .into_iter()
+                        .map(|place| others[place]),
+                );
             }
         }
         work.order.sort_unstable();
@@ -142,7 +185,9 @@ impl SeedPgAgent {
     /// Notes what the agent takes the advantages of its own steps for. Estimates draw nothing and leave only what the next one replaces, so
     /// that learning goes on to the same bits.
     fn note_advantages(&mut self, fresh: &[Episode]) {
-        let Some(mut noted) = self.noted.take() else { return };
+        let Some(mut noted) = self.noted.take() else {
+            return;
+        };
         noted.clear();
         for index in 0..self.work.order.len() {
             let place = self.work.order[index];
@@ -157,16 +202,26 @@ impl SeedPgAgent {
     /// Whether the value function and the policy learn from an episode.
     fn learners(&self, episode: &Episode) -> [bool; 2] {
         let learns = |data| data == Data::Shared || episode.agent == self.agent;
-        [learns(self.config.value_data), learns(self.config.policy_data)]
+        [
+            learns(self.config.value_data),
+            learns(self.config.policy_data),
+        ]
     }
 
     /// One trajectory is one minibatch: each network takes at most one step on it.
-    fn learn_from_trajectory(&mut self, fresh: &[Episode], place: usize, descent: &Descent, totals: &mut Totals) {
+    fn learn_from_trajectory(
+        &mut self,
+        fresh: &[Episode],
+        place: usize,
+        descent: &Descent,
+        totals: &mut Totals,
+    ) {
         let [value_learns, policy_learns] = self.learners(&fresh[place]);
         self.prepare(&fresh[place], place);
         if value_learns {
             let (weight, bias) = self.value.output_layer();
-            self.normaliser.update(&self.work.samples.targets, weight, bias);
+            self.normaliser
+                .update(&self.work.samples.targets, weight, bias);
         }
         if policy_learns {
             self.improve_policy(descent, totals);
@@ -177,10 +232,18 @@ impl SeedPgAgent {
     }
 
     /// Minibatches of `size` steps from all chosen trajectories; each network takes a step on each.
-    fn learn_from_steps(&mut self, fresh: &[Episode], size: usize, descent: &Descent, random: &mut Stream, totals: &mut Totals) {
+    fn learn_from_steps(
+        &mut self,
+        fresh: &[Episode],
+        size: usize,
+        descent: &Descent,
+        random: &mut Stream,
+        totals: &mut Totals,
+    ) {
         self.fill_pools(fresh);
         let (weight, bias) = self.value.output_layer();
-        self.normaliser.update(&self.work.value_pool.targets, weight, bias);
+        self.normaliser
+            .update(&self.work.value_pool.targets, weight, bias);
         let mut rows = std::mem::take(&mut self.work.rows);
         shuffled(&mut rows, self.work.policy_pool.len(), random);
         for rows in rows.chunks(size) {
@@ -204,7 +267,12 @@ impl SeedPgAgent {
             let place = self.work.order[index];
             let [value_learns, policy_learns] = self.learners(&fresh[place]);
             self.prepare(&fresh[place], place);
-            let Workspace { samples, policy_pool, value_pool, .. } = &mut self.work;
+            let Workspace {
+                samples,
+                policy_pool,
+                value_pool,
+                ..
+            } = &mut self.work;
             if value_learns {
                 value_pool.append(samples);
             }
@@ -234,36 +302,84 @@ impl SeedPgAgent {
         self.estimate_values();
 
         let config = &self.config;
-        let Workspace { samples, rewards, ratios, values, estimates, .. } = &mut self.work;
-        let trajectory = Trajectory { rewards, ratios, values, discount: config.discount.get_f32() };
-        let Samples { targets, weights, advantages, .. } = samples;
+        let Workspace {
+            samples,
+            rewards,
+            ratios,
+            values,
+            estimates,
+            ..
+        } = &mut self.work;
+        let trajectory = Trajectory {
+            rewards,
+            ratios,
+            values,
+            discount: config.discount.get_f32(),
+        };
+        let Samples {
+            targets,
+            weights,
+            advantages,
+            ..
+        } = samples;
         trajectory.value_targets(*config.value_target, estimates, targets, weights);
-        trajectory.advantages(*config.advantage, *config.value_target, targets, estimates, advantages);
+        trajectory.advantages(
+            *config.advantage,
+            *config.value_target,
+            targets,
+            estimates,
+            advantages,
+        );
     }
 
     /// rₜ₊₁ + `z_{k,t+1}`, and the bonus if there is one; where a time limit is not an end, γ v(`s_T`) joins the last reward and stands
     /// for all that would follow.
     fn perturb_rewards(&mut self, episode: &Episode, place: usize) {
-        let Workspace { rewards, last_state, bonuses, .. } = &mut self.work;
+        let Workspace {
+            rewards,
+            last_state,
+            bonuses,
+            ..
+        } = &mut self.work;
         rewards.clear();
-        rewards.extend(episode.rewards.iter().zip(&self.reward_seeds).map(|(reward, seed)| reward + seed));
+        rewards.extend(
+            episode
+                .rewards
+                .iter()
+                .zip(&self.reward_seeds)
+                .map(|(reward, seed)| reward + seed),
+        );
         if let Some(bonuses) = bonuses.get(place) {
-            rewards.iter_mut().zip(bonuses).for_each(|(reward, bonus)| *reward += bonus);
+            rewards
+                .iter_mut()
+                .zip(bonuses)
+                .for_each(|(reward, bonus)| *reward += bonus);
         }
         if self.config.time_limit == TimeLimit::Bootstraps && episode.outcome == Status::Truncated {
             self.scaling.apply(episode.last_observation(), last_state);
             let normalised = self.value.forward(last_state)[0];
-            let value = self.normaliser.deviation().mul_add(normalised, self.normaliser.mean());
+            let value = self
+                .normaliser
+                .deviation()
+                .mul_add(normalised, self.normaliser.mean());
             rewards[episode.length() - 1] += self.config.discount.get_f32() * value;
         }
     }
 
     /// ρₜ = `π_k(aₜ|sₜ)` / μ(aₜ|sₜ) of the samples at hand.
     fn weigh(&mut self) {
-        let Workspace { samples, log_probs, ratios, .. } = &mut self.work;
-        self.policy.evaluate(&samples.states, &samples.actions, log_probs);
+        let Workspace {
+            samples,
+            log_probs,
+            ratios,
+            ..
+        } = &mut self.work;
+        self.policy
+            .evaluate(&samples.states, &samples.actions, log_probs);
         let width = self.policy.components();
-        let rows = log_probs.chunks_exact(width).zip(samples.behaviour.chunks_exact(width));
+        let rows = log_probs
+            .chunks_exact(width)
+            .zip(samples.behaviour.chunks_exact(width));
         ratios.clear();
         ratios.extend(rows.map(|(ours, theirs)| ratio(ours, theirs)));
     }
@@ -273,7 +389,9 @@ impl SeedPgAgent {
         let (deviation, mean) = (self.normaliser.deviation(), self.normaliser.mean());
         let normalised = self.value.forward(&self.work.samples.states);
         self.work.values.clear();
-        self.work.values.extend(normalised.iter().map(|y| deviation.mul_add(*y, mean)));
+        self.work
+            .values
+            .extend(normalised.iter().map(|y| deviation.mul_add(*y, mean)));
     }
 
     /// One step of the policy on the samples at hand, which it has just [weighed](Self::weigh).
@@ -284,23 +402,49 @@ impl SeedPgAgent {
         }
         let samples = &work.samples;
         let width = samples.components();
-        let rows = work.log_probs.chunks_exact(width).zip(samples.behaviour.chunks_exact(width));
+        let rows = work
+            .log_probs
+            .chunks_exact(width)
+            .zip(samples.behaviour.chunks_exact(width));
         work.slopes.clear();
-        for ((ours, theirs), (&joint, &advantage)) in rows.zip(work.ratios.iter().zip(&samples.advantages)) {
-            surrogates(*self.config.policy_loss, (ours, theirs), joint, advantage, |surrogate, components| {
-                work.slopes.extend(std::iter::repeat_n(surrogate.slope, components));
-                totals.surrogate(&surrogate, components);
-            });
+        for ((ours, theirs), (&joint, &advantage)) in
+            rows.zip(work.ratios.iter().zip(&samples.advantages))
+        {
+            surrogates(
+                *self.config.policy_loss,
+                (ours, theirs),
+                joint,
+                advantage,
+                |surrogate, components| {
+                    work.slopes
+                        .extend(std::iter::repeat_n(surrogate.slope, components));
+                    totals.surrogate(&surrogate, components);
+                },
+            );
         }
         totals.minibatch(&work.ratios, self.policy.mean_entropy());
         let entropy_bonus = self.config.entropy_bonus.get_f32();
-        self.policy.descend(&samples.states, &samples.actions, &work.slopes, entropy_bonus, descent);
+        self.policy.descend(
+            &samples.states,
+            &samples.actions,
+            &work.slopes,
+            entropy_bonus,
+            descent,
+        );
     }
 
     /// Descends ½ mean wₜ (Ŷₜ − (Yₜ − μ)/σ)² on the samples at hand, whose values were just [estimated](Self::estimate_values).
     fn improve_value(&mut self, descent: &Descent, totals: &mut Totals) {
-        let Workspace { samples, values, value_gradient, .. } = &mut self.work;
-        let (scale, share) = (1.0 / self.normaliser.deviation(), 1.0 / samples.len() as f32);
+        let Workspace {
+            samples,
+            values,
+            value_gradient,
+            ..
+        } = &mut self.work;
+        let (scale, share) = (
+            1.0 / self.normaliser.deviation(),
+            1.0 / samples.len() as f32,
+        );
         value_gradient.clear();
         for ((value, target), weight) in values.iter().zip(&samples.targets).zip(&samples.weights) {
             let error = (value - target) * scale;
@@ -329,22 +473,43 @@ fn surrogates(
 ) {
     let width = ours.len();
     match loss {
-        PolicyLoss::Ppo { clip, clipping: Clipping::Joint } => take(policy_loss::ppo(joint, advantage, clip.get_f32()), width),
-        PolicyLoss::Ppo { clip, clipping: Clipping::DimensionWise } => {
+        PolicyLoss::Ppo {
+            clip,
+            clipping: Clipping::Joint,
+        } => take(policy_loss::ppo(joint, advantage, clip.get_f32()), width),
+        PolicyLoss::Ppo {
+            clip,
+            clipping: Clipping::DimensionWise,
+        } => {
             for (ours, theirs) in ours.chunks_exact(1).zip(theirs.chunks_exact(1)) {
-                take(policy_loss::ppo(ratio(ours, theirs), advantage, clip.get_f32()), 1);
+                take(
+                    policy_loss::ppo(ratio(ours, theirs), advantage, clip.get_f32()),
+                    1,
+                );
             }
         }
         PolicyLoss::SimplePg => take(policy_loss::simple(ours.iter().sum(), advantage), width),
         PolicyLoss::OffPac { ratio_cap } => {
-            take(policy_loss::off_pac(ours.iter().sum(), joint, advantage, ratio_cap.map(Positive::get_f32)), width);
+            take(
+                policy_loss::off_pac(
+                    ours.iter().sum(),
+                    joint,
+                    advantage,
+                    ratio_cap.map(Positive::get_f32),
+                ),
+                width,
+            );
         }
     }
 }
 
 /// π/μ of one action from the log-probabilities of its components, kept within e^±20.
 fn ratio(ours: &[f32], theirs: &[f32]) -> f32 {
-    let log_ratio: f32 = ours.iter().zip(theirs).map(|(ours, theirs)| ours - theirs).sum();
+    let log_ratio: f32 = ours
+        .iter()
+        .zip(theirs)
+        .map(|(ours, theirs)| ours - theirs)
+        .sum();
     log_ratio.clamp(-20.0, 20.0).exp()
 }
 
@@ -357,14 +522,25 @@ fn shuffled(rows: &mut Vec<usize>, count: usize, random: &mut Stream) {
 
 fn scale_output_layer(shape: &Mlp, parameters: &mut [f32], scale: f32) {
     let (weight, bias) = shape.output_layer(parameters);
-    weight.iter_mut().chain(bias).for_each(|parameter| *parameter *= scale);
+    weight
+        .iter_mut()
+        .chain(bias)
+        .for_each(|parameter| *parameter *= scale);
 }
 
 impl Agent for SeedPgAgent {
-    fn act(&self, observation: &[f32], random: &mut Stream, scratch: &mut ActScratch, action: &mut [f32], log_prob: &mut [f32]) {
+    fn act(
+        &self,
+        observation: &[f32],
+        random: &mut Stream,
+        scratch: &mut ActScratch,
+        action: &mut [f32],
+        log_prob: &mut [f32],
+    ) {
         let mut state = std::mem::take(&mut scratch.state);
         self.scaling.apply(observation, &mut state);
-        self.policy.sample(&state, random, scratch, action, log_prob);
+        self.policy
+            .sample(&state, random, scratch, action, log_prob);
         scratch.state = state;
     }
 
@@ -375,7 +551,12 @@ impl Agent for SeedPgAgent {
         self.choose_episodes(fresh, &mut random);
         if let Some(curiosity) = &mut self.curiosity {
             curiosity.reward(experience, &self.work.order, &mut self.work.bonuses);
-            totals.curiosity(self.agent, fresh, &self.work.bonuses, curiosity.learn(experience));
+            totals.curiosity(
+                self.agent,
+                fresh,
+                &self.work.bonuses,
+                curiosity.learn(experience),
+            );
         }
         self.note_advantages(fresh);
         for _ in 0..self.config.epochs.get() {
@@ -389,11 +570,20 @@ impl Agent for SeedPgAgent {
                     self.work.order = order;
                 }
                 Minibatch::Steps(size) => {
-                    self.learn_from_steps(fresh, size.get() as usize, &descent, &mut random, &mut totals);
+                    self.learn_from_steps(
+                        fresh,
+                        size.get() as usize,
+                        &descent,
+                        &mut random,
+                        &mut totals,
+                    );
                 }
             }
         }
-        self.work.order.iter().for_each(|&index| self.scaling.update(fresh[index].states()));
+        self.work
+            .order
+            .iter()
+            .for_each(|&index| self.scaling.update(fresh[index].states()));
         totals.report()
     }
 
@@ -406,30 +596,56 @@ impl Agent for SeedPgAgent {
     }
 
     fn judge(&mut self, episode: &Episode, round: u32) -> Vec<f32> {
-        self.curiosity.as_mut().map_or_else(Vec::new, |curiosity| curiosity.judge(episode, round))
+        self.curiosity
+            .as_mut()
+            .map_or_else(Vec::new, |curiosity| curiosity.judge(episode, round))
     }
 
     fn is_finite(&self) -> bool {
         let curiosity = self.curiosity.as_ref().is_none_or(Curiosity::is_finite);
-        curiosity && self.policy.network().is_finite() && self.value.is_finite() && self.normaliser.is_finite()
+        curiosity
+            && self.policy.network().is_finite()
+            && self.value.is_finite()
+            && self.normaliser.is_finite()
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let moments = [("mean", self.normaliser.mean()), ("deviation", self.normaliser.deviation())];
-        let moments =
-            moments.map(|(name, moment)| Tensor { name: format!("value.{name}"), shape: vec![1], values: vec![moment].into() });
-        self.policy.tensors().chain(self.value.tensors("value")).chain(moments).chain(self.scaling.tensors()).collect()
+        let moments = [
+            ("mean", self.normaliser.mean()),
+            ("deviation", self.normaliser.deviation()),
+        ];
+        let moments = moments.map(|(name, moment)| Tensor {
+            name: format!("value.{name}"),
+            shape: vec![1],
+            values: vec![moment].into(),
+        });
+        self.policy
+            .tensors()
+            .chain(self.value.tensors("value"))
+            .chain(moments)
+            .chain(self.scaling.tensors())
+            .collect()
     }
 
     fn save(&self) -> Vec<u8> {
         let (policy, value) = (self.policy.network().learned(), self.value.learned());
-        let (observations, curiosity) = (self.scaling.learned(), self.curiosity.as_ref().map(Curiosity::save));
-        let saved = Saved { policy, value, normaliser: self.normaliser, observations, curiosity };
+        let (observations, curiosity) = (
+            self.scaling.learned(),
+            self.curiosity.as_ref().map(Curiosity::save),
+        );
+        let saved = Saved {
+            policy,
+            value,
+            normaliser: self.normaliser,
+            observations,
+            curiosity,
+        };
         postcard::to_stdvec(&saved).expect("plain numbers always serialise")
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<Learned, Standardiser> = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let saved: Saved<Learned, Standardiser> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.policy.network_mut().restore(saved.policy)?;
         self.value.restore(saved.value)?;
         self.scaling.restore(saved.observations)?;

@@ -50,7 +50,14 @@ impl Samples {
     fn push_row(&mut self, from: &Self, row: usize) {
         let count = from.len();
         let ours = self.columns();
-        let theirs = [&from.states, &from.actions, &from.behaviour, &from.targets, &from.weights, &from.advantages];
+        let theirs = [
+            &from.states,
+            &from.actions,
+            &from.behaviour,
+            &from.targets,
+            &from.weights,
+            &from.advantages,
+        ];
         for (ours, theirs) in ours.into_iter().zip(theirs) {
             let width = theirs.len() / count;
             ours.extend_from_slice(&theirs[row * width..(row + 1) * width]);
@@ -58,7 +65,14 @@ impl Samples {
     }
 
     fn columns(&mut self) -> [&mut Vec<f32>; 6] {
-        let Self { states, actions, behaviour, targets, weights, advantages } = self;
+        let Self {
+            states,
+            actions,
+            behaviour,
+            targets,
+            weights,
+            advantages,
+        } = self;
         [states, actions, behaviour, targets, weights, advantages]
     }
 }
@@ -68,9 +82,17 @@ mod tests {
     use super::*;
 
     fn samples(steps: &[u8]) -> Samples {
-        let column = |offset: f32| steps.iter().map(|&step| f32::from(step) + offset).collect::<Vec<f32>>();
+        let column = |offset: f32| {
+            steps
+                .iter()
+                .map(|&step| f32::from(step) + offset)
+                .collect::<Vec<f32>>()
+        };
         Samples {
-            states: steps.iter().flat_map(|&step| [f32::from(step), -f32::from(step)]).collect(),
+            states: steps
+                .iter()
+                .flat_map(|&step| [f32::from(step), -f32::from(step)])
+                .collect(),
             actions: column(10.0),
             behaviour: column(20.0),
             targets: column(30.0),
@@ -87,6 +109,9 @@ mod tests {
         let mut drawn = samples(&[9]);
         drawn.gather(&all, &[4, 1]);
         assert_eq!(drawn.states, [4.0, -4.0, 1.0, -1.0]);
-        assert_eq!((drawn.actions, drawn.advantages), (vec![14.0, 11.0], vec![54.0, 51.0]));
+        assert_eq!(
+            (drawn.actions, drawn.advantages),
+            (vec![14.0, 11.0], vec![54.0, 51.0])
+        );
     }
 }

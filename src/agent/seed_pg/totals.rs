@@ -32,21 +32,42 @@ impl Totals {
     pub(super) fn surrogate(&mut self, surrogate: &Surrogate, components: usize) {
         self.policy_loss += f64::from(surrogate.loss);
         self.components += components as u64;
-        self.clipped += if surrogate.clipped { components as u64 } else { 0 };
+        self.clipped += if surrogate.clipped {
+            components as u64
+        } else {
+            0
+        };
     }
 
     /// Adds the ratios and the mean entropy of a minibatch.
     pub(super) fn minibatch(&mut self, ratios: &[f32], mean_entropy: f32) {
         self.policy_steps += ratios.len() as u64;
-        self.deviation += ratios.iter().map(|ratio| f64::from((ratio - 1.0).abs())).sum::<f64>();
-        self.largest_ratio = ratios.iter().fold(self.largest_ratio, |most, ratio| most.max(*ratio));
+        self.deviation += ratios
+            .iter()
+            .map(|ratio| f64::from((ratio - 1.0).abs()))
+            .sum::<f64>();
+        self.largest_ratio = ratios
+            .iter()
+            .fold(self.largest_ratio, |most, ratio| most.max(*ratio));
         self.entropy += f64::from(mean_entropy) * ratios.len() as f64;
     }
 
     /// Notes what curiosity made of the agent's own episodes among the fresh ones.
-    pub(super) fn curiosity(&mut self, agent: u32, fresh: &[Episode], bonuses: &[Vec<f32>], prediction_error: f32) {
-        let own = fresh.iter().zip(bonuses).filter(|(episode, _)| episode.agent == agent).flat_map(|(_, bonuses)| bonuses);
-        let (sum, count) = own.fold((0.0, 0_u64), |(sum, count), &bonus| (sum + f64::from(bonus), count + 1));
+    pub(super) fn curiosity(
+        &mut self,
+        agent: u32,
+        fresh: &[Episode],
+        bonuses: &[Vec<f32>],
+        prediction_error: f32,
+    ) {
+        let own = fresh
+            .iter()
+            .zip(bonuses)
+            .filter(|(episode, _)| episode.agent == agent)
+            .flat_map(|(_, bonuses)| bonuses);
+        let (sum, count) = own.fold((0.0, 0_u64), |(sum, count), &bonus| {
+            (sum + f64::from(bonus), count + 1)
+        });
         self.intrinsic_reward = (sum / count.max(1) as f64) as f32;
         self.prediction_error = prediction_error;
     }

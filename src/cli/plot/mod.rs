@@ -116,11 +116,14 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), Failure> {
         figure.fit(width, height);
     }
     let bytes = if is_png {
-        figure.png(PNG_SCALE).map_err(|error| Failure::Input(error.to_string()))?
+        figure
+            .png(PNG_SCALE)
+            .map_err(|error| Failure::Input(error.to_string()))?
     } else {
         figure.svg().into_bytes()
     };
-    files::replace(&out, &bytes).map_err(|error| Failure::Work(format!("cannot write {}: {error}", out.display())))?;
+    files::replace(&out, &bytes)
+        .map_err(|error| Failure::Work(format!("cannot write {}: {error}", out.display())))?;
     say!("{}: {}", out.display(), described(&figure, is_png));
     Ok(())
 }
@@ -145,13 +148,20 @@ fn kind(out: &Path) -> Result<bool, Failure> {
     match out.extension().and_then(|extension| extension.to_str()) {
         Some("svg") => Ok(false),
         Some("png") => Ok(true),
-        _ => Err(Failure::Input(format!("--out {}: a figure is FILE.svg or FILE.png", out.display()))),
+        _ => Err(Failure::Input(format!(
+            "--out {}: a figure is FILE.svg or FILE.png",
+            out.display()
+        ))),
     }
 }
 
 fn read(args: &PlotArgs) -> Result<Vec<Drawn>, Failure> {
     let counter = Counter::new("episodes read");
-    let mut runs: Vec<Drawn> = args.runs.iter().map(|path| read_run(args, path, &counter)).collect::<Result<_, _>>()?;
+    let mut runs: Vec<Drawn> = args
+        .runs
+        .iter()
+        .map(|path| read_run(args, path, &counter))
+        .collect::<Result<_, _>>()?;
     let names: Vec<String> = runs.iter().map(|run| run.label.clone()).collect();
     for run in &mut runs {
         // Runs of one name are told apart by their folders.
@@ -165,47 +175,78 @@ fn read(args: &PlotArgs) -> Result<Vec<Drawn>, Failure> {
 fn read_run(args: &PlotArgs, path: &Path, counter: &Counter) -> Result<Drawn, Failure> {
     let mut review = Review::open(path)?;
     if review.folder.is_none() {
-        review.survey(|_| counter.count()).map_err(ReviewError::from)?;
+        review
+            .survey(|_| counter.count())
+            .map_err(ReviewError::from)?;
     }
     let known = review.agents() as u32;
     if let Some(agent) = args.agents.iter().find(|agent| **agent >= known) {
         let last = known.saturating_sub(1);
-        return Err(Failure::Input(format!("--agents: there is no agent {agent} in {}; they are 0 to {last}", path.display())));
+        return Err(Failure::Input(format!(
+            "--agents: there is no agent {agent} in {}; they are 0 to {last}",
+            path.display()
+        )));
     }
     let axes = review.recording.as_ref().map(Recording::axes);
     let states = match (&review.recording, &axes) {
         (Some(recording), Some(axes)) if args.shows_states() => {
             let selection = args.selection(axes)?;
-            selection.pick(recording, |_| counter.count()).map_err(ReviewError::from)?
+            selection
+                .pick(recording, |_| counter.count())
+                .map_err(ReviewError::from)?
         }
         _ => Vec::new(),
     };
-    Ok(Drawn { label: review.name(), review, axes, states })
+    Ok(Drawn {
+        label: review.name(),
+        review,
+        axes,
+        states,
+    })
 }
 
 impl PlotArgs {
     fn shows(&self, what: What) -> bool {
         let page = [What::Visitation, What::Density, What::Returns];
-        let chosen = if self.what.is_empty() { &page[..] } else { &self.what };
+        let chosen = if self.what.is_empty() {
+            &page[..]
+        } else {
+            &self.what
+        };
         chosen.contains(&what) || chosen.contains(&What::All)
     }
 
     fn shows_states(&self) -> bool {
-        [What::Visitation, What::Density, What::Scatter].into_iter().any(|what| self.shows(what))
+        [What::Visitation, What::Density, What::Scatter]
+            .into_iter()
+            .any(|what| self.shows(what))
     }
 
     /// The wanted axes, by their places among all.
     fn chosen_axes(&self, axes: &Axes) -> Result<Vec<usize>, Failure> {
-        let names: Vec<&str> = axes.all().iter().map(|axis| axis.quantity.name.as_str()).collect();
+        let names: Vec<&str> = axes
+            .all()
+            .iter()
+            .map(|axis| axis.quantity.name.as_str())
+            .collect();
         if self.axes.is_empty() {
             return Ok((0..names.len()).collect());
         }
         let place = |wanted: &String| {
             let place = names.iter().position(|name| name == wanted);
-            place.ok_or_else(|| Failure::Input(format!("--axes: there is no axis `{wanted}`; there are {}", names.join(", "))))
+            place.ok_or_else(|| {
+                Failure::Input(format!(
+                    "--axes: there is no axis `{wanted}`; there are {}",
+                    names.join(", ")
+                ))
+            })
         };
         let places: Vec<usize> = self.axes.iter().map(place).collect::<Result<_, _>>()?;
-        let enough = if places.len() < 2 { Err(Failure::Input("--axes takes at least two axes".to_owned())) } else { Ok(()) };
+        let enough = if places.len() < 2 {
+            Err(Failure::Input("--axes takes at least two axes".to_owned()))
+        } else {
+            Ok(())
+        };
         enough.map(|()| places)
     }
 
@@ -225,16 +266,31 @@ impl PlotArgs {
 fn episodes(text: &str) -> Result<Range<u32>, String> {
     let expected = "expected A..B, such as 0..50 for the first fifty";
     let (from, to) = text.split_once("..").ok_or(expected)?;
-    let number = |text: &str, open: u32| if text.is_empty() { Ok(open) } else { text.parse().map_err(|_| expected) };
+    let number = |text: &str, open: u32| {
+        if text.is_empty() {
+            Ok(open)
+        } else {
+            text.parse().map_err(|_| expected)
+        }
+    };
     let range = number(from, 0)?..number(to, u32::MAX)?;
-    if range.is_empty() { Err("no episode is in this range".to_owned()) } else { Ok(range) }
+    if range.is_empty() {
+        Err("no episode is in this range".to_owned())
+    } else {
+        Ok(range)
+    }
 }
 
 /// Such as `760x900`.
 fn size(text: &str) -> Result<[f64; 2], String> {
     let expected = "expected WIDTHxHEIGHT, such as 760x900, each from 100 to 10000";
     let (width, height) = text.split_once(['x', '×']).ok_or(expected)?;
-    let side = |text: &str| text.parse::<f64>().ok().filter(|side| (100.0..=10_000.0).contains(side)).ok_or(expected);
+    let side = |text: &str| {
+        text.parse::<f64>()
+            .ok()
+            .filter(|side| (100.0..=10_000.0).contains(side))
+            .ok_or(expected)
+    };
     Ok([side(width)?, side(height)?])
 }
 
@@ -244,7 +300,10 @@ mod tests {
 
     #[test]
     fn episodes_are_ranges() {
-        assert_eq!((episodes("0..50"), episodes("..7"), episodes("9..")), (Ok(0..50), Ok(0..7), Ok(9..u32::MAX)));
+        assert_eq!(
+            (episodes("0..50"), episodes("..7"), episodes("9..")),
+            (Ok(0..50), Ok(0..7), Ok(9..u32::MAX))
+        );
         assert_eq!(episodes("5..5").unwrap_err(), "no episode is in this range");
         assert!(episodes("five").unwrap_err().starts_with("expected A..B"));
     }

@@ -26,7 +26,8 @@ impl Picture<'_> {
             rows.extend(self.visitation());
         }
         // A team of one, and runs that are drawn one a panel, would be drawn twice.
-        let is_new = args.what.contains(&What::Density) || (self.runs.len() == 1 && self.runs[0].states.len() > 1);
+        let is_new = args.what.contains(&What::Density)
+            || (self.runs.len() == 1 && self.runs[0].states.len() > 1);
         if args.shows(What::Density) && is_new {
             rows.extend(self.density());
         }
@@ -39,7 +40,12 @@ impl Picture<'_> {
         if args.shows(What::Curves) {
             rows.extend(curves::updates(self.runs, &args.agents));
         }
-        Ok(Figure { title: self.title(), description: self.description(), width: WIDTH, rows })
+        Ok(Figure {
+            title: self.title(),
+            description: self.description(),
+            width: WIDTH,
+            rows,
+        })
     }
 
     /// What was asked for has to be there.
@@ -54,14 +60,27 @@ impl Picture<'_> {
                 )));
             }
             if self.args.shows_states() && run.states.is_empty() {
-                return Err(Failure::Input(format!("{} has no episode among those that were asked for", named(run))));
+                return Err(Failure::Input(format!(
+                    "{} has no episode among those that were asked for",
+                    named(run)
+                )));
             }
             if self.args.what.contains(&What::Curves) && run.review.rounds.is_empty() {
-                return Err(Failure::Input(format!("{} has no rounds.csv, which --what curves draws", named(run))));
+                return Err(Failure::Input(format!(
+                    "{} has no rounds.csv, which --what curves draws",
+                    named(run)
+                )));
             }
-            let curious = run.review.recording.as_ref().is_some_and(|recording| recording.largest_bonus().is_some());
+            let curious = run
+                .review
+                .recording
+                .as_ref()
+                .is_some_and(|recording| recording.largest_bonus().is_some());
             if self.args.colour == Some(Colour::IntrinsicReward) && !curious {
-                return Err(Failure::Input(format!("--colour intrinsic-reward: the agents of {} earn none", named(run))));
+                return Err(Failure::Input(format!(
+                    "--colour intrinsic-reward: the agents of {} earn none",
+                    named(run)
+                )));
             }
         }
         Ok(())
@@ -69,10 +88,19 @@ impl Picture<'_> {
 
     fn title(&self) -> String {
         let window = self.window();
-        let window = if window.is_empty() || !self.args.shows_states() { String::new() } else { format!(": {window}") };
+        let window = if window.is_empty() || !self.args.shows_states() {
+            String::new()
+        } else {
+            format!(": {window}")
+        };
         match self.runs {
             [run] if self.leaves_out(run) => {
-                format!("{}{window} (agents 0 to {} of {} one by one)", run.label, MOST_AGENTS - 1, run.review.agents())
+                format!(
+                    "{}{window} (agents 0 to {} of {} one by one)",
+                    run.label,
+                    MOST_AGENTS - 1,
+                    run.review.agents()
+                )
             }
             [run] => format!("{}{window}", run.label),
             runs => format!("{} runs side by side{window}", runs.len()),
@@ -81,7 +109,9 @@ impl Picture<'_> {
 
     /// Whether some agents have no panel of their own, although nobody chose among them.
     fn leaves_out(&self, run: &Drawn) -> bool {
-        self.args.shows(What::Visitation) && self.args.agents.is_empty() && run.states.len() > MOST_AGENTS as usize
+        self.args.shows(What::Visitation)
+            && self.args.agents.is_empty()
+            && run.states.len() > MOST_AGENTS as usize
     }
 
     /// Which episodes are drawn.
@@ -94,10 +124,21 @@ impl Picture<'_> {
     }
 
     fn description(&self) -> String {
-        let runs: Vec<String> = self.runs.iter().map(|run| format!("{} ({} agents)", run.label, run.review.agents())).collect();
-        let states: u64 = self.runs.iter().flat_map(|run| &run.states).map(|states| states.count).sum();
+        let runs: Vec<String> = self
+            .runs
+            .iter()
+            .map(|run| format!("{} ({} agents)", run.label, run.review.agents()))
+            .collect();
+        let states: u64 = self
+            .runs
+            .iter()
+            .flat_map(|run| &run.states)
+            .map(|states| states.count)
+            .sum();
         let states = if states > 0 {
-            format!(" {states} visited states, each a line across one upright axis for each observed quantity.")
+            format!(
+                " {states} visited states, each a line across one upright axis for each observed quantity."
+            )
         } else {
             String::new()
         };
@@ -107,32 +148,68 @@ impl Picture<'_> {
     /// One panel an agent, or one a run where there are several and nobody chose agents.
     fn visitation(&self) -> Vec<Row> {
         let groups = self.groups();
-        let axes = self.runs.iter().filter_map(|run| run.states.first().map(|_| self.axes_of(run))).max().unwrap_or(2);
+        let axes = self
+            .runs
+            .iter()
+            .filter_map(|run| run.states.first().map(|_| self.axes_of(run)))
+            .max()
+            .unwrap_or(2);
         let fitting = ((WIDTH - 90.0) / (AXIS_ROOM * axes as f64)) as usize;
-        let columns = if self.runs.len() > 1 && !self.args.agents.is_empty() { self.runs.len() } else { fitting.clamp(1, 4) };
+        let columns = if self.runs.len() > 1 && !self.args.agents.is_empty() {
+            self.runs.len()
+        } else {
+            fitting.clamp(1, 4)
+        };
         let columns = balanced(groups.len(), columns);
         let (panels, key) = states::lines_or_density(self.args, &groups);
         in_rows(panels, columns, 230.0, key.as_ref())
     }
 
     fn axes_of(&self, run: &Drawn) -> usize {
-        if self.args.axes.is_empty() { run.axes.as_ref().map_or(2, |axes| axes.all().len()) } else { self.args.axes.len() }
+        if self.args.axes.is_empty() {
+            run.axes.as_ref().map_or(2, |axes| axes.all().len())
+        } else {
+            self.args.axes.len()
+        }
     }
 
     fn groups(&self) -> Vec<Group<'_>> {
         let several = self.runs.len() > 1;
         if several && self.args.agents.is_empty() {
-            return self.runs.iter().map(|run| Group::new(run, run.label.clone(), run.states.iter().collect())).collect();
+            return self
+                .runs
+                .iter()
+                .map(|run| Group::new(run, run.label.clone(), run.states.iter().collect()))
+                .collect();
         }
-        let shown = |states: &&PickedStates| !self.args.agents.is_empty() || states.agent < MOST_AGENTS;
-        let agents: Vec<u32> = self.runs[0].states.iter().filter(shown).map(|states| states.agent).collect();
+        let shown =
+            |states: &&PickedStates| !self.args.agents.is_empty() || states.agent < MOST_AGENTS;
+        let agents: Vec<u32> = self.runs[0]
+            .states
+            .iter()
+            .filter(shown)
+            .map(|states| states.agent)
+            .collect();
         let group = |run: &'_ Drawn, agent: u32| {
-            let title = if several { format!("{}, agent {agent}", run.label) } else { format!("agent {agent}") };
+            let title = if several {
+                format!("{}, agent {agent}", run.label)
+            } else {
+                format!("agent {agent}")
+            };
             (title, agent)
         };
-        let each = agents.iter().flat_map(|&agent| self.runs.iter().map(move |run| (run, group(run, agent))));
+        let each = agents
+            .iter()
+            .flat_map(|&agent| self.runs.iter().map(move |run| (run, group(run, agent))));
         each.map(|(run, (title, agent))| {
-            Group::new(run, title, run.states.iter().filter(|states| states.agent == agent).collect())
+            Group::new(
+                run,
+                title,
+                run.states
+                    .iter()
+                    .filter(|states| states.agent == agent)
+                    .collect(),
+            )
         })
         .collect()
     }
@@ -150,13 +227,20 @@ impl Picture<'_> {
             1 => format!("agent {}", run.states[0].agent),
             agents => format!("{agents} agents together"),
         };
-        self.runs.iter().map(|run| Group::new(run, title(run), run.states.iter().collect())).collect()
+        self.runs
+            .iter()
+            .map(|run| Group::new(run, title(run), run.states.iter().collect()))
+            .collect()
     }
 
     fn scatter(&self) -> Vec<Row> {
         let several = self.runs.len() > 1;
         let (panels, key) = states::scatter(self.args, &self.whole_teams());
-        let columns = if several { self.runs.len() } else { balanced(panels.len(), 3) };
+        let columns = if several {
+            self.runs.len()
+        } else {
+            balanced(panels.len(), 3)
+        };
         in_rows(panels, columns, 220.0, key.as_ref())
     }
 }
@@ -168,13 +252,22 @@ fn balanced(panels: usize, most: usize) -> usize {
 }
 
 /// Row by row; the colours' key stands beside each row.
-fn in_rows(panels: Vec<Panel>, columns: usize, height: f64, key: Option<&crate::figure::Key>) -> Vec<Row> {
+fn in_rows(
+    panels: Vec<Panel>,
+    columns: usize,
+    height: f64,
+    key: Option<&crate::figure::Key>,
+) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut panels = panels.into_iter().peekable();
     while panels.peek().is_some() {
         let mut row: Vec<Panel> = panels.by_ref().take(columns).collect();
         row.resize(columns, Panel::Blank);
-        rows.push(Row { height, panels: row, key: key.cloned() });
+        rows.push(Row {
+            height,
+            panels: row,
+            key: key.cloned(),
+        });
     }
     rows
 }
@@ -185,6 +278,9 @@ mod tests {
 
     #[test]
     fn rows_are_even() {
-        assert_eq!([(4, 3), (6, 4), (5, 2), (1, 4), (7, 4)].map(|(panels, most)| balanced(panels, most)), [2, 3, 2, 1, 4]);
+        assert_eq!(
+            [(4, 3), (6, 4), (5, 2), (1, 4), (7, 4)].map(|(panels, most)| balanced(panels, most)),
+            [2, 3, 2, 1, 4]
+        );
     }
 }

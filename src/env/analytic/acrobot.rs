@@ -61,18 +61,36 @@ impl Acrobot {
             JointKind::Hinge { sense } => Ok(sense),
             _ => Err(format!("an acrobot has two hinges, but `{name}` is none")),
         };
-        let senses = [sense(first.kind, &first.name)?, sense(second.kind, &second.name)?];
-        require(description.joints.len() == 2, "an acrobot has no other joints than its shoulder and its elbow")?;
-        require(first.parent.is_none(), "the shoulder of an acrobot holds the upper link to the world")?;
-        require(second.parent == Some(first.child), "the elbow of an acrobot holds the lower link to the upper one")?;
+        let senses = [
+            sense(first.kind, &first.name)?,
+            sense(second.kind, &second.name)?,
+        ];
+        require(
+            description.joints.len() == 2,
+            "an acrobot has no other joints than its shoulder and its elbow",
+        )?;
+        require(
+            first.parent.is_none(),
+            "the shoulder of an acrobot holds the upper link to the world",
+        )?;
+        require(
+            second.parent == Some(first.child),
+            "the elbow of an acrobot holds the lower link to the upper one",
+        )?;
         Ok(Self::new(description, [shoulder, elbow], senses))
     }
 
     fn new(description: &Description, [shoulder, elbow]: [usize; 2], senses: [f64; 2]) -> Self {
         let tree = Tree::new(description);
         let (first, second) = (&tree.links()[shoulder], &tree.links()[elbow]);
-        let (upper, lower) = (&description.bodies[first.child].inertial, &description.bodies[second.child].inertial);
-        let [c1, c2] = [difference(upper.com, first.anchor_in_child), difference(lower.com, second.anchor_in_child)];
+        let (upper, lower) = (
+            &description.bodies[first.child].inertial,
+            &description.bodies[second.child].inertial,
+        );
+        let [c1, c2] = [
+            difference(upper.com, first.anchor_in_child),
+            difference(lower.com, second.anchor_in_child),
+        ];
         let e = difference(second.anchor_in_parent, first.anchor_in_child);
         let control_step = description.spec.control_step;
         Self {
@@ -93,13 +111,22 @@ impl Acrobot {
 
     /// α̈ and β̈ in the state α, β, α̇, β̇ under the torques τ₁, τ₂ (N m, counter-clockwise).
     #[must_use]
-    pub fn accelerations(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4], [shoulder, elbow]: [f64; 2]) -> [f64; 2] {
+    pub fn accelerations(
+        &self,
+        [alpha, beta, alpha_rate, beta_rate]: [f64; 4],
+        [shoulder, elbow]: [f64; 2],
+    ) -> [f64; 2] {
         let (sine, cosine) = libm::sincos(beta - alpha + self.offset);
         let (couple, twist) = (self.coupling * cosine, self.coupling * sine);
-        let upper = shoulder - elbow + self.weight(self.upper_moment, alpha) + twist * beta_rate * beta_rate;
+        let upper = shoulder - elbow
+            + self.weight(self.upper_moment, alpha)
+            + twist * beta_rate * beta_rate;
         let lower = elbow + self.weight(self.lower_moment, beta) - twist * alpha_rate * alpha_rate;
         let determinant = self.upper_inertia * self.lower_inertia - couple * couple;
-        [(self.lower_inertia * upper - couple * lower) / determinant, (self.upper_inertia * lower - couple * upper) / determinant]
+        [
+            (self.lower_inertia * upper - couple * lower) / determinant,
+            (self.upper_inertia * lower - couple * upper) / determinant,
+        ]
     }
 
     /// Torque of gravity on a moment of mass that has turned by an angle.
@@ -113,7 +140,9 @@ impl Acrobot {
     pub fn energy(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> f64 {
         let height = |moment, angle| dot(Frame::at([0.0; 2], angle).point(moment), self.gravity);
         let coupled = self.coupling * (beta - alpha + self.offset).cos() * alpha_rate * beta_rate;
-        let kinetic = 0.5 * (self.upper_inertia * alpha_rate.powi(2) + self.lower_inertia * beta_rate.powi(2)) + coupled;
+        let kinetic = 0.5
+            * (self.upper_inertia * alpha_rate.powi(2) + self.lower_inertia * beta_rate.powi(2))
+            + coupled;
         kinetic - height(self.upper_moment, alpha) - height(self.lower_moment, beta)
     }
 
@@ -130,10 +159,21 @@ impl Acrobot {
     #[must_use]
     pub fn physical(&self, joints: &[f64]) -> [f64; 4] {
         let of = |joint: usize, first: usize| {
-            self.senses[joint] * joints[first + if joint == 0 { self.shoulder } else { 1 - self.shoulder }]
+            self.senses[joint]
+                * joints[first
+                    + if joint == 0 {
+                        self.shoulder
+                    } else {
+                        1 - self.shoulder
+                    }]
         };
         let (alpha, alpha_rate) = (self.reference[0] + of(0, 0), of(0, 2));
-        [alpha, alpha + self.reference[1] + of(1, 0), alpha_rate, alpha_rate + of(1, 2)]
+        [
+            alpha,
+            alpha + self.reference[1] + of(1, 0),
+            alpha_rate,
+            alpha_rate + of(1, 2),
+        ]
     }
 
     /// The inverse of [`physical`](Self::physical).
@@ -141,17 +181,28 @@ impl Acrobot {
     pub fn joints(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> [f64; 4] {
         let shoulder = self.senses[0] * (alpha - self.reference[0]);
         let elbow = self.senses[1] * (beta - alpha - self.reference[1]);
-        let rates = [self.senses[0] * alpha_rate, self.senses[1] * (beta_rate - alpha_rate)];
-        if self.shoulder == 0 { [shoulder, elbow, rates[0], rates[1]] } else { [elbow, shoulder, rates[1], rates[0]] }
+        let rates = [
+            self.senses[0] * alpha_rate,
+            self.senses[1] * (beta_rate - alpha_rate),
+        ];
+        if self.shoulder == 0 {
+            [shoulder, elbow, rates[0], rates[1]]
+        } else {
+            [elbow, shoulder, rates[1], rates[0]]
+        }
     }
 }
 
 impl Equations for Acrobot {
     fn advance(&self, joints: &mut [f64], forces: &[f64]) {
-        let torques = [self.senses[0] * forces[self.shoulder], self.senses[1] * forces[1 - self.shoulder]];
+        let torques = [
+            self.senses[0] * forces[self.shoulder],
+            self.senses[1] * forces[1 - self.shoulder],
+        ];
         let duration = self.control_step / f64::from(self.substeps);
         let start = self.physical(joints);
-        let end = (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, torques, duration));
+        let end =
+            (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, torques, duration));
         joints.copy_from_slice(&self.joints(end));
     }
 }

@@ -54,24 +54,53 @@ impl CartPole {
         require_free(description)?;
         let (rail, pivot) = (&description.joints[slider], &description.joints[hinge]);
         let Motion::Slide(axis) = Tree::new(description).links()[slider].motion else {
-            return Err(format!("a cart-pole has a slider, but `{}` is none", rail.name));
+            return Err(format!(
+                "a cart-pole has a slider, but `{}` is none",
+                rail.name
+            ));
         };
         let JointKind::Hinge { sense } = pivot.kind else {
-            return Err(format!("a cart-pole has a hinge, but `{}` is none", pivot.name));
+            return Err(format!(
+                "a cart-pole has a hinge, but `{}` is none",
+                pivot.name
+            ));
         };
-        require(description.joints.len() == 2, "a cart-pole has no other joints than its slider and its hinge")?;
-        require(rail.parent.is_none() && axis[1] == 0.0, "the slider of a cart-pole is level and holds the cart to the world")?;
-        require(!description.needs_worlds(), "a cart-pole has no free bodies, colliders, or forces on bodies")?;
-        require(pivot.parent == Some(rail.child), "the hinge of a cart-pole holds the pole to the cart")?;
-        require(description.gravity[0] == 0.0, "gravity is vertical where a cart-pole stands")?;
+        require(
+            description.joints.len() == 2,
+            "a cart-pole has no other joints than its slider and its hinge",
+        )?;
+        require(
+            rail.parent.is_none() && axis[1] == 0.0,
+            "the slider of a cart-pole is level and holds the cart to the world",
+        )?;
+        require(
+            !description.needs_worlds(),
+            "a cart-pole has no free bodies, colliders, or forces on bodies",
+        )?;
+        require(
+            pivot.parent == Some(rail.child),
+            "the hinge of a cart-pole holds the pole to the cart",
+        )?;
+        require(
+            description.gravity[0] == 0.0,
+            "gravity is vertical where a cart-pole stands",
+        )?;
         Ok(Self::new(description, [slider, hinge], axis[0], -sense))
     }
 
-    fn new(description: &Description, [slider, hinge]: [usize; 2], slider_sense: f64, hinge_sense: f64) -> Self {
+    fn new(
+        description: &Description,
+        [slider, hinge]: [usize; 2],
+        slider_sense: f64,
+        hinge_sense: f64,
+    ) -> Self {
         let pole = &description.bodies[description.joints[hinge].child];
         let cart = &description.bodies[description.joints[slider].child];
         let anchor = description.joints[hinge].anchor;
-        let arm = [pole.inertial.com[0] - anchor[0], pole.inertial.com[1] - anchor[1]];
+        let arm = [
+            pole.inertial.com[0] - anchor[0],
+            pole.inertial.com[1] - anchor[1],
+        ];
         let length = libm::hypot(arm[0], arm[1]);
         let [right, up] = Frame::at([0.0; 2], pole.angle).point(arm);
         let control_step = description.spec.control_step;
@@ -103,7 +132,10 @@ impl CartPole {
         let push = force + self.moment * sine * rate * rate;
         let turn = torque + self.moment * self.gravity * sine;
         let determinant = self.total_mass * self.inertia - coupling * coupling;
-        [(self.inertia * push - coupling * turn) / determinant, (self.total_mass * turn - coupling * push) / determinant]
+        [
+            (self.inertia * push - coupling * turn) / determinant,
+            (self.total_mass * turn - coupling * push) / determinant,
+        ]
     }
 
     /// T + V, J, of the state x, α, ẋ, α̇.
@@ -128,16 +160,29 @@ impl CartPole {
     /// Source: `CartPoleEnv.step` with `kinematics_integrator == "euler"`, `gymnasium/envs/classic_control/cartpole.py`, whose
     /// `temp` and `thetaacc` are the equations above solved for a thin rod.
     #[must_use]
-    pub fn gym_euler(&self, [position, angle, speed, rate]: [f64; 4], force: f64, duration: f64) -> [f64; 4] {
+    pub fn gym_euler(
+        &self,
+        [position, angle, speed, rate]: [f64; 4],
+        force: f64,
+        duration: f64,
+    ) -> [f64; 4] {
         let [acceleration, spin] = self.accelerations(angle, rate, force, 0.0);
-        [position + duration * speed, angle + duration * rate, speed + duration * acceleration, rate + duration * spin]
+        [
+            position + duration * speed,
+            angle + duration * rate,
+            speed + duration * acceleration,
+            rate + duration * spin,
+        ]
     }
 
     /// x, α, ẋ, α̇ of joint coordinates: positions, then velocities.
     fn physical(&self, joints: &[f64]) -> [f64; 4] {
         let (slider, hinge) = (self.slider, 1 - self.slider);
         let angle = self.upright + self.hinge_sense * joints[hinge];
-        let (speed, rate) = (self.slider_sense * joints[2 + slider], self.hinge_sense * joints[2 + hinge]);
+        let (speed, rate) = (
+            self.slider_sense * joints[2 + slider],
+            self.hinge_sense * joints[2 + hinge],
+        );
         [self.slider_sense * joints[slider], angle, speed, rate]
     }
 
@@ -159,7 +204,9 @@ impl Equations for CartPole {
         let torque = self.hinge_sense * forces[1 - self.slider];
         let duration = self.control_step / f64::from(self.substeps);
         let start = self.physical(joints);
-        let end = (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, force, torque, duration));
+        let end = (0..self.substeps).fold(start, |state, _| {
+            self.runge_kutta(state, force, torque, duration)
+        });
         joints.copy_from_slice(&self.joints(end));
     }
 }

@@ -60,7 +60,11 @@ pub fn build(description: &Description, copies: usize) -> Option<Box<dyn Dynamic
     })
 }
 
-fn boxed<E: Equations + 'static>(equations: E, description: &Description, copies: usize) -> Box<dyn Dynamics> {
+fn boxed<E: Equations + 'static>(
+    equations: E,
+    description: &Description,
+    copies: usize,
+) -> Box<dyn Dynamics> {
     Box::new(ClosedForm::new(equations, description, copies))
 }
 
@@ -80,30 +84,50 @@ pub fn check(description: &Description) -> Result<(), String> {
 
 /// What all twins have in common: nothing resists their motion, and actuators are forces.
 fn require_plain(description: &Description) -> Result<(), String> {
-    require(!description.needs_worlds(), "a twin has no free bodies, colliders, or forces on bodies")?;
+    require(
+        !description.needs_worlds(),
+        "a twin has no free bodies, colliders, or forces on bodies",
+    )?;
     for Joint { name, passive, .. } in &description.joints {
         require(
             *passive == Passive::default(),
             &format!("nothing resists the motion of a twin, but something does on `{name}`"),
         )?;
     }
-    let forces = description.actuators.iter().all(|actuator| matches!(actuator.drive, Drive::JointForce(_)));
+    let forces = description
+        .actuators
+        .iter()
+        .all(|actuator| matches!(actuator.drive, Drive::JointForce(_)));
     require(forces, "a twin's actuators are joint forces")
 }
 
 /// [`require_plain`], and neither ranges nor fields.
 fn require_free(description: &Description) -> Result<(), String> {
     require_plain(description)?;
-    require(description.fields.is_empty(), "no `force` of nature acts on this twin but gravity")?;
-    require(description.joints.iter().all(|joint| joint.range.is_none()), "the joints of this twin have no `range`")
+    require(
+        description.fields.is_empty(),
+        "no `force` of nature acts on this twin but gravity",
+    )?;
+    require(
+        description.joints.iter().all(|joint| joint.range.is_none()),
+        "the joints of this twin have no `range`",
+    )
 }
 
 fn require(condition: bool, otherwise: &str) -> Result<(), String> {
-    if condition { Ok(()) } else { Err(otherwise.to_owned()) }
+    if condition {
+        Ok(())
+    } else {
+        Err(otherwise.to_owned())
+    }
 }
 
 /// The state after `duration`, s, by one step of Kutta's fourth-order rule; `slope` is its rate of change.
-fn runge_kutta<const N: usize>(state: [f64; N], duration: f64, slope: impl Fn([f64; N]) -> [f64; N]) -> [f64; N] {
+fn runge_kutta<const N: usize>(
+    state: [f64; N],
+    duration: f64,
+    slope: impl Fn([f64; N]) -> [f64; N],
+) -> [f64; N] {
     let ahead = |by: f64, slope: [f64; N]| std::array::from_fn(|i| state[i] + by * slope[i]);
     let k1 = slope(state);
     let k2 = slope(ahead(0.5 * duration, k1));
@@ -120,7 +144,10 @@ fn substeps(control_step: f64, longest: f64) -> u32 {
 impl<E: Equations> ClosedForm<E> {
     fn new(equations: E, description: &Description, copies: usize) -> Self {
         let joints = description.joints.len();
-        let fields = description.fields.iter().filter_map(|field| Motor::new(field.drive, 1.0));
+        let fields = description
+            .fields
+            .iter()
+            .filter_map(|field| Motor::new(field.drive, 1.0));
         Self {
             equations,
             motors: description
@@ -130,7 +157,10 @@ impl<E: Equations> ClosedForm<E> {
                 .chain(fields)
                 .collect(),
             tree: Tree::new(description),
-            state: State { live: vec![false; copies], rows: vec![0.0; copies * 2 * joints] },
+            state: State {
+                live: vec![false; copies],
+                rows: vec![0.0; copies * 2 * joints],
+            },
             columns: JointColumns::new(joints, copies),
             forces: vec![0.0; joints],
         }
@@ -144,10 +174,12 @@ impl<E: Equations> ClosedForm<E> {
     fn advance(&mut self, copy: usize, controls: &[f32]) {
         self.forces.fill(0.0);
         for (index, motor) in self.motors.iter().enumerate() {
-            self.forces[motor.joint] += motor.gear * f64::from(controls[index * self.state.live.len() + copy]);
+            self.forces[motor.joint] +=
+                motor.gear * f64::from(controls[index * self.state.live.len() + copy]);
         }
         let width = self.width();
-        self.equations.advance(&mut self.state.rows[copy * width..][..width], &self.forces);
+        self.equations
+            .advance(&mut self.state.rows[copy * width..][..width], &self.forces);
         self.show(copy);
     }
 
@@ -155,7 +187,8 @@ impl<E: Equations> ClosedForm<E> {
         let width = self.width();
         let (positions, velocities) = self.state.rows[copy * width..][..width].split_at(width / 2);
         for (joint, (&position, &velocity)) in positions.iter().zip(velocities).enumerate() {
-            self.columns.set(joint, copy, position as f32, velocity as f32);
+            self.columns
+                .set(joint, copy, position as f32, velocity as f32);
         }
     }
 }
@@ -223,6 +256,10 @@ impl Motor {
 impl From<&Frame> for Pose {
     fn from(frame: &Frame) -> Self {
         let [x, y] = frame.position.map(|value| value as f32);
-        Self { x, y, angle: frame.angle as f32 }
+        Self {
+            x,
+            y,
+            angle: frame.angle as f32,
+        }
     }
 }

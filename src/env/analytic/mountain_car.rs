@@ -35,13 +35,25 @@ impl MountainCar {
         };
         require_plain(description)?;
         let joint = &description.joints[slider];
-        require(description.joints.len() == 1, "a mountain car has no other joint than its slider")?;
+        require(
+            description.joints.len() == 1,
+            "a mountain car has no other joint than its slider",
+        )?;
         let Motion::Slide(axis) = Tree::new(description).links()[slider].motion else {
-            return Err(format!("a mountain car has a slider, but `{}` is none", joint.name));
+            return Err(format!(
+                "a mountain car has a slider, but `{}` is none",
+                joint.name
+            ));
         };
         require(axis[1] == 0.0, "the slider of a mountain car is level")?;
-        require(description.gravity[0] == 0.0, "gravity is vertical where a mountain car stands")?;
-        require(description.solver.iterations == 1, "a mountain car moves once in a control step: `solver: (iterations: 1)`")?;
+        require(
+            description.gravity[0] == 0.0,
+            "gravity is vertical where a mountain car stands",
+        )?;
+        require(
+            description.solver.iterations == 1,
+            "a mountain car moves once in a control step: `solver: (iterations: 1)`",
+        )?;
         Ok(Self {
             mass: description.bodies[joint.child].inertial.mass,
             walls: joint.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]),
@@ -55,7 +67,11 @@ impl MountainCar {
         let velocity = velocity + self.control_step * force / self.mass;
         let position = position + self.control_step * velocity;
         let [low, high] = self.walls;
-        if position < low || position > high { [position.clamp(low, high), 0.0] } else { [position, velocity] }
+        if position < low || position > high {
+            [position.clamp(low, high), 0.0]
+        } else {
+            [position, velocity]
+        }
     }
 }
 

@@ -43,12 +43,24 @@ impl Pendulum {
         require_free(description)?;
         let joint = &description.joints[hinge];
         let JointKind::Hinge { sense } = joint.kind else {
-            return Err(format!("a pendulum has a hinge, but `{}` is none", joint.name));
+            return Err(format!(
+                "a pendulum has a hinge, but `{}` is none",
+                joint.name
+            ));
         };
-        require(description.joints.len() == 1, "a pendulum has no other joint than its hinge")?;
+        require(
+            description.joints.len() == 1,
+            "a pendulum has no other joint than its hinge",
+        )?;
         let body = &description.bodies[joint.child];
-        let arm = [body.inertial.com[0] - joint.anchor[0], body.inertial.com[1] - joint.anchor[1]];
-        let (length, [right, up]) = (libm::hypot(arm[0], arm[1]), Frame::at([0.0; 2], body.angle).point(arm));
+        let arm = [
+            body.inertial.com[0] - joint.anchor[0],
+            body.inertial.com[1] - joint.anchor[1],
+        ];
+        let (length, [right, up]) = (
+            libm::hypot(arm[0], arm[1]),
+            Frame::at([0.0; 2], body.angle).point(arm),
+        );
         Ok(Self {
             moment: body.inertial.mass * length,
             inertia: body.inertial.inertia + body.inertial.mass * length * length,
@@ -72,13 +84,16 @@ impl Pendulum {
     #[must_use]
     pub fn energy(&self, [position, velocity]: [f64; 2]) -> f64 {
         let (sine, cosine) = libm::sincos(self.reference + self.sense * position);
-        0.5 * self.inertia * velocity * velocity - self.moment * (self.gravity[0] * cosine + self.gravity[1] * sine)
+        0.5 * self.inertia * velocity * velocity
+            - self.moment * (self.gravity[0] * cosine + self.gravity[1] * sine)
     }
 
     /// q, q̇ after one Runge–Kutta step of `duration` s.
     #[must_use]
     pub fn runge_kutta(&self, state: [f64; 2], torque: f64, duration: f64) -> [f64; 2] {
-        runge_kutta(state, duration, |[position, velocity]| [velocity, self.acceleration(position, torque)])
+        runge_kutta(state, duration, |[position, velocity]| {
+            [velocity, self.acceleration(position, torque)]
+        })
     }
 }
 
@@ -86,7 +101,9 @@ impl Equations for Pendulum {
     fn advance(&self, state: &mut [f64], forces: &[f64]) {
         let duration = self.control_step / f64::from(self.substeps);
         let start = [state[0], state[1]];
-        let end = (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, forces[0], duration));
+        let end = (0..self.substeps).fold(start, |state, _| {
+            self.runge_kutta(state, forces[0], duration)
+        });
         state.copy_from_slice(&end);
     }
 }

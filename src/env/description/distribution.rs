@@ -32,7 +32,9 @@ impl Distribution {
         match *self {
             Self::Constant(value) => value,
             Self::Uniform { low, high } => low + (high - low) * random.random::<f64>(),
-            Self::Normal { mean, deviation } => Normal::new(mean, deviation).map_or(mean, |normal| normal.sample(random)),
+            Self::Normal { mean, deviation } => {
+                Normal::new(mean, deviation).map_or(mean, |normal| normal.sample(random))
+            }
         }
     }
 }
@@ -45,9 +47,14 @@ mod tests {
     /// Mean and standard deviation of 10,000 draws.
     fn moments(distribution: Distribution) -> (f64, f64) {
         let mut random = stream(0, Purpose::Reset, 0, 0);
-        let draws: Vec<_> = (0..10_000).map(|_| distribution.draw(&mut random)).collect();
+        let draws: Vec<_> = (0..10_000)
+            .map(|_| distribution.draw(&mut random))
+            .collect();
         let mean = draws.iter().sum::<f64>() / 1e4;
-        (mean, (draws.iter().map(|draw| (draw - mean).powi(2)).sum::<f64>() / 1e4).sqrt())
+        (
+            mean,
+            (draws.iter().map(|draw| (draw - mean).powi(2)).sum::<f64>() / 1e4).sqrt(),
+        )
     }
 
     /// Standard errors of 10,000 draws are about 1 % of the deviation; a uniform one's deviation is its width / √12.
@@ -55,12 +62,30 @@ mod tests {
     fn draws_are_distributed_as_described() {
         assert_eq!(moments(Distribution::Constant(2.5)), (2.5, 0.0));
         for (distribution, expected) in [
-            (Distribution::Uniform { low: -1.0, high: 3.0 }, (1.0, 4.0 / 12.0_f64.sqrt())),
-            (Distribution::Normal { mean: -2.0, deviation: 0.5 }, (-2.0, 0.5)),
+            (
+                Distribution::Uniform {
+                    low: -1.0,
+                    high: 3.0,
+                },
+                (1.0, 4.0 / 12.0_f64.sqrt()),
+            ),
+            (
+                Distribution::Normal {
+                    mean: -2.0,
+                    deviation: 0.5,
+                },
+                (-2.0, 0.5),
+            ),
         ] {
             let found = moments(distribution);
-            assert!((found.0 - expected.0).abs() < 0.04 * expected.1, "{distribution:?}: {found:?}");
-            assert!((found.1 / expected.1 - 1.0).abs() < 0.03, "{distribution:?}: {found:?}");
+            assert!(
+                (found.0 - expected.0).abs() < 0.04 * expected.1,
+                "{distribution:?}: {found:?}"
+            );
+            assert!(
+                (found.1 / expected.1 - 1.0).abs() < 0.03,
+                "{distribution:?}: {found:?}"
+            );
         }
     }
 }

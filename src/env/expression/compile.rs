@@ -44,11 +44,23 @@ const LONGEST: usize = 1000;
 /// The text is no formula, names something unknown, or has another type.
 pub fn compile(text: &str, expected: Type, variables: &[Variable]) -> Result<Program, Mistake> {
     if text.len() > LONGEST {
-        let message = format!("a formula has at most {LONGEST} characters, this one has {}", text.len());
-        return Err(Mistake { message, help: None, line: 0, column: 0 });
+        let message = format!(
+            "a formula has at most {LONGEST} characters, this one has {}",
+            text.len()
+        );
+        return Err(Mistake {
+            message,
+            help: None,
+            line: 0,
+            column: 0,
+        });
     }
     let expression = syn::parse_str::<Expr>(text).map_err(|error| syntax_mistake(text, &error))?;
-    let mut compiler = Compiler { variables, constants: Vec::new(), instructions: Vec::new() };
+    let mut compiler = Compiler {
+        variables,
+        constants: Vec::new(),
+        instructions: Vec::new(),
+    };
     let result = compiler.typed(&expression, expected)?;
     Ok(compiler.finish(result))
 }
@@ -77,7 +89,10 @@ impl Compiler<'_> {
         match self.part(expression)? {
             (value, found) if found == expected => Ok(value),
             (_, found) => {
-                let mistake = mistake(start(expression), format!("expected {}, found {}", expected.words(), found.words()));
+                let mistake = mistake(
+                    start(expression),
+                    format!("expected {}, found {}", expected.words(), found.words()),
+                );
                 Err(if expected == Type::Number {
                     mistake.with_help("a condition becomes a number by `if … { 1 } else { 0 }`")
                 } else {
@@ -119,7 +134,9 @@ impl Compiler<'_> {
         match &unary.op {
             UnOp::Neg(_) => self.apply(Operation::Negate, &[&unary.expr]),
             UnOp::Not(_) => self.apply(Operation::Not, &[&unary.expr]),
-            UnOp::Deref(token) => Err(mistake(token.span, NO_FORMULA).with_help("a power is written `pow(x, y)`")),
+            UnOp::Deref(token) => {
+                Err(mistake(token.span, NO_FORMULA).with_help("a power is written `pow(x, y)`"))
+            }
             _ => Err(foreign(whole)),
         }
     }
@@ -140,16 +157,19 @@ impl Compiler<'_> {
             BinOp::Ne(_) => self.apply(Operation::NotEqual, &[left, right]),
             BinOp::And(_) => self.apply(Operation::And, &[left, right]),
             BinOp::Or(_) => self.apply(Operation::Or, &[left, right]),
-            BinOp::BitXor(token) => {
-                Err(mistake(token.span, "`^` is no operator of formulas").with_help("a power is written `pow(x, y)`"))
-            }
+            BinOp::BitXor(token) => Err(mistake(token.span, "`^` is no operator of formulas")
+                .with_help("a power is written `pow(x, y)`")),
             _ => Err(foreign(whole)),
         }
     }
 
     fn call(&mut self, call: &ExprCall) -> Part {
-        let Expr::Path(path) = &*call.func else { return Err(foreign(&call.func)) };
-        let Some(function) = path.path.get_ident() else { return Err(foreign(&call.func)) };
+        let Expr::Path(path) = &*call.func else {
+            return Err(foreign(&call.func));
+        };
+        let Some(function) = path.path.get_ident() else {
+            return Err(foreign(&call.func));
+        };
         let (name, arguments) = (function.to_string(), call.args.iter().collect::<Vec<_>>());
         let parameters = match Operation::named(&name) {
             Some(operation) => operation.arguments(),
@@ -158,7 +178,10 @@ impl Compiler<'_> {
         };
         if arguments.len() != parameters {
             let plural = if parameters == 1 { "" } else { "s" };
-            let message = format!("`{name}` takes {parameters} argument{plural}, found {}", arguments.len());
+            let message = format!(
+                "`{name}` takes {parameters} argument{plural}, found {}",
+                arguments.len()
+            );
             return Err(mistake(function.span(), message));
         }
         match Operation::named(&name) {
@@ -173,9 +196,16 @@ impl Compiler<'_> {
             _ => None,
         };
         let Some(name) = name else {
-            return Err(mistake(start(argument), "`previous` takes the name of an observation or a sensor"));
+            return Err(mistake(
+                start(argument),
+                "`previous` takes the name of an observation or a sensor",
+            ));
         };
-        let Some(variable) = self.variables.iter().find(|variable| name == &variable.name) else {
+        let Some(variable) = self
+            .variables
+            .iter()
+            .find(|variable| name == &variable.name)
+        else {
             return Err(self.unknown_name(&name.to_string(), name.span()));
         };
         let column = variable.previous.ok_or_else(|| {
@@ -203,20 +233,32 @@ impl Compiler<'_> {
     fn block(&mut self, block: &Block) -> Part {
         match &block.stmts[..] {
             [Stmt::Expr(expression, None)] => self.part(expression),
-            _ => Err(mistake(block.brace_token.span.open(), "expected one expression between the braces")),
+            _ => Err(mistake(
+                block.brace_token.span.open(),
+                "expected one expression between the braces",
+            )),
         }
     }
 
     fn apply(&mut self, operation: Operation, arguments: &[&Expr]) -> Part {
         let parameters = operation.parameters().iter();
-        let values = arguments.iter().zip(parameters).map(|(argument, &kind)| self.typed(argument, kind));
+        let values = arguments
+            .iter()
+            .zip(parameters)
+            .map(|(argument, &kind)| self.typed(argument, kind));
         let values = values.collect::<Result<Vec<_>, _>>()?;
         Ok((self.emit(operation, values), operation.result()))
     }
 
     /// The operation's value: at once if all operands are constant, else by an instruction.
     fn emit(&mut self, operation: Operation, operands: Vec<Value>) -> Value {
-        let constant = |value: &Value| if let Value::Constant(constant) = value { Some(*constant) } else { None };
+        let constant = |value: &Value| {
+            if let Value::Constant(constant) = value {
+                Some(*constant)
+            } else {
+                None
+            }
+        };
         if let Some(constants) = operands.iter().map(constant).collect::<Option<Vec<_>>>() {
             return Value::Constant(operation.value(&constants));
         }
@@ -226,10 +268,17 @@ impl Compiler<'_> {
 
     /// Numbers the scratch columns: constants first, then one for each instruction.
     fn finish(mut self, result: Value) -> Program {
-        let operands = self.instructions.iter().flat_map(|(_, operands)| operands).chain([&result]);
+        let operands = self
+            .instructions
+            .iter()
+            .flat_map(|(_, operands)| operands)
+            .chain([&result]);
         for operand in operands {
             if let Value::Constant(constant) = operand
-                && !self.constants.iter().any(|known| known.to_bits() == constant.to_bits())
+                && !self
+                    .constants
+                    .iter()
+                    .any(|known| known.to_bits() == constant.to_bits())
             {
                 self.constants.push(*constant);
             }
@@ -237,21 +286,39 @@ impl Compiler<'_> {
         let place = |value: &Value| match *value {
             Value::Variable(column) => Place::Variable(column),
             Value::Result(index) => Place::Scratch(self.constants.len() + index),
-            Value::Constant(constant) => {
-                Place::Scratch(self.constants.iter().take_while(|known| known.to_bits() != constant.to_bits()).count())
-            }
+            Value::Constant(constant) => Place::Scratch(
+                self.constants
+                    .iter()
+                    .take_while(|known| known.to_bits() != constant.to_bits())
+                    .count(),
+            ),
         };
         let instruction = |(operation, operands): &(Operation, Vec<Value>)| Instruction {
             operation: *operation,
             places: std::array::from_fn(|index| place(operands.get(index).unwrap_or(&operands[0]))),
         };
         let instructions = self.instructions.iter().map(instruction).collect();
-        Program { instructions, result: place(&result), constants: self.constants }
+        Program {
+            instructions,
+            result: place(&result),
+            constants: self.constants,
+        }
     }
 
     fn unknown_name(&self, name: &str, span: Span) -> Mistake {
-        let valid = || self.variables.iter().map(|variable| variable.name.as_str()).chain(["pi", "degree"]);
-        let unknown = mistake(span, format!("no variable is named `{name}`, expected one of {}", listed(valid())));
+        let valid = || {
+            self.variables
+                .iter()
+                .map(|variable| variable.name.as_str())
+                .chain(["pi", "degree"])
+        };
+        let unknown = mistake(
+            span,
+            format!(
+                "no variable is named `{name}`, expected one of {}",
+                listed(valid())
+            ),
+        );
         unknown.with_nearest(name, valid())
     }
 }
@@ -279,34 +346,49 @@ impl Mistake {
 
 fn literal_value(literal: &ExprLit) -> Part {
     let number = |digits: &str, suffix: &str| match digits.parse::<f32>() {
-        _ if !suffix.is_empty() => Err(mistake(literal.lit.span(), format!("a number takes no suffix, found `{suffix}`"))),
+        _ if !suffix.is_empty() => Err(mistake(
+            literal.lit.span(),
+            format!("a number takes no suffix, found `{suffix}`"),
+        )),
         Ok(number) if number.is_finite() => Ok((Value::Constant(number), Type::Number)),
         _ => Err(mistake(literal.lit.span(), "the number is too large")),
     };
     match &literal.lit {
         Lit::Int(integer) => number(integer.base10_digits(), integer.suffix()),
         Lit::Float(float) => number(float.base10_digits(), float.suffix()),
-        Lit::Bool(boolean) => Ok((Value::Constant(f32::from(u8::from(boolean.value))), Type::Boolean)),
+        Lit::Bool(boolean) => Ok((
+            Value::Constant(f32::from(u8::from(boolean.value))),
+            Type::Boolean,
+        )),
         _ => Err(mistake(literal.lit.span(), NO_FORMULA)),
     }
 }
 
 fn unknown_function(name: &str, span: Span) -> Mistake {
     let valid = || FUNCTIONS.iter().copied().chain(["previous"]);
-    let unknown = mistake(span, format!("no function is named `{name}`, expected one of {}", listed(valid())));
+    let unknown = mistake(
+        span,
+        format!(
+            "no function is named `{name}`, expected one of {}",
+            listed(valid())
+        ),
+    );
     unknown.with_nearest(name, valid())
 }
 
-pub(super) const NO_FORMULA: &str =
-    "this is not part of a formula, which has numbers, names, operators, function calls, and `if … { … } else { … }`";
+pub(super) const NO_FORMULA: &str = "this is not part of a formula, which has numbers, names, operators, function calls, and `if … { … } else { … }`";
 
 /// Complains about Rust that is no formula.
 fn foreign(expression: &Expr) -> Mistake {
     let mistake = mistake(start(expression), NO_FORMULA);
     match expression {
         Expr::Assign(_) => mistake.with_help("equality is written `==`"),
-        Expr::MethodCall(_) => mistake.with_help("functions are written before their arguments, as in `abs(x)`"),
-        Expr::Path(_) | Expr::Field(_) => mistake.with_help("a name is one word of letters, digits and `_`"),
+        Expr::MethodCall(_) => {
+            mistake.with_help("functions are written before their arguments, as in `abs(x)`")
+        }
+        Expr::Path(_) | Expr::Field(_) => {
+            mistake.with_help("a name is one word of letters, digits and `_`")
+        }
         _ => mistake,
     }
 }
@@ -322,27 +404,47 @@ fn syntax_mistake(text: &str, error: &syn::Error) -> Mistake {
     }
     if found.message.starts_with("unexpected end of input") {
         let (line, last) = text.lines().enumerate().last().unwrap_or_default();
-        return Mistake { line, column: last.trim_end().chars().count(), ..found };
+        return Mistake {
+            line,
+            column: last.trim_end().chars().count(),
+            ..found
+        };
     }
-    let help = habit(text.lines().nth(found.line).unwrap_or_default(), found.column);
-    Mistake { help: help.map(str::to_owned), ..found }
+    let help = habit(
+        text.lines().nth(found.line).unwrap_or_default(),
+        found.column,
+    );
+    Mistake {
+        help: help.map(str::to_owned),
+        ..found
+    }
 }
 
 /// How what stands here in other languages is written in formulas.
 fn habit(line: &str, column: usize) -> Option<&'static str> {
-    let at = line.char_indices().nth(column).map_or(line.len(), |(at, _)| at);
+    let at = line
+        .char_indices()
+        .nth(column)
+        .map_or(line.len(), |(at, _)| at);
     let (before, rest) = line.split_at(at);
     match rest.split(|c: char| !c.is_alphanumeric()).next() {
         Some("and") => Some("both conditions are joined by `&&`"),
         Some("or") => Some("either condition is enough with `||`"),
-        _ if before.trim_end().ends_with('?') => Some("a choice is written `if … { … } else { … }`"),
+        _ if before.trim_end().ends_with('?') => {
+            Some("a choice is written `if … { … } else { … }`")
+        }
         _ => None,
     }
 }
 
 fn mistake(span: Span, message: impl Into<String>) -> Mistake {
     let start = span.start();
-    Mistake { message: message.into(), help: None, line: start.line.saturating_sub(1), column: start.column }
+    Mistake {
+        message: message.into(),
+        help: None,
+        line: start.line.saturating_sub(1),
+        column: start.column,
+    }
 }
 
 /// Where an expression begins.
@@ -359,7 +461,11 @@ fn start(expression: &Expr) -> Span {
         Expr::Lit(literal) => literal.lit.span(),
         Expr::MethodCall(call) => start(&call.receiver),
         Expr::Paren(paren) => paren.paren_token.span.open(),
-        Expr::Path(path) => path.path.segments.first().map_or_else(Span::call_site, |segment| segment.ident.span()),
+        Expr::Path(path) => path
+            .path
+            .segments
+            .first()
+            .map_or_else(Span::call_site, |segment| segment.ident.span()),
         Expr::Tuple(tuple) => tuple.paren_token.span.open(),
         Expr::Unary(unary) => match &unary.op {
             UnOp::Neg(token) => token.span,

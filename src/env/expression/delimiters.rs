@@ -13,7 +13,11 @@ type Placed = (usize, usize, char);
 
 /// The first bracket that is closed wrongly or never, or else the first character that no formula has.
 pub(super) fn broken_word(text: &str) -> Option<Mistake> {
-    unbalanced(text).or_else(|| characters(text).find(|&(_, _, found)| is_foreign(found)).map(foreign))
+    unbalanced(text).or_else(|| {
+        characters(text)
+            .find(|&(_, _, found)| is_foreign(found))
+            .map(foreign)
+    })
 }
 
 fn unbalanced(text: &str) -> Option<Mistake> {
@@ -26,13 +30,21 @@ fn unbalanced(text: &str) -> Option<Mistake> {
                 None => return Some(mistake(placed, format!("`{}` closes nothing", placed.2))),
                 Some((_, closer)) if closer == placed.2 => (),
                 Some(((_, _, opener), closer)) => {
-                    let message = format!("expected `{closer}`, which closes the last `{opener}`, found `{}`", placed.2);
+                    let message = format!(
+                        "expected `{closer}`, which closes the last `{opener}`, found `{}`",
+                        placed.2
+                    );
                     return Some(mistake(placed, message));
                 }
             }
         }
     }
-    open.pop().map(|(placed, closer)| mistake(placed, format!("this `{}` is never closed by `{closer}`", placed.2)))
+    open.pop().map(|(placed, closer)| {
+        mistake(
+            placed,
+            format!("this `{}` is never closed by `{closer}`", placed.2),
+        )
+    })
 }
 
 fn is_foreign(found: char) -> bool {
@@ -44,20 +56,34 @@ fn is_foreign(found: char) -> bool {
 }
 
 fn is_bracket(found: char) -> bool {
-    PAIRS.iter().any(|&(opener, closer)| found == opener || found == closer)
+    PAIRS
+        .iter()
+        .any(|&(opener, closer)| found == opener || found == closer)
 }
 
 fn foreign(placed: Placed) -> Mistake {
-    mistake(placed, format!("`{}` is not part of a formula", placed.2.escape_debug()))
+    mistake(
+        placed,
+        format!("`{}` is not part of a formula", placed.2.escape_debug()),
+    )
 }
 
 fn mistake((line, column, _): Placed, message: String) -> Mistake {
-    Mistake { message, help: None, line, column }
+    Mistake {
+        message,
+        help: None,
+        line,
+        column,
+    }
 }
 
 fn characters(text: &str) -> impl Iterator<Item = Placed> {
     let lines = text.split('\n').enumerate();
-    lines.flat_map(|(line, text)| text.chars().enumerate().map(move |(column, found)| (line, column, found)))
+    lines.flat_map(|(line, text)| {
+        text.chars()
+            .enumerate()
+            .map(move |(column, found)| (line, column, found))
+    })
 }
 
 #[cfg(test)]
@@ -70,13 +96,27 @@ mod tests {
             ("(x", 0, 0, "this `(` is never closed by `)`"),
             ("max(x, (1)", 0, 3, "never closed"),
             ("x\n + y)", 1, 4, "`)` closes nothing"),
-            ("if x { (1 }", 0, 10, "expected `)`, which closes the last `(`"),
+            (
+                "if x { (1 }",
+                0,
+                10,
+                "expected `)`, which closes the last `(`",
+            ),
             ("θ + x²", 0, 5, "`²` is not part"),
             ("1 + `x`", 0, 4, "is not part"),
         ] {
             let mistake = broken_word(text).expect("it is broken");
-            assert_eq!((mistake.line, mistake.column), (line, column), "{text}: {}", mistake.message);
-            assert!(mistake.message.contains(part), "{text}: {}", mistake.message);
+            assert_eq!(
+                (mistake.line, mistake.column),
+                (line, column),
+                "{text}: {}",
+                mistake.message
+            );
+            assert!(
+                mistake.message.contains(part),
+                "{text}: {}",
+                mistake.message
+            );
         }
         assert_eq!(broken_word("if x { (1) } else { y[0] }"), None);
     }

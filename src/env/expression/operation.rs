@@ -85,7 +85,8 @@ impl Operation {
 
     /// The value for single operands.
     pub(super) fn value(self, operands: &[f32]) -> f32 {
-        let operand = |index: usize| std::slice::from_ref(operands.get(index).unwrap_or(&operands[0]));
+        let operand =
+            |index: usize| std::slice::from_ref(operands.get(index).unwrap_or(&operands[0]));
         let mut out = [0.0];
         self.apply(&mut out, operand(0), operand(1), operand(2));
         out[0]

@@ -60,7 +60,9 @@ impl TryFrom<(f64, f64)> for Interval {
         if low < high && low.is_finite() && high.is_finite() {
             return Ok(Self { low, high });
         }
-        Err(format!("expected a low and a higher number, found ({low}, {high})"))
+        Err(format!(
+            "expected a low and a higher number, found ({low}, {high})"
+        ))
     }
 }
 
@@ -108,7 +110,11 @@ impl TryFrom<(f64, f64)> for Vector {
     type Error = String;
 
     fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
-        if x.is_finite() && y.is_finite() { Ok(Self([x, y])) } else { Err(format!("expected finite numbers, found ({x}, {y})")) }
+        if x.is_finite() && y.is_finite() {
+            Ok(Self([x, y]))
+        } else {
+            Err(format!("expected finite numbers, found ({x}, {y})"))
+        }
     }
 }
 
@@ -119,7 +125,9 @@ impl TryFrom<(f64, f64)> for Direction {
     fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
         let length = libm::hypot(x, y);
         match (x, y) {
-            _ if !length.is_finite() || length == 0.0 => Err(format!("expected a direction, found ({x}, {y})")),
+            _ if !length.is_finite() || length == 0.0 => {
+                Err(format!("expected a direction, found ({x}, {y})"))
+            }
             (_, 0.0) => Ok(Self([x.signum(), 0.0])),
             (0.0, _) => Ok(Self([0.0, y.signum()])),
             _ => Ok(Self([x / length, y / length])),
@@ -132,11 +140,15 @@ impl TryFrom<String> for Name {
 
     fn try_from(text: String) -> Result<Self, String> {
         if RESERVED.contains(&text.as_str()) {
-            return Err(format!("`{text}` means something in every formula and cannot be a name"));
+            return Err(format!(
+                "`{text}` means something in every formula and cannot be a name"
+            ));
         }
         match syn::parse_str::<syn::Ident>(&text) {
             Ok(_) => Ok(Self(text)),
-            Err(_) => Err(format!("expected a word of letters, digits and `_` that is no keyword, found `{text}`")),
+            Err(_) => Err(format!(
+                "expected a word of letters, digits and `_` that is no keyword, found `{text}`"
+            )),
         }
     }
 }

@@ -127,7 +127,10 @@ pub enum SensorKind {
 }
 
 /// An actuator with the indices of what it acts on.
-pub(super) fn actuator(actuator: &Actuator, file: &Environment) -> Result<description::Actuator, Complaint> {
+pub(super) fn actuator(
+    actuator: &Actuator,
+    file: &Environment,
+) -> Result<description::Actuator, Complaint> {
     let (choice, range) = resolve::choice(&actuator.control);
     Ok(description::Actuator {
         name: actuator.name.value().as_ref().to_owned(),
@@ -141,12 +144,19 @@ pub(super) fn actuator(actuator: &Actuator, file: &Environment) -> Result<descri
 /// Where contacts are, a joint has one motor.
 pub(super) fn check_servos(file: &Environment) -> Result<(), Complaint> {
     let mut driven: Vec<&str> = Vec::new();
-    for actuator in file.actuators.iter().filter(|_| resolve::needs_worlds(file)) {
-        if let ActuatorKind::VelocityServo { joint, .. } | ActuatorKind::PositionServo { joint, .. } = &actuator.kind {
+    for actuator in file
+        .actuators
+        .iter()
+        .filter(|_| resolve::needs_worlds(file))
+    {
+        if let ActuatorKind::VelocityServo { joint, .. }
+        | ActuatorKind::PositionServo { joint, .. } = &actuator.kind
+        {
             if driven.contains(&joint.as_str()) {
-                return Err(
-                    joint.complain(format!("joint `{}` has a servo already: with contacts, it takes one", joint.as_str()))
-                );
+                return Err(joint.complain(format!(
+                    "joint `{}` has a servo already: with contacts, it takes one",
+                    joint.as_str()
+                )));
             }
             driven.push(joint.as_str());
         }
@@ -159,21 +169,35 @@ fn drive(kind: &ActuatorKind, file: &Environment) -> Result<Drive, Complaint> {
     let moving = |joint| find_moving(joint, &file.joints);
     Ok(match kind {
         ActuatorKind::JointForce(joint) => Drive::JointForce(moving(joint)?),
-        ActuatorKind::VelocityServo { joint, kv, force_limit } => Drive::Servo(Servo {
+        ActuatorKind::VelocityServo {
+            joint,
+            kv,
+            force_limit,
+        } => Drive::Servo(Servo {
             joint: moving(joint)?,
             target: Target::Velocity,
             kp: 0.0,
             kv: kv.get(),
             force_limit: limit(force_limit),
         }),
-        ActuatorKind::PositionServo { joint, kp, kv, force_limit } => Drive::Servo(Servo {
+        ActuatorKind::PositionServo {
+            joint,
+            kp,
+            kv,
+            force_limit,
+        } => Drive::Servo(Servo {
             joint: moving(joint)?,
             target: Target::Position,
             kp: kp.get(),
             kv: kv.map_or(0.0, NonNegative::get),
             force_limit: limit(force_limit),
         }),
-        ActuatorKind::BodyForce { body, at, direction, frame } => Drive::BodyForce {
+        ActuatorKind::BodyForce {
+            body,
+            at,
+            direction,
+            frame,
+        } => Drive::BodyForce {
             body: resolve::find_body(body, file)?,
             at: at.map(Vector::get),
             direction: direction.get(),
@@ -184,25 +208,52 @@ fn drive(kind: &ActuatorKind, file: &Environment) -> Result<Drive, Complaint> {
 }
 
 /// A sensor with the indices of what it measures.
-pub(super) fn sensor(index: usize, sensor: &Sensor, file: &Environment) -> Result<description::Sensor, Complaint> {
-    Ok(description::Sensor { name: sensor.name.value().as_ref().to_owned(), reading: reading(index, &sensor.kind, file)? })
+pub(super) fn sensor(
+    index: usize,
+    sensor: &Sensor,
+    file: &Environment,
+) -> Result<description::Sensor, Complaint> {
+    Ok(description::Sensor {
+        name: sensor.name.value().as_ref().to_owned(),
+        reading: reading(index, &sensor.kind, file)?,
+    })
 }
 
 fn reading(index: usize, kind: &SensorKind, file: &Environment) -> Result<Reading, Complaint> {
     Ok(match kind {
         SensorKind::Formula(text) => {
-            let before: Vec<_> = resolve::present_sensors(file, resolve::columns(file)).into_iter().take(index).collect();
+            let before: Vec<_> = resolve::present_sensors(file, resolve::columns(file))
+                .into_iter()
+                .take(index)
+                .collect();
             Reading::Formula(resolve::formula(text, Type::Number, &before)?)
         }
-        SensorKind::JointPosition(name) => Reading::JointPosition(resolve::find_coordinate(name, file)?),
-        SensorKind::WrappedJointPosition(joint) => Reading::WrappedJointPosition(find_hinge(joint, &file.joints)?),
-        SensorKind::JointVelocity(name) => Reading::JointVelocity(resolve::find_coordinate(name, file)?),
-        SensorKind::BodyPosition { body, axis, at } => Reading::BodyPosition(point(body, *axis, *at, file)?),
-        SensorKind::BodyVelocity { body, axis, at } => Reading::BodyVelocity(point(body, *axis, *at, file)?),
+        SensorKind::JointPosition(name) => {
+            Reading::JointPosition(resolve::find_coordinate(name, file)?)
+        }
+        SensorKind::WrappedJointPosition(joint) => {
+            Reading::WrappedJointPosition(find_hinge(joint, &file.joints)?)
+        }
+        SensorKind::JointVelocity(name) => {
+            Reading::JointVelocity(resolve::find_coordinate(name, file)?)
+        }
+        SensorKind::BodyPosition { body, axis, at } => {
+            Reading::BodyPosition(point(body, *axis, *at, file)?)
+        }
+        SensorKind::BodyVelocity { body, axis, at } => {
+            Reading::BodyVelocity(point(body, *axis, *at, file)?)
+        }
         SensorKind::BodyAngle(body) => Reading::BodyAngle(resolve::find_body(body, file)?),
-        SensorKind::BodyAngularVelocity(body) => Reading::BodyAngularVelocity(resolve::find_body(body, file)?),
+        SensorKind::BodyAngularVelocity(body) => {
+            Reading::BodyAngularVelocity(resolve::find_body(body, file)?)
+        }
         SensorKind::Contact(one, other) => contact(one, other, file)?,
-        SensorKind::Ray { body, from, direction, length } => Reading::Ray(description::Ray {
+        SensorKind::Ray {
+            body,
+            from,
+            direction,
+            length,
+        } => Reading::Ray(description::Ray {
             body: resolve::find_body(body, file)?,
             from: from.get(),
             direction: direction.get(),
@@ -211,22 +262,52 @@ fn reading(index: usize, kind: &SensorKind, file: &Environment) -> Result<Readin
     })
 }
 
-fn point(body: &Located<String>, axis: Axis, at: Vector, file: &Environment) -> Result<BodyPoint, Complaint> {
-    Ok(BodyPoint { body: resolve::find_body(body, file)?, at: at.get(), axis: axis as usize })
+fn point(
+    body: &Located<String>,
+    axis: Axis,
+    at: Vector,
+    file: &Environment,
+) -> Result<BodyPoint, Complaint> {
+    Ok(BodyPoint {
+        body: resolve::find_body(body, file)?,
+        at: at.get(),
+        axis: axis as usize,
+    })
 }
 
-fn contact(one: &Located<String>, other: &Located<String>, file: &Environment) -> Result<Reading, Complaint> {
+fn contact(
+    one: &Located<String>,
+    other: &Located<String>,
+    file: &Environment,
+) -> Result<Reading, Complaint> {
     let (first, second) = (find_collider(one, file)?, find_collider(other, file)?);
     if first == second {
-        return Err(other.complain(format!("a contact is between two colliders, but both are `{}`", &**other)));
+        return Err(other.complain(format!(
+            "a contact is between two colliders, but both are `{}`",
+            &**other
+        )));
     }
     Ok(Reading::Contact(first, second))
 }
 
 /// The collider's index: the world's come first, then those of each body.
 fn find_collider(name: &Located<String>, file: &Environment) -> Result<usize, Complaint> {
-    let all = || file.colliders.iter().chain(file.bodies.iter().flat_map(|body| &body.colliders));
-    let named = |collider: &Collider| collider.name.as_ref().is_some_and(|known| known.as_ref() == name.as_str());
-    let names: Vec<_> = all().filter_map(|collider| collider.name.as_ref()).map(|known| known.value().as_ref()).collect();
-    all().position(named).ok_or_else(|| name.complain_unknown("collider", names))
+    let all = || {
+        file.colliders
+            .iter()
+            .chain(file.bodies.iter().flat_map(|body| &body.colliders))
+    };
+    let named = |collider: &Collider| {
+        collider
+            .name
+            .as_ref()
+            .is_some_and(|known| known.as_ref() == name.as_str())
+    };
+    let names: Vec<_> = all()
+        .filter_map(|collider| collider.name.as_ref())
+        .map(|known| known.value().as_ref())
+        .collect();
+    all()
+        .position(named)
+        .ok_or_else(|| name.complain_unknown("collider", names))
 }

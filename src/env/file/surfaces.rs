@@ -87,7 +87,10 @@ impl<const MINIMUM: usize> Points<MINIMUM> {
     /// The points, in f32.
     #[must_use]
     pub fn get(&self) -> Vec<[f32; 2]> {
-        self.0.iter().map(|point| point.get().map(|value| value as f32)).collect()
+        self.0
+            .iter()
+            .map(|point| point.get().map(|value| value as f32))
+            .collect()
     }
 }
 
@@ -98,16 +101,28 @@ impl<const MINIMUM: usize> TryFrom<Vec<Vector>> for Points<MINIMUM> {
         if points.len() >= MINIMUM {
             return Ok(Self(points));
         }
-        Err(format!("expected at least {MINIMUM} points, found {}", points.len()))
+        Err(format!(
+            "expected at least {MINIMUM} points, found {}",
+            points.len()
+        ))
     }
 }
 
 /// All colliders: the world's, then those of each body.
-pub(super) fn colliders(file: &super::Environment) -> Result<Vec<description::Collider>, Complaint> {
+pub(super) fn colliders(
+    file: &super::Environment,
+) -> Result<Vec<description::Collider>, Complaint> {
     let of_world = file.colliders.iter().map(|collider| (None, collider));
     let bodies = file.bodies.iter().enumerate();
-    let of_bodies = bodies.flat_map(|(index, body)| body.colliders.iter().map(move |collider| (Some(index), collider)));
-    of_world.chain(of_bodies).map(|(body, collider)| resolved(body, collider)).collect()
+    let of_bodies = bodies.flat_map(|(index, body)| {
+        body.colliders
+            .iter()
+            .map(move |collider| (Some(index), collider))
+    });
+    of_world
+        .chain(of_bodies)
+        .map(|(body, collider)| resolved(body, collider))
+        .collect()
 }
 
 fn resolved(body: Option<usize>, collider: &Collider) -> Result<description::Collider, Complaint> {
@@ -116,8 +131,12 @@ fn resolved(body: Option<usize>, collider: &Collider) -> Result<description::Col
             .geom
             .complain("half-spaces and polylines stand still: they are `colliders` of the world, not of a body"));
     }
-    if physics::inertial(1.0, &[shape(&collider.geom)]).is_none() && matches!(*collider.geom, Geom::Convex(_)) {
-        return Err(collider.geom.complain("the points lie on one line: there is nothing to touch"));
+    if physics::inertial(1.0, &[shape(&collider.geom)]).is_none()
+        && matches!(*collider.geom, Geom::Convex(_))
+    {
+        return Err(collider
+            .geom
+            .complain("the points lie on one line: there is nothing to touch"));
     }
     Ok(description::Collider {
         name: collider.name.as_ref().map(|name| name.as_ref().to_owned()),
@@ -132,7 +151,10 @@ fn resolved(body: Option<usize>, collider: &Collider) -> Result<description::Col
 
 fn surface(geom: &Geom) -> Surface {
     match geom {
-        Geom::HalfSpace { point, normal } => Surface::HalfSpace { point: single(point.get()), normal: single(normal.get()) },
+        Geom::HalfSpace { point, normal } => Surface::HalfSpace {
+            point: single(point.get()),
+            normal: single(normal.get()),
+        },
         other => Surface::Shape(shape(other)),
     }
 }
@@ -143,20 +165,34 @@ const DRAWN: i16 = 100;
 /// The shape as it is drawn.
 pub(super) fn shape(geom: &Geom) -> Shape {
     match geom {
-        Geom::Ball { center, radius } => Shape::Ball { center: single(center.get()), radius: radius.get_f32() },
-        Geom::Box { center, half_size: (width, height), angle } => Shape::Box {
+        Geom::Ball { center, radius } => Shape::Ball {
+            center: single(center.get()),
+            radius: radius.get_f32(),
+        },
+        Geom::Box {
+            center,
+            half_size: (width, height),
+            angle,
+        } => Shape::Box {
             center: single(center.get()),
             half_size: [width.get_f32(), height.get_f32()],
             angle: angle.map_or(0.0, Finite::get_f32),
         },
-        Geom::Capsule { from, to, radius } => {
-            Shape::Capsule { from: single(from.get()), to: single(to.get()), radius: radius.get_f32() }
-        }
+        Geom::Capsule { from, to, radius } => Shape::Capsule {
+            from: single(from.get()),
+            to: single(to.get()),
+            radius: radius.get_f32(),
+        },
         Geom::Convex(points) => Shape::Polygon(points.get()),
         Geom::Polyline(points) => Shape::Polyline(points.get()),
         Geom::HalfSpace { point, normal } => {
             let ([x, y], [right, up]) = (single(point.get()), single(normal.get()));
-            let at = |[along, depth]: [f32; 2]| [x + along * up - depth * right, y - along * right - depth * up];
+            let at = |[along, depth]: [f32; 2]| {
+                [
+                    x + along * up - depth * right,
+                    y - along * right - depth * up,
+                ]
+            };
             Shape::Polyline(notched_line().map(at).collect())
         }
     }
@@ -165,7 +201,9 @@ pub(super) fn shape(geom: &Geom) -> Shape {
 /// Along an endless line and into what lies behind it: notches show on which side that is, and that bodies get on.
 fn notched_line() -> impl Iterator<Item = [f32; 2]> {
     const NOTCH: f32 = 0.04;
-    (-DRAWN..=DRAWN).map(f32::from).flat_map(|metre| [[metre, 0.0], [metre, NOTCH], [metre, 0.0]])
+    (-DRAWN..=DRAWN)
+        .map(f32::from)
+        .flat_map(|metre| [[metre, 0.0], [metre, NOTCH], [metre, 0.0]])
 }
 
 fn single(a: [f64; 2]) -> [f32; 2] {

@@ -1,6 +1,8 @@
 //! Some copies of a task in one Rapier world.
 
-use rapier2d::prelude::{ImpulseJointHandle, PhysicsWorld, RigidBody, RigidBodyBuilder, RigidBodyHandle};
+use rapier2d::prelude::{
+    ImpulseJointHandle, PhysicsWorld, RigidBody, RigidBodyBuilder, RigidBodyHandle,
+};
 
 use super::body::{SavedBody, place, rigid_body};
 use super::drive::Drive;
@@ -33,11 +35,19 @@ impl Batch {
             handles.extend(bodies);
         }
         apply_changes(&mut world);
-        Self { world, handles, servos, live: vec![false; copies], enabled: vec![false; copies] }
+        Self {
+            world,
+            handles,
+            servos,
+            live: vec![false; copies],
+            enabled: vec![false; copies],
+        }
     }
 
     pub(super) fn bodies(&self, copy: usize, plan: &Plan) -> impl Iterator<Item = &RigidBody> {
-        self.handles[copy * plan.bodies..][..plan.bodies].iter().map(|&handle| &self.world.bodies[handle])
+        self.handles[copy * plan.bodies..][..plan.bodies]
+            .iter()
+            .map(|&handle| &self.world.bodies[handle])
     }
 
     /// Makes a copy live with its bodies at `frames`.
@@ -57,7 +67,13 @@ impl Batch {
     }
 
     /// One control step of the live copies; `first` is the number of this batch's first copy in all columns.
-    pub(super) fn step(&mut self, first: usize, controls: &[f32], columns: &mut JointColumns, plan: &Plan) {
+    pub(super) fn step(
+        &mut self,
+        first: usize,
+        controls: &[f32],
+        columns: &mut JointColumns,
+        plan: &Plan,
+    ) {
         self.enable_live_copies(plan);
         if self.live.contains(&true) {
             self.push(first, controls, columns.copies(), plan);
@@ -105,7 +121,10 @@ impl Batch {
     fn stop(&mut self, plan: &Plan) {
         for hold in plan.holds.iter().filter(|hold| hold.stops()) {
             for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
-                hold.stop(&self.handles[copy * plan.bodies..][..plan.bodies], &mut self.world.bodies);
+                hold.stop(
+                    &self.handles[copy * plan.bodies..][..plan.bodies],
+                    &mut self.world.bodies,
+                );
             }
         }
     }
@@ -138,10 +157,16 @@ fn empty_world(description: &Description) -> PhysicsWorld {
 }
 
 /// Inserts the bodies of one copy, disabled.
-fn insert_bodies(world: &mut PhysicsWorld, description: &Description, plan: &Plan) -> Vec<RigidBodyHandle> {
+fn insert_bodies(
+    world: &mut PhysicsWorld,
+    description: &Description,
+    plan: &Plan,
+) -> Vec<RigidBodyHandle> {
     let rail = |body| plan.holds.iter().find_map(|hold| hold.rail_of(body));
     let bodies = description.bodies.iter().zip(&plan.rotors).enumerate();
-    bodies.map(|(index, (body, rotor))| world.insert_body(rigid_body(body, rotor, rail(index)))).collect()
+    bodies
+        .map(|(index, (body, rotor))| world.insert_body(rigid_body(body, rotor, rail(index))))
+        .collect()
 }
 
 /// Inserts the joints of one copy, whose bodies are `handles`; returns its servos.
@@ -157,7 +182,10 @@ fn insert_joints(
     for drive in &plan.passive {
         drive.insert(world, anchor, handles, &plan.holds);
     }
-    plan.servos.iter().map(|servo| servo.insert(world, anchor, handles, &plan.holds)).collect()
+    plan.servos
+        .iter()
+        .map(|servo| servo.insert(world, anchor, handles, &plan.holds))
+        .collect()
 }
 
 /// Lets Rapier take in new bodies (their masses count from then on) without time passing.

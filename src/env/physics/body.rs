@@ -54,9 +54,14 @@ pub(super) fn rigid_body(body: &Body, rotor: &Rotor, rail: Option<[bool; 2]>) ->
 
 /// Puts a body to where its frame is and lets it move as its frame does.
 pub(super) fn place(body: &mut RigidBody, frame: &Frame, com: [f64; 2]) {
-    let rotation = Rotation::from_cos_sin_unchecked(frame.rotation[0] as f32, frame.rotation[1] as f32);
+    let rotation =
+        Rotation::from_cos_sin_unchecked(frame.rotation[0] as f32, frame.rotation[1] as f32);
     body.set_position(Pose::from_parts(vector(frame.position), rotation), false);
-    set_velocities(body, vector(frame.velocity_at(frame.point(com))), frame.angular_velocity as f32);
+    set_velocities(
+        body,
+        vector(frame.velocity_at(frame.point(com))),
+        frame.angular_velocity as f32,
+    );
 }
 
 impl SavedBody {
@@ -71,8 +76,15 @@ impl SavedBody {
 
     pub(super) fn put(&self, body: &mut RigidBody) {
         let rotation = Rotation::from_cos_sin_unchecked(self.rotation[0], self.rotation[1]);
-        body.set_position(Pose::from_parts(Vector::from_array(self.translation), rotation), false);
-        set_velocities(body, Vector::from_array(self.velocity), self.angular_velocity);
+        body.set_position(
+            Pose::from_parts(Vector::from_array(self.translation), rotation),
+            false,
+        );
+        set_velocities(
+            body,
+            Vector::from_array(self.velocity),
+            self.angular_velocity,
+        );
     }
 }
 

@@ -2,8 +2,8 @@
 //! friction, servos. Each is one more Rapier joint that locks nothing, so that any number of them can act on one coordinate.
 
 use rapier2d::prelude::{
-    GenericJoint, GenericJointBuilder, ImpulseJointHandle, ImpulseJointSet, JointAxesMask, JointAxis, JointMotor, MotorModel,
-    PhysicsWorld, RigidBodyHandle, SpringCoefficients,
+    GenericJoint, GenericJointBuilder, ImpulseJointHandle, ImpulseJointSet, JointAxesMask,
+    JointAxis, JointMotor, MotorModel, PhysicsWorld, RigidBodyHandle, SpringCoefficients,
 };
 
 use super::joint::Hold;
@@ -27,8 +27,15 @@ impl Drive {
     pub(super) fn passive(description: &Description, holds: &[Hold]) -> Vec<Self> {
         let joints = description.joints.iter().zip(holds).enumerate();
         let drives = joints.flat_map(|(joint, (described, hold))| {
-            let effects = [range(described, hold, description), spring(described), friction(described)];
-            effects.into_iter().flatten().map(move |effect| Self { joint, effect })
+            let effects = [
+                range(described, hold, description),
+                spring(described),
+                friction(described),
+            ];
+            effects
+                .into_iter()
+                .flatten()
+                .map(move |effect| Self { joint, effect })
         });
         drives.collect()
     }
@@ -36,8 +43,16 @@ impl Drive {
     /// A motor that [`aim`](Self::aim) can drive.
     pub(super) fn servo(servo: &Servo) -> Self {
         let force_limit = servo.force_limit.map_or(f32::MAX, |force| force as f32);
-        let motor = JointMotor { stiffness: servo.kp as f32, damping: servo.kv as f32, max_force: force_limit, ..FORCE };
-        Self { joint: servo.joint, effect: Effect::Motor(motor) }
+        let motor = JointMotor {
+            stiffness: servo.kp as f32,
+            damping: servo.kv as f32,
+            max_force: force_limit,
+            ..FORCE
+        };
+        Self {
+            joint: servo.joint,
+            effect: Effect::Motor(motor),
+        }
     }
 
     /// Inserts the constraint for the copy whose bodies are `handles`; `anchor` is a body of the world.
@@ -50,29 +65,52 @@ impl Drive {
     ) -> ImpulseJointHandle {
         let hold = &holds[self.joint];
         let (parent, child) = hold.ends(anchor, handles);
-        world.impulse_joints.insert(parent, child, self.constraint(hold), false)
+        world
+            .impulse_joints
+            .insert(parent, child, self.constraint(hold), false)
     }
 
     fn constraint(&self, hold: &Hold) -> GenericJoint {
         let ([frame1, frame2], axis, sense) = (hold.frames(), hold.axis(), hold.sense());
-        let mut joint = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(frame1).local_frame2(frame2).build();
+        let mut joint = GenericJointBuilder::new(JointAxesMask::empty())
+            .local_frame1(frame1)
+            .local_frame2(frame2)
+            .build();
         match self.effect {
             Effect::Range([low, high], softness) => {
-                joint.set_limits(axis, if sense > 0.0 { [low, high] } else { [-high, -low] });
+                joint.set_limits(
+                    axis,
+                    if sense > 0.0 {
+                        [low, high]
+                    } else {
+                        [-high, -low]
+                    },
+                );
                 joint.softness = softness;
             }
             Effect::Motor(motor) => {
                 joint.motor_axes |= axis.into();
-                joint.motors[axis as usize] = JointMotor { target_pos: sense * motor.target_pos, ..motor };
+                joint.motors[axis as usize] = JointMotor {
+                    target_pos: sense * motor.target_pos,
+                    ..motor
+                };
             }
         }
         joint
     }
 
     /// Tells a servo where to go.
-    pub(super) fn aim(handle: ImpulseJointHandle, joints: &mut ImpulseJointSet, hold: &Hold, target: Target, value: f32) {
+    pub(super) fn aim(
+        handle: ImpulseJointHandle,
+        joints: &mut ImpulseJointSet,
+        hold: &Hold,
+        target: Target,
+        value: f32,
+    ) {
         let (axis, value) = (hold.axis() as usize, hold.sense() * value);
-        let Some(joint) = joints.get_mut(handle, false) else { return };
+        let Some(joint) = joints.get_mut(handle, false) else {
+            return;
+        };
         match target {
             Target::Position => joint.data.motors[axis].target_pos = value,
             Target::Velocity => joint.data.motors[axis].target_vel = value,
@@ -93,7 +131,10 @@ const FORCE: JointMotor = JointMotor {
 
 fn range(joint: &Joint, hold: &Hold, description: &Description) -> Option<Effect> {
     let range = joint.range.filter(|_| !hold.stops())?;
-    Some(Effect::Range(range.map(|end| end as f32), softness(description.solver, description.spec.control_step)))
+    Some(Effect::Range(
+        range.map(|end| end as f32),
+        softness(description.solver, description.spec.control_step),
+    ))
 }
 
 /// An end of a range takes back a fifth of what it is exceeded by in each substep: a blow against it gives back at most a fifth of
@@ -104,7 +145,10 @@ fn softness(solver: Solver, control_step: f64) -> SpringCoefficients<f32> {
     const DAMPING_RATIO: f64 = 1e3;
     let substep = control_step / f64::from(solver.iterations);
     let natural_frequency = DAMPING_RATIO / (2.0 * substep) / std::f64::consts::TAU;
-    SpringCoefficients { natural_frequency: natural_frequency as f32, damping_ratio: DAMPING_RATIO as f32 }
+    SpringCoefficients {
+        natural_frequency: natural_frequency as f32,
+        damping_ratio: DAMPING_RATIO as f32,
+    }
 }
 
 fn spring(joint: &Joint) -> Option<Effect> {
@@ -122,7 +166,11 @@ fn spring(joint: &Joint) -> Option<Effect> {
 fn friction(joint: &Joint) -> Option<Effect> {
     const BRAKE: f32 = 1e12;
     let most = joint.passive.frictionloss as f32;
-    (most > 0.0).then_some(Effect::Motor(JointMotor { damping: BRAKE, max_force: most, ..FORCE }))
+    (most > 0.0).then_some(Effect::Motor(JointMotor {
+        damping: BRAKE,
+        max_force: most,
+        ..FORCE
+    }))
 }
 
 /// Which of a Rapier joint's axes is the coordinate.

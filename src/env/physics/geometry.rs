@@ -28,7 +28,9 @@ impl Geometry {
     /// The surfaces of all colliders.
     #[must_use]
     pub fn new(description: &Description) -> Self {
-        Self { surfaces: description.colliders.iter().map(Placed::new).collect() }
+        Self {
+            surfaces: description.colliders.iter().map(Placed::new).collect(),
+        }
     }
 
     /// Whether two colliders touch, given where the bodies are. `frames`: `[bodies]`
@@ -36,7 +38,12 @@ impl Geometry {
     pub fn touch(&self, one: usize, other: usize, frames: &[Frame]) -> bool {
         let (one, other) = (&self.surfaces[one], &self.surfaces[other]);
         // Not `query::contact`, which is wrong where the second form is a half-space.
-        let distance = query::distance(&one.pose_in(frames), &*one.form, &other.pose_in(frames), &*other.form);
+        let distance = query::distance(
+            &one.pose_in(frames),
+            &*one.form,
+            &other.pose_in(frames),
+            &*other.form,
+        );
         distance.is_ok_and(|distance| distance.distance <= TOLERANCE)
     }
 
@@ -44,10 +51,19 @@ impl Geometry {
     #[must_use]
     pub fn distance(&self, ray: &description::Ray, frames: &[Frame]) -> f32 {
         let frame = &frames[ray.body];
-        let beam = Ray::new(vector(frame.point(ray.from)), vector(frame.vector(ray.direction)));
-        let others = self.surfaces.iter().filter(|surface| surface.body != Some(ray.body));
+        let beam = Ray::new(
+            vector(frame.point(ray.from)),
+            vector(frame.vector(ray.direction)),
+        );
+        let others = self
+            .surfaces
+            .iter()
+            .filter(|surface| surface.body != Some(ray.body));
         others.fold(ray.length as f32, |nearest, surface| {
-            surface.form.cast_ray(&surface.pose_in(frames), &beam, nearest, true).unwrap_or(nearest)
+            surface
+                .form
+                .cast_ray(&surface.pose_in(frames), &beam, nearest, true)
+                .unwrap_or(nearest)
         })
     }
 }
@@ -55,7 +71,11 @@ impl Geometry {
 impl Placed {
     pub(super) fn new(collider: &description::Collider) -> Self {
         let (form, pose) = form(&collider.surface);
-        Self { body: collider.body, form, pose }
+        Self {
+            body: collider.body,
+            form,
+            pose,
+        }
     }
 
     fn pose_in(&self, frames: &[Frame]) -> Pose {
@@ -68,25 +88,45 @@ impl Placed {
 
 /// The form, and where its origin is in the body's frame.
 fn form(surface: &Surface) -> (SharedShape, Pose) {
-    let points = |points: &[[f32; 2]]| points.iter().copied().map(Vector::from_array).collect::<Vec<_>>();
+    let points = |points: &[[f32; 2]]| {
+        points
+            .iter()
+            .copied()
+            .map(Vector::from_array)
+            .collect::<Vec<_>>()
+    };
     let at = |center: [f32; 2], angle| Pose::new(Vector::from_array(center), angle);
     match surface {
-        Surface::HalfSpace { point, normal } => (SharedShape::new(HalfSpace::new(Vector::from_array(*normal))), at(*point, 0.0)),
-        Surface::Shape(Shape::Ball { center, radius }) => (SharedShape::ball(*radius), at(*center, 0.0)),
-        Surface::Shape(Shape::Box { center, half_size: [width, height], angle }) => {
-            (SharedShape::cuboid(*width, *height), at(*center, *angle))
+        Surface::HalfSpace { point, normal } => (
+            SharedShape::new(HalfSpace::new(Vector::from_array(*normal))),
+            at(*point, 0.0),
+        ),
+        Surface::Shape(Shape::Ball { center, radius }) => {
+            (SharedShape::ball(*radius), at(*center, 0.0))
         }
-        Surface::Shape(Shape::Capsule { from, to, radius }) => {
-            (SharedShape::capsule(Vector::from_array(*from), Vector::from_array(*to), *radius), Pose::IDENTITY)
-        }
+        Surface::Shape(Shape::Box {
+            center,
+            half_size: [width, height],
+            angle,
+        }) => (SharedShape::cuboid(*width, *height), at(*center, *angle)),
+        Surface::Shape(Shape::Capsule { from, to, radius }) => (
+            SharedShape::capsule(Vector::from_array(*from), Vector::from_array(*to), *radius),
+            Pose::IDENTITY,
+        ),
         Surface::Shape(Shape::Polygon(corners)) => {
             let corners = points(corners);
-            let form = SharedShape::convex_hull(&corners).unwrap_or_else(|| SharedShape::polyline(corners, None));
+            let form = SharedShape::convex_hull(&corners)
+                .unwrap_or_else(|| SharedShape::polyline(corners, None));
             (form, Pose::IDENTITY)
         }
-        Surface::Shape(Shape::Polyline(line)) => {
-            (SharedShape::new(Polyline::with_flags(points(line), None, PolylineFlags::ORIENTED)), Pose::IDENTITY)
-        }
+        Surface::Shape(Shape::Polyline(line)) => (
+            SharedShape::new(Polyline::with_flags(
+                points(line),
+                None,
+                PolylineFlags::ORIENTED,
+            )),
+            Pose::IDENTITY,
+        ),
     }
 }
 

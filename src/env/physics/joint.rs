@@ -3,7 +3,8 @@
 use std::f32::consts::TAU;
 
 use rapier2d::prelude::{
-    GenericJointBuilder, JointAxesMask, JointAxis, PhysicsWorld, Pose, RigidBody, RigidBodyHandle, RigidBodySet, Rotation, Vector,
+    GenericJointBuilder, JointAxesMask, JointAxis, PhysicsWorld, Pose, RigidBody, RigidBodyHandle,
+    RigidBodySet, Rotation, Vector,
 };
 
 use super::drive::{ABOUT, ALONG};
@@ -23,7 +24,11 @@ pub(super) struct Hold {
 
 enum Kind {
     /// A slide along one of the world's axes is no joint at all: the body cannot move otherwise. Exact, and cheaper than a joint.
-    Rail { axis: Vector, origin: f32, stop: Option<[f32; 2]> },
+    Rail {
+        axis: Vector,
+        origin: f32,
+        stop: Option<[f32; 2]>,
+    },
     /// A prismatic joint along a unit vector in the parent's frame.
     Slide { axis: Vector },
     /// A revolute joint, counter-clockwise (+1) or clockwise (−1).
@@ -38,19 +43,33 @@ impl Hold {
     /// `stop`: the range of a joint that carries no other. On a rail it needs no constraint.
     pub(super) fn new(link: &Link, stop: Option<[f64; 2]>) -> Self {
         let reference = Rotation::new(link.angle as f32);
-        let (anchor_in_parent, anchor_in_child) = (vector(link.anchor_in_parent), vector(link.anchor_in_child));
+        let (anchor_in_parent, anchor_in_child) =
+            (vector(link.anchor_in_parent), vector(link.anchor_in_child));
         let kind = match link.motion {
-            Motion::Hinge(sense) => Kind::Hinge { sense: sense as f32 },
+            Motion::Hinge(sense) => Kind::Hinge {
+                sense: sense as f32,
+            },
             Motion::Slide(axis) if link.parent.is_none() && axis.contains(&0.0) => {
                 let axis = vector(axis);
                 let origin = axis.dot(anchor_in_parent - reference * anchor_in_child);
-                Kind::Rail { axis, origin, stop: stop.map(|range| range.map(|end| end as f32)) }
+                Kind::Rail {
+                    axis,
+                    origin,
+                    stop: stop.map(|range| range.map(|end| end as f32)),
+                }
             }
             Motion::Slide(axis) => Kind::Slide { axis: vector(axis) },
             Motion::Weld if link.parent.is_none() => Kind::Still,
             Motion::Weld => Kind::Weld,
         };
-        Self { parent: link.parent, child: link.child, anchor_in_parent, anchor_in_child, reference, kind }
+        Self {
+            parent: link.parent,
+            child: link.child,
+            anchor_in_parent,
+            anchor_in_child,
+            reference,
+            kind,
+        }
     }
 
     /// The bodies that a force along the joint pushes.
@@ -74,8 +93,15 @@ impl Hold {
     }
 
     /// The bodies that the joint holds together.
-    pub(super) fn ends(&self, anchor: RigidBodyHandle, handles: &[RigidBodyHandle]) -> (RigidBodyHandle, RigidBodyHandle) {
-        (self.parent.map_or(anchor, |body| handles[body]), handles[self.child])
+    pub(super) fn ends(
+        &self,
+        anchor: RigidBodyHandle,
+        handles: &[RigidBodyHandle],
+    ) -> (RigidBodyHandle, RigidBodyHandle) {
+        (
+            self.parent.map_or(anchor, |body| handles[body]),
+            handles[self.child],
+        )
     }
 
     /// The axis of Rapier's joints that is the coordinate.
@@ -85,13 +111,19 @@ impl Hold {
 
     /// +1 if the coordinate grows as that of Rapier's joints, else −1.
     pub(super) fn sense(&self) -> f32 {
-        if let Kind::Hinge { sense } = self.kind { sense } else { 1.0 }
+        if let Kind::Hinge { sense } = self.kind {
+            sense
+        } else {
+            1.0
+        }
     }
 
     /// The joint's frames in its parent and in its child: the same frame at coordinate 0, with the x-axis along a slide.
     pub(super) fn frames(&self) -> [Pose; 2] {
         let turned = match self.kind {
-            Kind::Rail { axis, .. } | Kind::Slide { axis } => Rotation::from_cos_sin_unchecked(axis.x, axis.y),
+            Kind::Rail { axis, .. } | Kind::Slide { axis } => {
+                Rotation::from_cos_sin_unchecked(axis.x, axis.y)
+            }
             Kind::Hinge { .. } | Kind::Still | Kind::Weld => Rotation::IDENTITY,
         };
         let in_child = Pose::from_parts(self.anchor_in_child, self.reference.inverse() * turned);
@@ -108,7 +140,12 @@ impl Hold {
     }
 
     /// Inserts the joint for the copy whose bodies are `handles`; `anchor` is a body of the world.
-    pub(super) fn insert(&self, world: &mut PhysicsWorld, anchor: RigidBodyHandle, handles: &[RigidBodyHandle]) {
+    pub(super) fn insert(
+        &self,
+        world: &mut PhysicsWorld,
+        anchor: RigidBodyHandle,
+        handles: &[RigidBodyHandle],
+    ) {
         let locked = match self.kind {
             Kind::Rail { .. } | Kind::Still => return,
             Kind::Slide { .. } => JointAxesMask::LOCKED_PRISMATIC_AXES,
@@ -116,18 +153,32 @@ impl Hold {
             Kind::Weld => JointAxesMask::LOCKED_FIXED_AXES,
         };
         let ([frame1, frame2], (parent, child)) = (self.frames(), self.ends(anchor, handles));
-        let joint = GenericJointBuilder::new(locked).local_frame1(frame1).local_frame2(frame2);
-        world.impulse_joints.insert(parent, child, joint.build(), false);
+        let joint = GenericJointBuilder::new(locked)
+            .local_frame1(frame1)
+            .local_frame2(frame2);
+        world
+            .impulse_joints
+            .insert(parent, child, joint.build(), false);
     }
 
     /// Sets a child that has left its range back to its end, at rest: an inelastic wall.
     pub(super) fn stop(&self, handles: &[RigidBodyHandle], bodies: &mut RigidBodySet) {
-        let Kind::Rail { axis, origin, stop: Some([low, high]) } = self.kind else { return };
+        let Kind::Rail {
+            axis,
+            origin,
+            stop: Some([low, high]),
+        } = self.kind
+        else {
+            return;
+        };
         let child = &mut bodies[handles[self.child]];
         let position = axis.dot(child.translation()) - origin;
         if position < low || position > high {
             let end = position.clamp(low, high);
-            child.set_translation(child.translation() + axis * (origin + end - axis.dot(child.translation())), false);
+            child.set_translation(
+                child.translation() + axis * (origin + end - axis.dot(child.translation())),
+                false,
+            );
             child.set_linvel(Vector::ZERO, false);
         }
     }
@@ -157,15 +208,24 @@ impl Hold {
     }
 
     /// The joint's position and velocity. Of all angles that differ by full turns, the one nearest to `before`.
-    pub(super) fn read(&self, before: f32, handles: &[RigidBodyHandle], bodies: &RigidBodySet) -> (f32, f32) {
+    pub(super) fn read(
+        &self,
+        before: f32,
+        handles: &[RigidBodyHandle],
+        bodies: &RigidBodySet,
+    ) -> (f32, f32) {
         let parent = find(bodies, self.parent.map(|body| handles[body]));
         let child = &bodies[handles[self.child]];
         match self.kind {
             Kind::Still | Kind::Weld => (0.0, 0.0),
-            Kind::Rail { axis, origin, .. } => (axis.dot(child.translation()) - origin, axis.dot(child.linvel())),
+            Kind::Rail { axis, origin, .. } => (
+                axis.dot(child.translation()) - origin,
+                axis.dot(child.linvel()),
+            ),
             Kind::Slide { axis } => self.read_slide(axis, parent, child),
             Kind::Hinge { sense } => {
-                let base = parent.map_or(self.reference, |parent| *parent.rotation() * self.reference);
+                let base =
+                    parent.map_or(self.reference, |parent| *parent.rotation() * self.reference);
                 let turned = base.inverse() * *child.rotation();
                 let angle = sense * libm::atan2f(turned.im, turned.re);
                 let spin = child.angvel() - parent.map_or(0.0, RigidBody::angvel);
@@ -175,7 +235,12 @@ impl Hold {
     }
 
     /// In the parent's frame the child's anchor moves along the axis only.
-    fn read_slide(&self, axis: Vector, parent: Option<&RigidBody>, child: &RigidBody) -> (f32, f32) {
+    fn read_slide(
+        &self,
+        axis: Vector,
+        parent: Option<&RigidBody>,
+        child: &RigidBody,
+    ) -> (f32, f32) {
         let anchor = *child.position() * self.anchor_in_child;
         let velocity = child.velocity_at_point(anchor);
         match parent {
@@ -183,7 +248,10 @@ impl Hold {
             Some(parent) => {
                 let axis = *parent.rotation() * axis;
                 let origin = *parent.position() * self.anchor_in_parent;
-                (axis.dot(anchor - origin), axis.dot(velocity - parent.velocity_at_point(anchor)))
+                (
+                    axis.dot(anchor - origin),
+                    axis.dot(velocity - parent.velocity_at_point(anchor)),
+                )
             }
         }
     }

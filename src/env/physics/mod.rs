@@ -91,7 +91,9 @@ impl RigidBodies {
         let batch_size = plan.batch_size(copies);
         let starts = (0..copies).step_by(batch_size);
         Self {
-            batches: starts.map(|first| Batch::new(description, &plan, batch_size.min(copies - first))).collect(),
+            batches: starts
+                .map(|first| Batch::new(description, &plan, batch_size.min(copies - first)))
+                .collect(),
             batch_size,
             frames: tree.frames(),
             columns: JointColumns::new(description.joints.len(), copies),
@@ -109,9 +111,14 @@ impl RigidBodies {
 impl Dynamics for RigidBodies {
     fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
         self.tree.place(positions, velocities, &mut self.frames);
-        self.batches[copy / self.batch_size].start(copy % self.batch_size, &self.frames, &self.plan);
+        self.batches[copy / self.batch_size].start(
+            copy % self.batch_size,
+            &self.frames,
+            &self.plan,
+        );
         for (joint, (&position, &velocity)) in positions.iter().zip(velocities).enumerate() {
-            self.columns.set(joint, copy, position as f32, velocity as f32);
+            self.columns
+                .set(joint, copy, position as f32, velocity as f32);
         }
     }
 
@@ -121,7 +128,12 @@ impl Dynamics for RigidBodies {
 
     fn step(&mut self, controls: &[f32]) {
         for (index, batch) in self.batches.iter_mut().enumerate() {
-            batch.step(index * self.batch_size, controls, &mut self.columns, &self.plan);
+            batch.step(
+                index * self.batch_size,
+                controls,
+                &mut self.columns,
+                &self.plan,
+            );
         }
     }
 
@@ -132,15 +144,26 @@ impl Dynamics for RigidBodies {
     fn poses(&self, copy: usize, poses: &mut [Pose]) {
         for (pose, body) in poses.iter_mut().zip(self.bodies(copy)) {
             let [x, y] = body.translation().to_array();
-            *pose = Pose { x, y, angle: body.rotation().angle() };
+            *pose = Pose {
+                x,
+                y,
+                angle: body.rotation().angle(),
+            };
         }
     }
 
     fn save(&self) -> Vec<u8> {
         let state = SavedState {
             columns: self.columns.clone(),
-            live: self.batches.iter().flat_map(|batch| batch.live.iter().copied()).collect(),
-            bodies: (0..self.columns.copies()).flat_map(|copy| self.bodies(copy)).map(SavedBody::of).collect(),
+            live: self
+                .batches
+                .iter()
+                .flat_map(|batch| batch.live.iter().copied())
+                .collect(),
+            bodies: (0..self.columns.copies())
+                .flat_map(|copy| self.bodies(copy))
+                .map(SavedBody::of)
+                .collect(),
         };
         to_bytes(&state)
     }
@@ -155,7 +178,11 @@ impl Dynamics for RigidBodies {
             return Err("the state is of other bodies or another number of copies".to_owned());
         }
         for (copy, bodies) in state.bodies.chunks_exact(self.plan.bodies).enumerate() {
-            self.batches[copy / self.batch_size].restore(copy % self.batch_size, bodies, state.live[copy]);
+            self.batches[copy / self.batch_size].restore(
+                copy % self.batch_size,
+                bodies,
+                state.live[copy],
+            );
         }
         self.columns = state.columns;
         Ok(())
@@ -164,11 +191,18 @@ impl Dynamics for RigidBodies {
 
 impl Plan {
     fn new(description: &Description, tree: &Tree) -> Self {
-        let holds: Vec<_> =
-            tree.links().iter().enumerate().map(|(joint, link)| Hold::new(link, leaf_range(description, joint))).collect();
+        let holds: Vec<_> = tree
+            .links()
+            .iter()
+            .enumerate()
+            .map(|(joint, link)| Hold::new(link, leaf_range(description, joint)))
+            .collect();
         let (motors, servos) = motors(description);
-        let mut driven: Vec<_> =
-            motors.iter().filter(|motor| motor.pushes()).flat_map(|motor| holds[motor.joint].bodies()).collect();
+        let mut driven: Vec<_> = motors
+            .iter()
+            .filter(|motor| motor.pushes())
+            .flat_map(|motor| holds[motor.joint].bodies())
+            .collect();
         driven.sort_unstable();
         driven.dedup();
         Self {
@@ -177,9 +211,15 @@ impl Plan {
             holds,
             motors,
             servos: servos.iter().map(Drive::servo).collect(),
-            rotors: (0..description.bodies.len()).map(|body| Rotor::of(description, body)).collect(),
+            rotors: (0..description.bodies.len())
+                .map(|body| Rotor::of(description, body))
+                .collect(),
             driven,
-            coms: description.bodies.iter().map(|body| body.inertial.com).collect(),
+            coms: description
+                .bodies
+                .iter()
+                .map(|body| body.inertial.com)
+                .collect(),
         }
     }
 
@@ -190,7 +230,11 @@ impl Plan {
         let held = self.holds.iter().filter(|hold| hold.is_joint());
         let drives = self.passive.len() + self.servos.len();
         let alike = drives == 0 && held.clone().all(Hold::is_hinge);
-        let most = if alike { copies } else { (VECTORS_FROM - 1) / (held.count() + drives) };
+        let most = if alike {
+            copies
+        } else {
+            (VECTORS_FROM - 1) / (held.count() + drives)
+        };
         most.clamp(1, copies.max(1))
     }
 }
@@ -198,7 +242,10 @@ impl Plan {
 /// The range of a joint whose child carries no other joint.
 fn leaf_range(description: &Description, joint: usize) -> Option<[f64; 2]> {
     let described = &description.joints[joint];
-    let carries = description.joints.iter().any(|other| other.parent == Some(described.child));
+    let carries = description
+        .joints
+        .iter()
+        .any(|other| other.parent == Some(described.child));
     described.range.filter(|_| !carries)
 }
 
@@ -211,14 +258,27 @@ fn motors(description: &Description) -> (Vec<Motor>, Vec<Servo>) {
             description::Drive::JointForce(joint) => (joint, MotorKind::Force),
             description::Drive::Servo(servo) => {
                 servos.push(servo);
-                (servo.joint, MotorKind::Servo(servos.len() - 1, servo.target))
+                (
+                    servo.joint,
+                    MotorKind::Servo(servos.len() - 1, servo.target),
+                )
             }
-            description::Drive::Nothing | description::Drive::BodyForce { .. } => (0, MotorKind::Idle),
+            description::Drive::Nothing | description::Drive::BodyForce { .. } => {
+                (0, MotorKind::Idle)
+            }
         };
-        motors.push(Motor { joint, gear: actuator.gear as f32, kind });
+        motors.push(Motor {
+            joint,
+            gear: actuator.gear as f32,
+            kind,
+        });
     }
     let on_joint = |field: &Field| match field.drive {
-        description::Drive::JointForce(joint) => Some(Motor { joint, gear: 1.0, kind: MotorKind::Force }),
+        description::Drive::JointForce(joint) => Some(Motor {
+            joint,
+            gear: 1.0,
+            kind: MotorKind::Force,
+        }),
         _ => None,
     };
     motors.extend(description.fields.iter().filter_map(on_joint));
@@ -253,14 +313,24 @@ mod tests {
             let (mut bodies, joints) = (RigidBodies::new(&task, 1), task.joints.len());
             let mut random = stream(0, Purpose::Preview, 0, 0);
             for _ in 0..100 {
-                let mut draw = || (0..joints).map(|_| random.random_range(-2.5_f64..2.5)).collect::<Vec<_>>();
+                let mut draw = || {
+                    (0..joints)
+                        .map(|_| random.random_range(-2.5_f64..2.5))
+                        .collect::<Vec<_>>()
+                };
                 let (positions, velocities) = (draw(), draw());
                 bodies.start(0, &positions, &velocities);
                 bodies.batches[0].read_joints(0, &mut bodies.columns, &bodies.plan);
                 for joint in 0..joints {
                     let (position, velocity) = bodies.joints().get(joint, 0);
-                    assert!((f64::from(position) - positions[joint]).abs() < 2e-6, "{joint}: {position}, {positions:?}");
-                    assert!((f64::from(velocity) - velocities[joint]).abs() < 1e-5, "{joint}: {velocity}, {velocities:?}");
+                    assert!(
+                        (f64::from(position) - positions[joint]).abs() < 2e-6,
+                        "{joint}: {position}, {positions:?}"
+                    );
+                    assert!(
+                        (f64::from(velocity) - velocities[joint]).abs() < 1e-5,
+                        "{joint}: {velocity}, {velocities:?}"
+                    );
                 }
             }
         }

@@ -16,17 +16,23 @@ pub struct BipolarChain {
 
 impl Default for BipolarChain {
     fn default() -> Self {
-        Self { vertices: known_count(100) }
+        Self {
+            vertices: known_count(100),
+        }
     }
 }
 
 impl BipolarChain {
     pub(super) fn model(&self) -> Model {
         let count = self.vertices.get();
-        let actions: Vec<Vec<Vec<Outcome>>> = (0..count).map(|vertex| steps(vertex, count)).collect();
+        let actions: Vec<Vec<Vec<Outcome>>> =
+            (0..count).map(|vertex| steps(vertex, count)).collect();
         Model {
             parameters: vec![Prior::Sign],
-            coordinates: vec![Coordinate { name: "vertex", largest: (count - 1) as f32 }],
+            coordinates: vec![Coordinate {
+                name: "vertex",
+                largest: (count - 1) as f32,
+            }],
             places: (0..count).map(|vertex| vertex as f32).collect(),
             ..Model::new(count / 2, 3 * count / 2, &actions)
         }
@@ -44,5 +50,12 @@ fn steps(vertex: u32, count: u32) -> Vec<Vec<Outcome>> {
         state if state == count - 1 => Reward::unknown(0, treasure),
         _ => Reward::known(-1.0),
     };
-    [vertex - 1, vertex + 1].map(|state| vec![Outcome { state, reward: reward(state) }]).into()
+    [vertex - 1, vertex + 1]
+        .map(|state| {
+            vec![Outcome {
+                state,
+                reward: reward(state),
+            }]
+        })
+        .into()
 }

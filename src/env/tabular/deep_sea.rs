@@ -48,13 +48,35 @@ impl DeepSea {
     pub(super) fn model(&self) -> Model {
         let size = self.size.get();
         let cells = || (0..size).flat_map(|row| (0..=row).map(move |column| (row, column)));
-        let actions: Vec<_> = cells().map(|(row, column)| vec![self.outcomes(row, column); 2]).chain([vec![]]).collect();
+        let actions: Vec<_> = cells()
+            .map(|(row, column)| vec![self.outcomes(row, column); 2])
+            .chain([vec![]])
+            .collect();
         let last = (size - 1) as f32;
         let ground = [size as f32, 0.0];
         Model {
-            parameters: vec![Prior::Normal { mean: 0.0, deviation: self.deviation.get(), noise: 0.0 }; size as usize],
-            coordinates: vec![Coordinate { name: "row", largest: size as f32 }, Coordinate { name: "column", largest: last }],
-            places: cells().flat_map(|(row, column)| [row as f32, column as f32]).chain(ground).collect(),
+            parameters: vec![
+                Prior::Normal {
+                    mean: 0.0,
+                    deviation: self.deviation.get(),
+                    noise: 0.0
+                };
+                size as usize
+            ],
+            coordinates: vec![
+                Coordinate {
+                    name: "row",
+                    largest: size as f32,
+                },
+                Coordinate {
+                    name: "column",
+                    largest: last,
+                },
+            ],
+            places: cells()
+                .flat_map(|(row, column)| [row as f32, column as f32])
+                .chain(ground)
+                .collect(),
             outcome_weight: self.outcome_weight.get(),
             ..Model::new(0, size, &actions)
         }
@@ -62,12 +84,27 @@ impl DeepSea {
 
     fn outcomes(&self, row: u32, column: u32) -> Vec<Outcome> {
         let on_ground = row + 1 == self.size.get();
-        let cell = |column: u32| if on_ground { below(row) } else { below(row) + column };
+        let cell = |column: u32| {
+            if on_ground {
+                below(row)
+            } else {
+                below(row) + column
+            }
+        };
         let cost = -self.move_cost.get() / f64::from(self.size.get());
-        let right = Reward { known: cost, unknown: on_ground.then_some((column, 1.0)) };
+        let right = Reward {
+            known: cost,
+            unknown: on_ground.then_some((column, 1.0)),
+        };
         vec![
-            Outcome { state: cell(column.saturating_sub(1)), reward: Reward::known(0.0) },
-            Outcome { state: cell(column + 1), reward: right },
+            Outcome {
+                state: cell(column.saturating_sub(1)),
+                reward: Reward::known(0.0),
+            },
+            Outcome {
+                state: cell(column + 1),
+                reward: right,
+            },
         ]
     }
 
@@ -77,11 +114,20 @@ impl DeepSea {
         let right = [self.slip.get(), 1.0 - self.slip.get()];
         let cell = |_| {
             let swapped = self.randomised && random.random();
-            if swapped { [right, left] } else { [left, right] }
+            if swapped {
+                [right, left]
+            } else {
+                [left, right]
+            }
         };
         let probabilities: Vec<f64> = (0..model.states() - 1).flat_map(cell).flatten().collect();
-        let values = (0..size).map(|column| f64::from(column + 1 == size)).collect();
-        Mdp { values, probabilities }
+        let values = (0..size)
+            .map(|column| f64::from(column + 1 == size))
+            .collect();
+        Mdp {
+            values,
+            probabilities,
+        }
     }
 }
 

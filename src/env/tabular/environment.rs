@@ -61,8 +61,16 @@ impl Finite {
     #[must_use]
     pub fn quantities(&self) -> Vec<Quantity> {
         match self.observation {
-            Observation::OneHot => self.acting_states().map(|state| quantity(&self.state_name(state), [0.0, 1.0])).collect(),
-            Observation::Place => self.model.coordinates.iter().map(|coordinate| quantity(coordinate.name, [0.0, 1.0])).collect(),
+            Observation::OneHot => self
+                .acting_states()
+                .map(|state| quantity(&self.state_name(state), [0.0, 1.0]))
+                .collect(),
+            Observation::Place => self
+                .model
+                .coordinates
+                .iter()
+                .map(|coordinate| quantity(coordinate.name, [0.0, 1.0]))
+                .collect(),
         }
     }
 
@@ -74,18 +82,25 @@ impl Finite {
     /// Such as `row_3_column_1`.
     fn state_name(&self, state: u32) -> String {
         let coordinates = self.model.coordinates.iter().zip(self.model.place(state));
-        coordinates.map(|(coordinate, value)| format!("{}_{value}", coordinate.name)).collect::<Vec<_>>().join("_")
+        coordinates
+            .map(|(coordinate, value)| format!("{}_{value}", coordinate.name))
+            .collect::<Vec<_>>()
+            .join("_")
     }
 
     /// `seen: [observations]`
     fn observe(&self, state: u32, seen: &mut [f32]) {
         match self.observation {
             Observation::OneHot => {
-                seen.iter_mut().zip(self.acting_states()).for_each(|(seen, other)| *seen = f32::from(u8::from(other == state)));
+                seen.iter_mut()
+                    .zip(self.acting_states())
+                    .for_each(|(seen, other)| *seen = f32::from(u8::from(other == state)));
             }
             Observation::Place => {
                 let places = self.model.coordinates.iter().zip(self.model.place(state));
-                seen.iter_mut().zip(places).for_each(|(seen, (coordinate, value))| *seen = value / coordinate.largest);
+                seen.iter_mut()
+                    .zip(places)
+                    .for_each(|(seen, (coordinate, value))| *seen = value / coordinate.largest);
             }
         }
     }
@@ -111,15 +126,24 @@ impl FiniteEnvironment {
 
     fn observe(&mut self, copy: usize) {
         let width = self.spec.observation_width();
-        self.finite.observe(self.state.states[copy], &mut self.observations[copy * width..][..width]);
+        self.finite.observe(
+            self.state.states[copy],
+            &mut self.observations[copy * width..][..width],
+        );
     }
 
     /// An action beyond the last of a state counts as its last.
     fn advance(&mut self, copy: usize, action: f32) {
         let (Finite { model, truth, .. }, state) = (&self.finite, &mut self.state);
-        let random = state.random[copy].as_mut().expect("a running copy was reset");
+        let random = state.random[copy]
+            .as_mut()
+            .expect("a running copy was reset");
         let pairs = model.pairs(state.states[copy]);
-        let outcome = model.sample(truth, (pairs.start + action as usize).min(pairs.end - 1), random);
+        let outcome = model.sample(
+            truth,
+            (pairs.start + action as usize).min(pairs.end - 1),
+            random,
+        );
         state.rewards[copy] = model.reward(outcome, model.observe(truth, outcome, random)) as f32;
         state.states[copy] = model.outcomes()[outcome].state;
         state.steps[copy] += 1;
@@ -172,19 +196,29 @@ impl Environment for FiniteEnvironment {
     }
 
     fn save(&self) -> Vec<u8> {
-        to_bytes(&Saved { task: self.spec.name.clone(), state: self.state.clone() })
+        to_bytes(&Saved {
+            task: self.spec.name.clone(),
+            state: self.state.clone(),
+        })
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved = from_bytes(bytes).map_err(|error| format!("no saved environment: {error}"))?;
+        let saved: Saved =
+            from_bytes(bytes).map_err(|error| format!("no saved environment: {error}"))?;
         if saved.task != self.spec.name {
-            return Err(format!("the state is of task `{}`, not of `{}`", saved.task, self.spec.name));
+            return Err(format!(
+                "the state is of task `{}`, not of `{}`",
+                saved.task, self.spec.name
+            ));
         }
         if saved.state.states.len() != self.copies() {
             return Err("the state is of another number of copies".to_owned());
         }
         self.state = saved.state;
-        for copy in (0..self.copies()).filter(|&copy| self.state.statuses[copy] != Status::Idle).collect::<Vec<_>>() {
+        for copy in (0..self.copies())
+            .filter(|&copy| self.state.statuses[copy] != Status::Idle)
+            .collect::<Vec<_>>()
+        {
             self.observe(copy);
         }
         Ok(())

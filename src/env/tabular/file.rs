@@ -36,18 +36,31 @@ pub fn parse(name: &str, origin: &str, text: String) -> Result<Description, Inpu
     let file = input::parse::<TabularEnvironment>(origin, text)?.value;
     let model = file.task.model(file.drawn_with);
     let truth = file.task.draw(&model, file.drawn_with);
-    let finite = Finite { model, truth, observation: file.observation };
-    Ok(Description::of_finite(origin, spec(name, &file, &finite), finite))
+    let finite = Finite {
+        model,
+        truth,
+        observation: file.observation,
+    };
+    Ok(Description::of_finite(
+        origin,
+        spec(name, &file, &finite),
+        finite,
+    ))
 }
 
 fn spec(name: &str, file: &TabularEnvironment, finite: &Finite) -> Spec {
-    let actions = (0..finite.model.most_actions()).map(|action| action as f32).collect::<Vec<_>>();
+    let actions = (0..finite.model.most_actions())
+        .map(|action| action as f32)
+        .collect::<Vec<_>>();
     let range = [0.0, (actions.len() - 1) as f32];
     Spec {
         name: name.to_owned(),
         description: file.description.clone(),
         observations: finite.quantities(),
-        actions: vec![Action { quantity: quantity("action", range), choice: Choice::Discrete(actions) }],
+        actions: vec![Action {
+            quantity: quantity("action", range),
+            choice: Choice::Discrete(actions),
+        }],
         control_step: 1.0,
         time_limit: finite.model.horizon,
         reward_threshold: file.reward_threshold.map(FiniteNumber::get_f32),
@@ -56,5 +69,9 @@ fn spec(name: &str, file: &TabularEnvironment, finite: &Finite) -> Spec {
 
 /// A pure number.
 pub(super) fn quantity(name: &str, range: [f32; 2]) -> Quantity {
-    Quantity { name: name.to_owned(), unit: String::new(), range }
+    Quantity {
+        name: name.to_owned(),
+        unit: String::new(),
+        range,
+    }
 }

@@ -28,7 +28,13 @@ pub struct MaximumRewardPath {
 impl Default for MaximumRewardPath {
     fn default() -> Self {
         let (mean, deviation, noise) = (known(0.0), known(0.5), known(0.5));
-        Self { vertices: known_count(100), steps: known_count(10), mean, deviation, noise }
+        Self {
+            vertices: known_count(100),
+            steps: known_count(10),
+            mean,
+            deviation,
+            noise,
+        }
     }
 }
 
@@ -39,13 +45,23 @@ impl MaximumRewardPath {
         let mut actions = vec![Vec::new(); count as usize];
         for (&(one, other), parameter) in edges.iter().zip(0..) {
             let reward = Reward::unknown(parameter, 1.0);
-            actions[one as usize].push(vec![Outcome { state: other, reward }]);
+            actions[one as usize].push(vec![Outcome {
+                state: other,
+                reward,
+            }]);
             actions[other as usize].push(vec![Outcome { state: one, reward }]);
         }
-        let prior = Prior::LogNormal { mean: self.mean.get(), deviation: self.deviation.get(), noise: self.noise.get() };
+        let prior = Prior::LogNormal {
+            mean: self.mean.get(),
+            deviation: self.deviation.get(),
+            noise: self.noise.get(),
+        };
         Model {
             parameters: vec![prior; edges.len()],
-            coordinates: vec![Coordinate { name: "vertex", largest: (count - 1) as f32 }],
+            coordinates: vec![Coordinate {
+                name: "vertex",
+                largest: (count - 1) as f32,
+            }],
             places: (0..count).map(|vertex| vertex as f32).collect(),
             ..Model::new(0, self.steps.get(), &actions)
         }
@@ -57,7 +73,9 @@ impl MaximumRewardPath {
         let likelihood = 2.0 * libm::log(f64::from(count)) / f64::from(count);
         loop {
             let pairs = (0..count).flat_map(|one| (one + 1..count).map(move |other| (one, other)));
-            let edges: Vec<(u32, u32)> = pairs.filter(|_| random.random::<f64>() < likelihood).collect();
+            let edges: Vec<(u32, u32)> = pairs
+                .filter(|_| random.random::<f64>() < likelihood)
+                .collect();
             if is_connected(count, &edges) {
                 return edges;
             }
@@ -70,7 +88,10 @@ fn is_connected(count: u32, edges: &[(u32, u32)]) -> bool {
     let mut group: Vec<u32> = (0..count).collect();
     for &(one, other) in edges {
         let (kept, merged) = (group[one as usize], group[other as usize]);
-        group.iter_mut().filter(|group| **group == merged).for_each(|group| *group = kept);
+        group
+            .iter_mut()
+            .filter(|group| **group == merged)
+            .for_each(|group| *group = kept);
     }
     group.iter().all(|&vertex| vertex == group[0])
 }

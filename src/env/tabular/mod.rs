@@ -52,7 +52,9 @@ impl Task {
         let random = &mut task_stream(seed, 1);
         match self {
             Self::DeepSea(sea) => sea.draw(model, random),
-            Self::BipolarChain(_) | Self::ParallelChains(_) | Self::MaximumRewardPath(_) => model.draw(random),
+            Self::BipolarChain(_) | Self::ParallelChains(_) | Self::MaximumRewardPath(_) => {
+                model.draw(random)
+            }
         }
     }
 

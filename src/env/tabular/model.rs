@@ -142,7 +142,10 @@ impl Model {
     /// The most actions that a state has.
     #[must_use]
     pub fn most_actions(&self) -> usize {
-        (0..self.states()).map(|state| self.pairs(state as u32).len()).max().unwrap_or(0)
+        (0..self.states())
+            .map(|state| self.pairs(state as u32).len())
+            .max()
+            .unwrap_or(0)
     }
 
     /// Where a state is: `[coordinates]`.
@@ -156,7 +159,10 @@ impl Model {
     #[must_use]
     pub fn mean_reward(&self, outcome: usize, values: &[f64]) -> f64 {
         let Reward { known, unknown } = self.outcomes[outcome].reward;
-        known + unknown.map_or(0.0, |(parameter, factor)| factor * values[parameter as usize])
+        known
+            + unknown.map_or(0.0, |(parameter, factor)| {
+                factor * values[parameter as usize]
+            })
     }
 
     /// An MDP from the prior of θ, whose transitions are all sure.
@@ -167,9 +173,19 @@ impl Model {
     pub fn draw(&self, random: &mut Stream) -> Mdp {
         assert_eq!(self.outcomes.len(), self.pair_count(), "one outcome a pair");
         let normal = || StandardNormal.sample(random);
-        let normals: Vec<f64> = std::iter::repeat_with(normal).take(self.parameters.len()).collect();
-        let values = self.parameters.iter().zip(&normals).map(|(prior, &normal)| prior.quantile(normal)).collect();
-        Mdp { values, probabilities: vec![1.0; self.outcomes.len()] }
+        let normals: Vec<f64> = std::iter::repeat_with(normal)
+            .take(self.parameters.len())
+            .collect();
+        let values = self
+            .parameters
+            .iter()
+            .zip(&normals)
+            .map(|(prior, &normal)| prior.quantile(normal))
+            .collect();
+        Mdp {
+            values,
+            probabilities: vec![1.0; self.outcomes.len()],
+        }
     }
 
     /// The outcome that `pair` has in `truth`.
@@ -185,13 +201,17 @@ impl Model {
             rest -= truth.probabilities[*outcome];
             rest < 0.0
         };
-        (outcomes.start..last).find(|outcome| reached(outcome)).unwrap_or(last)
+        (outcomes.start..last)
+            .find(|outcome| reached(outcome))
+            .unwrap_or(last)
     }
 
     /// What an outcome shows of its parameter's θ in `truth`; 0 where there is nothing to see.
     #[must_use]
     pub fn observe(&self, truth: &Mdp, outcome: usize, random: &mut Stream) -> f64 {
-        let Some((parameter, _)) = self.outcomes[outcome].reward.unknown else { return 0.0 };
+        let Some((parameter, _)) = self.outcomes[outcome].reward.unknown else {
+            return 0.0;
+        };
         self.parameters[parameter as usize].observe(truth.values[parameter as usize], random)
     }
 
@@ -207,13 +227,19 @@ impl Reward {
     /// A reward that everybody knows.
     #[must_use]
     pub fn known(known: f64) -> Self {
-        Self { known, unknown: None }
+        Self {
+            known,
+            unknown: None,
+        }
     }
 
     /// θ of a parameter times `factor`.
     #[must_use]
     pub fn unknown(parameter: u32, factor: f64) -> Self {
-        Self { known: 0.0, unknown: Some((parameter, factor)) }
+        Self {
+            known: 0.0,
+            unknown: Some((parameter, factor)),
+        }
     }
 }
 
@@ -223,8 +249,12 @@ impl Prior {
     pub fn quantile(self, normal: f64) -> f64 {
         match self {
             Self::Sign => normal.signum(),
-            Self::Normal { mean, deviation, .. } => mean + deviation * normal,
-            Self::LogNormal { mean, deviation, .. } => libm::exp(mean + deviation * normal),
+            Self::Normal {
+                mean, deviation, ..
+            } => mean + deviation * normal,
+            Self::LogNormal {
+                mean, deviation, ..
+            } => libm::exp(mean + deviation * normal),
         }
     }
 
@@ -236,7 +266,9 @@ impl Prior {
             Self::Sign => value,
             Self::Normal { noise, .. } | Self::LogNormal { noise, .. } if noise == 0.0 => value,
             Self::Normal { noise, .. } => value + noise * normal(),
-            Self::LogNormal { noise, .. } => value * libm::exp(noise * normal() - 0.5 * noise * noise),
+            Self::LogNormal { noise, .. } => {
+                value * libm::exp(noise * normal() - 0.5 * noise * noise)
+            }
         }
     }
 }

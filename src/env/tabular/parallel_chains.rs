@@ -22,7 +22,12 @@ pub struct ParallelChains {
 
 impl Default for ParallelChains {
     fn default() -> Self {
-        Self { chains: known_count(4), edges: known_count(4), variance: known(100.0), noise: known(1.0) }
+        Self {
+            chains: known_count(4),
+            edges: known_count(4),
+            variance: known(100.0),
+            noise: known(1.0),
+        }
     }
 }
 
@@ -32,19 +37,43 @@ impl ParallelChains {
         let (chains, edges) = (self.chains.get(), self.edges.get());
         let vertex = |chain: u32, depth: u32| 1 + chain * edges + depth - 1;
         let edge = |chain: u32, depth: u32| {
-            let reward = if depth == edges { Reward::unknown(chain, 1.0) } else { Reward::known(0.0) };
-            vec![Outcome { state: vertex(chain, depth), reward }]
+            let reward = if depth == edges {
+                Reward::unknown(chain, 1.0)
+            } else {
+                Reward::known(0.0)
+            };
+            vec![Outcome {
+                state: vertex(chain, depth),
+                reward,
+            }]
         };
-        let onwards =
-            |chain: u32| (1..=edges).map(move |depth| if depth < edges { vec![edge(chain, depth + 1)] } else { vec![] });
+        let onwards = |chain: u32| {
+            (1..=edges).map(move |depth| {
+                if depth < edges {
+                    vec![edge(chain, depth + 1)]
+                } else {
+                    vec![]
+                }
+            })
+        };
         let first: Vec<_> = (0..chains).map(|chain| edge(chain, 1)).collect();
-        let actions: Vec<_> = std::iter::once(first).chain((0..chains).flat_map(onwards)).collect();
-        let places = (0..chains).flat_map(|chain| (1..=edges).flat_map(move |depth| [chain as f32 + 1.0, depth as f32]));
+        let actions: Vec<_> = std::iter::once(first)
+            .chain((0..chains).flat_map(onwards))
+            .collect();
+        let places = (0..chains).flat_map(|chain| {
+            (1..=edges).flat_map(move |depth| [chain as f32 + 1.0, depth as f32])
+        });
         Model {
             parameters: (1..=chains).map(|number| self.prior(number)).collect(),
             coordinates: vec![
-                Coordinate { name: "chain", largest: chains as f32 },
-                Coordinate { name: "depth", largest: edges as f32 },
+                Coordinate {
+                    name: "chain",
+                    largest: chains as f32,
+                },
+                Coordinate {
+                    name: "depth",
+                    largest: edges as f32,
+                },
             ],
             places: [0.0, 0.0].into_iter().chain(places).collect(),
             ..Model::new(0, edges, &actions)
@@ -53,6 +82,10 @@ impl ParallelChains {
 
     fn prior(&self, number: u32) -> Prior {
         let deviation = (self.variance.get() + f64::from(number)).sqrt();
-        Prior::Normal { mean: 0.0, deviation, noise: self.noise.get() }
+        Prior::Normal {
+            mean: 0.0,
+            deviation,
+            noise: self.noise.get(),
+        }
     }
 }

@@ -15,7 +15,10 @@ impl DiagonalGaussian {
     /// 𝒩(0, σ² I) over `count` weights.
     #[must_use]
     pub fn isotropic(count: usize, deviation: f32) -> Self {
-        Self { mean: vec![0.0; count], deviation: vec![deviation; count] }
+        Self {
+            mean: vec![0.0; count],
+            deviation: vec![deviation; count],
+        }
     }
 
     /// w = μ + σ ε for standard-normal ε; −ε gives the antithetic draw.   `noise: [P]` → `weights: [P]`, overwritten
@@ -27,8 +30,13 @@ impl DiagonalGaussian {
     pub fn draw(&self, noise: &[f32], weights: &mut Vec<f32>) {
         assert_eq!(noise.len(), self.mean.len());
         weights.clear();
-        weights
-            .extend(self.mean.iter().zip(&self.deviation).zip(noise).map(|((mean, deviation), noise)| mean + deviation * noise));
+        weights.extend(
+            self.mean
+                .iter()
+                .zip(&self.deviation)
+                .zip(noise)
+                .map(|((mean, deviation), noise)| mean + deviation * noise),
+        );
     }
 
     /// A perturbed copy (thesis Alg. 2): μ ← μ₀, σ ← σ₀ |z|.   `factors: [P]`, the z
@@ -39,7 +47,13 @@ impl DiagonalGaussian {
         assert_eq!(factors.len(), original.mean.len());
         self.mean.clone_from(&original.mean);
         self.deviation.clear();
-        self.deviation.extend(original.deviation.iter().zip(factors).map(|(deviation, factor)| deviation * factor.abs()));
+        self.deviation.extend(
+            original
+                .deviation
+                .iter()
+                .zip(factors)
+                .map(|(deviation, factor)| deviation * factor.abs()),
+        );
     }
 
     /// A perturbed copy (thesis §2.3): μ ← μ₀ + σ₀ z, σ ← σ₀.   `shifts: [P]`, the z
@@ -57,15 +71,27 @@ impl DiagonalGaussian {
     /// If the lengths differ.
     #[must_use]
     pub fn divergence(&self, from: &Self) -> f64 {
-        self.with(from).map(|[mean, deviation, other_mean, other]| divergence(mean, deviation, other_mean, other)).sum()
+        self.with(from)
+            .map(|[mean, deviation, other_mean, other]| {
+                divergence(mean, deviation, other_mean, other)
+            })
+            .sum()
     }
 
     /// Adds w ∂KL(q‖p)/∂μ = w (μ − μ')/σ'² and w ∂KL(q‖p)/∂σ = w (σ/σ'² − 1/σ).   `mean_slope`, `deviation_slope`: `[P]`
-    pub(super) fn add_divergence_gradient(&self, from: &Self, w: f32, mean_slope: &mut [f32], deviation_slope: &mut [f32]) {
+    pub(super) fn add_divergence_gradient(
+        &self,
+        from: &Self,
+        w: f32,
+        mean_slope: &mut [f32],
+        deviation_slope: &mut [f32],
+    ) {
         let slopes = mean_slope.iter_mut().zip(deviation_slope);
         let ours = self.mean.iter().zip(&self.deviation);
         let theirs = from.mean.iter().zip(&from.deviation);
-        for (((by_mean, by_deviation), (mean, deviation)), (other_mean, other)) in slopes.zip(ours).zip(theirs) {
+        for (((by_mean, by_deviation), (mean, deviation)), (other_mean, other)) in
+            slopes.zip(ours).zip(theirs)
+        {
             let precision = 1.0 / (other * other);
             *by_mean += w * (mean - other_mean) * precision;
             *by_deviation += w * (deviation * precision - 1.0 / deviation);
@@ -77,7 +103,8 @@ impl DiagonalGaussian {
         assert_eq!(self.mean.len(), other.mean.len());
         let ours = self.mean.iter().zip(&self.deviation);
         let theirs = other.mean.iter().zip(&other.deviation);
-        ours.zip(theirs).map(|((a, b), (c, d))| [a, b, c, d].map(|&x| f64::from(x)))
+        ours.zip(theirs)
+            .map(|((a, b), (c, d))| [a, b, c, d].map(|&x| f64::from(x)))
     }
 }
 
@@ -110,7 +137,10 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     fn one(mean: f32, deviation: f32) -> DiagonalGaussian {
-        DiagonalGaussian { mean: vec![mean], deviation: vec![deviation] }
+        DiagonalGaussian {
+            mean: vec![mean],
+            deviation: vec![deviation],
+        }
     }
 
     /// ½ (¼ + 1 − 1) + ln 2 = 0.8181472 for 𝒩(0, 1) against 𝒩(2, 4); 0 of one against itself.
@@ -123,11 +153,20 @@ mod tests {
     /// The mean of log q(w) − log p(w) over 20,000 draws w ~ q of three weights, within four standard errors.
     #[test]
     fn divergence_agrees_with_monte_carlo() {
-        let q = DiagonalGaussian { mean: vec![0.3, -1.0, 0.0], deviation: vec![0.5, 0.2, 1.5] };
-        let p = DiagonalGaussian { mean: vec![0.0, -0.8, 0.4], deviation: vec![0.7, 0.3, 1.0] };
+        let q = DiagonalGaussian {
+            mean: vec![0.3, -1.0, 0.0],
+            deviation: vec![0.5, 0.2, 1.5],
+        };
+        let p = DiagonalGaussian {
+            mean: vec![0.0, -0.8, 0.4],
+            deviation: vec![0.7, 0.3, 1.0],
+        };
         let log_density = |of: &DiagonalGaussian, w: &[f32]| -> f64 {
             let each = of.mean.iter().zip(&of.deviation).zip(w);
-            each.map(|((mean, deviation), w)| -0.5 * f64::from((w - mean) / deviation).powi(2) - f64::from(deviation.ln())).sum()
+            each.map(|((mean, deviation), w)| {
+                -0.5 * f64::from((w - mean) / deviation).powi(2) - f64::from(deviation.ln())
+            })
+            .sum()
         };
         let mut random = stream(3, Purpose::Preview, 0, 0);
         let mut weights = Vec::new();
@@ -141,7 +180,11 @@ mod tests {
         let mean = samples.iter().sum::<f64>() / 20_000.0;
         let variance = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 19_999.0;
         let standard_error = (variance / 20_000.0).sqrt();
-        assert!(standard_error < 0.02 && (mean - q.divergence(&p)).abs() < 4.0 * standard_error, "{mean} {}", q.divergence(&p));
+        assert!(
+            standard_error < 0.02 && (mean - q.divergence(&p)).abs() < 4.0 * standard_error,
+            "{mean} {}",
+            q.divergence(&p)
+        );
     }
 
     /// At φ' = φ, ρ = 0: ∂²KL/∂ρ² = 2 e²ᵖ/(1 + eᵖ)² / log²(1 + eᵖ) = ½/log² 2 = 1.040684 (Eq. 31's text lacks the square);
@@ -162,7 +205,10 @@ mod tests {
         assert!((softplus(-9.0) / 1.234_021_9e-4 - 1.0).abs() < 1e-5);
         assert!((softplus(0.0) - 2.0_f32.ln()).abs() < 1e-7 && softplus(80.0) == 80.0);
         for rho in [-9.0_f32, -3.0, 0.0, 1.0] {
-            assert!((softplus_inverse(softplus(rho)) - rho).abs() < 1e-4, "{rho}");
+            assert!(
+                (softplus_inverse(softplus(rho)) - rho).abs() < 1e-4,
+                "{rho}"
+            );
             let numeric = (softplus(rho + 1e-2) - softplus(rho - 1e-2)) / 2e-2;
             assert!((numeric - softplus_slope(rho)).abs() < 1e-4, "{rho}");
         }
@@ -171,7 +217,8 @@ mod tests {
     /// μ = 1, σ = 0.5, z = −2: scaled (1, 1), shifted (0, 0.5); a draw with ε = 1 from each.
     #[test]
     fn perturbed_copies_by_hand() {
-        let (original, mut copy, mut weights) = (one(1.0, 0.5), DiagonalGaussian::default(), Vec::new());
+        let (original, mut copy, mut weights) =
+            (one(1.0, 0.5), DiagonalGaussian::default(), Vec::new());
         copy.copy_scaled(&original, &[-2.0]);
         assert_eq!(copy, one(1.0, 1.0));
         copy.draw(&[1.0], &mut weights);

@@ -34,8 +34,14 @@ pub struct BayesianSettings {
 
 impl Default for BayesianSettings {
     fn default() -> Self {
-        let (initial_deviation, prior_deviation, likelihood_deviation) = (known(0.2), known(0.5), known(1.0));
-        Self { initial_deviation, prior_deviation, likelihood_deviation, optimiser: AdamSettings::default() }
+        let (initial_deviation, prior_deviation, likelihood_deviation) =
+            (known(0.2), known(0.5), known(1.0));
+        Self {
+            initial_deviation,
+            prior_deviation,
+            likelihood_deviation,
+            optimiser: AdamSettings::default(),
+        }
     }
 }
 
@@ -91,9 +97,18 @@ impl BayesianNetwork {
         let rho = softplus_inverse(settings.initial_deviation.get_f32()).clamp(RHO[0], RHO[1]);
         parameters.resize(2 * count, rho);
         let prior = DiagonalGaussian::isotropic(count, settings.prior_deviation.get_f32());
-        let state = BayesianState { parameters, prior, optimiser: Adam::new(settings.optimiser, 2 * count) };
+        let state = BayesianState {
+            parameters,
+            prior,
+            optimiser: Adam::new(settings.optimiser, 2 * count),
+        };
         let likelihood = Likelihood::new(sizes, settings.likelihood_deviation.get_f32());
-        let mut network = Self { likelihood, posterior: state.prior.clone(), state, scratch: Scratch::default() };
+        let mut network = Self {
+            likelihood,
+            posterior: state.prior.clone(),
+            state,
+            scratch: Scratch::default(),
+        };
         network.refresh_posterior();
         network
     }
@@ -106,9 +121,17 @@ impl BayesianNetwork {
     ///
     /// # Panics
     /// If a slice has another shape or is empty.
-    pub fn descend(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], data_count: usize) -> BayesianLoss {
+    pub fn descend(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        noise: &[f32],
+        data_count: usize,
+    ) -> BayesianLoss {
         let loss = self.compute_gradient(inputs, targets, noise, data_count);
-        self.state.optimiser.descend(&mut self.state.parameters, &self.scratch.gradient, 1.0);
+        self.state
+            .optimiser
+            .descend(&mut self.state.parameters, &self.scratch.gradient, 1.0);
         let count = self.likelihood.weight_count();
         for rho in &mut self.state.parameters[count..] {
             *rho = rho.clamp(RHO[0], RHO[1]);
@@ -156,22 +179,41 @@ impl BayesianNetwork {
         self.refresh_posterior();
     }
 
-    fn compute_gradient(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], data_count: usize) -> BayesianLoss {
+    fn compute_gradient(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        noise: &[f32],
+        data_count: usize,
+    ) -> BayesianLoss {
         let count = self.likelihood.weight_count();
         let rows = inputs.len() / self.likelihood.inputs();
-        assert!(rows > 0 && data_count > 0 && !noise.is_empty() && noise.len().is_multiple_of(count));
+        assert!(
+            rows > 0 && data_count > 0 && !noise.is_empty() && noise.len().is_multiple_of(count)
+        );
         let draws = 2 * (noise.len() / count);
         self.scratch.gradient.clear();
         self.scratch.gradient.resize(2 * count, 0.0);
         let scale = -1.0 / (draws * rows) as f32;
-        let log_likelihood: f64 = noise.chunks_exact(count).map(|noise| self.add_pair(inputs, targets, noise, scale)).sum();
+        let log_likelihood: f64 = noise
+            .chunks_exact(count)
+            .map(|noise| self.add_pair(inputs, targets, noise, scale))
+            .sum();
         let (by_mean, by_rho) = self.scratch.gradient.split_at_mut(count);
-        self.posterior.add_divergence_gradient(&self.state.prior, 1.0 / data_count as f32, by_mean, by_rho);
+        self.posterior.add_divergence_gradient(
+            &self.state.prior,
+            1.0 / data_count as f32,
+            by_mean,
+            by_rho,
+        );
         for (slope, rho) in by_rho.iter_mut().zip(&self.state.parameters[count..]) {
             *slope *= softplus_slope(*rho);
         }
         let negative_log_likelihood = -log_likelihood / (draws * rows) as f64;
-        BayesianLoss { divergence: self.posterior.divergence(&self.state.prior), negative_log_likelihood }
+        BayesianLoss {
+            divergence: self.posterior.divergence(&self.state.prior),
+            negative_log_likelihood,
+        }
     }
 
     /// Adds `scale` ∂ log p/∂w and ε times it, over the draws with ε and −ε; returns Σ log p.
@@ -179,16 +221,25 @@ impl BayesianNetwork {
         let mut antithetic = std::mem::take(&mut self.scratch.antithetic_noise);
         antithetic.clear();
         antithetic.extend(noise.iter().map(|noise| -noise));
-        let sum = self.add_draw(inputs, targets, noise, scale) + self.add_draw(inputs, targets, &antithetic, scale);
+        let sum = self.add_draw(inputs, targets, noise, scale)
+            + self.add_draw(inputs, targets, &antithetic, scale);
         self.scratch.antithetic_noise = antithetic;
         sum
     }
 
     fn add_draw(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], scale: f32) -> f64 {
-        let Scratch { pass, weights, weight_gradient, gradient, .. } = &mut self.scratch;
+        let Scratch {
+            pass,
+            weights,
+            weight_gradient,
+            gradient,
+            ..
+        } = &mut self.scratch;
         self.posterior.draw(noise, weights);
         weight_gradient.resize(noise.len(), 0.0);
-        let log_likelihood = self.likelihood.backward(weights, inputs, targets, scale, pass);
+        let log_likelihood = self
+            .likelihood
+            .backward(weights, inputs, targets, scale, pass);
         self.likelihood.gradient(inputs, pass, weight_gradient);
         let (by_mean, by_deviation) = gradient.split_at_mut(noise.len());
         likelihood::add_draw(weight_gradient, noise, by_mean, by_deviation);
@@ -196,7 +247,10 @@ impl BayesianNetwork {
     }
 
     fn refresh_posterior(&mut self) {
-        let (mean, rho) = self.state.parameters.split_at(self.likelihood.weight_count());
+        let (mean, rho) = self
+            .state
+            .parameters
+            .split_at(self.likelihood.weight_count());
         self.posterior.mean.copy_from_slice(mean);
         for (deviation, rho) in self.posterior.deviation.iter_mut().zip(rho) {
             *deviation = softplus(*rho);
@@ -209,7 +263,11 @@ impl BayesianState {
     #[must_use]
     pub fn weight_count(&self) -> usize {
         let count = self.prior.mean.len();
-        if self.parameters.len() == 2 * count && self.prior.deviation.len() == count { count } else { 0 }
+        if self.parameters.len() == 2 * count && self.prior.deviation.len() == count {
+            count
+        } else {
+            0
+        }
     }
 }
 
@@ -221,16 +279,32 @@ mod tests {
     use proptest::prelude::*;
 
     fn network(seed: u64, sizes: &[usize], settings: &BayesianSettings) -> BayesianNetwork {
-        BayesianNetwork::new(sizes, settings, &mut stream(seed, Purpose::InitialParameters, 0, 0))
+        BayesianNetwork::new(
+            sizes,
+            settings,
+            &mut stream(seed, Purpose::InitialParameters, 0, 0),
+        )
     }
 
     #[test]
     fn it_starts_as_it_is_told() {
         let network = network(1, &[3, 8, 2], &BayesianSettings::default());
         assert_eq!(network.likelihood().weight_count(), 4 * 8 + 9 * 2);
-        assert!(network.posterior().deviation.iter().all(|sigma| (sigma - 0.2).abs() < 1e-6));
+        assert!(
+            network
+                .posterior()
+                .deviation
+                .iter()
+                .all(|sigma| (sigma - 0.2).abs() < 1e-6)
+        );
         assert_eq!(*network.prior(), DiagonalGaussian::isotropic(50, 0.5));
-        assert!(network.posterior().mean.iter().all(|mean| mean.abs() <= 1.0 / 3.0_f32.sqrt()));
+        assert!(
+            network
+                .posterior()
+                .mean
+                .iter()
+                .all(|mean| mean.abs() <= 1.0 / 3.0_f32.sqrt())
+        );
     }
 
     proptest! {
@@ -280,7 +354,10 @@ mod tests {
     /// With y = x₁ − 0.4 x₂ + 0.6: μ = 32/36, −0.4·128/132, 0.6·32/36.
     #[test]
     fn posterior_of_a_linear_model_is_the_conjugate_one() {
-        let settings = BayesianSettings { likelihood_deviation: known(0.5), ..BayesianSettings::default() };
+        let settings = BayesianSettings {
+            likelihood_deviation: known(0.5),
+            ..BayesianSettings::default()
+        };
         let mut network = network(2, &[2, 1], &settings);
         let inputs = [1.0, 2.0, 1.0, -2.0, -1.0, 2.0, -1.0, -2.0].repeat(2);
         let targets: Vec<f32> = inputs.chunks(2).map(|x| x[0] - 0.4 * x[1] + 0.6).collect();
@@ -299,7 +376,12 @@ mod tests {
         let precision = [36.0_f32, 132.0, 36.0];
         let expected = [32.0 / 36.0, -0.4 * 128.0 / 132.0, 0.6 * 32.0 / 36.0];
         for i in 0..3 {
-            assert!((mean[i] - expected[i]).abs() < 2e-3, "{i}: mean {} {}", mean[i], expected[i]);
+            assert!(
+                (mean[i] - expected[i]).abs() < 2e-3,
+                "{i}: mean {} {}",
+                mean[i],
+                expected[i]
+            );
             assert!(
                 (deviation[i] * precision[i].sqrt() - 1.0).abs() < 0.02,
                 "{i}: {} {}",
@@ -311,13 +393,32 @@ mod tests {
 
     #[test]
     fn rho_is_held_within_its_bounds() {
-        let fast = AdamSettings { step_size: known(5.0), ..AdamSettings::default() };
-        let mut network = network(3, &[1, 4, 1], &BayesianSettings { optimiser: fast, ..BayesianSettings::default() });
+        let fast = AdamSettings {
+            step_size: known(5.0),
+            ..AdamSettings::default()
+        };
+        let mut network = network(
+            3,
+            &[1, 4, 1],
+            &BayesianSettings {
+                optimiser: fast,
+                ..BayesianSettings::default()
+            },
+        );
         for step in 0..20 {
             network.descend(&[0.5], &[0.0], &normals(step, 13), 1000);
-            assert!(network.state.parameters[13..].iter().all(|rho| (-9.0..=1.0).contains(rho)));
+            assert!(
+                network.state.parameters[13..]
+                    .iter()
+                    .all(|rho| (-9.0..=1.0).contains(rho))
+            );
         }
-        assert!(network.state.parameters[13..].iter().any(|rho| [-9.0, 1.0].contains(rho)), "no bound was met");
+        assert!(
+            network.state.parameters[13..]
+                .iter()
+                .any(|rho| [-9.0, 1.0].contains(rho)),
+            "no bound was met"
+        );
     }
 
     /// The posterior 𝒩 of one data set stays as the prior of none: without it, the same steps go back towards 𝒩(0, ½²).
@@ -338,19 +439,29 @@ mod tests {
             keeps.descend(&[0.0], &[0.0], &normals(step, 4), 1);
             forgets.descend(&[0.0], &[0.0], &normals(step, 4), 1);
         }
-        assert!((keeps.posterior().mean[0] - learned).abs() < 0.02, "{} {learned}", keeps.posterior().mean[0]);
-        assert!(forgets.posterior().mean[0] < learned - 0.4, "{} {learned}", forgets.posterior().mean[0]);
+        assert!(
+            (keeps.posterior().mean[0] - learned).abs() < 0.02,
+            "{} {learned}",
+            keeps.posterior().mean[0]
+        );
+        assert!(
+            forgets.posterior().mean[0] < learned - 0.4,
+            "{} {learned}",
+            forgets.posterior().mean[0]
+        );
     }
 
     #[test]
     fn a_stored_state_goes_on_to_the_same_bits() {
-        let [mut network, mut resumed] = [5, 6].map(|seed| network(seed, &[2, 6, 1], &BayesianSettings::default()));
+        let [mut network, mut resumed] =
+            [5, 6].map(|seed| network(seed, &[2, 6, 1], &BayesianSettings::default()));
         let (inputs, targets) = (normals(1, 8), normals(2, 4));
         network.descend(&inputs, &targets, &normals(3, 25), 4);
         network.make_posterior_the_prior();
         let stored = postcard::to_stdvec(network.state()).unwrap();
         resumed.restore(postcard::from_bytes(&stored).unwrap());
-        let losses = [&mut network, &mut resumed].map(|network| network.descend(&inputs, &targets, &normals(4, 50), 4));
+        let losses = [&mut network, &mut resumed]
+            .map(|network| network.descend(&inputs, &targets, &normals(4, 50), 4));
         assert_eq!(losses[0], losses[1]);
         assert_eq!(network.state(), resumed.state());
         assert_eq!(network.posterior(), resumed.posterior());

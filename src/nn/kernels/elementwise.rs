@@ -30,7 +30,14 @@ pub(in crate::nn) struct AdamStep<'a> {
 impl AdamStep<'_> {
     pub(in crate::nn) fn run(self) {
         let count = self.parameters.len();
-        assert_eq!([self.gradient.len(), self.first_moment.len(), self.second_moment.len()], [count; 3]);
+        assert_eq!(
+            [
+                self.gradient.len(),
+                self.first_moment.len(),
+                self.second_moment.len()
+            ],
+            [count; 3]
+        );
         Arch::new().dispatch(self);
     }
 }
@@ -56,7 +63,10 @@ impl WithSimd for TanhGradientInPlace<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        self.dy.iter_mut().zip(self.y).for_each(|(dy, y)| *dy *= (-y).mul_add(*y, 1.0));
+        self.dy
+            .iter_mut()
+            .zip(self.y)
+            .for_each(|(dy, y)| *dy *= (-y).mul_add(*y, 1.0));
     }
 }
 
@@ -65,10 +75,17 @@ impl WithSimd for AdamStep<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let moments = self.first_moment.iter_mut().zip(self.second_moment.iter_mut());
-        for ((parameter, gradient), (m, v)) in self.parameters.iter_mut().zip(self.gradient).zip(moments) {
+        let moments = self
+            .first_moment
+            .iter_mut()
+            .zip(self.second_moment.iter_mut());
+        for ((parameter, gradient), (m, v)) in
+            self.parameters.iter_mut().zip(self.gradient).zip(moments)
+        {
             *m = self.beta1.mul_add(*m - gradient, *gradient);
-            *v = self.beta2.mul_add(*v - gradient * gradient, gradient * gradient);
+            *v = self
+                .beta2
+                .mul_add(*v - gradient * gradient, gradient * gradient);
             *parameter -= self.rate * *m / (v.sqrt() + self.epsilon);
         }
     }
@@ -79,12 +96,24 @@ impl WithSimd for AdamStep<'_> {
 #[inline(always)]
 fn tanh(x: f32) -> f32 {
     const LIMIT: f32 = 7.905_311;
-    const P: [f32; 7] =
-        [4.893_525_5e-3, 6.372_619_3e-4, 1.485_722_4e-5, 5.122_297e-8, -8.604_672e-11, 2.000_188e-13, -2.760_768_5e-16];
+    const P: [f32; 7] = [
+        4.893_525_5e-3,
+        6.372_619_3e-4,
+        1.485_722_4e-5,
+        5.122_297e-8,
+        -8.604_672e-11,
+        2.000_188e-13,
+        -2.760_768_5e-16,
+    ];
     const Q: [f32; 4] = [4.893_525e-3, 2.268_434_6e-3, 1.185_347e-4, 1.198_258_4e-6];
     let x = x.clamp(-LIMIT, LIMIT);
     let square = x * x;
-    let horner = |coefficients: &[f32]| coefficients.iter().rev().fold(0.0_f32, |sum, c| sum.mul_add(square, *c));
+    let horner = |coefficients: &[f32]| {
+        coefficients
+            .iter()
+            .rev()
+            .fold(0.0_f32, |sum, c| sum.mul_add(square, *c))
+    };
     x * horner(&P) / horner(&Q)
 }
 

@@ -22,14 +22,29 @@ impl WithSimd for Affine<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { weight, bias, x, y, scratch } = self;
+        let Self {
+            weight,
+            bias,
+            x,
+            y,
+            scratch,
+        } = self;
         let outputs = bias.len();
         if outputs < S::F32_LANES {
             scratch.resize(weight.len(), 0.0);
             transpose(weight, outputs, scratch);
             inner_products(simd, x, scratch, Some(bias), y, outputs);
         } else {
-            cover(simd, &mut RowsTimesMatrix { x, matrix: weight, start: Some(bias), y, columns: outputs });
+            cover(
+                simd,
+                &mut RowsTimesMatrix {
+                    x,
+                    matrix: weight,
+                    start: Some(bias),
+                    y,
+                    columns: outputs,
+                },
+            );
         }
     }
 }
@@ -48,14 +63,29 @@ impl WithSimd for InputGradient<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { weight, dy, dx, outputs, scratch } = self;
+        let Self {
+            weight,
+            dy,
+            dx,
+            outputs,
+            scratch,
+        } = self;
         let inputs = weight.len() / outputs;
         if inputs < S::F32_LANES {
             inner_products(simd, dy, weight, None, dx, inputs);
         } else {
             scratch.resize(weight.len(), 0.0);
             transpose(weight, outputs, scratch);
-            cover(simd, &mut RowsTimesMatrix { x: dy, matrix: scratch, start: None, y: dx, columns: inputs });
+            cover(
+                simd,
+                &mut RowsTimesMatrix {
+                    x: dy,
+                    matrix: scratch,
+                    start: None,
+                    y: dx,
+                    columns: inputs,
+                },
+            );
         }
     }
 }
@@ -74,13 +104,35 @@ impl WithSimd for WeightGradient<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { x, dy, dw, outputs, scratch } = self;
+        let Self {
+            x,
+            dy,
+            dw,
+            outputs,
+            scratch,
+        } = self;
         let inputs = dw.len() / outputs;
         if outputs >= S::F32_LANES {
-            cover(simd, &mut OuterProducts { left: x, right: dy, sum: dw, columns: outputs });
+            cover(
+                simd,
+                &mut OuterProducts {
+                    left: x,
+                    right: dy,
+                    sum: dw,
+                    columns: outputs,
+                },
+            );
         } else if inputs >= S::F32_LANES {
             scratch.resize(dw.len(), 0.0);
-            cover(simd, &mut OuterProducts { left: dy, right: x, sum: scratch, columns: inputs });
+            cover(
+                simd,
+                &mut OuterProducts {
+                    left: dy,
+                    right: x,
+                    sum: scratch,
+                    columns: inputs,
+                },
+            );
             transpose(scratch, inputs, dw);
         } else {
             dw.fill(0.0);
@@ -110,7 +162,13 @@ impl WithSimd for BiasGradient<'_> {
                 *sum = self.dy.chunks_exact(outputs).map(|row| row[output]).sum();
             }
         } else {
-            cover(simd, &mut ColumnSums { rows: self.dy, sum: self.db });
+            cover(
+                simd,
+                &mut ColumnSums {
+                    rows: self.dy,
+                    sum: self.db,
+                },
+            );
         }
     }
 }
@@ -121,7 +179,12 @@ trait Tiled {
     fn shape(&self) -> [usize; 2];
 
     /// Computes the `HEIGHT` rows by `WIDTH` vectors of columns that start at `row` and `column`.
-    fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(&mut self, simd: S, row: usize, column: usize);
+    fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
+        &mut self,
+        simd: S,
+        row: usize,
+        column: usize,
+    );
 }
 
 /// y = x M, or x M + start in every row.   `x: [B × n]`, `matrix: [n × columns]`, `start: [columns]` → `y: [B × columns]`
@@ -139,18 +202,34 @@ impl Tiled for RowsTimesMatrix<'_> {
     }
 
     #[inline(always)]
-    fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(&mut self, simd: S, row: usize, column: usize) {
+    fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
+        &mut self,
+        simd: S,
+        row: usize,
+        column: usize,
+    ) {
         let inner = self.matrix.len() / self.columns;
         let mut x = [&self.x[..inner]; HEIGHT];
         for (x, row) in x.iter_mut().zip(self.x[row * inner..].chunks_exact(inner)) {
             *x = row;
         }
-        let start = self.start.map_or([simd.splat_f32s(0.0); WIDTH], |start| load::<S, WIDTH>(&start[column..]));
+        let start = self.start.map_or([simd.splat_f32s(0.0); WIDTH], |start| {
+            load::<S, WIDTH>(&start[column..])
+        });
         let mut sums = [start; HEIGHT];
         for (terms, index) in self.matrix.chunks_exact(self.columns).zip(0..inner) {
-            multiply_add(simd, &mut sums, from_fn(|r| x[r][index]), load::<S, WIDTH>(&terms[column..]));
+            multiply_add(
+                simd,
+                &mut sums,
+                from_fn(|r| x[r][index]),
+                load::<S, WIDTH>(&terms[column..]),
+            );
         }
-        store::<S, HEIGHT, WIDTH>(sums, &mut self.y[row * self.columns + column..], self.columns);
+        store::<S, HEIGHT, WIDTH>(
+            sums,
+            &mut self.y[row * self.columns + column..],
+            self.columns,
+        );
     }
 }
 
@@ -168,12 +247,26 @@ impl Tiled for OuterProducts<'_> {
     }
 
     #[inline(always)]
-    fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(&mut self, simd: S, row: usize, column: usize) {
+    fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
+        &mut self,
+        simd: S,
+        row: usize,
+        column: usize,
+    ) {
         let [rows, columns] = self.shape();
         let mut sums = [[simd.splat_f32s(0.0); WIDTH]; HEIGHT];
-        for (left, right) in self.left.chunks_exact(rows).zip(self.right.chunks_exact(columns)) {
+        for (left, right) in self
+            .left
+            .chunks_exact(rows)
+            .zip(self.right.chunks_exact(columns))
+        {
             let left = &left[row..][..HEIGHT];
-            multiply_add(simd, &mut sums, from_fn(|r| left[r]), load::<S, WIDTH>(&right[column..]));
+            multiply_add(
+                simd,
+                &mut sums,
+                from_fn(|r| left[r]),
+                load::<S, WIDTH>(&right[column..]),
+            );
         }
         store::<S, HEIGHT, WIDTH>(sums, &mut self.sum[row * columns + column..], columns);
     }
@@ -192,7 +285,12 @@ impl Tiled for ColumnSums<'_> {
 
     /// Even and odd rows apart, so that no sum waits for its last addition.
     #[inline(always)]
-    fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(&mut self, simd: S, _: usize, column: usize) {
+    fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
+        &mut self,
+        simd: S,
+        _: usize,
+        column: usize,
+    ) {
         let columns = self.sum.len();
         let mut sums = [[simd.splat_f32s(0.0); WIDTH]; 2];
         let pairs = self.rows.chunks_exact(2 * columns);
@@ -201,7 +299,11 @@ impl Tiled for ColumnSums<'_> {
         }
         for rows in pairs {
             for (row, sums) in sums.iter_mut().enumerate() {
-                add(simd, sums, load::<S, WIDTH>(&rows[row * columns + column..]));
+                add(
+                    simd,
+                    sums,
+                    load::<S, WIDTH>(&rows[row * columns + column..]),
+                );
             }
         }
         let [mut sum, odd] = sums;
@@ -267,20 +369,36 @@ fn add<S: Simd, const WIDTH: usize>(simd: S, sums: &mut [S::f32s; WIDTH], terms:
 
 #[inline(always)]
 fn load<S: Simd, const WIDTH: usize>(from: &[f32]) -> [S::f32s; WIDTH] {
-    *S::as_simd_f32s(&from[..WIDTH * S::F32_LANES]).0.first_chunk().expect("as many vectors as were cut off")
+    *S::as_simd_f32s(&from[..WIDTH * S::F32_LANES])
+        .0
+        .first_chunk()
+        .expect("as many vectors as were cut off")
 }
 
 /// Row by row, `stride` numbers apart.
 #[inline(always)]
-fn store<S: Simd, const HEIGHT: usize, const WIDTH: usize>(tile: [[S::f32s; WIDTH]; HEIGHT], to: &mut [f32], stride: usize) {
+fn store<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
+    tile: [[S::f32s; WIDTH]; HEIGHT],
+    to: &mut [f32],
+    stride: usize,
+) {
     for (row, vectors) in tile.iter().enumerate() {
-        S::as_mut_simd_f32s(&mut to[row * stride..][..WIDTH * S::F32_LANES]).0.copy_from_slice(vectors);
+        S::as_mut_simd_f32s(&mut to[row * stride..][..WIDTH * S::F32_LANES])
+            .0
+            .copy_from_slice(vectors);
     }
 }
 
 /// y = x Wᵀ, or x Wᵀ + bias.   `x: [B × n]`, `rows: [columns × n]` → `y: [B × columns]`
 #[inline(always)]
-fn inner_products<S: Simd>(simd: S, x: &[f32], rows: &[f32], bias: Option<&[f32]>, y: &mut [f32], columns: usize) {
+fn inner_products<S: Simd>(
+    simd: S,
+    x: &[f32],
+    rows: &[f32],
+    bias: Option<&[f32]>,
+    y: &mut [f32],
+    columns: usize,
+) {
     let inner = rows.len() / columns;
     for (x, y) in x.chunks_exact(inner).zip(y.chunks_exact_mut(columns)) {
         for (column, (row, y)) in rows.chunks_exact(inner).zip(y).enumerate() {
@@ -296,7 +414,10 @@ fn inner_product<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
     for (a, b) in a.iter().zip(b) {
         sums = simd.mul_add_e_f32s(*a, *b, sums);
     }
-    a_rest.iter().zip(b_rest).fold(simd.reduce_sum_f32s(sums), |sum, (a, b)| a.mul_add(*b, sum))
+    a_rest
+        .iter()
+        .zip(b_rest)
+        .fold(simd.reduce_sum_f32s(sums), |sum, (a, b)| a.mul_add(*b, sum))
 }
 
 /// `from: [rows × columns]` → `to: [columns × rows]`

@@ -13,23 +13,36 @@ use crate::env::{Choice, Quantity, Spec};
 use crate::record::RecordingSettings;
 
 /// The recording's name, its properties and `/scenario`.
-pub(super) fn chunks(about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Result<[Chunk; 3], Fault> {
+pub(super) fn chunks(
+    about: &RecordingAbout<'_>,
+    settings: &RecordingSettings,
+) -> Result<[Chunk; 3], Fault> {
     let name = RecordingInfo::new().with_name(about.name);
     let facts = facts(about, settings);
     let text = TextDocument::from_markdown(page(about, &facts));
     Ok([
         timeless(EntityPath::properties(), &name)?,
-        timeless(EntityPath::properties().join(&"run".into()), &properties(facts))?,
+        timeless(
+            EntityPath::properties().join(&"run".into()),
+            &properties(facts),
+        )?,
         timeless("scenario", &text)?,
     ])
 }
 
 /// Properties can be filtered by when many recordings are queried together.
 fn properties(facts: Vec<(String, String)>) -> AnyValues {
-    facts.into_iter().fold(AnyValues::default(), |values, (name, value)| match ComponentIdentifier::try_new(name) {
-        Ok(name) => values.with_component_from_data(name, Arc::new(StringArray::from(vec![value]))),
-        Err(_) => values,
-    })
+    facts
+        .into_iter()
+        .fold(
+            AnyValues::default(),
+            |values, (name, value)| match ComponentIdentifier::try_new(name) {
+                Ok(name) => {
+                    values.with_component_from_data(name, Arc::new(StringArray::from(vec![value])))
+                }
+                Err(_) => values,
+            },
+        )
 }
 
 fn facts(about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Vec<(String, String)> {
@@ -40,14 +53,29 @@ fn facts(about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Vec<(Strin
         ("raw_every", settings.raw_every.get().to_string()),
         ("seedbed", env!("CARGO_PKG_VERSION").to_owned()),
     ];
-    let further = about.properties.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
-    own.map(|(name, value)| (name.to_owned(), value)).into_iter().chain(further).collect()
+    let further = about
+        .properties
+        .iter()
+        .map(|(name, value)| ((*name).to_owned(), value.clone()));
+    own.map(|(name, value)| (name.to_owned(), value))
+        .into_iter()
+        .chain(further)
+        .collect()
 }
 
 fn page(about: &RecordingAbout<'_>, facts: &[(String, String)]) -> String {
-    let RecordingAbout { name, spec, agents, scenario, .. } = about;
+    let RecordingAbout {
+        name,
+        spec,
+        agents,
+        scenario,
+        ..
+    } = about;
     let description = &spec.description;
-    let rows: Vec<String> = facts.iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
+    let rows: Vec<String> = facts
+        .iter()
+        .map(|(name, value)| format!("| {name} | {value} |\n"))
+        .collect();
     let facts = rows.concat();
     let (observed, done) = (observations(spec), actions(spec));
     format!(
@@ -72,7 +100,11 @@ fn page(about: &RecordingAbout<'_>, facts: &[(String, String)]) -> String {
 }
 
 fn observations(spec: &Spec) -> String {
-    spec.observations.iter().map(|quantity| row(quantity, &ends(quantity))).collect::<Vec<_>>().concat()
+    spec.observations
+        .iter()
+        .map(|quantity| row(quantity, &ends(quantity)))
+        .collect::<Vec<_>>()
+        .concat()
 }
 
 fn actions(spec: &Spec) -> String {
@@ -80,7 +112,10 @@ fn actions(spec: &Spec) -> String {
         Choice::Discrete(values) => format!("one of {values:?}"),
         Choice::Continuous => ends(quantity),
     };
-    let rows = spec.actions.iter().map(|action| row(&action.quantity, &range(&action.choice, &action.quantity)));
+    let rows = spec
+        .actions
+        .iter()
+        .map(|action| row(&action.quantity, &range(&action.choice, &action.quantity)));
     rows.collect::<Vec<_>>().concat()
 }
 

@@ -35,7 +35,9 @@ pub(super) const UPDATE_CURVES: [(&str, OfRow); 11] = [
     ("entropy", |row| f64::from(row.entropy)),
     ("intrinsic_reward", |row| f64::from(row.intrinsic_reward)),
     ("prediction_error", |row| f64::from(row.prediction_error)),
-    ("bonus_agreement", |row| row.bonus_agreement.map_or(f64::NAN, f64::from)),
+    ("bonus_agreement", |row| {
+        row.bonus_agreement.map_or(f64::NAN, f64::from)
+    }),
     ("ratio_deviation", |row| f64::from(row.ratio_deviation)),
     ("largest_ratio", |row| f64::from(row.largest_ratio)),
     ("clipped_fraction", |row| f64::from(row.clipped_fraction)),
@@ -70,11 +72,19 @@ struct Curve {
 impl Curves {
     pub(super) fn new(agents: usize) -> Self {
         Self {
-            returns: (0..agents).map(|agent| Curve::new(format!("return/agent_{agent}"), 1)).collect(),
+            returns: (0..agents)
+                .map(|agent| Curve::new(format!("return/agent_{agent}"), 1))
+                .collect(),
             team_mean: Curve::new("return/team_mean", 1),
             smooth_mean: Curve::new(format!("return/team_mean_{SMOOTH}"), 1),
-            updates: UPDATE_CURVES.iter().map(|(name, _)| Curve::new(*name, agents)).collect(),
-            team: TEAM_CURVES.iter().map(|(name, _)| Curve::new(*name, 1)).collect(),
+            updates: UPDATE_CURVES
+                .iter()
+                .map(|(name, _)| Curve::new(*name, agents))
+                .collect(),
+            team: TEAM_CURVES
+                .iter()
+                .map(|(name, _)| Curve::new(*name, 1))
+                .collect(),
         }
     }
 
@@ -84,13 +94,20 @@ impl Curves {
     }
 
     /// Adds a round that ended at `end`.
-    pub(super) fn add_round(&mut self, episodes: &[EpisodeRow], rounds: &[RoundRow], end: Moment, latest: &mut VecDeque<f64>) {
+    pub(super) fn add_round(
+        &mut self,
+        episodes: &[EpisodeRow],
+        rounds: &[RoundRow],
+        end: Moment,
+        latest: &mut VecDeque<f64>,
+    ) {
         if !episodes.is_empty() {
             let mean = episodes.iter().map(|row| row.r#return).sum::<f64>() / episodes.len() as f64;
             latest.push_back(mean);
             latest.drain(..latest.len().saturating_sub(SMOOTH));
             self.team_mean.add(end, [mean]);
-            self.smooth_mean.add(end, [latest.iter().sum::<f64>() / latest.len() as f64]);
+            self.smooth_mean
+                .add(end, [latest.iter().sum::<f64>() / latest.len() as f64]);
         }
         if rounds.is_empty() {
             return;
@@ -110,36 +127,65 @@ impl Curves {
     /// Those with enough rows to be written, or all that have any.
     pub(super) fn take(&mut self, all: bool) -> impl Iterator<Item = Result<Chunk, Fault>> {
         let least = if all { 1 } else { ROWS_PER_CHUNK };
-        let curves = self.returns.iter_mut().chain([&mut self.team_mean, &mut self.smooth_mean]);
+        let curves = self
+            .returns
+            .iter_mut()
+            .chain([&mut self.team_mean, &mut self.smooth_mean]);
         let curves = curves.chain(&mut self.updates).chain(&mut self.team);
-        curves.filter(move |curve| curve.moments.len() >= least).map(Curve::take)
+        curves
+            .filter(move |curve| curve.moments.len() >= least)
+            .map(Curve::take)
     }
 
     /// Names and colours.
     pub(super) fn styles(&self) -> Result<Vec<Chunk>, Fault> {
         let agents = self.returns.len();
         let of_agent = |agent: usize| series([format!("agent {agent}")], [color(agent)], 1.0);
-        let mut styles: Vec<Chunk> =
-            (0..agents).map(|agent| timeless(self.returns[agent].entity.clone(), &of_agent(agent))).collect::<Result<_, _>>()?;
-        let (team, smooth) = ("team mean".to_owned(), format!("team mean of {SMOOTH} rounds"));
+        let mut styles: Vec<Chunk> = (0..agents)
+            .map(|agent| timeless(self.returns[agent].entity.clone(), &of_agent(agent)))
+            .collect::<Result<_, _>>()?;
+        let (team, smooth) = (
+            "team mean".to_owned(),
+            format!("team mean of {SMOOTH} rounds"),
+        );
         styles.push(timeless(
             self.team_mean.entity.clone(),
-            &series([team], [if agents > 1 { PALE_COLOR } else { color(0) }], 1.0),
+            &series(
+                [team],
+                [if agents > 1 { PALE_COLOR } else { color(0) }],
+                1.0,
+            ),
         )?);
-        styles.push(timeless(self.smooth_mean.entity.clone(), &series([smooth], [TEAM_COLOR], 3.0))?);
+        styles.push(timeless(
+            self.smooth_mean.entity.clone(),
+            &series([smooth], [TEAM_COLOR], 3.0),
+        )?);
         for update in &self.updates {
             let names = (0..agents).map(|agent| format!("agent {agent}"));
-            styles.push(timeless(update.entity.clone(), &series(names, (0..agents).map(color), 1.0))?);
+            styles.push(timeless(
+                update.entity.clone(),
+                &series(names, (0..agents).map(color), 1.0),
+            )?);
         }
         for curve in &self.team {
-            styles.push(timeless(curve.entity.clone(), &series(["team".to_owned()], [TEAM_COLOR], 2.0))?);
+            styles.push(timeless(
+                curve.entity.clone(),
+                &series(["team".to_owned()], [TEAM_COLOR], 2.0),
+            )?);
         }
         Ok(styles)
     }
 }
 
-fn series(names: impl IntoIterator<Item = String>, colors: impl IntoIterator<Item = [u8; 3]>, width: f32) -> SeriesLines {
-    SeriesLines::new().with_names(names).with_colors(colors.into_iter().map(rgb)).with_widths([width])
+fn series(
+    names: impl IntoIterator<Item = String>,
+    colors: impl IntoIterator<Item = [u8; 3]>,
+    width: f32,
+) -> SeriesLines {
+    SeriesLines::new()
+        .with_names(names)
+        .with_colors(colors.into_iter().map(rgb))
+        .with_widths([width])
 }
 
 fn color(agent: usize) -> [u8; 3] {
@@ -149,7 +195,12 @@ fn color(agent: usize) -> [u8; 3] {
 impl Curve {
     fn new(name: impl Into<String>, series: usize) -> Self {
         let entity = format!("curves/{}", name.into()).into();
-        Self { entity, series, moments: Moments::default(), values: Vec::new() }
+        Self {
+            entity,
+            series,
+            moments: Moments::default(),
+            values: Vec::new(),
+        }
     }
 
     fn add(&mut self, at: Moment, values: impl IntoIterator<Item = f64>) {
@@ -160,7 +211,11 @@ impl Curve {
     fn take(&mut self) -> Result<Chunk, Fault> {
         let values: ArrayRef = Arc::new(Float64Array::from(std::mem::take(&mut self.values)));
         let moments = std::mem::take(&mut self.moments);
-        let column = grouped_column(Scalars::descriptor_scalars(), values, vec![self.series; moments.len()]);
+        let column = grouped_column(
+            Scalars::descriptor_scalars(),
+            values,
+            vec![self.series; moments.len()],
+        );
         moments.into_chunk(&self.entity, [column])
     }
 }

@@ -10,7 +10,9 @@ use std::sync::Arc;
 use rerun::components::Radius;
 use rerun::external::arrow::array::{ArrayRef, Float32Array};
 use rerun::log::Chunk;
-use rerun::{ArchetypeName, Arrows2D, ComponentDescriptor, ComponentIdentifier, EntityPath, Points2D};
+use rerun::{
+    ArchetypeName, Arrows2D, ComponentDescriptor, ComponentIdentifier, EntityPath, Points2D,
+};
 
 use super::framing::{Bounds, extent};
 use super::rows::{Moment, Moments, grouped_column, rgb, timeless};
@@ -43,7 +45,9 @@ struct Arrows {
 impl Pushes {
     pub(super) fn new(scene: &EntityPath) -> Self {
         let arrows = |name: &str, source, color| Arrows {
-            entity: scene.join(&EntityPath::from_single_string("forces")).join(&EntityPath::from_single_string(name)),
+            entity: scene
+                .join(&EntityPath::from_single_string("forces"))
+                .join(&EntityPath::from_single_string(name)),
             source,
             color,
             moments: Moments::default(),
@@ -53,13 +57,20 @@ impl Pushes {
             newtons: Vec::new(),
         };
         let action = arrows("action", ForceSource::Action, [80, 220, 140]);
-        Self { kinds: [action, arrows("contacts", ForceSource::Contact, [255, 110, 90])] }
+        Self {
+            kinds: [
+                action,
+                arrows("contacts", ForceSource::Contact, [255, 110, 90]),
+            ],
+        }
     }
 
     /// Adds an episode whose first row is at `first`, in a picture of this size.
     pub(super) fn add(&mut self, footage: &Footage, picture: Option<Bounds>, first: Moment) {
         let size = picture.map_or(1.0, extent);
-        self.kinds.iter_mut().for_each(|arrows| arrows.add(footage, size, first));
+        self.kinds
+            .iter_mut()
+            .for_each(|arrows| arrows.add(footage, size, first));
     }
 
     /// What never changes.
@@ -76,14 +87,21 @@ impl Pushes {
 impl Arrows {
     fn add(&mut self, footage: &Footage, size: f32, first: Moment) {
         let source = self.source;
-        let Some(scale) = scale(footage.forces.iter().filter(|force| force.source == source), size) else {
+        let Some(scale) = scale(
+            footage.forces.iter().filter(|force| force.source == source),
+            size,
+        ) else {
             self.per_row.push(0);
             return self.moments.push(first);
         };
         let mut forces = footage.forces.iter();
         for &count in &footage.forces_per_row {
             let before = self.newtons.len();
-            for force in forces.by_ref().take(count).filter(|force| force.source == source) {
+            for force in forces
+                .by_ref()
+                .take(count)
+                .filter(|force| force.source == source)
+            {
                 let [right, up] = force.newtons;
                 let newtons = right.hypot(up);
                 let scale = scale.min(2.0 * LENGTH * size / newtons);
@@ -97,15 +115,25 @@ impl Arrows {
     }
 
     fn style(&self) -> Vec<Result<Chunk, Fault>> {
-        let arrows = Arrows2D::update_fields().with_colors([rgb(self.color)]).with_draw_order(ORDER);
+        let arrows = Arrows2D::update_fields()
+            .with_colors([rgb(self.color)])
+            .with_draw_order(ORDER);
         let arrows = arrows.with_radii([Radius::new_ui_points(1.5)]);
-        let points = Points2D::update_fields().with_colors([rgb(self.color)]).with_draw_order(ORDER);
+        let points = Points2D::update_fields()
+            .with_colors([rgb(self.color)])
+            .with_draw_order(ORDER);
         let points = points.with_radii([Radius::new_ui_points(3.0)]);
-        vec![timeless(self.entity.clone(), &arrows), timeless(self.entity.clone(), &points)]
+        vec![
+            timeless(self.entity.clone(), &arrows),
+            timeless(self.entity.clone(), &points),
+        ]
     }
 
     fn take(&mut self) -> Option<Result<Chunk, Fault>> {
-        let (moments, per_row) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.per_row));
+        let (moments, per_row) = (
+            std::mem::take(&mut self.moments),
+            std::mem::take(&mut self.per_row),
+        );
         if per_row.is_empty() {
             return None;
         }
@@ -115,14 +143,21 @@ impl Arrows {
         let arrows = vectors.with_origins(origins).columns(per_row.clone());
         let newtons: ArrayRef = Arc::new(Float32Array::from(std::mem::take(&mut self.newtons)));
         let newtons = grouped_column(newtons_column(), newtons, per_row);
-        let columns = points.and_then(|points| Ok(points.chain(arrows?).chain([newtons]).collect::<Vec<_>>()));
-        Some(columns.map_err(|error| error.to_string()).and_then(|columns| moments.into_chunk(&self.entity, columns)))
+        let columns = points
+            .and_then(|points| Ok(points.chain(arrows?).chain([newtons]).collect::<Vec<_>>()));
+        Some(
+            columns
+                .map_err(|error| error.to_string())
+                .and_then(|columns| moments.into_chunk(&self.entity, columns)),
+        )
     }
 }
 
 /// Picture lengths for a newton; none without forces.
 fn scale<'a>(forces: impl Iterator<Item = &'a Force>, size: f32) -> Option<f32> {
-    let mut newtons: Vec<f32> = forces.map(|force| force.newtons[0].hypot(force.newtons[1])).collect();
+    let mut newtons: Vec<f32> = forces
+        .map(|force| force.newtons[0].hypot(force.newtons[1]))
+        .collect();
     newtons.sort_by(f32::total_cmp);
     let large = newtons.get(newtons.len() * 19 / 20)?;
     Some(LENGTH * size / large.max(f32::MIN_POSITIVE))
@@ -131,7 +166,11 @@ fn scale<'a>(forces: impl Iterator<Item = &'a Force>, size: f32) -> Option<f32> 
 fn newtons_column() -> ComponentDescriptor {
     let archetype = ArchetypeName::from("Force");
     let component = ComponentIdentifier::from_archetype_field(archetype, "newtons");
-    ComponentDescriptor { archetype: Some(archetype), component, component_type: None }
+    ComponentDescriptor {
+        archetype: Some(archetype),
+        component,
+        component_type: None,
+    }
 }
 
 #[cfg(test)]
@@ -139,7 +178,11 @@ mod tests {
     use super::*;
 
     fn force(newtons: f32) -> Force {
-        Force { source: ForceSource::Contact, at: [1.0, 2.0], newtons: [0.0, newtons] }
+        Force {
+            source: ForceSource::Contact,
+            at: [1.0, 2.0],
+            newtons: [0.0, newtons],
+        }
     }
 
     /// Rows of no, one and two forces, on a picture of 8 m: the larger of three, 20 N, is 1 m long; upwards is negative.
@@ -147,15 +190,39 @@ mod tests {
     fn arrows_are_in_scale_and_start_where_forces_act() {
         let mut pushes = Pushes::new(&"scene".into());
         let footage = Footage {
-            forces: vec![force(10.0), force(20.0), Force { source: ForceSource::Action, ..force(5.0) }],
+            forces: vec![
+                force(10.0),
+                force(20.0),
+                Force {
+                    source: ForceSource::Action,
+                    ..force(5.0)
+                },
+            ],
             forces_per_row: vec![0, 1, 2],
             ..Footage::default()
         };
-        pushes.add(&footage, Some([0.0, 8.0, 0.0, 4.0]), Moment { env_step: 7, episode: 0, round: 0 });
+        pushes.add(
+            &footage,
+            Some([0.0, 8.0, 0.0, 4.0]),
+            Moment {
+                env_step: 7,
+                episode: 0,
+                round: 0,
+            },
+        );
         let [action, contacts] = &pushes.kinds;
-        assert_eq!((&contacts.per_row, &contacts.newtons), (&vec![0, 1, 1], &vec![10.0, 20.0]));
-        assert_eq!((&contacts.vectors, contacts.origins[0]), (&vec![[0.0, -0.5], [0.0, -1.0]], [1.0, -2.0]));
-        assert_eq!((&action.per_row, &action.vectors), (&vec![0, 0, 1], &vec![[0.0, -1.0]]));
+        assert_eq!(
+            (&contacts.per_row, &contacts.newtons),
+            (&vec![0, 1, 1], &vec![10.0, 20.0])
+        );
+        assert_eq!(
+            (&contacts.vectors, contacts.origins[0]),
+            (&vec![[0.0, -0.5], [0.0, -1.0]], [1.0, -2.0])
+        );
+        assert_eq!(
+            (&action.per_row, &action.vectors),
+            (&vec![0, 0, 1], &vec![[0.0, -1.0]])
+        );
     }
 
     /// Nineteen small ones and an impact: the impact is cut at twice the length of the small ones.
@@ -163,9 +230,25 @@ mod tests {
     fn an_impact_does_not_hide_all_others() {
         let mut pushes = Pushes::new(&"scene".into());
         let forces: Vec<Force> = [vec![force(1.0); 39], vec![force(1000.0)]].concat();
-        let footage = Footage { forces, forces_per_row: vec![40], ..Footage::default() };
-        pushes.add(&footage, Some([0.0, 8.0, 0.0, 4.0]), Moment { env_step: 0, episode: 0, round: 0 });
-        let lengths: Vec<f32> = pushes.kinds[1].vectors.iter().map(|vector| -vector[1]).collect();
+        let footage = Footage {
+            forces,
+            forces_per_row: vec![40],
+            ..Footage::default()
+        };
+        pushes.add(
+            &footage,
+            Some([0.0, 8.0, 0.0, 4.0]),
+            Moment {
+                env_step: 0,
+                episode: 0,
+                round: 0,
+            },
+        );
+        let lengths: Vec<f32> = pushes.kinds[1]
+            .vectors
+            .iter()
+            .map(|vector| -vector[1])
+            .collect();
         assert_eq!((lengths[0], lengths[39]), (1.0, 2.0));
     }
 
@@ -174,9 +257,16 @@ mod tests {
     fn an_episode_without_forces_has_one_empty_row() {
         let mut pushes = Pushes::new(&"scene".into());
         pushes.add(
-            &Footage { forces_per_row: vec![0; 9], ..Footage::default() },
+            &Footage {
+                forces_per_row: vec![0; 9],
+                ..Footage::default()
+            },
             None,
-            Moment { env_step: 0, episode: 0, round: 0 },
+            Moment {
+                env_step: 0,
+                episode: 0,
+                round: 0,
+            },
         );
         assert_eq!(pushes.kinds[0].per_row, [0]);
         assert_eq!(pushes.take().count(), 2);

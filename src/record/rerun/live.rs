@@ -58,10 +58,16 @@ impl Viewer {
     /// # Panics
     /// If the system refuses to start a thread.
     pub fn connect(address: &str) -> Result<Self, ViewerError> {
-        let uri = address.parse().map_err(|_| ViewerError::Address(address.to_owned()))?;
+        let uri = address
+            .parse()
+            .map_err(|_| ViewerError::Address(address.to_owned()))?;
         let connection = GrpcSink::new(uri);
         let since = Instant::now();
-        while matches!(connection.status(), GrpcSinkConnectionState::Connecting { .. }) && since.elapsed() < PATIENCE {
+        while matches!(
+            connection.status(),
+            GrpcSinkConnectionState::Connecting { .. }
+        ) && since.elapsed() < PATIENCE
+        {
             thread::sleep(PAUSE);
         }
         if connection.status() != GrpcSinkConnectionState::Connected {
@@ -76,7 +82,11 @@ impl Viewer {
             drop(connection);
             drop(done);
         });
-        Ok(Self { address: address.to_owned(), messages: Some(messages), sent })
+        Ok(Self {
+            address: address.to_owned(),
+            messages: Some(messages),
+            sent,
+        })
     }
 
     /// Shows what the recording at `path` holds so far.
@@ -111,14 +121,21 @@ impl Viewer {
             Some(messages) => {
                 drop(messages);
                 let waited = self.sent.recv_timeout(PATIENCE);
-                if waited == Err(RecvTimeoutError::Timeout) { Err(self.give_up()) } else { Ok(()) }
+                if waited == Err(RecvTimeoutError::Timeout) {
+                    Err(self.give_up())
+                } else {
+                    Ok(())
+                }
             }
         }
     }
 
     fn give_up(&mut self) -> Fault {
         self.messages = None;
-        format!("the viewer at {} does not take in any more; the recording goes on without it", self.address)
+        format!(
+            "the viewer at {} does not take in any more; the recording goes on without it",
+            self.address
+        )
     }
 }
 
@@ -126,7 +143,10 @@ impl Viewer {
 fn forward(connection: &GrpcSink, waiting: &Receiver<LogMsg>) {
     for message in waiting {
         connection.send(message);
-        if matches!(connection.status(), GrpcSinkConnectionState::Disconnected(_)) {
+        if matches!(
+            connection.status(),
+            GrpcSinkConnectionState::Disconnected(_)
+        ) {
             return;
         }
     }
@@ -144,16 +164,26 @@ mod tests {
     #[test]
     fn nonsense_is_no_address() {
         let error = Viewer::connect("here").map(drop).unwrap_err().to_string();
-        assert!(error.starts_with("`here` is no address of a viewer"), "{error}");
+        assert!(
+            error.starts_with("`here` is no address of a viewer"),
+            "{error}"
+        );
     }
 
     #[test]
     fn where_nobody_listens_is_no_viewer() {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let port = TcpListener::bind("127.0.0.1:0")
+            .unwrap()
+            .local_addr()
+            .unwrap()
+            .port();
         let address = format!("rerun+http://127.0.0.1:{port}/proxy");
         let since = Instant::now();
         let error = Viewer::connect(&address).map(drop).unwrap_err().to_string();
-        assert_eq!(error, format!("no viewer answers at {address}; start one with `rerun`, or leave out --live"));
+        assert_eq!(
+            error,
+            format!("no viewer answers at {address}; start one with `rerun`, or leave out --live")
+        );
         assert!(since.elapsed() < 2 * PATIENCE);
     }
 
@@ -163,10 +193,19 @@ mod tests {
         let silent = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = format!("rerun+http://{}/proxy", silent.local_addr().unwrap());
         let mut viewer = Viewer::connect(&address).unwrap();
-        let chunk = timeless(EntityPath::from("text"), &TextDocument::new("words ".repeat(100_000))).unwrap();
-        let message = LogMsg::ArrowMsg(StoreId::recording("test", "test"), chunk.to_arrow_msg().unwrap());
+        let chunk = timeless(
+            EntityPath::from("text"),
+            &TextDocument::new("words ".repeat(100_000)),
+        )
+        .unwrap();
+        let message = LogMsg::ArrowMsg(
+            StoreId::recording("test", "test"),
+            chunk.to_arrow_msg().unwrap(),
+        );
         let since = Instant::now();
-        let fault = (0..10_000).find_map(|_| viewer.show(message.clone()).err()).unwrap();
+        let fault = (0..10_000)
+            .find_map(|_| viewer.show(message.clone()).err())
+            .unwrap();
         assert!(fault.contains("does not take in any more"), "{fault}");
         assert_eq!((viewer.show(message), viewer.finish()), (Ok(()), Ok(())));
         assert!(since.elapsed() < 3 * PATIENCE);

@@ -137,10 +137,15 @@ impl RerunRecorder {
     ///
     /// # Errors
     /// The file could not be created or written.
-    pub fn create(path: &Path, about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Result<Self, RecordError> {
+    pub fn create(
+        path: &Path,
+        about: &RecordingAbout<'_>,
+        settings: &RecordingSettings,
+    ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
         let begun = File::create(&paths.part).map_err(|error| error.to_string());
-        let begun = begun.and_then(|file| Self::begin(paths.clone(), Box::new(file), about, settings));
+        let begun =
+            begun.and_then(|file| Self::begin(paths.clone(), Box::new(file), about, settings));
         begun.map_err(|fault| paths.error(fault))
     }
 
@@ -161,13 +166,19 @@ impl RerunRecorder {
             let sink = resume::reopened(&paths.part, &paths.done, progress.messages, store)?;
             Self::with(paths.clone(), sink, about, settings, progress)
         });
-        resumed.map_err(|reason| RecordError { path: paths.part, attempt: Attempt::GoOn, reason })
+        resumed.map_err(|reason| RecordError {
+            path: paths.part,
+            attempt: Attempt::GoOn,
+            reason,
+        })
     }
 
     /// Shows the recording, as far as it has come and from now on. The file stays as it is.
     pub fn show_to(&mut self, audience: Audience) {
         let shown = match audience {
-            Audience::Viewer(mut viewer) => viewer.catch_up(&self.paths.part).map(|()| self.sink.show_in(viewer)),
+            Audience::Viewer(mut viewer) => viewer
+                .catch_up(&self.paths.part)
+                .map(|()| self.sink.show_in(viewer)),
             Audience::Visitors(server) => self.sink.serve(server, &self.paths.part),
         };
         if let Err(fault) = shown {
@@ -182,7 +193,10 @@ impl RerunRecorder {
         settings: &RecordingSettings,
     ) -> Result<Self, Fault> {
         let progress = Progress::start(about, settings);
-        let sink = Sink::new(StoreId::recording(APPLICATION, progress.recording_id.as_str()), storage)?;
+        let sink = Sink::new(
+            StoreId::recording(APPLICATION, progress.recording_id.as_str()),
+            storage,
+        )?;
         let mut recorder = Self::with(paths, sink, about, settings, progress)?;
         recorder.introduce(about, settings)?;
         Ok(recorder)
@@ -195,15 +209,27 @@ impl RerunRecorder {
         settings: &RecordingSettings,
         mut progress: Progress,
     ) -> Result<Self, Fault> {
-        let columns = RawColumns::of(about.spec, about.largest_bonus.is_some(), settings.has_advantages())?;
+        let columns = RawColumns::of(
+            about.spec,
+            about.largest_bonus.is_some(),
+            settings.has_advantages(),
+        )?;
         let visited = std::mem::take(&mut progress.visited);
-        let track = |agent| AgentTrack { raw: RawTable::new(agent, &columns), sample: Sample::new(&format!("agent_{agent}")) };
+        let track = |agent| AgentTrack {
+            raw: RawTable::new(agent, &columns),
+            sample: Sample::new(&format!("agent_{agent}")),
+        };
         let drawing = Drawing::of(about, settings, progress.colour_range.unwrap_or([0.0, 1.0]));
         let films = settings
             .scene
             .iter()
             .zip(about.scene)
-            .flat_map(|(settings, scene)| settings.agents.iter().map(move |agent| Film::new(**agent, scene)));
+            .flat_map(|(settings, scene)| {
+                settings
+                    .agents
+                    .iter()
+                    .map(move |agent| Film::new(**agent, scene))
+            });
         Ok(Self {
             paths,
             sink,
@@ -222,7 +248,11 @@ impl RerunRecorder {
             compared: about.agents > 1 && settings.difference != Difference::Off,
             agents: (0..visited.len()).map(track).collect(),
             team: Sample::new("team"),
-            pictures: Pictures::new(visited.len(), about.largest_bonus.is_some(), &settings.difference),
+            pictures: Pictures::new(
+                visited.len(),
+                about.largest_bonus.is_some(),
+                &settings.difference,
+            ),
             visited,
             curves: Curves::new(about.agents as usize),
             films: films.collect(),
@@ -236,7 +266,10 @@ impl Drawing {
         Self {
             axes: Axes::of(about.spec, &settings.axes, about.largest_bonus),
             pairs: Pairs::of(about.spec, &settings.pairs),
-            colouring: Colouring { by: *settings.colour, range },
+            colouring: Colouring {
+                by: *settings.colour,
+                range,
+            },
         }
     }
 }
@@ -291,10 +324,17 @@ impl Paths {
     fn of(done: &Path) -> Self {
         let mut part = OsString::from(done);
         part.push(".part");
-        Self { part: part.into(), done: done.to_owned() }
+        Self {
+            part: part.into(),
+            done: done.to_owned(),
+        }
     }
 
     fn error(&self, reason: Fault) -> RecordError {
-        RecordError { path: self.part.clone(), attempt: Attempt::Write, reason }
+        RecordError {
+            path: self.part.clone(),
+            attempt: Attempt::Write,
+            reason,
+        }
     }
 }

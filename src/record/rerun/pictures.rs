@@ -16,7 +16,9 @@ use super::sink::Fault;
 use super::visitation::Drawing;
 use crate::record::Difference;
 use crate::record::palette::{diverging, sequential};
-use crate::record::visitation::{Axes, CELLS, HEIGHT, Novelty, Pairs, Visited, differing, first_of, most_different, shade};
+use crate::record::visitation::{
+    Axes, CELLS, HEIGHT, Novelty, Pairs, Visited, differing, first_of, most_different, shade,
+};
 
 /// Pictures written as one piece.
 const PICTURES_PER_CHUNK: usize = 8;
@@ -81,16 +83,32 @@ impl Pictures {
     }
 
     /// Adds pictures of what was visited up to the end of a round, and in the latest `window` rounds.
-    pub(super) fn hang(&mut self, visited: &[Visited], Drawing { axes, pairs, .. }: &Drawing, window: u32, at: Moment) {
+    pub(super) fn hang(
+        &mut self,
+        visited: &[Visited],
+        Drawing { axes, pairs, .. }: &Drawing,
+        window: u32,
+        at: Moment,
+    ) {
         let round = at.round as u32;
         let rounds = format!("rounds {} to {round}", first_of(round, window));
         let latest: Vec<Vec<u32>> = visited.iter().map(Visited::latest).collect();
-        self.latest.hang_densities(&latest.iter().map(Vec::as_slice).collect::<Vec<_>>(), Some(&rounds), at);
-        let so_far: Vec<&[u32]> = visited.iter().map(|visited| visited.density.pixels()).collect();
+        self.latest.hang_densities(
+            &latest.iter().map(Vec::as_slice).collect::<Vec<_>>(),
+            Some(&rounds),
+            at,
+        );
+        let so_far: Vec<&[u32]> = visited
+            .iter()
+            .map(|visited| visited.density.pixels())
+            .collect();
         self.density.hang_densities(&so_far, None, at);
         self.compare(&so_far, axes.width(), at);
         if let Some(hall) = &mut self.bonus {
-            let bonuses: Vec<Novelty> = visited.iter().filter_map(|visited| visited.latest_bonuses(pairs)).collect();
+            let bonuses: Vec<Novelty> = visited
+                .iter()
+                .filter_map(|visited| visited.latest_bonuses(pairs))
+                .collect();
             hall.hang_bonuses(&bonuses, pairs, &rounds, at);
         }
     }
@@ -103,18 +121,49 @@ impl Pictures {
         };
         let Some((one, other)) = agents else { return };
         let (differences, largest) = differing(densities[one], densities[other], width);
-        self.difference.hang(differences.into_iter().flat_map(diverging).collect::<Vec<u8>>(), at);
+        self.difference.hang(
+            differences
+                .into_iter()
+                .flat_map(diverging)
+                .collect::<Vec<u8>>(),
+            at,
+        );
         let end = format!("{:.2} %", 100.0 * largest);
-        self.difference_scale.add([format!("agent {one}"), format!("+{end}"), format!("+{end}"), format!("agent {other}")], at);
+        self.difference_scale.add(
+            [
+                format!("agent {one}"),
+                format!("+{end}"),
+                format!("+{end}"),
+                format!("agent {other}"),
+            ],
+            at,
+        );
     }
 
     /// Those with enough pictures for a piece, or all that have any.
     pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, Fault> {
-        let halls = [&mut self.latest, &mut self.density].into_iter().chain(&mut self.bonus);
+        let halls = [&mut self.latest, &mut self.density]
+            .into_iter()
+            .chain(&mut self.bonus);
         let mut chunks = Vec::new();
-        for Hall { agents, team, agents_scale, team_scale } in halls {
-            chunks.extend(agents.iter_mut().chain([team]).filter_map(|gallery| gallery.take(all)));
-            chunks.extend([agents_scale, team_scale].into_iter().filter_map(|notes| notes.take(all)));
+        for Hall {
+            agents,
+            team,
+            agents_scale,
+            team_scale,
+        } in halls
+        {
+            chunks.extend(
+                agents
+                    .iter_mut()
+                    .chain([team])
+                    .filter_map(|gallery| gallery.take(all)),
+            );
+            chunks.extend(
+                [agents_scale, team_scale]
+                    .into_iter()
+                    .filter_map(|notes| notes.take(all)),
+            );
         }
         chunks.extend(self.difference.take(all));
         chunks.extend(self.difference_scale.take(all));
@@ -123,10 +172,23 @@ impl Pictures {
 
     /// What is true throughout.
     pub(super) fn styles(&self, axes: &Axes, pairs: &Pairs) -> Result<Vec<Chunk>, Fault> {
-        let (lines, cells) = ([axes.width() as u32, HEIGHT as u32], [pairs.width() as u32, CELLS as u32]);
-        let densities = [&self.latest, &self.density].into_iter().flat_map(Hall::galleries).map(|gallery| gallery.style(lines));
-        let bonuses = self.bonus.iter().flat_map(Hall::galleries).map(|gallery| gallery.style(cells));
-        densities.chain([self.difference.style(lines)]).chain(bonuses).collect()
+        let (lines, cells) = (
+            [axes.width() as u32, HEIGHT as u32],
+            [pairs.width() as u32, CELLS as u32],
+        );
+        let densities = [&self.latest, &self.density]
+            .into_iter()
+            .flat_map(Hall::galleries)
+            .map(|gallery| gallery.style(lines));
+        let bonuses = self
+            .bonus
+            .iter()
+            .flat_map(Hall::galleries)
+            .map(|gallery| gallery.style(cells));
+        densities
+            .chain([self.difference.style(lines)])
+            .chain(bonuses)
+            .collect()
     }
 
     /// Where the words of the difference's scale stand.
@@ -139,7 +201,9 @@ impl Hall {
     fn new(agents: usize, root: &str, name: &str, kind: Kind, words: usize) -> Self {
         let gallery = |who: &str| Gallery::new(format!("{root}/{who}/{name}").into(), kind);
         Self {
-            agents: (0..agents).map(|agent| gallery(&format!("agent_{agent}"))).collect(),
+            agents: (0..agents)
+                .map(|agent| gallery(&format!("agent_{agent}")))
+                .collect(),
             team: gallery("team"),
             agents_scale: Notes::new(&format!("{root}/scale/{name}/ends"), words),
             team_scale: Notes::new(&format!("{root}/team/scale/{name}/ends"), words),
@@ -148,7 +212,10 @@ impl Hall {
 
     /// Where the words of the agents' and of the team's scale stand.
     pub(super) fn words(&self, agents: &[Label], team: &[Label]) -> Result<[Chunk; 2], Fault> {
-        Ok([self.agents_scale.style(agents)?, self.team_scale.style(team)?])
+        Ok([
+            self.agents_scale.style(agents)?,
+            self.team_scale.style(team)?,
+        ])
     }
 
     fn galleries(&self) -> impl Iterator<Item = &Gallery> {
@@ -157,14 +224,23 @@ impl Hall {
 
     /// Pixels count lines. Adds to both scales how many are on the brightest pixel, and the note.
     fn hang_densities(&mut self, agents: &[&[u32]], note: Option<&str>, at: Moment) {
-        let most = agents.iter().flat_map(|pixels| pixels.iter()).copied().max().unwrap_or(0);
+        let most = agents
+            .iter()
+            .flat_map(|pixels| pixels.iter())
+            .copied()
+            .max()
+            .unwrap_or(0);
         for (gallery, pixels) in self.agents.iter_mut().zip(agents) {
             gallery.hang(shade(pixels, most), at);
         }
         let team = sum(agents);
         let most_of_team = team.iter().copied().max().unwrap_or(0);
         self.team.hang(shade(&team, most_of_team), at);
-        self.note([most, most_of_team].map(|most| grouped(u64::from(most))), note, at);
+        self.note(
+            [most, most_of_team].map(|most| grouped(u64::from(most))),
+            note,
+            at,
+        );
     }
 
     /// Adds to both scales the largest mean bonus of a cell, and the note.
@@ -178,7 +254,11 @@ impl Hall {
             gallery.hang(panels(novelty, largest, pairs), at);
         }
         self.team.hang(panels(&team, team.largest(), pairs), at);
-        self.note([largest, team.largest()].map(|largest| number(largest as f32)), Some(note), at);
+        self.note(
+            [largest, team.largest()].map(|largest| number(largest as f32)),
+            Some(note),
+            at,
+        );
     }
 
     fn note(&mut self, [of_agents, of_team]: [String; 2], note: Option<&str>, at: Moment) {
@@ -191,7 +271,9 @@ impl Hall {
 fn sum(pictures: &[&[u32]]) -> Vec<u32> {
     let mut sum = vec![0_u32; pictures.first().map_or(0, |pixels| pixels.len())];
     for pixels in pictures {
-        sum.iter_mut().zip(*pixels).for_each(|(sum, lines)| *sum = sum.saturating_add(*lines));
+        sum.iter_mut()
+            .zip(*pixels)
+            .for_each(|(sum, lines)| *sum = sum.saturating_add(*lines));
     }
     sum
 }
@@ -212,13 +294,23 @@ fn panels(novelty: &Novelty, largest: f64, pairs: &Pairs) -> Vec<u8> {
 /// Thousands apart: 1,234,567.
 fn grouped(number: u64) -> String {
     let digits = number.to_string();
-    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|group| std::str::from_utf8(group).ok()).collect();
+    let groups: Vec<&str> = digits
+        .as_bytes()
+        .rchunks(3)
+        .rev()
+        .filter_map(|group| std::str::from_utf8(group).ok())
+        .collect();
     groups.join(",")
 }
 
 impl Gallery {
     fn new(entity: EntityPath, kind: Kind) -> Self {
-        Self { entity, kind, moments: Moments::default(), pictures: Vec::new() }
+        Self {
+            entity,
+            kind,
+            moments: Moments::default(),
+            pictures: Vec::new(),
+        }
     }
 
     fn hang(&mut self, picture: Vec<u8>, at: Moment) {
@@ -231,10 +323,19 @@ impl Gallery {
         if self.pictures.len() < least {
             return None;
         }
-        let (moments, pictures) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.pictures));
+        let (moments, pictures) = (
+            std::mem::take(&mut self.moments),
+            std::mem::take(&mut self.pictures),
+        );
         let columns = match self.kind {
-            Kind::Density => DepthImage::update_fields().with_many_buffer(pictures).columns_of_unit_batches().map(Vec::from_iter),
-            Kind::Colored => Image::update_fields().with_many_buffer(pictures).columns_of_unit_batches().map(Vec::from_iter),
+            Kind::Density => DepthImage::update_fields()
+                .with_many_buffer(pictures)
+                .columns_of_unit_batches()
+                .map(Vec::from_iter),
+            Kind::Colored => Image::update_fields()
+                .with_many_buffer(pictures)
+                .columns_of_unit_batches()
+                .map(Vec::from_iter),
         };
         let columns = columns.map_err(|error| error.to_string());
         Some(columns.and_then(|columns| moments.into_chunk(&self.entity, columns)))
@@ -243,7 +344,9 @@ impl Gallery {
     fn style(&self, size: [u32; 2]) -> Result<Chunk, Fault> {
         if self.kind == Kind::Colored {
             let format = ImageFormat::from_color_model(size, ColorModel::RGB, ChannelDatatype::U8);
-            let style = Image::update_fields().with_format(format).with_magnification_filter(MagnificationFilter::Nearest);
+            let style = Image::update_fields()
+                .with_format(format)
+                .with_magnification_filter(MagnificationFilter::Nearest);
             return timeless(self.entity.clone(), &style);
         }
         let style = DepthImage::update_fields()
@@ -257,7 +360,12 @@ impl Gallery {
 
 impl Notes {
     fn new(entity: &str, per_row: usize) -> Self {
-        Self { entity: entity.into(), moments: Moments::default(), words: Vec::new(), per_row }
+        Self {
+            entity: entity.into(),
+            moments: Moments::default(),
+            words: Vec::new(),
+            per_row,
+        }
     }
 
     fn add(&mut self, words: impl IntoIterator<Item = String>, at: Moment) {
@@ -270,15 +378,25 @@ impl Notes {
         if self.moments.len() < least {
             return None;
         }
-        let (moments, words) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.words));
+        let (moments, words) = (
+            std::mem::take(&mut self.moments),
+            std::mem::take(&mut self.words),
+        );
         let rows = vec![self.per_row; moments.len()];
-        let column = grouped_column(Points2D::descriptor_labels(), Arc::new(StringArray::from(words)), rows);
+        let column = grouped_column(
+            Points2D::descriptor_labels(),
+            Arc::new(StringArray::from(words)),
+            rows,
+        );
         Some(moments.into_chunk(&self.entity, [column]))
     }
 
     /// Where the words stand, and their colours; not what they say.
     fn style(&self, labels: &[Label]) -> Result<Chunk, Fault> {
         let places = Points2D::new(labels.iter().map(|(_, place, _)| *place));
-        timeless(self.entity.clone(), &lettered(places.with_colors(labels.iter().map(|(_, _, color)| rgb(*color)))))
+        timeless(
+            self.entity.clone(),
+            &lettered(places.with_colors(labels.iter().map(|(_, _, color)| rgb(*color)))),
+        )
     }
 }

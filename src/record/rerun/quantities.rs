@@ -26,14 +26,36 @@ pub(super) struct Quantities {
 
 /// As [`read`] takes it.
 pub(super) fn chunk(spec: &Spec, largest_bonus: Option<f32>) -> Result<Chunk, Fault> {
-    let step = Quantity { name: "step".to_owned(), unit: String::new(), range: [0.0, spec.time_limit as f32] };
-    let bonus = |largest| Quantity { name: "intrinsic_reward".to_owned(), unit: String::new(), range: [0.0, largest] };
-    let observed = spec.observations.iter().cloned().map(|quantity| (quantity, "observation"));
-    let done = spec.actions.iter().map(|action| (action.quantity.clone(), "action"));
-    let further = std::iter::once((step, "step")).chain(largest_bonus.map(|largest| (bonus(largest), "intrinsic_reward")));
+    let step = Quantity {
+        name: "step".to_owned(),
+        unit: String::new(),
+        range: [0.0, spec.time_limit as f32],
+    };
+    let bonus = |largest| Quantity {
+        name: "intrinsic_reward".to_owned(),
+        unit: String::new(),
+        range: [0.0, largest],
+    };
+    let observed = spec
+        .observations
+        .iter()
+        .cloned()
+        .map(|quantity| (quantity, "observation"));
+    let done = spec
+        .actions
+        .iter()
+        .map(|action| (action.quantity.clone(), "action"));
+    let further = std::iter::once((step, "step"))
+        .chain(largest_bonus.map(|largest| (bonus(largest), "intrinsic_reward")));
     let rows: Vec<(Quantity, &str)> = observed.chain(done).chain(further).collect();
-    let words = |word: fn(&(Quantity, &'static str)) -> String| Arc::new(StringArray::from_iter_values(rows.iter().map(word)));
-    let numbers = |end: usize| Arc::new(Float32Array::from_iter_values(rows.iter().map(|(quantity, _)| quantity.range[end])));
+    let words = |word: fn(&(Quantity, &'static str)) -> String| {
+        Arc::new(StringArray::from_iter_values(rows.iter().map(word)))
+    };
+    let numbers = |end: usize| {
+        Arc::new(Float32Array::from_iter_values(
+            rows.iter().map(|(quantity, _)| quantity.range[end]),
+        ))
+    };
     let columns = AnyValues::default()
         .with_component_from_data("name", words(|(quantity, _)| quantity.name.clone()))
         .with_component_from_data("unit", words(|(quantity, _)| quantity.unit.clone()))
@@ -45,9 +67,17 @@ pub(super) fn chunk(spec: &Spec, largest_bonus: Option<f32>) -> Result<Chunk, Fa
 
 /// From what [`chunk`] made; nothing where it is something else.
 pub(super) fn read(chunk: &Chunk) -> Option<Quantities> {
-    let (names, units, roles) = (words(chunk, "name")?, words(chunk, "unit")?, words(chunk, "role")?);
+    let (names, units, roles) = (
+        words(chunk, "name")?,
+        words(chunk, "unit")?,
+        words(chunk, "role")?,
+    );
     let (lows, highs) = (numbers(chunk, "low"), numbers(chunk, "high"));
-    let ranges: Vec<[f32; 2]> = lows.into_iter().zip(highs).map(|(low, high)| [low, high]).collect();
+    let ranges: Vec<[f32; 2]> = lows
+        .into_iter()
+        .zip(highs)
+        .map(|(low, high)| [low, high])
+        .collect();
     if [units.len(), roles.len(), ranges.len()] != [names.len(); 3] {
         return None;
     }
@@ -66,12 +96,20 @@ pub(super) fn read(chunk: &Chunk) -> Option<Quantities> {
 
 /// The words of a column, those of all rows after each other.
 pub(super) fn words(chunk: &Chunk, component: &str) -> Option<Vec<String>> {
-    let list: &ListArray = chunk.components().get_array(ComponentIdentifier::try_new(component).ok()?)?;
+    let list: &ListArray = chunk
+        .components()
+        .get_array(ComponentIdentifier::try_new(component).ok()?)?;
     let words = list.values().as_any().downcast_ref::<StringArray>()?;
     Some(words.iter().flatten().map(ToOwned::to_owned).collect())
 }
 
 fn numbers(chunk: &Chunk, component: &str) -> Vec<f32> {
     let component = ComponentIdentifier::try_new(component).ok();
-    component.map_or(Vec::new(), |component| chunk.iter_slices::<f32>(component).flatten().copied().collect())
+    component.map_or(Vec::new(), |component| {
+        chunk
+            .iter_slices::<f32>(component)
+            .flatten()
+            .copied()
+            .collect()
+    })
 }

@@ -7,7 +7,9 @@ use std::sync::Arc;
 
 use rerun::external::arrow::array::{Float32Array, StringArray};
 use rerun::log::Chunk;
-use rerun::{ArchetypeName, ComponentDescriptor, ComponentIdentifier, EntityPath, SerializedComponentColumn};
+use rerun::{
+    ArchetypeName, ComponentDescriptor, ComponentIdentifier, EntityPath, SerializedComponentColumn,
+};
 
 use super::rows::{Moment, Moments, unit_column};
 use super::sink::Fault;
@@ -53,38 +55,79 @@ struct Rows {
 impl RawColumns {
     /// Fails where two columns would have the same name.
     pub(super) fn of(spec: &Spec, curious: bool, advantages: bool) -> Result<Arc<Self>, Fault> {
-        let observed = spec.observations.iter().map(|quantity| quantity.name.as_str());
-        let done = spec.actions.iter().map(|action| action.quantity.name.as_str());
-        let further = ["reward", "log_prob", "intrinsic_reward", "outcome"].into_iter().chain(advantages.then_some("advantage"));
+        let observed = spec
+            .observations
+            .iter()
+            .map(|quantity| quantity.name.as_str());
+        let done = spec
+            .actions
+            .iter()
+            .map(|action| action.quantity.name.as_str());
+        let further = ["reward", "log_prob", "intrinsic_reward", "outcome"]
+            .into_iter()
+            .chain(advantages.then_some("advantage"));
         let mut names: Vec<&str> = observed.chain(done).chain(further).collect();
         names.sort_unstable();
         if let Some([name, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(format!("two columns would be named `{name}`"));
         }
-        let observations = spec.observations.iter().map(|quantity| column(&quantity.name)).collect();
-        let actions = spec.actions.iter().map(|action| (column(&action.quantity.name), action.choice.clone())).collect();
+        let observations = spec
+            .observations
+            .iter()
+            .map(|quantity| column(&quantity.name))
+            .collect();
+        let actions = spec
+            .actions
+            .iter()
+            .map(|action| (column(&action.quantity.name), action.choice.clone()))
+            .collect();
         let [reward, log_prob, outcome] = ["reward", "log_prob", "outcome"].map(column);
         let intrinsic_reward = curious.then(|| column("intrinsic_reward"));
         let advantage = advantages.then(|| column("advantage"));
-        Ok(Arc::new(Self { observations, actions, reward, log_prob, intrinsic_reward, advantage, outcome }))
+        Ok(Arc::new(Self {
+            observations,
+            actions,
+            reward,
+            log_prob,
+            intrinsic_reward,
+            advantage,
+            outcome,
+        }))
     }
 }
 
 fn column(name: &str) -> ComponentDescriptor {
     let archetype = ArchetypeName::from("State");
     let component = ComponentIdentifier::from_archetype_field(archetype, name);
-    ComponentDescriptor { archetype: Some(archetype), component, component_type: None }
+    ComponentDescriptor {
+        archetype: Some(archetype),
+        component,
+        component_type: None,
+    }
 }
 
 impl RawTable {
     pub(super) fn new(agent: usize, columns: &Arc<RawColumns>) -> Self {
-        Self { entity: format!("raw/agent_{agent}").into(), columns: Arc::clone(columns), rows: Rows::of(columns) }
+        Self {
+            entity: format!("raw/agent_{agent}").into(),
+            columns: Arc::clone(columns),
+            rows: Rows::of(columns),
+        }
     }
 
     /// Adds an episode whose first row is at `first`.
     pub(super) fn add(&mut self, episode: &Episode, first: Moment) {
         let steps = episode.length();
-        let Rows { moments, observations, actions, rewards, log_probs, outcomes, is_last, .. } = &mut self.rows;
+        let Rows {
+            moments,
+            observations,
+            actions,
+            rewards,
+            log_probs,
+            outcomes,
+            is_last,
+            ..
+        } = &mut self.rows;
         moments.push_steps(first, steps + 1);
         spread(&episode.observations, observations);
         let acted = actions.first().map_or(0, Vec::len);
@@ -102,7 +145,12 @@ impl RawTable {
 
     /// What the agent made of its steps only afterwards.
     fn add_afterthoughts(&mut self, episode: &Episode) {
-        let Rows { rewards, intrinsic_rewards, advantages, .. } = &mut self.rows;
+        let Rows {
+            rewards,
+            intrinsic_rewards,
+            advantages,
+            ..
+        } = &mut self.rows;
         if self.columns.intrinsic_reward.is_some() {
             intrinsic_rewards.extend(&episode.intrinsic_rewards);
             intrinsic_rewards.resize(rewards.len(), 0.0);
@@ -127,23 +175,55 @@ impl RawTable {
 impl Rows {
     fn of(columns: &RawColumns) -> Self {
         let observations = vec![Vec::new(); columns.observations.len()];
-        Self { observations, actions: vec![Vec::new(); columns.actions.len()], ..Self::default() }
+        Self {
+            observations,
+            actions: vec![Vec::new(); columns.actions.len()],
+            ..Self::default()
+        }
     }
 
     fn into_chunk(self, entity: &EntityPath, columns: &RawColumns) -> Result<Chunk, Fault> {
         let is_step: Vec<bool> = self.is_last.iter().map(|is_last| !is_last).collect();
-        let observed = columns.observations.iter().zip(self.observations).map(|(name, values)| numbers(name, values, None));
-        let named = columns.actions.iter().map(|(name, _)| name).chain([&columns.reward, &columns.log_prob]);
-        let done = self.actions.into_iter().chain([self.rewards, self.log_probs]);
-        let afterwards = [(&columns.intrinsic_reward, self.intrinsic_rewards), (&columns.advantage, self.advantages)];
-        let afterwards = afterwards.into_iter().filter_map(|(name, values)| Some((name.as_ref()?, values)));
-        let done = named.zip(done).chain(afterwards).map(|(name, values)| numbers(name, values, Some(is_step.clone())));
-        let outcome = unit_column(columns.outcome.clone(), Arc::new(StringArray::from(self.outcomes)), Some(self.is_last));
-        self.moments.into_chunk(entity, observed.chain(done).chain([outcome]))
+        let observed = columns
+            .observations
+            .iter()
+            .zip(self.observations)
+            .map(|(name, values)| numbers(name, values, None));
+        let named = columns
+            .actions
+            .iter()
+            .map(|(name, _)| name)
+            .chain([&columns.reward, &columns.log_prob]);
+        let done = self
+            .actions
+            .into_iter()
+            .chain([self.rewards, self.log_probs]);
+        let afterwards = [
+            (&columns.intrinsic_reward, self.intrinsic_rewards),
+            (&columns.advantage, self.advantages),
+        ];
+        let afterwards = afterwards
+            .into_iter()
+            .filter_map(|(name, values)| Some((name.as_ref()?, values)));
+        let done = named
+            .zip(done)
+            .chain(afterwards)
+            .map(|(name, values)| numbers(name, values, Some(is_step.clone())));
+        let outcome = unit_column(
+            columns.outcome.clone(),
+            Arc::new(StringArray::from(self.outcomes)),
+            Some(self.is_last),
+        );
+        self.moments
+            .into_chunk(entity, observed.chain(done).chain([outcome]))
     }
 }
 
-fn numbers(name: &ComponentDescriptor, values: Vec<f32>, present: Option<Vec<bool>>) -> SerializedComponentColumn {
+fn numbers(
+    name: &ComponentDescriptor,
+    values: Vec<f32>,
+    present: Option<Vec<bool>>,
+) -> SerializedComponentColumn {
     unit_column(name.clone(), Arc::new(Float32Array::from(values)), present)
 }
 

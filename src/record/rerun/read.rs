@@ -59,7 +59,9 @@ pub enum ReadError {
         reason: String,
     },
     /// Rerun can read it, but it was not written by this version of seedbed.
-    #[error("{path} holds no run that this version of seedbed can read: there is no `{missing}` in it")]
+    #[error(
+        "{path} holds no run that this version of seedbed can read: there is no `{missing}` in it"
+    )]
     Other {
         /// The file.
         path: PathBuf,
@@ -78,10 +80,16 @@ impl Recording {
         for chunk in Chunks::open(path)? {
             let chunk = chunk?;
             match chunk.entity_path().to_string().as_str() {
-                entity if entity.starts_with("/__properties") => note_properties(&chunk, &mut properties),
+                entity if entity.starts_with("/__properties") => {
+                    note_properties(&chunk, &mut properties)
+                }
                 quantities::ENTITY => {
                     let quantities = quantities::read(&chunk).ok_or_else(|| missing(path))?;
-                    return Ok(Self { path: path.to_owned(), properties, quantities });
+                    return Ok(Self {
+                        path: path.to_owned(),
+                        properties,
+                        quantities,
+                    });
                 }
                 _ => {}
             }
@@ -116,7 +124,11 @@ impl Recording {
     /// The axes of its parallel coordinates.
     #[must_use]
     pub fn axes(&self) -> Axes {
-        Axes::of_quantities(&self.quantities.observations, self.quantities.time_limit, self.quantities.largest_bonus)
+        Axes::of_quantities(
+            &self.quantities.observations,
+            self.quantities.time_limit,
+            self.quantities.largest_bonus,
+        )
     }
 
     /// Its episodes, those of an agent in their order. Episodes that are not complete in the file are left out.
@@ -125,17 +137,26 @@ impl Recording {
     /// The file cannot be opened; the items are errors where it turns out to be damaged.
     pub fn episodes(&self) -> Result<Episodes, ReadError> {
         let columns = Columns::of(&self.quantities);
-        Ok(Episodes { chunks: Chunks::open(&self.path)?, columns, unfinished: BTreeMap::new(), finished: VecDeque::new() })
+        Ok(Episodes {
+            chunks: Chunks::open(&self.path)?,
+            columns,
+            unfinished: BTreeMap::new(),
+            finished: VecDeque::new(),
+        })
     }
 }
 
 fn missing(path: &Path) -> ReadError {
-    ReadError::Other { path: path.to_owned(), missing: quantities::ENTITY.to_owned() }
+    ReadError::Other {
+        path: path.to_owned(),
+        missing: quantities::ENTITY.to_owned(),
+    }
 }
 
 fn note_properties(chunk: &Chunk, properties: &mut BTreeMap<String, String>) {
     for component in chunk.components_identifiers() {
-        let value = quantities::words(chunk, component.as_str()).and_then(|words| words.into_iter().next());
+        let value =
+            quantities::words(chunk, component.as_str()).and_then(|words| words.into_iter().next());
         properties.extend(value.map(|value| (component.as_str().to_owned(), value)));
     }
 }
@@ -166,20 +187,31 @@ impl Iterator for Episodes {
 impl Episodes {
     fn take_in(&mut self, chunk: &Chunk) {
         let entity = chunk.entity_path().to_string();
-        let Some(agent) = entity.strip_prefix("/raw/agent_").and_then(|agent| agent.parse().ok()) else { return };
+        let Some(agent) = entity
+            .strip_prefix("/raw/agent_")
+            .and_then(|agent| agent.parse().ok())
+        else {
+            return;
+        };
         let rows = self.columns.rows(chunk);
         let mut step = 0;
         for (row, outcome) in rows.outcomes.iter().enumerate() {
             let start = || RecordedEpisode::start(agent, rows.episodes[row], rows.rounds[row]);
             let episode = self.unfinished.entry(agent).or_insert_with(start);
-            episode.observations.extend(rows.observations.iter().map(|column| column[row]));
+            episode
+                .observations
+                .extend(rows.observations.iter().map(|column| column[row]));
             if let Some(outcome) = outcome {
                 episode.outcome = *outcome;
                 self.finished.extend(self.unfinished.remove(&agent));
             } else {
-                episode.actions.extend(rows.actions.iter().map(|column| column[step]));
+                episode
+                    .actions
+                    .extend(rows.actions.iter().map(|column| column[step]));
                 episode.rewards.push(rows.rewards[step]);
-                episode.intrinsic_rewards.extend(rows.intrinsic_rewards.get(step));
+                episode
+                    .intrinsic_rewards
+                    .extend(rows.intrinsic_rewards.get(step));
                 step += 1;
             }
         }
@@ -188,8 +220,18 @@ impl Episodes {
 
 impl RecordedEpisode {
     fn start(agent: u32, episode: u32, round: u32) -> Self {
-        let [observations, actions, rewards, intrinsic_rewards] = std::array::from_fn(|_| Vec::new());
-        Self { agent, episode, round, observations, actions, rewards, intrinsic_rewards, outcome: Status::Running }
+        let [observations, actions, rewards, intrinsic_rewards] =
+            std::array::from_fn(|_| Vec::new());
+        Self {
+            agent,
+            episode,
+            round,
+            observations,
+            actions,
+            rewards,
+            intrinsic_rewards,
+            outcome: Status::Running,
+        }
     }
 
     /// T, the number of steps.
@@ -206,7 +248,8 @@ impl RecordedEpisode {
 
     /// What was seen, state by state, the last one included: `[T+1]` of `[observation width]`.
     pub fn states(&self) -> impl Iterator<Item = &[f32]> {
-        self.observations.chunks_exact((self.observations.len() / (self.length() + 1)).max(1))
+        self.observations
+            .chunks_exact((self.observations.len() / (self.length() + 1)).max(1))
     }
 
     /// The bonus of what was done at step `step`; 0 at the last state, after which nothing follows, and without curiosity.
@@ -242,7 +285,12 @@ struct Rows {
 impl Columns {
     fn of(quantities: &Quantities) -> Self {
         let named = |name: &str| ComponentIdentifier::from_archetype_field("State".into(), name);
-        let all = |quantities: &[Quantity]| quantities.iter().map(|quantity| named(&quantity.name)).collect();
+        let all = |quantities: &[Quantity]| {
+            quantities
+                .iter()
+                .map(|quantity| named(&quantity.name))
+                .collect()
+        };
         Self {
             observations: all(&quantities.observations),
             actions: all(&quantities.actions),
@@ -253,10 +301,18 @@ impl Columns {
     }
 
     fn rows(&self, chunk: &Chunk) -> Rows {
-        let numbers = |column: &ComponentIdentifier| chunk.iter_slices::<f32>(*column).flatten().copied().collect::<Vec<f32>>();
+        let numbers = |column: &ComponentIdentifier| {
+            chunk
+                .iter_slices::<f32>(*column)
+                .flatten()
+                .copied()
+                .collect::<Vec<f32>>()
+        };
         let times = |name: &'static str| {
             let column = chunk.timelines().get(&TimelineName::from(name));
-            column.map_or(Vec::new(), |column| column.times_raw().iter().map(|&time| time as u32).collect())
+            column.map_or(Vec::new(), |column| {
+                column.times_raw().iter().map(|&time| time as u32).collect()
+            })
         };
         Rows {
             episodes: times(EPISODE),
@@ -270,10 +326,17 @@ impl Columns {
     }
 
     fn outcomes(&self, chunk: &Chunk) -> Vec<Option<Status>> {
-        let mut words = quantities::words(chunk, self.outcome.as_str()).unwrap_or_default().into_iter();
-        let Some(list) = chunk.components().get_array(self.outcome) else { return Vec::new() };
+        let mut words = quantities::words(chunk, self.outcome.as_str())
+            .unwrap_or_default()
+            .into_iter();
+        let Some(list) = chunk.components().get_array(self.outcome) else {
+            return Vec::new();
+        };
         let ended = (0..list.len()).map(|row| list.is_valid(row) && list.value_length(row) > 0);
-        ended.map(|ended| if ended { words.next() } else { None }).map(|word| word.map(|word| status(&word))).collect()
+        ended
+            .map(|ended| if ended { words.next() } else { None })
+            .map(|word| word.map(|word| status(&word)))
+            .collect()
     }
 }
 
@@ -295,13 +358,23 @@ struct Chunks {
 
 impl Chunks {
     fn open(path: &Path) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|error| ReadError::File { path: path.to_owned(), reason: error.to_string() })?;
-        Ok(Self { path: path.to_owned(), messages: DecoderApp::decode_lazy(BufReader::new(file)), failed: false })
+        let file = File::open(path).map_err(|error| ReadError::File {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        })?;
+        Ok(Self {
+            path: path.to_owned(),
+            messages: DecoderApp::decode_lazy(BufReader::new(file)),
+            failed: false,
+        })
     }
 
     fn fault(&mut self, reason: String) -> ReadError {
         self.failed = true;
-        ReadError::File { path: self.path.clone(), reason }
+        ReadError::File {
+            path: self.path.clone(),
+            reason,
+        }
     }
 }
 
@@ -312,7 +385,10 @@ impl Iterator for Chunks {
         while !self.failed {
             match self.messages.next()? {
                 Ok(LogMsg::ArrowMsg(store, arrow)) if store.kind() == StoreKind::Recording => {
-                    return Some(Chunk::from_arrow_msg(&arrow).map_err(|error| self.fault(error.to_string())));
+                    return Some(
+                        Chunk::from_arrow_msg(&arrow)
+                            .map_err(|error| self.fault(error.to_string())),
+                    );
                 }
                 Ok(_) => {}
                 Err(error) => return Some(Err(self.fault(words(&error)))),

@@ -48,7 +48,10 @@ pub(super) struct Progress {
 impl Progress {
     /// Nothing recorded yet. The recording's id is the run's name and something unique, so that recordings can be shown together.
     pub(super) fn start(about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Self {
-        let (agents, drawing) = (about.agents as usize, Drawing::of(about, settings, [0.0, 1.0]));
+        let (agents, drawing) = (
+            about.agents as usize,
+            Drawing::of(about, settings, [0.0, 1.0]),
+        );
         Self {
             format: FORMAT,
             messages: 0,
@@ -63,10 +66,23 @@ impl Progress {
     }
 
     /// Fails where the run is not the one that was interrupted.
-    pub(super) fn check(&self, about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Result<(), Fault> {
-        let (drawing, curious) = (Drawing::of(about, settings, [0.0, 1.0]), about.largest_bonus.is_some());
-        let is_same_team = self.visited.len() == about.agents as usize && self.next_steps.len() == about.agents as usize;
-        if is_same_team && self.visited.iter().all(|visited| visited.fits(&drawing.axes, &drawing.pairs, curious)) {
+    pub(super) fn check(
+        &self,
+        about: &RecordingAbout<'_>,
+        settings: &RecordingSettings,
+    ) -> Result<(), Fault> {
+        let (drawing, curious) = (
+            Drawing::of(about, settings, [0.0, 1.0]),
+            about.largest_bonus.is_some(),
+        );
+        let is_same_team = self.visited.len() == about.agents as usize
+            && self.next_steps.len() == about.agents as usize;
+        if is_same_team
+            && self
+                .visited
+                .iter()
+                .all(|visited| visited.fits(&drawing.axes, &drawing.pairs, curious))
+        {
             Ok(())
         } else {
             Err("the checkpoint belongs to another scenario".to_owned())
@@ -90,14 +106,27 @@ impl Progress {
 
 /// Eight letters that no other recording has.
 fn unique() -> String {
-    RecordingId::random().as_str().chars().rev().take(8).collect()
+    RecordingId::random()
+        .as_str()
+        .chars()
+        .rev()
+        .take(8)
+        .collect()
 }
 
 /// Opens `part` with only its first `messages` messages. Where there is no such file, `done` is taken instead.
-pub(super) fn reopened(part: &Path, done: &Path, messages: u64, store: StoreId) -> Result<Sink, Fault> {
+pub(super) fn reopened(
+    part: &Path,
+    done: &Path,
+    messages: u64,
+    store: StoreId,
+) -> Result<Sink, Fault> {
     let source = if part.exists() { part } else { done };
     let fresh = part.with_extension("resuming");
-    let mut sink = Sink::new(store, Box::new(File::create(&fresh).map_err(|error| error.to_string())?))?;
+    let mut sink = Sink::new(
+        store,
+        Box::new(File::create(&fresh).map_err(|error| error.to_string())?),
+    )?;
     copy(source, messages, &mut sink)?;
     sink.sync()?;
     fs::rename(&fresh, part).map_err(|error| error.to_string())?;
@@ -110,7 +139,10 @@ fn copy(source: &Path, messages: u64, sink: &mut Sink) -> Result<(), Fault> {
         sink.send(&message.map_err(|error| error.to_string())?)?;
     }
     if sink.messages() < messages {
-        return Err(format!("it ends before the checkpoint, after {} of {messages} messages", sink.messages()));
+        return Err(format!(
+            "it ends before the checkpoint, after {} of {messages} messages",
+            sink.messages()
+        ));
     }
     Ok(())
 }

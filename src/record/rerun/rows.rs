@@ -8,8 +8,8 @@ use rerun::external::arrow::datatypes::{DataType, Field};
 use rerun::external::nohash_hasher::IntMap;
 use rerun::log::{Chunk, ChunkComponents, ChunkId, RowId};
 use rerun::{
-    AsComponents, Color, ComponentDescriptor, EntityPath, SerializedComponentColumn, TimeColumn, TimePoint, Timeline,
-    TimelineName,
+    AsComponents, Color, ComponentDescriptor, EntityPath, SerializedComponentColumn, TimeColumn,
+    TimePoint, Timeline, TimelineName,
 };
 
 use super::sink::Fault;
@@ -49,7 +49,8 @@ impl Moments {
         let rows_after = |count: usize| self.env_steps.len() + count;
         self.episodes.resize(rows_after(rows), first.episode);
         self.rounds.resize(rows_after(rows), first.round);
-        self.env_steps.extend(first.env_step..first.env_step + rows as i64);
+        self.env_steps
+            .extend(first.env_step..first.env_step + rows as i64);
     }
 
     pub(super) fn len(&self) -> usize {
@@ -72,23 +73,48 @@ impl Moments {
         entity: &EntityPath,
         columns: impl IntoIterator<Item = SerializedComponentColumn>,
     ) -> Result<Chunk, Fault> {
-        let row_ids: Vec<RowId> = std::iter::successors(Some(RowId::new()), |id| Some(id.next())).take(self.len()).collect();
-        let times = [(ENV_STEP, self.env_steps), (EPISODE, self.episodes), (ROUND, self.rounds)];
-        let times = times.into_iter().filter(|(name, _)| timelines.contains(name)).map(|(name, times)| time_column(name, times));
-        let components: ChunkComponents = columns.into_iter().map(|column| (column.descriptor, column.list_array)).collect();
+        let row_ids: Vec<RowId> = std::iter::successors(Some(RowId::new()), |id| Some(id.next()))
+            .take(self.len())
+            .collect();
+        let times = [
+            (ENV_STEP, self.env_steps),
+            (EPISODE, self.episodes),
+            (ROUND, self.rounds),
+        ];
+        let times = times
+            .into_iter()
+            .filter(|(name, _)| timelines.contains(name))
+            .map(|(name, times)| time_column(name, times));
+        let components: ChunkComponents = columns
+            .into_iter()
+            .map(|column| (column.descriptor, column.list_array))
+            .collect();
         let times: IntMap<TimelineName, TimeColumn> = times.collect();
-        let chunk = Chunk::from_native_row_ids(ChunkId::new(), entity.clone(), Some(true), &row_ids, times, components);
+        let chunk = Chunk::from_native_row_ids(
+            ChunkId::new(),
+            entity.clone(),
+            Some(true),
+            &row_ids,
+            times,
+            components,
+        );
         chunk.map_err(|error| error.to_string())
     }
 }
 
 fn time_column(name: &'static str, times: Vec<i64>) -> (TimelineName, TimeColumn) {
     let timeline = Timeline::new_sequence(name);
-    (*timeline.name(), TimeColumn::new(None, timeline, ScalarBuffer::from(times)))
+    (
+        *timeline.name(),
+        TimeColumn::new(None, timeline, ScalarBuffer::from(times)),
+    )
 }
 
 /// A single row without a time: true throughout the recording.
-pub(super) fn timeless(entity: impl Into<EntityPath>, content: &dyn AsComponents) -> Result<Chunk, Fault> {
+pub(super) fn timeless(
+    entity: impl Into<EntityPath>,
+    content: &dyn AsComponents,
+) -> Result<Chunk, Fault> {
     single_row(entity, TimePoint::default(), content)
 }
 
@@ -99,7 +125,9 @@ pub(super) fn single_row(
     content: &dyn AsComponents,
 ) -> Result<Chunk, Fault> {
     let batches = content.as_serialized_batches();
-    let chunk = Chunk::builder(entity).with_serialized_batches(RowId::new(), at, batches).build();
+    let chunk = Chunk::builder(entity)
+        .with_serialized_batches(RowId::new(), at, batches)
+        .build();
     chunk.map_err(|error| error.to_string())
 }
 
@@ -111,9 +139,15 @@ pub(super) fn unit_column(
 ) -> SerializedComponentColumn {
     let per_row = match &present {
         None => vec![1; values.len()],
-        Some(present) => present.iter().map(|&present| usize::from(present)).collect(),
+        Some(present) => present
+            .iter()
+            .map(|&present| usize::from(present))
+            .collect(),
     };
-    SerializedComponentColumn::new(list(values, per_row, present.map(NullBuffer::from)), descriptor)
+    SerializedComponentColumn::new(
+        list(values, per_row, present.map(NullBuffer::from)),
+        descriptor,
+    )
 }
 
 /// A column with `per_row[i]` values in row i.
@@ -127,15 +161,26 @@ pub(super) fn grouped_column(
 
 fn list(values: ArrayRef, lengths: Vec<usize>, present: Option<NullBuffer>) -> ListArray {
     let field = Field::new_list_field(values.data_type().clone(), true);
-    ListArray::new(field.into(), OffsetBuffer::from_lengths(lengths), values, present)
+    ListArray::new(
+        field.into(),
+        OffsetBuffer::from_lengths(lengths),
+        values,
+        present,
+    )
 }
 
 /// Polylines of 2D points, as the components of lines want them.
 pub(super) fn strips(points: Vec<f32>, points_per_strip: Vec<usize>) -> ArrayRef {
     let number = Field::new("item", DataType::Float32, false);
-    let points = FixedSizeListArray::new(number.into(), 2, Arc::new(Float32Array::from(points)), None);
+    let points =
+        FixedSizeListArray::new(number.into(), 2, Arc::new(Float32Array::from(points)), None);
     let point = Field::new("item", points.data_type().clone(), false);
-    Arc::new(ListArray::new(point.into(), OffsetBuffer::from_lengths(points_per_strip), Arc::new(points), None))
+    Arc::new(ListArray::new(
+        point.into(),
+        OffsetBuffer::from_lengths(points_per_strip),
+        Arc::new(points),
+        None,
+    ))
 }
 
 /// A colour as Rerun wants it.

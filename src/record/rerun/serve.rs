@@ -11,10 +11,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use re_protos::log_msg::v1alpha1::{LogMsg, log_msg::Msg};
-use re_protos::sdk_comms::v1alpha1::message_proxy_service_server::{MessageProxyService, MessageProxyServiceServer};
+use re_protos::sdk_comms::v1alpha1::message_proxy_service_server::{
+    MessageProxyService, MessageProxyServiceServer,
+};
 use re_protos::sdk_comms::v1alpha1::{
-    ReadMessagesRequest, ReadMessagesResponse, ReadTablesRequest, ReadTablesResponse, WriteMessagesRequest,
-    WriteMessagesResponse, WriteTableRequest, WriteTableResponse,
+    ReadMessagesRequest, ReadMessagesResponse, ReadTablesRequest, ReadTablesResponse,
+    WriteMessagesRequest, WriteMessagesResponse, WriteTableRequest, WriteTableResponse,
 };
 use rerun::external::re_log_encoding::rrd::DecoderTransport;
 use tokio::fs::File;
@@ -70,8 +72,16 @@ impl Server {
         let bound = || {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
             listener.set_nonblocking(true)?;
-            let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().thread_name("viewers").build()?;
-            Ok(Self { port: listener.local_addr()?.port(), listener, runtime })
+            let runtime = Builder::new_multi_thread()
+                .worker_threads(1)
+                .enable_all()
+                .thread_name("viewers")
+                .build()?;
+            Ok(Self {
+                port: listener.local_addr()?.port(),
+                listener,
+                runtime,
+            })
         };
         bound().map_err(|reason| ServeError { port, reason })
     }
@@ -85,12 +95,20 @@ impl Server {
     /// Serves the recording at `path`, of whose bytes the first `length` are whole messages.
     pub(super) fn open(self, path: &Path, length: u64) -> Result<Serving, Fault> {
         let address = self.address();
-        let (written, news) = watch::channel(Written { length, complete: false });
+        let (written, news) = watch::channel(Written {
+            length,
+            complete: false,
+        });
         let mut end = news.clone();
-        let library = Library { path: path.to_owned(), news, handed: Arc::default() };
+        let library = Library {
+            path: path.to_owned(),
+            news,
+            handed: Arc::default(),
+        };
         let handed = Arc::clone(&library.handed);
         let entered = self.runtime.enter();
-        let listener = tokio::net::TcpListener::from_std(self.listener).map_err(|error| error.to_string())?;
+        let listener =
+            tokio::net::TcpListener::from_std(self.listener).map_err(|error| error.to_string())?;
         let served = self.runtime.spawn(async move {
             let server = tonic::transport::Server::builder()
                 .http2_keepalive_interval(Some(ALIVE[0]))
@@ -98,10 +116,23 @@ impl Server {
             let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
             let end = async move { drop(end.wait_for(|written| written.complete).await) };
             // Whatever became of the connections, the file has everything.
-            drop(server.serve_with_incoming_shutdown(MessageProxyServiceServer::new(library), incoming, end).await);
+            drop(
+                server
+                    .serve_with_incoming_shutdown(
+                        MessageProxyServiceServer::new(library),
+                        incoming,
+                        end,
+                    )
+                    .await,
+            );
         });
         drop(entered);
-        Ok(Serving { address, written, handed, open: Some((self.runtime, served)) })
+        Ok(Serving {
+            address,
+            written,
+            handed,
+            open: Some((self.runtime, served)),
+        })
     }
 }
 
@@ -133,14 +164,19 @@ impl Serving {
 
     /// Waits until all viewers have everything, and closes. Fails if some had to be left behind.
     pub(super) fn finish(&mut self) -> Result<(), Fault> {
-        let Some((runtime, served)) = self.open.take() else { return Ok(()) };
+        let Some((runtime, served)) = self.open.take() else {
+            return Ok(());
+        };
         self.written.send_modify(|written| written.complete = true);
         let all_have_it = self.wait_for(&runtime, served);
         runtime.shutdown_background();
         if all_have_it {
             return Ok(());
         }
-        Err(format!("not every viewer at {} took in the end of the recording; its file has it", self.address))
+        Err(format!(
+            "not every viewer at {} took in the end of the recording; its file has it",
+            self.address
+        ))
     }
 
     /// Whether all viewers have everything, as long as some take in more.
@@ -148,7 +184,10 @@ impl Serving {
         let handed = || self.handed.load(Ordering::Relaxed);
         for _ in 0..LAST_CALLS {
             let before = handed();
-            if runtime.block_on(async { tokio::time::timeout(PATIENCE, &mut served).await }).is_ok() {
+            if runtime
+                .block_on(async { tokio::time::timeout(PATIENCE, &mut served).await })
+                .is_ok()
+            {
                 return true;
             }
             if handed() == before {
@@ -186,14 +225,18 @@ impl Library {
     }
 
     async fn read_to(&mut self, reader: &Reader) -> Result<(), Fault> {
-        let mut file = File::open(&self.path).await.map_err(|error| error.to_string())?;
+        let mut file = File::open(&self.path)
+            .await
+            .map_err(|error| error.to_string())?;
         let mut decoder = DecoderTransport::new();
         let mut read = 0;
         loop {
             let Written { length, complete } = *self.news.borrow_and_update();
             while read < length {
                 let mut piece = vec![0; PIECE.min(length - read) as usize];
-                file.read_exact(&mut piece).await.map_err(|error| error.to_string())?;
+                file.read_exact(&mut piece)
+                    .await
+                    .map_err(|error| error.to_string())?;
                 read += piece.len() as u64;
                 decoder.push_byte_chunk(piece);
                 while let Some(message) = decoder.try_read().map_err(|error| error.to_string())? {
@@ -211,11 +254,15 @@ impl Library {
 }
 
 fn response(message: Msg) -> ReadMessagesResponse {
-    ReadMessagesResponse { log_msg: Some(LogMsg { msg: Some(message) }) }
+    ReadMessagesResponse {
+        log_msg: Some(LogMsg { msg: Some(message) }),
+    }
 }
 
 fn only_to_read<T>() -> Result<T, Status> {
-    Err(Status::unimplemented("a run is to be looked at, and has no tables"))
+    Err(Status::unimplemented(
+        "a run is to be looked at, and has no tables",
+    ))
 }
 
 #[tonic::async_trait]
@@ -223,13 +270,19 @@ impl MessageProxyService for Library {
     type ReadMessagesStream = ReceiverStream<Result<ReadMessagesResponse, Status>>;
     type ReadTablesStream = ReceiverStream<Result<ReadTablesResponse, Status>>;
 
-    async fn read_messages(&self, _: Request<ReadMessagesRequest>) -> Result<Response<Self::ReadMessagesStream>, Status> {
+    async fn read_messages(
+        &self,
+        _: Request<ReadMessagesRequest>,
+    ) -> Result<Response<Self::ReadMessagesStream>, Status> {
         let (reader, messages) = mpsc::channel(WAITING);
         tokio::spawn(self.clone().hand_out(reader));
         Ok(Response::new(ReceiverStream::new(messages)))
     }
 
-    async fn read_tables(&self, _: Request<ReadTablesRequest>) -> Result<Response<Self::ReadTablesStream>, Status> {
+    async fn read_tables(
+        &self,
+        _: Request<ReadTablesRequest>,
+    ) -> Result<Response<Self::ReadTablesStream>, Status> {
         only_to_read()
     }
 
@@ -240,7 +293,10 @@ impl MessageProxyService for Library {
         only_to_read()
     }
 
-    async fn write_table(&self, _: Request<WriteTableRequest>) -> Result<Response<WriteTableResponse>, Status> {
+    async fn write_table(
+        &self,
+        _: Request<WriteTableRequest>,
+    ) -> Result<Response<WriteTableResponse>, Status> {
         only_to_read()
     }
 }
@@ -266,7 +322,11 @@ mod tests {
     fn served() -> (TempDir, Sink, String) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.rrd.part");
-        let mut sink = Sink::new(StoreId::recording("test", "test"), Box::new(std::fs::File::create(&path).unwrap())).unwrap();
+        let mut sink = Sink::new(
+            StoreId::recording("test", "test"),
+            Box::new(std::fs::File::create(&path).unwrap()),
+        )
+        .unwrap();
         say(&mut sink, 3);
         let server = Server::bind(0).unwrap();
         let address = server.address().replace("rerun+", "").replace("/proxy", "");
@@ -276,8 +336,14 @@ mod tests {
 
     /// Records so many texts of about a megabyte, which are hard to compress.
     fn say(sink: &mut Sink, times: usize) {
-        let words: Vec<String> = (0..60_000_u64).map(|n| format!("{:x}", n.wrapping_mul(0x9E37_79B9_7F4A_7C15))).collect();
-        let chunk = timeless(EntityPath::from("text"), &TextDocument::new(words.join(" "))).unwrap();
+        let words: Vec<String> = (0..60_000_u64)
+            .map(|n| format!("{:x}", n.wrapping_mul(0x9E37_79B9_7F4A_7C15)))
+            .collect();
+        let chunk = timeless(
+            EntityPath::from("text"),
+            &TextDocument::new(words.join(" ")),
+        )
+        .unwrap();
         (0..times).for_each(|_| sink.send_chunk(&chunk).unwrap());
     }
 
@@ -296,7 +362,11 @@ mod tests {
         let address = address.to_owned();
         let viewer = thread::spawn(move || {
             with_client(&address, async |mut client| {
-                let mut messages = client.read_messages(ReadMessagesRequest {}).await.unwrap().into_inner();
+                let mut messages = client
+                    .read_messages(ReadMessagesRequest {})
+                    .await
+                    .unwrap()
+                    .into_inner();
                 connected.send(()).unwrap();
                 assert!(told.recv().is_err());
                 let mut count = 0;
@@ -361,8 +431,13 @@ mod tests {
     fn viewers_cannot_write() {
         let (_folder, mut sink, address) = served();
         let table = WriteTableRequest::default();
-        let refused = with_client(&address, async |mut client| client.write_table(table).await.map(drop).unwrap_err());
-        assert_eq!(refused.message(), "a run is to be looked at, and has no tables");
+        let refused = with_client(&address, async |mut client| {
+            client.write_table(table).await.map(drop).unwrap_err()
+        });
+        assert_eq!(
+            refused.message(),
+            "a run is to be looked at, and has no tables"
+        );
         sink.finish().unwrap();
     }
 
@@ -370,8 +445,14 @@ mod tests {
     fn a_taken_port_is_refused() {
         let taken = Server::bind(0).unwrap();
         let error = Server::bind(taken.port).map(drop).unwrap_err().to_string();
-        assert!(error.starts_with(&format!("cannot serve viewers at port {}: ", taken.port)), "{error}");
-        assert_eq!(taken.address(), format!("rerun+http://127.0.0.1:{}/proxy", taken.port));
+        assert!(
+            error.starts_with(&format!("cannot serve viewers at port {}: ", taken.port)),
+            "{error}"
+        );
+        assert_eq!(
+            taken.address(),
+            format!("rerun+http://127.0.0.1:{}/proxy", taken.port)
+        );
     }
 
     /// The command line names it in words.

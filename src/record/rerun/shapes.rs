@@ -9,16 +9,28 @@ use crate::env::{Pose, SceneBody, Shape};
 /// A body's shapes in its own frame: what lines can draw, and what takes discs.
 pub(super) fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips2D, Points2D) {
     let lines = body.shapes.iter().flat_map(lines_of);
-    let (strips, widths): (Vec<_>, Vec<_>) = lines.map(|(line, radius)| (flipped(line), radius)).unzip();
+    let (strips, widths): (Vec<_>, Vec<_>) =
+        lines.map(|(line, radius)| (flipped(line), radius)).unzip();
     let (centers, radii): (Vec<_>, Vec<_>) = body.shapes.iter().filter_map(disc).unzip();
-    let lines = LineStrips2D::new(strips).with_radii(widths).with_colors([rgb(color)]).with_draw_order(order);
-    (lines, Points2D::new(flipped(centers)).with_radii(radii).with_colors([rgb(color)]).with_draw_order(order))
+    let lines = LineStrips2D::new(strips)
+        .with_radii(widths)
+        .with_colors([rgb(color)])
+        .with_draw_order(order);
+    (
+        lines,
+        Points2D::new(flipped(centers))
+            .with_radii(radii)
+            .with_colors([rgb(color)])
+            .with_draw_order(order),
+    )
 }
 
 /// Where a body turns.
 pub(super) fn hinge([x, y]: [f32; 2], order: f32) -> Points2D {
     let style = Points2D::new([[x, -y]]).with_radii([Radius::new_ui_points(2.5)]);
-    style.with_colors([rgb([20, 20, 24])]).with_draw_order(order)
+    style
+        .with_colors([rgb([20, 20, 24])])
+        .with_draw_order(order)
 }
 
 /// Frames that fill a box, one within the other and overlapping: how far within its border they are and half how thick, both as
@@ -28,9 +40,18 @@ const FRAMES: [(f32, f32); 4] = [(0.08, 0.08), (0.26, 0.16), (0.65, 0.35), (0.99
 fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
     match shape {
         Shape::Ball { .. } => Vec::new(),
-        Shape::Box { center, half_size, angle } => filled_box(*center, *half_size, *angle),
-        Shape::Capsule { from, to, radius } => vec![(vec![*from, *to], Radius::new_scene_units(*radius))],
-        Shape::Polygon(_) => outline(shape).map(|points| (points, Radius::new_ui_points(1.5))).into_iter().collect(),
+        Shape::Box {
+            center,
+            half_size,
+            angle,
+        } => filled_box(*center, *half_size, *angle),
+        Shape::Capsule { from, to, radius } => {
+            vec![(vec![*from, *to], Radius::new_scene_units(*radius))]
+        }
+        Shape::Polygon(_) => outline(shape)
+            .map(|points| (points, Radius::new_ui_points(1.5)))
+            .into_iter()
+            .collect(),
         Shape::Polyline(points) => vec![(points.clone(), Radius::new_ui_points(1.5))],
     }
 }
@@ -52,19 +73,35 @@ fn corners([w, h]: [f32; 2]) -> [[f32; 2]; 5] {
 }
 
 fn disc(shape: &Shape) -> Option<([f32; 2], Radius)> {
-    if let Shape::Ball { center, radius } = shape { Some((*center, Radius::new_scene_units(*radius))) } else { None }
+    if let Shape::Ball { center, radius } = shape {
+        Some((*center, Radius::new_scene_units(*radius)))
+    } else {
+        None
+    }
 }
 
 /// What a trace shows of a shape. Open lines lie about and would only repeat themselves.
 pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     match shape {
         Shape::Ball { center, radius } => {
-            let point = |part: u8| turned_point([*radius, 0.0], f32::from(part) * std::f32::consts::TAU / 16.0, *center);
+            let point = |part: u8| {
+                turned_point(
+                    [*radius, 0.0],
+                    f32::from(part) * std::f32::consts::TAU / 16.0,
+                    *center,
+                )
+            };
             Some((0..=16).map(point).collect())
         }
-        Shape::Box { center, half_size, angle } => {
-            Some(corners(*half_size).map(|corner| turned_point(corner, *angle, *center)).to_vec())
-        }
+        Shape::Box {
+            center,
+            half_size,
+            angle,
+        } => Some(
+            corners(*half_size)
+                .map(|corner| turned_point(corner, *angle, *center))
+                .to_vec(),
+        ),
         Shape::Capsule { from, to, .. } => Some(vec![*from, *to]),
         Shape::Polygon(points) => Some(points.iter().chain(points.first()).copied().collect()),
         Shape::Polyline(_) => None,

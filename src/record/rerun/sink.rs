@@ -8,7 +8,9 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use rerun::StoreId;
-use rerun::external::re_log_encoding::rrd::{CrateVersion, EncodeError, Encoder, EncodingOptions, StreamHeader};
+use rerun::external::re_log_encoding::rrd::{
+    CrateVersion, EncodeError, Encoder, EncodingOptions, StreamHeader,
+};
 use rerun::log::{Chunk, LogMsg};
 
 use super::live::Viewer;
@@ -58,7 +60,11 @@ impl Sink {
     /// Opens a file for the messages of `store`.
     pub(super) fn new(store: StoreId, storage: Box<dyn Storage>) -> Result<Self, Fault> {
         let whole = Synced { storage };
-        let encoder = Encoder::new_eager(CrateVersion::LOCAL, EncodingOptions::PROTOBUF_COMPRESSED, whole);
+        let encoder = Encoder::new_eager(
+            CrateVersion::LOCAL,
+            EncodingOptions::PROTOBUF_COMPRESSED,
+            whole,
+        );
         let length = StreamHeader::ENCODED_SIZE_BYTES as u64;
         Ok(Self {
             store,
@@ -145,16 +151,26 @@ impl Sink {
         self.fault = Some("the recording is already complete".to_owned());
         let shown = self.viewer.as_mut().map(Viewer::finish);
         let served = self.serving.as_mut().map(Serving::finish);
-        self.warning = self.warning.take().or(shown.or(served).and_then(Result::err));
+        self.warning = self
+            .warning
+            .take()
+            .or(shown.or(served).and_then(Result::err));
         Ok(())
     }
 
-    fn guard<T>(&mut self, work: impl FnOnce(&mut Encoder<Synced>) -> Result<T, EncodeError>) -> Result<T, Fault> {
+    fn guard<T>(
+        &mut self,
+        work: impl FnOnce(&mut Encoder<Synced>) -> Result<T, EncodeError>,
+    ) -> Result<T, Fault> {
         if let Some(fault) = &self.fault {
             return Err(fault.clone());
         }
-        let Some(encoder) = &mut self.encoder else { return Err("the recording is closed".to_owned()) };
-        work(encoder).map_err(in_words).inspect_err(|fault| self.give_up(fault))
+        let Some(encoder) = &mut self.encoder else {
+            return Err("the recording is closed".to_owned());
+        };
+        work(encoder)
+            .map_err(in_words)
+            .inspect_err(|fault| self.give_up(fault))
     }
 
     /// Leaves the file as it was after the latest message. An encoder that is merely dropped would try to write on.
@@ -218,9 +234,15 @@ mod tests {
     impl Write for Disk {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             let mut held = self.bytes.lock().unwrap();
-            let fitting = bytes.len().min(self.room.load(Ordering::Relaxed) - held.len());
+            let fitting = bytes
+                .len()
+                .min(self.room.load(Ordering::Relaxed) - held.len());
             held.extend(&bytes[..fitting]);
-            if fitting == 0 { Err(io::ErrorKind::StorageFull.into()) } else { Ok(fitting) }
+            if fitting == 0 {
+                Err(io::ErrorKind::StorageFull.into())
+            } else {
+                Ok(fitting)
+            }
         }
 
         fn flush(&mut self) -> io::Result<()> {
@@ -244,8 +266,12 @@ mod tests {
     }
 
     fn filled(room: usize, messages: u64) -> (Disk, Sink, Result<(), Fault>) {
-        let disk = Disk { bytes: Arc::default(), room: Arc::new(room.into()) };
-        let mut sink = Sink::new(StoreId::recording("test", "test"), Box::new(disk.clone())).unwrap();
+        let disk = Disk {
+            bytes: Arc::default(),
+            room: Arc::new(room.into()),
+        };
+        let mut sink =
+            Sink::new(StoreId::recording("test", "test"), Box::new(disk.clone())).unwrap();
         let chunk = timeless(EntityPath::from("text"), &TextDocument::new("some words")).unwrap();
         let sent = (0..messages).try_for_each(|_| sink.send_chunk(&chunk));
         (disk, sink, sent)

@@ -72,7 +72,12 @@ impl Drawing {
                 let color = self.colouring.color(episode, &seen);
                 own.draw(self, &seen, &fractions, color);
                 if shared.binary_search(&place).is_ok() {
-                    team.draw(self, &seen, &fractions, Some(color.unwrap_or_else(|| agent_color(episode.agent))));
+                    team.draw(
+                        self,
+                        &seen,
+                        &fractions,
+                        Some(color.unwrap_or_else(|| agent_color(episode.agent))),
+                    );
                 }
             }
         }
@@ -83,15 +88,32 @@ impl Drawing {
 
 impl Sample {
     pub(super) fn new(who: &str) -> Self {
-        Self { lines: Marks::new(format!("visitation/{who}/lines")), points: Marks::new(format!("pairs/{who}/states")) }
+        Self {
+            lines: Marks::new(format!("visitation/{who}/lines")),
+            points: Marks::new(format!("pairs/{who}/states")),
+        }
     }
 
-    fn draw(&mut self, drawing: &Drawing, seen: &Seen<'_>, fractions: &[f32], color: Option<[u8; 3]>) {
-        self.lines.coordinates.extend(drawing.axes.line(fractions).flatten());
-        self.points.coordinates.extend(drawing.pairs.points(seen).flatten());
+    fn draw(
+        &mut self,
+        drawing: &Drawing,
+        seen: &Seen<'_>,
+        fractions: &[f32],
+        color: Option<[u8; 3]>,
+    ) {
+        self.lines
+            .coordinates
+            .extend(drawing.axes.line(fractions).flatten());
+        self.points
+            .coordinates
+            .extend(drawing.pairs.points(seen).flatten());
         let color = color.map(|color| rgb(color).to_u32());
         self.lines.colors.extend(color);
-        self.points.colors.extend(color.into_iter().flat_map(|color| vec![color; drawing.pairs.panels().len()]));
+        self.points.colors.extend(
+            color
+                .into_iter()
+                .flat_map(|color| vec![color; drawing.pairs.panels().len()]),
+        );
     }
 
     fn end(&mut self, states: usize, at: Moment) {
@@ -107,26 +129,48 @@ impl Sample {
             return Ok(Vec::new());
         }
         let (axes, panels) = (drawing.axes.all().len(), drawing.pairs.panels().len());
-        let line = |coordinates, states| (LineStrips2D::descriptor_strips(), strips(coordinates, vec![axes; states]));
+        let line = |coordinates, states| {
+            (
+                LineStrips2D::descriptor_strips(),
+                strips(coordinates, vec![axes; states]),
+            )
+        };
         let point = |coordinates, _| (Points2D::descriptor_positions(), positions(coordinates));
         let lines = self.lines.take(1, LineStrips2D::descriptor_colors(), line);
-        let points = self.points.take(panels, Points2D::descriptor_colors(), point);
+        let points = self
+            .points
+            .take(panels, Points2D::descriptor_colors(), point);
         lines.into_iter().chain(points).collect()
     }
 
     /// What is true throughout. Where agents have their own colours: from dark, at an episode's start, to bright, at its end.
-    pub(super) fn styles(&self, agent: Option<u32>, states_per_row: u32, panels: usize) -> Result<[Chunk; 2], Fault> {
+    pub(super) fn styles(
+        &self,
+        agent: Option<u32>,
+        states_per_row: u32,
+        panels: usize,
+    ) -> Result<[Chunk; 2], Fault> {
         let states = states_per_row.max(1);
         let share = |state: u32| 0.35 + 0.65 * (state + 1) as f32 / states as f32;
-        let faded =
-            |agent: u32, state: u32| agent_color(agent).map(|channel| (f32::from(channel) * share(state)).min(255.0) as u8);
-        let colors: Vec<_> = agent.into_iter().flat_map(|agent| (0..states).map(move |state| rgb(faded(agent, state)))).collect();
+        let faded = |agent: u32, state: u32| {
+            agent_color(agent).map(|channel| (f32::from(channel) * share(state)).min(255.0) as u8)
+        };
+        let colors: Vec<_> = agent
+            .into_iter()
+            .flat_map(|agent| (0..states).map(move |state| rgb(faded(agent, state))))
+            .collect();
         let lines = LineStrips2D::update_fields().with_radii([Radius::new_ui_points(0.35)]);
         let points = Points2D::update_fields().with_radii([Radius::new_ui_points(1.2)]);
         if colors.is_empty() {
-            return Ok([timeless(self.lines.entity.clone(), &lines)?, timeless(self.points.entity.clone(), &points)?]);
+            return Ok([
+                timeless(self.lines.entity.clone(), &lines)?,
+                timeless(self.points.entity.clone(), &points)?,
+            ]);
         }
-        let of_points = colors.iter().flat_map(|color| vec![*color; panels]).collect::<Vec<_>>();
+        let of_points = colors
+            .iter()
+            .flat_map(|color| vec![*color; panels])
+            .collect::<Vec<_>>();
         Ok([
             timeless(self.lines.entity.clone(), &lines.with_colors(colors))?,
             timeless(self.points.entity.clone(), &points.with_colors(of_points))?,
@@ -137,7 +181,13 @@ impl Sample {
 impl Marks {
     fn new(entity: String) -> Self {
         let (coordinates, colors, counts) = (Vec::new(), Vec::new(), Vec::new());
-        Self { entity: entity.into(), moments: Moments::default(), coordinates, colors, counts }
+        Self {
+            entity: entity.into(),
+            moments: Moments::default(),
+            coordinates,
+            colors,
+            counts,
+        }
     }
 
     /// A state makes `marks` marks.
@@ -147,16 +197,26 @@ impl Marks {
         color: rerun::ComponentDescriptor,
         shapes: impl FnOnce(Vec<f32>, usize) -> (rerun::ComponentDescriptor, ArrayRef),
     ) -> Option<Result<Chunk, Fault>> {
-        let (moments, colors) = (std::mem::take(&mut self.moments), std::mem::take(&mut self.colors));
-        let counts: Vec<usize> = std::mem::take(&mut self.counts).into_iter().map(|states| states * marks).collect();
+        let (moments, colors) = (
+            std::mem::take(&mut self.moments),
+            std::mem::take(&mut self.colors),
+        );
+        let counts: Vec<usize> = std::mem::take(&mut self.counts)
+            .into_iter()
+            .map(|states| states * marks)
+            .collect();
         let states = counts.iter().sum::<usize>() / marks.max(1);
         let coordinates = std::mem::take(&mut self.coordinates);
         if coordinates.is_empty() {
             return None;
         }
         let (name, shapes) = shapes(coordinates, states);
-        let colored = (!colors.is_empty()).then(|| grouped_column(color, Arc::new(UInt32Array::from(colors)), counts.clone()));
-        let columns: Vec<SerializedComponentColumn> = [grouped_column(name, shapes, counts)].into_iter().chain(colored).collect();
+        let colored = (!colors.is_empty())
+            .then(|| grouped_column(color, Arc::new(UInt32Array::from(colors)), counts.clone()));
+        let columns: Vec<SerializedComponentColumn> = [grouped_column(name, shapes, counts)]
+            .into_iter()
+            .chain(colored)
+            .collect();
         Some(moments.into_chunk(&self.entity, columns))
     }
 }
@@ -164,5 +224,10 @@ impl Marks {
 /// 2D points, as the components of points want them.
 fn positions(coordinates: Vec<f32>) -> ArrayRef {
     let number = Field::new("item", DataType::Float32, false);
-    Arc::new(FixedSizeListArray::new(number.into(), 2, Arc::new(Float32Array::from(coordinates)), None))
+    Arc::new(FixedSizeListArray::new(
+        number.into(),
+        2,
+        Arc::new(Float32Array::from(coordinates)),
+        None,
+    ))
 }

@@ -63,11 +63,30 @@ impl Walls {
         let (half, upper) = (width / 2.0, TEAM_SHARE * (height + TITLE) - TITLE);
         let lower = height - upper - TITLE;
         let [of_axes, of_team, of_pairs, of_team_pairs] = match Arrangement::of(agents) {
-            Arrangement::Alone => [[width, (height - TITLE) / 2.0], [half, upper], [width, height], [width, upper]],
-            Arrangement::Few => [[half, height], [half, upper], [half, height], [half, height]],
-            Arrangement::Many => [[width, lower], [half, upper], [width, lower], [width, upper]],
+            Arrangement::Alone => [
+                [width, (height - TITLE) / 2.0],
+                [half, upper],
+                [width, height],
+                [width, upper],
+            ],
+            Arrangement::Few => [
+                [half, height],
+                [half, upper],
+                [half, height],
+                [half, height],
+            ],
+            Arrangement::Many => [
+                [width, lower],
+                [half, upper],
+                [width, lower],
+                [width, upper],
+            ],
         };
-        let room = |size| Room { size, scale: SCALE, overhang: 0.0 };
+        let room = |size| Room {
+            size,
+            scale: SCALE,
+            overhang: 0.0,
+        };
         Self {
             axes: Wall::of_axes(axes, Some(agents), room(of_axes)),
             team_axes: Wall::of_axes(axes, None, room(of_team)),
@@ -77,11 +96,18 @@ impl Walls {
     }
 
     /// Axes, panels, each agent's place, and the scales whose ends are known.
-    pub(super) fn furniture(&self, drawing: &Drawing, pictures: &Pictures) -> Result<Vec<Chunk>, Fault> {
+    pub(super) fn furniture(
+        &self,
+        drawing: &Drawing,
+        pictures: &Pictures,
+    ) -> Result<Vec<Chunk>, Fault> {
         let mut chunks = self.axes.axes("visitation/axes", &drawing.axes)?.to_vec();
         chunks.extend(self.team_axes.axes("visitation/team/axes", &drawing.axes)?);
         chunks.extend(self.pairs.panels("pairs/frames", &drawing.pairs)?);
-        chunks.extend(self.team_pairs.panels("pairs/team/frames", &drawing.pairs)?);
+        chunks.extend(
+            self.team_pairs
+                .panels("pairs/team/frames", &drawing.pairs)?,
+        );
         for (root, wall) in [("visitation", self.axes), ("pairs", self.pairs)] {
             for (agent, [x, y]) in wall.tiles.corners().enumerate() {
                 let place = Transform3D::update_fields().with_translation([x, y, 0.0]);
@@ -96,18 +122,43 @@ impl Walls {
     fn scales(&self, pictures: &Pictures) -> Result<Vec<Chunk>, Fault> {
         let [axes, team_axes, pairs, team_pairs] =
             [self.axes, self.team_axes, self.pairs, self.team_pairs].map(|wall| wall.tiles.bar());
-        let mut chunks = pictures.latest.words(&ends(&axes, -2.15), &ends(&team_axes, -2.15))?.to_vec();
+        let mut chunks = pictures
+            .latest
+            .words(&ends(&axes, -2.15), &ends(&team_axes, -2.15))?
+            .to_vec();
         chunks.extend(pictures.density.words(&upper(&axes), &upper(&team_axes))?);
-        for (entity, bar) in [("visitation/scale/density", axes), ("visitation/team/scale/density", team_axes)] {
-            chunks.extend(scale(entity, &bar, lit, beside(&bar, &[("lines a pixel", 2.1), ("1", -0.05), ("log scale", -1.1)]))?);
+        for (entity, bar) in [
+            ("visitation/scale/density", axes),
+            ("visitation/team/scale/density", team_axes),
+        ] {
+            chunks.extend(scale(
+                entity,
+                &bar,
+                lit,
+                beside(
+                    &bar,
+                    &[("lines a pixel", 2.1), ("1", -0.05), ("log scale", -1.1)],
+                ),
+            )?);
         }
         if let Some(bonus) = &pictures.bonus {
             chunks.extend(bonus.words(&ends(&pairs, -1.1), &ends(&team_pairs, -1.1))?);
-            for (entity, bar) in [("pairs/scale/bonus", pairs), ("pairs/team/scale/bonus", team_pairs)] {
-                chunks.extend(scale(entity, &bar, sequential, beside(&bar, &[("mean bonus", 2.1), ("0", -0.05)]))?);
+            for (entity, bar) in [
+                ("pairs/scale/bonus", pairs),
+                ("pairs/team/scale/bonus", team_pairs),
+            ] {
+                chunks.extend(scale(
+                    entity,
+                    &bar,
+                    sequential,
+                    beside(&bar, &[("mean bonus", 2.1), ("0", -0.05)]),
+                )?);
             }
         }
-        let sides = beside(&team_axes, &[("", 2.1), ("", 1.05), ("", -0.05), ("", -1.1)]);
+        let sides = beside(
+            &team_axes,
+            &[("", 2.1), ("", 1.05), ("", -0.05), ("", -1.1)],
+        );
         chunks.push(pictures.difference_words(&sides)?);
         chunks.extend(scale(
             "visitation/difference/scale",
@@ -126,8 +177,14 @@ impl Walls {
             ("pairs/scale/states", self.pairs),
             ("pairs/team/scale/states", self.team_pairs),
         ];
-        let scales = walls.into_iter().map(|(entity, wall)| coloured(entity, &wall.tiles.bar(), colouring));
-        Ok(scales.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+        let scales = walls
+            .into_iter()
+            .map(|(entity, wall)| coloured(entity, &wall.tiles.bar(), colouring));
+        Ok(scales
+            .collect::<Result<Vec<_>, _>>()?
+            .into_iter()
+            .flatten()
+            .collect())
     }
 }
 
@@ -154,16 +211,28 @@ fn coloured(entity: &str, bar: &Bar, colouring: &Colouring) -> Result<Vec<Chunk>
         Colour::Outcome => {
             let [truncated, terminated] = OUTCOMES;
             let word = |text: &str, lines: f32, color| (text.to_owned(), bar.words(lines), color);
-            let words = vec![word("truncated", 2.1, truncated), word("terminated", 1.05, terminated)];
-            Ok(vec![timeless(format!("{entity}/labels"), &super::furniture::texts(words))?])
+            let words = vec![
+                word("truncated", 2.1, truncated),
+                word("terminated", 1.05, terminated),
+            ];
+            Ok(vec![timeless(
+                format!("{entity}/labels"),
+                &super::furniture::texts(words),
+            )?])
         }
         Colour::Return => {
             let (low, high) = (format!("{low} or less"), format!("{high} or more"));
-            let words = beside(bar, &[(colouring.title(), 2.1), (&high, 1.05), (&low, -0.05)]);
+            let words = beside(
+                bar,
+                &[(colouring.title(), 2.1), (&high, 1.05), (&low, -0.05)],
+            );
             scale(entity, bar, sequential, words).map(Vec::from)
         }
         Colour::Episode | Colour::IntrinsicReward => {
-            let words = beside(bar, &[(colouring.title(), 2.1), (&high, 1.05), (&low, -0.05)]);
+            let words = beside(
+                bar,
+                &[(colouring.title(), 2.1), (&high, 1.05), (&low, -0.05)],
+            );
             scale(entity, bar, sequential, words).map(Vec::from)
         }
     }

@@ -20,11 +20,22 @@ impl Colouring {
     /// The scale that holds for the whole run. Returns are known once `first`, the episodes of the first round, are; the run has
     /// `episodes` at most, and no bonus is above `largest_bonus`.
     #[must_use]
-    pub fn range(by: Colour, spec: &Spec, episodes: u32, largest_bonus: Option<f32>, first: &[&Episode]) -> [f32; 2] {
+    pub fn range(
+        by: Colour,
+        spec: &Spec,
+        episodes: u32,
+        largest_bonus: Option<f32>,
+        first: &[&Episode],
+    ) -> [f32; 2] {
         match by {
             Colour::Agent | Colour::Outcome => [0.0, 1.0],
             Colour::Episode => [0.0, episodes.saturating_sub(1).max(1) as f32],
-            Colour::IntrinsicReward => [0.0, largest_bonus.filter(|largest| *largest > 0.0).unwrap_or(1.0)],
+            Colour::IntrinsicReward => [
+                0.0,
+                largest_bonus
+                    .filter(|largest| *largest > 0.0)
+                    .unwrap_or(1.0),
+            ],
             Colour::Return => returns(first, spec.reward_threshold),
         }
     }
@@ -67,7 +78,9 @@ fn returns(first: &[&Episode], threshold: Option<f32>) -> [f32; 2] {
     let low = totals().fold(f32::INFINITY, f32::min);
     let high = totals().fold(f32::NEG_INFINITY, f32::max);
     let low = if low.is_finite() { low } else { 0.0 };
-    let high = threshold.filter(|threshold| *threshold > low).unwrap_or(high);
+    let high = threshold
+        .filter(|threshold| *threshold > low)
+        .unwrap_or(high);
     [low, if high > low { high } else { low + 1.0 }]
 }
 
@@ -77,7 +90,11 @@ mod tests {
     use super::*;
 
     fn episode(reward: f32) -> Episode {
-        Episode { rewards: vec![reward], outcome: Status::Truncated, ..Episode::start(2, 30, 30, &spec(&[[0.0, 1.0]])) }
+        Episode {
+            rewards: vec![reward],
+            outcome: Status::Truncated,
+            ..Episode::start(2, 30, 30, &spec(&[[0.0, 1.0]]))
+        }
     }
 
     #[test]
@@ -85,18 +102,31 @@ mod tests {
         let (low, high) = (episode(8.0), episode(20.0));
         assert_eq!(returns(&[&low, &high], Some(195.0)), [8.0, 195.0]);
         assert_eq!(returns(&[&low, &high], None), [8.0, 20.0]);
-        assert_eq!(returns(&[&high], Some(10.0)), [20.0, 21.0], "the task was solved at once");
+        assert_eq!(
+            returns(&[&high], Some(10.0)),
+            [20.0, 21.0],
+            "the task was solved at once"
+        );
         assert_eq!(returns(&[], None), [0.0, 1.0]);
     }
 
     #[test]
     fn each_colour_tells_something_else() {
-        let (episode, seen) = (episode(8.0), Seen { bonus: 0.5, ..seen(0, &[0.3]) });
+        let (episode, seen) = (
+            episode(8.0),
+            Seen {
+                bonus: 0.5,
+                ..seen(0, &[0.3])
+            },
+        );
         let color = |by, range| Colouring { by, range }.color(&episode, &seen);
         assert_eq!(color(Colour::Agent, [0.0, 1.0]), None);
         assert_eq!(color(Colour::Episode, [0.0, 60.0]), Some(sequential(0.5)));
         assert_eq!(color(Colour::Return, [8.0, 195.0]), Some(sequential(0.0)));
-        assert_eq!(color(Colour::IntrinsicReward, [0.0, 2.0]), Some(sequential(0.25)));
+        assert_eq!(
+            color(Colour::IntrinsicReward, [0.0, 2.0]),
+            Some(sequential(0.25))
+        );
         assert_eq!(color(Colour::Outcome, [0.0, 1.0]), Some(OUTCOMES[0]));
     }
 }

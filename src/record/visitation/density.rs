@@ -39,7 +39,8 @@ impl Density {
     /// Whether this was made for such axes.
     #[must_use]
     pub fn fits(&self, axes: &Axes) -> bool {
-        (self.gap, self.pairs) == (axes.gap(), axes.pairs()) && self.pixels.len() == axes.width() * HEIGHT
+        (self.gap, self.pairs) == (axes.gap(), axes.pairs())
+            && self.pixels.len() == axes.width() * HEIGHT
     }
 
     /// Counts one projected state.
@@ -59,7 +60,11 @@ impl Density {
     /// Draws the states of the round that ends, and returns their cells.
     pub fn end_round(&mut self) -> Gains {
         self.touched.sort_unstable();
-        let gains = Gains::of(self.touched.iter().map(|&cell| (cell, self.counts[cell as usize])));
+        let gains = Gains::of(
+            self.touched
+                .iter()
+                .map(|&cell| (cell, self.counts[cell as usize])),
+        );
         self.draw_all();
         gains
     }
@@ -67,15 +72,25 @@ impl Density {
     /// Whether the cells of a round are among these.
     #[must_use]
     pub fn has(&self, round: &Gains) -> bool {
-        round.cells().all(|(cell, _)| (cell as usize) < self.counts.len())
+        round
+            .cells()
+            .all(|(cell, _)| (cell as usize) < self.counts.len())
     }
 
     /// Lines over each pixel from some rounds alone: `[height × width]`.
     #[must_use]
     pub fn draw_alone<'a>(&self, rounds: impl Iterator<Item = &'a Gains>) -> Vec<u32> {
         let (counts, pixels) = (vec![0; self.counts.len()], vec![0; self.pixels.len()]);
-        let mut alone = Self { gap: self.gap, pairs: self.pairs, counts, touched: Vec::new(), pixels };
-        rounds.flat_map(Gains::cells).for_each(|(cell, states)| alone.count(cell as usize, states));
+        let mut alone = Self {
+            gap: self.gap,
+            pairs: self.pairs,
+            counts,
+            touched: Vec::new(),
+            pixels,
+        };
+        rounds
+            .flat_map(Gains::cells)
+            .for_each(|(cell, states)| alone.count(cell as usize, states));
         alone.draw_all();
         alone.pixels
     }
@@ -100,7 +115,11 @@ impl Density {
         let (pair, left, right) = (cell / (BINS * BINS), cell / BINS % BINS, cell % BINS);
         let (left, right) = (row(left), row(right));
         let width = self.pairs * self.gap + 1;
-        let columns = if pair + 1 == self.pairs { self.gap + 1 } else { self.gap };
+        let columns = if pair + 1 == self.pairs {
+            self.gap + 1
+        } else {
+            self.gap
+        };
         // Heights in 65,536ths of a pixel, so that no column needs a division.
         let rise = (((right as i64) - (left as i64)) << 16) / self.gap as i64;
         let mut height = ((left as i64) << 16) + (1 << 15);
@@ -125,13 +144,19 @@ fn row(bin: usize) -> usize {
 #[must_use]
 pub fn shade(pixels: &[u32], most: u32) -> Vec<u8> {
     let whole = log2(most).max(1);
-    let brightness = |lines: u32| DIMMEST + (log2(lines.min(most)) * u32::from(255 - DIMMEST) / whole) as u8;
-    pixels.iter().map(|&lines| if lines == 0 { 0 } else { brightness(lines) }).collect()
+    let brightness =
+        |lines: u32| DIMMEST + (log2(lines.min(most)) * u32::from(255 - DIMMEST) / whole) as u8;
+    pixels
+        .iter()
+        .map(|&lines| if lines == 0 { 0 } else { brightness(lines) })
+        .collect()
 }
 
 /// 256 log₂ `n`, straight between powers of two; the same on every machine. 0 for 0.
 fn log2(n: u32) -> u32 {
-    let Some(whole) = n.checked_ilog2() else { return 0 };
+    let Some(whole) = n.checked_ilog2() else {
+        return 0;
+    };
     let part = ((u64::from(n) << 8) >> whole) as u32 - 256;
     whole * 256 + part
 }
@@ -143,7 +168,11 @@ mod tests {
     use crate::record::AxisChoice;
 
     fn axes(observations: usize) -> Axes {
-        Axes::of(&spec(&vec![[0.0, 1.0]; observations]), &[AxisChoice::Observations], None)
+        Axes::of(
+            &spec(&vec![[0.0, 1.0]; observations]),
+            &[AxisChoice::Observations],
+            None,
+        )
     }
 
     #[test]
@@ -165,8 +194,15 @@ mod tests {
         density.add(&[0.0, 1.0]);
         let width = axes.width();
         let pixels = density.draw_all().clone();
-        let rows = |column: usize| (0..HEIGHT).filter(|row| pixels[row * width + column] == 1).collect::<Vec<_>>();
-        assert_eq!((rows(0), rows(96), rows(192)), (vec![63], vec![32], vec![0]));
+        let rows = |column: usize| {
+            (0..HEIGHT)
+                .filter(|row| pixels[row * width + column] == 1)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (rows(0), rows(96), rows(192)),
+            (vec![63], vec![32], vec![0])
+        );
         assert_eq!(pixels.iter().sum::<u32>() as usize, width);
     }
 
@@ -186,7 +222,12 @@ mod tests {
     #[test]
     fn rounds_can_be_drawn_alone() {
         let axes = axes(3);
-        let states = [[0.1, 0.5, 0.9], [0.3, 0.3, 0.2], [0.1, 0.5, 0.9], [0.8, 0.1, 0.4]];
+        let states = [
+            [0.1, 0.5, 0.9],
+            [0.3, 0.3, 0.2],
+            [0.1, 0.5, 0.9],
+            [0.8, 0.1, 0.4],
+        ];
         let (mut all, mut later) = (Density::new(&axes), Density::new(&axes));
         let rounds: Vec<Gains> = states
             .iter()
@@ -203,9 +244,19 @@ mod tests {
 
     #[test]
     fn brightness_is_logarithmic() {
-        assert_eq!(shade(&[0, 1, 2, 4, 16], 16), [0, 40, 40 + 53, 40 + 107, 255]);
-        assert_eq!(shade(&[1, 16], 256), [40, 40 + 107], "the brightest of several pictures may be in another one");
+        assert_eq!(
+            shade(&[0, 1, 2, 4, 16], 16),
+            [0, 40, 40 + 53, 40 + 107, 255]
+        );
+        assert_eq!(
+            shade(&[1, 16], 256),
+            [40, 40 + 107],
+            "the brightest of several pictures may be in another one"
+        );
         assert_eq!(shade(&[0, 0], 0), [0, 0]);
-        assert_eq!((log2(1), log2(3), log2(4), log2(u32::MAX)), (0, 256 + 128, 512, 31 * 256 + 255));
+        assert_eq!(
+            (log2(1), log2(3), log2(4), log2(u32::MAX)),
+            (0, 256 + 128, 512, 31 * 256 + 255)
+        );
     }
 }

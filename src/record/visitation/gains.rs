@@ -58,7 +58,13 @@ mod tests {
 
     #[test]
     fn cells_come_back_as_they_were() {
-        let cells = [(0, 1), (1, 127), (130, 128), (4_000_000, u32::MAX), (u32::MAX - 1, 3)];
+        let cells = [
+            (0, 1),
+            (1, 127),
+            (130, 128),
+            (4_000_000, u32::MAX),
+            (u32::MAX - 1, 3),
+        ];
         let gains = Gains::of(cells.into_iter());
         assert_eq!(gains.cells().collect::<Vec<_>>(), cells);
         assert_eq!(Gains::default().cells().count(), 0);
@@ -67,7 +73,10 @@ mod tests {
     /// Neighbours that were visited a few times take two bytes each; 300 = 2 · 128 + 44 takes two by itself.
     #[test]
     fn a_cell_takes_two_bytes() {
-        assert_eq!(Gains::of([(5, 3), (6, 1), (107, 2)].into_iter()).0, [5, 3, 0, 1, 100, 2]);
+        assert_eq!(
+            Gains::of([(5, 3), (6, 1), (107, 2)].into_iter()).0,
+            [5, 3, 0, 1, 100, 2]
+        );
         assert_eq!(Gains::of([(300, 1)].into_iter()).0, [128 + 44, 2, 1]);
     }
 

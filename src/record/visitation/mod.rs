@@ -32,5 +32,9 @@ pub const BINS: usize = 64;
 /// The part of a range below `value`, 0 to 1; what lies beyond an end counts as at the end, and what is not a number as low.
 fn fraction(value: f32, [low, high]: [f32; 2]) -> f32 {
     let fraction = (value - low) / (high - low);
-    if fraction > 0.0 { fraction.min(1.0) } else { 0.0 }
+    if fraction > 0.0 {
+        fraction.min(1.0)
+    } else {
+        0.0
+    }
 }

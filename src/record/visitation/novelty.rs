@@ -32,7 +32,10 @@ pub(super) fn earned(mut bonuses: Vec<(u32, f32)>) -> Vec<Earned> {
         count: same.len() as u32,
         sum: same.iter().map(|(_, bonus)| f64::from(*bonus)).sum(),
     };
-    bonuses.chunk_by(|(one, _), (next, _)| one == next).map(of_cell).collect()
+    bonuses
+        .chunk_by(|(one, _), (next, _)| one == next)
+        .map(of_cell)
+        .collect()
 }
 
 impl Novelty {
@@ -40,7 +43,10 @@ impl Novelty {
     #[must_use]
     pub fn new(pairs: &Pairs) -> Self {
         let cells = pairs.panels().len() * CELLS * CELLS;
-        Self { sums: vec![0.0; cells], counts: vec![0; cells] }
+        Self {
+            sums: vec![0.0; cells],
+            counts: vec![0; cells],
+        }
     }
 
     /// How many cells there are.
@@ -51,8 +57,13 @@ impl Novelty {
 
     /// The cell of each panel in which a state is.
     pub fn cells_of(pairs: &Pairs, seen: &Seen<'_>) -> impl Iterator<Item = u32> {
-        let cell = |(panel, [across, upwards]): (usize, [f32; 2])| (panel * CELLS + row(upwards)) * CELLS + column(across);
-        pairs.project(seen).enumerate().map(move |place| cell(place) as u32)
+        let cell = |(panel, [across, upwards]): (usize, [f32; 2])| {
+            (panel * CELLS + row(upwards)) * CELLS + column(across)
+        };
+        pairs
+            .project(seen)
+            .enumerate()
+            .map(move |place| cell(place) as u32)
     }
 
     /// Adds what was earned in a cell.
@@ -63,13 +74,22 @@ impl Novelty {
 
     /// Adds what others earned.
     pub fn add_all(&mut self, others: &Self) {
-        self.sums.iter_mut().zip(&others.sums).for_each(|(sum, other)| *sum += other);
-        self.counts.iter_mut().zip(&others.counts).for_each(|(count, other)| *count += other);
+        self.sums
+            .iter_mut()
+            .zip(&others.sums)
+            .for_each(|(sum, other)| *sum += other);
+        self.counts
+            .iter_mut()
+            .zip(&others.counts)
+            .for_each(|(count, other)| *count += other);
     }
 
     /// The mean bonus of each cell, none where nobody was: `[panels × cells × cells]`, from the uppermost row down.
     pub fn means(&self) -> impl Iterator<Item = Option<f64>> {
-        self.sums.iter().zip(&self.counts).map(|(sum, &count)| (count > 0).then(|| sum / f64::from(count)))
+        self.sums
+            .iter()
+            .zip(&self.counts)
+            .map(|(sum, &count)| (count > 0).then(|| sum / f64::from(count)))
     }
 
     /// The largest mean of a cell; 0 if nobody was anywhere.
@@ -98,10 +118,13 @@ mod tests {
     #[test]
     fn bonuses_are_averaged_where_they_were_earned() {
         let pairs = Pairs::of(&spec(&[[0.0, 1.0]; 2]), &PairChoice::First(known_count(1)));
-        let places: [(f32, &[f32]); 3] = [(1.0, &[0.0, 0.0]), (5.0, &[1.0, 1.0]), (3.0, &[0.01, 0.02])];
+        let places: [(f32, &[f32]); 3] =
+            [(1.0, &[0.0, 0.0]), (5.0, &[1.0, 1.0]), (3.0, &[0.01, 0.02])];
         let bonuses = places.iter().flat_map(|(bonus, place)| {
             let seen = seen(0, place);
-            Novelty::cells_of(&pairs, &seen).map(|cell| (cell, *bonus)).collect::<Vec<_>>()
+            Novelty::cells_of(&pairs, &seen)
+                .map(|cell| (cell, *bonus))
+                .collect::<Vec<_>>()
         });
         let earned = earned(bonuses.collect());
         let (upper_right, lower_left) = (39, 39 * 40);
@@ -112,7 +135,11 @@ mod tests {
             novelty.add(earned);
         }
         let found = |novelty: &Novelty| {
-            novelty.means().enumerate().filter_map(|(cell, mean)| Some((cell as u32, mean?))).collect::<Vec<_>>()
+            novelty
+                .means()
+                .enumerate()
+                .filter_map(|(cell, mean)| Some((cell as u32, mean?)))
+                .collect::<Vec<_>>()
         };
         assert_eq!(found(&novelty), [(upper_right, 5.0), (lower_left, 2.0)]);
         assert_eq!(novelty.largest(), 5.0);

@@ -27,12 +27,20 @@ impl Pairs {
         let observed = spec.observations.len();
         let observation = |index: usize| Axis::observation(&spec.observations[index], index);
         let named = |name: &str| {
-            let index = spec.observations.iter().position(|quantity| quantity.name == name);
+            let index = spec
+                .observations
+                .iter()
+                .position(|quantity| quantity.name == name);
             observation(index.expect("names of pairs were checked"))
         };
         let panels = match choice {
-            PairChoice::These(pairs) => pairs.iter().map(|(across, upwards)| [named(across), named(upwards)]).collect(),
-            PairChoice::First(_) if observed == 1 => vec![[Axis::step(spec.time_limit), observation(0)]],
+            PairChoice::These(pairs) => pairs
+                .iter()
+                .map(|(across, upwards)| [named(across), named(upwards)])
+                .collect(),
+            PairChoice::First(_) if observed == 1 => {
+                vec![[Axis::step(spec.time_limit), observation(0)]]
+            }
             // The last of an odd number goes with its neighbour.
             PairChoice::First(most) => (0..observed.div_ceil(2).min(most.get() as usize))
                 .map(|pair| (2 * pair).min(observed - 2))
@@ -62,13 +70,18 @@ impl Pairs {
 
     /// Where a state is in each panel: to the right and upwards, 0 to 1.
     pub fn project(&self, seen: &Seen<'_>) -> impl Iterator<Item = [f32; 2]> {
-        self.panels.iter().map(|[across, upwards]| [across.fraction(seen), upwards.fraction(seen)])
+        self.panels
+            .iter()
+            .map(|[across, upwards]| [across.fraction(seen), upwards.fraction(seen)])
     }
 
     /// The points of a state, one in each panel, in pixels.
     pub fn points(&self, seen: &Seen<'_>) -> impl Iterator<Item = [f32; 2]> {
         let place = |(panel, [across, upwards]): (usize, [f32; 2])| {
-            [self.x(panel) as f32 + across * CELLS as f32, (1.0 - upwards) * CELLS as f32]
+            [
+                self.x(panel) as f32 + across * CELLS as f32,
+                (1.0 - upwards) * CELLS as f32,
+            ]
         };
         self.project(seen).enumerate().map(place)
     }
@@ -82,7 +95,11 @@ mod tests {
 
     fn names(observations: usize, choice: &PairChoice) -> Vec<[String; 2]> {
         let pairs = Pairs::of(&spec(&vec![[0.0, 1.0]; observations]), choice);
-        pairs.panels().iter().map(|panel| panel.clone().map(|axis| axis.quantity.name)).collect()
+        pairs
+            .panels()
+            .iter()
+            .map(|panel| panel.clone().map(|axis| axis.quantity.name))
+            .collect()
     }
 
     #[test]

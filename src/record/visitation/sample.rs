@@ -18,7 +18,10 @@ impl LineQuota {
     #[must_use]
     pub fn of(lines: u32, window: u32) -> Self {
         let window = lines.clamp(1, window);
-        Self { window, per_round: lines / window }
+        Self {
+            window,
+            per_round: lines / window,
+        }
     }
 
     /// Lines of the `index`-th of an agent's `episodes` in a round.
@@ -35,7 +38,9 @@ pub fn pick_states(states: usize, count: usize, random: &mut Stream) -> Vec<usiz
         return (0..states).collect();
     }
     let start = |part: usize| part * states / count;
-    (0..count).map(|part| random.random_range(start(part) as u64..start(part + 1) as u64) as usize).collect()
+    (0..count)
+        .map(|part| random.random_range(start(part) as u64..start(part + 1) as u64) as usize)
+        .collect()
 }
 
 #[cfg(test)]
@@ -45,11 +50,37 @@ mod tests {
 
     #[test]
     fn the_quota_never_exceeds_the_wanted_lines() {
-        assert_eq!(LineQuota::of(1000, 50), LineQuota { window: 50, per_round: 20 });
-        assert_eq!(LineQuota::of(1000, 200), LineQuota { window: 200, per_round: 5 });
-        assert_eq!(LineQuota::of(7, 50), LineQuota { window: 7, per_round: 1 });
-        assert_eq!(LineQuota::of(0, 50), LineQuota { window: 1, per_round: 0 });
-        let shares: Vec<_> = (0..3).map(|index| LineQuota::of(1000, 50).of_episode(index, 3)).collect();
+        assert_eq!(
+            LineQuota::of(1000, 50),
+            LineQuota {
+                window: 50,
+                per_round: 20
+            }
+        );
+        assert_eq!(
+            LineQuota::of(1000, 200),
+            LineQuota {
+                window: 200,
+                per_round: 5
+            }
+        );
+        assert_eq!(
+            LineQuota::of(7, 50),
+            LineQuota {
+                window: 7,
+                per_round: 1
+            }
+        );
+        assert_eq!(
+            LineQuota::of(0, 50),
+            LineQuota {
+                window: 1,
+                per_round: 0
+            }
+        );
+        let shares: Vec<_> = (0..3)
+            .map(|index| LineQuota::of(1000, 50).of_episode(index, 3))
+            .collect();
         assert_eq!(shares, [6, 7, 7]);
     }
 
@@ -57,7 +88,13 @@ mod tests {
     fn picked_states_are_spread_over_the_episode() {
         let mut random = stream(1, Purpose::Recording, 0, 0);
         let picked = pick_states(200, 20, &mut random);
-        assert!(picked.iter().enumerate().all(|(part, &state)| state / 10 == part), "{picked:?}");
+        assert!(
+            picked
+                .iter()
+                .enumerate()
+                .all(|(part, &state)| state / 10 == part),
+            "{picked:?}"
+        );
         assert_eq!(pick_states(3, 20, &mut random), [0, 1, 2]);
         assert_eq!(pick_states(3, 0, &mut random), [0_usize; 0]);
     }

@@ -27,16 +27,27 @@ impl Visited {
     /// Nothing visited yet.
     #[must_use]
     pub fn new(axes: &Axes, curious: bool) -> Self {
-        Self { density: Density::new(axes), lately: Latest::default(), bonuses: curious.then(Bonuses::default) }
+        Self {
+            density: Density::new(axes),
+            lately: Latest::default(),
+            bonuses: curious.then(Bonuses::default),
+        }
     }
 
     /// Whether this was made for such axes, panels and agents.
     #[must_use]
     pub fn fits(&self, axes: &Axes, pairs: &Pairs, curious: bool) -> bool {
         let cells = Novelty::new(pairs).cells();
-        let bonus_fits = |bonuses: &Bonuses| bonuses.lately.all().flatten().all(|earned| (earned.cell as usize) < cells);
+        let bonus_fits = |bonuses: &Bonuses| {
+            bonuses
+                .lately
+                .all()
+                .flatten()
+                .all(|earned| (earned.cell as usize) < cells)
+        };
         let bonuses_fit = self.bonuses.as_ref().is_none_or(bonus_fits);
-        let is_drawn = self.density.fits(axes) && self.lately.all().all(|gains| self.density.has(gains));
+        let is_drawn =
+            self.density.fits(axes) && self.lately.all().all(|gains| self.density.has(gains));
         is_drawn && bonuses_fit && self.bonuses.is_some() == curious
     }
 
@@ -44,7 +55,9 @@ impl Visited {
     pub fn add(&mut self, fractions: &[f32], pairs: &Pairs, seen: &Seen<'_>) {
         self.density.add(fractions);
         if let Some(bonuses) = self.bonuses.as_mut().filter(|_| seen.acts()) {
-            bonuses.fresh.extend(Novelty::cells_of(pairs, seen).map(|cell| (cell, seen.bonus)));
+            bonuses
+                .fresh
+                .extend(Novelty::cells_of(pairs, seen).map(|cell| (cell, seen.bonus)));
         }
     }
 
@@ -67,7 +80,11 @@ impl Visited {
     pub fn latest_bonuses(&self, pairs: &Pairs) -> Option<Novelty> {
         let bonuses = self.bonuses.as_ref()?;
         let mut novelty = Novelty::new(pairs);
-        bonuses.lately.all().flatten().for_each(|earned| novelty.add(*earned));
+        bonuses
+            .lately
+            .all()
+            .flatten()
+            .for_each(|earned| novelty.add(*earned));
         Some(novelty)
     }
 }

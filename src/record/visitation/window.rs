@@ -12,7 +12,9 @@ pub struct Latest<G> {
 
 impl<G> Default for Latest<G> {
     fn default() -> Self {
-        Self { rounds: VecDeque::new() }
+        Self {
+            rounds: VecDeque::new(),
+        }
     }
 }
 
@@ -20,7 +22,11 @@ impl<G> Latest<G> {
     /// Adds what `round` brought, and forgets the rounds before the latest `window`.
     pub fn add(&mut self, round: u32, gains: G, window: u32) {
         self.rounds.push_back((round, gains));
-        while self.rounds.front().is_some_and(|(brought, _)| *brought < first_of(round, window)) {
+        while self
+            .rounds
+            .front()
+            .is_some_and(|(brought, _)| *brought < first_of(round, window))
+        {
             self.rounds.pop_front();
         }
     }
@@ -48,10 +54,19 @@ mod tests {
         let mut windows = Vec::new();
         for round in 0..6 {
             latest.add(round, round, 3);
-            windows.push((first_of(round, 3), latest.all().copied().collect::<Vec<_>>()));
+            windows.push((
+                first_of(round, 3),
+                latest.all().copied().collect::<Vec<_>>(),
+            ));
         }
-        let expected =
-            [(0, vec![0]), (0, vec![0, 1]), (0, vec![0, 1, 2]), (1, vec![1, 2, 3]), (2, vec![2, 3, 4]), (3, vec![3, 4, 5])];
+        let expected = [
+            (0, vec![0]),
+            (0, vec![0, 1]),
+            (0, vec![0, 1, 2]),
+            (1, vec![1, 2, 3]),
+            (2, vec![2, 3, 4]),
+            (3, vec![3, 4, 5]),
+        ];
         assert_eq!(windows, expected);
     }
 
@@ -61,6 +76,9 @@ mod tests {
         for (round, gains) in [(11, 'a'), (58, 'b'), (61, 'c')] {
             latest.add(round, gains, 50);
         }
-        assert_eq!((first_of(61, 50), latest.all().collect::<String>()), (12, "bc".to_owned()));
+        assert_eq!(
+            (first_of(61, 50), latest.all().collect::<String>()),
+            (12, "bc".to_owned())
+        );
     }
 }

@@ -15,8 +15,15 @@ pub fn entropy(counts: &[u32]) -> f64 {
         weighted += count * count.ln();
     }
     // Cells visited once have ln 1 = 0 and count for the total alone.
-    total += counts.iter().map(|&count| f64::from(u8::from(count == 1))).sum::<f64>();
-    if total > 0.0 { total.ln() - weighted / total } else { 0.0 }
+    total += counts
+        .iter()
+        .map(|&count| f64::from(u8::from(count == 1)))
+        .sum::<f64>();
+    if total > 0.0 {
+        total.ln() - weighted / total
+    } else {
+        0.0
+    }
 }
 
 /// Adds an agent's distribution to the team's: mixtureᵢ += share · countᵢ / Σ count.
@@ -25,13 +32,20 @@ pub fn entropy(counts: &[u32]) -> f64 {
 pub fn mix(counts: &[u32], share: f64, mixture: &mut [f64]) {
     let total: u64 = counts.iter().map(|&count| u64::from(count)).sum();
     let weight = share / total.max(1) as f64;
-    mixture.iter_mut().zip(counts).for_each(|(sum, &count)| *sum += weight * f64::from(count));
+    mixture
+        .iter_mut()
+        .zip(counts)
+        .for_each(|(sum, &count)| *sum += weight * f64::from(count));
 }
 
 /// Entropy of a distribution, H = −Σ p ln p.   `probabilities: [cells]` → nats
 #[must_use]
 pub fn distribution_entropy(probabilities: &[f64]) -> f64 {
-    -probabilities.iter().filter(|&&p| p > 0.0).map(|p| p * p.ln()).sum::<f64>()
+    -probabilities
+        .iter()
+        .filter(|&&p| p > 0.0)
+        .map(|p| p * p.ln())
+        .sum::<f64>()
 }
 
 /// Generalised Jensen–Shannon divergence of equally weighted agents, JS = H(mean of pₖ) − mean of H(pₖ), nats, from their visit counts.
@@ -41,7 +55,9 @@ pub fn distribution_entropy(probabilities: &[f64]) -> f64 {
 pub fn divergence<'a>(agents: impl ExactSizeIterator<Item = &'a [u32]> + Clone) -> f64 {
     let share = 1.0 / agents.len() as f64;
     let mut mixture = vec![0.0; agents.clone().next().map_or(0, <[u32]>::len)];
-    agents.clone().for_each(|counts| mix(counts, share, &mut mixture));
+    agents
+        .clone()
+        .for_each(|counts| mix(counts, share, &mut mixture));
     distribution_entropy(&mixture) - share * agents.map(entropy).sum::<f64>()
 }
 
@@ -65,7 +81,14 @@ impl Diversity {
         let most = (agents.max(1) as f64).ln();
         // Rounding may leave the range by a few units in the last place.
         let divergence = divergence.clamp(0.0, most);
-        Self { overlap: if agents > 1 { 1.0 - divergence / most } else { 1.0 }, effective_agents: divergence.exp() }
+        Self {
+            overlap: if agents > 1 {
+                1.0 - divergence / most
+            } else {
+                1.0
+            },
+            effective_agents: divergence.exp(),
+        }
     }
 }
 
@@ -83,16 +106,28 @@ mod tests {
         let ln2 = std::f64::consts::LN_2;
         assert!((entropy(&[2, 1, 0, 1]) - 1.5 * ln2).abs() < 1e-15);
         assert!((entropy(&[7; 4]) - 2.0 * ln2).abs() < 1e-15);
-        assert_eq!((entropy(&[0, 9]), entropy(&[0, 1]), entropy(&[0, 0])), (0.0, 0.0, 0.0));
+        assert_eq!(
+            (entropy(&[0, 9]), entropy(&[0, 1]), entropy(&[0, 0])),
+            (0.0, 0.0, 0.0)
+        );
     }
 
     /// Alike, whatever their number of states: exp 0 = 1. Disjoint: the mixture's entropy is ln 3 above their own.
     #[test]
     fn agents_that_are_alike_count_once_and_disjoint_ones_fully() {
         let alike = Diversity::of(divergence(&[&[2, 6, 0], &[1, 3, 0], &[10, 30, 0]]), 3);
-        assert!((alike.effective_agents - 1.0).abs() < 1e-12 && (alike.overlap - 1.0).abs() < 1e-12, "{alike:?}");
-        let disjoint = Diversity::of(divergence(&[&[5, 0, 0, 0], &[0, 1, 1, 0], &[0, 0, 0, 2]]), 3);
-        assert!((disjoint.effective_agents - 3.0).abs() < 1e-12 && disjoint.overlap.abs() < 1e-12, "{disjoint:?}");
+        assert!(
+            (alike.effective_agents - 1.0).abs() < 1e-12 && (alike.overlap - 1.0).abs() < 1e-12,
+            "{alike:?}"
+        );
+        let disjoint = Diversity::of(
+            divergence(&[&[5, 0, 0, 0], &[0, 1, 1, 0], &[0, 0, 0, 2]]),
+            3,
+        );
+        assert!(
+            (disjoint.effective_agents - 3.0).abs() < 1e-12 && disjoint.overlap.abs() < 1e-12,
+            "{disjoint:?}"
+        );
     }
 
     /// (1, 0) and (½, ½): the mixture (¾, ¼) has 2 ln 2 − ¾ ln 3, their own entropies have the mean ½ ln 2, hence JS = 1.5 ln 2 − ¾ ln 3,
@@ -100,12 +135,24 @@ mod tests {
     #[test]
     fn agents_that_share_a_part_are_in_between() {
         let partly = Diversity::of(divergence(&[&[4, 0], &[3, 3]]), 2);
-        assert!((partly.effective_agents - 2_f64.powf(1.5) / 3_f64.powf(0.75)).abs() < 1e-12, "{partly:?}");
-        assert!((partly.overlap - (0.75 * 3_f64.log2() - 0.5)).abs() < 1e-12, "1 − JS / ln 2 = ¾ log₂ 3 − ½: {partly:?}");
+        assert!(
+            (partly.effective_agents - 2_f64.powf(1.5) / 3_f64.powf(0.75)).abs() < 1e-12,
+            "{partly:?}"
+        );
+        assert!(
+            (partly.overlap - (0.75 * 3_f64.log2() - 0.5)).abs() < 1e-12,
+            "1 − JS / ln 2 = ¾ log₂ 3 − ½: {partly:?}"
+        );
     }
 
     #[test]
     fn a_single_agent_overlaps_with_itself() {
-        assert_eq!(Diversity::of(1e-17, 1), Diversity { overlap: 1.0, effective_agents: 1.0 });
+        assert_eq!(
+            Diversity::of(1e-17, 1),
+            Diversity {
+                overlap: 1.0,
+                effective_agents: 1.0
+            }
+        );
     }
 }

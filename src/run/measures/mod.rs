@@ -79,8 +79,17 @@ impl Measures {
     }
 
     /// Takes in a finished round.   `episodes` in (agent, episode) order; `reports` tell who learned, in the order in which they did.
-    pub fn take_in(&mut self, spec: &Spec, round: u32, episodes: &[&Episode], reports: &[(u32, UpdateReport)]) -> RoundRows {
-        let mut episode_rows: Vec<EpisodeRow> = episodes.iter().map(|episode| self.take_in_episode(spec, episode)).collect();
+    pub fn take_in(
+        &mut self,
+        spec: &Spec,
+        round: u32,
+        episodes: &[&Episode],
+        reports: &[(u32, UpdateReport)],
+    ) -> RoundRows {
+        let mut episode_rows: Vec<EpisodeRow> = episodes
+            .iter()
+            .map(|episode| self.take_in_episode(spec, episode))
+            .collect();
         self.extend_team_returns(episodes);
         let visits = self.visits();
         for row in &mut episode_rows {
@@ -105,7 +114,10 @@ impl Measures {
             team_overlap: visits.diversity.overlap,
             effective_agents: visits.diversity.effective_agents,
         });
-        RoundRows { episodes: episode_rows, updates: updates.collect() }
+        RoundRows {
+            episodes: episode_rows,
+            updates: updates.collect(),
+        }
     }
 
     /// Steps of the whole team.
@@ -131,14 +143,19 @@ impl Measures {
     #[must_use]
     pub fn reaches(&self, threshold: Threshold) -> bool {
         let full = self.team_returns.len() >= threshold.window;
-        full && self.recent_return(threshold.window).is_some_and(|mean| mean >= threshold.r#return)
+        full && self
+            .recent_return(threshold.window)
+            .is_some_and(|mean| mean >= threshold.r#return)
     }
 
     /// Episodes per agent after which the trailing window first reached the threshold.
     #[must_use]
     pub fn episodes_until(&self, threshold: Threshold) -> Option<usize> {
         let windows = self.team_returns.windows(threshold.window);
-        windows.zip(threshold.window..).find(|(window, _)| mean(window) >= threshold.r#return).map(|(_, episodes)| episodes)
+        windows
+            .zip(threshold.window..)
+            .find(|(window, _)| mean(window) >= threshold.r#return)
+            .map(|(_, episodes)| episodes)
     }
 
     /// Each agent's coverage, from 0 to 1: `[K]`.
@@ -156,7 +173,11 @@ impl Measures {
     #[must_use]
     pub fn visits(&self) -> Visits {
         let entropy: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
-        let evenness = self.visitation.iter().zip(&entropy).map(|(own, entropy)| entropy / own.largest_entropy());
+        let evenness = self
+            .visitation
+            .iter()
+            .zip(&entropy)
+            .map(|(own, entropy)| entropy / own.largest_entropy());
         Visits {
             evenness: evenness.collect(),
             team_coverage: self.team_coverage(),
@@ -190,7 +211,11 @@ impl Measures {
             self.waiting[episode.agent as usize].push_back(episode.total_reward());
         }
         while self.waiting.iter().all(|returns| !returns.is_empty()) {
-            let returns: Vec<f64> = self.waiting.iter_mut().filter_map(VecDeque::pop_front).collect();
+            let returns: Vec<f64> = self
+                .waiting
+                .iter_mut()
+                .filter_map(VecDeque::pop_front)
+                .collect();
             self.team_returns.push(mean(&returns));
         }
     }
@@ -206,8 +231,15 @@ mod tests {
     use crate::env::{Quantity, Status};
 
     pub(super) fn spec(axes: usize) -> Spec {
-        let quantity = |index| Quantity { name: format!("o{index}"), unit: String::new(), range: [0.0, 20.0] };
-        Spec { observations: (0..axes).map(quantity).collect(), ..Spec::bare() }
+        let quantity = |index| Quantity {
+            name: format!("o{index}"),
+            unit: String::new(),
+            range: [0.0, 20.0],
+        };
+        Spec {
+            observations: (0..axes).map(quantity).collect(),
+            ..Spec::bare()
+        }
     }
 
     fn episode(agent: u32, episode: u32, rewards: &[f32]) -> Episode {
@@ -225,12 +257,33 @@ mod tests {
     fn a_threshold_needs_a_full_window() {
         let mut measures = Measures::new(&spec(2), 2);
         for (round, [a, b]) in [[1.0, 3.0], [2.0, 4.0], [6.0, 6.0]].into_iter().enumerate() {
-            let episodes = [episode(0, round as u32, &[a]), episode(1, round as u32, &[b])];
+            let episodes = [
+                episode(0, round as u32, &[a]),
+                episode(1, round as u32, &[b]),
+            ];
             measures.take_in(&spec(2), round as u32, &episodes.each_ref(), &[]);
         }
-        assert_eq!(measures.episodes_until(Threshold { r#return: 4.0, window: 2 }), Some(3));
-        assert_eq!(measures.episodes_until(Threshold { r#return: 2.0, window: 1 }), Some(1));
-        assert_eq!(measures.episodes_until(Threshold { r#return: 2.0, window: 4 }), None);
+        assert_eq!(
+            measures.episodes_until(Threshold {
+                r#return: 4.0,
+                window: 2
+            }),
+            Some(3)
+        );
+        assert_eq!(
+            measures.episodes_until(Threshold {
+                r#return: 2.0,
+                window: 1
+            }),
+            Some(1)
+        );
+        assert_eq!(
+            measures.episodes_until(Threshold {
+                r#return: 2.0,
+                window: 4
+            }),
+            None
+        );
         assert_eq!(measures.recent_return(2), Some(4.5));
         assert_eq!(measures.env_steps(), 6);
     }
@@ -243,7 +296,10 @@ mod tests {
             measures.take_in(&spec(2), 0, &episodes.iter().collect::<Vec<_>>(), &[]);
             (measures.episodes_per_agent(), measures.recent_return(1))
         };
-        assert_eq!(take_in(&[episode(0, 0, &[2.0]), episode(0, 0, &[8.0])]), (0, None));
+        assert_eq!(
+            take_in(&[episode(0, 0, &[2.0]), episode(0, 0, &[8.0])]),
+            (0, None)
+        );
         assert_eq!(take_in(&[episode(1, 0, &[4.0])]), (1, Some(3.0)));
         assert_eq!(take_in(&[episode(1, 0, &[0.0])]), (2, Some(4.0)));
     }
@@ -253,13 +309,36 @@ mod tests {
     fn team_coverage_is_the_union() {
         let mut measures = Measures::new(&spec(2), 2);
         let episodes = [episode(0, 0, &[1.0, 1.0]), episode(1, 0, &[1.0])];
-        let rows = measures.take_in(&spec(2), 0, &episodes.each_ref(), &[0, 1].map(|agent| (agent, UpdateReport::default())));
-        assert_eq!(rows.episodes.iter().map(|row| row.env_steps).collect::<Vec<_>>(), [2, 3]);
+        let rows = measures.take_in(
+            &spec(2),
+            0,
+            &episodes.each_ref(),
+            &[0, 1].map(|agent| (agent, UpdateReport::default())),
+        );
+        assert_eq!(
+            rows.episodes
+                .iter()
+                .map(|row| row.env_steps)
+                .collect::<Vec<_>>(),
+            [2, 3]
+        );
         assert!((rows.updates[1].coverage - 1.0 / 400.0).abs() < 1e-12);
         assert!((measures.team_coverage() - 2.0 / 400.0).abs() < 1e-12);
         assert_eq!(rows.updates[0].team_coverage, measures.team_coverage());
-        assert!((rows.updates[0].effective_agents - 2.0).abs() < 1e-12 && rows.updates[1].team_overlap.abs() < 1e-12);
-        assert!((rows.episodes[1].effective_agents - 2.0).abs() < 1e-12 && rows.episodes[0].team_overlap.abs() < 1e-12);
-        assert_eq!((rows.updates[0].visitation_entropy, rows.updates[0].visitation_evenness), (0.0, 0.0));
+        assert!(
+            (rows.updates[0].effective_agents - 2.0).abs() < 1e-12
+                && rows.updates[1].team_overlap.abs() < 1e-12
+        );
+        assert!(
+            (rows.episodes[1].effective_agents - 2.0).abs() < 1e-12
+                && rows.episodes[0].team_overlap.abs() < 1e-12
+        );
+        assert_eq!(
+            (
+                rows.updates[0].visitation_entropy,
+                rows.updates[0].visitation_evenness
+            ),
+            (0.0, 0.0)
+        );
     }
 }

@@ -45,7 +45,11 @@ impl Visitation {
             2..=MOST_AXES => (axes * (axes - 1) / 2, CELLS * CELLS),
             _ => (1, axes),
         };
-        Self { counts: vec![0; grids * cells_of_grid], cells_of_grid, visited: 0 }
+        Self {
+            counts: vec![0; grids * cells_of_grid],
+            cells_of_grid,
+            visited: 0,
+        }
     }
 
     /// Visits states.   `observations: [N × observation width]`
@@ -56,13 +60,16 @@ impl Visitation {
     /// Likewise, where only what is observed is known.   `states: [N × quantities]`
     pub fn visit_states(&mut self, quantities: &[Quantity], states: &[f32]) {
         if quantities.len() > MOST_AXES {
-            return states.chunks_exact(quantities.len()).for_each(|row| self.count_largest(row));
+            return states
+                .chunks_exact(quantities.len())
+                .for_each(|row| self.count_largest(row));
         }
         let mut bins = vec![0; quantities.len()];
         for row in states.chunks_exact(bins.len()) {
             for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(quantities) {
                 let [low, high] = quantity.range;
-                *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0) as usize;
+                *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0)
+                    as usize;
             }
             self.mark(&bins);
         }
@@ -70,7 +77,10 @@ impl Visitation {
 
     /// Observations that are all 0 are no state of their own, as after the end of a finite task.
     fn count_largest(&mut self, observations: &[f32]) {
-        let largest = observations.iter().enumerate().max_by(|one, other| one.1.total_cmp(other.1).then(other.0.cmp(&one.0)));
+        let largest = observations
+            .iter()
+            .enumerate()
+            .max_by(|one, other| one.1.total_cmp(other.1).then(other.0.cmp(&one.0)));
         if let Some((feature, _)) = largest.filter(|(_, value)| **value != 0.0) {
             self.count(feature);
         }
@@ -130,7 +140,12 @@ pub fn united_coverage(agents: &[Visitation]) -> f64 {
 /// O(K · cells): the divergence of all from their mixture, not of each pair.
 #[must_use]
 pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
-    let moved = || agents.iter().zip(entropies).filter(|(agent, _)| agent.visited > 0);
+    let moved = || {
+        agents
+            .iter()
+            .zip(entropies)
+            .filter(|(agent, _)| agent.visited > 0)
+    };
     let count = moved().count();
     if count < 2 {
         return Diversity::of(0.0, count);
@@ -145,7 +160,10 @@ pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
         moved().for_each(|(agent, _)| mix(&agent.counts[cells.clone()], share, &mut mixture));
         mixed += distribution_entropy(&mixture);
     }
-    Diversity::of(mixed / grids as f64 - share * moved().map(|(_, entropy)| entropy).sum::<f64>(), count)
+    Diversity::of(
+        mixed / grids as f64 - share * moved().map(|(_, entropy)| entropy).sum::<f64>(),
+        count,
+    )
 }
 
 /// Counts in checkpoints: the number of cells, then for each visited cell its distance from the one before, and its count.
@@ -156,17 +174,26 @@ mod sparse {
     /// Far beyond any task: a damaged file must not claim all memory.
     const MOST_CELLS: u64 = 1 << 28;
 
-    pub(super) fn serialize<S: Serializer>(counts: &[u32], serializer: S) -> Result<S::Ok, S::Error> {
+    pub(super) fn serialize<S: Serializer>(
+        counts: &[u32],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
         let mut next = 0;
-        let visited = counts.iter().enumerate().filter(|(_, count)| **count > 0).map(|(cell, &count)| {
-            let skipped = cell - next;
-            next = cell + 1;
-            (skipped as u64, count)
-        });
+        let visited = counts
+            .iter()
+            .enumerate()
+            .filter(|(_, count)| **count > 0)
+            .map(|(cell, &count)| {
+                let skipped = cell - next;
+                next = cell + 1;
+                (skipped as u64, count)
+            });
         (counts.len() as u64, visited.collect::<Vec<(u64, u32)>>()).serialize(serializer)
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u32>, D::Error> {
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<u32>, D::Error> {
         let (cells, visited) = <(u64, Vec<(u64, u32)>)>::deserialize(deserializer)?;
         if cells > MOST_CELLS {
             return Err(D::Error::custom("too many cells"));
@@ -175,7 +202,9 @@ mod sparse {
         let mut next = 0_usize;
         for (skipped, count) in visited {
             let cell = next.saturating_add(skipped as usize);
-            *counts.get_mut(cell).ok_or_else(|| D::Error::custom("a cell beyond the grid"))? = count;
+            *counts
+                .get_mut(cell)
+                .ok_or_else(|| D::Error::custom("a cell beyond the grid"))? = count;
             next = cell + 1;
         }
         Ok(counts)
@@ -199,7 +228,10 @@ mod tests {
         let mut visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
         assert!((visitation.coverage() - 5.0 / 1200.0).abs() < 1e-12);
         visitation.visit(&spec(3), &[0.5, 1.5, 99.0]);
-        assert!((visitation.coverage() - 5.0 / 1200.0).abs() < 1e-12, "beyond the range counts in the outermost cell");
+        assert!(
+            (visitation.coverage() - 5.0 / 1200.0).abs() < 1e-12,
+            "beyond the range counts in the outermost cell"
+        );
     }
 
     #[test]
@@ -214,7 +246,9 @@ mod tests {
     fn entropy_is_averaged_over_pairs() {
         let visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
         assert!((visitation.entropy() - 2.0 / 3.0 * std::f64::consts::LN_2).abs() < 1e-12);
-        let everywhere: Vec<f32> = (0..400).flat_map(|cell| [(cell / 20) as f32, (cell % 20) as f32]).collect();
+        let everywhere: Vec<f32> = (0..400)
+            .flat_map(|cell| [(cell / 20) as f32, (cell % 20) as f32])
+            .collect();
         let visitation = visited(2, &everywhere);
         assert!((visitation.entropy() - visitation.largest_entropy()).abs() < 1e-12);
     }
@@ -227,12 +261,18 @@ mod tests {
         let visitation = visited(40, &rows);
         assert!((visitation.coverage() - 2.0 / 40.0).abs() < 1e-12);
         // Visits ⅔ and ⅓: ln 3 − ⅔ ln 2.
-        assert!((visitation.entropy() - (3_f64.ln() - 2.0 / 3.0 * std::f64::consts::LN_2)).abs() < 1e-12);
+        assert!(
+            (visitation.entropy() - (3_f64.ln() - 2.0 / 3.0 * std::f64::consts::LN_2)).abs()
+                < 1e-12
+        );
         assert_eq!(visitation.largest_entropy(), 40_f64.ln());
     }
 
     fn diversity_of(agents: &[Visitation]) -> Diversity {
-        diversity(agents, &agents.iter().map(Visitation::entropy).collect::<Vec<_>>())
+        diversity(
+            agents,
+            &agents.iter().map(Visitation::entropy).collect::<Vec<_>>(),
+        )
     }
 
     /// Agents at (0, 0, 0) and (0, 0, 9) are in one cell of the first of three grids and apart in two: JS = ⅔ ln 2.
@@ -245,12 +285,20 @@ mod tests {
         assert!((diversity_of(&agents).overlap - 1.0 / 3.0).abs() < 1e-12);
         agents.insert(1, visited(3, &[]));
         assert!((diversity_of(&agents).effective_agents - expected).abs() < 1e-12);
-        assert_eq!(diversity_of(&agents[..2]), Diversity { overlap: 1.0, effective_agents: 1.0 });
+        assert_eq!(
+            diversity_of(&agents[..2]),
+            Diversity {
+                overlap: 1.0,
+                effective_agents: 1.0
+            }
+        );
     }
 
     #[test]
     fn a_large_team_of_disjoint_agents_counts_fully() {
-        let agents: Vec<Visitation> = (0..256).map(|agent| visited(2, &[(agent / 20) as f32, (agent % 20) as f32])).collect();
+        let agents: Vec<Visitation> = (0..256)
+            .map(|agent| visited(2, &[(agent / 20) as f32, (agent % 20) as f32]))
+            .collect();
         assert!((diversity_of(&agents).effective_agents - 256.0).abs() < 1e-9);
         assert!((united_coverage(&agents) - 256.0 / 400.0).abs() < 1e-12);
     }
@@ -259,9 +307,17 @@ mod tests {
     fn a_checkpoint_holds_the_visited_cells_alone() {
         let visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
         let bytes = postcard::to_stdvec(&visitation).unwrap();
-        assert!(bytes.len() < 32, "{} bytes for 5 visited cells of 1200", bytes.len());
-        assert_eq!(postcard::from_bytes::<Visitation>(&bytes).unwrap(), visitation);
-        let beyond = postcard::to_stdvec(&((3_u64, vec![(7_u64, 1_u32)]), 3_usize, 1_usize)).unwrap();
+        assert!(
+            bytes.len() < 32,
+            "{} bytes for 5 visited cells of 1200",
+            bytes.len()
+        );
+        assert_eq!(
+            postcard::from_bytes::<Visitation>(&bytes).unwrap(),
+            visitation
+        );
+        let beyond =
+            postcard::to_stdvec(&((3_u64, vec![(7_u64, 1_u32)]), 3_usize, 1_usize)).unwrap();
         assert!(postcard::from_bytes::<Visitation>(&beyond).is_err());
     }
 }

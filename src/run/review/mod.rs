@@ -61,20 +61,34 @@ impl Review {
             return Err(ReviewError::Missing(path.to_owned()));
         }
         let folder = run_folder(path);
-        let recording = if path.is_file() { Some(path.to_owned()) } else { recording_in(&folder) };
+        let recording = if path.is_file() {
+            Some(path.to_owned())
+        } else {
+            recording_in(&folder)
+        };
         let recording = recording.map(|path| Recording::open(&path)).transpose()?;
         let [episodes, rounds] = folder.tables();
         if !episodes.is_file() && recording.is_none() {
             return Err(ReviewError::Nothing(path.to_owned()));
         }
         let has_tables = episodes.is_file() && rounds.is_file();
-        let summary = fs::read_to_string(folder.summary()).ok().filter(|_| has_tables);
+        let summary = fs::read_to_string(folder.summary())
+            .ok()
+            .filter(|_| has_tables);
         Ok(Self {
             path: path.to_owned(),
             summary: summary.and_then(|text| serde_json::from_str(&text).ok()),
             recording,
-            episodes: if has_tables { table::read(&episodes)? } else { Vec::new() },
-            rounds: if has_tables { table::read(&rounds)? } else { Vec::new() },
+            episodes: if has_tables {
+                table::read(&episodes)?
+            } else {
+                Vec::new()
+            },
+            rounds: if has_tables {
+                table::read(&rounds)?
+            } else {
+                Vec::new()
+            },
             folder: has_tables.then_some(folder),
         })
     }
@@ -85,22 +99,38 @@ impl Review {
         if let Some(summary) = &self.summary {
             return format!("{}, seed {}", summary.scenario, summary.seed);
         }
-        let recorded = self.recording.as_ref().and_then(|recording| recording.properties().get("RecordingInfo:name"));
+        let recorded = self
+            .recording
+            .as_ref()
+            .and_then(|recording| recording.properties().get("RecordingInfo:name"));
         let named = recorded.map(|name| name.replacen("-seed-", ", seed ", 1));
-        named.unwrap_or_else(|| self.path.file_name().unwrap_or(self.path.as_os_str()).to_string_lossy().into_owned())
+        named.unwrap_or_else(|| {
+            self.path
+                .file_name()
+                .unwrap_or(self.path.as_os_str())
+                .to_string_lossy()
+                .into_owned()
+        })
     }
 
     /// K: one more than the largest number of an agent in the tables, or as the recording says.
     #[must_use]
     pub fn agents(&self) -> usize {
         let counted = self.episodes.iter().map(|row| row.agent as usize + 1).max();
-        let told = || self.recording.as_ref().and_then(|recording| recording.properties().get("agents")?.parse().ok());
+        let told = || {
+            self.recording
+                .as_ref()
+                .and_then(|recording| recording.properties().get("agents")?.parse().ok())
+        };
         counted.or_else(told).unwrap_or(0)
     }
 
     /// The returns of one agent, in the order of its episodes.
     pub fn returns(&self, agent: u32) -> impl Iterator<Item = f64> {
-        self.episodes.iter().filter(move |row| row.agent == agent).map(|row| row.r#return)
+        self.episodes
+            .iter()
+            .filter(move |row| row.agent == agent)
+            .map(|row| row.r#return)
     }
 
     /// Entry n is the mean over agents of their n-th return, as far as all agents have one.
@@ -115,7 +145,10 @@ impl Review {
             sums[index] = (sums[index].0 + row.r#return, sums[index].1 + 1);
         }
         let agents = self.agents();
-        sums.into_iter().take_while(|(_, count)| *count == agents).map(|(sum, count)| sum / count as f64).collect()
+        sums.into_iter()
+            .take_while(|(_, count)| *count == agents)
+            .map(|(sum, count)| sum / count as f64)
+            .collect()
     }
 }
 

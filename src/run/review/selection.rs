@@ -68,7 +68,11 @@ impl Selection {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn pick(&self, recording: &Recording, mut seen: impl FnMut(&RecordedEpisode)) -> Result<Vec<PickedStates>, ReadError> {
+    pub fn pick(
+        &self,
+        recording: &Recording,
+        mut seen: impl FnMut(&RecordedEpisode),
+    ) -> Result<Vec<PickedStates>, ReadError> {
         let axes = recording.axes();
         let chosen = axes.chosen(&self.axes);
         let mut picked: BTreeMap<u32, PickedStates> = BTreeMap::new();
@@ -84,7 +88,9 @@ impl Selection {
         })?;
         let mut passed: BTreeMap<u32, u64> = BTreeMap::new();
         self.for_each(recording, |episode| {
-            let Some(states) = picked.get_mut(&episode.agent) else { return };
+            let Some(states) = picked.get_mut(&episode.agent) else {
+                return;
+            };
             seen(episode);
             let passed = passed.entry(episode.agent).or_default();
             states.take_in(episode, &axes, self, *passed);
@@ -93,7 +99,11 @@ impl Selection {
         Ok(picked.into_values().collect())
     }
 
-    fn for_each(&self, recording: &Recording, mut take: impl FnMut(&RecordedEpisode)) -> Result<(), ReadError> {
+    fn for_each(
+        &self,
+        recording: &Recording,
+        mut take: impl FnMut(&RecordedEpisode),
+    ) -> Result<(), ReadError> {
         for episode in recording.episodes()? {
             let episode = episode?;
             if self.holds(&episode) {
@@ -150,10 +160,15 @@ mod tests {
     #[test]
     fn as_many_are_picked_as_wanted() {
         for (count, sample) in [(10, 3), (1000, 999), (7, 7), (5, 9), (123_457, 1000)] {
-            let picked: Vec<u64> = (0..count).filter(|&index| is_picked(index, count, sample)).collect();
+            let picked: Vec<u64> = (0..count)
+                .filter(|&index| is_picked(index, count, sample))
+                .collect();
             assert_eq!(picked.len() as u64, sample.min(count));
             let gaps = picked.windows(2).map(|pair| pair[1] - pair[0]);
-            assert!(gaps.max() <= Some(count.div_ceil(sample)), "{count} {sample}");
+            assert!(
+                gaps.max() <= Some(count.div_ceil(sample)),
+                "{count} {sample}"
+            );
         }
     }
 }

@@ -46,7 +46,10 @@ impl Survey {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn of(recording: &Recording, mut seen: impl FnMut(&RecordedEpisode)) -> Result<Self, ReadError> {
+    pub fn of(
+        recording: &Recording,
+        mut seen: impl FnMut(&RecordedEpisode),
+    ) -> Result<Self, ReadError> {
         let observations = recording.observations();
         let bonus = recording.largest_bonus().map(|largest| Quantity {
             name: "intrinsic reward".to_owned(),
@@ -71,14 +74,21 @@ impl Survey {
     fn take_in(&mut self, observations: &[Quantity], episode: &RecordedEpisode) {
         let agent = episode.agent as usize;
         if self.visitation.len() <= agent {
-            self.visitation.resize(agent + 1, Visitation::of(observations));
+            self.visitation
+                .resize(agent + 1, Visitation::of(observations));
         }
         self.visitation[agent].visit_states(observations, &episode.observations);
         for state in episode.states() {
-            self.spreads.iter_mut().zip(state).for_each(|(spread, &value)| spread.add(value));
+            self.spreads
+                .iter_mut()
+                .zip(state)
+                .for_each(|(spread, &value)| spread.add(value));
         }
         if let Some(bonus) = &mut self.bonus {
-            episode.intrinsic_rewards.iter().for_each(|&value| bonus.add(value));
+            episode
+                .intrinsic_rewards
+                .iter()
+                .for_each(|&value| bonus.add(value));
         }
         self.episodes.push(EpisodeRow {
             agent: episode.agent,
@@ -98,7 +108,8 @@ impl Survey {
 
     /// A recording has the episodes of each agent in their order; the tables have those of all agents, round by round.
     fn put_in_order(&mut self) {
-        self.episodes.sort_by_key(|row| (row.round, row.agent, row.episode));
+        self.episodes
+            .sort_by_key(|row| (row.round, row.agent, row.episode));
         let mut env_steps = 0;
         for row in &mut self.episodes {
             env_steps += u64::from(row.length);
@@ -139,8 +150,13 @@ impl Review {
     ///
     /// # Errors
     /// The recording cannot be read.
-    pub fn survey(&mut self, seen: impl FnMut(&RecordedEpisode)) -> Result<Option<Survey>, ReadError> {
-        let Some(recording) = &self.recording else { return Ok(None) };
+    pub fn survey(
+        &mut self,
+        seen: impl FnMut(&RecordedEpisode),
+    ) -> Result<Option<Survey>, ReadError> {
+        let Some(recording) = &self.recording else {
+            return Ok(None);
+        };
         let survey = Survey::of(recording, seen)?;
         if self.folder.is_none() {
             self.episodes.clone_from(&survey.episodes);
@@ -152,7 +168,15 @@ impl Review {
 impl Spread {
     fn new(quantity: &Quantity) -> Self {
         let (least, most) = (f32::INFINITY, f32::NEG_INFINITY);
-        Self { quantity: quantity.clone(), least, most, count: 0, outside: 0, sum: 0.0, histogram: vec![0; PARTS] }
+        Self {
+            quantity: quantity.clone(),
+            least,
+            most,
+            count: 0,
+            outside: 0,
+            sum: 0.0,
+            histogram: vec![0; PARTS],
+        }
     }
 
     fn add(&mut self, value: f32) {
@@ -191,13 +215,24 @@ mod tests {
 
     #[test]
     fn values_are_counted() {
-        let mut spread = Spread::new(&Quantity { name: "x".to_owned(), unit: String::new(), range: [0.0, 1000.0] });
+        let mut spread = Spread::new(&Quantity {
+            name: "x".to_owned(),
+            unit: String::new(),
+            range: [0.0, 1000.0],
+        });
         assert_eq!((spread.mean(), spread.median()), (None, None));
         for value in [-5.0, 10.2, 20.2, 30.2, 1200.0] {
             spread.add(value);
         }
-        assert_eq!((spread.least, spread.most, spread.count, spread.outside), (-5.0, 1200.0, 5, 2));
-        assert!((spread.median().unwrap() - 20.5).abs() < 1e-3, "the part from 20 to 21: {:?}", spread.median());
+        assert_eq!(
+            (spread.least, spread.most, spread.count, spread.outside),
+            (-5.0, 1200.0, 5, 2)
+        );
+        assert!(
+            (spread.median().unwrap() - 20.5).abs() < 1e-3,
+            "the part from 20 to 21: {:?}",
+            spread.median()
+        );
         assert!((spread.mean().unwrap() - 1255.6 / 5.0).abs() < 1e-4);
     }
 }

@@ -22,8 +22,14 @@ const PNG_SCALE: f64 = 2.0;
 
 /// Removes what an earlier report left: figures and a table that this one may not have.
 fn clear(folder: &Path) -> io::Result<()> {
-    let entries = std::fs::read_dir(folder.join("figures")).into_iter().flatten().flatten();
-    for path in entries.map(|entry| entry.path()).filter(|path| is_a_figure(path)) {
+    let entries = std::fs::read_dir(folder.join("figures"))
+        .into_iter()
+        .flatten()
+        .flatten();
+    for path in entries
+        .map(|entry| entry.path())
+        .filter(|path| is_a_figure(path))
+    {
         std::fs::remove_file(path)?;
     }
     match std::fs::remove_file(folder.join("claims.md")) {
@@ -34,9 +40,17 @@ fn clear(folder: &Path) -> io::Result<()> {
 
 /// Such as `3-curves.svg`.
 fn is_a_figure(path: &Path) -> bool {
-    let number = path.file_name().and_then(|name| name.to_str()).and_then(|name| name.split('-').next()).unwrap_or_default();
+    let number = path
+        .file_name()
+        .and_then(|name| name.to_str())
+        .and_then(|name| name.split('-').next())
+        .unwrap_or_default();
     let is_numbered = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
-    is_numbered && matches!(path.extension().and_then(|extension| extension.to_str()), Some("svg" | "png"))
+    is_numbered
+        && matches!(
+            path.extension().and_then(|extension| extension.to_str()),
+            Some("svg" | "png")
+        )
 }
 
 /// A figure with the words around it.
@@ -58,17 +72,32 @@ pub fn write(results: &Results, judgements: &[Judgement], folder: &Path) -> io::
     clear(folder)?;
     for figure in &drawn {
         let path = folder.join("figures").join(&figure.name);
-        let png = figure.picture.png(PNG_SCALE).map_err(|error| io::Error::other(error.to_string()))?;
-        files::replace(&path.with_added_extension("svg"), figure.picture.svg().as_bytes())?;
+        let png = figure
+            .picture
+            .png(PNG_SCALE)
+            .map_err(|error| io::Error::other(error.to_string()))?;
+        files::replace(
+            &path.with_added_extension("svg"),
+            figure.picture.svg().as_bytes(),
+        )?;
         files::replace(&path.with_added_extension("png"), &png)?;
     }
     files::replace(&folder.join("results.csv"), &rows::csv(results)?)?;
     let tables = tables::all(results);
-    files::replace(&folder.join("tables.md"), tables::markdown(results, &tables).as_bytes())?;
+    files::replace(
+        &folder.join("tables.md"),
+        tables::markdown(results, &tables).as_bytes(),
+    )?;
     if !judgements.is_empty() {
-        files::replace(&folder.join("claims.md"), claims_table::markdown(results, judgements).as_bytes())?;
+        files::replace(
+            &folder.join("claims.md"),
+            claims_table::markdown(results, judgements).as_bytes(),
+        )?;
     }
     let page = folder.join("report.html");
-    files::replace(&page, page::html(results, judgements, &tables, &drawn).as_bytes())?;
+    files::replace(
+        &page,
+        page::html(results, judgements, &tables, &drawn).as_bytes(),
+    )?;
     Ok(page)
 }

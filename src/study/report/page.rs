@@ -17,7 +17,12 @@ const FEW: u64 = 20;
 
 const STYLE: &str = include_str!("page.css");
 
-pub(super) fn html(results: &Results, judgements: &[Judgement], tables: &[Table], drawn: &[Drawn]) -> String {
+pub(super) fn html(
+    results: &Results,
+    judgements: &[Judgement],
+    tables: &[Table],
+    drawn: &[Drawn],
+) -> String {
     let study = &results.study;
     let page = html! {
         (DOCTYPE)
@@ -130,8 +135,11 @@ fn claim_card(results: &Results, claim: &Claim, judgement: &Judgement) -> Markup
 fn different_budgets(results: &Results, claim: &Claim, measure: Measure) -> Option<String> {
     let most = |name: &str| results.cell(name).map(|cell| cell.about.most_episodes);
     let (first, second) = (most(&claim.compare.0)?, most(&claim.compare.1)?);
-    (first != second && !measure.is_time())
-        .then(|| format!("Not alike: the first may take {first} episodes of each agent, the second {second}."))
+    (first != second && !measure.is_time()).then(|| {
+        format!(
+            "Not alike: the first may take {first} episodes of each agent, the second {second}."
+        )
+    })
 }
 
 fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) -> Markup {
@@ -149,22 +157,32 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
 
 /// How likely a run of the first lies on the claimed side of one of the second.
 fn who_is_ahead(claim: &Claim, comparison: &Comparison) -> String {
-    let (side, probability) =
-        if claim.direction.is_upwards() { ("above", comparison.above()) } else { ("below", comparison.below) };
+    let (side, probability) = if claim.direction.is_upwards() {
+        ("above", comparison.above())
+    } else {
+        ("below", comparison.below)
+    };
     format!("P(first {side} second) = {}", words::estimate(probability))
 }
 
 /// What the effect is and, where a p of it is told, the test that this is from.
 fn how_compared(claim: &Claim, measure: Measure) -> String {
     let [effect, test] = words::test(claim.test, measure.is_time());
-    if claim.direction.is_null() { effect.to_owned() } else { format!("{effect}; {test}") }
+    if claim.direction.is_null() {
+        effect.to_owned()
+    } else {
+        format!("{effect}; {test}")
+    }
 }
 
 fn up_to(comparison: &Comparison) -> String {
     if comparison.horizon.is_infinite() {
         return String::new();
     }
-    format!(" Times count up to {}, where the first run ended that did not get there.", words::number(comparison.horizon))
+    format!(
+        " Times count up to {}, where the first run ended that did not get there.",
+        words::number(comparison.horizon)
+    )
 }
 
 fn class(verdict: Verdict) -> &'static str {
@@ -176,7 +194,10 @@ fn class(verdict: Verdict) -> &'static str {
 }
 
 fn figure_section(number: usize, figure: &Drawn) -> Markup {
-    let least = figure.picture.width.min((0.6 * figure.picture.width).max(340.0));
+    let least = figure
+        .picture
+        .width
+        .min((0.6 * figure.picture.width).max(340.0));
     html! {
         figure {
             div.scroll {
@@ -214,7 +235,12 @@ fn table_of_words(table: &Table) -> Markup {
 }
 
 fn failures(results: &Results) -> Markup {
-    let failed = || results.cells.iter().filter(|cell| !cell.failures.is_empty());
+    let failed = || {
+        results
+            .cells
+            .iter()
+            .filter(|cell| !cell.failures.is_empty())
+    };
     html! {
         @if failed().next().is_some() {
             h2 { "Failed runs" }
@@ -259,18 +285,35 @@ fn how_it_was_run(results: &Results) -> Markup {
 
 /// The marks of all builds that ran any of it.
 fn builds(results: &Results) -> String {
-    results.builds.iter().map(|build| build::in_words(*build)).collect::<Vec<_>>().join(", ")
+    results
+        .builds
+        .iter()
+        .map(|build| build::in_words(*build))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 fn command(cell: &CellResults, seed: u64) -> String {
-    let sets = cell.about.overrides.iter().map(|text| format!(" --set {}", quoted(text)));
-    format!("seedbed run {} --seed {seed}{}", quoted(&cell.about.scenario), sets.collect::<String>())
+    let sets = cell
+        .about
+        .overrides
+        .iter()
+        .map(|text| format!(" --set {}", quoted(text)));
+    format!(
+        "seedbed run {} --seed {seed}{}",
+        quoted(&cell.about.scenario),
+        sets.collect::<String>()
+    )
 }
 
 /// As a shell takes it for one word.
 fn quoted(text: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "/._-=:+,@".contains(letter);
-    if text.chars().all(is_plain) { text.to_owned() } else { format!("'{}'", text.replace('\'', r"'\''")) }
+    if text.chars().all(is_plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
 }
 
 fn how_to_read() -> Markup {

@@ -57,30 +57,63 @@ struct Row<'a> {
 
 /// The columns of [`Row`], then one for each measure that the study takes, in the language of its file; `inf` is a time not reached.
 pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
-    let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+    let mut writer = csv::WriterBuilder::new()
+        .has_headers(false)
+        .from_writer(Vec::new());
     let measures = measures(results);
-    let names = measures.iter().map(|measure| ron::to_string(measure).map_err(io::Error::other));
+    let names = measures
+        .iter()
+        .map(|measure| ron::to_string(measure).map_err(io::Error::other));
     let names: Vec<String> = names.collect::<io::Result<_>>()?;
     writer.write_record(COLUMNS.into_iter().chain(names.iter().map(String::as_str)))?;
     for cell in &results.cells {
-        let about = Row { seeds: if results.is_tuning() { "tuning" } else { "reporting" }, ..about(cell) };
+        let about = Row {
+            seeds: if results.is_tuning() {
+                "tuning"
+            } else {
+                "reporting"
+            },
+            ..about(cell)
+        };
         for (seed, run) in &cell.runs {
-            writer
-                .serialize((finished(&about, *seed, run), measures.iter().map(|measure| measure.of(run)).collect::<Vec<_>>()))?;
+            writer.serialize((
+                finished(&about, *seed, run),
+                measures
+                    .iter()
+                    .map(|measure| measure.of(run))
+                    .collect::<Vec<_>>(),
+            ))?;
         }
         for (seed, reason) in &cell.failures {
-            let row = Row { seed: *seed, state: "failed", reason, ..about };
+            let row = Row {
+                seed: *seed,
+                state: "failed",
+                reason,
+                ..about
+            };
             writer.serialize((row, vec![None::<f64>; measures.len()]))?;
         }
     }
-    writer.into_inner().map_err(|error| io::Error::other(error.to_string()))
+    writer
+        .into_inner()
+        .map_err(|error| io::Error::other(error.to_string()))
 }
 
 /// Those of the study and of its claims, each once.
 fn measures(results: &Results) -> Vec<Measure> {
-    let of_claims = results.study.claims.iter().map(|claim| results.study.measure_of(claim));
+    let of_claims = results
+        .study
+        .claims
+        .iter()
+        .map(|claim| results.study.measure_of(claim));
     let mut measures: Vec<Measure> = Vec::new();
-    for measure in results.study.measures.iter().map(|measure| **measure).chain(of_claims) {
+    for measure in results
+        .study
+        .measures
+        .iter()
+        .map(|measure| **measure)
+        .chain(of_claims)
+    {
         if !measures.contains(&measure) {
             measures.push(measure);
         }
@@ -89,7 +122,12 @@ fn measures(results: &Results) -> Vec<Measure> {
 }
 
 fn about(cell: &CellResults) -> Row<'_> {
-    Row { cell: &cell.about.name, task: &cell.about.task, agents: cell.about.agents, ..Row::default() }
+    Row {
+        cell: &cell.about.name,
+        task: &cell.about.task,
+        agents: cell.about.agents,
+        ..Row::default()
+    }
 }
 
 fn finished<'a>(about: &Row<'a>, seed: u64, run: &Measured) -> Row<'a> {
@@ -101,13 +139,17 @@ fn finished<'a>(about: &Row<'a>, seed: u64, run: &Measured) -> Row<'a> {
         env_steps: Some(run.env_steps),
         episodes_to_solve: of(Measure::EpisodesToSolve),
         env_steps_to_solve: of(Measure::EnvStepsToSolve),
-        final_return: of(Measure::FinalReturn { window: known_count(25) }),
+        final_return: of(Measure::FinalReturn {
+            window: known_count(25),
+        }),
         mean_return: of(Measure::Mean { of: Curve::Return }),
         reach: of(Measure::Reach),
         first_goal: of(Measure::FirstGoal),
         regret: of(Measure::Regret),
         team_coverage: of(Measure::Coverage),
-        effective_agents: of(Measure::Last { of: Curve::EffectiveAgents }),
+        effective_agents: of(Measure::Last {
+            of: Curve::EffectiveAgents,
+        }),
         ..*about
     }
 }

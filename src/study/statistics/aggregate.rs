@@ -20,7 +20,11 @@ pub fn mean(scores: &[f64]) -> f64 {
 pub fn median(scores: &[f64]) -> f64 {
     let sorted = sorted(scores);
     let (low, high) = (sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]);
-    if low == -high { 0.0 } else { f64::midpoint(low, high) }
+    if low == -high {
+        0.0
+    } else {
+        f64::midpoint(low, high)
+    }
 }
 
 /// The mean of the middle half (IQM): the ⌊n/4⌋ lowest and the ⌊n/4⌋ highest scores are cut.   `scores: [n]`
@@ -86,7 +90,10 @@ mod tests {
         // Halfway between 2 and 5.
         assert_eq!(median(&[9.0, 1.0, 5.0, 2.0]), 3.5);
         assert_eq!(median(&[f64::INFINITY, 1.0, 2.0]), 2.0);
-        assert_eq!(median(&[f64::INFINITY, 1.0, f64::INFINITY, 2.0]), f64::INFINITY);
+        assert_eq!(
+            median(&[f64::INFINITY, 1.0, f64::INFINITY, 2.0]),
+            f64::INFINITY
+        );
         assert_eq!(median(&[f64::INFINITY, f64::NEG_INFINITY]), 0.0);
         assert_eq!(median(&[-3.0, 3.0]), 0.0);
     }
@@ -94,7 +101,10 @@ mod tests {
     /// Of nine scores ⌊9/4⌋ = 2 go at each end: (2 + 3 + 4 + 5 + 16) / 5 = 6. Of three none goes: (1 + 2 + 9) / 3 = 4.
     #[test]
     fn the_interquartile_mean_cuts_whole_scores() {
-        assert_eq!(interquartile_mean(&[900.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 16.0, 100.0]), 6.0);
+        assert_eq!(
+            interquartile_mean(&[900.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 16.0, 100.0]),
+            6.0
+        );
         assert_eq!(interquartile_mean(&[1.0, 9.0, 2.0]), 4.0);
     }
 

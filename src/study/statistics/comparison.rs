@@ -26,9 +26,14 @@ pub fn welch(x: &[f64], y: &[f64]) -> Option<Welch> {
     }
     let (a, b) = (variance_of_mean(x), variance_of_mean(y));
     let t = (mean(x) - mean(y)) / (a + b).sqrt();
-    let degrees = (a + b).powi(2) / (a.powi(2) / (x.len() - 1) as f64 + b.powi(2) / (y.len() - 1) as f64);
+    let degrees =
+        (a + b).powi(2) / (a.powi(2) / (x.len() - 1) as f64 + b.powi(2) / (y.len() - 1) as f64);
     let distribution = StudentsT::new(0.0, 1.0, degrees).ok()?;
-    Some(Welch { t, degrees, p: 2.0 * distribution.sf(t.abs()) })
+    Some(Welch {
+        t,
+        degrees,
+        p: 2.0 * distribution.sf(t.abs()),
+    })
 }
 
 /// Σ (x − x̄)² / (n (n − 1)).

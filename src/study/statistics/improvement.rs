@@ -12,13 +12,21 @@ pub fn probability_of_improvement(x: &[Vec<f64>], y: &[Vec<f64>]) -> Estimate {
     let both = [x, y].concat();
     estimate(&both, |both| {
         let (x, y) = both.split_at(x.len());
-        x.iter().zip(y).map(|(x, y)| share_of_wins(x, y)).sum::<f64>() / x.len() as f64
+        x.iter()
+            .zip(y)
+            .map(|(x, y)| share_of_wins(x, y))
+            .sum::<f64>()
+            / x.len() as f64
     })
 }
 
 /// The share of pairs (x, y) with x > y, a tie counting half: Mann and Whitney's U / (n m).   `x: [n]`, `y: [m]`
 fn share_of_wins(x: &[f64], y: &[f64]) -> f64 {
-    let halves = |x: &f64| y.iter().map(|y| u32::from(x > y) + u32::from(x >= y)).sum::<u32>();
+    let halves = |x: &f64| {
+        y.iter()
+            .map(|y| u32::from(x > y) + u32::from(x >= y))
+            .sum::<u32>()
+    };
     f64::from(x.iter().map(halves).sum::<u32>()) / (2 * x.len() * y.len()) as f64
 }
 
@@ -39,6 +47,15 @@ mod tests {
     fn tasks_are_averaged() {
         let (low, high) = (vec![0.0; 5], vec![1.0; 6]);
         let half = probability_of_improvement(&[high.clone(), low.clone()], &[low, high]);
-        assert_eq!(half, Estimate { value: 0.5, interval: Interval::Known { low: 0.5, high: 0.5 } });
+        assert_eq!(
+            half,
+            Estimate {
+                value: 0.5,
+                interval: Interval::Known {
+                    low: 0.5,
+                    high: 0.5
+                }
+            }
+        );
     }
 }

@@ -42,7 +42,11 @@ pub enum Interval {
 impl Interval {
     /// The interval from `low` to `high`, if `n` runs are enough for one.
     fn of_runs(n: usize, low: f64, high: f64) -> Self {
-        if n < LEAST_RUNS { Self::TooFewRuns { n } } else { Self::Known { low, high } }
+        if n < LEAST_RUNS {
+            Self::TooFewRuns { n }
+        } else {
+            Self::Known { low, high }
+        }
     }
 }
 

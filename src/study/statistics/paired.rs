@@ -12,7 +12,10 @@ const MOST_EXACT: usize = 50;
 #[must_use]
 pub fn differences(x: &[f64], y: &[f64]) -> Vec<f64> {
     assert_eq!(x.len(), y.len());
-    x.iter().zip(y).map(|(x, y)| if x == y { 0.0 } else { x - y }).collect()
+    x.iter()
+        .zip(y)
+        .map(|(x, y)| if x == y { 0.0 } else { x - y })
+        .collect()
 }
 
 /// Wilcoxon's signed-rank test of differences that scatter evenly around 0.
@@ -31,14 +34,30 @@ pub struct SignedRank {
 /// `scipy.stats.wilcoxon` does by default, but for ties or zeros among 14 to 50 differences, where scipy approximates.
 #[must_use]
 pub fn signed_rank(differences: &[f64]) -> SignedRank {
-    let mut others: Vec<f64> = differences.iter().copied().filter(|difference| *difference != 0.0).collect();
+    let mut others: Vec<f64> = differences
+        .iter()
+        .copied()
+        .filter(|difference| *difference != 0.0)
+        .collect();
     others.sort_unstable_by(|a, b| a.abs().total_cmp(&b.abs()));
     let ranks = doubled_ranks(&others);
-    let positive: usize = others.iter().zip(&ranks).filter(|(difference, _)| **difference > 0.0).map(|(_, rank)| rank).sum();
+    let positive: usize = others
+        .iter()
+        .zip(&ranks)
+        .filter(|(difference, _)| **difference > 0.0)
+        .map(|(_, rank)| rank)
+        .sum();
     let all: usize = ranks.iter().sum();
     let smaller = positive.min(all - positive);
-    let p = if others.len() <= MOST_EXACT { exact_p(&ranks, smaller) } else { normal_p(&ranks, smaller) };
-    SignedRank { statistic: smaller as f64 / 2.0, p }
+    let p = if others.len() <= MOST_EXACT {
+        exact_p(&ranks, smaller)
+    } else {
+        normal_p(&ranks, smaller)
+    };
+    SignedRank {
+        statistic: smaller as f64 / 2.0,
+        p,
+    }
 }
 
 /// Twice the rank of each by magnitude, so that the mean rank of ties is whole.   `sorted: [n]` by magnitude → `[n]`
@@ -59,7 +78,11 @@ fn exact_p(ranks: &[usize], smaller: usize) -> f64 {
     probabilities[0] = 1.0;
     for &rank in ranks {
         for sum in (0..probabilities.len()).rev() {
-            let without = if sum < rank { 0.0 } else { probabilities[sum - rank] };
+            let without = if sum < rank {
+                0.0
+            } else {
+                probabilities[sum - rank]
+            };
             probabilities[sum] = f64::midpoint(probabilities[sum], without);
         }
     }
@@ -80,7 +103,10 @@ mod tests {
     #[test]
     fn infinities_differ_from_numbers_alone() {
         let never = f64::INFINITY;
-        assert_eq!(differences(&[never, never, 3.0, 3.0], &[never, 5.0, never, 1.0]), [0.0, never, -never, 2.0]);
+        assert_eq!(
+            differences(&[never, never, 3.0, 3.0], &[never, 5.0, never, 1.0]),
+            [0.0, never, -never, 2.0]
+        );
     }
 
     /// Magnitudes 1, 2, 2, 4 have ranks 1, 2½, 2½, 4.
@@ -93,14 +119,32 @@ mod tests {
     #[test]
     fn few_differences_are_counted_out() {
         let test = signed_rank(&[1.0, -2.0, 3.0, 4.0, 5.0]);
-        assert_eq!(test, SignedRank { statistic: 2.0, p: 6.0 / 32.0 });
+        assert_eq!(
+            test,
+            SignedRank {
+                statistic: 2.0,
+                p: 6.0 / 32.0
+            }
+        );
     }
 
     /// Ranks 1½, 1½, 3 and a negative 1½. Sums of at most 1½: {}, {a}, {b}: 3 of 8 ways, on two sides. The 0 does not count.
     #[test]
     fn ties_and_zeros_are_counted_out_too() {
-        assert_eq!(signed_rank(&[1.0, 0.0, -1.0, 3.0]), SignedRank { statistic: 1.5, p: 6.0 / 8.0 });
-        assert_eq!(signed_rank(&[0.0, 0.0]), SignedRank { statistic: 0.0, p: 1.0 });
+        assert_eq!(
+            signed_rank(&[1.0, 0.0, -1.0, 3.0]),
+            SignedRank {
+                statistic: 1.5,
+                p: 6.0 / 8.0
+            }
+        );
+        assert_eq!(
+            signed_rank(&[0.0, 0.0]),
+            SignedRank {
+                statistic: 0.0,
+                p: 1.0
+            }
+        );
     }
 
     /// At the seam the approximation is near the exact test: all signs but those of the ranks 1 to 15 of 50 are positive.
@@ -108,6 +152,9 @@ mod tests {
     fn the_approximation_joins_on() {
         let ranks: Vec<usize> = (1..=50).map(|rank| 2 * rank).collect();
         let (exact, normal) = (exact_p(&ranks, 2 * 450), normal_p(&ranks, 2 * 450));
-        assert!((exact - normal).abs() < 0.002 && exact > 0.05, "{exact} {normal}");
+        assert!(
+            (exact - normal).abs() < 0.002 && exact > 0.05,
+            "{exact} {normal}"
+        );
     }
 }

@@ -29,7 +29,19 @@ mod tests {
     #[test]
     fn a_run_at_the_threshold_is_not_above_it() {
         let profile = performance_profile(&[vec![0.0, 1.0, 2.0, 3.0, 4.0]], &[-1.0, 0.0, 9.0]);
-        assert_eq!(profile.iter().map(|point| point.value).collect::<Vec<f64>>(), [1.0, 0.8, 0.0]);
-        assert_eq!(profile[2].interval, Interval::Known { low: 0.0, high: 0.0 });
+        assert_eq!(
+            profile
+                .iter()
+                .map(|point| point.value)
+                .collect::<Vec<f64>>(),
+            [1.0, 0.8, 0.0]
+        );
+        assert_eq!(
+            profile[2].interval,
+            Interval::Known {
+                low: 0.0,
+                high: 0.0
+            }
+        );
     }
 }

@@ -52,9 +52,18 @@ pub fn kaplan_meier(runs: &[Lifetime]) -> SurvivalCurve {
         survival *= (at_risk - reached) as f64 / at_risk as f64;
         greenwood += reached as f64 / (at_risk * (at_risk - reached)) as f64;
         let interval = log_log(runs.len(), survival, greenwood);
-        steps.push(Step { time, at_risk, reached, survival, interval });
+        steps.push(Step {
+            time,
+            at_risk,
+            reached,
+            survival,
+            interval,
+        });
     }
-    SurvivalCurve { steps, runs: runs.len() }
+    SurvivalCurve {
+        steps,
+        runs: runs.len(),
+    }
 }
 
 impl SurvivalCurve {
@@ -63,8 +72,16 @@ impl SurvivalCurve {
     /// of the times. `None` where S never falls below ½.
     #[must_use]
     pub fn median(&self) -> Option<f64> {
-        let first = |most: f64| self.steps.iter().find(|step| step.survival <= most).map(|step| step.time);
-        Some(f64::midpoint(first(0.5 + ROUNDING)?, first(0.5 - ROUNDING)?))
+        let first = |most: f64| {
+            self.steps
+                .iter()
+                .find(|step| step.survival <= most)
+                .map(|step| step.time)
+        };
+        Some(f64::midpoint(
+            first(0.5 + ROUNDING)?,
+            first(0.5 - ROUNDING)?,
+        ))
     }
 
     /// From where the lower to where the upper band of the curve comes down to a half (Brookmeyer and Crowley 1982); the upper
@@ -72,7 +89,10 @@ impl SurvivalCurve {
     #[must_use]
     pub fn median_interval(&self) -> Interval {
         let first = |down: fn(&Interval) -> bool| {
-            self.steps.iter().find(|step| down(&step.interval)).map_or(f64::INFINITY, |step| step.time)
+            self.steps
+                .iter()
+                .find(|step| down(&step.interval))
+                .map_or(f64::INFINITY, |step| step.time)
         };
         let low = first(|band| matches!(band, Interval::Known { low, .. } if *low <= 0.5));
         let high = first(|band| matches!(band, Interval::Known { high, .. } if *high <= 0.5));
@@ -98,19 +118,30 @@ pub fn log_rank(x: &[Lifetime], y: &[Lifetime]) -> Option<LogRank> {
     let both = [x, y].concat();
     let (mut excess, mut variance) = (0.0, 0.0);
     for time in times_reached(&both) {
-        let (n, n_x, d) = (at_risk(&both, time) as f64, at_risk(x, time) as f64, reached(&both, time) as f64);
+        let (n, n_x, d) = (
+            at_risk(&both, time) as f64,
+            at_risk(x, time) as f64,
+            reached(&both, time) as f64,
+        );
         excess += reached(x, time) as f64 - n_x * d / n;
         if n > 1.0 {
             variance += n_x * (n - n_x) * d * (n - d) / (n * n * (n - 1.0));
         }
     }
     let z = excess / variance.sqrt();
-    (variance > 0.0).then(|| LogRank { z, p: two_sided_normal(z) })
+    (variance > 0.0).then(|| LogRank {
+        z,
+        p: two_sided_normal(z),
+    })
 }
 
 /// The times at which runs reached the threshold, from early to late, each once.
 fn times_reached(runs: &[Lifetime]) -> Vec<f64> {
-    let mut times: Vec<f64> = runs.iter().filter(|run| run.reached).map(|run| run.time).collect();
+    let mut times: Vec<f64> = runs
+        .iter()
+        .filter(|run| run.reached)
+        .map(|run| run.time)
+        .collect();
     times.sort_unstable_by(f64::total_cmp);
     times.dedup();
     times
@@ -122,7 +153,9 @@ fn at_risk(runs: &[Lifetime], time: f64) -> usize {
 }
 
 fn reached(runs: &[Lifetime], time: f64) -> usize {
-    runs.iter().filter(|run| run.reached && run.time == time).count()
+    runs.iter()
+        .filter(|run| run.reached && run.time == time)
+        .count()
 }
 
 fn log_log(runs: usize, survival: f64, greenwood: f64) -> Interval {
@@ -130,7 +163,11 @@ fn log_log(runs: usize, survival: f64, greenwood: f64) -> Interval {
         return Interval::of_runs(runs, 0.0, 0.0);
     }
     let spread = Normal::standard().inverse_cdf(0.975) * greenwood.sqrt() / survival.ln();
-    Interval::of_runs(runs, survival.powf((-spread).exp()), survival.powf(spread.exp()))
+    Interval::of_runs(
+        runs,
+        survival.powf((-spread).exp()),
+        survival.powf(spread.exp()),
+    )
 }
 
 #[cfg(test)]
@@ -139,19 +176,30 @@ mod tests {
 
     /// A `+` marks a run that ended before it reached the threshold.
     fn lifetimes(words: &str) -> Vec<Lifetime> {
-        let lifetime = |word: &str| Lifetime { time: word.trim_end_matches('+').parse().unwrap(), reached: !word.ends_with('+') };
+        let lifetime = |word: &str| Lifetime {
+            time: word.trim_end_matches('+').parse().unwrap(),
+            reached: !word.ends_with('+'),
+        };
         words.split_whitespace().map(lifetime).collect()
     }
 
     fn shares(runs: &str) -> Vec<f64> {
-        kaplan_meier(&lifetimes(runs)).steps.iter().map(|step| step.survival).collect()
+        kaplan_meier(&lifetimes(runs))
+            .steps
+            .iter()
+            .map(|step| step.survival)
+            .collect()
     }
 
     /// At 1 one of 5 arrives: 4/5. At 3 the one watched until 2 is gone, of 3 one arrives: 4/5 · 2/3 = 8/15. The one watched
     /// until 4 still counts at 4, when 1 of 2 arrives: 4/15.
     #[test]
     fn censored_runs_count_until_they_end() {
-        for (ours, expected) in shares("1 2+ 3 4+ 4").iter().zip([4.0 / 5.0, 8.0 / 15.0, 4.0 / 15.0]) {
+        for (ours, expected) in
+            shares("1 2+ 3 4+ 4")
+                .iter()
+                .zip([4.0 / 5.0, 8.0 / 15.0, 4.0 / 15.0])
+        {
             assert!((ours - expected).abs() < 1e-15);
         }
         assert_eq!(kaplan_meier(&lifetimes("1 2+ 3 4+ 4")).median(), Some(4.0));
@@ -169,8 +217,14 @@ mod tests {
 
     #[test]
     fn few_runs_make_no_interval() {
-        assert_eq!(kaplan_meier(&lifetimes("7 3 5 9")).median_interval(), Interval::TooFewRuns { n: 4 });
-        assert_eq!(kaplan_meier(&lifetimes("7 3 5 9")).steps[0].interval, Interval::TooFewRuns { n: 4 });
+        assert_eq!(
+            kaplan_meier(&lifetimes("7 3 5 9")).median_interval(),
+            Interval::TooFewRuns { n: 4 }
+        );
+        assert_eq!(
+            kaplan_meier(&lifetimes("7 3 5 9")).steps[0].interval,
+            Interval::TooFewRuns { n: 4 }
+        );
     }
 
     /// Of 4 at 1 one of x arrives (of which 2 · 1/4 is expected), at 2 one of y (2 − 1 = 1 of 3 is x: 1/3 expected), at 3 the

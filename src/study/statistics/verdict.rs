@@ -46,7 +46,9 @@ pub fn is_smaller_than_claimed(effect: Interval, direction: Direction, size: f64
 
 /// Whether the whole interval lies above 0, and whether it lies below `size`, in the claimed direction. `None` of too few runs.
 fn known(effect: Interval, direction: Direction, size: f64) -> Option<[bool; 2]> {
-    let Interval::Known { low, high } = effect else { return None };
+    let Interval::Known { low, high } = effect else {
+        return None;
+    };
     let [least, most] = match direction {
         Direction::Positive => [low, high],
         Direction::Negative => [-high, -low],
@@ -59,7 +61,8 @@ mod tests {
     use super::*;
 
     fn on(low: f64, high: f64) -> [Verdict; 2] {
-        [Direction::Positive, Direction::Negative].map(|direction| verdict(Interval::Known { low, high }, direction, 2.0))
+        [Direction::Positive, Direction::Negative]
+            .map(|direction| verdict(Interval::Known { low, high }, direction, 2.0))
     }
 
     /// The claim is an effect of +2, and of −2.
@@ -78,12 +81,23 @@ mod tests {
     #[test]
     fn an_effect_may_be_there_and_smaller() {
         let on = |low: f64, high: f64| {
-            [Direction::Positive, Direction::Negative]
-                .map(|direction| is_smaller_than_claimed(Interval::Known { low, high }, direction, 2.0))
+            [Direction::Positive, Direction::Negative].map(|direction| {
+                is_smaller_than_claimed(Interval::Known { low, high }, direction, 2.0)
+            })
         };
-        assert_eq!([on(0.5, 1.0), on(-1.0, -0.5)], [[true, false], [false, true]]);
-        assert_eq!([on(0.5, 2.0), on(0.5, 3.0), on(-1.0, 1.0), on(3.0, 4.0)], [[false; 2]; 4]);
-        assert!(!is_smaller_than_claimed(Interval::TooFewRuns { n: 4 }, Direction::Positive, 2.0));
+        assert_eq!(
+            [on(0.5, 1.0), on(-1.0, -0.5)],
+            [[true, false], [false, true]]
+        );
+        assert_eq!(
+            [on(0.5, 2.0), on(0.5, 3.0), on(-1.0, 1.0), on(3.0, 4.0)],
+            [[false; 2]; 4]
+        );
+        assert!(!is_smaller_than_claimed(
+            Interval::TooFewRuns { n: 4 },
+            Direction::Positive,
+            2.0
+        ));
     }
 
     #[test]
@@ -93,6 +107,9 @@ mod tests {
 
     #[test]
     fn few_runs_decide_nothing() {
-        assert_eq!(verdict(Interval::TooFewRuns { n: 4 }, Direction::Positive, 1.0), Verdict::Inconclusive);
+        assert_eq!(
+            verdict(Interval::TooFewRuns { n: 4 }, Direction::Positive, 1.0),
+            Verdict::Inconclusive
+        );
     }
 }

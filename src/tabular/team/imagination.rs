@@ -12,14 +12,28 @@ impl Team {
     pub(super) fn imagine(&mut self, number: u32) {
         let (model, belief, mdp) = (&self.model, &self.belief, &mut self.imagined);
         let agent = &mut self.agents[number as usize];
-        let fresh = |action| stream(self.scenario.seed, Purpose::TabularResampling, number, action);
+        let fresh = |action| {
+            stream(
+                self.scenario.seed,
+                Purpose::TabularResampling,
+                number,
+                action,
+            )
+        };
         match self.scenario.algorithm {
             Algorithm::SeedSampling { rewards } | Algorithm::SharedSeed { rewards } => {
-                let seed = agent.seed.as_mut().expect("agents of these algorithms have seeds");
+                let seed = agent
+                    .seed
+                    .as_mut()
+                    .expect("agents of these algorithms have seeds");
                 seed.sample(model, belief, rewards, mdp);
             }
-            Algorithm::ThompsonResampling => draw_posterior(model, belief, &mut fresh(agent.actions), mdp),
-            Algorithm::SampleOnce => draw_posterior(model, belief, &mut fresh(agent.episode.episode), mdp),
+            Algorithm::ThompsonResampling => {
+                draw_posterior(model, belief, &mut fresh(agent.actions), mdp)
+            }
+            Algorithm::SampleOnce => {
+                draw_posterior(model, belief, &mut fresh(agent.episode.episode), mdp)
+            }
             Algorithm::Ucrl { width } => self.hope(number, width.get()),
             Algorithm::EpsilonGreedy { .. } | Algorithm::Random => expect(model, belief, mdp),
         }
@@ -35,8 +49,16 @@ impl Team {
         self.optimism.clear();
         for pair in 0..model.pair_count() {
             let share = |(mean, deviation): (f64, f64)| (width * deviation / (1.0 - mean)).min(1.0);
-            let likelihoods = model.outcomes_of(pair).map(|outcome| belief.likelihood(model, pair, outcome));
-            self.optimism.extend(likelihoods.map(|likelihood| if likelihood.0 < 1.0 { share(likelihood) } else { 0.0 }));
+            let likelihoods = model
+                .outcomes_of(pair)
+                .map(|outcome| belief.likelihood(model, pair, outcome));
+            self.optimism.extend(likelihoods.map(|likelihood| {
+                if likelihood.0 < 1.0 {
+                    share(likelihood)
+                } else {
+                    0.0
+                }
+            }));
         }
         for parameter in 0..self.model.parameters.len() {
             if self.belief.posterior(parameter) == Posterior::UnknownSign {
@@ -50,10 +72,20 @@ impl Team {
         let mut policy = self.planner.empty_policy();
         let mut prospects = |sign: f64| {
             self.imagined.values[parameter] = sign;
-            self.planner.plan(&self.model, &self.imagined, &self.optimism, agent.step, &mut policy);
+            self.planner.plan(
+                &self.model,
+                &self.imagined,
+                &self.optimism,
+                agent.step,
+                &mut policy,
+            );
             self.planner.value(agent.state)
         };
-        let sign = if prospects(-1.0) > prospects(1.0) { -1.0 } else { 1.0 };
+        let sign = if prospects(-1.0) > prospects(1.0) {
+            -1.0
+        } else {
+            1.0
+        };
         self.imagined.values[parameter] = sign;
     }
 }

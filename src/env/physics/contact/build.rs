@@ -1,9 +1,9 @@
 //! A task's bodies, colliders and joints as Rapier's sets, from which every episode starts.
 
 use rapier2d::prelude::{
-    CoefficientCombineRule, Collider, ColliderBuilder, ColliderSet, Group, IntegrationParameters, InteractionGroups,
-    InteractionTestMode, MassProperties, MultibodyIndex, MultibodyJointSet, Pose, RigidBody, RigidBodyBuilder, RigidBodyHandle,
-    RigidBodySet, Vector,
+    CoefficientCombineRule, Collider, ColliderBuilder, ColliderSet, Group, IntegrationParameters,
+    InteractionGroups, InteractionTestMode, MassProperties, MultibodyIndex, MultibodyJointSet,
+    Pose, RigidBody, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, Vector,
 };
 
 use super::super::geometry::{Placed, TOLERANCE};
@@ -36,19 +36,36 @@ pub(super) struct Pristine {
 impl Pristine {
     pub(super) fn new(description: &Description, tree: &Tree) -> Self {
         let mut bodies = RigidBodySet::new();
-        let handles: Vec<_> = description.bodies.iter().map(|body| bodies.insert(rigid_body(body))).collect();
-        let coms: Vec<_> = description.bodies.iter().map(|body| body.inertial.com).collect();
+        let handles: Vec<_> = description
+            .bodies
+            .iter()
+            .map(|body| bodies.insert(rigid_body(body)))
+            .collect();
+        let coms: Vec<_> = description
+            .bodies
+            .iter()
+            .map(|body| body.inertial.com)
+            .collect();
         let colliders = colliders(description, &handles, &mut bodies);
         let mut joints = MultibodyJointSet::new();
-        let insert = |(index, link)| insert_link(index, link, description, &handles, &mut bodies, &mut joints);
+        let insert = |(index, link)| {
+            insert_link(index, link, description, &handles, &mut bodies, &mut joints)
+        };
         let links: Vec<_> = tree.links().iter().enumerate().map(insert).collect();
         let multibodies = undamped(&bodies, &handles, &mut joints);
-        links.iter().zip(&description.joints).for_each(|(link, described)| link.resist(&described.passive, &mut joints));
+        links
+            .iter()
+            .zip(&description.joints)
+            .for_each(|(link, described)| link.resist(&described.passive, &mut joints));
         Self {
             gravity: vector(description.gravity),
             parameters: parameters(description),
             searches: description.solver.searches,
-            roots: description.free.iter().map(|&body| root(body, description)).collect(),
+            roots: description
+                .free
+                .iter()
+                .map(|&body| root(body, description))
+                .collect(),
             motors: Motor::all(description),
             multibodies,
             multibody_joints: joints,
@@ -86,16 +103,26 @@ fn parameters(description: &Description) -> IntegrationParameters {
 fn rigid_body(body: &Body) -> RigidBody {
     let inertial = &body.inertial;
     RigidBodyBuilder::dynamic()
-        .additional_mass_properties(MassProperties::new(Vector::ZERO, inertial.mass as f32, inertial.inertia as f32))
+        .additional_mass_properties(MassProperties::new(
+            Vector::ZERO,
+            inertial.mass as f32,
+            inertial.inertia as f32,
+        ))
         .can_sleep(false)
         .allow_fast_rotation(true)
         .build()
 }
 
-fn colliders(description: &Description, handles: &[RigidBodyHandle], bodies: &mut RigidBodySet) -> ColliderSet {
+fn colliders(
+    description: &Description,
+    handles: &[RigidBodyHandle],
+    bodies: &mut RigidBodySet,
+) -> ColliderSet {
     let mut colliders = ColliderSet::new();
     for surface in &description.colliders {
-        let com = surface.body.map_or(Vector::ZERO, |body| vector(description.bodies[body].inertial.com));
+        let com = surface.body.map_or(Vector::ZERO, |body| {
+            vector(description.bodies[body].inertial.com)
+        });
         let collider = collider(surface, com);
         match surface.body {
             None => colliders.insert(collider),
@@ -115,7 +142,11 @@ fn collider(surface: &description::Collider, com: Vector) -> Collider {
         .friction_combine_rule(CoefficientCombineRule::Max)
         .restitution(surface.restitution as f32)
         .restitution_combine_rule(CoefficientCombineRule::Max)
-        .collision_groups(InteractionGroups::new(kinds(surface.contype), kinds(surface.conaffinity), InteractionTestMode::Or))
+        .collision_groups(InteractionGroups::new(
+            kinds(surface.contype),
+            kinds(surface.conaffinity),
+            InteractionTestMode::Or,
+        ))
         .build()
 }
 
@@ -128,27 +159,43 @@ fn insert_link(
     bodies: &mut RigidBodySet,
     joints: &mut MultibodyJointSet,
 ) -> Link {
-    let parent = link.parent.map_or_else(|| bodies.insert(RigidBodyBuilder::fixed()), |parent| handles[parent]);
+    let parent = link.parent.map_or_else(
+        || bodies.insert(RigidBodyBuilder::fixed()),
+        |parent| handles[parent],
+    );
     let com = |body: usize| description.bodies[body].inertial.com;
     let coms = [link.parent.map_or([0.0; 2], com), com(link.child)];
-    let servo = description.actuators.iter().find_map(|actuator| match &actuator.drive {
-        Drive::Servo(servo) if servo.joint == index => Some(servo),
-        _ => None,
-    });
+    let servo = description
+        .actuators
+        .iter()
+        .find_map(|actuator| match &actuator.drive {
+            Drive::Servo(servo) if servo.joint == index => Some(servo),
+            _ => None,
+        });
     let joint = joint(link, &description.joints[index], servo, coms);
     let handle = joints.insert(parent, handles[link.child], joint, false);
     Link::new(link, handle.expect("joints form trees"), handles, coms[1])
 }
 
 fn root(body: usize, description: &Description) -> Root {
-    let is_linked = description.joints.iter().any(|joint| joint.parent == Some(body));
+    let is_linked = description
+        .joints
+        .iter()
+        .any(|joint| joint.parent == Some(body));
     Root::new(body, description.bodies[body].inertial.com, is_linked)
 }
 
 /// Takes away the damping that Rapier gives to every hinge, and lists the trees.
-fn undamped(bodies: &RigidBodySet, handles: &[RigidBodyHandle], joints: &mut MultibodyJointSet) -> Vec<MultibodyIndex> {
+fn undamped(
+    bodies: &RigidBodySet,
+    handles: &[RigidBodyHandle],
+    joints: &mut MultibodyJointSet,
+) -> Vec<MultibodyIndex> {
     let mut indices: Vec<_> = Vec::new();
-    for link in handles.iter().filter_map(|&handle| joints.rigid_body_link(handle)) {
+    for link in handles
+        .iter()
+        .filter_map(|&handle| joints.rigid_body_link(handle))
+    {
         if !indices.contains(&link.multibody) {
             indices.push(link.multibody);
         }

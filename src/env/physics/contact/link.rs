@@ -1,8 +1,9 @@
 //! How a body hangs on a multibody joint, or floats; and how motors push.
 
 use rapier2d::prelude::{
-    GenericJoint, GenericJointBuilder, JointAxesMask, JointAxis, MotorModel, MultibodyJoint, MultibodyJointHandle,
-    MultibodyJointSet, Pose, RigidBody, RigidBodyHandle, RigidBodySet, Rotation, Vector,
+    GenericJoint, GenericJointBuilder, JointAxesMask, JointAxis, MotorModel, MultibodyJoint,
+    MultibodyJointHandle, MultibodyJointSet, Pose, RigidBody, RigidBodyHandle, RigidBodySet,
+    Rotation, Vector,
 };
 
 use super::super::vector;
@@ -45,16 +46,30 @@ pub(super) struct Motor {
 }
 
 /// Rapier's joint; `coms` are the centres of mass of parent and child in their frames.
-pub(super) fn joint(link: &TreeLink, described: &Joint, servo: Option<&Servo>, coms: [[f64; 2]; 2]) -> GenericJoint {
+pub(super) fn joint(
+    link: &TreeLink,
+    described: &Joint,
+    servo: Option<&Servo>,
+    coms: [[f64; 2]; 2],
+) -> GenericJoint {
     let (locked, turned) = match link.motion {
-        Motion::Slide([x, y]) => (JointAxesMask::LOCKED_PRISMATIC_AXES, Rotation::from_cos_sin_unchecked(x as f32, y as f32)),
+        Motion::Slide([x, y]) => (
+            JointAxesMask::LOCKED_PRISMATIC_AXES,
+            Rotation::from_cos_sin_unchecked(x as f32, y as f32),
+        ),
         Motion::Hinge(_) => (JointAxesMask::LOCKED_REVOLUTE_AXES, Rotation::IDENTITY),
         Motion::Weld => (JointAxesMask::LOCKED_FIXED_AXES, Rotation::IDENTITY),
     };
     let reference = Rotation::new(link.angle as f32);
     let builder = GenericJointBuilder::new(locked)
-        .local_frame1(Pose::from_parts(vector(link.anchor_in_parent) - vector(coms[0]), turned))
-        .local_frame2(Pose::from_parts(vector(link.anchor_in_child) - vector(coms[1]), reference.inverse() * turned))
+        .local_frame1(Pose::from_parts(
+            vector(link.anchor_in_parent) - vector(coms[0]),
+            turned,
+        ))
+        .local_frame2(Pose::from_parts(
+            vector(link.anchor_in_child) - vector(coms[1]),
+            reference.inverse() * turned,
+        ))
         .contacts_enabled(false);
     let mut joint = builder.build();
     if let (Some((sense, axis)), Some([low, high])) = (axis(&link.motion), described.range) {
@@ -64,13 +79,21 @@ pub(super) fn joint(link: &TreeLink, described: &Joint, servo: Option<&Servo>, c
     if let (Some((_, axis)), Some(servo)) = (axis(&link.motion), servo) {
         joint.set_motor_model(axis, MotorModel::ForceBased);
         joint.set_motor(axis, 0.0, 0.0, servo.kp as f32, servo.kv as f32);
-        joint.set_motor_max_force(axis, servo.force_limit.map_or(f32::MAX, |force| force as f32));
+        joint.set_motor_max_force(
+            axis,
+            servo.force_limit.map_or(f32::MAX, |force| force as f32),
+        );
     }
     joint
 }
 
 impl Link {
-    pub(super) fn new(link: &TreeLink, handle: MultibodyJointHandle, handles: &[RigidBodyHandle], com: [f64; 2]) -> Self {
+    pub(super) fn new(
+        link: &TreeLink,
+        handle: MultibodyJointHandle,
+        handles: &[RigidBodyHandle],
+        com: [f64; 2],
+    ) -> Self {
         Self {
             handle,
             parent: link.parent.map(|parent| handles[parent]),
@@ -82,10 +105,20 @@ impl Link {
 
     /// Gives the joint what resists its motion.
     pub(super) fn resist(&self, passive: &Passive, joints: &mut MultibodyJointSet) {
-        let Some((sense, axis)) = axis(&self.motion) else { return };
-        let Some((multibody, id)) = joints.get_mut(self.handle) else { return };
-        let Some(link) = multibody.link_mut(id) else { return };
-        link.joint.set_spring(axis as usize, passive.stiffness as f32, sense * passive.springref as f32);
+        let Some((sense, axis)) = axis(&self.motion) else {
+            return;
+        };
+        let Some((multibody, id)) = joints.get_mut(self.handle) else {
+            return;
+        };
+        let Some(link) = multibody.link_mut(id) else {
+            return;
+        };
+        link.joint.set_spring(
+            axis as usize,
+            passive.stiffness as f32,
+            sense * passive.springref as f32,
+        );
         let dof = link.assembly_id();
         multibody.damping_mut()[dof] = passive.damping as f32;
         multibody.armature_mut()[dof] = passive.armature as f32;
@@ -94,9 +127,15 @@ impl Link {
 
     /// Tells the joint's servo where to go.
     fn aim(&self, target: Target, value: f32, joints: &mut MultibodyJointSet) {
-        let Some((sense, axis)) = axis(&self.motion) else { return };
-        let link = joints.get_mut(self.handle).and_then(|(multibody, id)| multibody.link_mut(id));
-        let Some(motor) = link.map(|link| &mut link.joint.data.motors[axis as usize]) else { return };
+        let Some((sense, axis)) = axis(&self.motion) else {
+            return;
+        };
+        let link = joints
+            .get_mut(self.handle)
+            .and_then(|(multibody, id)| multibody.link_mut(id));
+        let Some(motor) = link.map(|link| &mut link.joint.data.motors[axis as usize]) else {
+            return;
+        };
         match target {
             Target::Position => motor.target_pos = sense * value,
             Target::Velocity => motor.target_vel = sense * value,
@@ -105,19 +144,34 @@ impl Link {
 
     /// Puts a joint that is at 0 to a coordinate, and lets it move at a rate.
     pub(super) fn place(&self, position: f32, velocity: f32, joints: &mut MultibodyJointSet) {
-        let Some((sense, _)) = axis(&self.motion) else { return };
-        let Some((multibody, id)) = joints.get_mut(self.handle) else { return };
-        let Some(link) = multibody.link_mut(id) else { return };
+        let Some((sense, _)) = axis(&self.motion) else {
+            return;
+        };
+        let Some((multibody, id)) = joints.get_mut(self.handle) else {
+            return;
+        };
+        let Some(link) = multibody.link_mut(id) else {
+            return;
+        };
         link.joint.apply_displacement(&[sense * position]);
         let dof = link.assembly_id();
         multibody.generalized_velocity_mut()[dof] = sense * velocity;
     }
 
     pub(super) fn read(&self, joints: &MultibodyJointSet) -> (f32, f32) {
-        let Some((sense, axis)) = axis(&self.motion) else { return (0.0, 0.0) };
-        let link = joints.get(self.handle).and_then(|(multibody, id)| Some((multibody, multibody.link(id)?)));
-        let Some((multibody, link)) = link else { return (0.0, 0.0) };
-        (sense * link.joint().coords()[axis as usize], sense * multibody.generalized_velocity()[link.assembly_id()])
+        let Some((sense, axis)) = axis(&self.motion) else {
+            return (0.0, 0.0);
+        };
+        let link = joints
+            .get(self.handle)
+            .and_then(|(multibody, id)| Some((multibody, multibody.link(id)?)));
+        let Some((multibody, link)) = link else {
+            return (0.0, 0.0);
+        };
+        (
+            sense * link.joint().coords()[axis as usize],
+            sense * multibody.generalized_velocity()[link.assembly_id()],
+        )
     }
 
     /// Adds a force (N) or torque (N m) along the coordinate, and its reaction on the parent.
@@ -132,7 +186,9 @@ impl Link {
                 }
             }
             Motion::Slide(axis) => {
-                let axis = self.parent.map_or(vector(axis), |parent| *bodies[parent].rotation() * vector(axis));
+                let axis = self.parent.map_or(vector(axis), |parent| {
+                    *bodies[parent].rotation() * vector(axis)
+                });
                 let point = *bodies[self.child].position() * self.anchor_in_child;
                 bodies[self.child].add_force_at_point(axis * force, point, false);
                 if let Some(parent) = self.parent {
@@ -154,16 +210,28 @@ pub(super) fn axis(motion: &Motion) -> Option<(f32, JointAxis)> {
 
 impl Root {
     pub(super) fn new(body: usize, com: [f64; 2], is_linked: bool) -> Self {
-        Self { body, com: vector(com), is_linked }
+        Self {
+            body,
+            com: vector(com),
+            is_linked,
+        }
     }
 
     /// Puts the root of a multibody to where its frame is.
-    pub(super) fn place(frame: &Frame, com: [f64; 2], handle: RigidBodyHandle, joints: &mut MultibodyJointSet) {
-        let Some(multibody) = multibody_of(handle, joints) else { return };
+    pub(super) fn place(
+        frame: &Frame,
+        com: [f64; 2],
+        handle: RigidBodyHandle,
+        joints: &mut MultibodyJointSet,
+    ) {
+        let Some(multibody) = multibody_of(handle, joints) else {
+            return;
+        };
         let ([x, y], [right, up]) = (frame.point(com), frame.velocity_at(frame.point(com)));
         let root = multibody.root_mut();
         root.joint = MultibodyJoint::new(root.joint.data, false);
-        root.joint.apply_displacement(&[x as f32, y as f32, frame.angle as f32]);
+        root.joint
+            .apply_displacement(&[x as f32, y as f32, frame.angle as f32]);
         let mut velocity = multibody.generalized_velocity_mut();
         for (dof, value) in [right, up, frame.angular_velocity].into_iter().enumerate() {
             velocity[dof] = value as f32;
@@ -171,8 +239,15 @@ impl Root {
     }
 
     /// How the root's frame moves. Rapier's velocity of a multibody's body lags: the multibody's own counts.
-    pub(super) fn moving(&self, body: &RigidBody, handle: RigidBodyHandle, joints: &MultibodyJointSet) -> Moving {
-        let multibody = joints.rigid_body_link(handle).and_then(|link| joints.get_multibody(link.multibody));
+    pub(super) fn moving(
+        &self,
+        body: &RigidBody,
+        handle: RigidBodyHandle,
+        joints: &MultibodyJointSet,
+    ) -> Moving {
+        let multibody = joints
+            .rigid_body_link(handle)
+            .and_then(|link| joints.get_multibody(link.multibody));
         let (velocity, spin) = match multibody {
             Some(multibody) => {
                 let rates = multibody.generalized_velocity();
@@ -190,7 +265,10 @@ impl Root {
     }
 }
 
-fn multibody_of(handle: RigidBodyHandle, joints: &mut MultibodyJointSet) -> Option<&mut rapier2d::prelude::Multibody> {
+fn multibody_of(
+    handle: RigidBodyHandle,
+    joints: &mut MultibodyJointSet,
+) -> Option<&mut rapier2d::prelude::Multibody> {
     let index = joints.rigid_body_link(handle)?.multibody;
     joints.get_multibody_mut(index)
 }
@@ -198,20 +276,44 @@ fn multibody_of(handle: RigidBodyHandle, joints: &mut MultibodyJointSet) -> Opti
 impl Motor {
     /// One for each actuator, then one for each field.
     pub(super) fn all(description: &Description) -> Vec<Self> {
-        let actuators = description.actuators.iter().map(|actuator| Self { drive: actuator.drive, gear: actuator.gear as f32 });
-        actuators.chain(description.fields.iter().map(|field| Self { drive: field.drive, gear: 1.0 })).collect()
+        let actuators = description.actuators.iter().map(|actuator| Self {
+            drive: actuator.drive,
+            gear: actuator.gear as f32,
+        });
+        actuators
+            .chain(description.fields.iter().map(|field| Self {
+                drive: field.drive,
+                gear: 1.0,
+            }))
+            .collect()
     }
 
-    pub(super) fn push(&self, control: f32, pristine: &Pristine, bodies: &mut RigidBodySet, joints: &mut MultibodyJointSet) {
+    pub(super) fn push(
+        &self,
+        control: f32,
+        pristine: &Pristine,
+        bodies: &mut RigidBodySet,
+        joints: &mut MultibodyJointSet,
+    ) {
         let value = self.gear * control;
         match self.drive {
             Drive::Nothing => {}
             Drive::JointForce(joint) => pristine.links[joint].push(value, bodies),
             Drive::Servo(servo) => pristine.links[servo.joint].aim(servo.target, value, joints),
-            Drive::BodyForce { body, at, direction, local } => {
+            Drive::BodyForce {
+                body,
+                at,
+                direction,
+                local,
+            } => {
                 let com = pristine.coms[body];
                 let arm = at.map_or(Vector::ZERO, |at| vector(at) - vector(com));
-                push_body(&mut bodies[pristine.handles[body]], arm, vector(direction) * value, local);
+                push_body(
+                    &mut bodies[pristine.handles[body]],
+                    arm,
+                    vector(direction) * value,
+                    local,
+                );
             }
         }
     }
@@ -219,7 +321,11 @@ impl Motor {
 
 /// Adds a force (N) in the world's frame, or in the body's if it is `local`. `arm`: from the body's origin, in its frame.
 fn push_body(body: &mut RigidBody, arm: Vector, force: Vector, local: bool) {
-    let force = if local { *body.rotation() * force } else { force };
+    let force = if local {
+        *body.rotation() * force
+    } else {
+        force
+    };
     let point = *body.position() * arm;
     body.add_force_at_point(force, point, false);
 }

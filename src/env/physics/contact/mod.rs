@@ -44,7 +44,8 @@ impl Dynamics for ContactWorlds {
     fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
         self.tree.place(positions, velocities, &mut self.frames);
         for (coordinate, (&position, &velocity)) in positions.iter().zip(velocities).enumerate() {
-            self.columns.set(coordinate, copy, position as f32, velocity as f32);
+            self.columns
+                .set(coordinate, copy, position as f32, velocity as f32);
         }
         self.worlds[copy].start(&self.pristine, &self.frames, positions, velocities);
     }
@@ -67,7 +68,10 @@ impl Dynamics for ContactWorlds {
     }
 
     fn poses(&self, copy: usize, poses: &mut [Pose]) {
-        for (pose, frame) in poses.iter_mut().zip(&self.tree.frames_of(&self.columns, copy)) {
+        for (pose, frame) in poses
+            .iter_mut()
+            .zip(&self.tree.frames_of(&self.columns, copy))
+        {
             *pose = Pose::from(frame);
         }
     }
@@ -83,7 +87,12 @@ impl Dynamics for ContactWorlds {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let (columns, worlds): (JointColumns, Vec<World>) = from_bytes(bytes)?;
         let fits = columns.same_shape(&self.columns) && worlds.len() == self.worlds.len();
-        if !fits || !worlds.iter().zip(&self.worlds).all(|(new, old)| new.same_shape(old)) {
+        if !fits
+            || !worlds
+                .iter()
+                .zip(&self.worlds)
+                .all(|(new, old)| new.same_shape(old))
+        {
             return Err("the state is of other bodies or another number of copies".to_owned());
         }
         (self.columns, self.worlds) = (columns, worlds);

@@ -1,7 +1,9 @@
 //! How the viewer opens a recording that is about motion: scenes large, played at their own speed.
 
 use rerun::blueprint::components::{LoopMode, PlayState};
-use rerun::blueprint::{Blueprint, ContainerLike, Grid, Tabs, TextDocumentView, TimePanel, TimeSeriesView, Vertical};
+use rerun::blueprint::{
+    Blueprint, ContainerLike, Grid, Tabs, TextDocumentView, TimePanel, TimeSeriesView, Vertical,
+};
 
 use super::{Layout, Sheet, page};
 use crate::record::rerun::rows::ENV_STEP;
@@ -10,7 +12,11 @@ impl Sheet {
     /// Scenes at the left, and what they add up to at the right.
     pub(super) fn stage(&mut self, layout: &Layout) -> Blueprint {
         let beside = Vertical::new([self.went(layout), self.outcome()]);
-        let columns: Vec<ContainerLike> = self.scenes(layout).into_iter().chain([beside.into()]).collect();
+        let columns: Vec<ContainerLike> = self
+            .scenes(layout)
+            .into_iter()
+            .chain([beside.into()])
+            .collect();
         let time = TimePanel::new()
             .with_timeline(ENV_STEP)
             .with_fps(1.0 / layout.control_step)
@@ -21,12 +27,21 @@ impl Sheet {
 
     /// The scene of each filmed agent.
     pub(super) fn scenes(&mut self, layout: &Layout) -> Option<ContainerLike> {
-        let mut scenes: Vec<ContainerLike> = layout.filmed.iter().map(|filmed| self.scene(filmed)).collect();
+        let mut scenes: Vec<ContainerLike> = layout
+            .filmed
+            .iter()
+            .map(|filmed| self.scene(filmed))
+            .collect();
         match scenes.len() {
             0 | 1 => scenes.pop(),
             count => {
                 let columns = (count as f64).sqrt().ceil() as u32;
-                Some(Grid::new(scenes).with_grid_columns(columns).with_name("Agents in motion").into())
+                Some(
+                    Grid::new(scenes)
+                        .with_grid_columns(columns)
+                        .with_name("Agents in motion")
+                        .into(),
+                )
             }
         }
     }
@@ -41,9 +56,13 @@ impl Sheet {
     }
 
     fn outcome(&mut self) -> ContainerLike {
-        let returns: ContainerLike = TimeSeriesView::new("Return of each episode").with_origin("/curves/return").into();
+        let returns: ContainerLike = TimeSeriesView::new("Return of each episode")
+            .with_origin("/curves/return")
+            .into();
         self.all_times(&returns);
-        let about = TextDocumentView::new("About").with_origin("/scenario").into();
+        let about = TextDocumentView::new("About")
+            .with_origin("/scenario")
+            .into();
         Tabs::new([returns, about]).into()
     }
 }

@@ -30,7 +30,11 @@ impl Sheet {
     pub(super) fn visited(&mut self, layout: &Layout) -> ContainerLike {
         let mut tabs = vec![self.latest(layout), self.so_far(layout)];
         if Arrangement::of(layout.agents) == Arrangement::Many {
-            tabs.push(Vertical::new([self.lines(layout, false)]).with_name("Lines").into());
+            tabs.push(
+                Vertical::new([self.lines(layout, false)])
+                    .with_name("Lines")
+                    .into(),
+            );
         }
         tabs.push(self.pairs(layout));
         if layout.curious {
@@ -43,17 +47,27 @@ impl Sheet {
         let densities = self.density(layout, false, "latest");
         let tab = format!("Latest {} episodes", layout.quota.window);
         match Arrangement::of(layout.agents) {
-            Arrangement::Alone => Vertical::new([self.lines(layout, false), densities]).with_name(tab).into(),
-            Arrangement::Few => Horizontal::new([self.lines(layout, false), densities]).with_name(tab).into(),
+            Arrangement::Alone => Vertical::new([self.lines(layout, false), densities])
+                .with_name(tab)
+                .into(),
+            Arrangement::Few => Horizontal::new([self.lines(layout, false), densities])
+                .with_name(tab)
+                .into(),
             Arrangement::Many => {
-                let team = [self.density(layout, true, "latest"), self.lines(layout, true)];
+                let team = [
+                    self.density(layout, true, "latest"),
+                    self.lines(layout, true),
+                ];
                 above(Horizontal::new(team).into(), densities, tab)
             }
         }
     }
 
     fn so_far(&mut self, layout: &Layout) -> ContainerLike {
-        let (densities, tab) = (self.density(layout, false, "density"), "All states so far".to_owned());
+        let (densities, tab) = (
+            self.density(layout, false, "density"),
+            "All states so far".to_owned(),
+        );
         let arrangement = Arrangement::of(layout.agents);
         if arrangement == Arrangement::Alone {
             return Vertical::new([densities]).with_name(tab).into();
@@ -64,18 +78,24 @@ impl Sheet {
         }
         match arrangement {
             Arrangement::Many => above(Horizontal::new(team).into(), densities, tab),
-            _ => Horizontal::new([densities, Vertical::new(team).into()]).with_name(tab).into(),
+            _ => Horizontal::new([densities, Vertical::new(team).into()])
+                .with_name(tab)
+                .into(),
         }
     }
 
     fn pairs(&mut self, layout: &Layout) -> ContainerLike {
         let states = self.plots(layout, false);
-        self.with_team(layout, "Pairs of observations", states, |sheet| sheet.plots(layout, true))
+        self.with_team(layout, "Pairs of observations", states, |sheet| {
+            sheet.plots(layout, true)
+        })
     }
 
     fn bonuses(&mut self, layout: &Layout) -> ContainerLike {
         let bonuses = self.bonus(layout, false);
-        self.with_team(layout, "Where bonuses come from", bonuses, |sheet| sheet.bonus(layout, true))
+        self.with_team(layout, "Where bonuses come from", bonuses, |sheet| {
+            sheet.bonus(layout, true)
+        })
     }
 
     fn with_team(
@@ -87,46 +107,136 @@ impl Sheet {
     ) -> ContainerLike {
         match Arrangement::of(layout.agents) {
             Arrangement::Alone => Vertical::new([agents]).with_name(tab.to_owned()).into(),
-            Arrangement::Few => Horizontal::new([agents, team(self)]).with_name(tab.to_owned()).into(),
+            Arrangement::Few => Horizontal::new([agents, team(self)])
+                .with_name(tab.to_owned())
+                .into(),
             Arrangement::Many => above(team(self), agents, tab.to_owned()),
         }
     }
 
     fn lines(&mut self, layout: &Layout, of_team: bool) -> ContainerLike {
-        let wall = if of_team { layout.walls.team_axes } else { layout.walls.axes };
+        let wall = if of_team {
+            layout.walls.team_axes
+        } else {
+            layout.walls.axes
+        };
         let title = sampled(layout, of_team);
-        self.hang(layout, &Hung { wall, title, root: "visitation", of_team, name: "lines", scale: "lines", adds_up: true })
+        self.hang(
+            layout,
+            &Hung {
+                wall,
+                title,
+                root: "visitation",
+                of_team,
+                name: "lines",
+                scale: "lines",
+                adds_up: true,
+            },
+        )
     }
 
     pub(super) fn density(&mut self, layout: &Layout, of_team: bool, name: &str) -> ContainerLike {
-        let wall = if of_team { layout.walls.team_axes } else { layout.walls.axes };
-        let span = if name == "latest" { format!("of the latest {}", rounds(layout)) } else { "so far".to_owned() };
+        let wall = if of_team {
+            layout.walls.team_axes
+        } else {
+            layout.walls.axes
+        };
+        let span = if name == "latest" {
+            format!("of the latest {}", rounds(layout))
+        } else {
+            "so far".to_owned()
+        };
         let title = format!("{}: all states {span}", whose(layout, of_team));
-        self.hang(layout, &Hung { wall, title, root: "visitation", of_team, name, scale: "density", adds_up: false })
+        self.hang(
+            layout,
+            &Hung {
+                wall,
+                title,
+                root: "visitation",
+                of_team,
+                name,
+                scale: "density",
+                adds_up: false,
+            },
+        )
     }
 
     fn plots(&mut self, layout: &Layout, of_team: bool) -> ContainerLike {
-        let wall = if of_team { layout.walls.team_pairs } else { layout.walls.pairs };
+        let wall = if of_team {
+            layout.walls.team_pairs
+        } else {
+            layout.walls.pairs
+        };
         let title = sampled(layout, of_team);
-        self.hang(layout, &Hung { wall, title, root: "pairs", of_team, name: "states", scale: "states", adds_up: true })
+        self.hang(
+            layout,
+            &Hung {
+                wall,
+                title,
+                root: "pairs",
+                of_team,
+                name: "states",
+                scale: "states",
+                adds_up: true,
+            },
+        )
     }
 
     fn bonus(&mut self, layout: &Layout, of_team: bool) -> ContainerLike {
-        let wall = if of_team { layout.walls.team_pairs } else { layout.walls.pairs };
-        let title = format!("{}: mean intrinsic reward of the latest {}", whose(layout, of_team), rounds(layout));
-        self.hang(layout, &Hung { wall, title, root: "pairs", of_team, name: "bonus", scale: "bonus", adds_up: false })
+        let wall = if of_team {
+            layout.walls.team_pairs
+        } else {
+            layout.walls.pairs
+        };
+        let title = format!(
+            "{}: mean intrinsic reward of the latest {}",
+            whose(layout, of_team),
+            rounds(layout)
+        );
+        self.hang(
+            layout,
+            &Hung {
+                wall,
+                title,
+                root: "pairs",
+                of_team,
+                name: "bonus",
+                scale: "bonus",
+                adds_up: false,
+            },
+        )
     }
 
     fn difference(&mut self, layout: &Layout) -> ContainerLike {
         let title = "Two agents: where which has the larger share of states";
-        let contents = ["/visitation/difference/**".to_owned(), "/visitation/team/axes/**".to_owned()];
-        self.view(layout.walls.team_axes, title, "visitation", contents.to_vec())
+        let contents = [
+            "/visitation/difference/**".to_owned(),
+            "/visitation/team/axes/**".to_owned(),
+        ];
+        self.view(
+            layout.walls.team_axes,
+            title,
+            "visitation",
+            contents.to_vec(),
+        )
     }
 
     fn hang(&mut self, layout: &Layout, hung: &Hung<'_>) -> ContainerLike {
-        let Hung { wall, title, root, of_team, name, scale, adds_up } = hung;
+        let Hung {
+            wall,
+            title,
+            root,
+            of_team,
+            name,
+            scale,
+            adds_up,
+        } = hung;
         let furniture = if *root == "pairs" { "frames" } else { "axes" };
-        let place = if *of_team { format!("/{root}/team") } else { format!("/{root}") };
+        let place = if *of_team {
+            format!("/{root}/team")
+        } else {
+            format!("/{root}")
+        };
         let mut contents: Vec<String> = vec![
             format!("{place}/{furniture}/**"),
             format!("{place}/scale/{scale}"),
@@ -138,16 +248,29 @@ impl Sheet {
         contents.extend(of_team.then(|| format!("/{root}/team/{name}")));
         let view = self.view(*wall, title, root, contents);
         if *adds_up {
-            self.property(&view, "VisibleTimeRanges", VisibleTimeRanges::new(windows(layout)));
+            self.property(
+                &view,
+                "VisibleTimeRanges",
+                VisibleTimeRanges::new(windows(layout)),
+            );
         }
         view
     }
 
-    fn view(&mut self, wall: Wall, title: &str, root: &str, contents: Vec<String>) -> ContainerLike {
+    fn view(
+        &mut self,
+        wall: Wall,
+        title: &str,
+        root: &str,
+        contents: Vec<String>,
+    ) -> ContainerLike {
         let view = Spatial2DView::new(title.to_owned()).with_origin(format!("/{root}"));
         let view: ContainerLike = view.with_contents(contents).into();
         let [x_range, y_range] = wall.tiles.bounds().map(|ends| ends.map(f64::from));
-        let bounds = Range2D { x_range: x_range.into(), y_range: y_range.into() };
+        let bounds = Range2D {
+            x_range: x_range.into(),
+            y_range: y_range.into(),
+        };
         self.property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
         self.background(&view);
         view
@@ -155,7 +278,10 @@ impl Sheet {
 }
 
 fn above(team: ContainerLike, agents: ContainerLike, tab: String) -> ContainerLike {
-    Vertical::new([team, agents]).with_row_shares([TEAM_SHARE, 1.0 - TEAM_SHARE]).with_name(tab).into()
+    Vertical::new([team, agents])
+        .with_row_shares([TEAM_SHARE, 1.0 - TEAM_SHARE])
+        .with_name(tab)
+        .into()
 }
 
 fn whose(layout: &Layout, of_team: bool) -> &'static str {
@@ -167,12 +293,20 @@ fn whose(layout: &Layout, of_team: bool) -> &'static str {
 }
 
 fn rounds(layout: &Layout) -> String {
-    if layout.window == 1 { "round".to_owned() } else { format!("{} rounds", layout.window) }
+    if layout.window == 1 {
+        "round".to_owned()
+    } else {
+        format!("{} rounds", layout.window)
+    }
 }
 
 fn sampled(layout: &Layout, of_team: bool) -> String {
     let window = layout.quota.window;
-    format!("{}: some states of the latest {window} episodes, by {}", whose(layout, of_team), layout.coloured_by)
+    format!(
+        "{}: some states of the latest {window} episodes, by {}",
+        whose(layout, of_team),
+        layout.coloured_by
+    )
 }
 
 /// The latest episodes. An episode takes at least two steps, so that half as many steps hold no more.
@@ -185,5 +319,9 @@ fn windows(layout: &Layout) -> [VisibleTimeRange; 3] {
         },
     };
     let window = layout.quota.window;
-    [latest(EPISODE, window), latest(ROUND, window), latest(ENV_STEP, (2 * window).max(layout.time_limit + 1))]
+    [
+        latest(EPISODE, window),
+        latest(ROUND, window),
+        latest(ENV_STEP, (2 * window).max(layout.time_limit + 1)),
+    ]
 }
