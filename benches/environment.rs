@@ -1,16 +1,15 @@
-//! Control steps per second. Of every task in `envs/` with 16 copies: the whole environment with observations, rewards, endings and
-//! resets under random actions, over rigid bodies and over the closed-form twin. Of the cart-pole by number of copies M, and the bare
-//! motion of its rigid bodies. One core.
+//! Control steps per second. Of every task in `envs/` with 16 copies: the whole environment with
+//! observations, rewards, endings and resets under random actions, over rigid bodies and over the
+//! analytic model. Of the cart-pole by number of copies M, and the bare motion of its rigid
+//! bodies. One core.
 
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rand::RngExt;
-use seedbed::env::description::Description;
-use seedbed::env::expression::{Formula, Table, Type, Variable, compile};
-use seedbed::env::task::dynamics;
-use seedbed::env::{Action, Choice, Physics, Status, build, load};
-use seedbed::random::{Purpose, stream};
+use seedbed_env::expression::{Evaluator, Type, ValueTable, Variable, compile};
+use seedbed_env::random::{Purpose, stream};
+use seedbed_env::{Action, Choice, Physics, Status, TaskDescription, build, build_dynamics, load};
 
 criterion_group!(benches, tasks, cart_pole, idle_copies, formulas);
 criterion_main!(benches);
@@ -36,11 +35,11 @@ fn tasks(criterion: &mut Criterion) {
         .iter()
         .map(|path| load(path).expect("the task file is right"))
     {
-        let twin = task.twin.is_some().then_some(Physics::Analytic);
-        for physics in [Physics::Rapier].into_iter().chain(twin) {
+        let analytic = task.has_analytic_model().then_some(Physics::Analytic);
+        for physics in [Physics::Rapier].into_iter().chain(analytic) {
             let name = format!("{physics:?}").to_lowercase();
-            group.bench_function(BenchmarkId::new(&task.spec.name, name), |bencher| {
-                bencher.iter(whole(&task, physics, COPIES))
+            group.bench_function(BenchmarkId::new(&task.spec().name, name), |bencher| {
+                bencher.iter(whole(&task, physics, COPIES));
             });
         }
     }
@@ -54,12 +53,12 @@ fn cart_pole(criterion: &mut Criterion) {
     for copies in COPIES {
         group.throughput(Throughput::Elements(copies as u64));
         group.bench_function(BenchmarkId::new("bare", copies), |bencher| {
-            bencher.iter(bare(&task, copies))
+            bencher.iter(bare(&task, copies));
         });
         for physics in [Physics::Rapier, Physics::Analytic] {
             let name = format!("{physics:?}").to_lowercase();
             group.bench_function(BenchmarkId::new(name, copies), |bencher| {
-                bencher.iter(whole(&task, physics, copies))
+                bencher.iter(whole(&task, physics, copies));
             });
         }
     }
@@ -70,10 +69,11 @@ fn cart_pole(criterion: &mut Criterion) {
 fn idle_copies(criterion: &mut Criterion) {
     let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron"))
         .expect("the task file is right");
-    let mut bodies = dynamics(&task, Physics::Rapier, 64).expect("every task has rigid bodies");
+    let task = task.bodies().expect("it is no tabular task");
+    let mut bodies = build_dynamics(task, Physics::Rapier, 64).expect("every task has bodies");
     bodies.start(20, &[0.0, 0.05], &[0.0, 0.0]);
     criterion.bench_function("cartpole/one live of 64", |bencher| {
-        bencher.iter(|| bodies.step(&[1.0; 64]))
+        bencher.iter(|| bodies.step(&[1.0; 64]));
     });
 }
 
@@ -90,7 +90,7 @@ fn formulas(criterion: &mut Criterion) {
             previous: None,
         })
         .collect();
-    let mut table = Table::new(3, COPIES);
+    let mut table = ValueTable::new(3, COPIES);
     table
         .values_mut()
         .iter_mut()
@@ -110,17 +110,18 @@ fn formulas(criterion: &mut Criterion) {
         (Type::Number, "cos(a) - 0.1 * x * x - 0.01 * v * v"),
     ] {
         let program = compile(text, kind, &variables).expect("the formula is right");
-        let mut formula = Formula::new(&program, COPIES);
+        let mut formula = Evaluator::new(&program, COPIES);
         group.bench_function(text, |bencher| {
-            bencher.iter(|| formula.evaluate(table.view(), 0..COPIES)[0])
+            bencher.iter(|| formula.evaluate(table.view(), 0..COPIES)[0]);
         });
     }
     group.finish();
 }
 
 /// One control step of all copies under random forces; nothing ends, nothing is observed.
-fn bare(task: &Description, copies: usize) -> impl FnMut() {
-    let mut bodies = dynamics(task, Physics::Rapier, copies).expect("every task has rigid bodies");
+fn bare(task: &TaskDescription, copies: usize) -> impl FnMut() {
+    let task = task.bodies().expect("it is no tabular task");
+    let mut bodies = build_dynamics(task, Physics::Rapier, copies).expect("every task has bodies");
     (0..copies).for_each(|copy| bodies.start(copy, &[0.0, 0.05], &[0.0, 0.0]));
     let forces: Vec<_> = random_choices(copies)
         .iter()
@@ -134,12 +135,12 @@ fn bare(task: &Description, copies: usize) -> impl FnMut() {
 }
 
 /// One control step of all copies under random actions; a copy that has ended starts again.
-fn whole(task: &Description, physics: Physics, copies: usize) -> impl FnMut() {
+fn whole(task: &TaskDescription, physics: Physics, copies: usize) -> impl FnMut() {
     let mut environment = build(task, physics, copies).expect("the task has this physics");
     let mut random = stream(0, Purpose::Preview, 1, 0);
     (0..copies).for_each(|copy| environment.reset(copy, &mut random));
-    let row = copies * task.actuators.len();
-    let actions = random_actions(&task.spec.actions, copies);
+    let row = copies * task.spec().action_width();
+    let actions = random_actions(&task.spec().actions, copies);
     let mut step = 0;
     move || {
         environment.step(&actions[step * row..][..row]);

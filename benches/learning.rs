@@ -1,5 +1,6 @@
-//! What learning costs, on one core: the update of one of 16 agents on a round of 16 episodes of 200 steps of the cart-pole, acting
-//! one step, a layer's products at a batch of 200, and the capped return of 200 steps.
+//! What learning costs, on one core: the update of one of 16 agents on a round of 16 episodes of
+//! 200 steps of the cart-pole, acting one step, a layer's products at a batch of 200, and the
+//! capped return of 200 steps.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -7,14 +8,15 @@ use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rand::RngExt;
-use seedbed::agent::{ActScratch, Agent, Algorithm, Membership, Team};
-use seedbed::env::description::Description;
-use seedbed::env::{Physics, Spec, Status, build, load};
-use seedbed::experience::{Episode, Experience};
-use seedbed::input::numbers::known_count;
-use seedbed::nn::{Activations, Adam, AdamSettings, Initial, Mlp};
-use seedbed::random::{Purpose, stream};
-use seedbed::rl::returns;
+use seedbed_env::input::numbers::known_count;
+use seedbed_env::random::{Purpose, stream};
+use seedbed_env::{Physics, Spec, Status, TaskDescription, build, load};
+use seedbed_learn::agent::{ActScratch, Agent, AgentContext, TeamConfig};
+use seedbed_learn::algorithms::seed_pg::SeedPgAgent;
+use seedbed_learn::algorithms::seed_pg::config::SeedPg;
+use seedbed_learn::experience::{Episode, Experience};
+use seedbed_learn::nn::{Activations, Adam, AdamSettings, Initial, Mlp};
+use seedbed_learn::rl::returns;
 
 criterion_group!(benches, update, act, layers, network, capped_returns);
 criterion_main!(benches);
@@ -29,7 +31,7 @@ const STEPS: usize = 200;
 fn update(criterion: &mut Criterion) {
     let task = cart_pole();
     let fresh: Vec<Episode> = (0..AGENTS).map(|number| play(&task, number)).collect();
-    let mut learner = agent(&task.spec, 0);
+    let mut learner = agent(task.spec(), 0);
     let saved = learner.save();
     let mut group = criterion.benchmark_group("update");
     group.throughput(Throughput::Elements(u64::from(AGENTS) * STEPS as u64));
@@ -54,8 +56,9 @@ fn update(criterion: &mut Criterion) {
 }
 
 fn act(criterion: &mut Criterion) {
-    let spec = cart_pole().spec;
-    let actor = agent(&spec, 0);
+    let task = cart_pole();
+    let spec = task.spec();
+    let actor = agent(spec, 0);
     let (mut random, mut scratch) = (stream(0, Purpose::Action, 0, 0), ActScratch::default());
     let (mut action, mut log_prob) = ([0.0], [0.0]);
     criterion.bench_function("act/one step", |bencher| {
@@ -148,40 +151,39 @@ fn capped_returns(criterion: &mut Criterion) {
     group.finish();
 }
 
-fn cart_pole() -> Description {
+fn cart_pole() -> TaskDescription {
     load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron"))
         .expect("the task file is right")
 }
 
 fn agent(spec: &Spec, number: u32) -> Box<dyn Agent> {
-    let team = Team {
+    let team = TeamConfig {
         count: known_count(AGENTS),
-        ..Team::default()
+        ..TeamConfig::default()
     };
-    let algorithm = Algorithm::SeedPg(Box::default());
-    algorithm
-        .build(&Membership {
-            run_seed: 0,
-            agent: number,
-            team: &team,
-            spec,
-            notes_advantages: false,
-        })
-        .expect("Seed-PG learns for itself")
+    let context = AgentContext {
+        run_seed: 0,
+        agent: number,
+        team: &team,
+        spec,
+        record_advantages: false,
+    };
+    Box::new(SeedPgAgent::new(&SeedPg::default(), &context))
 }
 
-/// The agent's first steps, set one after the other: where the pole falls, it goes on from a new start.
-fn play(task: &Description, number: u32) -> Episode {
+/// The agent's first steps, set one after the other: where the pole falls, it goes on from a new
+/// start.
+fn play(task: &TaskDescription, number: u32) -> Episode {
     let mut environment =
-        build(task, Physics::Analytic, 1).expect("the task has a closed-form twin");
+        build(task, Physics::Analytic, 1).expect("the task has an analytic model");
     let (mut resets, mut actions) = (
         stream(0, Purpose::Reset, number, 0),
         stream(0, Purpose::Action, number, 0),
     );
-    let (actor, mut scratch) = (agent(&task.spec, number), ActScratch::default());
+    let (actor, mut scratch) = (agent(task.spec(), number), ActScratch::default());
     let mut episode = Episode {
         outcome: Status::Truncated,
-        ..Episode::start(number, 0, 0, &task.spec)
+        ..Episode::start(number, 0, 0, task.spec())
     };
     let (mut action, mut log_prob) = ([0.0], [0.0]);
     environment.reset(0, &mut resets);

@@ -1,5 +1,6 @@
-//! What value-based learners cost, on one core: a hundred agents of a seed ensemble on the swing-up of long episodes, acting alone and
-//! learning meanwhile, and one time of learning of its thirty models.
+//! What value-based learners cost, on one core: a hundred agents of a seed ensemble on the swing-up
+//! of long episodes, acting alone and learning meanwhile, and one time of learning of its thirty
+//! models.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -29,7 +30,7 @@ fn acting(criterion: &mut Criterion) {
             run_seed: 0,
             round: 0,
             episodes: 1,
-            camera: None,
+            scene: None,
         };
         bencher.iter(|| {
             black_box(trainer.play_without_learning(&plan))
@@ -64,5 +65,5 @@ fn trainer() -> Trainer {
         .join("scenarios/swingup_concurrent_seed_ensemble.ron");
     let plan =
         Plan::load(&scenario, &["agents.count=100".to_owned()]).expect("the scenario is right");
-    Trainer::new(&plan.scenario, &plan.description, 1).expect("the task can be built")
+    Trainer::from_scenario(&plan.scenario, &plan.description, 1).expect("the task can be built")
 }

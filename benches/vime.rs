@@ -1,13 +1,14 @@
-//! What a model-based bonus costs. A model of mountain car: 3 inputs (position, velocity, action), 32 hidden units, 2 outputs. The
-//! information gain of the 200 steps of an episode, by one draw of the weights and by ten, and one training step with a minibatch of 64
-//! and an antithetic pair. One core.
+//! What a model-based bonus costs. A model of mountain car: 3 inputs (position, velocity, action),
+//! 32 hidden units, 2 outputs. The information gain of the 200 steps of an episode, by one draw of
+//! the weights and by ten, and one training step with a minibatch of 64 and an antithetic pair. One
+//! core.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand_distr::{Distribution, StandardNormal};
-use seedbed::nn::bayesian::{Draws, Pass};
-use seedbed::nn::{BayesianNetwork, BayesianSettings};
-use seedbed::random::{Purpose, stream};
-use seedbed::rl::information_gain;
+use seedbed_env::random::{Purpose, stream};
+use seedbed_learn::nn::bayesian::{Draws, Pass};
+use seedbed_learn::nn::{BayesianNetwork, BayesianSettings};
+use seedbed_learn::rl::information_gain;
 
 criterion_group!(benches, information_gain_of_an_episode, training_step);
 criterion_main!(benches);
@@ -79,7 +80,7 @@ fn training_step(criterion: &mut Criterion) {
     let noise = normals(3, network.likelihood().weight_count());
     let mut group = criterion.benchmark_group("training step");
     group.bench_function("minibatch of 64", |bencher| {
-        bencher.iter(|| network.descend(&inputs, &targets, &noise, 10_000))
+        bencher.iter(|| network.descend(&inputs, &targets, &noise, 10_000));
     });
     group.finish();
 }

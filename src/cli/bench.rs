@@ -1,4 +1,5 @@
-//! `seedbed bench`: when several seeds of a scenario solved their task, how fast they ran, and which scenario was first.
+//! `seedbed bench`: episodes until solved and speed over several run seeds, and comparisons with
+//! the first scenario.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -6,26 +7,27 @@ use std::time::Instant;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::{BenchArgs, Failure, counted, tabular};
-use crate::input::InputError;
+use super::{BenchArgs, CliError, pluralize, tabular};
 use crate::run::{Plan, RunError};
-use crate::study::comparison::{Comparison, Score, compare, lifetimes};
+use crate::study::comparison::{Comparison, Score, compare, times_to_event};
 use crate::study::file::Test;
-use crate::study::measured::{Measured, Until, train};
-use crate::study::statistics::aggregate::median;
-use crate::study::statistics::comparison::holm;
-use crate::study::statistics::survival::kaplan_meier;
-use crate::study::statistics::{Interval, LEAST_RUNS};
+use crate::study::run_result::{RunResult, StopRule, train};
 use crate::tabular::scenario::is_meant;
+use seedbed_env::input::InputError;
+use seedbed_stats::aggregate::median;
+use seedbed_stats::hypothesis::holm_correction;
+use seedbed_stats::survival::kaplan_meier;
+use seedbed_stats::{Interval, MIN_RUNS};
 
-/// What one run came to.
+/// Result of one run.
 #[derive(Clone)]
 struct Outcome {
     solved: bool,
-    /// Of each agent until it solved its task, or else to its end; and steps of the team.
+    /// Episodes per agent until solved, or until the end of the run.
     episodes: u64,
+    /// Environment steps of the team until then.
     env_steps: u64,
-    /// Of each agent: its first episode that reached the return by itself, counted from 1.
+    /// First episode of each agent whose own return reached the threshold, counted from 1: `[K]`.
     reached: Vec<Option<u64>>,
     /// Share of the state space that the team visited.
     coverage: f64,
@@ -33,15 +35,15 @@ struct Outcome {
     seconds: f64,
 }
 
-/// What the runs of one scenario came to, in the order of their seeds.
+/// Results of all runs of one scenario, in the order of their run seeds.
 struct Bench {
     name: String,
     agents: u32,
-    most_episodes: u32,
+    max_episodes: u32,
     outcomes: Vec<Outcome>,
 }
 
-pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
+pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     if args.scenarios.iter().any(|path| is_meant(path)) {
         return tabular::bench(args);
     }
@@ -53,7 +55,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     let pool = ThreadPoolBuilder::new()
         .num_threads(args.jobs.map_or(0, usize::from))
         .build();
-    let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
+    let pool = pool.map_err(|error| CliError::Runtime(error.to_string()))?;
     let plans = plans?;
     let table = Table {
         name_width: plans
@@ -65,7 +67,7 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     };
     let benches = train_all(&table, &plans, args, &pool)?;
     if args.whole {
-        explore(&table, &benches);
+        print_exploration(&table, &benches);
     }
     if let Some((first, others)) = benches
         .split_first()
@@ -73,33 +75,35 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
     {
         compare_all(&table, first, others);
     }
-    if (args.seeds as usize) < LEAST_RUNS {
+    if (args.seeds as usize) < MIN_RUNS {
         say!(
-            "\nn = {} is too few for an interval, which takes at least {LEAST_RUNS} seeds.",
+            "\nNo intervals: {MIN_RUNS} run seeds are needed, found {}.",
             args.seeds
         );
     }
     Ok(())
 }
 
-/// Scenario by scenario; says of each what came of it as soon as that is known.
+/// Trains one scenario after the other and prints the results of each as soon as it is finished.
 fn train_all(
     table: &Table,
     plans: &[Plan],
     args: &BenchArgs,
     pool: &ThreadPool,
 ) -> Result<Vec<Bench>, RunError> {
-    let seeds = counted(args.seeds as usize, "seed");
+    let seeds = pluralize(args.seeds as usize, "run seed");
     say!(
-        "Episodes per agent until solved, of {seeds} from {} on: Kaplan-Meier median with its 95 % interval.",
+        "Episodes per agent until solved, over {seeds} from {}: Kaplan–Meier median with 95 % interval, min, max.",
         args.first_seed
     );
-    say!("Env steps are the team's until then, in the median; steps/s are those of one thread.\n");
-    table.head(&SOLVING);
+    say!(
+        "env steps: median number of steps of the whole team until solved; steps/s: on one thread.\n"
+    );
+    table.header(&SOLVING);
     let mut benches = Vec::new();
     for plan in plans {
         let bench = bench_of(plan, args, pool)?;
-        table.row(&SOLVING, &bench.name, &solving(&bench));
+        table.row(&SOLVING, &bench.name, &solving_cells(&bench));
         benches.push(bench);
     }
     Ok(benches)
@@ -114,31 +118,33 @@ fn bench_of(plan: &Plan, args: &BenchArgs, pool: &ThreadPool) -> Result<Bench, R
             .collect()
     });
     let scenario = &plan.scenario;
-    let (agents, most_episodes) = (scenario.agents.count.get(), scenario.most_episodes());
+    let (agents, max_episodes) = (scenario.agents.count.get(), scenario.max_episodes());
     Ok(Bench {
         name: plan.name.clone(),
         agents,
-        most_episodes,
+        max_episodes,
         outcomes: outcomes?,
     })
 }
 
-/// Trains once, on one thread and without a recording, until the task is solved or, where `whole`, to the scenario's end.
+/// Trains once, on one thread and without a recording, until the task is solved or, if `whole`, for
+/// the scenario's maximum number of episodes.
 fn outcome(plan: &Plan, seed: u64, whole: bool) -> Result<Outcome, RunError> {
     let mut plan = plan.clone();
     plan.scenario.seed = seed;
     let until = if whole {
-        Until::MostEpisodes
+        StopRule::MaxEpisodes
     } else {
-        Until::Solved
+        StopRule::Solved
     };
     let started = Instant::now();
-    let run = train(&plan, until, &[], &AtomicBool::new(false))?.expect("nothing interrupts it");
+    let run =
+        train(&plan, until, &[], &AtomicBool::new(false))?.expect("the run is never interrupted");
     Ok(Outcome::of(&run, started.elapsed().as_secs_f64()))
 }
 
 impl Outcome {
-    fn of(run: &Measured, seconds: f64) -> Self {
+    fn of(run: &RunResult, seconds: f64) -> Self {
         let so_far = (run.episodes_per_agent() as u64, run.env_steps);
         let (episodes, env_steps) = run
             .solved
@@ -161,7 +167,7 @@ impl Outcome {
     }
 
     fn score(&self, seed: u64, time: u64) -> Score {
-        let (value, watched) = if self.solved {
+        let (value, observed_until) = if self.solved {
             (time as f64, f64::INFINITY)
         } else {
             (f64::INFINITY, time as f64)
@@ -169,12 +175,12 @@ impl Outcome {
         Score {
             seed,
             value,
-            watched,
+            observed_until,
         }
     }
 }
 
-/// Times of runs, in the order of their seeds.
+/// Times of runs, in the order of their run seeds.
 fn scores(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<Score> {
     (0..)
         .zip(outcomes)
@@ -182,32 +188,37 @@ fn scores(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<Score> {
         .collect()
 }
 
-/// Columns after the scenario's name, with their widths.
+/// Titles and widths of the columns after the scenario's name.
 pub(super) type Columns<const N: usize> = [(&'static str, usize); N];
 
 const SOLVING: Columns<8> = [
-    ("K", 4),
+    ("agents", 6),
     ("solved", 7),
     ("median", 7),
     ("95 % interval", 15),
-    ("least", 6),
-    ("most", 6),
+    ("min", 6),
+    ("max", 6),
     ("env steps", 10),
     ("steps/s", 8),
 ];
 
-/// Seeds that did not solve the task are censored: known to take longer than they were given.
-fn solving(bench: &Bench) -> [String; 8] {
+/// Cells of the table of solving times. Unsolved runs are censored: they would take longer than the
+/// episodes they were given.
+fn solving_cells(bench: &Bench) -> [String; 8] {
     let outcomes = &bench.outcomes;
-    let curve = kaplan_meier(&lifetimes(&scores(outcomes, |outcome| outcome.episodes)));
-    let env_steps =
-        kaplan_meier(&lifetimes(&scores(outcomes, |outcome| outcome.env_steps))).median();
-    let at_most = format!("> {}", bench.most_episodes);
+    let curve = kaplan_meier(&times_to_event(&scores(outcomes, |outcome| {
+        outcome.episodes
+    })));
+    let env_steps = kaplan_meier(&times_to_event(&scores(outcomes, |outcome| {
+        outcome.env_steps
+    })))
+    .median();
+    let beyond_end = format!("> {}", bench.max_episodes);
     let shown = |end: f64| {
         if end.is_finite() {
             format!("{end}")
         } else {
-            at_most.clone()
+            beyond_end.clone()
         }
     };
     let times = || {
@@ -231,8 +242,8 @@ fn solving(bench: &Bench) -> [String; 8] {
         ),
         curve
             .median()
-            .map_or(at_most.clone(), |median| format!("{median:.1}")),
-        interval_in_words(curve.median_interval(), shown),
+            .map_or(beyond_end.clone(), |median| format!("{median:.1}")),
+        format_interval(curve.median_interval(), shown),
         shown(times().fold(f64::INFINITY, f64::min)),
         shown(times().fold(0.0, f64::max)),
         env_steps.map_or("unknown".to_owned(), |median| format!("{median:.0}")),
@@ -247,20 +258,20 @@ const EXPLORING: Columns<4> = [
     ("coverage", 8),
 ];
 
-/// What whole runs came to, agent by agent.
-fn explore(table: &Table, benches: &[Bench]) {
+/// Prints which agents reached the threshold by themselves.
+fn print_exploration(table: &Table, benches: &[Bench]) {
     say!(
-        "\nAgents that reached the return by themselves, in which of their episodes (the median), and the share of the"
+        "\nAgents with an episode of their own that reached the threshold, the median number of that episode, and"
     );
-    say!("state space that their team visited.\n");
-    table.head(&EXPLORING);
+    say!("the mean share of the state space that the team visited.\n");
+    table.header(&EXPLORING);
     for bench in benches {
-        table.row(&EXPLORING, &bench.name, &exploring(bench));
+        table.row(&EXPLORING, &bench.name, &exploration_cells(bench));
     }
 }
 
-/// Agents that never reached it count as slower than all that did.
-fn exploring(bench: &Bench) -> [String; 4] {
+/// Agents that never reached the threshold count as slower than all that did.
+fn exploration_cells(bench: &Bench) -> [String; 4] {
     let reached: Vec<Option<u64>> = bench
         .outcomes
         .iter()
@@ -283,7 +294,7 @@ fn exploring(bench: &Bench) -> [String; 4] {
         if middle.is_finite() {
             format!("{middle:.1}")
         } else {
-            format!("> {}", bench.most_episodes)
+            format!("> {}", bench.max_episodes)
         },
         format!("{:.0} %", 100.0 * coverage),
     ]
@@ -294,29 +305,31 @@ const PAIRED: Columns<5> = [
     ("95 % interval", 17),
     ("P(faster)", 9),
     ("95 % interval", 13),
-    ("p after Holm", 12),
+    ("p (Holm)", 12),
 ];
 
-/// Each of the `others` against the `first`, seed by seed.
+/// Compares each of the `others` with the `first`, paired by run seed.
 fn compare_all(table: &Table, first: &Bench, others: &[Bench]) {
     say!(
-        "\nAgainst {}, seed by seed: the median difference in episodes (below 0 is faster), how likely",
+        "\nCompared with {}, paired by run seed: median difference in episodes (below 0: faster), probability",
         first.name
     );
-    say!("a run is faster than one of the former, and p of Wilcoxon's signed-rank test.\n");
-    table.head(&PAIRED);
+    say!(
+        "that a run is faster, and p value of Wilcoxon's signed-rank test, corrected by Holm's method.\n"
+    );
+    table.header(&PAIRED);
     let comparisons: Vec<Comparison> = others
         .iter()
         .map(|other| comparison(&other.outcomes, &first.outcomes))
         .collect();
-    let p = holm(
+    let p = holm_correction(
         &comparisons
             .iter()
             .map(|comparison| comparison.p)
             .collect::<Vec<f64>>(),
     );
     for ((other, comparison), p) in others.iter().zip(&comparisons).zip(p) {
-        table.row(&PAIRED, &other.name, &in_words(comparison, p));
+        table.row(&PAIRED, &other.name, &comparison_cells(comparison, p));
     }
     if [first]
         .into_iter()
@@ -324,13 +337,15 @@ fn compare_all(table: &Table, first: &Bench, others: &[Bench]) {
         .any(|bench| bench.outcomes.iter().any(|outcome| !outcome.solved))
     {
         say!(
-            "\nA pair of scenarios is compared up to where the first unsolved run of either ended; what was not solved by then"
+            "\nTwo scenarios are compared up to the episode at which the first unsolved run of either ended. Runs that were"
         );
-        say!("counts as infinitely slow; how far apart two such runs are is unknown.");
+        say!(
+            "not solved by then count as infinitely slow; the difference between two such runs is unknown."
+        );
     }
 }
 
-/// One scenario against another.
+/// Compares the runs of one scenario with those of another.
 fn comparison(outcomes: &[Outcome], reference: &[Outcome]) -> Comparison {
     let episodes = |outcome: &Outcome| outcome.episodes;
     compare(
@@ -339,10 +354,10 @@ fn comparison(outcomes: &[Outcome], reference: &[Outcome]) -> Comparison {
         true,
         Test::Paired,
     )
-    .expect("both have the same seeds")
+    .expect("both have the same run seeds")
 }
 
-fn in_words(comparison: &Comparison, p: f64) -> [String; 5] {
+fn comparison_cells(comparison: &Comparison, p: f64) -> [String; 5] {
     let signed = |value: f64| match (value.is_finite(), value.is_nan()) {
         (true, _) => format!("{value:.1}"),
         (_, true) => "unknown".to_owned(),
@@ -351,9 +366,9 @@ fn in_words(comparison: &Comparison, p: f64) -> [String; 5] {
     let share = |value: f64| format!("{value:.2}");
     [
         signed(comparison.effect.value),
-        interval_in_words(comparison.effect.interval, signed),
-        share(comparison.below.value),
-        interval_in_words(comparison.below.interval, share),
+        format_interval(comparison.effect.interval, signed),
+        share(comparison.probability_below.value),
+        format_interval(comparison.probability_below.interval, share),
         if p < 0.0001 {
             "< 0.0001".to_owned()
         } else {
@@ -362,21 +377,21 @@ fn in_words(comparison: &Comparison, p: f64) -> [String; 5] {
     ]
 }
 
-pub(super) fn interval_in_words(interval: Interval, shown: impl Fn(f64) -> String) -> String {
+pub(super) fn format_interval(interval: Interval, shown: impl Fn(f64) -> String) -> String {
     match interval {
         Interval::Known { low, high } if low == high => shown(low),
         Interval::Known { low, high } => format!("{} to {}", shown(low), shown(high)),
-        Interval::TooFewRuns { n } => format!("n = {n}: none"),
+        Interval::TooFewRuns { n } => format!("none (n = {n})"),
     }
 }
 
-/// Tables with the scenario's name in the first column.
+/// Table with the scenario's name in the first column.
 pub(super) struct Table {
     pub(super) name_width: usize,
 }
 
 impl Table {
-    pub(super) fn head<const N: usize>(&self, columns: &Columns<N>) {
+    pub(super) fn header<const N: usize>(&self, columns: &Columns<N>) {
         self.row(
             columns,
             "scenario",
@@ -408,7 +423,8 @@ impl Table {
 mod tests {
     use super::*;
 
-    /// Numbers of episodes; a `+` marks a run that did not solve its task. Each took 10 env steps an episode, and a second.
+    /// Outcomes from numbers of episodes; `+` marks an unsolved run. Each run took one second and 10
+    /// environment steps per episode.
     fn outcomes(words: &str) -> Vec<Outcome> {
         let outcome = |word: &str| {
             let episodes = word.trim_end_matches('+').parse().unwrap();
@@ -427,16 +443,17 @@ mod tests {
         words.split_whitespace().map(outcome).collect()
     }
 
-    fn row(most_episodes: u32, words: &str) -> [String; 8] {
-        solving(&Bench {
+    fn row(max_episodes: u32, words: &str) -> [String; 8] {
+        solving_cells(&Bench {
             name: "x".to_owned(),
             agents: 4,
-            most_episodes,
+            max_episodes,
             outcomes: outcomes(words),
         })
     }
 
-    /// The ends are `lifelines`' for these data, which stand in `tests/statistics/reference.json`: seven of ten solved.
+    /// The interval is that of `lifelines` for these data, which are in `crates/seedbed-stats/tests/reference/reference.json`:
+    /// seven of ten solved.
     #[test]
     fn unsolved_runs_are_censored() {
         let cells = row(600, "299 410 512 600+ 480 333 600+ 345 600+ 391");
@@ -446,43 +463,57 @@ mod tests {
         );
     }
 
-    /// Of two agents a run, the first reached the return in a tenth of the episodes, if its run was solved: 3, 4, 5 and three never.
+    /// Two agents per run; the first reached the threshold after a tenth of the episodes if its run
+    /// was solved: 3, 4, 5 and three never.
     #[test]
-    fn agents_that_never_reached_the_return_come_last() {
+    fn agents_that_never_reached_the_threshold_come_last() {
         let bench = |words| Bench {
             name: "x".to_owned(),
             agents: 2,
-            most_episodes: 60,
+            max_episodes: 60,
             outcomes: outcomes(words),
         };
-        assert_eq!(exploring(&bench("30 40 50")), ["6", "3", "> 60", "25 %"]);
-        assert_eq!(exploring(&bench("30 40 60+")), ["6", "2", "> 60", "25 %"]);
+        assert_eq!(
+            exploration_cells(&bench("30 40 50")),
+            ["6", "3", "> 60", "25 %"]
+        );
+        assert_eq!(
+            exploration_cells(&bench("30 40 60+")),
+            ["6", "2", "> 60", "25 %"]
+        );
     }
 
     #[test]
-    fn a_scenario_that_solves_nothing_says_no_more_than_that() {
+    fn unsolved_scenarios_have_no_median() {
         assert_eq!(
             row(60, "60+ 60+ 60+ 60+ 60+")[1..7],
             ["0/5", "> 60", "> 60", "> 60", "> 60", "unknown"]
         );
         assert_eq!(
             row(60, "40 50 60+")[1..7],
-            ["2/3", "50.0", "n = 3: none", "40", "> 60", "500"]
+            ["2/3", "50.0", "none (n = 3)", "40", "> 60", "500"]
         );
     }
 
-    /// Four of five pairs are faster by more than can be told, but of the fifth nothing is known, and redrawn it may be most of them.
+    /// Four of five pairs are faster by an unknown amount. Nothing is known of the fifth, which may
+    /// be drawn several times in a bootstrap sample.
     #[test]
-    fn comparisons_are_put_in_words() {
+    fn comparisons_are_formatted() {
         let won = comparison(
             &outcomes("30 30 30 30 80"),
             &outcomes("50+ 50+ 50+ 50+ 50+"),
         );
-        assert_eq!(in_words(&won, won.p)[..3], ["-∞", "-∞ to ∞", "0.90"]);
+        assert_eq!(
+            comparison_cells(&won, won.p)[..3],
+            ["-∞", "-∞ to ∞", "0.90"]
+        );
         let none = comparison(
             &outcomes("80 80 80 80 80"),
             &outcomes("50+ 50+ 50+ 50+ 50+"),
         );
-        assert_eq!(in_words(&none, none.p)[..3], ["unknown", "-∞ to ∞", "0.50"]);
+        assert_eq!(
+            comparison_cells(&none, none.p)[..3],
+            ["unknown", "-∞ to ∞", "0.50"]
+        );
     }
 }

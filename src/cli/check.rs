@@ -2,83 +2,82 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Failure, counted, tabular};
-use crate::env::{self, Choice, Spec};
-use crate::input::{self, InputError, Kind};
+use super::{CliError, pluralize, tabular};
 use crate::run::Plan;
 use crate::study::plan::StudyPlan;
+use seedbed_env::input::{self, FileKind, InputError};
+use seedbed_env::{self, Choice, Spec};
 
-/// Of more observations than these, only so many are named.
-pub(super) const MOST_SHOWN: usize = 30;
+/// Maximum number of observations that are listed by name.
+pub(super) const MAX_NAMED_OBSERVATIONS: usize = 30;
 
-/// Checks every file, and fails if one of them is wrong.
-pub(super) fn check(files: &[PathBuf]) -> Result<(), Failure> {
-    let mut wrong = 0;
+/// Checks every file; fails if any is invalid.
+pub(super) fn check(files: &[PathBuf]) -> Result<(), CliError> {
+    let mut invalid = 0;
     for path in files {
         match check_file(path) {
-            Ok(said) => say!("ok: {}: {said}", path.display()),
+            Ok(description) => say!("ok: {}: {description}", path.display()),
             Err(error) => {
-                wrong += 1;
+                invalid += 1;
                 eprintln!("error: {error}");
             }
         }
     }
-    if wrong == 0 {
+    if invalid == 0 {
         Ok(())
     } else {
-        Err(Failure::Files(wrong))
+        Err(CliError::InvalidFiles(invalid))
     }
 }
 
 fn check_file(path: &Path) -> Result<String, InputError> {
     let text = input::read_text(path)?;
-    match input::kind(&path.display().to_string(), &text)? {
-        Kind::Environment | Kind::TabularEnvironment => Ok(format!(
-            "environment with {}",
-            described(&env::load(path)?.spec)
+    match input::file_kind(&path.display().to_string(), &text)? {
+        FileKind::Environment | FileKind::TabularEnvironment => Ok(format!(
+            "environment; {}",
+            describe_spaces(seedbed_env::load(path)?.spec())
         )),
-        Kind::TabularScenario => {
-            tabular::described(path).map(|said| format!("tabular scenario of {said}"))
-        }
-        Kind::Scenario => {
+        FileKind::TabularScenario => tabular::describe(path)
+            .map(|description| format!("tabular scenario with {description}")),
+        FileKind::Scenario => {
             let plan = Plan::load(path, &[])?;
-            let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
+            let agents = pluralize(plan.scenario.agents.count.get() as usize, "agent");
             Ok(format!(
-                "scenario of {agents} in `{}`, {}",
-                plan.description.spec.name,
-                described(&plan.description.spec)
+                "scenario with {agents} in `{}`; {}",
+                plan.description.spec().name,
+                describe_spaces(plan.description.spec())
             ))
         }
-        Kind::Study => {
+        FileKind::Study => {
             let plan = StudyPlan::load(path, false)?;
             StudyPlan::load(path, true)?;
             let (cells, claims) = (
-                counted(plan.cells.len(), "cell"),
-                counted(plan.study().claims.len(), "claim"),
+                pluralize(plan.cells.len(), "cell"),
+                pluralize(plan.study().claims.len(), "claim"),
             );
             Ok(format!(
-                "study of {cells} with {} each, and {claims}",
-                counted(plan.repeats() as usize, "run")
+                "study with {cells}, {} each, and {claims}",
+                pluralize(plan.repeats() as usize, "run")
             ))
         }
     }
 }
 
-fn described(spec: &Spec) -> String {
+fn describe_spaces(spec: &Spec) -> String {
     let observations: Vec<&str> = spec
         .observations
         .iter()
         .map(|quantity| quantity.name.as_str())
         .collect();
-    let shown = match observations.get(..MOST_SHOWN) {
-        Some(first) => format!("{}, … ({} in all)", first.join(", "), observations.len()),
+    let shown = match observations.get(..MAX_NAMED_OBSERVATIONS) {
+        Some(first) => format!("{}, … ({} in total)", first.join(", "), observations.len()),
         None => observations.join(", "),
     };
-    format!("observations {shown}; actions {}", actions(spec))
+    format!("observations {shown}; actions {}", format_actions(spec))
 }
 
-/// Such as `force (-10 or 10 N)`.
-pub(super) fn actions(spec: &Spec) -> String {
+/// Names and values of the actions, e.g. `force (-10 or 10 N)`.
+pub(super) fn format_actions(spec: &Spec) -> String {
     let described = spec.actions.iter().map(|action| {
         let quantity = &action.quantity;
         let values = match &action.choice {

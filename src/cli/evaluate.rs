@@ -1,18 +1,18 @@
 //! `seedbed evaluate`.
 
-use super::{ActionsArg, EvaluateArgs, Failure, PlayArgs};
-use crate::agent::policy::ActionSelection;
-use crate::input::numbers::Positive;
+use super::{ActionsArg, CliError, EvaluateArgs, PlayArgs};
 use crate::run::evaluate::{self, Evaluation};
+use seedbed_env::input::numbers::Positive;
+use seedbed_learn::agent::policy::ActionSelection;
 
-pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), Failure> {
+pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), CliError> {
     let evaluation = evaluation(args.episodes, &args.play)?;
     let (plan, episodes) = evaluate::evaluate(&evaluate::run_folder(&args.run), &evaluation)?;
-    let (task, count) = (&plan.description.spec.name, args.episodes);
+    let (task, count) = (&plan.description.spec().name, args.episodes);
     say!(
-        "{task}, {count} episode{} of each agent, {}:\n",
+        "{task}: {count} episode{} per agent, {}\n",
         if count == 1 { "" } else { "s" },
-        words(evaluation.actions)
+        describe_actions(evaluation.actions)
     );
     let rows: Vec<_> = episodes
         .iter()
@@ -22,22 +22,23 @@ pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A row for each agent and for the team.   `episodes`: agent, return and length, in agent order
+/// Prints one row per agent and one for the team. `episodes` has agent, return and length of each
+/// episode, in agent order.
 pub(super) fn print_table(episodes: &[(u32, f64, usize)]) {
-    say!("| agent | mean return | deviation | least | most | mean length |");
+    say!("| agent | mean return | std. dev. | min | max | mean length |");
     say!("|---|---|---|---|---|---|");
     let mut agents = 0;
     for own in episodes.chunk_by(|one, next| one.0 == next.0) {
-        say!("| {} {}", own[0].0, row(own));
+        say!("| {} {}", own[0].0, statistics_cells(own));
         agents += 1;
     }
     if agents > 1 {
-        say!("| team {}", row(episodes));
+        say!("| team {}", statistics_cells(episodes));
     }
 }
 
-/// So many episodes of each agent, played as `args` says.
-pub(super) fn evaluation(episodes: u32, args: &PlayArgs) -> Result<Evaluation, Failure> {
+/// Settings of an evaluation of `episodes` episodes per agent.
+pub(super) fn evaluation(episodes: u32, args: &PlayArgs) -> Result<Evaluation, CliError> {
     Ok(Evaluation {
         episodes,
         actions: actions(args.actions, args.temperature)?,
@@ -48,10 +49,10 @@ pub(super) fn evaluation(episodes: u32, args: &PlayArgs) -> Result<Evaluation, F
 fn actions(
     actions: Option<ActionsArg>,
     temperature: Option<f64>,
-) -> Result<Option<ActionSelection>, Failure> {
+) -> Result<Option<ActionSelection>, CliError> {
     let tempered = |temperature: f64| {
         let temperature = Positive::try_from(temperature)
-            .map_err(|message| Failure::Input(format!("--temperature: {message}")))?;
+            .map_err(|message| CliError::Usage(format!("--temperature: {message}")))?;
         Ok(ActionSelection::Tempered { temperature })
     };
     match (actions, temperature) {
@@ -62,7 +63,7 @@ fn actions(
     }
 }
 
-pub(super) fn words(actions: Option<ActionSelection>) -> String {
+pub(super) fn describe_actions(actions: Option<ActionSelection>) -> String {
     match actions {
         None => "actions chosen as in training".to_owned(),
         Some(ActionSelection::Sampled) => "sampled actions".to_owned(),
@@ -73,7 +74,7 @@ pub(super) fn words(actions: Option<ActionSelection>) -> String {
     }
 }
 
-fn row(episodes: &[(u32, f64, usize)]) -> String {
+fn statistics_cells(episodes: &[(u32, f64, usize)]) -> String {
     let returns: Vec<f64> = episodes.iter().map(|episode| episode.1).collect();
     let count = returns.len() as f64;
     let mean = returns.iter().sum::<f64>() / count;
@@ -83,11 +84,11 @@ fn row(episodes: &[(u32, f64, usize)]) -> String {
         .sum::<f64>()
         / count)
         .sqrt();
-    let (least, most) = returns
+    let (min, max) = returns
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
             (low.min(x), high.max(x))
         });
     let length = episodes.iter().map(|episode| episode.2 as f64).sum::<f64>() / count;
-    format!("| {mean:.2} | {deviation:.2} | {least:.2} | {most:.2} | {length:.1} |")
+    format!("| {mean:.2} | {deviation:.2} | {min:.2} | {max:.2} | {length:.1} |")
 }

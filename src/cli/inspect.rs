@@ -1,4 +1,4 @@
-//! `seedbed inspect`: what came of a run, in words and small pictures, on the terminal.
+//! `seedbed inspect`: summary of a run on the terminal.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -7,44 +7,44 @@ use clap::Args;
 use console::{Style, Term};
 use indicatif::HumanBytes;
 
-use super::progress::Counter;
-use super::spark::spark;
-use super::{Failure, counted};
+use super::progress::ReadCounter;
+use super::run::NO_THRESHOLD;
+use super::sparkline::sparkline;
+use super::{CliError, pluralize};
 use crate::record::RoundRow;
-use crate::run::review::survey::{Spread, Survey};
-use crate::run::review::{Review, ReviewError, final_mean};
+use crate::run::review::recording_stats::{RecordingStats, ValueDistribution};
+use crate::run::review::{LoadRunError, LoadedRun, final_mean};
 use crate::run::summary::FINAL_WINDOW;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  seedbed inspect recordings/cartpole/seed-0              a run, finished or not
-  seedbed inspect recordings/sample/run.rrd               a recording alone
-  seedbed inspect recordings/cartpole/seed-0 | less")]
+  seedbed inspect recordings/cartpole/seed-0    a run, finished or not
+  seedbed inspect recordings/sample/run.rrd     a recording without its run directory")]
 pub(super) struct InspectArgs {
-    /// A run's folder, or a recording
+    /// Run directory, or a recording
     run: PathBuf,
 }
 
-/// Agents of a team whose pairs are compared one by one.
-const MOST_PAIRED: usize = 16;
+/// Maximum team size for which the overlap of each pair is printed.
+const MAX_PAIRED: usize = 16;
 
-/// Agents that have a row of their own.
-const MOST_ROWS: usize = 64;
+/// Maximum number of agents with a row of their own.
+const MAX_ROWS: usize = 64;
 
-pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
-    let mut review = Review::open(&args.run)?;
-    let counter = Counter::new("episodes read");
-    let survey = review
-        .survey(|_| counter.count())
-        .map_err(ReviewError::from)?;
+pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
+    let mut run = LoadedRun::open(&args.run)?;
+    let counter = ReadCounter::new("episodes read");
+    let stats = run
+        .compute_stats(|_| counter.count())
+        .map_err(LoadRunError::from)?;
     drop(counter);
     let width = Term::stdout()
         .size_checked()
         .map_or(110, |(_, columns)| usize::from(columns))
         .clamp(60, 160);
     let page = Page {
-        review: &review,
-        survey: survey.as_ref(),
+        run: &run,
+        stats: stats.as_ref(),
         width,
     };
     let sections = [
@@ -67,27 +67,27 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
 }
 
 struct Page<'a> {
-    review: &'a Review,
-    survey: Option<&'a Survey>,
+    run: &'a LoadedRun,
+    stats: Option<&'a RecordingStats>,
     width: usize,
 }
 
 impl Page<'_> {
     fn heading(&self) -> String {
-        let review = self.review;
-        let per_agent = review.team_returns().len();
-        let env_steps = review.episodes.last().map_or(0, |row| row.env_steps);
-        let task = review
+        let run = self.run;
+        let per_agent = run.team_returns().len();
+        let env_steps = run.episodes.last().map_or(0, |row| row.env_steps);
+        let task = run
             .recording
             .as_ref()
             .and_then(|recording| recording.properties().get("environment"));
         let task = task.map_or(String::new(), |task| format!(" in {task}"));
         let mut text = format!(
             "{}: {}{task}, {}{}, {} env steps\n",
-            bold(&review.name()),
-            counted(review.agents(), "agent"),
-            counted(per_agent, "episode"),
-            if review.agents() == 1 { "" } else { " each" },
+            bold(&run.name()),
+            pluralize(run.agents(), "agent"),
+            pluralize(per_agent, "episode"),
+            if run.agents() == 1 { "" } else { " each" },
             grouped(env_steps)
         );
         text += &self.outcome();
@@ -95,120 +95,121 @@ impl Page<'_> {
     }
 
     fn outcome(&self) -> String {
-        let Some(summary) = &self.review.summary else {
-            let state = if self.review.folder.is_some() {
-                "not finished, or interrupted"
+        let Some(summary) = &self.run.summary else {
+            let state = if self.run.folder.is_some() {
+                "not finished: in progress or interrupted"
             } else {
-                "a recording alone, without tables"
+                "recording only, without tables"
             };
             return format!("{state}\n");
         };
+        // Thresholds are stored in single precision; as f64 they would print spurious digits.
         match (summary.solved_at, summary.episodes_until_solved) {
-            (None, _) => "finished; nothing says when the task counts as solved\n".to_owned(),
+            (None, _) => format!("finished; solved: {NO_THRESHOLD}\n"),
             (Some(at), Some(episodes)) => {
                 let solved = Style::new().green().apply_to("solved");
                 format!(
-                    "{solved} after {episodes} episodes: the team's mean return over {} reached {}\n",
-                    at.window, at.r#return
+                    "{solved} after {} per agent: the team's mean return over {} reached {}\n",
+                    pluralize(episodes, "episode"),
+                    pluralize(at.window, "episode"),
+                    at.r#return as f32
                 )
             }
-            (Some(at), None) => {
-                format!(
-                    "not solved: the team's mean return over {} episodes never reached {}\n",
-                    at.window, at.r#return
-                )
-            }
+            (Some(at), None) => format!(
+                "not solved: the team's mean return over {} did not reach {}\n",
+                pluralize(at.window, "episode"),
+                at.r#return as f32
+            ),
         }
     }
 
     fn returns(&self) -> String {
-        let returns = self.review.team_returns();
+        let returns = self.run.team_returns();
         let Some(last) = final_mean(&returns) else {
-            return "no episode that all agents have finished\n".to_owned();
+            return "no episode finished by all agents\n".to_owned();
         };
-        let (least, most) = ends(&returns);
-        let line = spark(
+        let (min, max) = min_max(&returns);
+        let line = sparkline(
             &returns,
             self.width.saturating_sub(30).min(returns.len()),
-            [least, most],
+            [min, max],
         );
         format!(
-            "{}\n  {:>9} {line} {:<9}\n  least {}, most {}, mean of the last {}: {}\n",
-            bold("mean return of the team, from the first episode to the last"),
+            "{}\n  {:>9} {line} {:<9}\n  min {}, max {}, mean of the last {} episodes: {}\n",
+            bold("mean return of the team per episode, from the first to the last"),
             number(returns[0]),
             number(returns[returns.len() - 1]),
-            number(least),
-            number(most),
+            number(min),
+            number(max),
             FINAL_WINDOW.min(returns.len()),
             number(last)
         )
     }
 
     fn agents(&self) -> String {
-        let agents = self.review.agents();
-        let curious = self
-            .review
+        let agents = self.run.agents();
+        let has_bonus = self
+            .run
             .rounds
             .iter()
-            .any(|row| row.intrinsic_reward != 0.0);
+            .any(|row| row.intrinsic_reward.is_some_and(|bonus| bonus != 0.0));
         let mut text = format!(
             "{}\n  {:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  returns\n",
-            bold("agents"),
+            bold(&format!(
+                "agents (mean return of the last {FINAL_WINDOW} episodes, best return)"
+            )),
             "agent",
             "episodes",
             format!("last {FINAL_WINDOW}"),
             "best",
             "coverage",
             "evenness",
-            if curious {
+            if has_bonus {
                 format!(" {:>9}", "bonus")
             } else {
                 String::new()
             }
         );
-        for agent in 0..agents.min(MOST_ROWS) as u32 {
-            text += &self.agent(agent, curious);
+        for agent in 0..agents.min(MAX_ROWS) as u32 {
+            text += &self.agent(agent, has_bonus);
         }
-        if agents > MOST_ROWS {
-            let _ = writeln!(text, "  and {} more", agents - MOST_ROWS);
+        if agents > MAX_ROWS {
+            let _ = writeln!(text, "  and {} more", agents - MAX_ROWS);
         }
         text + &self.team()
     }
 
-    fn agent(&self, agent: u32, curious: bool) -> String {
-        let returns: Vec<f64> = self.review.returns(agent).collect();
-        let (least, best) = ends(&returns);
-        let room = self
+    fn agent(&self, agent: u32, has_bonus: bool) -> String {
+        let returns: Vec<f64> = self.run.returns(agent).collect();
+        let (min, max) = min_max(&returns);
+        let columns = self
             .width
-            .saturating_sub(if curious { 70 } else { 60 })
+            .saturating_sub(if has_bonus { 70 } else { 60 })
             .clamp(8, 50);
-        let update = self
-            .review
-            .rounds
-            .iter()
-            .rev()
-            .find(|row| row.agent == agent);
-        let bonus = update.map_or(f64::NAN, |row| f64::from(row.intrinsic_reward));
+        let update = self.run.rounds.iter().rev().find(|row| row.agent == agent);
+        let bonus = update
+            .and_then(|row| row.intrinsic_reward)
+            .map_or(f64::NAN, f64::from);
         format!(
             "  {agent:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  {}\n",
             returns.len(),
             number(final_mean(&returns).unwrap_or(f64::NAN)),
-            number(best),
+            number(max),
             percent(self.coverage(agent, update)),
             percent(self.evenness(agent, update)),
-            if curious {
+            if has_bonus {
                 format!(" {:>9}", number(bonus))
             } else {
                 String::new()
             },
-            spark(&returns, room.min(returns.len()), [least, best])
+            sparkline(&returns, columns.min(returns.len()), [min, max])
         )
     }
 
     fn coverage(&self, agent: u32, update: Option<&RoundRow>) -> Option<f64> {
         let counted = self
-            .survey
-            .and_then(|survey| survey.visitation.get(agent as usize));
+            .stats
+            .and_then(|stats| stats.visitation.get(agent as usize));
         counted
             .map(crate::run::measures::visitation::Visitation::coverage)
             .or(update.map(|row| row.coverage))
@@ -216,27 +217,27 @@ impl Page<'_> {
 
     fn evenness(&self, agent: u32, update: Option<&RoundRow>) -> Option<f64> {
         let counted = self
-            .survey
-            .and_then(|survey| survey.visitation.get(agent as usize));
+            .stats
+            .and_then(|stats| stats.visitation.get(agent as usize));
         let counted = counted.map(|visitation| visitation.entropy() / visitation.largest_entropy());
         counted.or(update.map(|row| row.visitation_evenness))
     }
 
-    /// How far the agents differ, if there are several.
+    /// Diversity of the agents' visits, if there are several agents.
     fn team(&self) -> String {
-        let agents = self.review.agents();
+        let agents = self.run.agents();
         let counted = self
-            .survey
-            .map(Survey::diversity)
+            .stats
+            .map(RecordingStats::diversity)
             .map(|team| (team.overlap, team.effective_agents));
-        let told = self
-            .review
+        let from_rounds = self
+            .run
             .rounds
             .last()
             .map(|row| (row.team_overlap, row.effective_agents));
-        match counted.or(told) {
+        match counted.or(from_rounds) {
             Some((overlap, effective)) if agents > 1 => format!(
-                "  the team visits as many different places as {} agents that share none; overlap {}\n",
+                "  effective agents: {} of {agents} (overlap {})\n",
                 number(effective),
                 percent(Some(overlap))
             ),
@@ -245,16 +246,16 @@ impl Page<'_> {
     }
 
     fn overlaps(&self) -> String {
-        let Some(survey) = self
-            .survey
-            .filter(|survey| (2..=MOST_PAIRED).contains(&survey.visitation.len()))
+        let Some(stats) = self
+            .stats
+            .filter(|stats| (2..=MAX_PAIRED).contains(&stats.visitation.len()))
         else {
             return String::new();
         };
-        let (agents, overlaps) = (survey.visitation.len(), survey.overlaps());
-        let mut text =
-            bold("overlap of where two agents were, in % (100: alike, 0: no place in common)")
-                + "\n        ";
+        let (agents, overlaps) = (stats.visitation.len(), stats.overlaps());
+        let mut text = bold(
+            "overlap of visited states per pair of agents, in % (100: identical, 0: disjoint)",
+        ) + "\n        ";
         text.extend((0..agents).map(|agent| format!("{agent:>4}")));
         for (one, row) in overlaps.chunks(agents).enumerate() {
             let _ = write!(text, "\n  {one:>5} ");
@@ -271,48 +272,59 @@ impl Page<'_> {
     }
 
     fn axes(&self) -> String {
-        let Some(survey) = self
-            .survey
-            .filter(|survey| survey.spreads.iter().any(|spread| spread.count > 0))
-        else {
+        let Some(stats) = self.stats.filter(|stats| {
+            stats
+                .distributions
+                .iter()
+                .any(|distribution| distribution.count > 0)
+        }) else {
             return String::new();
         };
-        let spreads: Vec<&Spread> = survey.spreads.iter().chain(&survey.bonus).collect();
-        let widest = spreads
+        let distributions: Vec<&ValueDistribution> =
+            stats.distributions.iter().chain(&stats.bonus).collect();
+        let widest = distributions
             .iter()
-            .map(|spread| label(spread).chars().count())
+            .map(|distribution| label(distribution).chars().count())
             .max()
             .unwrap_or(0);
-        let states = grouped(survey.spreads[0].count);
+        let states = grouped(stats.distributions[0].count);
         let mut text = format!(
             "{}\n  {:widest$} {:>10} {:>10} {:>10} {:>22} {:>8}\n",
-            bold(&format!("what agents saw, in {states} states")),
+            bold(&format!("observations in {states} states")),
             "",
             "min",
             "median",
             "max",
-            "axis",
+            "axis range",
             "outside"
         );
-        for spread in spreads.into_iter().filter(|spread| spread.count > 0) {
-            let [low, high] = spread.quantity.range.map(|end| number(f64::from(end)));
+        for distribution in distributions
+            .into_iter()
+            .filter(|distribution| distribution.count > 0)
+        {
+            let [low, high] = distribution
+                .quantity
+                .range
+                .map(|end| number(f64::from(end)));
             let _ = writeln!(
                 text,
                 "  {:widest$} {:>10} {:>10} {:>10} {:>22} {:>8}",
-                label(spread),
-                number(f64::from(spread.least)),
-                number(spread.median().map_or(f64::NAN, f64::from)),
-                number(f64::from(spread.most)),
+                label(distribution),
+                number(f64::from(distribution.min)),
+                number(distribution.median().map_or(f64::NAN, f64::from)),
+                number(f64::from(distribution.max)),
                 format!("{low} to {high}"),
-                percent(Some(spread.outside as f64 / spread.count as f64))
+                percent(Some(
+                    distribution.outside as f64 / distribution.count as f64
+                ))
             );
         }
         text
     }
 
     fn files(&self) -> String {
-        let review = self.review;
-        let of_folder = review.folder.iter().flat_map(|folder| {
+        let run = self.run;
+        let of_folder = run.folder.iter().flat_map(|folder| {
             let [episodes, rounds] = folder.tables();
             let named = folder.summary();
             let recording = folder.recording();
@@ -327,14 +339,14 @@ impl Page<'_> {
                 folder.policies(),
             ]
         });
-        let alone = review.folder.is_none().then(|| review.path.clone());
+        let alone = run.folder.is_none().then(|| run.path.clone());
         let mut text = bold("files") + "\n";
         for path in of_folder.chain(alone).filter(|path| path.is_file()) {
             let _ = writeln!(text, "  {} ({})", path.display(), size(&path));
         }
         text + &format!(
-            "  seedbed plot {} draws where agents went\n",
-            review.path.display()
+            "  to draw visited states: seedbed plot {}\n",
+            run.path.display()
         )
     }
 }
@@ -345,8 +357,8 @@ fn size(path: &Path) -> String {
     })
 }
 
-fn label(spread: &Spread) -> String {
-    let quantity = &spread.quantity;
+fn label(distribution: &ValueDistribution) -> String {
+    let quantity = &distribution.quantity;
     if quantity.unit.is_empty() {
         quantity.name.clone()
     } else {
@@ -364,7 +376,7 @@ fn percent(share: Option<f64>) -> String {
         .map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
 }
 
-/// At most four significant digits.
+/// Formats a number with at most four significant digits.
 fn number(value: f64) -> String {
     if !value.is_finite() {
         return "–".to_owned();
@@ -391,7 +403,7 @@ fn grouped(number: u64) -> String {
     indicatif::HumanCount(number).to_string()
 }
 
-fn ends(values: &[f64]) -> (f64, f64) {
+fn min_max(values: &[f64]) -> (f64, f64) {
     values
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| {

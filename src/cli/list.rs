@@ -2,15 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::check::{MOST_SHOWN, actions};
-use super::{Listed, counted, tabular};
-use crate::agent::Algorithm;
-use crate::agent::catalogue::Parameter;
-use crate::env;
-use crate::input::{self, InputError, Kind};
+use super::check::{MAX_NAMED_OBSERVATIONS, format_actions};
+use super::{Listed, pluralize, tabular};
 use crate::run::Plan;
 use crate::scenario::{self, Scenario};
 use crate::study::plan::StudyPlan;
+use seedbed_env::input::{self, FileKind, InputError};
+use seedbed_learn::algorithms::Algorithm;
+use seedbed_learn::algorithms::catalogue::Parameter;
 
 pub(super) fn list(what: Option<Listed>) {
     let wanted = |kind| what.is_none() || what == Some(kind);
@@ -26,22 +25,24 @@ pub(super) fn list(what: Option<Listed>) {
 }
 
 fn environments() {
-    for_each_file("Environments", "envs", |path, _| match env::load(path) {
-        Ok(description) => print_environment(&description.spec),
-        Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
+    for_each_file("Environments", "envs", |path, _| {
+        match seedbed_env::load(path) {
+            Ok(description) => print_environment(description.spec()),
+            Err(error) => say!("  {}\n      invalid: {error}", path.display()),
+        }
     });
 }
 
-fn print_environment(spec: &env::Spec) {
+fn print_environment(spec: &seedbed_env::Spec) {
     say!("  {}\n      {}", spec.name, spec.description);
-    let few = spec.observation_width() < MOST_SHOWN;
+    let few = spec.observation_width() < MAX_NAMED_OBSERVATIONS;
     let shown = &spec.observations[..if few { spec.observation_width() } else { 3 }];
     let width = shown
         .iter()
         .map(|quantity| quantity.name.chars().count())
         .max()
         .unwrap_or(0);
-    for env::Quantity {
+    for seedbed_env::Quantity {
         name,
         unit,
         range: [low, high],
@@ -49,65 +50,65 @@ fn print_environment(spec: &env::Spec) {
     {
         say!(
             "{}",
-            format!("      observes  {name:<width$} {low} to {high} {unit}").trim_end()
+            format!("      observation  {name:<width$} {low} to {high} {unit}").trim_end()
         );
     }
     if !few {
-        say!("      observes  … {} in all", spec.observation_width());
+        say!("      observation  … {} in total", spec.observation_width());
     }
-    say!("      acts      {}", actions(spec));
+    say!("      action       {}", format_actions(spec));
     say!(
-        "      {} of {} s at most",
-        counted(spec.time_limit as usize, "step"),
+        "      episode      at most {} of {} s",
+        pluralize(spec.time_limit as usize, "step"),
         spec.control_step
     );
 }
 
 fn scenarios() {
     for_each_file("Scenarios", "scenarios", |path, width| {
-        match described(path) {
+        match describe(path) {
             Ok(words) => say!("  {:<width$} {words}", path.display()),
-            Err(error) => say!("  {}\n      cannot be used: {error}", path.display()),
+            Err(error) => say!("  {}\n      invalid: {error}", path.display()),
         }
     });
 }
 
-/// A scenario or a study in a few words.
-fn described(path: &Path) -> Result<String, InputError> {
-    match input::kind(&path.display().to_string(), &input::read_text(path)?)? {
-        Kind::Study => Ok(study_in_words(&StudyPlan::load(path, false)?)),
-        Kind::TabularScenario => tabular::described(path),
-        Kind::Scenario | Kind::Environment | Kind::TabularEnvironment => {
-            Ok(scenario_in_words(&Plan::load(path, &[])?))
+/// One-line description of a scenario or a study.
+fn describe(path: &Path) -> Result<String, InputError> {
+    match input::file_kind(&path.display().to_string(), &input::read_text(path)?)? {
+        FileKind::Study => Ok(describe_study(&StudyPlan::load(path, false)?)),
+        FileKind::TabularScenario => tabular::describe(path),
+        FileKind::Scenario | FileKind::Environment | FileKind::TabularEnvironment => {
+            Ok(describe_scenario(&Plan::load(path, &[])?))
         }
     }
 }
 
-fn study_in_words(plan: &StudyPlan) -> String {
+fn describe_study(plan: &StudyPlan) -> String {
     let (cells, runs) = (
-        counted(plan.cells.len(), "cell"),
-        counted(plan.repeats() as usize, "run"),
+        pluralize(plan.cells.len(), "cell"),
+        pluralize(plan.repeats() as usize, "run"),
     );
-    format!("study: {}; {cells} of {runs}", plan.study().title)
+    format!("study: {}; {cells}, {runs} each", plan.study().title)
 }
 
-fn scenario_in_words(plan: &Plan) -> String {
-    let agents = counted(plan.scenario.agents.count.get() as usize, "agent");
-    let episodes = counted(plan.scenario.most_episodes() as usize, "episode");
+fn describe_scenario(plan: &Plan) -> String {
+    let agents = pluralize(plan.scenario.agents.count.get() as usize, "agent");
+    let episodes = pluralize(plan.scenario.max_episodes() as usize, "episode");
     format!(
-        "{agents} in {}, {episodes} each at most",
-        plan.description.spec.name
+        "{agents} in {}, at most {episodes} each",
+        plan.description.spec().name
     )
 }
 
-/// Goes through the folders of this name here and further up, where names are looked for. `print` is told how long the longest of a
-/// folder's paths is.
+/// Calls `print` for every file in the directories of this name, here and in parent directories,
+/// which is where names are looked up. The second argument is the length of the longest path.
 fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path, usize)) {
     let here = std::env::current_dir().unwrap_or_default();
     let folders = input::folders_upwards(&here, folder);
     if folders.is_empty() {
         say!(
-            "{title}: none, for there is no folder `{folder}` in {} or further up\n",
+            "{title}: none; no directory `{folder}` in {} or its parent directories\n",
             here.display()
         );
     }
@@ -128,41 +129,49 @@ fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path, usize)) {
 
 fn algorithms() {
     say!("Algorithms (`algorithm:` in a scenario)");
-    for catalogued in Algorithm::catalogue() {
-        say!("  {}\n      {}", catalogued.name, catalogued.purpose);
-        for parameter in &catalogued.parameters {
+    for info in Algorithm::catalogue() {
+        say!("  {}\n      {}", info.name, info.purpose);
+        for parameter in &info.parameters {
             print_parameter(parameter);
         }
     }
     say!("\nTabular algorithms (`algorithm:` in a tabular scenario)");
-    for (name, purpose) in crate::tabular::Algorithm::CATALOGUE {
-        let mut lines = wrapped(purpose, WIDTH).into_iter();
-        say!("  {name:<22} {}", lines.next().unwrap_or_default());
-        lines.for_each(|line| say!("  {:<22}   {line}", ""));
+    for choice in crate::tabular::Algorithm::catalogue() {
+        say!("  {}", choice.form);
+        print_wrapped(&choice.meaning, "      ");
     }
-    say!("\nTeam and time (beside `algorithm:` in a scenario)");
+    say!("\nOther fields of a scenario");
     for parameter in &Scenario::catalogue() {
         print_parameter(parameter);
     }
 }
 
 fn print_parameter(parameter: &Parameter) {
-    let mut lines = wrapped(parameter.meaning, WIDTH).into_iter();
-    say!(
-        "      {:<18} {}",
-        parameter.name,
-        lines.next().unwrap_or_default()
-    );
-    for line in lines {
-        say!("      {:<18}   {line}", "");
+    say!("      {} [default: {}]", parameter.name, parameter.default);
+    let expected = match parameter.expected.as_str() {
+        "" => String::new(),
+        expected => format!(" ({expected})"),
+    };
+    print_wrapped(&format!("{}{expected}", parameter.meaning), "          ");
+    for choice in &parameter.choices {
+        print_wrapped(
+            &format!("{}: {}", choice.form, choice.meaning),
+            "            ",
+        );
     }
-    say!("      {:<18}   default {}", "", parameter.default);
 }
 
-/// Columns that a meaning may take.
+/// Prints a sentence, each line after `indent`.
+fn print_wrapped(sentence: &str, indent: &str) {
+    for line in wrapped(sentence, WIDTH) {
+        say!("{indent}{line}");
+    }
+}
+
+/// Maximum width of a description, in characters.
 const WIDTH: usize = 100;
 
-/// A sentence in lines of at most `width` characters, broken between words.
+/// Breaks a sentence between words into lines of at most `width` characters.
 fn wrapped(sentence: &str, width: usize) -> Vec<String> {
     let mut lines: Vec<String> = vec![String::new()];
     for word in sentence.split(' ') {
@@ -177,7 +186,7 @@ fn wrapped(sentence: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// All `.ron` files below a folder, sorted.
+/// All `.ron` files in a directory and its subdirectories, sorted.
 fn ron_files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder)
         .into_iter()

@@ -1,8 +1,10 @@
-//! The command line: what the user typed becomes a call, what came of it becomes words and an exit code.
+//! The command line: parses arguments, calls the library, prints results, and sets the exit status.
 //!
-//! Exit codes: 0 done, 1 the work failed, 2 the input is wrong. Science may not enter.
+//! Exit status: 0 success, 1 failure or interruption, 2 invalid input. Rules of training must not be
+//! implemented here.
 
-/// Prints a line; a reader who has seen enough, such as `head`, ends the command quietly.
+/// Prints a line to the standard output. If the reader has closed the pipe (e.g. `head`), ends the
+/// process with exit status 0.
 macro_rules! say {
     ($($words:tt)*) => { $crate::cli::say_line(format_args!($($words)*)) };
 }
@@ -18,7 +20,7 @@ mod progress;
 mod replay;
 mod report;
 mod run;
-mod spark;
+mod sparkline;
 mod study;
 mod tabular;
 
@@ -28,27 +30,30 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::input::InputError;
 use crate::record::rerun::{DEFAULT_VIEWER, ServeError, ViewerError};
 use crate::run::RunError;
-use crate::run::review::ReviewError;
-use crate::study::report::counted;
+use crate::run::review::LoadRunError;
+use crate::text::pluralize;
+use seedbed_env::input::InputError;
 
-/// Coordinated exploration in concurrent reinforcement learning, with every visited state on record.
+/// Train teams of reinforcement learning agents that explore in coordination, and record every
+/// visited state
 #[derive(Debug, Parser)]
-#[command(name = "seedbed", version, about, max_term_width = 110)]
+#[command(name = "seedbed", version, max_term_width = 110)]
 #[command(after_help = "Examples:
-  seedbed run scenarios/cartpole.ron                      train, and record to recordings/cartpole/seed-0/
+  seedbed run scenarios/cartpole.ron                       train; results go to recordings/cartpole/seed-0
   seedbed run scenarios/cartpole.ron --seed 7 --set agents.count=16
-  seedbed check scenarios/*.ron envs/*.ron                validate files without running
-  seedbed preview cartpole                                record a few random episodes of a task
-  seedbed evaluate recordings/cartpole/seed-0 --actions greedy
-  seedbed study scenarios/thesis/fig_6_4a.ron             many runs, with a report and a verdict on each claim
-  seedbed replay recordings/cartpole/seed-0               film what the trained policies do
-  seedbed inspect recordings/cartpole/seed-0              what came of a run
-  seedbed plot recordings/cartpole/seed-0 --out run.png   where its agents went
-  seedbed list algorithms                                 what can be set, and the defaults
-  rerun recordings/cartpole/seed-0/run.rrd                look at a recording (the viewer: pip install rerun-sdk==0.36.3)")]
+  seedbed inspect recordings/cartpole/seed-0               summarize the run in the terminal
+  seedbed plot recordings/cartpole/seed-0 --out run.png    draw visited states and returns
+  seedbed evaluate recordings/cartpole/seed-0              play the trained policies without learning
+  seedbed replay recordings/cartpole/seed-0                record what the trained policies do
+  seedbed study scenarios/thesis/fig_6_4a.ron              many runs, a report, a verdict on each claim
+  seedbed list algorithms                                  parameters and their defaults
+
+To open a recording: rerun recordings/cartpole/seed-0/run.rrd
+(Rerun viewer: pip install rerun-sdk==0.36.3)
+
+Exit status: 0 success, 1 failure or interruption, 2 invalid input.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -56,35 +61,41 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Train a team as a scenario file says, and record it
+    /// Train a team of agents on a scenario and record the run
     Run(RunArgs),
     /// Validate scenario, environment and study files without running them
+    #[command(after_help = "Examples:
+  seedbed check scenarios/*.ron envs/*.ron
+  seedbed check scenarios/thesis/fig_6_4a.ron")]
     Check {
-        /// Files in RON, of any kind
-        #[arg(required = true)]
+        /// RON files: scenarios, environments or studies
+        #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
     },
-    /// Show what there is: environments, scenarios, algorithms with their parameters and defaults
+    /// List environments, scenarios and algorithms with their parameters
+    #[command(after_help = "Examples:
+  seedbed list
+  seedbed list algorithms")]
     List {
-        /// One of them only
-        #[arg(value_enum)]
+        /// List only this kind [default: all]
+        #[arg(value_enum, value_name = "KIND")]
         what: Option<Listed>,
     },
-    /// Record a few episodes of random actions in a task, to see what it is
+    /// Record a few episodes of random actions in an environment
     Preview(PreviewArgs),
-    /// Train scenarios with several seeds and print when each solved its task, and how fast; in finite tasks, their regret
+    /// Train scenarios with several run seeds and compare how fast they solve their task
     Bench(BenchArgs),
-    /// Run many settings with many seeds as a study file says, and judge its claims
+    /// Run every setting of a study file with many run seeds and judge its claims
     Study(StudyArgs),
-    /// Write the report of a study's runs, as far as they are there
+    /// Write the report for all finished runs of a study
     Report(ReportArgs),
-    /// Play the policies of a run without learning, and print what they reach
+    /// Play the trained policies of a run without learning and print their returns
     Evaluate(EvaluateArgs),
-    /// Record episodes of the policies of a run, with the bodies in motion
+    /// Record episodes of the trained policies of a run, including the moving bodies
     Replay(ReplayArgs),
-    /// Tell what came of a run: returns, coverage, how far agents differ, what they saw
+    /// Summarize a run: returns, coverage, differences between agents, observed ranges
     Inspect(inspect::InspectArgs),
-    /// Draw where the agents of a run went, and what they reached, as SVG or PNG
+    /// Draw visited states and returns of one or more runs as SVG or PNG
     Plot(plot::PlotArgs),
 }
 
@@ -95,66 +106,69 @@ enum Command {
 )]
 #[command(after_help = "Examples:
   seedbed run scenarios/cartpole.ron --seed 3
-  seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)' --out results/unseeded
-  seedbed run scenarios/cartpole.ron --live               watch it in a viewer that runs already (rerun)
-  seedbed run scenarios/cartpole.ron --serve              let viewers come and go: rerun --connect
-  seedbed run scenarios/cartpole.ron --resume             go on after an interruption, to the same bits")]
+  seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)'
+  seedbed run scenarios/cartpole.ron --resume    continue an interrupted run; results are bit-identical
+  seedbed run scenarios/cartpole.ron --live      show it in a viewer that is already running (`rerun`)
+  seedbed run scenarios/cartpole.ron --serve     let viewers connect at any time (`rerun --connect`)")]
 struct RunArgs {
-    /// A scenario file
+    /// Scenario file
     scenario: PathBuf,
-    /// The run's seed, in place of the scenario's
+    /// Use this run seed instead of the scenario's
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Where results go [default: recordings/<scenario>/seed-<N>]
+    /// Write results to this directory [default: recordings/<scenario>/seed-<N>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Threads for updates; the results do not depend on it [default: one a core]
+    /// Number of threads; results do not depend on it [default: number of cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Replace one value of the scenario, such as agents.count=16; may be repeated
+    /// Replace one value of the scenario, e.g. agents.count=16; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
-    /// Write no run.rrd
+    /// Do not write run.rrd
     #[arg(long)]
     no_recording: bool,
-    /// Show the recording in a running viewer while it is made [default URL: that of a viewer on this machine]
+    /// Show the recording in a running viewer during training [default URL: viewer on this machine]
     #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_VIEWER)]
     #[arg(conflicts_with = "no_recording")]
     live: Option<String>,
-    /// Let viewers on this machine connect while the run lasts (`rerun --connect`), however many and whenever they come: each
-    /// sees all that was recorded so far, read from the file, and what follows [default PORT: 9876; 0 is any that is free]
+    /// Let any number of viewers on this machine connect during the run (`rerun --connect`). Each
+    /// receives everything recorded so far, then all new data [default PORT: 9876; 0: any free port]
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "9876")]
     #[arg(conflicts_with_all = ["no_recording", "live"])]
     serve: Option<u16>,
-    /// Say nothing but errors
+    /// Print nothing but errors and warnings
     #[arg(long, short)]
     quiet: bool,
-    /// Go on with the interrupted run in the output folder
+    /// Resume the interrupted run in the output directory
     #[arg(long, conflicts_with = "overwrite")]
     resume: bool,
-    /// Replace the run in the output folder
+    /// Replace the existing run in the output directory
     #[arg(long)]
     overwrite: bool,
+    /// Abort the process when N rounds are finished, as a crash would: for tests
+    #[arg(long, value_name = "N", hide = true)]
+    abort_after_rounds: Option<u32>,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  seedbed preview cartpole                                to recordings/preview/cartpole.rrd
-  seedbed preview envs/mine.ron --episodes 10 --seed 3")]
+  seedbed preview cartpole                                 write recordings/preview/cartpole.rrd
+  seedbed preview envs/lander.ron --episodes 10 --seed 3")]
 struct PreviewArgs {
-    /// A task in `envs/`, or a task file
+    /// Name of an environment in `envs/`, or an environment file
     #[arg(value_name = "ENV")]
     environment: String,
-    /// How many episodes
+    /// Number of episodes
     #[arg(long, value_name = "N", default_value_t = 3)]
     episodes: u64,
-    /// Seed of the starts and actions
+    /// Run seed for initial states and actions
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Move by the task's closed-form twin
+    /// Use the task's analytic model instead of the physics engine (Rapier)
     #[arg(long)]
     analytic: bool,
-    /// The recording [default: recordings/preview/<env>.rrd]
+    /// Write the recording to this file [default: recordings/preview/<ENV>.rrd]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -162,37 +176,40 @@ struct PreviewArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   seedbed bench scenarios/cartpole_1.ron scenarios/cartpole.ron scenarios/cartpole_16.ron
-  seedbed bench scenarios/cartpole.ron --seeds 5 --set 'agents.seeds=Normal(sigma: 0)'")]
+  seedbed bench scenarios/cartpole.ron --seeds 5 --set 'agents.seeds=Normal(sigma: 0)'
+
+Prints the Kaplan–Meier median of episodes until solved with its 95 % interval (tabular scenarios: \
+the mean regret), and compares each scenario with the first, paired by run seed.")]
 struct BenchArgs {
-    /// Scenario files
-    #[arg(required = true)]
+    /// Scenario files; the others are compared with the first
+    #[arg(required = true, value_name = "SCENARIO")]
     scenarios: Vec<PathBuf>,
-    /// How many seeds
+    /// Number of run seeds per scenario
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     seeds: u64,
-    /// The first of them
+    /// First run seed; the others follow it
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=u64::MAX - 100_000))]
     first_seed: u64,
-    /// Runs at once, each on one thread [default: one a core]
+    /// Number of simultaneous runs, one thread each [default: number of cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
-    /// Go on after a task is solved, to the scenario's end
+    /// Continue each run after its task is solved, to the scenario's maximum number of episodes
     #[arg(long)]
     whole: bool,
-    /// Replace one value of every scenario, such as agents.count=16; may be repeated
+    /// Replace one value of every scenario, e.g. agents.count=16; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     overrides: Vec<String>,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  seedbed evaluate recordings/cartpole/seed-0                          as in training
+  seedbed evaluate recordings/cartpole/seed-0                          choose actions as in training
   seedbed evaluate recordings/cartpole/seed-0 --actions greedy --episodes 100
   seedbed evaluate recordings/cartpole/seed-0/run.rrd --temperature 0.5")]
 struct EvaluateArgs {
-    /// A run's folder, or the recording in it
+    /// Run directory, or the recording in it
     run: PathBuf,
-    /// Episodes of each agent
+    /// Number of episodes per agent
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     episodes: u32,
     #[command(flatten)]
@@ -201,66 +218,75 @@ struct EvaluateArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  seedbed study scenarios/thesis/fig_6_4a.ron             all runs that are missing, then the report
-  seedbed study scenarios/thesis/*.ron --quick            every study with few and short runs, to see that all is as meant
-  seedbed study scenarios/thesis/fig_6_4a.ron --list      all runs with their indices
-  seedbed study scenarios/thesis/fig_6_4a.ron --index $SLURM_ARRAY_TASK_ID    one of them, as a job of its own
-  seedbed study scenarios/thesis/fig_6_4a.ron --verify    whether ten of its runs still come out the same
-A study that was interrupted goes on where it was; one that was changed runs what its change concerns.")]
+  seedbed study scenarios/thesis/fig_6_4a.ron             run what is missing, then write the report
+  seedbed study scenarios/thesis/*.ron --quick            a short trial of every study
+  seedbed study scenarios/thesis/fig_6_4a.ron --list      list all runs with their indices
+  seedbed study scenarios/thesis/fig_6_4a.ron --index $SLURM_ARRAY_TASK_ID    one run per cluster job
+  seedbed study scenarios/thesis/fig_6_4a.ron --verify    repeat ten stored runs and compare bits
+
+Repeat the same command to resume an interrupted study. After an edit of the study file only \
+affected runs are repeated.")]
 struct StudyArgs {
     /// Study files
-    #[arg(required = true)]
+    #[arg(required = true, value_name = "STUDY")]
     studies: Vec<PathBuf>,
-    /// Runs at once, each on one thread [default: one a core]
+    /// Number of simultaneous runs, one thread each [default: number of cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
-    /// Where results go [default: recordings/studies/<study>]
+    /// Write results to this directory [default: recordings/studies/<study>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Run it as the study's `quick` says, into a folder of its own
+    /// Use the study's `quick` settings, in a separate directory
     #[arg(long)]
     quick: bool,
-    /// Show all runs with their indices, and which are finished
+    /// List all runs with their indices and states (finished, failed, to run), and run nothing
     #[arg(long)]
     list: bool,
-    /// Run this one alone, without a report; many may do so at once in one folder
+    /// Execute only the run with this index, without a report; safe to use from many processes at
+    /// once
     #[arg(long, value_name = "I", conflicts_with = "list")]
     index: Option<usize>,
-    /// Run again what failed before
+    /// Repeat runs that failed before
     #[arg(long)]
     retry: bool,
-    /// Run N of the finished runs once more, change nothing, and tell whether the same came out, to the bit [default: 10]
+    /// Repeat N stored runs and check that results are bit-identical; stored results are not
+    /// changed [default: 10]
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
     #[arg(value_parser = clap::value_parser!(u16).range(1..), conflicts_with_all = ["list", "index", "retry"])]
     verify: Option<u16>,
+    /// Abort the process when N runs are finished, as a crash would: for tests
+    #[arg(long, value_name = "N", hide = true)]
+    abort_after_runs: Option<usize>,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  seedbed report recordings/studies/fig_6_4a              report.html, tables.md, results.csv and figures/ in that folder")]
+  seedbed report recordings/studies/fig_6_4a
+
+Writes report.html, tables.md, claims.md, results.csv and figures/ to that directory.")]
 struct ReportArgs {
-    /// Folders of studies
+    /// Study directories
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  seedbed replay recordings/cartpole/seed-0                            to recordings/cartpole/seed-0/replay.rrd
+  seedbed replay recordings/cartpole/seed-0               write recordings/cartpole/seed-0/replay.rrd
   seedbed replay recordings/cartpole/seed-0 --agents 0,3 --actions greedy
-  seedbed replay recordings/cartpole/seed-0/run.rrd --episodes 20 --seed 7 --out look.rrd")]
+  seedbed replay recordings/cartpole/seed-0/run.rrd --episodes 20 --seed 7 --out replay.rrd")]
 struct ReplayArgs {
-    /// A run's folder, or the recording in it
+    /// Run directory, or the recording in it
     run: PathBuf,
-    /// Episodes of each agent
+    /// Number of episodes per agent
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     episodes: u32,
-    /// Agents whose bodies are drawn, such as 0,3 [default: those that the scenario draws]
+    /// Agents whose bodies are drawn, e.g. 0,3 [default: as in the scenario, otherwise agent 0]
     #[arg(long, value_name = "K,…", value_delimiter = ',')]
     agents: Vec<u32>,
     #[command(flatten)]
     play: PlayArgs,
-    /// The recording [default: replay.rrd in the run's folder]
+    /// Write the recording to this file [default: replay.rrd in the run directory]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -270,7 +296,7 @@ struct PlayArgs {
     /// How actions are chosen [default: as in training]
     #[arg(long, value_enum)]
     actions: Option<ActionsArg>,
-    /// Sample from the policy to the power 1/T: below 1 is greedier
+    /// Sample from the policy raised to the power 1/T; below 1 is greedier
     #[arg(
         long,
         value_name = "T",
@@ -278,49 +304,49 @@ struct PlayArgs {
         allow_negative_numbers = true
     )]
     temperature: Option<f64>,
-    /// Seed of the starts and the actions
+    /// Run seed for initial states and actions
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ActionsArg {
-    /// Drawn from the policy
+    /// Sampled from the policy
     Sampled,
-    /// The likeliest, or the mean
+    /// The most likely action, or the mean of a Gaussian policy
     Greedy,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Listed {
-    /// Tasks in `envs/`
+    /// Environments in `envs/`
     #[value(alias = "envs")]
     Environments,
-    /// Files in `scenarios/`
+    /// Scenarios and studies in `scenarios/`
     Scenarios,
-    /// Learners, with their parameters and defaults
+    /// Learning algorithms with their parameters and defaults
     Algorithms,
 }
 
-/// Why a command did not do what was asked.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
-enum Failure {
-    /// The input is wrong.
+enum CliError {
+    /// Invalid option, file or setting.
     #[error("{0}")]
-    Input(String),
-    /// So many files are wrong; each was complained about already.
-    #[error("{} cannot be used", counted(*.0, "file"))]
-    Files(usize),
-    /// The work failed.
+    Usage(String),
+    /// Number of invalid files, each of which was reported already.
+    #[error("{} invalid", pluralize(*.0, "file"))]
+    InvalidFiles(usize),
+    /// The command failed or was interrupted while it ran.
     #[error("{0}")]
-    Work(String),
+    Runtime(String),
 }
 
 /// Runs the command line of this process.
 #[must_use]
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let done = match cli.command {
+    let result = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check { files } => check::check(&files),
         Command::List { what } => {
@@ -336,21 +362,21 @@ pub fn main() -> ExitCode {
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Plot(args) => plot::plot(&args),
     };
-    let Err(failure) = done else {
+    let Err(error) = result else {
         return ExitCode::SUCCESS;
     };
-    if !matches!(failure, Failure::Files(1)) {
-        eprintln!("error: {failure}");
+    if !matches!(error, CliError::InvalidFiles(1)) {
+        eprintln!("error: {error}");
     }
-    match failure {
-        Failure::Input(_) | Failure::Files(_) => ExitCode::from(2),
-        Failure::Work(_) => ExitCode::from(1),
+    match error {
+        CliError::Usage(_) | CliError::InvalidFiles(_) => ExitCode::from(2),
+        CliError::Runtime(_) => ExitCode::from(1),
     }
 }
 
-impl From<ReviewError> for Failure {
-    fn from(error: ReviewError) -> Self {
-        Self::Input(error.to_string())
+impl From<LoadRunError> for CliError {
+    fn from(error: LoadRunError) -> Self {
+        Self::Usage(error.to_string())
     }
 }
 
@@ -359,40 +385,40 @@ fn say_line(line: std::fmt::Arguments<'_>) {
         if error.kind() == std::io::ErrorKind::BrokenPipe {
             std::process::exit(0);
         }
-        eprintln!("error: cannot write to the standard output: {error}");
+        eprintln!("error: cannot write to standard output: {error}");
         std::process::exit(1);
     }
 }
 
-impl From<InputError> for Failure {
+impl From<InputError> for CliError {
     fn from(error: InputError) -> Self {
-        Self::Input(error.to_string())
+        Self::Usage(error.to_string())
     }
 }
 
-impl From<ViewerError> for Failure {
+impl From<ViewerError> for CliError {
     fn from(error: ViewerError) -> Self {
         match error {
-            ViewerError::Address(_) => Self::Input(error.to_string()),
-            ViewerError::Absent(_) => Self::Work(error.to_string()),
+            ViewerError::Address(_) => Self::Usage(error.to_string()),
+            ViewerError::Absent(_) => Self::Runtime(error.to_string()),
         }
     }
 }
 
-impl From<ServeError> for Failure {
+impl From<ServeError> for CliError {
     fn from(error: ServeError) -> Self {
-        Self::Work(error.to_string())
+        Self::Runtime(error.to_string())
     }
 }
 
-impl From<RunError> for Failure {
+impl From<RunError> for CliError {
     fn from(error: RunError) -> Self {
         match error {
-            RunError::Input(_) | RunError::AnotherRun(_) => Self::Input(error.to_string()),
+            RunError::Input(_) | RunError::AnotherRun(_) => Self::Usage(error.to_string()),
             RunError::Record(_)
             | RunError::Checkpoint(_)
             | RunError::File { .. }
-            | RunError::Diverged(_) => Self::Work(error.to_string()),
+            | RunError::Diverged(_) => Self::Runtime(error.to_string()),
         }
     }
 }

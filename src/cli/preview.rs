@@ -2,17 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Failure, PreviewArgs, counted};
-use crate::env::{self, Physics};
-use crate::input::InputError;
-use crate::input::numbers::Count;
+use super::{CliError, PreviewArgs, pluralize};
 use crate::run::preview;
 use crate::scenario;
+use seedbed_env::input::InputError;
+use seedbed_env::input::numbers::Count;
+use seedbed_env::{self, Physics};
 
-pub(super) fn preview(args: &PreviewArgs) -> Result<(), Failure> {
-    let description = env::load(&task_file(&args.environment)?)?;
+pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
+    let description = seedbed_env::load(&task_file(&args.environment)?)?;
     let episodes = Count::try_from(args.episodes)
-        .map_err(|message| Failure::Input(format!("--episodes: {message}")))?;
+        .map_err(|message| CliError::Usage(format!("--episodes: {message}")))?;
     let physics = if args.analytic {
         Physics::Analytic
     } else {
@@ -21,10 +21,10 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), Failure> {
     let path = args
         .out
         .clone()
-        .unwrap_or_else(|| default_path(&description.spec.name));
+        .unwrap_or_else(|| default_path(&description.spec().name));
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(|error| {
-            Failure::Work(format!("cannot create {}: {error}", folder.display()))
+            CliError::Runtime(format!("cannot create {}: {error}", folder.display()))
         })?;
     }
     let rows = preview::record(&description, physics, episodes, args.seed, &path)?;
@@ -33,11 +33,11 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), Failure> {
         say!(
             "episode {}: {}, return {:.3}, {outcome}",
             row.episode,
-            counted(row.length as usize, "step"),
+            pluralize(row.length as usize, "step"),
             row.r#return
         );
     }
-    say!("look at it with\n  rerun {}", path.display());
+    say!("\nopen it with\n  rerun {}", path.display());
     Ok(())
 }
 
@@ -47,7 +47,7 @@ fn default_path(name: &str) -> PathBuf {
         .join(format!("{name}.rrd"))
 }
 
-/// A path as it is; a name as a file of the nearest folder `envs`.
+/// The environment file: a path as it is, a name looked up in the nearest directory `envs`.
 fn task_file(environment: &str) -> Result<PathBuf, InputError> {
     let path = PathBuf::from(environment);
     if path.is_file() {
@@ -58,18 +58,18 @@ fn task_file(environment: &str) -> Result<PathBuf, InputError> {
             origin: environment.to_owned(),
             position: None,
             field: String::new(),
-            message: neither(&known),
-            help: crate::input::nearest(environment, known.iter().map(String::as_str))
+            message: not_found(&known),
+            help: seedbed_env::input::nearest_name(environment, known.iter().map(String::as_str))
                 .map(|name| format!("did you mean `{name}`?")),
         },
     )
 }
 
-fn neither(known: &[String]) -> String {
+fn not_found(known: &[String]) -> String {
     if known.is_empty() {
-        return "is no file, and there is no folder `envs` with tasks here or further up"
+        return "no such file, and no directory `envs` with environments here or in a parent directory"
             .to_owned();
     }
-    let known = crate::input::listed(known.iter().map(String::as_str));
-    format!("is neither a file nor a task in `envs/`, where there are {known}")
+    let known = seedbed_env::input::quoted_list(known.iter().map(String::as_str));
+    format!("no such file or environment in `envs/`; expected one of {known}")
 }

@@ -1,4 +1,4 @@
-//! How far a run has come, on the terminal.
+//! Progress of runs on the terminal.
 
 use std::io::IsTerminal;
 use std::time::Instant;
@@ -6,12 +6,12 @@ use std::time::Instant;
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 
 use crate::run::{Observer, Plan, Progress};
-use crate::study::plan::Task;
+use crate::study::plan::PlannedRun;
 
-/// Says nothing.
-pub(super) struct Silent;
+/// Prints warnings only.
+pub(super) struct NoProgress;
 
-impl Observer for Silent {
+impl Observer for NoProgress {
     fn begun(&mut self, _: &Progress) {}
 
     fn round_finished(&mut self, _: &Progress) {}
@@ -21,22 +21,56 @@ impl Observer for Silent {
     }
 }
 
-/// A bar on a terminal; elsewhere a line for each tenth of the run.
-pub(super) struct Bar {
+/// Aborts the process when a number of rounds is finished, without any cleanup: a crash at a known
+/// moment, for tests of resuming.
+pub(super) struct AbortAfter {
+    rounds_left: u32,
+    shown: Box<dyn Observer>,
+}
+
+impl AbortAfter {
+    pub(super) fn new(rounds: u32, shown: Box<dyn Observer>) -> Self {
+        Self {
+            rounds_left: rounds,
+            shown,
+        }
+    }
+}
+
+impl Observer for AbortAfter {
+    fn begun(&mut self, progress: &Progress) {
+        self.shown.begun(progress);
+    }
+
+    fn round_finished(&mut self, progress: &Progress) {
+        self.shown.round_finished(progress);
+        self.rounds_left = self.rounds_left.saturating_sub(1);
+        if self.rounds_left == 0 {
+            std::process::abort();
+        }
+    }
+
+    fn warn(&mut self, warning: &str) {
+        self.shown.warn(warning);
+    }
+}
+
+/// Progress of a run: a bar on a terminal, otherwise one line per tenth of the run.
+pub(super) struct RunProgress {
     drawn: Option<ProgressBar>,
     started: Instant,
-    /// Steps that a resumed run had before.
+    /// Environment steps before the run was resumed.
     first_steps: u64,
     tenths: usize,
 }
 
-impl Bar {
+impl RunProgress {
     pub(super) fn new(plan: &Plan) -> Self {
         let style = ProgressStyle::with_template(
             "{prefix} {bar:32} {pos}/{len} episodes · {msg} · {eta} left",
         );
         let drawn = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(u64::from(plan.scenario.most_episodes()))
+            let bar = ProgressBar::new(u64::from(plan.scenario.max_episodes()))
                 .with_prefix(plan.name.clone());
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
@@ -50,7 +84,7 @@ impl Bar {
     }
 }
 
-impl Observer for Bar {
+impl Observer for RunProgress {
     fn begun(&mut self, progress: &Progress) {
         (self.started, self.first_steps) = (Instant::now(), progress.env_steps);
     }
@@ -80,7 +114,7 @@ impl Observer for Bar {
     }
 }
 
-impl Bar {
+impl RunProgress {
     fn print_line(&mut self, progress: &Progress, message: &str) {
         let tenths = 10 * progress.episodes_per_agent / progress.at_most.max(1);
         if tenths > self.tenths {
@@ -93,7 +127,7 @@ impl Bar {
     }
 }
 
-impl Drop for Bar {
+impl Drop for RunProgress {
     fn drop(&mut self) {
         if let Some(bar) = &self.drawn {
             bar.finish_and_clear();
@@ -101,8 +135,8 @@ impl Drop for Bar {
     }
 }
 
-/// The runs of a study: a bar on a terminal; elsewhere a line for each tenth of the work.
-pub(super) struct StudyBar {
+/// Progress of a study: a bar on a terminal, otherwise one line per tenth of the work.
+pub(super) struct StudyProgress {
     drawn: Option<ProgressBar>,
     runs: usize,
     finished: usize,
@@ -112,16 +146,16 @@ pub(super) struct StudyBar {
     started: Instant,
 }
 
-impl StudyBar {
-    pub(super) fn new(name: &str, tasks: &[Task<'_>]) -> Self {
+impl StudyProgress {
+    pub(super) fn new(name: &str, tasks: &[PlannedRun<'_>]) -> Self {
         let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         let drawn = std::io::stderr().is_terminal().then(|| {
-            ProgressBar::new(PARTS)
+            ProgressBar::new(BAR_STEPS)
                 .with_prefix(name.to_owned())
                 .with_style(style)
         });
-        let cost = tasks.iter().map(|task| task.cell.course.cost()).sum();
+        let cost = tasks.iter().map(|task| task.cell.experiment.cost()).sum();
         let bar = Self {
             drawn,
             runs: tasks.len(),
@@ -135,9 +169,9 @@ impl StudyBar {
         bar
     }
 
-    pub(super) fn finished(&mut self, task: &Task<'_>) {
+    pub(super) fn finished(&mut self, task: &PlannedRun<'_>) {
         self.finished += 1;
-        self.done += task.cell.course.cost();
+        self.done += task.cell.experiment.cost();
         self.show();
         let tenths = (10.0 * self.share() + 1e-9) as usize;
         if self.drawn.is_none() && tenths > self.tenths {
@@ -148,12 +182,12 @@ impl StudyBar {
 
     fn show(&self) {
         if let Some(bar) = &self.drawn {
-            bar.set_position((PARTS as f64 * self.share()) as u64);
+            bar.set_position((BAR_STEPS as f64 * self.share()) as u64);
             bar.set_message(self.message());
         }
     }
 
-    /// The part of the work that is done, by the runs' estimated costs.
+    /// Finished share of the work, by the estimated costs of runs.
     fn share(&self) -> f64 {
         if self.finished == self.runs {
             1.0
@@ -167,14 +201,14 @@ impl StudyBar {
         let left = if self.finished == 0 {
             String::new()
         } else {
-            in_time(elapsed * (1.0 / self.share() - 1.0))
+            remaining_time(elapsed * (1.0 / self.share() - 1.0))
         };
         format!("{}/{} runs{left}", self.finished, self.runs)
     }
 }
 
-/// Such as ` · about 3 min left`.
-fn in_time(seconds: f64) -> String {
+/// Estimated remaining time, e.g. ` · about 3 min left`.
+fn remaining_time(seconds: f64) -> String {
     match seconds {
         seconds if seconds < 1.0 => String::new(),
         seconds if seconds < 90.0 => format!(" · about {seconds:.0} s left"),
@@ -182,10 +216,10 @@ fn in_time(seconds: f64) -> String {
     }
 }
 
-/// Parts of a bar.
-const PARTS: u64 = 1000;
+/// Resolution of the bar.
+const BAR_STEPS: u64 = 1000;
 
-impl Drop for StudyBar {
+impl Drop for StudyProgress {
     fn drop(&mut self) {
         if let Some(bar) = &self.drawn {
             bar.finish_and_clear();
@@ -193,8 +227,8 @@ impl Drop for StudyBar {
     }
 }
 
-/// A bar that counts to `total`; none where nobody looks on.
-pub(super) fn counter(total: u32, what: &str) -> ProgressBar {
+/// Bar that counts to `total`; hidden if the output is not a terminal.
+pub(super) fn episode_bar(total: u32, what: &str) -> ProgressBar {
     let bar = ProgressBar::new(total.into());
     let style =
         ProgressStyle::with_template(&format!("{{bar:30}} {{pos}}/{{len}} {what} · {{eta}} left"));
@@ -202,10 +236,10 @@ pub(super) fn counter(total: u32, what: &str) -> ProgressBar {
     bar
 }
 
-/// Counts on a terminal how much was read; elsewhere it says nothing.
-pub(super) struct Counter(Option<ProgressBar>);
+/// Counter of what was read; shown on a terminal only.
+pub(super) struct ReadCounter(Option<ProgressBar>);
 
-impl Counter {
+impl ReadCounter {
     pub(super) fn new(what: &'static str) -> Self {
         Self(std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::no_length().with_message(what);
@@ -221,7 +255,7 @@ impl Counter {
     }
 }
 
-impl Drop for Counter {
+impl Drop for ReadCounter {
     fn drop(&mut self) {
         if let Some(bar) = &self.0 {
             bar.finish_and_clear();

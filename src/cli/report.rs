@@ -1,27 +1,28 @@
-//! `seedbed report`: what the runs of a study show, on one page.
+//! `seedbed report`: writes the report of a study.
 
-use super::{Failure, ReportArgs};
-use crate::study::claims::{self, Judgement};
+use super::{CliError, ReportArgs};
+use crate::study::claims::{self, ClaimResult};
 use crate::study::file::Study;
 use crate::study::report;
 use crate::study::results::{Results, ResultsError};
 use crate::study::store::StudyFolder;
 
-pub(super) fn report(args: &ReportArgs) -> Result<(), Failure> {
+pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
     args.folders
         .iter()
-        .try_for_each(|folder| write_and_tell(&StudyFolder::new(folder)).map(|_| ()))
+        .try_for_each(|folder| write_and_print(&StudyFolder::new(folder)).map(|_| ()))
 }
 
-/// Writes a study's report, says what became of its claims and where everything is; counts failed runs.
-pub(super) fn write_and_tell(folder: &StudyFolder) -> Result<usize, Failure> {
+/// Writes the report of a study, prints the verdicts on its claims and the paths of all files;
+/// returns the number of failed runs.
+pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
     let results = Results::read(folder).map_err(|error| match error {
-        ResultsError::Folder(_) | ResultsError::Study(_) => Failure::Input(error.to_string()),
+        ResultsError::Folder(_) | ResultsError::Study(_) => CliError::Usage(error.to_string()),
     })?;
-    let judgements = claims::judge(&results);
-    let written = report::write(&results, &judgements, folder.path());
+    let claim_results = claims::evaluate(&results);
+    let written = report::write(&results, &claim_results, folder.path());
     let page =
-        written.map_err(|error| Failure::Work(format!("cannot write the report: {error}")))?;
+        written.map_err(|error| CliError::Runtime(format!("cannot write the report: {error}")))?;
     let [finished, failed, missing] = results.counts();
     let others = [(failed, "failed"), (missing, "missing")]
         .into_iter()
@@ -35,28 +36,32 @@ pub(super) fn write_and_tell(folder: &StudyFolder) -> Result<usize, Failure> {
             .concat()
             .join(", ")
     );
-    tell_claims(&results.study, &judgements);
+    print_claims(&results.study, &claim_results);
     say!("results    {}", folder.path().join("results.csv").display());
     say!("report     {}", page.display());
     Ok(failed)
 }
 
-fn tell_claims(study: &Study, judgements: &[Judgement]) {
-    let widest = judgements
+fn print_claims(study: &Study, claim_results: &[ClaimResult]) {
+    let widest = claim_results
         .iter()
-        .map(|judgement| judgement.in_words().len())
+        .map(|claim_result| claim_result.verdict_text().len())
         .max()
         .unwrap_or(0)
         .max(16);
-    for (claim, judgement) in study.claims.iter().zip(judgements) {
+    for (claim, claim_result) in study.claims.iter().zip(claim_results) {
         let source = if claim.source.is_empty() {
             String::new()
         } else {
             format!(" ({})", claim.source)
         };
-        say!("{:<widest$} {}{source}", judgement.in_words(), claim.text);
+        say!(
+            "{:<widest$} {}{source}",
+            claim_result.verdict_text(),
+            claim.text
+        );
     }
-    if !judgements.is_empty() {
-        say!("claims     {}", report::tally(judgements));
+    if !claim_results.is_empty() {
+        say!("claims     {}", report::summarize_claims(claim_results));
     }
 }

@@ -5,15 +5,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use super::progress::{Bar, Silent};
-use super::{Failure, RunArgs, counted, tabular};
-use crate::record::rerun::{Audience, Server, Viewer};
+use super::progress::{AbortAfter, NoProgress, RunProgress};
+use super::{CliError, RunArgs, pluralize, tabular};
+use crate::record::rerun::{LiveTarget, Server, Viewer};
 use crate::run::folder::{Claim, Contents, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
 use crate::run::{self, Ending, Observer, Options, Plan, RunError};
 use crate::tabular::scenario::is_meant;
+use crate::text::shell_word;
 
-pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let mut overrides = args.overrides.clone();
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
     if is_meant(&args.scenario) {
@@ -25,7 +26,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         .as_ref()
         .map_or_else(|| plan.default_folder(), RunFolder::new);
     let audience = audience(args)?;
-    let claim = make_room(args, &folder)?;
+    let claim = claim_output_dir(args, &folder)?;
     let threads = args.threads.map_or(0, usize::from);
     let options = Options {
         folder,
@@ -33,18 +34,14 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         threads,
         recording: !args.no_recording,
     };
-    if let (Some(Audience::Visitors(server)), false) = (&audience, args.quiet) {
+    if let (Some(LiveTarget::Serve(server)), false) = (&audience, args.quiet) {
         say!(
-            "serving    {0}; look with: rerun --connect {0}",
+            "serving    {0}; connect a viewer with: rerun --connect {0}",
             server.address()
         );
     }
     let started = Instant::now();
-    let mut observer: Box<dyn Observer> = if args.quiet {
-        Box::new(Silent)
-    } else {
-        Box::new(Bar::new(&plan))
-    };
+    let mut observer = observer(args, &plan);
     let ending = run::execute(
         &plan,
         &options,
@@ -53,16 +50,16 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         &interruption("stopping after this round"),
     );
     drop(observer);
-    match ending.map_err(|error| with_way_on(error, args, &options.folder))? {
-        Ending::Interrupted { rounds } => Err(Failure::Work(format!(
-            "interrupted after {}; go on with\n  {}",
-            counted(rounds as usize, "round"),
-            resuming_command(args)
+    match ending.map_err(|error| with_resume_hint(error, args, &options.folder))? {
+        Ending::Interrupted { rounds } => Err(CliError::Runtime(format!(
+            "interrupted after {}; resume with\n  {}",
+            pluralize(rounds as usize, "round"),
+            resume_command(args)
         ))),
         Ending::Finished(summary) => {
             claim
                 .release()
-                .map_err(|error| Failure::Work(error.to_string()))?;
+                .map_err(|error| CliError::Runtime(error.to_string()))?;
             if !args.quiet {
                 print(&summary, &options.folder, started.elapsed().as_secs_f64());
             }
@@ -71,53 +68,59 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     }
 }
 
-/// Who shall look at the recording.
-fn audience(args: &RunArgs) -> Result<Option<Audience>, Failure> {
+fn observer(args: &RunArgs, plan: &Plan) -> Box<dyn Observer> {
+    let shown: Box<dyn Observer> = if args.quiet {
+        Box::new(NoProgress)
+    } else {
+        Box::new(RunProgress::new(plan))
+    };
+    match args.abort_after_rounds {
+        Some(rounds) => Box::new(AbortAfter::new(rounds, shown)),
+        None => shown,
+    }
+}
+
+/// The viewer or server that shows the recording during the run.
+fn audience(args: &RunArgs) -> Result<Option<LiveTarget>, CliError> {
     let viewer = args
         .live
         .as_deref()
         .map(Viewer::connect)
         .transpose()?
-        .map(Audience::Viewer);
+        .map(LiveTarget::Push);
     let visitors = args
         .serve
         .map(Server::bind)
         .transpose()?
-        .map(Audience::Visitors);
+        .map(LiveTarget::Serve);
     Ok(viewer.or(visitors))
 }
 
-/// What failed, and how to go on from the newest checkpoint, if there is one and it helps.
-fn with_way_on(error: RunError, args: &RunArgs, folder: &RunFolder) -> Failure {
-    let is_of_disk = matches!(
+/// The error, with the command that resumes from the newest checkpoint if writing failed and there
+/// is one.
+fn with_resume_hint(error: RunError, args: &RunArgs, folder: &RunFolder) -> CliError {
+    let is_write_error = matches!(
         error,
         RunError::Record(_) | RunError::Checkpoint(_) | RunError::File { .. }
     );
-    match Failure::from(error) {
-        Failure::Work(said)
-            if is_of_disk && !args.resume && folder.contents() == Contents::UnfinishedRun =>
+    match CliError::from(error) {
+        CliError::Runtime(message)
+            if is_write_error && !args.resume && folder.contents() == Contents::UnfinishedRun =>
         {
-            Failure::Work(format!(
-                "{said}\nthe newest checkpoint is kept; go on with\n  {}",
-                resuming_command(args)
+            CliError::Runtime(format!(
+                "{message}\nthe newest checkpoint is kept; resume with\n  {}",
+                resume_command(args)
             ))
         }
-        failure => failure,
+        error => error,
     }
 }
 
-/// What was typed, and `--resume`.
-fn resuming_command(args: &RunArgs) -> String {
-    let quoted = |word: String| {
-        if word.contains([' ', '(', '\'', '"', '*']) {
-            format!("'{word}'")
-        } else {
-            word
-        }
-    };
+/// The command line of this process, with `--resume`.
+fn resume_command(args: &RunArgs) -> String {
     let mut words: Vec<String> = std::env::args()
-        .map(quoted)
         .filter(|word| word != "--overwrite")
+        .map(|word| shell_word(&word).into_owned())
         .collect();
     if !args.resume {
         words.push("--resume".to_owned());
@@ -125,8 +128,8 @@ fn resuming_command(args: &RunArgs) -> String {
     words.join(" ")
 }
 
-/// Claims the folder, and sees to it that nothing is overwritten unasked.
-pub(super) fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Failure> {
+/// Claims the output directory for this process; refuses to overwrite a run without `--overwrite`.
+pub(super) fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Claim, CliError> {
     let shown = folder.path().display();
     let before = folder.contents();
     let elsewhere = if args.out.is_some() {
@@ -134,43 +137,45 @@ pub(super) fn make_room(args: &RunArgs, folder: &RunFolder) -> Result<Claim, Fai
     } else {
         "another --seed or --out"
     };
-    let choice = format!("keep both with {elsewhere}, replace it with --overwrite");
+    let choice = format!("{elsewhere} to keep both, or --overwrite to replace it");
     let refusal = match (before, args.resume, args.overwrite) {
         (Contents::Other, _, _) => Some(format!(
-            "{shown} is not empty, and what it holds is of no run; choose {elsewhere}"
+            "{shown} is not empty and does not contain a seedbed run; choose {elsewhere}"
         )),
         (Contents::FinishedRun, true, _) => Some(format!(
             "the run in {shown} is finished; there is nothing to resume"
         )),
         (Contents::Nothing | Contents::BrokenOffRun, true, _) => Some(format!(
-            "{shown} holds no checkpoint to resume from; start afresh without --resume"
+            "{shown} contains no checkpoint to resume from; start a new run without --resume"
         )),
         (Contents::FinishedRun, false, false) => {
-            Some(format!("{shown} holds a finished run; {choice}"))
+            Some(format!("{shown} contains a finished run; choose {choice}"))
         }
         (Contents::UnfinishedRun, false, false) => Some(format!(
-            "{shown} holds a run that was interrupted; go on with --resume, {choice}"
+            "{shown} contains an interrupted run; choose --resume to continue it, {choice}"
         )),
         _ => None,
     };
     if let Some(refusal) = refusal {
-        return Err(Failure::Input(refusal));
+        return Err(CliError::Usage(refusal));
     }
-    let fault = |error: std::io::Error| Failure::Work(format!("cannot write to {shown}: {error}"));
-    let claim = folder.claim().map_err(fault)?;
+    let write_error =
+        |error: std::io::Error| CliError::Runtime(format!("cannot write to {shown}: {error}"));
+    let claim = folder.claim().map_err(write_error)?;
     let claim = claim.ok_or_else(|| {
-        Failure::Input(format!(
-            "another seedbed is writing to {shown}; choose {elsewhere}"
+        CliError::Usage(format!(
+            "another seedbed process is writing to {shown}; choose {elsewhere}"
         ))
     })?;
     if !args.resume && before != Contents::Nothing {
-        folder.clear().map_err(fault)?;
+        folder.clear().map_err(write_error)?;
     }
     Ok(claim)
 }
 
-/// Set by the first Ctrl-C, which says `what` happens now; the second ends the process at once. One for the whole process.
-pub(super) fn interruption(what: &'static str) -> Arc<AtomicBool> {
+/// Flag that the first Ctrl-C sets after printing `message`; the second ends the process immediately.
+/// There is one flag per process.
+pub(super) fn interruption(message: &'static str) -> Arc<AtomicBool> {
     static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     let interrupted = INTERRUPTED.get_or_init(|| {
         let interrupted = Arc::new(AtomicBool::new(false));
@@ -179,10 +184,12 @@ pub(super) fn interruption(what: &'static str) -> Arc<AtomicBool> {
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
             }
-            eprintln!("\n{what}; press Ctrl-C again to stop at once");
+            eprintln!("\n{message}; press Ctrl-C again to stop immediately");
         });
         if let Err(error) = handler {
-            eprintln!("warning: Ctrl-C will end the run without a checkpoint ({error})");
+            eprintln!(
+                "warning: cannot handle Ctrl-C ({error}); it will end the run without a checkpoint"
+            );
         }
         interrupted
     });
@@ -199,21 +206,21 @@ fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
     } = summary;
     let rate = *env_steps as f64 / seconds;
     let (episodes, team) = (
-        counted(*episodes_per_agent, "episode"),
-        counted(*agents, "agent"),
+        pluralize(*episodes_per_agent, "episode"),
+        pluralize(*agents, "agent"),
     );
     say!(
-        "finished   {episodes} of {team}, {env_steps} env steps in {seconds:.1} s ({rate:.0} a second)"
+        "finished   {episodes} per agent, {team}, {env_steps} env steps in {seconds:.1} s ({rate:.0} per second)"
     );
     say!("solved     {}", solved(summary));
-    let last = counted(FINAL_WINDOW.min(*episodes_per_agent), "episode");
-    say!("return     {final_return:.1}, mean over the team's last {last}");
+    let last = pluralize(FINAL_WINDOW.min(*episodes_per_agent), "episode");
+    say!("return     {final_return:.1} (mean over all agents and the last {last})");
     say!("coverage   {}", coverage(summary));
     say!("results    {}", folder.path().display());
     let recording = folder.recording();
     if recording.is_file() {
         say!(
-            "recording  {} ({}); look at it with",
+            "recording  {} ({}); open it with",
             recording.display(),
             size(&recording)
         );
@@ -221,22 +228,28 @@ fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
     }
 }
 
+/// Printed for tasks without a threshold.
+pub(super) const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: Solved`)";
+
 fn solved(summary: &Summary) -> String {
-    // Tasks state their thresholds in single precision, whose digits are fewer.
+    // Thresholds are stored in single precision; as f64 they would print spurious digits.
     let shown = |threshold: f64| threshold as f32;
     match (summary.solved_at, summary.episodes_until_solved) {
-        (None, _) => "nothing says when this task counts as solved".to_owned(),
+        (None, _) => NO_THRESHOLD.to_owned(),
         (Some(at), Some(episodes)) => {
-            let (episodes, window) = (counted(episodes, "episode"), counted(at.window, "episode"));
+            let (episodes, window) = (
+                pluralize(episodes, "episode"),
+                pluralize(at.window, "episode"),
+            );
             format!(
-                "after {episodes} per agent (mean return of {} over {window})",
+                "after {episodes} per agent: mean return over {window} reached {}",
                 shown(at.r#return)
             )
         }
         (Some(at), None) => {
-            let window = counted(at.window, "episode");
+            let window = pluralize(at.window, "episode");
             format!(
-                "no: a mean return of {} over {window} was not reached",
+                "no: mean return over {window} did not reach {}",
                 shown(at.r#return)
             )
         }
@@ -253,7 +266,7 @@ fn coverage(summary: &Summary) -> String {
         ""
     };
     format!(
-        "{} of the state space by agent{more}; {} together",
+        "{}{more} of the state space per agent; {} for the whole team",
         agents.join(", "),
         percent(&summary.team_coverage)
     )

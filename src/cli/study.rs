@@ -1,17 +1,18 @@
-//! `seedbed study`: runs what a study lacks, and says what came of its claims.
+//! `seedbed study`: runs what is missing in a study, and prints the verdicts on its claims.
 
 use std::path::Path;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use super::progress::StudyBar;
+use super::progress::StudyProgress;
 use super::run::interruption;
-use super::{Failure, StudyArgs, counted, report};
-use crate::study::plan::{StudyPlan, Task};
+use super::{CliError, StudyArgs, pluralize, report};
+use crate::study::plan::{PlannedRun, StudyPlan};
 use crate::study::runner;
-use crate::study::store::{StoredRun, StudyClaim, StudyFolder};
+use crate::study::store::{StoredRun, StudyFolder, StudyLock};
 
-pub(super) fn study(args: &StudyArgs) -> Result<(), Failure> {
+pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
     let plans: Result<Vec<StudyPlan>, _> = args
         .studies
         .iter()
@@ -20,8 +21,8 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), Failure> {
     let plans = plans?;
     check_folders(&plans)?;
     if plans.len() > 1 && (args.out.is_some() || args.index.is_some()) {
-        return Err(Failure::Input(
-            "--out and --index take one study at a time".to_owned(),
+        return Err(CliError::Usage(
+            "--out and --index can be used with one study only".to_owned(),
         ));
     }
     let mut failed = 0;
@@ -30,40 +31,43 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), Failure> {
         failed += match (args.index, args.verify) {
             _ if args.list => list(plan, &folder),
             (Some(index), _) => run_one(args, plan, &folder, index)?,
-            (None, Some(most)) => verify(args, plan, &folder, most.into())?,
+            (None, Some(max)) => verify(args, plan, &folder, max.into())?,
             (None, None) => run_all(args, plan, &folder)?,
         };
     }
     let what = if args.verify.is_some() {
-        "came out differently"
+        "not reproduced"
     } else {
         "failed"
     };
     if failed == 0 {
         Ok(())
     } else {
-        Err(Failure::Work(format!("{} {what}", counted(failed, "run"))))
+        Err(CliError::Runtime(format!(
+            "{} {what}",
+            pluralize(failed, "run")
+        )))
     }
 }
 
-/// Two studies in one folder would take each other for their own past.
-fn check_folders(plans: &[StudyPlan]) -> Result<(), Failure> {
+/// Refuses two studies in one directory: each would take the other's runs for its own.
+fn check_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
     let twice = plans
         .iter()
         .enumerate()
         .find(|(number, plan)| plans[..*number].iter().any(|other| other.name == plan.name));
     twice.map_or(Ok(()), |(_, plan)| {
         let folder = plan.default_folder();
-        Err(Failure::Input(format!(
-            "two studies are named `{}`, and both go to {}; run one with --out",
+        Err(CliError::Usage(format!(
+            "two studies are named `{}` and would both write to {}; run them one at a time with --out",
             plan.name,
             folder.display()
         )))
     })
 }
 
-/// A folder belongs to one study, run in full or quickly.
-fn check_owner(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), Failure> {
+/// Refuses a directory that belongs to another study, or to this study with another value of `--quick`.
+fn check_owner(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
     let Ok(noted) = folder.manifest() else {
         return Ok(());
     };
@@ -72,22 +76,22 @@ fn check_owner(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), Failure> {
     }
     let kind = if noted.quick { "quick study" } else { "study" };
     let path = folder.path().display();
-    Err(Failure::Input(format!(
-        "{path} holds the {kind} `{}`; choose another folder with --out",
+    Err(CliError::Usage(format!(
+        "{path} contains the {kind} `{}`; choose another directory with --out",
         noted.name
     )))
 }
 
-/// The runs with their indices, and which of them are there.
+/// Prints all runs with their indices and states.
 fn list(plan: &StudyPlan, folder: &StudyFolder) -> usize {
-    for task in plan.tasks() {
-        let state = match folder.stored_task(&task).map(|stored| stored.outcome) {
+    for task in plan.runs() {
+        let state = match folder.stored_run(&task).map(|stored| stored.outcome) {
             Some(Ok(_)) => "finished",
             Some(Err(_)) => "failed",
             None => "to run",
         };
         say!(
-            "{:>6}  {state:<8}  seed {:<6}  {}",
+            "{:>6}  {state:<8}  run seed {:<6}  {}",
             task.index,
             task.seed,
             task.cell.name
@@ -96,112 +100,115 @@ fn list(plan: &StudyPlan, folder: &StudyFolder) -> usize {
     0
 }
 
-/// Runs a single one, whatever other processes do in the same folder.
+/// Executes a single run; other processes may work in the same directory.
 fn run_one(
     args: &StudyArgs,
     plan: &StudyPlan,
     folder: &StudyFolder,
     index: usize,
-) -> Result<usize, Failure> {
-    let tasks = plan.tasks();
+) -> Result<usize, CliError> {
+    let tasks = plan.runs();
     let Some(task) = tasks.get(index) else {
         let message = format!(
-            "--index {index}: expected an index from 0 to {}, as `--list` shows them",
+            "--index {index}: expected an index from 0 to {}; --list shows all",
             tasks.len() - 1
         );
-        return Err(Failure::Input(message));
+        return Err(CliError::Usage(message));
     };
     check_owner(plan, folder)?;
     let _claim = claim(folder, false)?;
     folder
-        .note(plan)
-        .map_err(|error| Failure::Work(error.to_string()))?;
+        .write_manifest(plan)
+        .map_err(|error| CliError::Runtime(error.to_string()))?;
     let file = folder.file(&task.cell.digest, task.seed);
     let before = folder
-        .stored_task(task)
-        .filter(|stored| is_wanted(args, stored));
+        .stored_run(task)
+        .filter(|stored| keeps_result(args, stored));
     if before.is_none() {
-        say_failures(&run_missing(&[*task], folder, 1, &plan.name)?);
+        print_failures(&run_missing(args, &[*task], folder, &plan.name)?);
     }
-    let Some(stored) = folder.stored_task(task) else {
-        return Err(interrupted(&plan.name));
+    let Some(stored) = folder.stored_run(task) else {
+        return Err(interruption_error(&plan.name));
     };
-    let is_new = if before.is_some() {
-        "was there already: "
+    let status = if before.is_some() {
+        "already stored: "
     } else {
         ""
     };
     say!(
         "{}",
-        described(task, &format!("{is_new}{}", file.display()))
+        describe_run(task, &format!("{status}{}", file.display()))
     );
     if let (Some(_), Err(reason)) = (&before, &stored.outcome) {
-        say_failures(&[described(task, reason)]);
+        print_failures(&[describe_run(task, reason)]);
     }
     Ok(usize::from(stored.outcome.is_err()))
 }
 
-fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, Failure> {
+fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
     check_owner(plan, folder)?;
     let _claim = claim(folder, true)?;
     folder
-        .note(plan)
-        .map_err(|error| Failure::Work(error.to_string()))?;
-    let tasks = plan.distinct_tasks();
-    let is_there = |task: &&Task<'_>| {
+        .write_manifest(plan)
+        .map_err(|error| CliError::Runtime(error.to_string()))?;
+    let tasks = plan.distinct_runs();
+    let is_there = |task: &&PlannedRun<'_>| {
         folder
-            .stored_task(task)
-            .is_some_and(|stored| is_wanted(args, &stored))
+            .stored_run(task)
+            .is_some_and(|stored| keeps_result(args, &stored))
     };
-    let missing: Vec<Task<'_>> = tasks
+    let missing: Vec<PlannedRun<'_>> = tasks
         .iter()
         .filter(|task| !is_there(task))
         .copied()
         .collect();
     let (cells, runs) = (
-        counted(plan.cells.len(), "cell"),
-        counted(plan.repeats() as usize, "run"),
+        pluralize(plan.cells.len(), "cell"),
+        pluralize(plan.repeats() as usize, "run"),
     );
     say!(
-        "study      {}: {cells} of {runs}, {} to run",
+        "study      {}: {cells}, {runs} each, {} to run",
         plan.name,
         missing.len()
     );
-    let (jobs, started) = (jobs(args), Instant::now());
-    let failures = run_missing(&missing, folder, jobs, &plan.name)?;
+    let started = Instant::now();
+    let failures = run_missing(args, &missing, folder, &plan.name)?;
     if !missing.is_empty() {
-        let (done, threads) = (counted(missing.len(), "run"), counted(jobs, "thread"));
+        let (done, threads) = (
+            pluralize(missing.len(), "run"),
+            pluralize(jobs(args), "thread"),
+        );
         say!(
             "finished   {done} in {:.1} s on {threads}",
             started.elapsed().as_secs_f64()
         );
     }
-    say_failures(&failures);
-    report::write_and_tell(folder)
+    print_failures(&failures);
+    report::write_and_print(folder)
 }
 
-/// Runs some of what is there once more: does it still come out the same?
+/// Repeats some of the stored runs and compares the results.
 fn verify(
     args: &StudyArgs,
     plan: &StudyPlan,
     folder: &StudyFolder,
-    most: usize,
-) -> Result<usize, Failure> {
+    max: usize,
+) -> Result<usize, CliError> {
     check_owner(plan, folder)?;
-    let stored: Vec<Task<'_>> = plan
-        .distinct_tasks()
+    let stored: Vec<PlannedRun<'_>> = plan
+        .distinct_runs()
         .into_iter()
-        .filter(|task| folder.stored_task(task).is_some())
+        .filter(|task| folder.stored_run(task).is_some())
         .collect();
     if stored.is_empty() {
-        return Err(Failure::Input(format!(
-            "{} holds no runs of this study to verify",
+        return Err(CliError::Usage(format!(
+            "{} contains no runs of this study to verify",
             folder.path().display()
         )));
     }
-    let chosen = spread(&stored, most);
-    let stop = interruption("stopping; nothing was changed");
-    let bar = Mutex::new(StudyBar::new(&plan.name, &chosen));
+    let chosen = evenly_spaced(&stored, max);
+    let stop = interruption("stopping; stored results are unchanged");
+    let bar = Mutex::new(StudyProgress::new(&plan.name, &chosen));
     let others = Mutex::new(Vec::new());
     runner::verify(&chosen, folder, jobs(args), &stop, &|task, is_same| {
         bar.lock()
@@ -215,85 +222,91 @@ fn verify(
         }
     });
     drop(bar);
-    if stop.load(std::sync::atomic::Ordering::Relaxed) {
-        return Err(Failure::Work("interrupted; nothing was changed".to_owned()));
+    if stop.load(Ordering::Relaxed) {
+        return Err(CliError::Runtime(
+            "interrupted; stored results are unchanged".to_owned(),
+        ));
     }
     let others = others
         .into_inner()
         .expect("no thread fails while it holds the lock");
-    tell_verified(plan, folder, [chosen.len(), stored.len()], &others);
+    print_verification(plan, folder, [chosen.len(), stored.len()], &others);
     Ok(others.len())
 }
 
-fn tell_verified(
+fn print_verification(
     plan: &StudyPlan,
     folder: &StudyFolder,
     [chosen, stored]: [usize; 2],
-    others: &[Task<'_>],
+    others: &[PlannedRun<'_>],
 ) {
     let same = chosen - others.len();
     say!(
-        "verified   {}: {same} of {chosen} came out the same to the bit; {} stored",
+        "verified   {}: {same} of {chosen} repeated runs are bit-identical ({} stored)",
         plan.name,
-        counted(stored, "run")
+        pluralize(stored, "run")
     );
-    let mut others: Vec<&Task<'_>> = others.iter().collect();
+    let mut others: Vec<&PlannedRun<'_>> = others.iter().collect();
     others.sort_by_key(|task| task.index);
     for task in &others {
         let file = folder.file(&task.cell.digest, task.seed);
         eprintln!(
             "differs    {}",
-            described(task, &file.display().to_string())
+            describe_run(task, &file.display().to_string())
         );
     }
     if !others.is_empty() {
         eprintln!(
-            "they were made by other code or on another kind of machine; without {} all runs start anew",
-            folder.runs().display()
+            "the stored results come from other code or another kind of machine; delete {} to repeat all runs",
+            folder.runs_folder().display()
         );
     }
 }
 
-/// At most so many, from all over the study.
-fn spread<'a>(tasks: &[Task<'a>], most: usize) -> Vec<Task<'a>> {
-    let count = most.min(tasks.len());
+/// At most `max` runs, evenly spaced over the study.
+fn evenly_spaced<'a>(tasks: &[PlannedRun<'a>], max: usize) -> Vec<PlannedRun<'a>> {
+    let count = max.min(tasks.len());
     (0..count)
         .map(|number| tasks[number * tasks.len() / count])
         .collect()
 }
 
-/// Whether a run that is there may stay.
-fn is_wanted(args: &StudyArgs, stored: &StoredRun) -> bool {
+/// Whether a stored run is kept: with `--retry`, failed runs are repeated.
+fn keeps_result(args: &StudyArgs, stored: &StoredRun) -> bool {
     !(args.retry && stored.outcome.is_err())
 }
 
-/// What failed, as `cell with seed N: reason`.
+/// Runs `tasks`; returns the failures as `cell, run seed N: reason`.
 fn run_missing(
-    tasks: &[Task<'_>],
+    args: &StudyArgs,
+    tasks: &[PlannedRun<'_>],
     folder: &StudyFolder,
-    jobs: usize,
     name: &str,
-) -> Result<Vec<String>, Failure> {
+) -> Result<Vec<String>, CliError> {
     let stop =
-        interruption("stopping; what is finished is kept, and the same command goes on from there");
-    let bar = Mutex::new(StudyBar::new(name, tasks));
+        interruption("stopping; finished runs are kept, and the same command resumes the study");
+    let bar = Mutex::new(StudyProgress::new(name, tasks));
     let failures = Mutex::new(Vec::new());
-    let told = |finished: &runner::Finished<'_>| {
+    let finished_runs = AtomicUsize::new(0);
+    let report_finished = |finished: &runner::Finished<'_>| {
         bar.lock()
             .expect("no thread fails while it holds the lock")
-            .finished(finished.task);
+            .finished(finished.run);
         if let Some(reason) = finished.failure {
             failures
                 .lock()
                 .expect("no thread fails while it holds the lock")
-                .push(described(finished.task, reason));
+                .push(describe_run(finished.run, reason));
+        }
+        if Some(finished_runs.fetch_add(1, Ordering::Relaxed) + 1) == args.abort_after_runs {
+            std::process::abort();
         }
     };
-    let result = runner::run(tasks, folder, jobs, &stop, &told);
+    let result = runner::run(tasks, folder, jobs(args), &stop, &report_finished);
     drop(bar);
-    result.map_err(|error| Failure::Work(format!("cannot write {error}")))?;
-    if stop.load(std::sync::atomic::Ordering::Relaxed) {
-        return Err(interrupted(name));
+    result.map_err(|error| CliError::Runtime(format!("cannot write {error}")))?;
+    if stop.load(Ordering::Relaxed) {
+        return Err(interruption_error(name));
     }
     let mut failures = failures
         .into_inner()
@@ -302,7 +315,7 @@ fn run_missing(
     Ok(failures)
 }
 
-fn say_failures(failures: &[String]) {
+fn print_failures(failures: &[String]) {
     const SHOWN: usize = 10;
     for failure in failures.iter().take(SHOWN) {
         eprintln!("failed     {failure}");
@@ -312,25 +325,23 @@ fn say_failures(failures: &[String]) {
     }
 }
 
-/// What there is to say of a run.
-fn described(task: &Task<'_>, words: &str) -> String {
-    format!("{} with seed {}: {words}", task.cell.name, task.seed)
+/// A run with a message, e.g. `σ 0.1, run seed 1000: message`.
+fn describe_run(task: &PlannedRun<'_>, message: &str) -> String {
+    format!("{}, run seed {}: {message}", task.cell.name, task.seed)
 }
 
-fn interrupted(name: &str) -> Failure {
-    Failure::Work(format!(
-        "interrupted; the same command goes on with what {name} still lacks"
-    ))
+fn interruption_error(name: &str) -> CliError {
+    CliError::Runtime(format!("interrupted; repeat the command to resume {name}"))
 }
 
-fn claim(folder: &StudyFolder, alone: bool) -> Result<StudyClaim, Failure> {
+fn claim(folder: &StudyFolder, alone: bool) -> Result<StudyLock, CliError> {
     let path: &Path = folder.path();
     let claimed = folder
-        .claim(alone)
-        .map_err(|error| Failure::Work(format!("cannot write {}: {error}", path.display())))?;
+        .lock(alone)
+        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", path.display())))?;
     claimed.ok_or_else(|| {
-        Failure::Input(format!(
-            "another process is running a study in {}",
+        CliError::Usage(format!(
+            "another process is running a study in {}; wait for it, or choose another directory with --out",
             path.display()
         ))
     })

@@ -1,4 +1,4 @@
-//! Tabular scenarios on the command line: `run`, `bench`, `check` and `list` come here with them.
+//! Tabular scenarios on the command line: their part of `run`, `bench`, `check` and `list`.
 
 use std::convert::Infallible;
 use std::io::IsTerminal;
@@ -9,27 +9,27 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
-use super::bench::{Columns, Table, interval_in_words};
-use super::run::make_room;
-use super::{BenchArgs, Failure, RunArgs, counted};
-use crate::env::tabular::Task;
-use crate::input::InputError;
+use super::bench::{Columns, Table, format_interval};
+use super::run::claim_output_dir;
+use super::{BenchArgs, CliError, RunArgs, pluralize};
 use crate::run::RunError;
 use crate::run::folder::RunFolder;
-use crate::study::statistics::aggregate::mean;
-use crate::study::statistics::comparison::holm;
-use crate::study::statistics::paired::{differences, signed_rank};
-use crate::study::statistics::{LEAST_RUNS, estimate_of_sample};
 use crate::tabular::TabularScenario;
-use crate::tabular::recording::{Film, MOST_AGENTS};
+use crate::tabular::recording::{Film, MAX_AGENTS};
 use crate::tabular::results::{Results, Summary};
 use crate::tabular::scenario::{self, is_meant};
-use crate::tabular::team::{Step, Team};
+use crate::tabular::team::{Step, TabularTeam};
+use seedbed_env::input::InputError;
+use seedbed_env::tabular::TaskFamily;
+use seedbed_stats::aggregate::mean;
+use seedbed_stats::hypothesis::holm_correction;
+use seedbed_stats::paired::{differences, signed_rank_test};
+use seedbed_stats::{MIN_RUNS, bootstrap_sample};
 
-/// Such as `100 agents in BipolarChain, SeedSampling`.
-pub(super) fn described(path: &Path) -> Result<String, InputError> {
+/// Description, e.g. `100 agents in BipolarChain, SeedSampling`.
+pub(super) fn describe(path: &Path) -> Result<String, InputError> {
     let scenario = scenario::load(path, &[])?.value;
-    let agents = counted(scenario.agents.count.get() as usize, "agent");
+    let agents = pluralize(scenario.agents.count.get() as usize, "agent");
     Ok(format!(
         "{agents} in {}, {}",
         scenario.task.name(),
@@ -37,12 +37,12 @@ pub(super) fn described(path: &Path) -> Result<String, InputError> {
     ))
 }
 
-pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), Failure> {
+pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), CliError> {
     let scenario = scenario::load(&args.scenario, overrides)?.value;
     if args.serve.is_some() {
         let shown = args.scenario.display();
-        return Err(Failure::Input(format!(
-            "{shown} is of a finite task, whose recording is not served; leave out --serve"
+        return Err(CliError::Usage(format!(
+            "--serve is not supported for tabular scenarios ({shown})"
         )));
     }
     let name = stem(&args.scenario);
@@ -51,7 +51,7 @@ pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), Failure> {
             .clone()
             .unwrap_or_else(|| default_folder(&name, scenario.seed)),
     );
-    let claim = make_room(args, &folder)?;
+    let claim = claim_output_dir(args, &folder)?;
     let started = Instant::now();
     let path = folder.recording();
     let mut film = Film::of(
@@ -65,14 +65,14 @@ pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), Failure> {
     })
     .map_err(RunError::from)?;
     film.finish().map_err(RunError::from)?;
-    let fault = |error: std::io::Error| {
-        Failure::Work(format!(
+    let write_error = |error: std::io::Error| {
+        CliError::Runtime(format!(
             "cannot write to {}: {error}",
             folder.path().display()
         ))
     };
-    results.write(&scenario, &folder).map_err(fault)?;
-    claim.release().map_err(fault)?;
+    results.write(&scenario, &folder).map_err(write_error)?;
+    claim.release().map_err(write_error)?;
     if !args.quiet {
         print(
             &results.summary,
@@ -87,12 +87,12 @@ pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), Failure> {
 fn print_recording(args: &RunArgs, path: &Path) {
     if path.is_file() {
         say!(
-            "recording  {}; look at it with\n             rerun {}",
+            "recording  {}; open it with\n             rerun {}",
             path.display(),
             path.display()
         );
     } else if !args.no_recording {
-        say!("recording  none, for the team has more than {MOST_AGENTS} agents");
+        say!("recording  none: only teams of at most {MAX_AGENTS} agents are recorded");
     }
 }
 
@@ -107,17 +107,17 @@ fn default_folder(name: &str, seed: u64) -> PathBuf {
         .join(format!("seed-{seed}"))
 }
 
-/// Plays a scenario to its end; `bar` counts episodes, `watch` sees every step.
+/// Plays a scenario to its end; `bar` counts episodes, `on_step` is called for every step.
 fn play<E>(
     name: &str,
     scenario: &TabularScenario,
     bar: &ProgressBar,
-    mut watch: impl FnMut(&Step) -> Result<(), E>,
+    mut on_step: impl FnMut(&Step) -> Result<(), E>,
 ) -> Result<Results, E> {
-    let mut team = Team::new(scenario);
+    let mut team = TabularTeam::new(scenario);
     let mut episodes = Vec::new();
     while let Some(step) = team.advance() {
-        watch(&step)?;
+        on_step(&step)?;
         if let Some(episode) = step.ended {
             episodes.push(episode);
             bar.inc(1);
@@ -149,14 +149,14 @@ fn print(summary: &Summary, folder: &Path, seconds: f64) {
         ..
     } = summary;
     let (episodes, team) = (
-        counted(*episodes_per_agent as usize, "episode"),
-        counted(*agents as usize, "agent"),
+        pluralize(*episodes_per_agent as usize, "episode"),
+        pluralize(*agents as usize, "agent"),
     );
-    say!("finished   {episodes} of {team}, {env_steps} env steps in {seconds:.1} s");
-    say!("optimal    {optimal_value:.3} an episode");
-    say!("regret     {regret_per_agent:.3} per agent, {cumulative_regret:.1} in all");
+    say!("finished   {episodes} per agent, {team}, {env_steps} env steps in {seconds:.1} s");
+    say!("optimal    expected return {optimal_value:.3} per episode");
+    say!("regret     {regret_per_agent:.3} per agent, {cumulative_regret:.1} in total");
     let share = 100.0 * summary.episodes_without_regret;
-    say!("best       {share:.1} % of episodes were without regret");
+    say!("no regret  in {share:.1} % of episodes");
     say!(
         "visited    {} of {} states",
         summary.states_visited,
@@ -168,10 +168,10 @@ fn print(summary: &Summary, folder: &Path, seconds: f64) {
     );
 }
 
-/// What the runs of one scenario came to, in the order of their seeds.
+/// Results of all runs of one scenario, in the order of their run seeds.
 struct Bench {
     name: String,
-    task: Task,
+    task: TaskFamily,
     agents: u32,
     summaries: Vec<Summary>,
     seconds: f64,
@@ -187,20 +187,20 @@ impl Bench {
 }
 
 const REGRET: Columns<7> = [
-    ("K", 6),
+    ("agents", 6),
     ("regret", 8),
     ("95 % interval", 18),
-    ("least", 8),
-    ("most", 8),
+    ("min", 8),
+    ("max", 8),
     ("no regret", 9),
     ("steps/s", 9),
 ];
 
-pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
+pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     let other = args.scenarios.iter().find(|path| !is_meant(path));
     if let Some(other) = other {
-        return Err(Failure::Input(format!(
-            "{} is no tabular scenario; these are only compared with each other",
+        return Err(CliError::Usage(format!(
+            "cannot compare tabular with other scenarios: {} is not a tabular scenario",
             other.display()
         )));
     }
@@ -218,30 +218,32 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), Failure> {
             .unwrap_or(0)
             .max(8),
     };
-    let seeds = counted(args.seeds as usize, "seed");
+    let seeds = pluralize(args.seeds as usize, "run seed");
     say!(
-        "Regret per agent, of {seeds} from {} on: mean with its 95 % interval, least and most; episodes without",
+        "Regret per agent over {seeds} from {}: mean with 95 % interval, min and max.",
         args.first_seed
     );
-    say!("regret; actions a second of one thread. Each seed draws a task of its own.\n");
-    table.head(&REGRET);
+    say!(
+        "no regret: share of episodes without regret; steps/s: on one thread. Each run seed draws its own task.\n"
+    );
+    table.header(&REGRET);
     let mut benches = Vec::new();
     for (name, scenario) in scenarios {
         let bench = play_all(name, &scenario, args)?;
-        table.row(&REGRET, &bench.name, &cells(&bench));
+        table.row(&REGRET, &bench.name, &regret_cells(&bench));
         benches.push(bench);
     }
     compare(&table, &benches);
-    if (args.seeds as usize) < LEAST_RUNS {
+    if (args.seeds as usize) < MIN_RUNS {
         say!(
-            "\nn = {} is too few for an interval, which takes at least {LEAST_RUNS} seeds.",
+            "\nNo intervals: {MIN_RUNS} run seeds are needed, found {}.",
             args.seeds
         );
     }
     Ok(())
 }
 
-fn play_all(name: String, scenario: &TabularScenario, args: &BenchArgs) -> Result<Bench, Failure> {
+fn play_all(name: String, scenario: &TabularScenario, args: &BenchArgs) -> Result<Bench, CliError> {
     let pool = ThreadPoolBuilder::new()
         .num_threads(args.jobs.map_or(0, usize::from))
         .build();
@@ -255,7 +257,7 @@ fn play_all(name: String, scenario: &TabularScenario, args: &BenchArgs) -> Resul
         let Ok(results) = play::<Infallible>(&name, &scenario, &ProgressBar::hidden(), |_| Ok(()));
         (results.summary, started.elapsed().as_secs_f64())
     };
-    let pool = pool.map_err(|error| Failure::Work(error.to_string()))?;
+    let pool = pool.map_err(|error| CliError::Runtime(error.to_string()))?;
     let played: Vec<(Summary, f64)> =
         pool.install(|| seeds.into_par_iter().map(play_one).collect());
     let (summaries, seconds): (Vec<Summary>, Vec<f64>) = played.into_iter().unzip();
@@ -268,9 +270,9 @@ fn play_all(name: String, scenario: &TabularScenario, args: &BenchArgs) -> Resul
     })
 }
 
-fn cells(bench: &Bench) -> [String; 7] {
+fn regret_cells(bench: &Bench) -> [String; 7] {
     let regrets = bench.regrets();
-    let regret = estimate_of_sample(&regrets, mean);
+    let regret = bootstrap_sample(&regrets, mean);
     let steps: u64 = bench
         .summaries
         .iter()
@@ -284,7 +286,7 @@ fn cells(bench: &Bench) -> [String; 7] {
     [
         bench.agents.to_string(),
         shown(regret.value),
-        interval_in_words(regret.interval, shown),
+        format_interval(regret.interval, shown),
         shown(regrets.iter().copied().fold(f64::INFINITY, f64::min)),
         shown(regrets.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
         format!("{:.0} %", 100.0 * mean(&best)),
@@ -292,13 +294,10 @@ fn cells(bench: &Bench) -> [String; 7] {
     ]
 }
 
-const PAIRED: Columns<3> = [
-    ("difference", 10),
-    ("95 % interval", 20),
-    ("p after Holm", 12),
-];
+const PAIRED: Columns<3> = [("difference", 10), ("95 % interval", 20), ("p (Holm)", 12)];
 
-/// Each of the others against the first, if it is about the same tasks, seed by seed: equal seeds draw equal tasks.
+/// Compares every other scenario on the same task with the first, paired by run seed: equal run
+/// seeds draw equal tasks.
 fn compare(table: &Table, benches: &[Bench]) {
     let Some((first, others)) = benches.split_first() else {
         return;
@@ -311,23 +310,23 @@ fn compare(table: &Table, benches: &[Bench]) {
         return;
     }
     say!(
-        "\nAgainst {}, seed by seed: the mean difference in regret (below 0 is better), and p of Wilcoxon's",
+        "\nCompared with {}, paired by run seed: mean difference in regret (below 0: better), and p value of",
         first.name
     );
-    say!("signed-rank test.\n");
-    table.head(&PAIRED);
+    say!("Wilcoxon's signed-rank test, corrected by Holm's method.\n");
+    table.header(&PAIRED);
     let against: Vec<Vec<f64>> = others
         .iter()
         .map(|other| differences(&other.regrets(), &first.regrets()))
         .collect();
-    let p = holm(
+    let p = holm_correction(
         &against
             .iter()
-            .map(|differences| signed_rank(differences).p)
+            .map(|differences| signed_rank_test(differences).p)
             .collect::<Vec<f64>>(),
     );
     for ((other, differences), p) in others.iter().zip(&against).zip(p) {
-        let difference = estimate_of_sample(differences, mean);
+        let difference = bootstrap_sample(differences, mean);
         let p = if p < 0.0001 {
             "< 0.0001".to_owned()
         } else {
@@ -338,14 +337,14 @@ fn compare(table: &Table, benches: &[Bench]) {
             &other.name,
             &[
                 shown(difference.value),
-                interval_in_words(difference.interval, shown),
+                format_interval(difference.interval, shown),
                 p,
             ],
         );
     }
 }
 
-/// Three digits behind the point for what is small.
+/// Three decimals for values below 10, otherwise one.
 fn shown(value: f64) -> String {
     if value.abs() < 10.0 {
         format!("{value:.3}")

@@ -1,116 +1,123 @@
-//! What a scenario says about its recording.
+//! The recording settings of a scenario.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::env::Spec;
-use crate::input::numbers::{Count, Finite, known, known_count};
-use crate::input::{Complaint, Located};
+use seedbed_env::Spec;
+use seedbed_env::input::numbers::{Count, FiniteNumber, known, known_count};
+use seedbed_env::input::{Located, ValidationError};
 
 /// What a recording holds, and how much of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordingSettings {
-    /// Lines and points visible at once, for each agent.
+    /// Maximum number of lines and points visible at once, per agent.
     pub lines: Count<10_000>,
-    /// How many of the latest rounds are pictured together, and of how many of the latest episodes there are lines and points at once.
+    /// Number of latest rounds in one density image, and of latest episodes whose lines and points
+    /// are visible at once.
     pub window: Count<1000>,
-    /// What the colour of a line or point tells.
-    pub colour: Located<Colour>,
-    /// The upright axes that lines cross, from left to right.
+    /// What the color of a line or point shows. Scenarios call it `colour`, which stored digests of
+    /// runs depend on; `color` is accepted as well.
+    #[serde(rename = "colour", alias = "color")]
+    pub color: Located<ColorBy>,
+    /// The vertical axes that lines cross, from left to right.
     pub axes: Located<Vec<AxisChoice>>,
-    /// The observations that are plotted against each other.
+    /// The pairs of observations that are plotted against each other.
     pub pairs: PairChoice,
     /// The two agents whose densities are compared.
     pub difference: Difference,
-    /// Rounds between two pictures of density; twice as many from the 200th picture on, and again whenever the run has doubled.
+    /// Rounds between two density images; the interval doubles after 200 images, and again each
+    /// time the run has doubled in length.
     pub density_every: Count,
-    /// Every how many episodes of each agent have their states and actions on record as columns. The first has.
+    /// Interval between the episodes of each agent whose states and actions are recorded as columns;
+    /// 1 records every episode. The first episode is always recorded.
     pub raw_every: Count,
-    /// The scenes of some agents, or none.
+    /// The agents whose bodies are recorded; none records no bodies.
     pub scene: Option<SceneSettings>,
 }
 
-/// What the colour of a line or point tells.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// What the color of a line or point shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Colour {
-    /// Who was there; darker at an episode's start, brighter at its end.
+pub enum ColorBy {
+    /// The agent; darker at an episode's start, brighter at its end.
     #[default]
     Agent,
-    /// In which episode, from the run's first to its last.
+    /// The number of the episode, from the run's first to its last.
     Episode,
-    /// The episode's return, from the lowest of the first round to what solves the task or, where nothing does, to the highest of the
-    /// first round. What lies beyond has the colour of the end.
+    /// The episode's return, from the lowest of the first round to the task's reward threshold or,
+    /// without one, to the highest of the first round. Returns outside have the color of the end.
     Return,
-    /// How the episode ended.
+    /// The outcome of the episode: terminated or truncated.
     Outcome,
-    /// The bonus of the step that was taken from there. Only with a bonus.
+    /// The bonus of the step taken from the state. Only for agents with a bonus.
     IntrinsicReward,
 }
 
-/// An upright axis, or several.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// One vertical axis, or several.
+#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum AxisChoice {
-    /// All observations, one axis each.
+    /// All observations, one axis per observation.
     Observations,
-    /// What was done there: one axis for each component of an action.
+    /// The action, one axis per component.
     Action,
-    /// What the environment gave for it; values beyond the ends are drawn at the ends.
+    /// The environment's reward for the action; values outside the axis are drawn at its ends.
     Reward {
-        /// The lower end.
+        /// Value at the lower end.
         #[serde(default = "minus_one")]
-        from: Finite,
-        /// The upper end.
+        from: FiniteNumber,
+        /// Value at the upper end.
         #[serde(default = "plus_one")]
-        to: Located<Finite>,
+        to: Located<FiniteNumber>,
     },
-    /// How much better than expected the agent that took it thinks the action was, before it learned from it and before any
-    /// standardisation; values beyond the ends are drawn at the ends. Only with `SeedPg`.
+    /// The agent's estimate of the action's advantage, before learning from it and before any
+    /// standardization; values outside the axis are drawn at its ends. Only with `SeedPg`.
     Advantage {
-        /// The lower end.
+        /// Value at the lower end.
         #[serde(default = "minus_one")]
-        from: Finite,
-        /// The upper end.
+        from: FiniteNumber,
+        /// Value at the upper end.
         #[serde(default = "plus_one")]
-        to: Located<Finite>,
+        to: Located<FiniteNumber>,
     },
-    /// The bonus; no axis without one.
+    /// The bonus of the step; no axis if agents have no bonus.
     IntrinsicReward,
-    /// Steps since the episode began.
+    /// Number of steps since the start of the episode.
     Step,
 }
 
-/// Which observations are plotted against each other.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The pairs of observations that are plotted against each other.
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum PairChoice {
-    /// The first with the second, the third with the fourth, and so on: at most so many pairs.
+    /// The first with the second, the third with the fourth, and so on; at most N pairs.
     First(Count<16>),
-    /// These, by name: to the right, upwards.
+    /// The named pairs: horizontal and vertical observation.
     These(Vec<(Located<String>, Located<String>)>),
 }
 
-/// Which two agents' densities are compared.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// The two agents whose densities are compared.
+#[derive(Clone, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Difference {
-    /// Those that differ most at the time.
+    /// The two that differ most at the time.
     #[default]
     MostDifferent,
-    /// These two.
+    /// The given two.
     Between(Located<u32>, Located<u32>),
-    /// None.
+    /// No comparison.
     Off,
 }
 
-/// Whose bodies are drawn, and how often.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The agents whose bodies are recorded, and how often.
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SceneSettings {
-    /// The agents whose bodies are drawn.
+    /// The agents whose bodies are recorded.
     pub agents: Located<Vec<Located<u32>>>,
-    /// Every how many episodes of each of them are drawn. The first is.
+    /// Interval between recorded episodes of each of these agents. The first episode is always
+    /// recorded.
     pub every: Count,
 }
 
@@ -119,7 +126,7 @@ impl Default for RecordingSettings {
         Self {
             lines: known_count(1000),
             window: known_count(50),
-            colour: Colour::default().into(),
+            color: ColorBy::default().into(),
             axes: vec![AxisChoice::Observations, AxisChoice::IntrinsicReward].into(),
             pairs: PairChoice::First(known_count(4)),
             difference: Difference::default(),
@@ -139,46 +146,48 @@ impl Default for SceneSettings {
     }
 }
 
-fn minus_one() -> Finite {
+fn minus_one() -> FiniteNumber {
     known(-1.0)
 }
 
-fn plus_one() -> Located<Finite> {
-    known::<Finite>(1.0).into()
+fn plus_one() -> Located<FiniteNumber> {
+    known::<FiniteNumber>(1.0).into()
 }
 
 impl RecordingSettings {
-    /// What no single field can tell: whether it fits a team of `agents`, whether they are `curious`, and whether they
-    /// estimate `advantages`.
+    /// Checks that the settings fit a team of `agents`, and whether these have a bonus and estimate
+    /// advantages.
     ///
     /// # Errors
-    /// The field to blame, and why.
-    pub fn check(&self, agents: u32, curious: bool, advantages: bool) -> Result<(), Complaint> {
+    /// The field that does not fit, and why.
+    pub fn check(
+        &self,
+        agents: u32,
+        has_bonus: bool,
+        has_advantages: bool,
+    ) -> Result<(), ValidationError> {
         self.scene
             .as_ref()
             .map_or(Ok(()), |scene| scene.check(agents))?;
         if let Difference::Between(one, other) = &self.difference {
-            one_of_the_team(one, agents)?;
-            one_of_the_team(other, agents)?;
+            check_agent(one, agents)?;
+            check_agent(other, agents)?;
             if one == other {
-                return Err(other.complain(format!(
-                    "expected another agent than {}, with which it is compared",
-                    **one
-                )));
+                return Err(other.error(format!("expected an agent other than {}", **one)));
             }
         }
-        if *self.colour == Colour::IntrinsicReward && !curious {
-            let message = "without a bonus there is no intrinsic reward; expected Agent, Episode, Return or Outcome";
-            return Err(self.colour.complain(message));
+        if *self.color == ColorBy::IntrinsicReward && !has_bonus {
+            let message = "the agents have no bonus; expected Agent, Episode, Return or Outcome";
+            return Err(self.color.error(message));
         }
-        if self.has_advantages() && !advantages {
+        if self.has_advantages() && !has_advantages {
             let message = "only agents of `SeedPg` estimate advantages; expected Observations, Action, Reward, IntrinsicReward or Step";
-            return Err(self.axes.complain(message));
+            return Err(self.axes.error(message));
         }
         self.check_axes()
     }
 
-    /// Whether an axis tells advantages, so that they are on record.
+    /// Whether an axis shows advantages, so that they must be recorded.
     #[must_use]
     pub fn has_advantages(&self) -> bool {
         self.axes
@@ -186,7 +195,8 @@ impl RecordingSettings {
             .any(|axis| matches!(axis, AxisChoice::Advantage { .. }))
     }
 
-    /// The same for agents that do not learn, who estimate no advantages; where no axis is left, with the observations.
+    /// The same settings for agents that do not learn and so estimate no advantages. If no axis is
+    /// left, observations are the axes.
     #[must_use]
     pub fn without_advantages(mut self) -> Self {
         if self.has_advantages() {
@@ -202,18 +212,18 @@ impl RecordingSettings {
         self
     }
 
-    fn check_axes(&self) -> Result<(), Complaint> {
+    fn check_axes(&self) -> Result<(), ValidationError> {
         if self.axes.is_empty() {
             return Err(self
                 .axes
-                .complain("names no axis; expected at least one, such as `axes: [Observations]`"));
+                .error("expected at least one axis, such as `axes: [Observations]`"));
         }
         for axis in self.axes.iter() {
             if let AxisChoice::Reward { from, to } | AxisChoice::Advantage { from, to } = axis
                 && *from >= **to
             {
-                return Err(to.complain(format!(
-                    "expected more than {}, where the axis begins",
+                return Err(to.error(format!(
+                    "expected a value above {}, the lower end of the axis",
                     from.get()
                 )));
             }
@@ -221,11 +231,11 @@ impl RecordingSettings {
         Ok(())
     }
 
-    /// Whether all pairs are of observations that the task has.
+    /// Checks that all pairs name observations of the task.
     ///
     /// # Errors
-    /// The name that is none.
-    pub fn check_task(&self, spec: &Spec) -> Result<(), Complaint> {
+    /// The first name that is not an observation.
+    pub fn check_task(&self, spec: &Spec) -> Result<(), ValidationError> {
         let PairChoice::These(pairs) = &self.pairs else {
             return Ok(());
         };
@@ -234,43 +244,45 @@ impl RecordingSettings {
             .iter()
             .map(|quantity| quantity.name.as_str());
         let unknown = |name: &&Located<String>| !known.clone().any(|known| known == name.as_str());
-        let named = pairs.iter().flat_map(|(across, upwards)| [across, upwards]);
+        let named = pairs
+            .iter()
+            .flat_map(|(horizontal, vertical)| [horizontal, vertical]);
         named.into_iter().find(unknown).map_or(Ok(()), |name| {
-            Err(name.complain_unknown("observation", known.clone()))
+            Err(name.unknown_name("observation", known.clone()))
         })
     }
 }
 
 impl SceneSettings {
-    fn check(&self, count: u32) -> Result<(), Complaint> {
+    fn check(&self, count: u32) -> Result<(), ValidationError> {
         if self.agents.is_empty() {
             return Err(self
                 .agents
-                .complain("names no agent; `scene: None` draws none"));
+                .error("expected at least one agent; `scene: None` records no bodies"));
         }
         for (index, agent) in self.agents.iter().enumerate() {
-            one_of_the_team(agent, count)?;
+            check_agent(agent, count)?;
             if self.agents[..index].iter().any(|other| **other == **agent) {
-                return Err(agent.complain(format!("agent {} is named twice", **agent)));
+                return Err(agent.error(format!("duplicate agent {}", **agent)));
             }
         }
         Ok(())
     }
 
-    /// Whether an agent's episode is drawn.
+    /// Whether the bodies of an agent's episode are recorded.
     #[must_use]
-    pub fn films(&self, agent: u32, episode: u32) -> bool {
+    pub fn records(&self, agent: u32, episode: u32) -> bool {
         episode.is_multiple_of(self.every.get())
-            && self.agents.iter().any(|filmed| **filmed == agent)
+            && self.agents.iter().any(|recorded| **recorded == agent)
     }
 }
 
-fn one_of_the_team(agent: &Located<u32>, count: u32) -> Result<(), Complaint> {
+fn check_agent(agent: &Located<u32>, count: u32) -> Result<(), ValidationError> {
     if **agent < count {
         return Ok(());
     }
-    Err(agent.complain(format!(
-        "expected an agent from 0 to {}, for the team has {count}",
+    Err(agent.error(format!(
+        "expected an agent from 0 to {}: the team has {count} agents",
         count - 1
     )))
 }
@@ -279,9 +291,21 @@ fn one_of_the_team(agent: &Located<u32>, count: u32) -> Result<(), Complaint> {
 mod tests {
     use super::*;
 
-    /// The axis goes, the others stay in their order; where it was the only one, there are the observations.
+    /// Stored scenarios, and digests of runs with them, have `colour`.
     #[test]
-    fn who_does_not_learn_has_no_axis_of_advantages() {
+    fn both_spellings_of_color_are_read_and_one_is_written() {
+        let read = |text| ron::from_str::<RecordingSettings>(text).unwrap();
+        let settings = read("(color: Episode)");
+        assert_eq!(settings, read("(colour: Episode)"));
+        assert_eq!(*settings.color, ColorBy::Episode);
+        let written = ron::to_string(&settings).unwrap();
+        assert!(written.contains("colour:Episode"), "{written}");
+    }
+
+    /// The axis of advantages is removed and the others keep their order; if it was the only one,
+    /// observations replace it.
+    #[test]
+    fn agents_that_do_not_learn_have_no_axis_of_advantages() {
         let advantage = AxisChoice::Advantage {
             from: minus_one(),
             to: plus_one(),

@@ -1,4 +1,5 @@
-//! The tables `episodes.csv` and `rounds.csv`: what reports and other tools read. [`read`] takes them up again.
+//! The tables `episodes.csv` and `rounds.csv`: what reports and other tools read. [`read`] takes
+//! them up again.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
@@ -24,14 +25,15 @@ impl TableRecorder {
         Self::open(folder, [0, 0])
     }
 
-    /// Goes on with the tables in `folder` where [`checkpoint`](Recorder::checkpoint) left them; later rows are cut off.
+    /// Goes on with the tables in `folder` where [`checkpoint`](Recorder::checkpoint) left them;
+    /// later rows are cut off.
     ///
     /// # Errors
     /// A file is missing or shorter than it was.
     pub fn resume(folder: &Path, checkpoint: &[u8]) -> Result<Self, RecordError> {
         let lengths = postcard::from_bytes(checkpoint).map_err(|error| RecordError {
             path: folder.to_owned(),
-            attempt: Attempt::GoOn,
+            attempt: Attempt::Resume,
             reason: format!("unreadable checkpoint: {error}"),
         })?;
         Self::open(folder, lengths)
@@ -72,8 +74,9 @@ pub struct TableError {
     pub reason: String,
 }
 
-/// Reads the rows of a table: of `episodes.csv` as [`EpisodeRow`](super::EpisodeRow), of `rounds.csv` as [`RoundRow`](super::RoundRow).
-/// Columns are found by their names. A last row that is torn, as a killed run may leave it, is left out.
+/// Reads the rows of a table: of `episodes.csv` as [`EpisodeRow`](super::EpisodeRow), of
+/// `rounds.csv` as [`RoundRow`](super::RoundRow). Columns are found by their names. A last row that
+/// is torn, as a killed run may leave it, is left out.
 ///
 /// # Errors
 /// The file cannot be read, lacks a column, or has a row that is no row of this table.
@@ -122,7 +125,7 @@ impl Table {
             }),
             Err(error) => {
                 let attempt = if length > 0 {
-                    Attempt::GoOn
+                    Attempt::Resume
                 } else {
                     Attempt::Write
                 };

@@ -1,9 +1,11 @@
 //! Whether agents find the same steps worth a bonus.
 
-/// Mean over all pairs of agents of Spearman's rank correlation between their judgements of the same steps; ties share their mean rank.
-/// `judgements: [K][N]`; none for fewer than two agents, or where an agent finds all steps alike.
+/// Mean over all pairs of agents of Spearman's rank correlation between their judgements of the
+/// same steps; ties share their mean rank. `judgements: [K][N]`; none for fewer than two agents, or
+/// where an agent finds all steps alike.
 ///
-/// With ranks standardised to z, the mean of z_i·z_j/N over pairs i ≠ j is (‖Σ z‖²/N − K) / (K (K − 1)), so no pair is looked at.
+/// With ranks standardised to z, the mean of z_i·z_j/N over pairs i ≠ j is (‖Σ z‖²/N − K) / (K (K −
+/// 1)), so no pair is looked at.
 #[must_use]
 pub(super) fn mean_rank_correlation(judgements: &[Vec<f32>]) -> Option<f64> {
     let (count, steps) = (judgements.len() as f64, judgements.first()?.len());
@@ -50,7 +52,8 @@ mod tests {
         assert_eq!(ranks(&[3.0, 1.0, 3.0, 2.0]), [3.5, 1.0, 3.5, 2.0]);
     }
 
-    /// Ranks 1 2 3 4 and 2 1 4 3: 1 − 6 Σd²/(n(n² − 1)) = 1 − 6·4/60 = 0.6. A third that agrees with the first: (0.6 + 1 + 0.6)/3.
+    /// Ranks 1 2 3 4 and 2 1 4 3: 1 − 6 Σd²/(n(n² − 1)) = 1 − 6·4/60 = 0.6. A third that agrees
+    /// with the first: (0.6 + 1 + 0.6)/3.
     #[test]
     fn correlations_by_hand() {
         let (one, other) = (vec![1.0, 5.0, 6.0, 90.0], vec![0.2, 0.1, 0.4, 0.3]);

@@ -1,129 +1,113 @@
-//! Asynchronous rounds (thesis Fig. 5.2): an agent whose episode has ended learns at once from what has reached it, while the others
-//! go on. Time is the environments' steps, so the schedule is the same whatever the machine does.
+//! Asynchronous rollouts (thesis Fig. 5.2): an agent whose episode has ended learns at once from
+//! what has reached it, while the others continue. Time is counted in steps of the environments, so
+//! the schedule is the same on any machine.
 
 use serde::{Deserialize, Serialize};
 
-use super::rollout::{Room, Seat};
-use crate::agent::Agent;
-use crate::env::Environment;
-use crate::experience::Episode;
-use crate::record::{Footage, SceneSettings};
+use super::rollout::{EpisodeSlots, Played};
+use crate::record::SceneSettings;
+use seedbed_env::Environment;
+use seedbed_learn::team::Team;
 
-/// The team in the middle of things.
+/// A team in the middle of its episodes.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Desk {
-    places: Vec<Place>,
-    seats: Vec<Seat>,
-    #[serde(skip)]
-    room: Option<Room>,
+pub(super) struct AsyncRollout {
+    clocks: Vec<AgentClock>,
+    slots: EpisodeSlots,
 }
 
 /// How far one agent has come.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Place {
-    /// Episodes begun.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct AgentClock {
+    /// Number of episodes begun.
     begun: u32,
-    /// Steps for which it still learns and does not act.
+    /// Number of steps for which it still learns and does not act.
     learning: u32,
-    /// Episodes of the team that it has learned from.
+    /// Number of the team's episodes that it has learned from.
     learned: u64,
 }
 
-/// How episodes follow each other.
+/// When agents act and learn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pace<'a> {
+pub(super) struct AsyncConfig<'a> {
     pub(super) run_seed: u64,
-    /// Episodes that each agent plays in all.
+    /// Number of episodes that each agent plays in all.
     pub(super) episodes: u32,
-    /// Steps of the others that an update takes.
+    /// Number of steps of the others that an update takes.
     pub(super) learning: u32,
-    pub(super) camera: Option<&'a SceneSettings>,
+    pub(super) scene: Option<&'a SceneSettings>,
 }
 
-/// Episodes that ended in the same step, in agent order, and their films.
-#[derive(Debug, Default)]
-pub(super) struct Ended {
-    pub(super) episodes: Vec<Episode>,
-    pub(super) footage: Vec<Footage>,
-}
-
-impl Desk {
+impl AsyncRollout {
     pub(super) fn new(run_seed: u64, agents: usize) -> Self {
         Self {
-            places: vec![
-                Place {
-                    begun: 0,
-                    learning: 0,
-                    learned: 0
-                };
-                agents
-            ],
-            seats: (0..agents as u32)
-                .map(|agent| Seat::new(run_seed, agent, 0))
-                .collect(),
-            room: None,
+            clocks: vec![AgentClock::default(); agents],
+            slots: EpisodeSlots::new(run_seed, agents, 0),
         }
     }
 
-    /// Goes on until at least one episode ends; nothing ends any more when every agent has played all of its own.
+    /// Continues until at least one episode ends, and returns those that ended in that step, in
+    /// agent order; none if every agent has played all of its episodes.
     pub(super) fn play(
         &mut self,
         environment: &mut dyn Environment,
-        agents: &[Box<dyn Agent>],
-        pace: &Pace<'_>,
-    ) -> Ended {
-        let mut ended = Ended::default();
-        while ended.episodes.is_empty() && self.goes_on(pace) {
-            self.begin_episodes(environment, pace);
-            if self.seats.iter().any(Seat::is_playing) {
-                self.room
-                    .get_or_insert_with(|| Room::new(&*environment))
-                    .step(environment, agents, &mut self.seats);
+        team: &mut dyn Team,
+        config: &AsyncConfig<'_>,
+    ) -> Played {
+        let mut ended = Played::default();
+        while ended.episodes.is_empty() && self.has_more(config) {
+            self.begin_episodes(environment, config);
+            if self.slots.any_playing() {
+                self.slots.step(environment, team);
             }
-            self.places
-                .iter_mut()
-                .for_each(|place| place.learning = place.learning.saturating_sub(1));
-            for seat in &mut self.seats {
-                if let Some(episode) = seat.observe(environment) {
+            for clock in &mut self.clocks {
+                clock.learning = clock.learning.saturating_sub(1);
+            }
+            for slot in &mut self.slots.slots {
+                if let Some(episode) = slot.observe(environment) {
                     ended.episodes.push(episode);
-                    ended.footage.extend(seat.footage.take());
+                    ended.body_trajectories.extend(slot.body_trajectory.take());
                 }
             }
         }
         ended
     }
 
-    /// Notes that an agent has learned from the team's first `total` episodes; returns where its fresh ones begin, and how often it
-    /// had learned before.
-    pub(super) fn learn(&mut self, agent: u32, total: u64, pace: &Pace<'_>) -> (u64, u32) {
-        let place = &mut self.places[agent as usize];
-        place.learning = pace.learning;
-        (
-            std::mem::replace(&mut place.learned, total),
-            place.begun - 1,
-        )
+    /// Marks that an agent learns now from the team's first `total` episodes; returns how many of
+    /// them it has learned from before, and how often it has learned before.
+    pub(super) fn begin_update(
+        &mut self,
+        agent: u32,
+        total: u64,
+        config: &AsyncConfig<'_>,
+    ) -> (u64, u32) {
+        let clock = &mut self.clocks[agent as usize];
+        clock.learning = config.learning;
+        let learned = std::mem::replace(&mut clock.learned, total);
+        (learned, clock.begun - 1)
     }
 
-    /// Episodes of the team that every agent has learned from.
+    /// Number of the team's episodes that every agent has learned from.
     pub(super) fn learned_by_all(&self) -> u64 {
-        self.places
+        let learned = self.clocks.iter().map(|clock| clock.learned);
+        learned.min().unwrap_or(u64::MAX)
+    }
+
+    fn has_more(&self, config: &AsyncConfig<'_>) -> bool {
+        let waiting = self
+            .clocks
             .iter()
-            .map(|place| place.learned)
-            .min()
-            .unwrap_or(u64::MAX)
+            .any(|clock| clock.begun < config.episodes);
+        waiting || self.slots.any_playing()
     }
 
-    fn goes_on(&self, pace: &Pace<'_>) -> bool {
-        let mut seats = self.places.iter().zip(&self.seats);
-        seats.any(|(place, seat)| place.begun < pace.episodes || seat.is_playing())
-    }
-
-    fn begin_episodes(&mut self, environment: &mut dyn Environment, pace: &Pace<'_>) {
-        for (agent, (place, seat)) in (0..).zip(self.places.iter_mut().zip(&mut self.seats)) {
-            if !seat.is_playing() && place.learning == 0 && place.begun < pace.episodes {
-                *seat = Seat::new(pace.run_seed, agent, place.begun);
-                seat.start(environment, place.begun, 0, pace.camera);
-                place.begun += 1;
+    fn begin_episodes(&mut self, environment: &mut dyn Environment, config: &AsyncConfig<'_>) {
+        for (agent, clock) in (0..).zip(&mut self.clocks) {
+            let is_free = !self.slots.slots[agent as usize].is_playing() && clock.learning == 0;
+            if is_free && clock.begun < config.episodes {
+                let slot = self.slots.renew(config.run_seed, agent, clock.begun);
+                slot.start(environment, clock.begun, 0, config.scene);
+                clock.begun += 1;
             }
         }
     }

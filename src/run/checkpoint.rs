@@ -1,4 +1,5 @@
-//! Checkpoints: all that a run needs to go on, written so that a crash at any moment leaves the newest complete one.
+//! Checkpoints: all that a run needs to go on, written so that a crash at any moment leaves the
+//! newest complete one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ pub struct CheckpointError {
     pub reason: String,
 }
 
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 impl Checkpoint {
     /// A checkpoint of this version.

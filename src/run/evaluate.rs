@@ -1,4 +1,5 @@
-//! Evaluation: what a run's policies reach when they no longer learn, with actions chosen as one likes.
+//! Evaluation: what a run's policies reach when they no longer learn, with actions chosen as one
+//! likes.
 
 use std::path::{Path, PathBuf};
 
@@ -8,9 +9,9 @@ use super::rollout::{Played, RoundPlan};
 use super::summary::Summary;
 use super::trainer::Trainer;
 use super::{Plan, RunError};
-use crate::agent::policy::ActionSelection;
-use crate::experience::Episode;
 use crate::record::SceneSettings;
+use seedbed_learn::agent::policy::ActionSelection;
+use seedbed_learn::experience::Episode;
 
 /// What is evaluated.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +35,8 @@ pub fn run_folder(path: &Path) -> RunFolder {
     RunFolder::new(folder)
 }
 
-/// Plays the policies of the run in `folder` as its newest checkpoint has them. Episodes are in (agent, episode) order.
+/// Plays the policies of the run in `folder` as its newest checkpoint has them. Episodes are in
+/// (agent, episode) order.
 ///
 /// # Errors
 /// The folder holds no run with a checkpoint, or one of another version.
@@ -69,7 +71,7 @@ pub(super) fn trained(
             .with_actions(actions)
             .into();
     }
-    let mut trainer = Trainer::new(&plan.scenario, &plan.description, 1)?;
+    let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1)?;
     let checkpoint = Checkpoint::read(folder.path())?;
     let path: PathBuf = checkpoint::file(folder.path());
     trainer
@@ -78,7 +80,8 @@ pub(super) fn trained(
     Ok((plan, trainer))
 }
 
-/// What the scenario was called when the run was finished; its copy in the folder is called `scenario`.
+/// What the scenario was called when the run was finished; its copy in the folder is called
+/// `scenario`.
 fn name(folder: &RunFolder) -> Option<String> {
     let summary = std::fs::read(folder.summary()).ok()?;
     serde_json::from_slice::<Summary>(&summary)
@@ -91,20 +94,20 @@ pub(super) fn play(
     trainer: &mut Trainer,
     evaluation: &Evaluation,
     number: u32,
-    camera: Option<&SceneSettings>,
+    scene: Option<&SceneSettings>,
 ) -> Played {
     let plan = RoundPlan {
         run_seed: evaluation.seed,
         round: u32::MAX - number,
         episodes: 1,
-        camera,
+        scene,
     };
     let mut played = trainer.play_without_learning(&plan);
     for episode in &mut played.episodes {
         (episode.episode, episode.round) = (number, number);
     }
-    for footage in &mut played.footage {
-        footage.episode = number;
+    for body_trajectories in &mut played.body_trajectories {
+        body_trajectories.episode = number;
     }
     played
 }

@@ -1,4 +1,5 @@
-//! A run's folder: what lies where, whether a run may write there, and that only one does at a time.
+//! A run's folder: what lies where, whether a run may write there, and that only one does at a
+//! time.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -27,7 +28,8 @@ pub enum Contents {
     Other,
 }
 
-/// The right to write into a folder. Given back when dropped, or when the process ends however it ends.
+/// The right to write into a folder. Given back when dropped, or when the process ends however it
+/// ends.
 #[derive(Debug)]
 pub struct Claim {
     lock: File,

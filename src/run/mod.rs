@@ -1,17 +1,17 @@
-//! Runs: the loop of concurrent episodes, exchange, updates and records (thesis Alg. 3), and what surrounds it.
+//! Runs: the loop of concurrent episodes, exchange, updates and records (thesis Alg. 3), and what
+//! surrounds it.
 //!
 //! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round
-//! (`asynchronous` one in which nobody waits, `lockstep` one in which shared models learn meanwhile), [`exchange`] shares its episodes,
-//! [`measures`] judges it, [`checkpoint`] and [`folder`] keep it, [`review`] reads it back. Formulas of learning may not enter.
+//! (`asynchronous` one in which nobody waits, `lockstep` one in which shared models learn
+//! meanwhile), [`exchange`] shares its episodes, [`measures`] judges it, [`checkpoint`] and
+//! [`folder`] keep it, [`review`] reads it back. Formulas of learning may not enter.
 
 mod agreement;
 mod asynchronous;
 pub mod checkpoint;
 pub mod evaluate;
-pub mod exchange;
 pub mod files;
 pub mod folder;
-mod lockstep;
 pub mod measures;
 pub mod preview;
 pub mod replay;
@@ -29,13 +29,12 @@ use self::folder::RunFolder;
 use self::measures::RoundRows;
 use self::summary::{FINAL_WINDOW, Summary};
 use self::trainer::{Diverged, Round, Trainer};
-use crate::env;
-use crate::env::description::Description;
-use crate::input::{self, Document, InputError};
-use crate::record::rerun::{Audience, Focus, RecordingAbout, RerunRecorder};
+use crate::record::rerun::{Focus, LiveTarget, RerunRecorder, RunInfo};
 use crate::record::table::TableRecorder;
 use crate::record::{RecordError, Recorder, RoundRecord};
 use crate::scenario::{self, Scenario};
+use seedbed_env::TaskDescription;
+use seedbed_env::input::{self, Document, InputError};
 
 /// A scenario with its task, read and checked: what will run.
 #[derive(Clone, Debug)]
@@ -45,7 +44,7 @@ pub struct Plan {
     /// The scenario.
     pub scenario: Scenario,
     /// The task.
-    pub description: Description,
+    pub description: TaskDescription,
     /// The text of the task's file.
     pub environment_text: String,
 }
@@ -143,13 +142,13 @@ impl Plan {
     /// Whatever is wrong with either, with its place.
     pub fn of(document: Document<Scenario>, path: &Path) -> Result<Self, InputError> {
         let environment = scenario::environment_path(&document, path)?;
-        let description = env::load(&environment)?;
+        let (description, environment_text) = seedbed_env::load_with_text(&environment)?;
         check(&document, &description)?;
         Ok(Self {
             name: path
                 .file_stem()
                 .map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned()),
-            environment_text: input::read_text(&environment)?,
+            environment_text,
             scenario: document.value,
             description,
         })
@@ -167,32 +166,31 @@ impl Plan {
 }
 
 /// What can only be said of a scenario and its task together, or of several fields.
-fn check(document: &Document<Scenario>, description: &Description) -> Result<(), InputError> {
+fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result<(), InputError> {
     let scenario = &document.value;
-    scenario
-        .check()
-        .map_err(|complaint| document.locate(complaint))?;
+    scenario.check().map_err(|error| document.locate(error))?;
     scenario
         .recording
-        .check_task(&description.spec)
-        .map_err(|complaint| document.locate(complaint))?;
-    let fits = scenario.algorithm.check_task(&description.spec);
-    fits.map_err(|message| document.locate(scenario.algorithm.complain(message)))?;
-    env::build(description, scenario.physics, 1).map(|_| ())
+        .check_task(description.spec())
+        .map_err(|error| document.locate(error))?;
+    let fits = scenario.algorithm.config().check_task(description.spec());
+    fits.map_err(|message| document.locate(scenario.algorithm.error(message)))?;
+    seedbed_env::build(description, scenario.physics, 1).map(|_| ())
 }
 
-/// Runs a plan to its end, or until `interrupted` is set. An `audience` is shown the recording while it is made.
+/// Runs a plan to its end, or until `interrupted` is set. An `audience` is shown the recording
+/// while it is made.
 ///
 /// # Errors
 /// Something could not be read or written; what was written before stays readable.
 pub fn execute(
     plan: &Plan,
     options: &Options,
-    audience: Option<Audience>,
+    audience: Option<LiveTarget>,
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Ending, RunError> {
-    let mut trainer = Trainer::new(&plan.scenario, &plan.description, options.threads)?;
+    let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders = if options.resume {
         resume(plan, options, audience, &mut trainer)?
     } else {
@@ -229,13 +227,16 @@ fn play_round(
     trainer: &mut Trainer,
     recorders: &mut [Box<dyn Recorder>],
 ) -> Result<RoundRows, RunError> {
-    let Round { rows, footage } = trainer.advance()?;
+    let Round {
+        rows,
+        body_trajectories,
+    } = trainer.advance()?;
     let round = RoundRecord {
         round: trainer.rounds() - 1,
         episodes: &trainer.newest_episodes(),
         episode_rows: &rows.episodes,
         round_rows: &rows.updates,
-        footage: &footage,
+        body_trajectories: &body_trajectories,
     };
     recorders
         .iter_mut()
@@ -253,21 +254,20 @@ fn warn(recorders: &mut Recorders, observer: &mut dyn Observer) {
 fn begin(
     plan: &Plan,
     options: &Options,
-    audience: Option<Audience>,
+    audience: Option<LiveTarget>,
     trainer: &Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
     write(
-        &folder.task(&plan.description.spec.name),
+        &folder.task(&plan.description.spec().name),
         plan.environment_text.as_bytes(),
     )?;
     let mut recorders: Recorders = vec![Box::new(TableRecorder::create(folder.path())?)];
     if options.recording {
         let settings = &plan.scenario.recording;
-        let create = |about: &RecordingAbout<'_>| {
-            RerunRecorder::create(&folder.recording(), about, settings)
-        };
+        let create =
+            |about: &RunInfo<'_>| RerunRecorder::create(&folder.recording(), about, settings);
         recorders.push(Box::new(shown(
             with_about(plan, trainer, create)?,
             audience,
@@ -276,9 +276,9 @@ fn begin(
     Ok(recorders)
 }
 
-fn shown(mut recorder: RerunRecorder, audience: Option<Audience>) -> RerunRecorder {
+fn shown(mut recorder: RerunRecorder, audience: Option<LiveTarget>) -> RerunRecorder {
     if let Some(audience) = audience {
-        recorder.show_to(audience);
+        recorder.stream_to(audience);
     }
     recorder
 }
@@ -286,7 +286,7 @@ fn shown(mut recorder: RerunRecorder, audience: Option<Audience>) -> RerunRecord
 fn resume(
     plan: &Plan,
     options: &Options,
-    audience: Option<Audience>,
+    audience: Option<LiveTarget>,
     trainer: &mut Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
@@ -300,19 +300,19 @@ fn resume(
     let [table, recording @ ..] = checkpoint.recorders.as_slice() else {
         return Err(damaged("holds no tables".to_owned()).into());
     };
-    if trainer.measures().episodes_per_agent() > plan.scenario.most_episodes() as usize {
+    if trainer.measures().episodes_per_agent() > plan.scenario.max_episodes() as usize {
         return Err(RunError::AnotherRun(format!(
             "the run in {} has {} episodes per agent already; it cannot end after {}",
             folder.path().display(),
             trainer.measures().episodes_per_agent(),
-            plan.scenario.most_episodes()
+            plan.scenario.max_episodes()
         )));
     }
     write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
     let mut recorders: Recorders = vec![Box::new(TableRecorder::resume(folder.path(), table)?)];
     if let [bytes] = recording {
         let settings = &plan.scenario.recording;
-        let resume = |about: &RecordingAbout<'_>| {
+        let resume = |about: &RunInfo<'_>| {
             RerunRecorder::resume(&folder.recording(), about, settings, bytes)
         };
         recorders.push(Box::new(shown(
@@ -333,7 +333,7 @@ fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
         .lines()
         .zip(wanted.lines())
         .find(|(stored, wanted)| stored != wanted);
-    let task = input::read_text(&options.folder.task(&plan.description.spec.name))?
+    let task = input::read_text(&options.folder.task(&plan.description.spec().name))?
         != plan.environment_text;
     match differs {
         Some((stored, wanted)) => Err(RunError::AnotherRun(format!(
@@ -344,27 +344,23 @@ fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
         ))),
         None if task => Err(RunError::AnotherRun(format!(
             "the task `{}` has changed since the run in {} began",
-            plan.description.spec.name,
+            plan.description.spec().name,
             options.folder.path().display()
         ))),
         None => Ok(()),
     }
 }
 
-fn with_about<R>(
-    plan: &Plan,
-    trainer: &Trainer,
-    record: impl FnOnce(&RecordingAbout<'_>) -> R,
-) -> R {
+fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RunInfo<'_>) -> R) -> R {
     let scenario = plan.scenario.resolved();
-    record(&RecordingAbout {
+    record(&RunInfo {
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
         focus: Focus::Learning,
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: trainer.agent_count() as u32,
-        largest_bonus: plan.scenario.algorithm.largest_intrinsic_reward(),
-        episodes: plan.scenario.most_episodes(),
+        bonus: plan.scenario.algorithm.largest_intrinsic_reward().into(),
+        episodes: plan.scenario.max_episodes(),
         run_seed: plan.scenario.seed,
         scenario: &scenario,
         properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
@@ -383,7 +379,8 @@ fn write_checkpoint(
     Ok(Checkpoint::new(trainer.save(), states?).write(options.folder.path())?)
 }
 
-/// Writes what only a finished run has; the summary comes last, because it says that the rest is there.
+/// Writes what only a finished run has; the summary comes last, because it says that the rest is
+/// there.
 fn finish(
     plan: &Plan,
     options: &Options,
@@ -420,7 +417,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 fn progress(plan: &Plan, trainer: &Trainer) -> Progress {
     Progress {
         episodes_per_agent: trainer.measures().episodes_per_agent(),
-        at_most: plan.scenario.most_episodes() as usize,
+        at_most: plan.scenario.max_episodes() as usize,
         recent_return: trainer
             .measures()
             .recent_return(FINAL_WINDOW)

@@ -1,40 +1,43 @@
-//! Previews: a few episodes of random actions on record, so that the author of a task sees what it is.
+//! Previews: a few episodes of random actions on record, so that the author of a task sees what it
+//! is.
 
 use std::path::Path;
 
 use super::trainer::Trainer;
 use super::{Recorders, RunError, play_round};
-use crate::agent::{Algorithm, Team};
-use crate::env::Physics;
-use crate::env::description::Description;
-use crate::input::numbers::{Count, known_count};
-use crate::record::rerun::{Focus, RecordingAbout, RerunRecorder};
-use crate::record::{EpisodeRow, RecordingSettings, SceneSettings};
+use crate::record::rerun::{Focus, RerunRecorder, RunInfo};
+use crate::record::{BonusRange, EpisodeRow, RecordingSettings, SceneSettings};
 use crate::scenario::{Scenario, Schedule, Stop};
+use seedbed_env::Physics;
+use seedbed_env::TaskDescription;
+use seedbed_env::input::numbers::{Count, known_count};
+use seedbed_learn::agent::TeamConfig;
+use seedbed_learn::algorithms::Algorithm;
 
-/// Plays `episodes` episodes of a task with random actions and records all of them, bodies included, to `path`.
+/// Plays `episodes` episodes of a task with random actions and records all of them, bodies
+/// included, to `path`.
 ///
 /// Returns one row an episode.
 ///
 /// # Errors
 /// The task cannot be built with this physics, or the file cannot be written.
 pub fn record(
-    description: &Description,
+    description: &TaskDescription,
     physics: Physics,
     episodes: Count,
     seed: u64,
     path: &Path,
 ) -> Result<Vec<EpisodeRow>, RunError> {
     let scenario = scenario(description, physics, episodes, seed);
-    let mut trainer = Trainer::new(&scenario, description, 1)?;
+    let mut trainer = Trainer::from_scenario(&scenario, description, 1)?;
     let text = scenario.resolved();
-    let about = RecordingAbout {
-        name: &format!("{}-preview", description.spec.name),
+    let about = RunInfo {
+        name: &format!("{}-preview", description.spec().name),
         focus: Focus::Motion,
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: 1,
-        largest_bonus: None,
+        bonus: BonusRange::None,
         episodes: episodes.get(),
         run_seed: seed,
         scenario: &text,
@@ -56,13 +59,18 @@ pub fn record(
 }
 
 /// One random agent, every episode of which is filmed.
-fn scenario(description: &Description, physics: Physics, episodes: Count, seed: u64) -> Scenario {
+fn scenario(
+    description: &TaskDescription,
+    physics: Physics,
+    episodes: Count,
+    seed: u64,
+) -> Scenario {
     Scenario {
-        environment: description.spec.name.clone().into(),
+        environment: description.spec().name.clone().into(),
         physics,
-        agents: Team {
+        agents: TeamConfig {
             count: known_count(1),
-            ..Team::default()
+            ..TeamConfig::default()
         },
         algorithm: Algorithm::Random.into(),
         schedule: Schedule::default(),

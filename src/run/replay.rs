@@ -1,4 +1,5 @@
-//! Replays: episodes of a run's policies, which no longer learn, on record with the bodies of some agents.
+//! Replays: episodes of a run's policies, which no longer learn, on record with the bodies of some
+//! agents.
 
 use std::path::Path;
 
@@ -7,29 +8,34 @@ use super::folder::RunFolder;
 use super::measures::Measures;
 use super::trainer::Trainer;
 use super::{Plan, RunError};
-use crate::input::InputError;
-use crate::input::numbers::known_count;
-use crate::record::rerun::{Focus, RecordingAbout, RerunRecorder};
-use crate::record::{EpisodeRow, Recorder, RecordingSettings, RoundRecord, SceneSettings};
+use crate::record::rerun::{Focus, RerunRecorder, RunInfo};
+use crate::record::{
+    BonusRange, EpisodeRow, Recorder, RecordingSettings, RoundRecord, SceneSettings,
+};
+use seedbed_env::input::InputError;
+use seedbed_env::input::numbers::known_count;
 
 /// What is replayed.
 #[derive(Clone, Copy, Debug)]
 pub struct Replay<'a> {
     /// How many episodes, and how actions are chosen.
     pub evaluation: Evaluation,
-    /// Whose bodies are drawn, in every episode; none are those that the scenario draws, or agent 0.
+    /// Whose bodies are drawn, in every episode; none are those that the scenario draws, or agent
+    /// 0.
     pub agents: Option<&'a [u32]>,
     /// The recording.
     pub path: &'a Path,
 }
 
 /// Plays the policies of the run in `folder` and records all agents' episodes. They are those that
-/// [`evaluate`](super::evaluate::evaluate) plays with the same seed.   `finished` is told how many episodes each agent has played
+/// [`evaluate`](super::evaluate::evaluate) plays with the same seed.   `finished` is told how many
+/// episodes each agent has played
 ///
 /// Returns one row an episode, in (agent, episode) order.
 ///
 /// # Errors
-/// The folder holds no run with a checkpoint, an agent is not of its team, or the recording could not be written.
+/// The folder holds no run with a checkpoint, an agent is not of its team, or the recording could
+/// not be written.
 pub fn replay(
     folder: &RunFolder,
     replay: &Replay<'_>,
@@ -56,7 +62,7 @@ pub fn replay(
             episodes: &episodes,
             episode_rows: &measured,
             round_rows: &[],
-            footage: &played.footage,
+            body_trajectories: &played.body_trajectories,
         })?;
         rows.extend(measured);
         finished(number + 1);
@@ -66,7 +72,8 @@ pub fn replay(
     Ok((plan, rows))
 }
 
-/// As the scenario has them, but every episode in full; nobody learns, and so nobody estimates advantages.
+/// As the scenario has them, but every episode in full; nobody learns, and so nobody estimates
+/// advantages.
 fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, InputError> {
     let count = plan.scenario.agents.count.get();
     if let Some(agent) = agents
@@ -110,13 +117,13 @@ fn recorder(
     replay: &Replay<'_>,
     settings: &RecordingSettings,
 ) -> Result<RerunRecorder, RunError> {
-    let about = RecordingAbout {
+    let about = RunInfo {
         name: &format!("{}-seed-{}-replay", plan.name, plan.scenario.seed),
         focus: Focus::Motion,
         spec: trainer.spec(),
         scene: trainer.environment().scene(),
         agents: trainer.agent_count() as u32,
-        largest_bonus: None,
+        bonus: BonusRange::None,
         episodes: replay.evaluation.episodes,
         run_seed: plan.scenario.seed,
         scenario: &plan.scenario.resolved(),

@@ -1,205 +1,181 @@
-//! Concurrent episodes: every agent acts in its own copy, all copies in lockstep (thesis Alg. 3).
+//! Rollouts: every agent acts in its own copy of the environment, all copies one step at a time
+//! (thesis Alg. 3).
 //!
-//! [`play`] plays a synchronous round of agents that each act for themselves. What one agent does in its copy is its `Seat`, which
-//! asynchronous rounds use as well.
+//! [`play`] plays a round that begins and ends for all agents at once. What one agent does in its
+//! copy is its [`EpisodeSlot`], which asynchronous rollouts use as well.
 
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{ActScratch, Agent};
-use crate::env::{Environment, Pose, Status};
-use crate::experience::Episode;
-use crate::random::{Purpose, Stream, stream};
-use crate::record::{Footage, SceneSettings};
+use crate::record::{BodyTrajectory, SceneSettings};
+use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_env::{Environment, Pose, Status};
+use seedbed_learn::experience::Episode;
+use seedbed_learn::team::{ActionRequest, Team, Workers};
 
 /// A round about to be played.
 #[derive(Clone, Copy, Debug)]
 pub struct RoundPlan<'a> {
-    /// The run's seed.
+    /// The run seed.
     pub run_seed: u64,
-    /// Counts from 0.
+    /// Number of the round, from 0.
     pub round: u32,
-    /// Episodes that each agent plays.
+    /// Number of episodes that each agent plays.
     pub episodes: u32,
-    /// What is filmed.
-    pub camera: Option<&'a SceneSettings>,
+    /// Which bodies are recorded, if any.
+    pub scene: Option<&'a SceneSettings>,
 }
 
-/// What came of a round.
+/// The episodes of a round.
 #[derive(Debug, Default)]
 pub struct Played {
     /// In (agent, episode) order.
     pub episodes: Vec<Episode>,
-    /// The filmed episodes, in the order in which they ended.
-    pub footage: Vec<Footage>,
+    /// The recorded bodies, in the order in which their episodes ended.
+    pub body_trajectories: Vec<BodyTrajectory>,
 }
 
-/// Those who act in the copies, one a copy.
-pub(super) trait Players {
-    /// Everyone who plays acts, and time goes on by a step.
-    fn step(&mut self, environment: &mut dyn Environment, seats: &mut [Seat]);
-
-    /// The step just made is the newest of an episode.
-    fn experience(&mut self, _episode: &Episode) {}
-
-    /// Everyone has experienced the step just made.
-    fn step_ended(&mut self) {}
-}
-
-/// Plays one round. Agent k acts in copy k; a copy that has played its episodes waits for the others.
+/// Plays one round. Agent k acts in copy k; a copy that has played its episodes waits for the
+/// others. With `learning`, the team takes in every transition and may learn from them meanwhile.
 pub fn play(
     environment: &mut dyn Environment,
-    agents: &[Box<dyn Agent>],
+    team: &mut dyn Team,
     plan: &RoundPlan<'_>,
+    learning: Option<Workers<'_>>,
 ) -> Played {
-    let mut individuals = Individuals {
-        agents,
-        room: Room::new(&*environment),
-    };
-    play_by(environment, &mut individuals, agents.len(), plan)
-}
-
-/// Plays one round of whatever `count` players there are.
-pub(super) fn play_by(
-    environment: &mut dyn Environment,
-    players: &mut dyn Players,
-    count: usize,
-    plan: &RoundPlan<'_>,
-) -> Played {
-    let mut seats: Vec<Seat> = (0..count as u32)
-        .map(|agent| Seat::new(plan.run_seed, agent, plan.round))
-        .collect();
-    let mut finished: Vec<Vec<Episode>> = vec![Vec::with_capacity(plan.episodes as usize); count];
-    let mut footage = Vec::new();
+    team.begin_round(plan.round);
+    let count = team.agent_count();
+    let mut slots = EpisodeSlots::new(plan.run_seed, count, plan.round);
+    let mut finished: Vec<Vec<Episode>> = vec![Vec::new(); count];
+    let mut body_trajectories = Vec::new();
     let first = plan.round.wrapping_mul(plan.episodes);
-    for seat in &mut seats {
-        seat.start(environment, first, plan.round, plan.camera);
+    for slot in &mut slots.slots {
+        slot.start(environment, first, plan.round, plan.scene);
     }
-    while seats.iter().any(Seat::is_playing) {
-        players.step(environment, &mut seats);
-        for (seat, finished) in seats.iter_mut().zip(&mut finished) {
-            let ended = seat.observe(environment);
-            ended
-                .as_ref()
-                .or(seat.playing.as_ref())
-                .into_iter()
-                .for_each(|episode| players.experience(episode));
+    while slots.any_playing() {
+        slots.step(environment, team);
+        for (slot, finished) in slots.slots.iter_mut().zip(&mut finished) {
+            let ended = slot.observe(environment);
+            if let Some(newest) = ended.as_ref().or(slot.playing.as_ref())
+                && learning.is_some()
+            {
+                team.add_transition(newest);
+            }
             let Some(episode) = ended else { continue };
-            footage.extend(seat.footage.take());
+            body_trajectories.extend(slot.body_trajectory.take());
             finished.push(episode);
             if finished.len() < plan.episodes as usize {
-                seat.start(
-                    environment,
-                    first.wrapping_add(finished.len() as u32),
-                    plan.round,
-                    plan.camera,
-                );
+                let next = first.wrapping_add(finished.len() as u32);
+                slot.start(environment, next, plan.round, plan.scene);
             }
         }
-        players.step_ended();
+        if let Some(workers) = learning {
+            team.end_step(workers);
+        }
     }
     Played {
         episodes: finished.into_iter().flatten().collect(),
-        footage,
+        body_trajectories,
     }
 }
 
-/// Agents that each act for themselves.
-struct Individuals<'a> {
-    agents: &'a [Box<dyn Agent>],
-    room: Room,
+/// The episodes that a team is playing, one slot per agent.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct EpisodeSlots {
+    pub(super) slots: Vec<EpisodeSlot>,
+    /// The stream from which each agent draws its actions: `[K]`.
+    action_streams: Vec<Stream>,
+    #[serde(skip)]
+    buffers: StepBuffers,
 }
 
-impl Players for Individuals<'_> {
-    fn step(&mut self, environment: &mut dyn Environment, seats: &mut [Seat]) {
-        self.room.step(environment, self.agents, seats);
-    }
-}
-
-/// Room for the actions of all agents, reused from step to step.
+/// Memory for one step of all agents, reused from step to step.
 #[derive(Debug, Default)]
-pub(super) struct Room {
-    scratch: ActScratch,
+struct StepBuffers {
+    playing: Vec<bool>,
     actions: Vec<f32>,
-    log_prob: Vec<f32>,
+    log_probs: Vec<f32>,
 }
 
-impl Room {
-    pub(super) fn new(environment: &dyn Environment) -> Self {
-        let width = environment.spec().action_width();
-        let copies = environment.statuses().len();
+impl EpisodeSlots {
+    /// Slots of `count` agents, with the streams of `round`.
+    pub(super) fn new(run_seed: u64, count: usize, round: u32) -> Self {
+        let agents = 0..count as u32;
         Self {
-            scratch: ActScratch::default(),
-            actions: vec![0.0; copies * width],
-            log_prob: vec![0.0; width],
+            slots: agents
+                .clone()
+                .map(|agent| EpisodeSlot::new(run_seed, agent, round))
+                .collect(),
+            action_streams: agents
+                .map(|agent| stream(run_seed, Purpose::Action, agent, round))
+                .collect(),
+            buffers: StepBuffers::default(),
         }
     }
 
-    /// Every agent that plays acts, and time goes on by a step.
-    pub(super) fn step(
-        &mut self,
-        environment: &mut dyn Environment,
-        agents: &[Box<dyn Agent>],
-        seats: &mut [Seat],
-    ) {
-        let (observed, acted) = (
-            environment.spec().observation_width(),
-            environment.spec().action_width(),
-        );
-        let rows = environment
-            .observations()
-            .chunks_exact(observed)
-            .zip(self.actions.chunks_exact_mut(acted));
-        for ((agent, seat), (observation, action)) in agents.iter().zip(seats).zip(rows) {
-            if let Some(episode) = &mut seat.playing {
-                agent.act(
-                    observation,
-                    &mut seat.actions,
-                    &mut self.scratch,
-                    action,
-                    &mut self.log_prob,
-                );
+    /// Gives an agent a new slot, with the streams of `round`.
+    pub(super) fn renew(&mut self, run_seed: u64, agent: u32, round: u32) -> &mut EpisodeSlot {
+        self.action_streams[agent as usize] = stream(run_seed, Purpose::Action, agent, round);
+        let slot = &mut self.slots[agent as usize];
+        *slot = EpisodeSlot::new(run_seed, agent, round);
+        slot
+    }
+
+    pub(super) fn any_playing(&self) -> bool {
+        self.slots.iter().any(EpisodeSlot::is_playing)
+    }
+
+    /// Every agent that plays acts, and the environments make a step.
+    pub(super) fn step(&mut self, environment: &mut dyn Environment, team: &mut dyn Team) {
+        let width = environment.spec().action_width();
+        let buffers = &mut self.buffers;
+        buffers.playing.clear();
+        buffers
+            .playing
+            .extend(self.slots.iter().map(EpisodeSlot::is_playing));
+        buffers.actions.resize(self.slots.len() * width, 0.0);
+        buffers.log_probs.resize(self.slots.len() * width, 0.0);
+        team.act(&mut ActionRequest {
+            observations: environment.observations(),
+            playing: &buffers.playing,
+            random: &mut self.action_streams,
+            actions: &mut buffers.actions,
+            log_probs: &mut buffers.log_probs,
+        });
+        let rows = buffers.actions.chunks_exact(width);
+        let rows = rows.zip(buffers.log_probs.chunks_exact(width));
+        for (slot, (action, log_prob)) in self.slots.iter_mut().zip(rows) {
+            if let Some(episode) = &mut slot.playing {
                 episode.actions.extend_from_slice(action);
-                episode.log_probs.extend_from_slice(&self.log_prob);
+                episode.log_probs.extend_from_slice(log_prob);
             }
         }
-        environment.step(&self.actions);
+        environment.step(&buffers.actions);
     }
 }
 
-/// One agent's place: its streams, and the episode that it plays.
+/// The episode that one agent is playing, if any.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Seat {
+pub(super) struct EpisodeSlot {
     agent: u32,
     resets: Stream,
-    actions: Stream,
     playing: Option<Episode>,
-    /// Of the episode that plays, or has just ended, if it is filmed.
-    pub(super) footage: Option<Footage>,
+    /// The bodies of the episode that is playing or has just ended, if they are recorded.
+    pub(super) body_trajectory: Option<BodyTrajectory>,
 }
 
-impl Seat {
-    /// A seat whose starts and actions are those of (run seed, agent, `round`).
-    pub(super) fn new(run_seed: u64, agent: u32, round: u32) -> Self {
+impl EpisodeSlot {
+    /// A slot whose start states are those of (run seed, agent, `round`).
+    fn new(run_seed: u64, agent: u32, round: u32) -> Self {
         Self {
             agent,
             resets: stream(run_seed, Purpose::Reset, agent, round),
-            actions: stream(run_seed, Purpose::Action, agent, round),
             playing: None,
-            footage: None,
+            body_trajectory: None,
         }
     }
 
     pub(super) fn is_playing(&self) -> bool {
         self.playing.is_some()
-    }
-
-    /// The agent chooses its next action by `choose`, which is given the agent's stream; nothing where it does not play.
-    pub(super) fn act(&mut self, choose: impl FnOnce(&mut Stream) -> (f32, f32)) -> Option<f32> {
-        let episode = self.playing.as_mut()?;
-        let (action, log_prob) = choose(&mut self.actions);
-        episode.actions.push(action);
-        episode.log_probs.push(log_prob);
-        Some(action)
     }
 
     /// Starts the agent's episode number `episode`.
@@ -208,32 +184,30 @@ impl Seat {
         environment: &mut dyn Environment,
         episode: u32,
         round: u32,
-        camera: Option<&SceneSettings>,
+        scene: Option<&SceneSettings>,
     ) {
         environment.reset(self.agent as usize, &mut self.resets);
         let mut started = Episode::start(self.agent, episode, round, environment.spec());
-        started
-            .observations
-            .extend_from_slice(self.observation(environment));
+        let observation = self.observation(environment);
+        started.observations.extend_from_slice(observation);
         self.playing = Some(started);
-        let filming = camera.is_some_and(|camera| camera.films(self.agent, episode));
-        self.footage = filming.then(|| Footage {
+        let recorded = scene.is_some_and(|scene| scene.records(self.agent, episode));
+        self.body_trajectory = recorded.then(|| BodyTrajectory {
             agent: self.agent,
             episode,
-            ..Footage::default()
+            ..BodyTrajectory::default()
         });
-        self.film(environment);
+        self.record_bodies(environment);
     }
 
-    /// Takes in what the step just made brought to this agent; returns the episode if that was its end.
+    /// Takes in the result of the step just made; returns the episode if it has ended.
     pub(super) fn observe(&mut self, environment: &dyn Environment) -> Option<Episode> {
         let mut episode = self.playing.take()?;
         let copy = self.agent as usize;
         episode.rewards.push(environment.rewards()[copy]);
-        episode
-            .observations
-            .extend_from_slice(self.observation(environment));
-        self.film(environment);
+        let observation = self.observation(environment);
+        episode.observations.extend_from_slice(observation);
+        self.record_bodies(environment);
         episode.outcome = environment.statuses()[copy];
         if episode.outcome == Status::Running {
             self.playing = Some(episode);
@@ -243,25 +217,24 @@ impl Seat {
     }
 
     fn observation<'a>(&self, environment: &'a dyn Environment) -> &'a [f32] {
-        let (copy, width) = (self.agent as usize, environment.spec().observation_width());
+        let width = environment.spec().observation_width();
+        let copy = self.agent as usize;
         &environment.observations()[copy * width..(copy + 1) * width]
     }
 
-    fn film(&mut self, environment: &dyn Environment) {
-        let (Some(scene), Some(footage)) = (environment.scene(), &mut self.footage) else {
+    fn record_bodies(&mut self, environment: &dyn Environment) {
+        let (Some(scene), Some(trajectory)) = (environment.scene(), &mut self.body_trajectory)
+        else {
             return;
         };
-        let start = footage.poses.len();
-        footage
-            .poses
-            .resize(start + scene.bodies.len(), Pose::default());
-        environment.poses(self.agent as usize, &mut footage.poses[start..]);
-        let before = footage.forces.len();
-        environment.forces(
-            self.agent as usize,
-            &footage.poses[start..],
-            &mut footage.forces,
-        );
-        footage.forces_per_row.push(footage.forces.len() - before);
+        let copy = self.agent as usize;
+        let start = trajectory.poses.len();
+        let bodies = scene.bodies.len();
+        trajectory.poses.resize(start + bodies, Pose::default());
+        environment.poses(copy, &mut trajectory.poses[start..]);
+        let before = trajectory.forces.len();
+        environment.forces(copy, &trajectory.poses[start..], &mut trajectory.forces);
+        let added = trajectory.forces.len() - before;
+        trajectory.forces_per_row.push(added);
     }
 }

@@ -1,406 +1,350 @@
-//! A team in training: environments, agents, shared buffer and measures, from one round to the next.
+//! A team in training: environments, team, shared buffer and measures, from one round to the next.
+//!
+//! A [`Trainer`] is built from any [`Environment`] and any [`Team`] ([`Trainer::new`]), or from a
+//! scenario ([`Trainer::from_scenario`]).
 
-use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
 
 use super::agreement;
-use super::asynchronous::{Desk, Pace};
-use super::exchange::{Exchange, OneProcess};
-use super::lockstep::{self, Learning};
-use super::measures::{Measures, RoundRows, Threshold};
+use super::asynchronous::{AsyncConfig, AsyncRollout};
+use super::measures::{Measures, RoundRows};
 use super::rollout::{self, Played, RoundPlan};
-use crate::agent::q_learning::ValueTeam;
-use crate::agent::{Agent, Membership, Tensor, UpdateReport};
-use crate::env::description::Description;
-use crate::env::{self, Environment, Spec};
-use crate::experience::{Episode, Experience, SharedBuffer};
-use crate::input::InputError;
-use crate::record::Footage;
-use crate::scenario::{Scenario, Schedule, Stop};
+use crate::record::{BodyTrajectory, SceneSettings};
+use crate::scenario::{Scenario, Schedule, Stop, Threshold};
+use seedbed_env::TaskDescription;
+use seedbed_env::input::InputError;
+use seedbed_env::{Environment, Spec, build};
+use seedbed_learn::agent::{Tensor, UpdateReport};
+use seedbed_learn::experience::{Episode, SharedBuffer};
+use seedbed_learn::team::{
+    AgentUpdate, Learner, LearningTiming, Lesson, Team, TeamContext, Workers,
+};
 
 /// Everything of a run that learns or is learned from.
 pub struct Trainer {
-    scenario: Scenario,
+    settings: TrainingSettings,
     environment: Box<dyn Environment>,
-    /// Those that each learn for themselves; empty where they act by shared models.
-    agents: Vec<Box<dyn Agent>>,
-    /// Those that act by shared models.
-    sharers: Option<ValueTeam>,
-    exchange: Box<dyn Exchange>,
+    team: Box<dyn Team>,
     buffer: SharedBuffer,
-    /// The team's episodes before the newest round.
+    /// Number of the team's episodes before the newest round.
     recorded: u64,
-    /// Where asynchronous agents stand.
-    desk: Option<Desk>,
+    /// Only of asynchronous schedules, from the first round on.
+    rollout: Option<AsyncRollout>,
     measures: Measures,
     round: u32,
-    /// None on a single thread: a pool of one would only hand work to and fro, and let a waiting caller take up other work.
+    /// None on a single thread: a pool of one would only hand work back and forth, and would let a
+    /// waiting caller take up other work.
     pool: Option<ThreadPool>,
 }
 
-/// What came of a round.
+/// How a team is trained.
+#[derive(Clone, Debug)]
+pub struct TrainingSettings {
+    /// The run seed, from which the streams of start states and actions derive.
+    pub run_seed: u64,
+    /// When agents learn.
+    pub schedule: Schedule,
+    /// When training ends.
+    pub stop: Stop,
+    /// Which bodies are recorded, if any.
+    pub scene: Option<SceneSettings>,
+    /// Number of the team's transitions that are kept after all have learned from them.
+    pub transitions_kept: u64,
+    /// Whether the team has curiosity, whose agreement is measured.
+    pub is_curious: bool,
+    /// Number of threads for updates; 0 is the number of cores. The bits do not depend on it.
+    pub threads: usize,
+}
+
+impl Default for TrainingSettings {
+    fn default() -> Self {
+        Self {
+            run_seed: 0,
+            schedule: Schedule::default(),
+            stop: Stop::default(),
+            scene: None,
+            transitions_kept: 0,
+            is_curious: false,
+            threads: 1,
+        }
+    }
+}
+
+/// The result of a round.
 #[derive(Debug)]
 pub struct Round {
     /// What it adds to the tables.
     pub rows: RoundRows,
-    /// The filmed episodes.
-    pub footage: Vec<Footage>,
+    /// The recorded bodies.
+    pub body_trajectories: Vec<BodyTrajectory>,
 }
 
-/// Who learned and what it was like, in order, and the filmed episodes.
-type Advance = (Vec<(u32, UpdateReport)>, Vec<Footage>);
-
-/// An agent about to learn from the team's episodes after the first `start`, for the (`round` + 1)-th time.
-struct Learner {
-    agent: u32,
-    start: u64,
-    round: u32,
-}
-
-/// What a trainer goes on from: see [`Trainer::save`]. `B`, `D` and `M` are borrowed where it is written.
+/// What a trainer continues from: see [`Trainer::save`]. `B`, `R` and `M` are borrowed when it is
+/// written.
 #[derive(Serialize, Deserialize)]
-struct Saved<B, D, M> {
+struct Saved<B, R, M> {
     round: u32,
     environment: Vec<u8>,
-    agents: Vec<Vec<u8>>,
-    sharers: Option<Vec<u8>>,
+    team: Vec<u8>,
     buffer: B,
     recorded: u64,
-    desk: D,
+    rollout: R,
     measures: M,
 }
 
-/// Numbers that ceased to be finite: nothing that follows would mean anything.
+/// Numbers that are no longer finite: nothing that follows would mean anything.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Diverged {
     /// In the simulation.
-    #[error(
-        "{what} of agent {agent} ceased to be finite in its episode {episode}; the task's numbers are too extreme"
-    )]
+    #[error("non-finite {what} (agent {agent}, episode {episode}): check the task's parameters")]
     Simulation {
-        /// Whose copy.
+        /// The agent in whose copy it happened.
         agent: u32,
-        /// The agent's own count.
+        /// The agent's own count, from 0.
         episode: u32,
         /// An observation's name, or the reward.
         what: String,
     },
     /// In learning.
     #[error(
-        "the networks of agent {agent} ceased to be finite in round {round}; its step sizes or seeds are too large"
+        "non-finite network parameters (agent {agent}, round {round}): the algorithm's step sizes \
+         or the deviation of `agents.seeds` are too large"
     )]
     Learning {
-        /// Whose.
+        /// The agent that learned.
         agent: u32,
-        /// Counts from 0.
+        /// Number of the round, from 0.
         round: u32,
     },
 }
 
 impl Trainer {
-    /// A team at its seeds. Updates run on `threads` threads, 0 being one a core; the bits do not depend on it.
+    /// A team that has not learned yet, one agent per copy of the environment.
+    ///
+    /// # Panics
+    /// If there are not as many copies as agents, or if the system refuses to start threads.
+    #[must_use]
+    pub fn new(
+        environment: Box<dyn Environment>,
+        team: Box<dyn Team>,
+        settings: TrainingSettings,
+    ) -> Self {
+        let (copies, agents) = (environment.copies(), team.agent_count());
+        assert_eq!(copies, agents, "an environment has one copy per agent");
+        let (threads, several) = (settings.threads, settings.threads != 1 && agents > 1);
+        Self {
+            measures: Measures::new(environment.spec(), agents),
+            buffer: SharedBuffer::default(),
+            recorded: 0,
+            rollout: None,
+            environment,
+            team,
+            round: 0,
+            pool: several.then(|| thread_pool(threads)),
+            settings,
+        }
+    }
+
+    /// The team and the environment that a scenario describes.
     ///
     /// # Errors
     /// The task cannot be built as the scenario asks.
-    ///
-    /// # Panics
-    /// If the system refuses to start threads.
-    pub fn new(
+    pub fn from_scenario(
         scenario: &Scenario,
-        description: &Description,
+        description: &TaskDescription,
         threads: usize,
     ) -> Result<Self, InputError> {
-        let count = scenario.agents.count.get();
-        let environment = env::build(description, scenario.physics, count as usize)?;
-        let spec = environment.spec();
-        let (run_seed, team, notes_advantages) = (
-            scenario.seed,
-            &scenario.agents,
-            scenario.recording.has_advantages(),
-        );
-        let member = |agent| Membership {
-            run_seed,
-            agent,
-            team,
-            spec,
-            notes_advantages,
+        let count = scenario.agents.count.get() as usize;
+        let environment = build(description, scenario.physics, count)?;
+        let team = scenario.algorithm.config().build(&TeamContext {
+            run_seed: scenario.seed,
+            config: &scenario.agents,
+            spec: environment.spec(),
+            timing: timing(scenario.schedule),
+            record_advantages: scenario.recording.has_advantages(),
+        });
+        let settings = TrainingSettings {
+            run_seed: scenario.seed,
+            schedule: scenario.schedule,
+            stop: scenario.stop.clone(),
+            scene: scenario.recording.scene.clone(),
+            transitions_kept: scenario.algorithm.transitions_kept(),
+            is_curious: scenario.algorithm.largest_intrinsic_reward().is_some(),
+            threads,
         };
-        let agents = (0..count)
-            .filter_map(|agent| scenario.algorithm.build(&member(agent)))
-            .collect();
-        let sharers = scenario
-            .algorithm
-            .build_shared(scenario.seed, &scenario.agents, spec);
-        let several = || {
-            ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .thread_name(|index| format!("agents-{index}"))
-                .build()
-        };
-        Ok(Self {
-            measures: Measures::new(spec, count as usize),
-            buffer: SharedBuffer::default(),
-            recorded: 0,
-            desk: None,
-            scenario: scenario.clone(),
-            environment,
-            agents,
-            sharers,
-            exchange: Box::new(OneProcess),
-            round: 0,
-            pool: (threads != 1 && count > 1)
-                .then(|| several().expect("the system starts threads")),
-        })
+        Ok(Self::new(environment, team, settings))
     }
 
-    /// Plays a round of concurrent episodes, shares them, lets every agent learn from them, and measures what came of it.
+    /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
+    /// the result.
     ///
     /// An asynchronous round is over when as many episodes have ended as there are agents.
     ///
     /// # Errors
     /// An observation, a reward or a network's parameters are not finite.
     pub fn advance(&mut self) -> Result<Round, Diverged> {
-        let learned = self.desk.as_ref().map_or(u64::MAX, Desk::learned_by_all);
-        self.buffer.forget(
-            learned.min(
-                self.buffer
-                    .before(self.scenario.algorithm.transitions_kept()),
-            ),
-        );
+        self.forget_old_episodes();
         self.recorded = self.buffer.total();
-        let (mut reports, footage) = match self.scenario.schedule {
-            Schedule::Synchronous { episodes } => {
-                self.advance_together(episodes.get(), Learning::AfterRound)?
-            }
-            Schedule::Lockstep { learn_every } => {
-                self.advance_together(1, Learning::Every(learn_every.get()))?
-            }
+        let (mut reports, body_trajectories) = match self.settings.schedule {
+            Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
+            Schedule::Lockstep { .. } => self.advance_together(1)?,
             Schedule::Asynchronous { training } => self.advance_each(training.env_steps)?,
         };
-        let agreement = self.agreement();
+        let agreement = self.bonus_agreement();
         for (_, report) in &mut reports {
             report.bonus_agreement = agreement.map(|agreement| agreement as f32);
         }
         let episodes = newest_episodes(&self.buffer, self.recorded);
-        let rows = self
-            .measures
-            .take_in(self.environment.spec(), self.round, &episodes, &reports);
+        let spec = self.environment.spec();
+        let rows = self.measures.take_in(spec, self.round, &episodes, &reports);
         self.round += 1;
-        Ok(Round { rows, footage })
+        Ok(Round {
+            rows,
+            body_trajectories,
+        })
     }
 
-    /// Every agent plays `episodes`, then all learn, or have learned meanwhile.
-    fn advance_together(&mut self, episodes: u32, learning: Learning) -> Result<Advance, Diverged> {
+    /// Episodes that all have learned from are forgotten, but for the transitions to keep.
+    fn forget_old_episodes(&mut self) {
+        let learned = self.rollout.as_ref();
+        let learned = learned.map_or(u64::MAX, AsyncRollout::learned_by_all);
+        let kept = self.buffer.before(self.settings.transitions_kept);
+        self.buffer.forget(learned.min(kept));
+    }
+
+    /// Every agent plays `episodes`, then all learn.
+    fn advance_together(&mut self, episodes: u32) -> Result<Advance, Diverged> {
         let plan = RoundPlan {
-            run_seed: self.scenario.seed,
+            run_seed: self.settings.run_seed,
             round: self.round,
             episodes,
-            camera: self.scenario.recording.scene.as_ref(),
+            scene: self.settings.scene.as_ref(),
         };
-        let start = self.buffer.total();
-        let Some(sharers) = &mut self.sharers else {
-            let played = rollout::play(&mut *self.environment, &self.agents, &plan);
-            self.share(played.episodes)?;
-            let learners = (0..self.agents.len() as u32).map(|agent| Learner {
-                agent,
-                start,
-                round: self.round,
-            });
-            let reports = self.learn(&learners.collect::<Vec<_>>())?;
-            return Ok((reports, played.footage));
-        };
-        let played = lockstep::play(
-            &mut *self.environment,
-            sharers,
-            &plan,
-            learning,
-            self.pool.as_ref(),
-        );
+        let workers = Workers::new(self.pool.as_ref());
+        let (environment, team) = (&mut *self.environment, &mut *self.team);
+        let played = rollout::play(environment, team, &plan, Some(workers));
+        let fresh = self.buffer.total();
         self.share(played.episodes)?;
-        Ok((self.end_shared_round(start, learning)?, played.footage))
-    }
-
-    /// Those that act by shared models learn what can be learned from whole episodes only.
-    fn end_shared_round(
-        &mut self,
-        start: u64,
-        learning: Learning,
-    ) -> Result<Vec<(u32, UpdateReport)>, Diverged> {
-        let (buffer, round) = (&mut self.buffer, self.round);
-        let Some(sharers) = &mut self.sharers else {
-            return Ok(Vec::new());
-        };
-        let experience = Experience {
-            fresh: buffer.since(start),
-            kept: buffer.since(0),
-            round,
-        };
-        let reports = lockstep::end_round(sharers, &experience, learning, self.pool.as_ref());
-        if let Some(agent) = sharers.diverged() {
-            return Err(Diverged::Learning { agent, round });
-        }
-        for &(agent, _) in &reports {
-            let rewards = sharers.intrinsic_rewards(agent as usize);
-            buffer.note(agent, start, rewards, |episode| {
-                &mut episode.intrinsic_rewards
-            });
-        }
-        Ok(reports)
+        let learners = (0..self.team.agent_count() as u32).map(|agent| (agent, fresh, self.round));
+        let reports = self.learn(&learners.collect::<Vec<_>>())?;
+        Ok((reports, played.body_trajectories))
     }
 
     /// Agents whose episodes end learn while the others play.
     fn advance_each(&mut self, learning: u32) -> Result<Advance, Diverged> {
-        let scene = self.scenario.recording.scene.clone();
-        let pace = Pace {
-            run_seed: self.scenario.seed,
-            episodes: self.scenario.most_episodes(),
+        let scene = self.settings.scene.clone();
+        let config = AsyncConfig {
+            run_seed: self.settings.run_seed,
+            episodes: self.settings.stop.max_episodes(),
             learning,
-            camera: scene.as_ref(),
+            scene: scene.as_ref(),
         };
-        let mut desk = self
-            .desk
-            .take()
-            .unwrap_or_else(|| Desk::new(self.scenario.seed, self.agents.len()));
-        let (mut reports, mut footage) = (Vec::new(), Vec::new());
-        let enough = self.recorded + self.agents.len() as u64;
-        while self.buffer.total() < enough {
-            let ended = desk.play(&mut *self.environment, &self.agents, &pace);
+        let count = self.team.agent_count();
+        let rollout = self.rollout.take();
+        let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
+        let (mut reports, mut body_trajectories) = (Vec::new(), Vec::new());
+        while self.buffer.total() < self.recorded + count as u64 {
+            let ended = rollout.play(&mut *self.environment, &mut *self.team, &config);
             if ended.episodes.is_empty() {
                 break;
             }
             let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
             self.share(ended.episodes)?;
-            footage.extend(ended.footage);
-            let learner = |agent| {
-                let (start, round) = desk.learn(agent, self.buffer.total(), &pace);
-                Learner {
-                    agent,
-                    start,
-                    round,
-                }
-            };
-            let learners: Vec<Learner> = agents.into_iter().map(learner).collect();
+            body_trajectories.extend(ended.body_trajectories);
+            let mut learners = Vec::new();
+            for agent in agents {
+                let total = self.buffer.total();
+                let (fresh, round) = rollout.begin_update(agent, total, &config);
+                learners.push((agent, fresh, round));
+            }
             reports.extend(self.learn(&learners)?);
         }
-        self.desk = Some(desk);
-        Ok((reports, footage))
+        self.rollout = Some(rollout);
+        Ok((reports, body_trajectories))
     }
 
-    /// Brings episodes that ended at one moment to all agents.
-    fn share(&mut self, episodes: Vec<Episode>) -> Result<(), Diverged> {
-        episodes
-            .iter()
-            .try_for_each(|episode| self.check_episode(episode))?;
-        let mut episodes = self.exchange.gather(episodes);
+    /// Adds episodes that ended at one moment to the buffer of all agents.
+    fn share(&mut self, mut episodes: Vec<Episode>) -> Result<(), Diverged> {
         for episode in &mut episodes {
+            check_episode(self.environment.spec(), episode)?;
             episode.round = self.round;
         }
         self.buffer.push(episodes);
         Ok(())
     }
 
-    /// Some agents learn, at once, each from what is fresh to it.   `learners` in agent order.
-    fn learn(&mut self, learners: &[Learner]) -> Result<Vec<(u32, UpdateReport)>, Diverged> {
-        let (buffer, round) = (&self.buffer, self.round);
-        let mut learning = learners.iter().peekable();
-        let mut pairs = Vec::with_capacity(learners.len());
-        for (agent, number) in self.agents.iter_mut().zip(0..) {
-            if let Some(learner) = learning.next_if(|learner| learner.agent == number) {
-                pairs.push((agent, learner));
-            }
-        }
-        let update = |(agent, learner): (&mut Box<dyn Agent>, &Learner)| {
-            let report = agent.update(&Experience {
-                fresh: buffer.since(learner.start),
-                kept: buffer.since(0),
-                round: learner.round,
-            });
-            (learner.agent, report, agent.is_finite())
+    /// Some agents learn at once.   `learners`: (agent, number of the team's episodes that it has
+    /// learned from before, how often it has learned), in agent order
+    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<Report>, Diverged> {
+        let kept = self.buffer.since(0);
+        let forgotten = self.buffer.total() - kept.len() as u64;
+        let learners: Vec<Learner> = learners
+            .iter()
+            .map(|&(agent, fresh, round)| Learner {
+                agent,
+                first_fresh: fresh.saturating_sub(forgotten) as usize,
+                round,
+            })
+            .collect();
+        let lesson = Lesson {
+            kept,
+            learners: &learners,
         };
-        let learned: Vec<(u32, UpdateReport, bool)> = match &self.pool {
-            Some(pool) => pool.install(|| pairs.into_par_iter().map(update).collect()),
-            None => pairs.into_iter().map(update).collect(),
-        };
-        if let Some(&(agent, ..)) = learned.iter().find(|(_, _, finite)| !finite) {
+        let workers = Workers::new(self.pool.as_ref());
+        let updates = self.team.learn(&lesson, workers);
+        if let Some(lost) = updates.iter().find(|update| !update.is_finite) {
+            let (agent, round) = (lost.agent, self.round);
             return Err(Diverged::Learning { agent, round });
         }
-        for learner in learners {
-            let agent = &self.agents[learner.agent as usize];
-            self.buffer.note(
-                learner.agent,
-                learner.start,
-                agent.intrinsic_rewards(),
-                |episode| &mut episode.intrinsic_rewards,
-            );
-            self.buffer.note(
-                learner.agent,
-                learner.start,
-                agent.advantages(),
-                |episode| &mut episode.advantages,
-            );
-        }
-        Ok(learned
-            .into_iter()
-            .map(|(agent, report, _)| (agent, report))
-            .collect())
+        Ok(self.note_steps(&learners, forgotten, updates))
     }
 
-    /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode) order.
+    /// Keeps what agents computed for their own steps, for the recording.
+    fn note_steps(
+        &mut self,
+        learners: &[Learner],
+        forgotten: u64,
+        updates: Vec<AgentUpdate>,
+    ) -> Vec<Report> {
+        let mut reports = Vec::with_capacity(updates.len());
+        for (learner, AgentUpdate { agent, update, .. }) in learners.iter().zip(updates) {
+            let fresh = forgotten + learner.first_fresh as u64;
+            self.buffer
+                .note(agent, fresh, &update.intrinsic_rewards, |episode| {
+                    &mut episode.intrinsic_rewards
+                });
+            self.buffer
+                .note(agent, fresh, &update.advantages, |episode| {
+                    &mut episode.advantages
+                });
+            reports.push((agent, update.report));
+        }
+        reports
+    }
+
+    /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode)
+    /// order.
     pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> Played {
-        let environment = &mut *self.environment;
-        match &mut self.sharers {
-            Some(sharers) => lockstep::play(environment, sharers, plan, Learning::Never, None),
-            None => rollout::play(environment, &self.agents, plan),
+        rollout::play(&mut *self.environment, &mut *self.team, plan, None)
+    }
+
+    /// How far agents agree about the bonuses of the round's first episode.
+    fn bonus_agreement(&mut self) -> Option<f64> {
+        if !self.settings.is_curious {
+            return None;
         }
+        let probe = self.buffer.since(self.recorded).first()?;
+        let bonuses = self.team.probe_bonuses(probe, self.round);
+        agreement::mean_rank_correlation(&bonuses)
     }
 
-    /// Whether agents would give the same steps of the round's first episode a bonus.
-    fn agreement(&mut self) -> Option<f64> {
-        self.scenario.algorithm.largest_intrinsic_reward()?;
-        let (probe, round) = (self.buffer.since(self.recorded).first()?, self.round);
-        let judgements: Vec<Vec<f32>> = match &mut self.sharers {
-            Some(sharers) => sharers.judge(probe, round),
-            None => self
-                .agents
-                .iter_mut()
-                .map(|agent| agent.judge(probe, round))
-                .collect(),
-        };
-        agreement::mean_rank_correlation(&judgements)
-    }
-
-    fn check_episode(&self, episode: &Episode) -> Result<(), Diverged> {
-        let observations = &self.spec().observations;
-        let lost = episode
-            .observations
-            .iter()
-            .position(|value| !value.is_finite());
-        let observed = lost.map(|index| {
-            format!(
-                "observation `{}`",
-                observations[index % observations.len()].name
-            )
-        });
-        let rewarded = || {
-            (!episode.rewards.iter().all(|reward| reward.is_finite()))
-                .then(|| "the reward".to_owned())
-        };
-        let Some(what) = observed.or_else(rewarded) else {
-            return Ok(());
-        };
-        Err(Diverged::Simulation {
-            agent: episode.agent,
-            episode: episode.episode,
-            what,
-        })
-    }
-
-    /// Whether the scenario's end is reached.
+    /// Whether training is to end.
     #[must_use]
     pub fn is_done(&self) -> bool {
-        let ends_when_solved = matches!(self.scenario.stop, Stop::Solved { .. });
-        self.measures.episodes_per_agent() >= self.scenario.most_episodes() as usize
+        let stop = &self.settings.stop;
+        let ends_when_solved = matches!(stop, Stop::Solved { .. });
+        self.measures.episodes_per_agent() >= stop.max_episodes() as usize
             || (ends_when_solved && self.is_solved())
     }
 
@@ -411,21 +355,10 @@ impl Trainer {
             .is_some_and(|threshold| self.measures.reaches(threshold))
     }
 
-    /// When the task counts as solved: as the scenario says, or else as the task does, over 25 episodes.
+    /// When the task counts as solved.
     #[must_use]
     pub fn threshold(&self) -> Option<Threshold> {
-        match &self.scenario.stop {
-            Stop::Solved {
-                r#return, window, ..
-            } => Some(Threshold {
-                r#return: r#return.get(),
-                window: window.get() as usize,
-            }),
-            Stop::Episodes(_) => self.spec().reward_threshold.map(|r#return| Threshold {
-                r#return: f64::from(r#return),
-                window: 25,
-            }),
-        }
+        self.settings.stop.threshold(self.spec())
     }
 
     /// The task.
@@ -440,23 +373,17 @@ impl Trainer {
         &*self.environment
     }
 
-    /// K
+    /// Number of agents K.
     #[must_use]
     pub fn agent_count(&self) -> usize {
         self.environment.copies()
     }
 
-    /// The parameters of all networks, named `agent_3.policy.layer_0.weight` and the like; models that agents share, `model_3.…`.
+    /// The parameters of all networks, named `agent_3.policy.layer_0.weight` and the like; models
+    /// that agents share, `model_3.…`.
     #[must_use]
     pub fn tensors(&self) -> Vec<Tensor<'_>> {
-        let own = self.agents.iter().enumerate().flat_map(|(agent, learner)| {
-            learner.tensors().into_iter().map(move |tensor| {
-                let name = format!("agent_{agent}.{}", tensor.name);
-                Tensor { name, ..tensor }
-            })
-        });
-        own.chain(self.sharers.iter().flat_map(ValueTeam::tensors))
-            .collect()
+        self.team.tensors()
     }
 
     /// The newest round's episodes, in (agent, episode) order.
@@ -471,59 +398,88 @@ impl Trainer {
         &self.measures
     }
 
-    /// Rounds finished.
+    /// Number of finished rounds.
     #[must_use]
     pub fn rounds(&self) -> u32 {
         self.round
     }
 
-    /// Everything that the scenario does not tell, as bytes.
+    /// Everything that cannot be derived from the scenario, as bytes.
     ///
     /// # Panics
-    /// Never: plain data always serialises.
+    /// Never: plain data always serializes.
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
         let saved = Saved {
             round: self.round,
             environment: self.environment.save(),
-            agents: self.agents.iter().map(|agent| agent.save()).collect(),
-            sharers: self.sharers.as_ref().map(ValueTeam::save),
+            team: self.team.save(),
             buffer: &self.buffer,
             recorded: self.recorded,
-            desk: &self.desk,
+            rollout: &self.rollout,
             measures: &self.measures,
         };
-        postcard::to_stdvec(&saved).expect("plain data always serialises")
+        postcard::to_stdvec(&saved).expect("plain data always serializes")
     }
 
-    /// Takes up what [`save`](Self::save) wrote; training goes on to the same bits.
+    /// Continues from what [`save`](Self::save) wrote, to the same bits.
     ///
     /// # Errors
-    /// Says what is wrong where the bytes are of another run.
+    /// What is wrong if the bytes are of another run.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<SharedBuffer, Option<Desk>, Measures> =
+        let saved: Saved<SharedBuffer, Option<AsyncRollout>, Measures> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        if saved.agents.len() != self.agents.len() {
-            return Err(format!(
-                "{} agents stored for a team of {}",
-                saved.agents.len(),
-                self.agents.len()
-            ));
-        }
         self.environment.restore(&saved.environment)?;
-        self.agents
-            .iter_mut()
-            .zip(&saved.agents)
-            .try_for_each(|(agent, bytes)| agent.restore(bytes))?;
-        match (&mut self.sharers, &saved.sharers) {
-            (Some(sharers), Some(bytes)) => sharers.restore(bytes)?,
-            (None, None) => {}
-            _ => return Err("stored for another algorithm".to_owned()),
-        }
-        (self.buffer, self.recorded, self.desk) = (saved.buffer, saved.recorded, saved.desk);
-        (self.measures, self.round) = (saved.measures, saved.round);
+        self.team.restore(&saved.team)?;
+        self.buffer = saved.buffer;
+        self.recorded = saved.recorded;
+        self.rollout = saved.rollout;
+        self.measures = saved.measures;
+        self.round = saved.round;
         Ok(())
     }
+}
+
+/// What an agent's update was like.
+type Report = (u32, UpdateReport);
+
+/// What the updates of a round were like, in the order in which agents learned, and the recorded
+/// bodies.
+type Advance = (Vec<Report>, Vec<BodyTrajectory>);
+
+fn thread_pool(threads: usize) -> ThreadPool {
+    ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|index| format!("agents-{index}"))
+        .build()
+        .expect("the system starts threads")
+}
+
+fn timing(schedule: Schedule) -> LearningTiming {
+    match schedule {
+        Schedule::Lockstep { learn_every } => LearningTiming::EverySteps(learn_every.get()),
+        Schedule::Synchronous { .. } | Schedule::Asynchronous { .. } => {
+            LearningTiming::AfterEpisodes
+        }
+    }
+}
+
+/// Checks that all numbers of an episode are finite.
+fn check_episode(spec: &Spec, episode: &Episode) -> Result<(), Diverged> {
+    let lost = episode.observations.iter().position(|x| !x.is_finite());
+    let what = if let Some(index) = lost {
+        let name = &spec.observations[index % spec.observations.len()].name;
+        format!("observation `{name}`")
+    } else if episode.rewards.iter().any(|reward| !reward.is_finite()) {
+        "reward".to_owned()
+    } else {
+        return Ok(());
+    };
+    Err(Diverged::Simulation {
+        agent: episode.agent,
+        episode: episode.episode,
+        what,
+    })
 }
 
 /// The episodes after the first `recorded`, in (agent, episode) order.

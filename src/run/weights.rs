@@ -1,4 +1,5 @@
-//! The weights of a team's networks as safetensors, named `agent_3.policy.layer_0.weight` and the like.
+//! The weights of a team's networks as safetensors, named `agent_3.policy.layer_0.weight` and the
+//! like.
 
 use std::path::Path;
 
@@ -6,7 +7,7 @@ use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError};
 
 use super::files;
-use crate::agent::Tensor;
+use seedbed_learn::agent::Tensor;
 
 /// Writes tensors. Weights are `[in × out]`, biases `[out]`, little-endian f32.
 ///

@@ -1,35 +1,40 @@
-//! Scenarios: which environment, which team, which algorithm, for how long. The RON that a researcher writes.
+//! Scenarios: which environment, which team, which algorithm, for how long. The RON that a
+//! researcher writes.
 //!
-//! [`load`] reads a file and applies overrides; [`Scenario::resolved`] writes a scenario with every default spelled out.
-//! Building and running may not enter.
+//! [`load`] reads a file and applies overrides; [`Scenario::resolved`] writes a scenario with every
+//! default spelled out. Building and running may not enter.
 
 mod catalogue;
 pub mod overrides;
 
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{Algorithm, Team};
-use crate::env::Physics;
-use crate::input::numbers::{Count, Finite, known_count};
-use crate::input::{self, Complaint, Document, InputError, Located};
 use crate::record::RecordingSettings;
+use seedbed_env::input::numbers::{Count, FiniteNumber, known_count};
+use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
+use seedbed_env::{Physics, Spec};
+use seedbed_learn::agent::TeamConfig;
+use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
 
 /// A scenario file: `Scenario(…)` in `scenarios/`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
     /// The task: the stem of a file in `envs/`, or the path of a file.
     pub environment: Located<String>,
-    /// Rigid bodies, or the closed-form twin where the task has one.
+    /// Rigid bodies, or the analytic model of a task that has one.
     #[serde(default)]
     pub physics: Physics,
     /// How many agents, and how they differ.
     #[serde(default)]
-    pub agents: Team,
+    #[schemars(skip)]
+    pub agents: TeamConfig,
     /// How they learn.
     #[serde(default = "default_algorithm")]
+    #[schemars(skip)]
     pub algorithm: Located<Algorithm>,
     /// When agents learn.
     #[serde(default)]
@@ -39,6 +44,7 @@ pub struct Scenario {
     pub stop: Stop,
     /// What the recording shows.
     #[serde(default)]
+    #[schemars(skip)]
     pub recording: RecordingSettings,
     /// Rounds between two checkpoints.
     #[serde(default = "default_checkpoint_every")]
@@ -49,7 +55,7 @@ pub struct Scenario {
 }
 
 /// When agents learn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Schedule {
     /// In rounds: when every agent has finished its episodes, all learn at once.
@@ -58,14 +64,16 @@ pub enum Schedule {
         #[serde(default = "one")]
         episodes: Count<10_000>,
     },
-    /// An agent whose episode has ended learns at once from all that has reached it, while the others go on (thesis Fig. 5.2).
+    /// An agent whose episode has ended learns at once from all that has reached it, while the
+    /// others go on (thesis Fig. 5.2).
     Asynchronous {
         /// How long learning takes.
         #[serde(default)]
         training: Training,
     },
-    /// All agents step at once, and after every so many steps all learn from the newest transitions, in the middle of their episodes:
-    /// for value-based learners. A round is an episode of each.
+    /// All agents step at once, and after every so many steps all learn from the newest
+    /// transitions, in the middle of their episodes: for value-based learners. A round is an
+    /// episode of each.
     Lockstep {
         /// Steps of each agent between two times of learning.
         #[serde(default = "default_learn_every")]
@@ -73,8 +81,9 @@ pub enum Schedule {
     },
 }
 
-/// How long an update takes in the time of the environments, so that a schedule is the same on any machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// How long an update takes in the time of the environments, so that a schedule is the same on any
+/// machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Training {
     /// Steps that the others make meanwhile.
@@ -82,7 +91,7 @@ pub struct Training {
 }
 
 /// When the run ends.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Stop {
     /// After so many episodes of each agent.
@@ -90,7 +99,7 @@ pub enum Stop {
     /// When the mean over agents and over a full trailing window of episodes reaches a return.
     Solved {
         /// The return to reach.
-        r#return: Finite,
+        r#return: FiniteNumber,
         /// Episodes of each agent in the window.
         #[serde(default = "default_window")]
         window: Located<Count>,
@@ -98,6 +107,58 @@ pub enum Stop {
         at_most: Count,
     },
 }
+
+impl Schedule {
+    /// Which of the kinds it is.
+    #[must_use]
+    pub fn kind(self) -> ScheduleKind {
+        match self {
+            Self::Synchronous { .. } => ScheduleKind::Synchronous,
+            Self::Asynchronous { .. } => ScheduleKind::Asynchronous,
+            Self::Lockstep { .. } => ScheduleKind::Lockstep,
+        }
+    }
+}
+
+impl Stop {
+    /// Maximal number of episodes of each agent.
+    #[must_use]
+    pub fn max_episodes(&self) -> u32 {
+        match self {
+            Self::Episodes(count) | Self::Solved { at_most: count, .. } => count.get(),
+        }
+    }
+
+    /// When a task counts as solved: as this says, or else as the task does, over 25 episodes.
+    #[must_use]
+    pub fn threshold(&self, task: &Spec) -> Option<Threshold> {
+        match self {
+            Self::Solved {
+                r#return, window, ..
+            } => Some(Threshold {
+                r#return: r#return.get(),
+                window: window.get() as usize,
+            }),
+            Self::Episodes(_) => task.reward_threshold.map(|r#return| Threshold {
+                r#return: f64::from(r#return),
+                window: DEFAULT_WINDOW as usize,
+            }),
+        }
+    }
+}
+
+/// When a task counts as solved: the mean over agents and over a full trailing window of episodes
+/// reaches a return.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Threshold {
+    /// The return to reach.
+    pub r#return: f64,
+    /// Number of episodes of each agent in the window.
+    pub window: usize,
+}
+
+/// Number of episodes of each agent over which a task has to be solved, if nothing else is said.
+const DEFAULT_WINDOW: u32 = 25;
 
 impl Default for Schedule {
     fn default() -> Self {
@@ -120,7 +181,7 @@ fn default_checkpoint_every() -> Count {
 }
 
 fn default_window() -> Located<Count> {
-    known_count(25).into()
+    known_count(DEFAULT_WINDOW).into()
 }
 
 fn default_learn_every() -> Count {
@@ -139,8 +200,9 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, Inp
     overrides::apply_all(input::read(path)?, overrides)
 }
 
-/// The file that a scenario's `environment` names: a path, taken from the scenario's folder, or the stem of a file in the
-/// nearest folder `envs` on the way up from the scenario or from the working directory.
+/// The file that a scenario's `environment` names: a path, taken from the scenario's folder, or the
+/// stem of a file in the nearest folder `envs` on the way up from the scenario or from the working
+/// directory.
 ///
 /// # Errors
 /// There is no such file; says where it was looked for and what there is.
@@ -159,14 +221,15 @@ pub fn environment_path(
         if path.is_file() {
             return Ok(path);
         }
-        return Err(scenario.locate(name.complain(format!("no file {}", path.display()))));
+        return Err(scenario.locate(name.error(format!("no file {}", path.display()))));
     }
     task_file(name, &starts).map_err(|known| {
-        scenario.locate(name.complain_unknown("environment", known.iter().map(String::as_str)))
+        scenario.locate(name.unknown_name("environment", known.iter().map(String::as_str)))
     })
 }
 
-/// The file of the task `name` in the nearest folder `envs` on the way up from the first of `starts` that has it.
+/// The file of the task `name` in the nearest folder `envs` on the way up from the first of
+/// `starts` that has it.
 ///
 /// # Errors
 /// The names of all tasks that were found instead.
@@ -186,7 +249,7 @@ impl Scenario {
         Self {
             environment: String::new().into(),
             physics: Physics::default(),
-            agents: Team::default(),
+            agents: TeamConfig::default(),
             algorithm: default_algorithm(),
             schedule: Schedule::default(),
             stop: Stop::default(),
@@ -200,15 +263,15 @@ impl Scenario {
     ///
     /// # Errors
     /// The field to blame, and why.
-    pub fn check(&self) -> Result<(), Complaint> {
-        self.algorithm.check()?;
+    pub fn check(&self) -> Result<(), ValidationError> {
+        self.algorithm.config().check()?;
         self.check_schedule()?;
         if let Stop::Solved {
             window, at_most, ..
         } = &self.stop
             && window.get() > at_most.get()
         {
-            return Err(window.complain(format!(
+            return Err(window.error(format!(
                 "expected a window of at most the {} episodes of `at_most`",
                 at_most.get()
             )));
@@ -217,25 +280,17 @@ impl Scenario {
         self.recording.check(
             self.agents.count.get(),
             curious,
-            self.algorithm.estimates_advantages(),
+            self.algorithm.config().estimates_advantages(),
         )
     }
 
-    /// Whether the algorithm can learn when the schedule says.
-    fn check_schedule(&self) -> Result<(), Complaint> {
-        let by_transitions = self.algorithm.learns_from_transitions();
-        match self.schedule {
-            Schedule::Asynchronous { .. } if by_transitions => Err(self.algorithm.complain(
-                "value-based learners learn all at once; expected `schedule: Lockstep(…)` or `Synchronous(…)`, or `algorithm: SeedPg(…)`",
-            )),
-            Schedule::Lockstep { .. } if !by_transitions && *self.algorithm != Algorithm::Random => Err(self.algorithm.complain(
-                "learns from whole episodes, not in the middle of one; expected `schedule: Synchronous(…)` or `Asynchronous(…)`, or a \
-                 value-based algorithm: `QLearning(…)`, `SeedTd(…)`, `BootstrappedDqn(…)`",
-            )),
-            Schedule::Asynchronous { .. } => self.algorithm.check_asynchronous(),
-            Schedule::Lockstep { .. } => self.algorithm.check_lockstep(),
-            Schedule::Synchronous { .. } => Ok(()),
-        }
+    /// Checks whether the algorithm can learn when the schedule says.
+    fn check_schedule(&self) -> Result<(), ValidationError> {
+        let checked = self.algorithm.config().check_schedule(self.schedule.kind());
+        checked.map_err(|error| match error {
+            ScheduleError::Algorithm(message) => self.algorithm.error(message),
+            ScheduleError::Parameter(error) => error,
+        })
     }
 
     /// The scenario as a file with every default spelled out.
@@ -244,12 +299,10 @@ impl Scenario {
         overrides::spelled_out("Scenario", self)
     }
 
-    /// Episodes of each agent after which the run ends at the latest.
+    /// Maximal number of episodes of each agent.
     #[must_use]
-    pub fn most_episodes(&self) -> u32 {
-        match &self.stop {
-            Stop::Episodes(count) | Stop::Solved { at_most: count, .. } => count.get(),
-        }
+    pub fn max_episodes(&self) -> u32 {
+        self.stop.max_episodes()
     }
 }
 

@@ -1,13 +1,15 @@
-//! Overrides such as `agents.count=16`: one value of the resolved scenario replaced by another text.
+//! Overrides such as `agents.count=16`: one value of the resolved scenario replaced by another
+//! text.
 //!
-//! The resolved text comes from our own printer: one field a line, four spaces a level. So a field is found by its level.
+//! The resolved text comes from our own printer: one field a line, four spaces a level. So a field
+//! is found by its level.
 
 use ron::extensions::Extensions;
 use ron::ser::PrettyConfig;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::input::{self, Document, InputError, listed, nearest};
+use seedbed_env::input::{self, Document, InputError, nearest_name, quoted_list};
 
 /// A file that can be written with every default spelled out.
 pub trait Resolve: DeserializeOwned {
@@ -68,7 +70,7 @@ pub fn apply<T: Resolve>(
         )
     })?;
     let (path, value) = (path.trim(), value.trim());
-    input::is_a_value(value).map_err(|reason| {
+    input::is_ron_value(value).map_err(|reason| {
         fault(
             path,
             format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}"),
@@ -77,14 +79,14 @@ pub fn apply<T: Resolve>(
     })?;
     let text = replace(&document.value.resolved(), path, value).map_err(|unknown| {
         let names = unknown.valid.iter().map(String::as_str);
-        let help =
-            nearest(&unknown.name, names.clone()).map(|name| format!("did you mean `{name}`?"));
+        let help = nearest_name(&unknown.name, names.clone())
+            .map(|name| format!("did you mean `{name}`?"));
         fault(
             path,
             format!(
                 "there is no field `{}` here, expected one of {}",
                 unknown.name,
-                listed(names)
+                quoted_list(names)
             ),
             help,
         )
@@ -107,7 +109,8 @@ struct UnknownField {
     valid: Vec<String>,
 }
 
-/// Replaces the value at `path` in a resolved text. The names of enum variants may be part of the path or left out.
+/// Replaces the value at `path` in a resolved text. The names of enum variants may be part of the
+/// path or left out.
 fn replace(text: &str, path: &str, value: &str) -> Result<String, UnknownField> {
     let lines: Vec<&str> = text.lines().collect();
     let mut block = 0..lines.len();
@@ -241,7 +244,10 @@ mod tests {
                 "Normal(sigma: 0",
                 "expected a comma or the end of the list of fields",
             ),
-            ("Normal(sigma: 0))", "unexpected text after the end"),
+            (
+                "Normal(sigma: 0))",
+                "unexpected text after the end of the value",
+            ),
             ("", "unexpected end of RON"),
         ] {
             let expected =

@@ -1,66 +1,61 @@
-//! What became of each claim of a study, by rules that are fixed before the runs.
+//! Verdicts on the claims of a study, by rules that are fixed before the runs.
 
 use super::comparison::{Comparison, compare};
-use super::file::{Claim, Claimed};
+use super::file::{Claim, ClaimDirection};
 use super::results::Results;
-use super::statistics::comparison::holm;
-use super::statistics::{Direction, Interval, Verdict, is_smaller_than_claimed, verdict};
+use seedbed_stats::hypothesis::holm_correction;
+use seedbed_stats::{Direction, Interval, Verdict, is_smaller_than_claimed, verdict};
 
-/// Fewer runs do not bear out that there is no effect.
-pub const LEAST_RUNS_OF_A_NULL: usize = 30;
+/// Min number of runs per cell for a verdict that there is no effect.
+pub const MIN_RUNS_FOR_NULL_CLAIM: usize = 30;
 
-/// What became of a claim.
+/// A claim held against the data.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Judgement {
-    /// What the data say; none where a cell has no runs.
+pub struct ClaimResult {
+    /// What the data say; `None` if a cell has no runs.
     pub comparison: Option<Comparison>,
-    /// The test's p among those of all claims of the study, after Holm.
+    /// p-value of the claim's test after Holm's correction over all claims of the study.
     pub p: f64,
-    /// The verdict.
+    /// Verdict.
     pub verdict: Verdict,
-    /// Whether it is replicated, but the claimed size is excluded.
-    pub smaller: bool,
-    /// Whether it was written or changed when there were runs of what it compares already.
-    pub late: bool,
+    /// Whether the claim is replicated, but its size is excluded.
+    pub is_smaller: bool,
+    /// Whether the claim was written or changed when both cells that it compares had runs.
+    pub is_late: bool,
 }
 
-/// Judges all claims of a study, in their order.
+/// Holds all claims of a study against its runs, in the order of the claims.
 #[must_use]
-pub fn judge(results: &Results) -> Vec<Judgement> {
-    let comparisons: Vec<Option<Comparison>> = results
-        .study
-        .claims
+pub fn evaluate(results: &Results) -> Vec<ClaimResult> {
+    let claims = &results.study.claims;
+    let comparisons: Vec<Option<Comparison>> = claims
         .iter()
         .map(|claim| comparison(results, claim))
         .collect();
-    let p: Vec<f64> = comparisons
+    let uncorrected: Vec<f64> = comparisons
         .iter()
         .map(|comparison| comparison.map_or(1.0, |comparison| comparison.p))
         .collect();
-    let judged = results.study.claims.iter().zip(comparisons).zip(holm(&p));
-    let judge = |((claim, comparison), p): ((&Claim, Option<Comparison>), f64)| {
-        let late = results
-            .manifest
-            .late_claims
-            .contains(&claim.spelled_out(&results.study));
-        Judgement {
+    let corrected = holm_correction(&uncorrected);
+    let mut claim_results = Vec::with_capacity(claims.len());
+    for ((claim, comparison), p) in claims.iter().zip(comparisons).zip(corrected) {
+        let late_claims = &results.manifest.late_claims;
+        claim_results.push(ClaimResult {
             comparison,
             p,
-            verdict: verdict_on(claim, comparison),
-            smaller: is_smaller(claim, comparison),
-            late,
-        }
-    };
-    judged.map(judge).collect()
+            verdict: verdict_of_claim(claim, comparison),
+            is_smaller: is_smaller(claim, comparison),
+            is_late: late_claims.contains(&claim.canonical_text(&results.study)),
+        });
+    }
+    claim_results
 }
 
 fn comparison(results: &Results, claim: &Claim) -> Option<Comparison> {
     let measure = results.study.measure_of(claim);
     let scores = |cell: &str| {
-        results
-            .cell(cell)
-            .map(|cell| cell.scores(measure))
-            .unwrap_or_default()
+        let cell = results.cell(cell);
+        cell.map(|cell| cell.scores(measure)).unwrap_or_default()
     };
     compare(
         &scores(&claim.compare.0),
@@ -70,60 +65,68 @@ fn comparison(results: &Results, claim: &Claim) -> Option<Comparison> {
     )
 }
 
-fn verdict_on(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
+fn verdict_of_claim(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
     let Some(comparison) = comparison else {
         return Verdict::Inconclusive;
     };
     let (effect, size) = (comparison.effect.interval, claim.size.get());
     match claim.direction {
-        Claimed::More => verdict(effect, Direction::Positive, size),
-        Claimed::Less => verdict(effect, Direction::Negative, size),
-        Claimed::Same => verdict_on_a_null(effect, [-size, size], &comparison),
-        Claimed::NotMore => verdict_on_a_null(effect, [f64::NEG_INFINITY, size], &comparison),
-        Claimed::NotLess => verdict_on_a_null(effect, [-size, f64::INFINITY], &comparison),
+        ClaimDirection::More => verdict(effect, Direction::Positive, size),
+        ClaimDirection::Less => verdict(effect, Direction::Negative, size),
+        ClaimDirection::Same => verdict_of_null_claim(effect, [-size, size], &comparison),
+        ClaimDirection::NotMore => {
+            verdict_of_null_claim(effect, [f64::NEG_INFINITY, size], &comparison)
+        }
+        ClaimDirection::NotLess => {
+            verdict_of_null_claim(effect, [-size, f64::INFINITY], &comparison)
+        }
     }
 }
 
-/// Only a claim of an effect has a size that an effect can fall short of.
+/// Whether an effect is replicated but smaller than claimed. Claims of no effect cannot be.
 fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
+    let Some(comparison) = comparison else {
+        return false;
+    };
     let direction = if claim.direction.is_upwards() {
         Direction::Positive
     } else {
         Direction::Negative
     };
-    let falls_short = |found: Comparison| {
-        is_smaller_than_claimed(found.effect.interval, direction, claim.size.get())
-    };
-    !claim.direction.is_null() && comparison.is_some_and(falls_short)
+    !claim.direction.is_null()
+        && is_smaller_than_claimed(comparison.effect.interval, direction, claim.size.get())
 }
 
-/// That an effect lies between `least` and `most`: borne out if its whole interval does and runs are many, not if none of it does.
-fn verdict_on_a_null(
+/// Verdict on the claim that an effect lies between `low_bound` and `high_bound`: replicated if its
+/// whole interval does and there are enough runs, not replicated if no part of the interval does.
+fn verdict_of_null_claim(
     effect: Interval,
-    [least, most]: [f64; 2],
+    [low_bound, high_bound]: [f64; 2],
     comparison: &Comparison,
 ) -> Verdict {
     let Interval::Known { low, high } = effect else {
         return Verdict::Inconclusive;
     };
-    let inside = (low > least || least.is_infinite()) && (high < most || most.is_infinite());
-    let outside = low >= most || high <= least;
-    match (
-        inside && comparison.n.iter().all(|&n| n >= LEAST_RUNS_OF_A_NULL),
-        outside && !inside,
-    ) {
-        (true, _) => Verdict::Replicated,
-        (_, true) => Verdict::NotReplicated,
-        _ => Verdict::Inconclusive,
+    // An infinite bound is no bound: an interval that reaches to infinity is within it.
+    let is_inside = (low > low_bound || low_bound.is_infinite())
+        && (high < high_bound || high_bound.is_infinite());
+    let is_outside = low >= high_bound || high <= low_bound;
+    let has_enough_runs = comparison.n.iter().all(|&n| n >= MIN_RUNS_FOR_NULL_CLAIM);
+    if is_inside && has_enough_runs {
+        Verdict::Replicated
+    } else if is_outside && !is_inside {
+        Verdict::NotReplicated
+    } else {
+        Verdict::Inconclusive
     }
 }
 
-impl Judgement {
-    /// Such as `replicated`.
+impl ClaimResult {
+    /// Verdict in words, such as `replicated`.
     #[must_use]
-    pub fn in_words(&self) -> &'static str {
+    pub fn verdict_text(&self) -> &'static str {
         match self.verdict {
-            Verdict::Replicated if self.smaller => "replicated, smaller than claimed",
+            Verdict::Replicated if self.is_smaller => "replicated, smaller than claimed",
             Verdict::Replicated => "replicated",
             Verdict::NotReplicated => "not replicated",
             Verdict::Inconclusive => "inconclusive",
@@ -134,7 +137,7 @@ impl Judgement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::statistics::Estimate;
+    use seedbed_stats::Estimate;
 
     fn null(low: f64, high: f64, bounds: [f64; 2], n: usize) -> Verdict {
         let interval = Interval::Known { low, high };
@@ -142,21 +145,21 @@ mod tests {
             value: f64::midpoint(low, high),
             interval,
         };
-        let (between, horizon) = ([estimate.value; 2], f64::INFINITY);
         let comparison = Comparison {
             n: [n; 2],
             effect: estimate,
-            between,
-            below: estimate,
+            effect_bounds: [estimate.value; 2],
+            probability_below: estimate,
             p: 1.0,
-            horizon,
+            horizon: f64::INFINITY,
         };
-        verdict_on_a_null(interval, bounds, &comparison)
+        verdict_of_null_claim(interval, bounds, &comparison)
     }
 
-    /// That an effect is smaller than 2 is borne out from −1 to 1, refuted from 3 to 5, and open from 1 to 3.
+    /// The claim that an effect is smaller than 2 is replicated from −1 to 1, not replicated from 3
+    /// to 5, and inconclusive from 1 to 3.
     #[test]
-    fn an_effect_is_absent_when_all_that_matters_is_excluded() {
+    fn a_null_claim_is_replicated_if_every_effect_that_matters_is_excluded() {
         use Verdict::{Inconclusive, NotReplicated, Replicated};
         let same = [-2.0, 2.0];
         assert_eq!(

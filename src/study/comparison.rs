@@ -1,120 +1,129 @@
-//! Two settings against each other: how far apart their runs lie, how sure that is, and who is ahead how often.
+//! Comparison of two settings: how far apart their runs are, how certain that is, and how often a
+//! run of one is ahead of a run of the other.
 
 use super::file::Test;
 use super::measure::Measure;
-use super::measured::Measured;
-use super::statistics::aggregate::{interquartile_mean, mean, median};
-use super::statistics::comparison::welch;
-use super::statistics::improvement::probability_of_improvement;
-use super::statistics::paired::{differences, signed_rank};
-use super::statistics::survival::{Lifetime, kaplan_meier, log_rank};
-use super::statistics::{Estimate, Interval, estimate, estimate_of_sample};
+use super::run_result::RunResult;
+use seedbed_stats::aggregate::{interquartile_mean, mean, median};
+use seedbed_stats::hypothesis::welch_test;
+use seedbed_stats::improvement::probability_of_improvement;
+use seedbed_stats::paired::{differences, signed_rank_test};
+use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
+use seedbed_stats::{Estimate, Interval, bootstrap_sample, bootstrap_strata};
 
 /// A measure of one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
-    /// The run's seed.
+    /// Seed of the run.
     pub seed: u64,
-    /// The number; infinite for a time that was not reached.
+    /// Value; infinite for a time that was not reached.
     pub value: f64,
-    /// Up to when a run that did not get there was watched; infinite for all that is known.
-    pub watched: f64,
+    /// End of a run that did not reach the time; infinite if the value is known.
+    pub observed_until: f64,
 }
 
-/// What the runs of one setting come to in one measure.
+/// Summary of the runs of one setting in one measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aggregate {
-    /// Runs.
+    /// Number of runs.
     pub n: usize,
-    /// Of these, how many got there; all, where the measure is no time.
+    /// Number of runs that reached the time; all, if the measure is not a time.
     pub reached: usize,
-    /// The median; of times Kaplan and Meier's, infinite where fewer than half got there.
+    /// Median; of times the Kaplan–Meier median, infinite if fewer than half of the runs reached it.
     pub median: Estimate,
-    /// The mean of the middle half; none where a run did not get there.
+    /// Interquartile mean; `None` if a run did not reach the time.
     pub interquartile_mean: Option<Estimate>,
-    /// The least and the most.
+    /// Min and max.
     pub range: [f64; 2],
 }
 
 /// One setting against another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
-    /// Runs of the first and of the second, or pairs twice.
+    /// Number of runs of the first and of the second setting; of pairs, the number of pairs twice.
     pub n: [usize; 2],
-    /// The first less the second: the median of times, the mean of all else.
+    /// Effect: the first less the second. Medians of times, means of all other measures. Not a
+    /// number if it depends on times that were not reached.
     pub effect: Estimate,
-    /// From where to where the effect may lie where times that were not reached decide it; else both are the effect.
-    pub between: [f64; 2],
-    /// How likely a run of the first is below one of the second; a tie counts half.
-    pub below: Estimate,
-    /// The two-sided p of the test.
+    /// Smallest and largest value that the effect can have, whatever the times that were not
+    /// reached are; twice the effect if it does not depend on them.
+    pub effect_bounds: [f64; 2],
+    /// Probability that a run of the first is below a run of the second; a tie counts half.
+    pub probability_below: Estimate,
+    /// Two-sided p-value of the test.
     pub p: f64,
-    /// Times were compared up to here, because from here on not all runs were watched.
+    /// Time up to which all runs were observed. Later times count as not reached.
     pub horizon: f64,
 }
 
 impl Score {
-    /// A measure of a run, if the run can tell it.
+    /// A measure of a run; `None` if the run does not have it.
     #[must_use]
-    pub fn of(measure: Measure, seed: u64, run: &Measured) -> Option<Self> {
+    pub fn of(measure: Measure, seed: u64, run: &RunResult) -> Option<Self> {
         let value = measure.of(run)?;
-        let lifetime = measure.is_time().then(|| measure.lifetime(run)).flatten();
-        let watched = lifetime
-            .filter(|lifetime| !lifetime.reached)
-            .map_or(f64::INFINITY, |lifetime| lifetime.time);
+        let time = if measure.is_time() {
+            measure.time_to_event(run)
+        } else {
+            None
+        };
+        let observed_until = match time {
+            Some(time) if !time.observed => time.time,
+            _ => f64::INFINITY,
+        };
         Some(Self {
             seed,
             value,
-            watched,
+            observed_until,
         })
     }
 
-    fn lifetime(self) -> Lifetime {
-        let reached = self.value.is_finite();
-        Lifetime {
-            time: if reached { self.value } else { self.watched },
-            reached,
+    fn time_to_event(self) -> TimeToEvent {
+        if self.value.is_finite() {
+            TimeToEvent::observed(self.value)
+        } else {
+            TimeToEvent::censored(self.observed_until)
         }
     }
 }
 
-/// Times of runs, censored where they did not get there.
+/// Times of runs, censored if they were not reached.
 #[must_use]
-pub fn lifetimes(scores: &[Score]) -> Vec<Lifetime> {
-    scores.iter().map(|score| score.lifetime()).collect()
+pub fn times_to_event(scores: &[Score]) -> Vec<TimeToEvent> {
+    scores.iter().map(|score| score.time_to_event()).collect()
 }
 
-/// What scores come to; `are_times` says that infinite ones are censored. `None` without scores.
+/// Summary of scores. With `are_times`, infinite ones are censored. `None` without scores.
 #[must_use]
 pub fn aggregate(scores: &[Score], are_times: bool) -> Option<Aggregate> {
     let values: Vec<f64> = scores.iter().map(|score| score.value).collect();
+    if values.is_empty() {
+        return None;
+    }
     let reached = values.iter().filter(|value| value.is_finite()).count();
-    let range = values
-        .iter()
-        .fold(None, |range: Option<[f64; 2]>, &value| {
-            Some(range.map_or([value; 2], |[low, high]| [low.min(value), high.max(value)]))
-        })?;
-    let middle = if are_times {
-        let curve = kaplan_meier(&lifetimes(scores));
+    let median = if are_times {
+        let curve = kaplan_meier(&times_to_event(scores));
         Estimate {
             value: curve.median().unwrap_or(f64::INFINITY),
             interval: curve.median_interval(),
         }
     } else {
-        estimate_of_sample(&values, median)
+        bootstrap_sample(&values, median)
     };
-    let complete = reached == values.len();
-    let interquartile_mean = complete.then(|| estimate_of_sample(&values, interquartile_mean));
+    let all_reached = reached == values.len();
+    let interquartile_mean = all_reached.then(|| bootstrap_sample(&values, interquartile_mean));
+    let min = values.iter().copied().fold(values[0], f64::min);
+    let max = values.iter().copied().fold(values[0], f64::max);
     Some(Aggregate {
         n: values.len(),
         reached,
-        median: middle,
+        median,
         interquartile_mean,
-        range,
+        range: [min, max],
     })
 }
 
-/// Compares two settings. `None` where one has no runs, or no seed is common to both and pairs are asked for.
+/// Compares two settings. `None` if one has no runs or, in a paired comparison, if they have no seed
+/// in common.
 #[must_use]
 pub fn compare(
     first: &[Score],
@@ -131,28 +140,32 @@ pub fn compare(
         return None;
     }
     let horizon = horizon(first.iter().chain(&second));
-    let (x, y) = (up_to(horizon, &first), up_to(horizon, &second));
-    let ((effect, between), p) = match test {
-        Test::Paired => paired(&x, &y, are_times),
-        Test::Independent => independent([&first, &second], [&x, &y], are_times),
+    let (x, y) = (censored_at(horizon, &first), censored_at(horizon, &second));
+    let (effect, p) = match test {
+        Test::Paired => compare_pairs(&x, &y, are_times),
+        Test::Independent => compare_samples([&first, &second], [&x, &y], are_times),
     };
-    let negated = |values: &[f64]| vec![values.iter().map(|value| -value).collect::<Vec<f64>>()];
-    let below = probability_of_improvement(&negated(&x), &negated(&y));
+    // The probability of improvement counts higher scores as better: lower ones, negated.
+    let probability_below = probability_of_improvement(&[negated(&x)], &[negated(&y)]);
     Some(Comparison {
         n: [x.len(), y.len()],
-        effect,
-        between,
-        below,
+        effect: effect.estimate,
+        effect_bounds: effect.bounds,
+        probability_below,
         p,
         horizon,
     })
 }
 
+fn negated(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|value| -value).collect()
+}
+
 impl Comparison {
-    /// How likely a run of the first is above one of the second; a tie counts half.
+    /// Probability that a run of the first is above a run of the second; a tie counts half.
     #[must_use]
-    pub fn above(&self) -> Estimate {
-        let interval = match self.below.interval {
+    pub fn probability_above(&self) -> Estimate {
+        let interval = match self.probability_below.interval {
             Interval::Known { low, high } => Interval::Known {
                 low: 1.0 - high,
                 high: 1.0 - low,
@@ -160,62 +173,76 @@ impl Comparison {
             few @ Interval::TooFewRuns { .. } => few,
         };
         Estimate {
-            value: 1.0 - self.below.value,
+            value: 1.0 - self.probability_below.value,
             interval,
         }
     }
 }
 
 fn common_seeds(first: &[Score], second: &[Score]) -> (Vec<Score>, Vec<Score>) {
-    let partner = |score: &Score| {
-        second
-            .iter()
-            .find(|other| other.seed == score.seed)
-            .map(|other| (*score, *other))
-    };
-    first.iter().filter_map(partner).unzip()
+    let mut pairs = (Vec::new(), Vec::new());
+    for score in first {
+        if let Some(partner) = second.iter().find(|other| other.seed == score.seed) {
+            pairs.0.push(*score);
+            pairs.1.push(*partner);
+        }
+    }
+    pairs
 }
 
-/// A run that was given fewer episodes may not have got there for that reason alone. So both settings are judged by the time of which
-/// everything is known: up to the end of the first run that did not get there.
+/// End of the first run that did not reach its time.
+///
+/// A run that was given fewer episodes may have missed the time for that reason alone. So both
+/// settings are compared over the time during which all runs were observed.
 fn horizon<'a>(scores: impl Iterator<Item = &'a Score>) -> f64 {
-    scores
-        .filter(|score| score.value.is_infinite())
-        .map(|score| score.watched)
+    let missed = scores.filter(|score| score.value.is_infinite());
+    missed
+        .map(|score| score.observed_until)
         .fold(f64::INFINITY, f64::min)
 }
 
-fn up_to(horizon: f64, scores: &[Score]) -> Vec<f64> {
-    scores
-        .iter()
-        .map(|score| {
-            if score.value <= horizon {
-                score.value
-            } else {
-                f64::INFINITY
-            }
-        })
-        .collect()
+/// Values of scores; times after the horizon count as not reached.
+fn censored_at(horizon: f64, scores: &[Score]) -> Vec<f64> {
+    let mut values = Vec::with_capacity(scores.len());
+    for score in scores {
+        let is_within = score.value <= horizon;
+        values.push(if is_within {
+            score.value
+        } else {
+            f64::INFINITY
+        });
+    }
+    values
 }
 
-fn paired(x: &[f64], y: &[f64], are_times: bool) -> ((Estimate, [f64; 2]), f64) {
+/// An effect that may depend on differences between times that were not reached.
+struct Effect {
+    estimate: Estimate,
+    bounds: [f64; 2],
+}
+
+fn compare_pairs(x: &[f64], y: &[f64], are_times: bool) -> (Effect, f64) {
     let differences = differences(x, y);
     let effect = if are_times {
-        let assuming = |unknown: f64| {
-            x.iter()
-                .zip(y)
+        bound_by_unknown(|unknown| {
+            let pairs = x.iter().zip(y);
+            let differences: Vec<f64> = pairs
                 .map(|(&x, &y)| difference_of_times(x, y, unknown))
-                .collect::<Vec<f64>>()
-        };
-        whatever_is_unknown(|unknown| estimate_of_sample(&assuming(unknown), median))
+                .collect();
+            bootstrap_sample(&differences, median)
+        })
     } else {
-        let effect = estimate_of_sample(&differences, mean);
-        (effect, [effect.value; 2])
+        let estimate = bootstrap_sample(&differences, mean);
+        Effect {
+            estimate,
+            bounds: [estimate.value; 2],
+        }
     };
-    (effect, signed_rank(&differences).p)
+    (effect, signed_rank_test(&differences).p)
 }
 
-/// Of two times that were both not reached nobody knows which is the longer.
+/// Difference of two times. If neither was reached, either may be the longer one by any amount:
+/// their difference is `unknown`.
 fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
     if x.is_infinite() && y.is_infinite() {
         unknown
@@ -224,39 +251,43 @@ fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
     }
 }
 
-/// An estimate whose interval holds whatever unknown differences are, from −∞ to ∞; no number where that decides. And what it lies between.
-fn whatever_is_unknown(assuming: impl Fn(f64) -> Estimate) -> (Estimate, [f64; 2]) {
-    let (least, most) = (assuming(f64::NEG_INFINITY), assuming(f64::INFINITY));
-    let interval = match (least.interval, most.interval) {
+/// Bounds an effect that depends on unknown differences.
+///
+/// `assuming(d)` estimates the effect if every unknown difference were `d`. Medians never decrease
+/// when one of their values increases. So the estimates for d = −∞ and d = ∞ are the smallest and
+/// the largest that any unknown differences can give, and so are the ends of their intervals: from
+/// the lower end for −∞ to the upper end for ∞ the interval covers all cases. If both estimates are
+/// equal, the effect does not depend on what is unknown; otherwise its value is not a number.
+fn bound_by_unknown(assuming: impl Fn(f64) -> Estimate) -> Effect {
+    let (smallest, largest) = (assuming(f64::NEG_INFINITY), assuming(f64::INFINITY));
+    let interval = match (smallest.interval, largest.interval) {
         (Interval::Known { low, .. }, Interval::Known { high, .. }) => {
             Interval::Known { low, high }
         }
-        (few, _) => few,
+        (too_few_runs, _) => too_few_runs,
     };
-    let value = if least.value == most.value {
-        least.value
-    } else {
-        f64::NAN
-    };
-    (Estimate { value, interval }, [least.value, most.value])
+    let is_known = smallest.value == largest.value;
+    let value = if is_known { smallest.value } else { f64::NAN };
+    Effect {
+        estimate: Estimate { value, interval },
+        bounds: [smallest.value, largest.value],
+    }
 }
 
-fn independent(
-    scores: [&[Score]; 2],
-    [x, y]: [&[f64]; 2],
-    are_times: bool,
-) -> ((Estimate, [f64; 2]), f64) {
-    let middle = if are_times { median } else { mean };
-    let effect = whatever_is_unknown(|unknown| {
-        estimate(&[x.to_vec(), y.to_vec()], |both| {
-            difference_of_times(middle(&both[0]), middle(&both[1]), unknown)
+fn compare_samples(scores: [&[Score]; 2], [x, y]: [&[f64]; 2], are_times: bool) -> (Effect, f64) {
+    let center = if are_times { median } else { mean };
+    let samples = [x.to_vec(), y.to_vec()];
+    let effect = bound_by_unknown(|unknown| {
+        bootstrap_strata(&samples, |samples| {
+            difference_of_times(center(&samples[0]), center(&samples[1]), unknown)
         })
     });
+    // The log-rank test treats censored times itself, so it takes them without the common horizon.
     let p = if are_times {
-        let [first, second] = scores.map(lifetimes);
-        log_rank(&first, &second).map(|test| test.p)
+        let [first, second] = scores.map(times_to_event);
+        log_rank_test(&first, &second).map(|test| test.p)
     } else {
-        welch(x, y).map(|test| test.p)
+        welch_test(x, y).map(|test| test.p)
     };
     (effect, p.unwrap_or(1.0))
 }
@@ -265,11 +296,11 @@ fn independent(
 mod tests {
     use super::*;
 
-    /// Times; a `+` marks a run that did not get there. Seeds count from 0.
+    /// Times; a `+` marks a run that ended then without reaching it. Seeds count from 0.
     fn times(words: &str) -> Vec<Score> {
         let score = |(seed, word): (usize, &str)| {
             let time = word.trim_end_matches('+').parse().unwrap();
-            let (value, watched) = if word.ends_with('+') {
+            let (value, observed_until) = if word.ends_with('+') {
                 (f64::INFINITY, time)
             } else {
                 (time, f64::INFINITY)
@@ -277,7 +308,7 @@ mod tests {
             Score {
                 seed: seed as u64,
                 value,
-                watched,
+                observed_until,
             }
         };
         words.split_whitespace().enumerate().map(score).collect()
@@ -287,15 +318,16 @@ mod tests {
         compare(&times(first), &times(second), true, Test::Paired).unwrap()
     }
 
-    /// Differences −10, −20, −30, −40, −50 have median −30; all of one sign has p = 2/2⁵. Of the 25 pairs 10 beats five of 20 to
-    /// 100 and so on: each of 10, 20, 30, 40, 50 is below 5, 4½, 4, 3½, 3 of them, which makes 20 in 25.
+    /// Differences −10, −20, −30, −40, −50 have median −30; all of one sign has p = 2/2⁵. Of the 25
+    /// pairs 10 beats five of 20 to 100 and so on: each of 10, 20, 30, 40, 50 is below 5, 4½, 4,
+    /// 3½, 3 of them, which makes 20 in 25.
     #[test]
     fn pairs_are_compared_seed_by_seed() {
         let comparison = paired_times("10 20 30 40 50", "20 40 60 80 100");
         assert_eq!(
             (
                 comparison.effect.value,
-                comparison.below.value,
+                comparison.probability_below.value,
                 comparison.p
             ),
             (-30.0, 0.8, 0.0625)
@@ -307,10 +339,11 @@ mod tests {
             (-50.0..-30.0).contains(&low) && (-30.0..=-10.0).contains(&high),
             "{low} to {high}"
         );
-        assert!((comparison.above().value - 0.2).abs() < 1e-15);
+        assert!((comparison.probability_above().value - 0.2).abs() < 1e-15);
     }
 
-    /// Of the second nothing is known after 50 episodes, when it was not solved yet; the first took 80 or 90 and was not either.
+    /// The second was not solved when it ended after 50 episodes. The first took 80 or 90, so it was
+    /// not solved then either.
     #[test]
     fn a_run_with_fewer_episodes_does_not_lose_for_that() {
         let open = paired_times("80 90 80 90 80", "50+ 50+ 50+ 50+ 50+");
@@ -325,18 +358,22 @@ mod tests {
                 high: f64::INFINITY
             }
         );
-        assert_eq!((open.below.value, open.p, open.horizon), (0.5, 1.0, 50.0));
+        assert_eq!(
+            (open.probability_below.value, open.p, open.horizon),
+            (0.5, 1.0, 50.0)
+        );
         let won = paired_times("30 30 30 30 80", "50+ 50+ 50+ 50+ 50+");
         assert_eq!(
-            (won.effect.value, won.below.value),
+            (won.effect.value, won.probability_below.value),
             (f64::NEG_INFINITY, 0.9)
         );
     }
 
-    /// Four known differences of −10 and one unknown: the median is −10 whatever it is, though redrawn samples may hold it three times.
-    /// As two samples, both medians are not reached: nothing is known.
+    /// Four known differences of −10 and one unknown: the median is −10 whatever it is, but
+    /// resamples may contain it three times. As two samples, both medians are not reached: nothing
+    /// is known.
     #[test]
-    fn two_times_that_were_not_reached_differ_by_nobody_knows_what() {
+    fn the_difference_of_two_times_that_were_not_reached_is_unknown() {
         let mostly = paired_times("10 10 10 10 50+", "20 20 20 20 50+");
         assert_eq!(mostly.effect.value, -10.0);
         assert_eq!(
@@ -346,21 +383,22 @@ mod tests {
                 high: f64::INFINITY
             }
         );
-        // Of six differences −9 to −5 and one unknown the median lies halfway to its neighbour on the one or on the other side.
+        // Of six differences −9 to −5 and one unknown the median lies halfway to its neighbour on
+        // the one or on the other side.
         let even = paired_times("10 10 10 10 10 50+", "15 16 17 18 19 50+");
         assert!(
-            even.effect.value.is_nan() && even.between == [-7.5, -6.5],
+            even.effect.value.is_nan() && even.effect_bounds == [-7.5, -6.5],
             "{even:?}"
         );
         let scores = (times("10 50+ 50+ 50+ 50+"), times("50+ 50+ 50+ 50+ 50+"));
         let samples = compare(&scores.0, &scores.1, true, Test::Independent).unwrap();
         assert!(
-            samples.effect.value.is_nan() && verdict_is_open(samples.effect.interval),
+            samples.effect.value.is_nan() && is_unbounded(samples.effect.interval),
             "{samples:?}"
         );
     }
 
-    fn verdict_is_open(interval: Interval) -> bool {
+    fn is_unbounded(interval: Interval) -> bool {
         interval
             == Interval::Known {
                 low: f64::NEG_INFINITY,
@@ -368,16 +406,17 @@ mod tests {
             }
     }
 
-    /// Seeds 1 and 2 are common: 20 − 4 and 30 − 6 have mean 20. As two samples all three and both count: 20 − 5.
+    /// Seeds 1 and 2 are common: 20 − 4 and 30 − 6 have mean 20. As two samples, all three and both
+    /// count: 20 − 5.
     #[test]
-    fn pairs_take_common_seeds_alone() {
+    fn pairs_have_seeds_in_common() {
         let scores = |first: u64, values: &[f64]| -> Vec<Score> {
             (first..)
                 .zip(values)
                 .map(|(seed, &value)| Score {
                     seed,
                     value,
-                    watched: f64::INFINITY,
+                    observed_until: f64::INFINITY,
                 })
                 .collect()
         };
@@ -392,7 +431,7 @@ mod tests {
         );
     }
 
-    /// Two of five got there: the median is unknown, and so is a mean of the middle.
+    /// Two of five reached it: the median is unknown, and so is the interquartile mean.
     #[test]
     fn times_that_were_not_reached_are_censored() {
         let aggregate = aggregate(&times("10 20 50+ 50+ 50+"), true).unwrap();

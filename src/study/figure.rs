@@ -1,107 +1,108 @@
-//! What a study draws: the figures that its file asks for, in the words of that file.
+//! Figures that a study file asks for.
 
 use serde::{Deserialize, Serialize};
 
 use super::file::Study;
 use super::measure::{Curve, Measure};
-use crate::input::numbers::{Count, known_count};
-use crate::input::{Complaint, Located};
+use seedbed_env::input::numbers::{Count, known_count};
+use seedbed_env::input::{Located, ValidationError};
 
 /// A figure of the report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Figure {
-    /// Means over the runs of each cell, episode by episode, with bands of 95 %.
+    /// Mean over the runs of each cell as a curve over episodes, with 95 % bands.
     Curves {
-        /// Stands above it.
+        /// Title [default: generated].
         #[serde(default)]
         title: String,
-        /// What is followed.
+        /// Curve.
         #[serde(default)]
         of: Located<Curve>,
-        /// Which cells; all if none is named.
+        /// Names of cells [default: all].
         #[serde(default)]
         cells: Vec<Located<String>>,
-        /// Episodes of the moving average.
+        /// Number of episodes of the moving average.
         #[serde(default = "default_window")]
         window: Count,
     },
-    /// Returns of the single agents of the first run of each cell, side by side.
+    /// Returns of each agent in the first run of each cell, side by side.
     Agents {
-        /// Stands above it.
+        /// Title [default: generated].
         #[serde(default)]
         title: String,
-        /// Which cells; all if none is named.
+        /// Names of cells [default: all].
         #[serde(default)]
         cells: Vec<Located<String>>,
-        /// Episodes of the moving average.
+        /// Number of episodes of the moving average.
         #[serde(default = "default_window")]
         window: Count,
     },
-    /// Visited states of the first run of each cell as parallel coordinates, cells side by side, a row for each of `episodes`.
+    /// Visited states of the first run of each cell as parallel coordinates: one column per cell, one
+    /// row for each of `episodes`.
     Visitation {
-        /// Stands above it.
+        /// Title [default: generated].
         #[serde(default)]
         title: String,
-        /// Which cells; all if none is named.
+        /// Names of cells [default: all].
         #[serde(default)]
         cells: Vec<Located<String>>,
-        /// Up to which episodes of each agent.
+        /// Episodes of each agent whose states are shown.
         #[serde(default = "whole_training")]
-        episodes: Vec<Upto>,
+        episodes: Vec<EpisodeWindow>,
     },
-    /// A measure of each cell as a dot with its interval of 95 %.
+    /// A measure of each cell as a dot with its 95 % interval.
     Intervals {
-        /// Stands above it.
+        /// Title [default: generated].
         #[serde(default)]
         title: String,
-        /// What; the study's first measure if nothing is said.
+        /// Measure [default: the first of the study].
         #[serde(default)]
         measure: Option<Located<Measure>>,
-        /// Which cells; all if none is named.
+        /// Names of cells [default: all].
         #[serde(default)]
         cells: Vec<Located<String>>,
-        /// Words of the cells' names, such as their tasks', over which runs are pooled.
+        /// Parts of the cells' names, such as tasks, over which runs are pooled.
         #[serde(default)]
         over: Located<Vec<String>>,
     },
-    /// The share of runs that have not solved their task yet (Kaplan and Meier).
+    /// Share of runs that have not solved their task yet (Kaplan–Meier curve).
     Unsolved {
-        /// Stands above it.
+        /// Title [default: generated].
         #[serde(default)]
         title: String,
-        /// Which cells; all if none is named.
+        /// Names of cells [default: all].
         #[serde(default)]
         cells: Vec<Located<String>>,
     },
-    /// The share of runs above each value of a measure: performance profiles.
+    /// Performance profile: share of runs above each value of a measure.
     Profiles {
-        /// Stands above it.
+        /// Title [default: generated].
         #[serde(default)]
         title: String,
-        /// What; the study's first measure if nothing is said.
+        /// Measure [default: the first of the study].
         #[serde(default)]
         measure: Option<Located<Measure>>,
-        /// Which cells; all if none is named.
+        /// Names of cells [default: all].
         #[serde(default)]
         cells: Vec<Located<String>>,
-        /// Words of the cells' names, such as their tasks', over which runs are pooled.
+        /// Parts of the cells' names, such as tasks, over which runs are pooled.
         #[serde(default)]
         over: Located<Vec<String>>,
     },
 }
 
-/// A part of training, from its beginning on.
+/// Episodes from the start of training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Upto {
-    /// So many episodes of each agent.
+pub enum EpisodeWindow {
+    /// This number of first episodes of each agent.
     First(Count),
-    /// All of it.
+    /// All episodes.
     All,
 }
 
-impl Upto {
-    /// How many episodes of each agent.
+impl EpisodeWindow {
+    /// Number of episodes of each agent.
     #[must_use]
     pub fn episodes(self) -> u32 {
         match self {
@@ -112,19 +113,19 @@ impl Upto {
 }
 
 impl Figure {
-    /// Stands above it; empty where the file says nothing.
+    /// Title; empty if the file has none.
     #[must_use]
     pub fn title(&self) -> &str {
         self.heading().0
     }
 
-    /// The cells that it names.
+    /// Names of cells; empty for all.
     #[must_use]
     pub fn cells(&self) -> &[Located<String>] {
         self.heading().1
     }
 
-    /// What all kinds have: a title, and cells.
+    /// Title and cells, which all kinds have.
     fn heading(&self) -> (&str, &[Located<String>]) {
         match self {
             Self::Curves { title, cells, .. }
@@ -136,7 +137,7 @@ impl Figure {
         }
     }
 
-    /// Words of the cells' names over which its runs are pooled, if it says so.
+    /// Parts of the cells' names over which runs are pooled, if any.
     #[must_use]
     pub fn over(&self) -> Option<&Located<Vec<String>>> {
         match self {
@@ -147,9 +148,9 @@ impl Figure {
         }
     }
 
-    /// What of a run it takes, in terms of measures; `main` where it names none.
+    /// Measure that a run must have for this figure; `main` if the figure names none.
     #[must_use]
-    pub fn shown(&self, main: Measure) -> Option<Measure> {
+    pub fn required_measure(&self, main: Measure) -> Option<Measure> {
         match self {
             Self::Curves { of, .. } => Some(Measure::Mean { of: **of }),
             Self::Intervals { measure, .. } | Self::Profiles { measure, .. } => {
@@ -160,7 +161,7 @@ impl Figure {
         }
     }
 
-    /// What it is, as files spell it.
+    /// Name of its kind in study files.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -173,18 +174,18 @@ impl Figure {
         }
     }
 
-    /// Complains about it at the first place that it names.
+    /// An error at the first place of the file that belongs to this figure.
     #[must_use]
-    pub fn complain(&self, study: &Study, message: String) -> Complaint {
+    pub fn error(&self, study: &Study, message: String) -> ValidationError {
         match (self, self.measure(), self.cells().first()) {
-            (Self::Curves { of, .. }, ..) => of.complain(message),
-            (_, Some(measure), _) => measure.complain(message),
-            (_, None, Some(cell)) => cell.complain(message),
-            (_, None, None) => study.measures.complain(message),
+            (Self::Curves { of, .. }, ..) => of.error(message),
+            (_, Some(measure), _) => measure.error(message),
+            (_, None, Some(cell)) => cell.error(message),
+            (_, None, None) => study.measures.error(message),
         }
     }
 
-    /// What it shows, where it shows a measure.
+    /// Measure that it names, if any.
     fn measure(&self) -> Option<&Located<Measure>> {
         match self {
             Self::Intervals { measure, .. } | Self::Profiles { measure, .. } => measure.as_ref(),
@@ -192,7 +193,7 @@ impl Figure {
         }
     }
 
-    /// Whether it shows this cell: it names it, or none at all.
+    /// Whether it shows this cell: it names the cell, or none at all.
     #[must_use]
     pub fn shows(&self, cell: &str) -> bool {
         self.cells().is_empty() || self.cells().iter().any(|name| name.as_str() == cell)
@@ -203,6 +204,6 @@ fn default_window() -> Count {
     known_count(25)
 }
 
-fn whole_training() -> Vec<Upto> {
-    vec![Upto::All]
+fn whole_training() -> Vec<EpisodeWindow> {
+    vec![EpisodeWindow::All]
 }

@@ -1,75 +1,77 @@
-//! Study files: which settings are compared, how often each is run, and what is claimed of them before anything ran.
+//! Study files: which settings are compared, how many runs each has, and what is claimed before any
+//! of them is run.
 
 use serde::{Deserialize, Serialize};
 
 use super::figure::Figure;
 use super::measure::Measure;
-use crate::input::numbers::{Count, Positive, known_count};
-use crate::input::{Complaint, Located};
+use seedbed_env::input::numbers::{Count, Positive, known_count};
+use seedbed_env::input::{Located, ValidationError};
 
-/// Seeds below this are for tuning; published results take seeds from here on.
+/// First seed for reported results. Smaller seeds are for tuning.
 pub const FIRST_REPORTING_SEED: u64 = 1000;
 
 /// A study file: `Study(…)` in `scenarios/`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Study {
-    /// Heads the report.
+    /// Title of the report.
     pub title: String,
-    /// What it is about, and where the claims come from.
+    /// Subject of the study, and source of its claims.
     #[serde(default)]
     pub about: String,
-    /// The scenario of all cells that name no other, as a path from the study's folder.
+    /// Scenario of all cells without one of their own, as a path from the study's folder.
     #[serde(default)]
     pub scenario: Option<Located<String>>,
-    /// What all cells replace in their scenario, each as `path=value`.
+    /// Values that all cells replace in their scenario, each as `path=value`.
     #[serde(default)]
     pub set: Vec<Located<String>>,
-    /// Axes of which every combination of values is a cell.
+    /// Axes; every combination of their values is a cell.
     #[serde(default)]
     pub grid: Vec<Axis>,
-    /// Cells beside the grid's.
+    /// Cells in addition to those of the grid.
     #[serde(default)]
     pub cells: Vec<NamedCell>,
-    /// Runs of each cell, with seeds that all cells have in common.
+    /// Number of runs per cell. All cells have the same seeds.
     #[serde(default = "default_repeats")]
     pub repeats: Located<Count<100_000>>,
-    /// The first of these seeds: 0 to 999 while tuning, from 1000 on for what is reported.
+    /// First seed: 0 to 999 for tuning, at least 1000 for reported results.
     #[serde(default = "default_first_seed")]
     pub first_seed: Located<u64>,
-    /// What `--quick` does instead.
+    /// What `--quick` changes.
     #[serde(default)]
     pub quick: Quick,
-    /// What is measured of every run; the first one counts.
+    /// Measures of every run. The first is the main one.
     #[serde(default = "default_measures")]
     pub measures: Located<Vec<Located<Measure>>>,
-    /// What is claimed.
+    /// Claims.
     #[serde(default)]
     pub claims: Vec<Claim>,
-    /// What is drawn.
+    /// Figures of the report.
     #[serde(default)]
     pub figures: Vec<Figure>,
 }
 
-/// One axis of a grid: what stands for `{}` in `scenario` and `set`, value by value.
+/// One axis of a grid: values that replace `{}` in `scenario` and `set`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// Stands before the value in the names of cells, such as `σ`; may be empty.
+    /// Name before the value in the names of cells, such as `σ`; may be empty.
     #[serde(default)]
     pub name: String,
-    /// The scenario, such as `"../{}.ron"`.
+    /// Path of the scenario, such as `"../{}.ron"`.
     #[serde(default)]
     pub scenario: Option<Located<String>>,
-    /// What is replaced in the scenario, such as `["agents.count={}"]`. What is empty after replacing `{}` counts for nothing.
+    /// Values to replace in the scenario, such as `["agents.count={}"]`. An entry that is empty
+    /// after substitution is ignored.
     #[serde(default)]
     pub set: Vec<Located<String>>,
-    /// What stands for `{}`.
+    /// Values for `{}`.
     pub values: Located<Vec<Located<String>>>,
-    /// How values are called in the names of cells, where not by themselves.
+    /// Names of the values in the names of cells, if not the values themselves.
     #[serde(default)]
     pub labels: Option<Located<Vec<String>>>,
-    /// What else each value replaces, such as how long its task takes; nothing, or one list for each value.
+    /// Further replacements for each value, such as a longer `stop`: empty, or one list per value.
     #[serde(default)]
     pub with: Located<Vec<Vec<Located<String>>>>,
 }
@@ -78,53 +80,54 @@ pub struct Axis {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedCell {
-    /// What claims and figures call it.
+    /// Name by which claims and figures refer to it.
     pub name: Located<String>,
-    /// Its scenario, where not the study's.
+    /// Scenario, if not that of the study.
     #[serde(default)]
     pub scenario: Option<Located<String>>,
-    /// What it replaces there, after what the study does.
+    /// Values to replace in the scenario, after those of the study.
     #[serde(default)]
     pub set: Vec<Located<String>>,
 }
 
-/// A smaller study of the same shape, to see whether everything is as meant.
+/// A smaller version of the study, to check it before the long runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Quick {
-    /// Runs of each cell.
+    /// Number of runs per cell.
     pub repeats: Count<100_000>,
-    /// What all cells replace last, such as a shorter `stop`.
+    /// Values that all cells replace last, such as a shorter `stop`.
     pub set: Vec<Located<String>>,
 }
 
-/// Something that the data may bear out, with the test that decides, fixed before the runs.
+/// A claim about two cells, with the test that decides it, registered before the runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
-    /// In words.
+    /// The claim in words.
     pub text: String,
-    /// Who claims it, and where.
+    /// Source of the claim.
     #[serde(default)]
     pub source: String,
-    /// Two cells; the effect is the first's measure less the second's.
+    /// Two cells. The effect is the measure of the first less that of the second.
     pub compare: (Located<String>, Located<String>),
-    /// What is compared; the study's first measure if nothing is said.
+    /// Measure that is compared [default: the first of the study].
     #[serde(default)]
     pub measure: Option<Located<Measure>>,
-    /// Which way the effect is said to go.
-    pub direction: Claimed,
-    /// How large it is said to be or, where none is claimed, the least that would matter; in units of the measure.
+    /// ClaimDirection direction of the effect.
+    pub direction: ClaimDirection,
+    /// ClaimDirection size of the effect or, for claims of no effect, the smallest size that would matter;
+    /// in units of the measure.
     pub size: Positive,
-    /// How runs are set against each other.
+    /// How runs are compared.
     #[serde(default)]
     pub test: Test,
 }
 
 impl Claim {
-    /// What decides it, without the words: cells, measure, direction, size and test.
+    /// What decides the claim, as one line: cells, measure, direction, size and test.
     #[must_use]
-    pub fn spelled_out(&self, study: &Study) -> String {
+    pub fn canonical_text(&self, study: &Study) -> String {
         let (first, second) = (self.compare.0.as_str(), self.compare.1.as_str());
         format!(
             "{first} | {second} | {:?} | {:?} | {} | {:?}",
@@ -136,59 +139,59 @@ impl Claim {
     }
 }
 
-/// What is claimed of an effect: the first cell's measure less the second's.
+/// ClaimDirection direction of an effect: the measure of the first cell less that of the second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Claimed {
-    /// It is above 0.
+pub enum ClaimDirection {
+    /// Above 0.
     More,
-    /// It is below 0.
+    /// Below 0.
     Less,
-    /// It is smaller than `size` in both directions.
+    /// Smaller than `size` in both directions.
     Same,
-    /// It is below `size`: no gain worth the name.
+    /// Below `size`: no gain that matters.
     NotMore,
-    /// It is above −`size`: no loss worth the name.
+    /// Above −`size`: no loss that matters.
     NotLess,
 }
 
-impl Claimed {
-    /// Whether it is that the first is above the second, or at least not below.
+impl ClaimDirection {
+    /// Whether the first cell is claimed to be above the second, or at least not below it.
     #[must_use]
     pub fn is_upwards(self) -> bool {
         matches!(self, Self::More | Self::NotLess)
     }
 
-    /// Whether it is that there is no effect worth the name, in both directions or in one.
+    /// Whether no effect that matters is claimed, in both directions or in one.
     #[must_use]
     pub fn is_null(self) -> bool {
         matches!(self, Self::Same | Self::NotMore | Self::NotLess)
     }
 }
 
-/// How runs of two cells are set against each other.
+/// How the runs of two cells are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Test {
     /// Seed by seed, with Wilcoxon's signed-rank test.
     #[default]
     Paired,
-    /// As two samples, with the log-rank test for times and Welch's test for all else.
+    /// As two samples, with the log-rank test for times and Welch's test for other measures.
     Independent,
 }
 
 impl Study {
-    /// The measure that counts.
+    /// Main measure.
     ///
     /// # Panics
-    /// If the study was not checked and measures nothing.
+    /// If the study has no measures, which [`check`](Self::check) excludes.
     #[must_use]
     pub fn main_measure(&self) -> Measure {
         **self
             .measures
             .first()
-            .expect("a checked study measures something")
+            .expect("a checked study has a measure")
     }
 
-    /// What a claim compares.
+    /// Measure that a claim compares.
     #[must_use]
     pub fn measure_of(&self, claim: &Claim) -> Measure {
         claim
@@ -197,16 +200,16 @@ impl Study {
             .map_or_else(|| self.main_measure(), |measure| **measure)
     }
 
-    /// Says what is wrong with a study whose cells have these names.
+    /// Checks a study whose cells have these names.
     ///
     /// # Errors
-    /// The field to blame, and why.
-    pub fn check(&self, cells: &[&str]) -> Result<(), Complaint> {
+    /// The field that is wrong, and why.
+    pub fn check(&self, cells: &[&str]) -> Result<(), ValidationError> {
         self.check_seeds()?;
         if self.measures.is_empty() {
             return Err(self
                 .measures
-                .complain("expected at least one measure, such as `EpisodesToSolve`"));
+                .error("expected at least one measure, such as `EpisodesToSolve`"));
         }
         let compared = self
             .claims
@@ -215,7 +218,7 @@ impl Study {
         let drawn = self.figures.iter().flat_map(Figure::cells);
         let unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
         if let Some(name) = compared.chain(drawn).find(unknown) {
-            return Err(name.complain_unknown("cell", cells.iter().copied()));
+            return Err(name.unknown_name("cell", cells.iter().copied()));
         }
         self.check_pools(cells)?;
         let itself = self
@@ -226,24 +229,25 @@ impl Study {
             Err(claim
                 .compare
                 .1
-                .complain("expected another cell than the first"))
+                .error("expected a cell other than the first"))
         })
     }
 
-    /// Only shares mean the same in all tasks.
-    fn check_pools(&self, cells: &[&str]) -> Result<(), Complaint> {
+    /// Runs of several tasks are pooled only in shares, which mean the same in all tasks.
+    fn check_pools(&self, cells: &[&str]) -> Result<(), ValidationError> {
         for (figure, over) in self
             .figures
             .iter()
             .filter_map(|figure| Some((figure, figure.over()?)))
         {
             if !figure
-                .shown(self.main_measure())
+                .required_measure(self.main_measure())
                 .is_some_and(Measure::is_share)
             {
-                return Err(
-                    over.complain("only shares can be pooled over tasks; expected a `measure` from 0 to 1, such as `Reach`")
-                );
+                return Err(over.error(
+                    "only shares can be pooled over tasks; expected a `measure` from 0 to 1, such \
+                         as `Reach`",
+                ));
             }
             let is_known = |word: &&String| {
                 cells
@@ -251,22 +255,23 @@ impl Study {
                     .any(|cell| cell.split(", ").any(|part| part == word.as_str()))
             };
             if let Some(word) = over.iter().find(|word| !is_known(word)) {
-                return Err(
-                    over.complain(format!("no cell has `{word}` in its name; expected words between commas of cells' names"))
-                );
+                return Err(over.error(format!(
+                    "no cell has `{word}` in its name; expected a part of a cell's name, as \
+                         separated by commas"
+                )));
             }
         }
         Ok(())
     }
 
-    /// Tuning and reporting seeds do not mix.
-    fn check_seeds(&self) -> Result<(), Complaint> {
+    /// Seeds for tuning and for reported results must not be mixed.
+    fn check_seeds(&self) -> Result<(), ValidationError> {
         let (first, count) = (
             *self.first_seed,
             u64::from(self.repeats.get().max(self.quick.repeats.get())),
         );
         let Some(end) = first.checked_add(count) else {
-            return Err(self.first_seed.complain("this whole number is too large"));
+            return Err(self.first_seed.error("this whole number is too large"));
         };
         let last = end - 1;
         let seeded = self.assignments().find(|set| {
@@ -275,19 +280,21 @@ impl Study {
                 .is_some_and(|path| path.trim() == "seed")
         });
         if let Some(set) = seeded {
-            return Err(set.complain("runs take their seeds from `first_seed` on"));
+            return Err(set.error(
+                "the seed cannot be set here; expected `first_seed`, the seed of the first run",
+            ));
         }
         if first < FIRST_REPORTING_SEED && last >= FIRST_REPORTING_SEED {
-            return Err(self.first_seed.complain(format!(
-                "seeds {first} to {last} mix those for tuning, 0 to {}, with those that may be reported; expected fewer `repeats`, or \
-                 `first_seed: {FIRST_REPORTING_SEED}`",
+            return Err(self.first_seed.error(format!(
+                "seeds {first} to {last} include both seeds for tuning (0 to {}) and seeds for reported \
+                 results; expected fewer `repeats`, or `first_seed: {FIRST_REPORTING_SEED}`",
                 FIRST_REPORTING_SEED - 1
             )));
         }
         Ok(())
     }
 
-    /// All that replaces values of scenarios, each as `path=value`.
+    /// All replacements of values in scenarios, each as `path=value`.
     fn assignments(&self) -> impl Iterator<Item = &Located<String>> {
         let of_grid = self
             .grid

@@ -3,13 +3,13 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::measure::Curve;
-use super::measured::{Measured, Reservoir};
+use super::run_result::{Reservoir, RunResult};
 use crate::run::measures::diversity::{Diversity, divergence};
 use crate::tabular::TabularScenario;
-use crate::tabular::team::{Step, Team};
+use crate::tabular::team::{Step, TabularTeam};
 
 /// Of teams with more counts than this, 64 MB, nothing is said about how their agents differ.
-const MOST_COUNTS: usize = 1 << 24;
+const MAX_COUNTS: usize = 1 << 24;
 
 /// Plays once. `windows`: of which first episodes states are kept. `None` if interrupted.
 #[must_use]
@@ -17,8 +17,8 @@ pub fn play(
     scenario: &TabularScenario,
     windows: &[u32],
     interrupted: &AtomicBool,
-) -> Option<Measured> {
-    let mut team = Team::new(scenario);
+) -> Option<RunResult> {
+    let mut team = TabularTeam::new(scenario);
     let mut played = Played::begin(scenario, &team, windows);
     while let Some(step) = team.advance() {
         if interrupted.load(Ordering::Relaxed) {
@@ -31,22 +31,22 @@ pub fn play(
 
 /// A run so far.
 struct Played {
-    measured: Measured,
+    measured: RunResult,
     reservoir: Reservoir,
     /// Visits of each state by each agent, unless these are too many: `[K × states]`.
     counts: Vec<u32>,
 }
 
 impl Played {
-    fn begin(scenario: &TabularScenario, team: &Team, windows: &[u32]) -> Self {
+    fn begin(scenario: &TabularScenario, team: &TabularTeam, windows: &[u32]) -> Self {
         let agents = scenario.agents.count.get() as usize;
         let counts = agents * team.model().states();
-        let measured = Measured {
+        let measured = RunResult {
             returns: vec![Vec::new(); agents],
             regrets: vec![Vec::new(); agents],
-            ..Measured::default()
+            ..RunResult::default()
         };
-        let counts = if counts <= MOST_COUNTS {
+        let counts = if counts <= MAX_COUNTS {
             vec![0; counts]
         } else {
             Vec::new()
@@ -59,7 +59,7 @@ impl Played {
     }
 
     /// An episode visits the states in which its agent acts, and the last one.
-    fn take_in(&mut self, step: &Step, team: &Team) {
+    fn take_in(&mut self, step: &Step, team: &TabularTeam) {
         self.visit(step, step.from, team);
         if let Some(episode) = step.ended {
             self.visit(step, step.to, team);
@@ -68,18 +68,17 @@ impl Played {
         }
     }
 
-    fn visit(&mut self, step: &Step, state: u32, team: &Team) {
+    fn visit(&mut self, step: &Step, state: u32, team: &TabularTeam) {
         if let Some(count) = self
             .counts
             .get_mut(step.agent as usize * team.model().states() + state as usize)
         {
             *count += 1;
         }
-        self.reservoir
-            .take_in(step.episode, team.model().place(state));
+        self.reservoir.add(step.episode, team.model().place(state));
     }
 
-    fn finish(mut self, team: &Team) -> Measured {
+    fn finish(mut self, team: &TabularTeam) -> RunResult {
         let states = team.model().states() as f64;
         let by_agents: f64 = team
             .visits()
@@ -100,7 +99,7 @@ impl Played {
             Curve::EffectiveAgents => diversity.map(|diversity| diversity.effective_agents),
             _ => None,
         };
-        self.measured.curves = Curve::KEPT
+        self.measured.curves = Curve::OF_ROUNDS
             .iter()
             .map(|&curve| {
                 at_the_end(curve)
@@ -119,10 +118,10 @@ impl Played {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input;
     use crate::study::measure::Measure;
+    use seedbed_env::input;
 
-    fn played(text: &str) -> Measured {
+    fn played(text: &str) -> RunResult {
         let scenario: TabularScenario = input::parse("test", text.to_owned()).unwrap().value;
         play(&scenario, &[u32::MAX], &AtomicBool::new(false)).unwrap()
     }

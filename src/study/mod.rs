@@ -1,21 +1,23 @@
-//! Many runs: what they come to together, and what may be said of it.
+//! Studies: many runs of many settings, and what can be claimed from them.
 //!
-//! [`mod@file`] is what a researcher writes, with its [`figure`]s, [`plan`] and [`course`] what it comes to, [`runner`] runs what is still missing, [`store`] keeps it,
-//! [`comparison`] and [`claims`] say what it shows, and [`report`] puts that on a page. The unit is a whole team run; agents and episodes
-//! of one run share their fate and are no repeats. Rules of training may not enter.
+//! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
+//! [`runner`] runs what is still missing, and the [`store`] keeps each result. [`comparison`] and
+//! [`claims`] evaluate the [`results`], and the [`report`] presents them. The unit of all statistics
+//! is a run of the whole team: agents and episodes of one run depend on each other, so they are not
+//! independent repetitions. Must not depend on how agents learn.
 
-pub mod build;
 pub mod claims;
 pub mod comparison;
-pub mod course;
+pub mod experiment;
 pub mod figure;
 pub mod file;
 pub mod finite;
 pub mod measure;
-pub mod measured;
 pub mod plan;
+pub mod provenance;
 pub mod report;
+pub mod result_file;
 pub mod results;
+pub mod run_result;
 pub mod runner;
-pub mod statistics;
 pub mod store;

@@ -1,56 +1,56 @@
-//! A study read and checked: its cells, each with the scenario that it comes to.
+//! A study, read and checked: its cells with their scenarios, and their runs.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use super::course::{Course, Override};
-use super::figure::{Figure, Upto};
+use super::experiment::{Experiment, Override};
+use super::figure::{EpisodeWindow, Figure};
 use super::file::{Axis, NamedCell, Study};
 use super::measure::Measure;
-use crate::input::{self, Complaint, Document, InputError, Located};
+use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
 
 /// A study that can be run.
 #[derive(Clone, Debug)]
 pub struct StudyPlan {
-    /// The study's name: its file's stem.
+    /// Name: the stem of the file.
     pub name: String,
-    /// Its file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What stands there, and how.
+    /// Contents of the file.
     pub document: Document<Study>,
-    /// Whether it is run as `quick` says.
+    /// Whether it is run with the settings of `quick`.
     pub quick: bool,
-    /// The settings: first the grid's, the last axis running fastest, then the named ones.
+    /// Cells: first those of the grid, with the last axis varying fastest, then the named ones.
     pub cells: Vec<Cell>,
 }
 
 /// One setting of a study.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// Unique within the study.
+    /// Name, unique within the study.
     pub name: String,
-    /// The scenario's file.
+    /// Path of the scenario.
     pub scenario: PathBuf,
-    /// What is replaced there.
+    /// Values that are replaced in the scenario, each as `path=value`.
     pub overrides: Vec<String>,
-    /// What runs.
-    pub course: Course,
-    /// Tells what runs of this cell depend on, besides their seeds.
+    /// Experiment to run.
+    pub experiment: Experiment,
+    /// Hash of all that runs of this cell depend on, besides their seeds.
     pub digest: String,
-    /// Of which first episodes the first run keeps states: each once, from short to long.
+    /// Numbers of first episodes of which the first run keeps states, in ascending order.
     pub windows: Vec<u32>,
 }
 
 /// One run of a study.
 #[derive(Clone, Copy, Debug)]
-pub struct Task<'a> {
-    /// Counts all runs of the study: cell by cell, seed by seed.
+pub struct PlannedRun<'a> {
+    /// Index among all runs of the study: cell by cell, seed by seed.
     pub index: usize,
-    /// Whose.
+    /// Cell of the run.
     pub cell: &'a Cell,
-    /// The run's seed.
+    /// Seed of the run.
     pub seed: u64,
-    /// Whether it is the cell's first run, whose states are kept.
+    /// Whether it is the first run of its cell, of which states are kept.
     pub is_first: bool,
 }
 
@@ -58,17 +58,16 @@ impl StudyPlan {
     /// Reads and checks a study with all its scenarios and their tasks.
     ///
     /// # Errors
-    /// Whatever is wrong with any of them, with its place in the study.
+    /// The first error in any of them, with its place in the study.
     pub fn load(path: &Path, quick: bool) -> Result<Self, InputError> {
         let document: Document<Study> = input::read(path)?;
-        let built =
-            cells(&document.value, path, quick).map_err(|complaint| document.locate(complaint))?;
+        let built = cells(&document.value, path, quick).map_err(|error| document.locate(error))?;
         let names: Vec<&str> = built.iter().map(|cell| cell.name.as_str()).collect();
         document
             .value
             .check(&names)
-            .map_err(|complaint| document.locate(complaint))?;
-        check_measures(&document.value, &built).map_err(|complaint| document.locate(complaint))?;
+            .map_err(|error| document.locate(error))?;
+        check_measures(&document.value, &built).map_err(|error| document.locate(error))?;
         let name = path.file_stem().map_or_else(
             || "study".into(),
             |stem| stem.to_string_lossy().into_owned(),
@@ -82,47 +81,48 @@ impl StudyPlan {
         })
     }
 
-    /// What stands in the file.
+    /// Study file.
     #[must_use]
     pub fn study(&self) -> &Study {
         &self.document.value
     }
 
-    /// Runs of each cell.
+    /// Number of runs per cell.
     #[must_use]
     pub fn repeats(&self) -> u64 {
         let (all, quick) = (self.study().repeats.get(), self.study().quick.repeats.get());
         u64::from(if self.quick { quick.min(all) } else { all })
     }
 
-    /// All runs, by their indices.
+    /// All runs, in the order of their indices.
     #[must_use]
-    pub fn tasks(&self) -> Vec<Task<'_>> {
+    pub fn runs(&self) -> Vec<PlannedRun<'_>> {
         let first_seed = *self.study().first_seed;
-        let runs = self
-            .cells
-            .iter()
-            .flat_map(|cell| (0..self.repeats()).map(move |repeat| (cell, repeat)));
-        let task = |(index, (cell, repeat)): (usize, (_, u64))| Task {
-            index,
-            cell,
-            seed: first_seed + repeat,
-            is_first: repeat == 0,
-        };
-        runs.enumerate().map(task).collect()
+        let mut runs = Vec::new();
+        for cell in &self.cells {
+            for repeat in 0..self.repeats() {
+                runs.push(PlannedRun {
+                    index: runs.len(),
+                    cell,
+                    seed: first_seed + repeat,
+                    is_first: repeat == 0,
+                });
+            }
+        }
+        runs
     }
 
-    /// All runs but those that are another's again, because their cells have the same settings under two names.
+    /// All runs without duplicates. Cells with equal settings under two names share their runs.
     #[must_use]
-    pub fn distinct_tasks(&self) -> Vec<Task<'_>> {
+    pub fn distinct_runs(&self) -> Vec<PlannedRun<'_>> {
         let mut seen = HashSet::new();
-        self.tasks()
+        self.runs()
             .into_iter()
-            .filter(|task| seen.insert((task.cell.digest.as_str(), task.seed)))
+            .filter(|run| seen.insert((run.cell.digest.as_str(), run.seed)))
             .collect()
     }
 
-    /// The default folder of its results.
+    /// Default folder of the results.
     #[must_use]
     pub fn default_folder(&self) -> PathBuf {
         let suffix = if self.quick { "-quick" } else { "" };
@@ -132,8 +132,8 @@ impl StudyPlan {
     }
 }
 
-impl Task<'_> {
-    /// Of which first episodes states are kept.
+impl PlannedRun<'_> {
+    /// Numbers of first episodes of which states are kept.
     #[must_use]
     pub fn windows(&self) -> &[u32] {
         if self.is_first {
@@ -144,20 +144,20 @@ impl Task<'_> {
     }
 }
 
-/// A cell in the making. Values stay with the place that is to blame for them.
+/// A cell before its scenario is read. Values keep their places in the file, for errors.
 #[derive(Clone, Default)]
 struct Draft<'a> {
-    words: Vec<String>,
+    name_parts: Vec<String>,
     scenario: Option<Override<'a>>,
     overrides: Vec<Override<'a>>,
 }
 
-fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Complaint> {
+fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, ValidationError> {
     let base = Draft {
-        scenario: study.scenario.as_ref().map(as_it_stands),
+        scenario: study.scenario.as_ref().map(with_place),
         ..Draft::default()
     };
-    let base = base.with(study.set.iter().map(as_it_stands));
+    let base = base.with(study.set.iter().map(with_place));
     let mut drafts = if study.grid.is_empty() {
         Vec::new()
     } else {
@@ -166,7 +166,7 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Complaint
     drafts.extend(study.cells.iter().map(|cell| named(&base, cell)));
     if drafts.is_empty() {
         drafts.push(Draft {
-            words: vec!["all".to_owned()],
+            name_parts: vec!["all".to_owned()],
             ..base
         });
     }
@@ -178,14 +178,14 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Complaint
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut built: Vec<Cell> = Vec::with_capacity(drafts.len());
     for (number, draft) in drafts.into_iter().enumerate() {
-        let blamed = blamed(study, number, &draft);
+        let error_place = error_place(study, number, &draft);
         let cell =
             draft
-                .with(last.iter().map(as_it_stands))
-                .build(folder, &study.figures, blamed)?;
+                .with(last.iter().map(with_place))
+                .build(folder, &study.figures, error_place)?;
         if built.iter().any(|other| other.name == cell.name) {
-            return Err(complain(
-                blamed,
+            return Err(error(
+                error_place,
                 study,
                 &format!("there are two cells named `{}`", cell.name),
             ));
@@ -196,7 +196,7 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Complaint
     Ok(built)
 }
 
-/// Cells of the same settings share their runs, which keep the states that any of them shows.
+/// Cells with equal settings share their runs, which keep the states that any of these cells needs.
 fn share_windows(cells: &mut [Cell]) {
     let shown: Vec<(String, Vec<u32>)> = cells
         .iter()
@@ -210,12 +210,12 @@ fn share_windows(cells: &mut [Cell]) {
     }
 }
 
-fn as_it_stands(text: &Located<String>) -> (&Located<String>, String) {
+fn with_place(text: &Located<String>) -> (&Located<String>, String) {
     (text, text.value().clone())
 }
 
-/// Every combination of the axes' values, the last axis running fastest.
-fn grid<'a>(base: &Draft<'a>, axes: &'a [Axis]) -> Result<Vec<Draft<'a>>, Complaint> {
+/// Every combination of the axes' values, with the last axis varying fastest.
+fn grid<'a>(base: &Draft<'a>, axes: &'a [Axis]) -> Result<Vec<Draft<'a>>, ValidationError> {
     let mut drafts = vec![base.clone()];
     for axis in axes {
         let labels = labels(axis)?;
@@ -229,23 +229,24 @@ fn grid<'a>(base: &Draft<'a>, axes: &'a [Axis]) -> Result<Vec<Draft<'a>>, Compla
     Ok(drafts)
 }
 
-fn labels(axis: &Axis) -> Result<Vec<String>, Complaint> {
+fn labels(axis: &Axis) -> Result<Vec<String>, ValidationError> {
     let values: Vec<String> = axis
         .values
         .iter()
         .map(|value| value.value().clone())
         .collect();
     if values.is_empty() {
-        return Err(axis.values.complain("expected at least one value"));
+        return Err(axis.values.error("expected at least one value"));
     }
     let templates = axis.scenario.iter().chain(&axis.set);
     if !templates.clone().any(|template| template.contains("{}")) {
-        return Err(axis
-            .values
-            .complain("nothing in this axis' `scenario` or `set` holds `{}`, where values go"));
+        return Err(axis.values.error(
+            "neither `scenario` nor `set` of this axis contains `{}`; expected `{}` where its \
+                 values go",
+        ));
     }
     match &axis.labels {
-        Some(labels) if labels.len() != values.len() => Err(labels.complain(format!(
+        Some(labels) if labels.len() != values.len() => Err(labels.error(format!(
             "expected {} labels, one for each value, found {}",
             values.len(),
             labels.len()
@@ -255,12 +256,12 @@ fn labels(axis: &Axis) -> Result<Vec<String>, Complaint> {
     }
 }
 
-fn check_with(axis: &Axis) -> Result<(), Complaint> {
+fn check_with(axis: &Axis) -> Result<(), ValidationError> {
     let (values, lists) = (axis.values.len(), axis.with.len());
     if lists == 0 || lists == values {
         return Ok(());
     }
-    Err(axis.with.complain(format!(
+    Err(axis.with.error(format!(
         "expected {values} lists, one for each value, found {lists}"
     )))
 }
@@ -269,18 +270,22 @@ fn named<'a>(base: &Draft<'a>, cell: &'a NamedCell) -> Draft<'a> {
     let scenario = cell
         .scenario
         .as_ref()
-        .map(as_it_stands)
+        .map(with_place)
         .or_else(|| base.scenario.clone());
     let draft = Draft {
-        words: vec![cell.name.value().clone()],
+        name_parts: vec![cell.name.value().clone()],
         scenario,
         ..base.clone()
     };
-    draft.with(cell.set.iter().map(as_it_stands))
+    draft.with(cell.set.iter().map(with_place))
 }
 
-/// What stands for the cell as a whole: its name, or the last value of its axes.
-fn blamed<'a>(study: &'a Study, number: usize, draft: &Draft<'a>) -> Option<&'a Located<String>> {
+/// Place of the file for errors of a whole cell: its name, or the last value of its axes.
+fn error_place<'a>(
+    study: &'a Study,
+    number: usize,
+    draft: &Draft<'a>,
+) -> Option<&'a Located<String>> {
     let from_grid: usize = if study.grid.is_empty() {
         0
     } else {
@@ -295,10 +300,10 @@ fn blamed<'a>(study: &'a Study, number: usize, draft: &Draft<'a>) -> Option<&'a 
         .or(study.scenario.as_ref())
 }
 
-fn complain(blamed: Option<&Located<String>>, study: &Study, message: &str) -> Complaint {
-    blamed.map_or_else(
-        || study.repeats.complain(message),
-        |place| place.complain(message),
+fn error(place: Option<&Located<String>>, study: &Study, message: &str) -> ValidationError {
+    place.map_or_else(
+        || study.repeats.error(message),
+        |place| place.error(message),
     )
 }
 
@@ -309,11 +314,11 @@ impl<'a> Draft<'a> {
         self
     }
 
-    /// The same with one value of an axis.
+    /// The same cell with one value of an axis.
     fn along(&self, axis: &'a Axis, number: usize, label: &str) -> Self {
         let (mut draft, value) = (self.clone(), &axis.values[number]);
         draft
-            .words
+            .name_parts
             .push(format!("{} {label}", axis.name).trim().to_owned());
         if let Some(template) = &axis.scenario {
             draft.scenario = Some((value, template.replace("{}", value)));
@@ -332,42 +337,47 @@ impl<'a> Draft<'a> {
         self,
         folder: &Path,
         figures: &[Figure],
-        blamed: Option<&Located<String>>,
-    ) -> Result<Cell, Complaint> {
+        error_place: Option<&Located<String>>,
+    ) -> Result<Cell, ValidationError> {
         let Some((place, scenario)) = &self.scenario else {
-            let place = blamed.cloned().unwrap_or_default();
-            return Err(place.complain("this cell has no scenario; expected `scenario: \"….ron\"` in the study or in the cell"));
+            let place = error_place.cloned().unwrap_or_default();
+            return Err(place.error(
+                "this cell has no scenario; expected `scenario: \"….ron\"` in the study or in the \
+                 cell",
+            ));
         };
         let path = folder.join(scenario);
-        let course = Course::load(&path, place, &self.overrides, blamed.unwrap_or(place))?;
+        let experiment =
+            Experiment::load(&path, place, &self.overrides, error_place.unwrap_or(place))?;
         let (name, overrides) = (
-            self.words.join(", "),
+            self.name_parts.join(", "),
             self.overrides.into_iter().map(|(_, text)| text).collect(),
         );
         Ok(Cell {
-            digest: course.digest(),
+            digest: experiment.digest(),
             windows: windows(figures, &name),
             scenario: path,
             overrides,
-            course,
+            experiment,
             name,
         })
     }
 }
 
-/// The windows of all figures of visited states that show a cell.
+/// Numbers of first episodes in all figures of visited states that show a cell.
 fn windows(figures: &[Figure], cell: &str) -> Vec<u32> {
     let of_figure = |figure: &Figure| match figure {
-        Figure::Visitation { episodes, .. } if figure.shows(cell) => {
-            episodes.iter().map(|upto| Upto::episodes(*upto)).collect()
-        }
+        Figure::Visitation { episodes, .. } if figure.shows(cell) => episodes
+            .iter()
+            .map(|upto| EpisodeWindow::episodes(*upto))
+            .collect(),
         _ => Vec::new(),
     };
     figures.iter().flat_map(of_figure).collect()
 }
 
-/// Every cell can tell everything that is measured.
-fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), Complaint> {
+/// Checks that the runs of every cell have all measures that claims and figures need.
+fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> {
     let measures = study.measures.iter().chain(
         study
             .claims
@@ -375,16 +385,16 @@ fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), Complaint> {
             .filter_map(|claim| claim.measure.as_ref()),
     );
     for measure in measures {
-        lacking(cells.iter(), **measure)
-            .map_or(Ok(()), |message| Err(measure.complain(message)))?;
+        missing_measure(cells.iter(), **measure)
+            .map_or(Ok(()), |message| Err(measure.error(message)))?;
     }
     for figure in &study.figures {
         let shown = cells.iter().filter(|cell| figure.shows(&cell.name));
         let message = figure
-            .shown(study.main_measure())
-            .and_then(|measure| lacking(shown, measure));
+            .required_measure(study.main_measure())
+            .and_then(|measure| missing_measure(shown, measure));
         message.map_or(Ok(()), |message| {
-            Err(figure.complain(
+            Err(figure.error(
                 study,
                 format!("for the figure `{}`: {message}", figure.kind()),
             ))
@@ -393,13 +403,18 @@ fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), Complaint> {
     Ok(())
 }
 
-/// Which cell cannot tell a measure, and why.
-fn lacking<'a>(mut cells: impl Iterator<Item = &'a Cell>, measure: Measure) -> Option<String> {
+/// Message about the first cell whose runs do not have a measure.
+fn missing_measure<'a>(
+    mut cells: impl Iterator<Item = &'a Cell>,
+    measure: Measure,
+) -> Option<String> {
     let lack = |cell: &Cell| {
-        cell.course
+        cell.experiment
             .lacks(measure)
             .map(|(lack, help)| (cell.name.clone(), lack, help))
     };
     let (name, lack, help) = cells.find_map(lack)?;
-    Some(format!("cell `{name}` cannot tell this: {lack}; {help}"))
+    Some(format!(
+        "cell `{name}` does not have this measure: {lack}; {help}"
+    ))
 }

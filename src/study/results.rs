@@ -1,60 +1,62 @@
-//! What a study has come to so far, read from its folder.
+//! Results of a study so far, read from its folder.
 
 use std::collections::BTreeSet;
 
-use super::build::BuildMark;
 use super::comparison::Score;
-use super::figure::{Figure, Upto};
+use super::figure::{EpisodeWindow, Figure};
 use super::file::{FIRST_REPORTING_SEED, Study};
 use super::measure::Measure;
-use super::measured::Measured;
+use super::provenance::BuildId;
+use super::run_result::RunResult;
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
-use crate::input::{self, InputError};
+use seedbed_env::input::{self, InputError};
 
-/// A study with all runs that are there.
+/// A study with all its finished runs.
 #[derive(Clone, Debug)]
 pub struct Results {
-    /// What was run.
+    /// Manifest of the study.
     pub manifest: Manifest,
-    /// What the study's file says.
+    /// Study file.
     pub study: Study,
-    /// One a cell of the study, in the same order.
+    /// Results of each cell, in the order of the study.
     pub cells: Vec<CellResults>,
-    /// The versions of the workbench that ran it.
+    /// Versions of seedbed that ran it.
     pub versions: BTreeSet<String>,
-    /// Its builds; none stands for those that are not known.
-    pub builds: BTreeSet<Option<BuildMark>>,
+    /// Commits of seedbed that ran it, as far as they are known.
+    pub commits: BTreeSet<String>,
+    /// Builds that ran it; `None` is an unknown build.
+    pub builds: BTreeSet<Option<BuildId>>,
 }
 
-/// All runs of a cell that are there.
+/// Results of a cell.
 #[derive(Clone, Debug)]
 pub struct CellResults {
-    /// What the cell is.
+    /// Description of the cell.
     pub about: ManifestCell,
-    /// Finished runs by their seeds.
-    pub runs: Vec<(u64, Measured)>,
-    /// Failed runs by their seeds, with their reasons.
+    /// Seeds and results of finished runs.
+    pub runs: Vec<(u64, RunResult)>,
+    /// Seeds of failed runs, and why they failed.
     pub failures: Vec<(u64, String)>,
-    /// Runs that are not there.
+    /// Number of runs that are missing.
     pub missing: usize,
 }
 
-/// Why a folder holds no results that can be read.
+/// Why results cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ResultsError {
-    /// It is no study's folder.
-    #[error("no study was run here: {0}")]
+    /// The folder has no readable manifest of a study.
+    #[error("not the results of a study: {0}")]
     Folder(StoreError),
-    /// Its study cannot be read by this version.
+    /// This version cannot read the study file that was run.
     #[error(transparent)]
     Study(#[from] InputError),
 }
 
 impl Results {
-    /// Reads what is there.
+    /// Reads all results in a folder.
     ///
     /// # Errors
-    /// The folder holds no study.
+    /// If the folder has no readable study.
     pub fn read(folder: &StudyFolder) -> Result<Self, ResultsError> {
         let manifest = folder.manifest().map_err(ResultsError::Folder)?;
         let study: Study = input::parse(&manifest.study_path, manifest.study.clone())?.value;
@@ -62,6 +64,7 @@ impl Results {
             study,
             cells: Vec::new(),
             versions: BTreeSet::new(),
+            commits: BTreeSet::new(),
             builds: BTreeSet::new(),
             manifest,
         };
@@ -84,6 +87,7 @@ impl Results {
                 continue;
             };
             self.versions.insert(stored.version);
+            self.commits.extend(stored.commit);
             self.builds.insert(stored.build);
             match stored.outcome {
                 Ok(run) => cell.runs.push((seed, run)),
@@ -93,13 +97,13 @@ impl Results {
         self.cells.push(cell);
     }
 
-    /// The cell of this name.
+    /// Results of the cell of this name.
     #[must_use]
     pub fn cell(&self, name: &str) -> Option<&CellResults> {
         self.cells.iter().find(|cell| cell.about.name == name)
     }
 
-    /// The cells that a figure shows: all, or those that it names, in its order.
+    /// Cells that a figure shows: those that it names, in its order, or all.
     #[must_use]
     pub fn shown_by(&self, figure: &Figure) -> Vec<&CellResults> {
         if figure.cells().is_empty() {
@@ -112,13 +116,13 @@ impl Results {
             .collect()
     }
 
-    /// Whether its seeds are those for tuning, whose results are not to be published.
+    /// Whether its seeds are for tuning. Such results must not be published.
     #[must_use]
     pub fn is_tuning(&self) -> bool {
         self.manifest.first_seed < FIRST_REPORTING_SEED
     }
 
-    /// Runs that are finished, failed, and missing.
+    /// Numbers of finished, failed, and missing runs.
     #[must_use]
     pub fn counts(&self) -> [usize; 3] {
         let sum = |count: fn(&CellResults) -> usize| self.cells.iter().map(count).sum();
@@ -131,7 +135,7 @@ impl Results {
 }
 
 impl CellResults {
-    /// A measure of all runs that can tell it.
+    /// Scores of all runs that have a measure.
     #[must_use]
     pub fn scores(&self, measure: Measure) -> Vec<Score> {
         self.runs
@@ -140,9 +144,10 @@ impl CellResults {
             .collect()
     }
 
-    /// The states of the first run's first episodes, if they were kept: how many were visited, and a sample of them.
+    /// States of the first episodes of the first run, if they were kept: number of visited states,
+    /// and a sample of them.
     #[must_use]
-    pub fn states(&self, upto: Upto) -> Option<(u64, &[f32])> {
+    pub fn states(&self, upto: EpisodeWindow) -> Option<(u64, &[f32])> {
         let kept = self
             .runs
             .iter()

@@ -1,138 +1,132 @@
-//! Runs what a study still lacks, or what it has once more, on all cores: whoever is free takes the next run, the longest first.
+//! Runs what a study lacks, or verifies what it has, on several threads: a free thread takes the
+//! next run, the longest first.
 
+use std::any::Any;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
-use super::measured::Measured;
-use super::plan::Task;
+use super::plan::PlannedRun;
+use super::run_result::RunResult;
 use super::store::{StoreError, StudyFolder};
 
-/// What is told of a run when it is over.
+/// Report of a run that has ended.
 #[derive(Clone, Copy, Debug)]
 pub struct Finished<'a> {
-    /// Which.
-    pub task: &'a Task<'a>,
-    /// Why it failed, if it did.
+    /// The run.
+    pub run: &'a PlannedRun<'a>,
+    /// Why it failed; `None` if it did not.
     pub failure: Option<&'a str>,
 }
 
-/// Runs `tasks` on `jobs` threads, each on one, and stores what comes of each as soon as it is over. A run that fails is stored as
-/// failed, with its reason, and keeps no other from running. Ends early, without a trace of unfinished runs, if `interrupted`.
+/// Runs `runs` on `jobs` threads, one thread per run, and stores each result as soon as it is
+/// there. A run that fails is stored as failed, with its reason, and does not stop the others.
+/// When `interrupted`, unfinished runs leave nothing behind.
 ///
 /// # Errors
-/// A result cannot be stored: running on would be in vain.
-///
-/// # Panics
-/// Never: no thread holds the lock when it fails.
+/// If a result cannot be stored. No further runs are started then.
 pub fn run(
-    tasks: &[Task<'_>],
+    runs: &[PlannedRun<'_>],
     folder: &StudyFolder,
     jobs: usize,
     interrupted: &AtomicBool,
-    told: &(dyn Fn(&Finished<'_>) + Sync),
+    on_finished: &(dyn Fn(&Finished<'_>) + Sync),
 ) -> Result<(), StoreError> {
-    each(tasks, jobs, interrupted, &|task| {
-        let Some(outcome) = measure(task, task.windows(), interrupted) else {
+    for_each(runs, jobs, interrupted, &|run| {
+        let Some(outcome) = execute(run, run.windows(), interrupted) else {
             return Ok(());
         };
-        let stored = folder.store(task, outcome)?;
-        told(&Finished {
-            task,
+        let stored = folder.store(run, outcome)?;
+        on_finished(&Finished {
+            run,
             failure: stored.outcome.as_ref().err().map(String::as_str),
         });
         Ok(())
     })
 }
 
-/// Runs again what is stored and tells of each task whether the same came of it, to the bit. What is stored stays.
-///
-/// # Panics
-/// Never: no thread holds the lock when it fails.
+/// Repeats stored runs, and reports of each whether the result is bit-identical. Stored results are
+/// not changed.
 pub fn verify<'a>(
-    tasks: &'a [Task<'a>],
+    runs: &'a [PlannedRun<'a>],
     folder: &StudyFolder,
     jobs: usize,
     interrupted: &AtomicBool,
-    told: &(dyn Fn(&'a Task<'a>, bool) + Sync),
+    on_verified: &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync),
 ) {
-    let never: Result<(), Infallible> = each(tasks, jobs, interrupted, &|task| {
-        let Some(stored) = folder.stored_task(task) else {
+    let never: Result<(), Infallible> = for_each(runs, jobs, interrupted, &|run| {
+        let Some(stored) = folder.stored_run(run) else {
             return Ok(());
         };
         let kept = stored.outcome.iter().flat_map(|run| &run.states);
         let windows: Vec<u32> = kept.map(|states| states.episodes).collect();
-        if let Some(outcome) = measure(task, &windows, interrupted) {
-            told(task, is_same(&outcome, &stored.outcome));
+        if let Some(outcome) = execute(run, &windows, interrupted) {
+            on_verified(run, stored.is_reproduced_by(&outcome));
         }
         Ok(())
     });
     never.unwrap_or_else(|never| match never {});
 }
 
-/// Bit by bit, so that what is not a number equals itself.
-fn is_same(one: &Result<Measured, String>, other: &Result<Measured, String>) -> bool {
-    let bytes = |outcome: &Result<Measured, String>| {
-        postcard::to_stdvec(outcome).expect("plain data always serialises")
-    };
-    bytes(one) == bytes(other)
-}
-
-/// Does the work of every task on `jobs` threads, the longest first, until it fails or somebody interrupts.
-fn each<'a, E: Send>(
-    tasks: &'a [Task<'a>],
+/// Does `work` for each run on `jobs` threads, the longest run first, until work fails or is
+/// `interrupted`. Returns the first error.
+fn for_each<'a, E: Send>(
+    runs: &'a [PlannedRun<'a>],
     jobs: usize,
     interrupted: &AtomicBool,
-    work: &(dyn Fn(&'a Task<'a>) -> Result<(), E> + Sync),
+    work: &(dyn Fn(&'a PlannedRun<'a>) -> Result<(), E> + Sync),
 ) -> Result<(), E> {
-    let mut queue: Vec<&Task<'a>> = tasks.iter().collect();
-    queue.sort_by(|a, b| b.cell.course.cost().total_cmp(&a.cell.course.cost()));
-    let (next, hopeless) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let error: Mutex<Option<E>> = Mutex::new(None);
-    let take = || {
-        while let Some(task) = queue.get(next.fetch_add(1, Ordering::Relaxed))
+    let mut queue: Vec<&PlannedRun<'a>> = runs.iter().collect();
+    queue.sort_by(|a, b| {
+        let (a, b) = (a.cell.experiment.cost(), b.cell.experiment.cost());
+        b.total_cmp(&a)
+    });
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let first_error: Mutex<Option<E>> = Mutex::new(None);
+    let work_through_queue = || {
+        while let Some(run) = queue.get(next.fetch_add(1, Ordering::Relaxed))
             && !interrupted.load(Ordering::Relaxed)
-            && !hopeless.load(Ordering::Relaxed)
+            && !failed.load(Ordering::Relaxed)
         {
-            if let Err(refused) = work(task) {
-                hopeless.store(true, Ordering::Relaxed);
-                error
-                    .lock()
-                    .expect("no thread fails while it holds the lock")
-                    .get_or_insert(refused);
+            if let Err(error) = work(run) {
+                failed.store(true, Ordering::Relaxed);
+                let mut first_error = first_error.lock().unwrap_or_else(PoisonError::into_inner);
+                first_error.get_or_insert(error);
             }
         }
     };
     std::thread::scope(|scope| {
         for _ in 0..jobs.clamp(1, queue.len().max(1)) {
-            scope.spawn(take);
+            scope.spawn(work_through_queue);
         }
     });
-    error
+    let first_error = first_error
         .into_inner()
-        .expect("no thread fails while it holds the lock")
-        .map_or(Ok(()), Err)
+        .unwrap_or_else(PoisonError::into_inner);
+    first_error.map_or(Ok(()), Err)
 }
 
-/// Runs once, whatever happens. `windows`: of which first episodes states are kept. `None` if interrupted.
-fn measure(
-    task: &Task<'_>,
+/// Executes a run. Errors and panics become the reason why it failed. States of the first episodes
+/// are kept for each of `windows`. `None` if interrupted.
+fn execute(
+    run: &PlannedRun<'_>,
     windows: &[u32],
     interrupted: &AtomicBool,
-) -> Option<Result<Measured, String>> {
-    let run = || task.cell.course.run(task.seed, windows, interrupted);
-    match catch_unwind(AssertUnwindSafe(run)) {
+) -> Option<Result<RunResult, String>> {
+    let experiment = &run.cell.experiment;
+    let execute = || experiment.run(run.seed, windows, interrupted);
+    match catch_unwind(AssertUnwindSafe(execute)) {
         Ok(Ok(None)) => None,
-        Ok(Ok(Some(measured))) => Some(Ok(measured)),
+        Ok(Ok(Some(result))) => Some(Ok(result)),
         Ok(Err(error)) => Some(Err(error.to_string())),
-        Err(panic) => {
-            let words = panic.downcast_ref::<&str>().map(|word| (*word).to_owned());
-            let words = words.or_else(|| panic.downcast_ref::<String>().cloned());
-            Some(Err(format!(
-                "broke off: {}",
-                words.unwrap_or_else(|| "for an unknown reason".to_owned())
-            )))
-        }
+        Err(panic) => Some(Err(format!("panicked: {}", panic_message(&*panic)))),
     }
+}
+
+/// Message of a panic: a string that was formatted or is constant.
+fn panic_message(panic: &(dyn Any + Send)) -> &str {
+    let constant = panic.downcast_ref::<&str>().copied();
+    let formatted = panic.downcast_ref::<String>().map(String::as_str);
+    constant.or(formatted).unwrap_or("no message")
 }

@@ -1,6 +1,7 @@
-//! A study's folder: one small file a finished run, and what the report has to know about the study.
+//! The folder of a study: one file per stored run, and a manifest for the report.
 //!
-//! A file is named after what its run depends on and its seed, so a changed study finds what its change leaves valid.
+//! The name of a file is a hash of all that its run depends on, and the seed. So a changed study
+//! finds the results that its change does not affect.
 
 use std::fs::{File, TryLockError};
 use std::io;
@@ -8,91 +9,72 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::build::{self, BuildMark};
 use super::file::{Claim, Study};
-use super::measured::Measured;
-use super::plan::{StudyPlan, Task};
-use crate::env::Quantity;
-use crate::input;
+use super::plan::{PlannedRun, StudyPlan};
+pub use super::result_file::StoredRun;
+use super::run_result::RunResult;
 use crate::run::files;
+use seedbed_env::Quantity;
+use seedbed_env::input;
 
-/// The layout of result files. Files of another layout count as missing.
-const LAYOUT: u32 = 2;
-
-/// Where a study's results lie.
+/// Folder of a study's results.
 #[derive(Clone, Debug)]
 pub struct StudyFolder {
     path: PathBuf,
 }
 
-/// What a result file holds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StoredRun {
-    layout: u32,
-    /// The version that ran it.
-    pub version: String,
-    /// What the run depended on, besides its seed.
-    pub digest: String,
-    /// Its seed.
-    pub seed: u64,
-    /// What it came to, or why it failed.
-    pub outcome: Result<Measured, String>,
-    /// The build that ran it, where it is known. Stands after all else, where those that do not know of it do not look.
-    #[serde(skip)]
-    pub build: Option<BuildMark>,
-}
-
-/// What the report knows of the study.
+/// What the report needs to know of a study: `study.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// The version that began the study.
+    /// Version of seedbed that wrote it.
     pub version: String,
-    /// The study's name.
+    /// Name of the study.
     pub name: String,
-    /// Its file.
+    /// Path of the study file.
     pub study_path: String,
-    /// The text of that file.
+    /// Text of the study file.
     pub study: String,
-    /// Whether it was run as `quick` says.
+    /// Whether it was run with the settings of `quick`.
     pub quick: bool,
-    /// The seed of each cell's first run.
+    /// Seed of the first run of each cell.
     pub first_seed: u64,
-    /// Runs of each cell.
+    /// Number of runs per cell.
     pub repeats: u64,
-    /// The cells.
+    /// Cells.
     pub cells: Vec<ManifestCell>,
-    /// Claims, spelled out, that were written or changed when there were runs of what they compare already.
+    /// Claims that were written or changed when both cells that they compare had runs, as
+    /// [`Claim::canonical_text`].
     #[serde(default)]
     pub late_claims: Vec<String>,
-    /// Runs of each cell that were asked for before, from first to last, when some were there already.
+    /// Earlier numbers of runs per cell, from first to last, of which some were run.
     #[serde(default)]
     pub earlier_repeats: Vec<u64>,
 }
 
-/// What the report knows of a cell.
+/// What the report needs to know of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ManifestCell {
-    /// Its name.
+    /// Name of the cell.
     pub name: String,
-    /// What its runs depend on, besides their seeds.
+    /// Hash of all that its runs depend on, besides their seeds.
     pub digest: String,
-    /// The file of its scenario.
+    /// Path of its scenario.
     pub scenario: String,
-    /// What is replaced there.
+    /// Values that are replaced in the scenario, each as `path=value`.
     pub overrides: Vec<String>,
-    /// K.
+    /// Number of agents K.
     pub agents: u32,
-    /// Episodes of each agent after which its runs end at the latest.
-    pub most_episodes: u32,
-    /// The name of its task.
+    /// Max number of episodes of each agent.
+    pub max_episodes: u32,
+    /// Name of its task.
     pub task: String,
-    /// What its agents observe: name, unit, and the ends of the display range.
+    /// Observations of its agents: name, unit, and ends of the display range.
     pub observations: Vec<(String, String, [f32; 2])>,
 }
 
-/// The right to run a study here. Given back when dropped, or when the process ends however it ends.
+/// Lock of a study's folder, released when dropped and when the process ends.
 #[derive(Debug)]
-pub struct StudyClaim {
+pub struct StudyLock {
     _lock: File,
 }
 
@@ -103,197 +85,163 @@ impl StudyFolder {
         Self { path: path.into() }
     }
 
-    /// The folder itself.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Claims the folder, creating it where there is none: for one process alone, or for many that each add a single run. `None` where
-    /// another process stands in the way.
+    /// Locks the folder, and creates it if necessary: for this process alone with `exclusive`,
+    /// otherwise for any number of processes that each add single runs. `None` if another process
+    /// has a lock that excludes this one.
     ///
     /// # Errors
-    /// The system refuses.
-    pub fn claim(&self, alone: bool) -> io::Result<Option<StudyClaim>> {
+    /// If the folder or the lock file cannot be created.
+    pub fn lock(&self, exclusive: bool) -> io::Result<Option<StudyLock>> {
         std::fs::create_dir_all(&self.path)?;
-        let lock = File::options()
+        let file = File::options()
             .create(true)
             .truncate(false)
             .write(true)
             .open(self.path.join(".lock"))?;
-        match if alone {
-            lock.try_lock()
+        let locked = if exclusive {
+            file.try_lock()
         } else {
-            lock.try_lock_shared()
-        } {
-            Ok(()) => Ok(Some(StudyClaim { _lock: lock })),
+            file.try_lock_shared()
+        };
+        match locked {
+            Ok(()) => Ok(Some(StudyLock { _lock: file })),
             Err(TryLockError::WouldBlock) => Ok(None),
             Err(TryLockError::Error(error)) => Err(error),
         }
     }
 
-    /// What is stored of a run, if it is whole and has the states that are wanted of it.
+    /// Stored result of a run; `None` if there is none, or if it lacks the states of any of
+    /// `windows`.
     #[must_use]
     pub fn stored(&self, digest: &str, seed: u64, windows: &[u32]) -> Option<StoredRun> {
         let bytes = std::fs::read(self.file(digest, seed)).ok()?;
-        let (stored, rest) = postcard::take_from_bytes::<StoredRun>(&bytes).ok()?;
-        let stored = StoredRun {
-            build: postcard::from_bytes(rest).ok(),
-            ..stored
+        let stored = StoredRun::from_bytes(&bytes)?;
+        let has_window = |run: &RunResult, window: u32| {
+            let mut states = run.states.iter();
+            states.any(|states| states.episodes == window)
         };
-        let kept = |run: &Measured| {
-            windows
-                .iter()
-                .all(|window| run.states.iter().any(|states| states.episodes == *window))
+        let has_states = match &stored.outcome {
+            Ok(run) => windows.iter().all(|&window| has_window(run, window)),
+            Err(_) => true,
         };
-        let whole = stored.layout == LAYOUT && stored.digest == digest && stored.seed == seed;
-        (whole && stored.outcome.as_ref().map_or(true, kept)).then_some(stored)
+        let is_asked_for = stored.digest == digest && stored.seed == seed;
+        (is_asked_for && has_states).then_some(stored)
     }
 
-    /// The same for a task.
+    /// Stored result of a planned run, with the states that are wanted of it.
     #[must_use]
-    pub fn stored_task(&self, task: &Task<'_>) -> Option<StoredRun> {
-        self.stored(&task.cell.digest, task.seed, task.windows())
+    pub fn stored_run(&self, run: &PlannedRun<'_>) -> Option<StoredRun> {
+        self.stored(&run.cell.digest, run.seed, run.windows())
     }
 
-    /// Stores what came of a task.
+    /// Stores the outcome of a run.
     ///
     /// # Errors
-    /// The file cannot be written.
-    ///
-    /// # Panics
-    /// Never: plain data always serialises.
+    /// If the file cannot be written.
     pub fn store(
         &self,
-        task: &Task<'_>,
-        outcome: Result<Measured, String>,
+        run: &PlannedRun<'_>,
+        outcome: Result<RunResult, String>,
     ) -> Result<StoredRun, StoreError> {
-        let (version, digest) = (
-            env!("CARGO_PKG_VERSION").to_owned(),
-            task.cell.digest.clone(),
-        );
-        let stored = StoredRun {
-            layout: LAYOUT,
-            version,
-            digest,
-            seed: task.seed,
-            outcome,
-            build: build::mark(),
-        };
-        let mut bytes = postcard::to_stdvec(&stored).expect("plain data always serialises");
-        bytes.extend(stored.build.into_iter().flatten());
+        let stored = StoredRun::new(run.cell.digest.clone(), run.seed, outcome);
         let path = self.file(&stored.digest, stored.seed);
-        files::replace(&path, &bytes).map_err(|error| StoreError {
-            path,
-            reason: error.to_string(),
-        })?;
+        replace(path, &stored.to_bytes())?;
         Ok(stored)
     }
 
-    /// Where a run's result lies.
+    /// Path of a run's result file.
     #[must_use]
     pub fn file(&self, digest: &str, seed: u64) -> PathBuf {
-        self.runs().join(format!("{digest}-{seed}.run"))
+        self.runs_folder().join(format!("{digest}-{seed}.run"))
     }
 
-    /// Where all results lie.
+    /// Path of the folder of all result files.
     #[must_use]
-    pub fn runs(&self) -> PathBuf {
+    pub fn runs_folder(&self) -> PathBuf {
         self.path.join("runs")
     }
 
-    /// Notes what the study is, unless the same is noted already, which of its claims come late, and whether its repeats were changed.
+    /// Writes the manifest, unless it is up to date, with the claims that come late and with
+    /// earlier numbers of runs.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     ///
     /// # Panics
-    /// Never: plain data always serialises.
-    pub fn note(&self, plan: &StudyPlan) -> Result<(), StoreError> {
+    /// Never: plain data always serializes.
+    pub fn write_manifest(&self, plan: &StudyPlan) -> Result<(), StoreError> {
         let path = self.manifest_file();
-        let noted = self.manifest().ok();
-        let (late_claims, earlier_repeats) = (
-            self.late_claims(plan, noted.as_ref()),
-            self.earlier_repeats(plan, noted.as_ref()),
-        );
+        let previous = self.manifest().ok();
         let manifest = Manifest {
-            late_claims,
-            earlier_repeats,
+            late_claims: self.late_claims(plan, previous.as_ref()),
+            earlier_repeats: self.earlier_repeats(plan, previous.as_ref()),
             ..Manifest::of(plan)
         };
         let mut text =
-            serde_json::to_string_pretty(&manifest).expect("plain data always serialises");
+            serde_json::to_string_pretty(&manifest).expect("plain data always serializes");
         text.push('\n');
-        if std::fs::read_to_string(&path).is_ok_and(|noted| noted == text) {
+        if std::fs::read_to_string(&path).is_ok_and(|present| present == text) {
             return Ok(());
         }
-        files::replace(&path, text.as_bytes()).map_err(|error| StoreError {
-            path,
-            reason: error.to_string(),
-        })
+        replace(path, text.as_bytes())
     }
 
-    /// Claims that were late before and still are there, and those that are new although both sides have runs.
-    fn late_claims(&self, plan: &StudyPlan, noted: Option<&Manifest>) -> Vec<String> {
-        let known = noted
-            .and_then(|noted| input::parse::<Study>(&noted.study_path, noted.study.clone()).ok());
-        let known: Vec<String> = known
-            .iter()
-            .flat_map(|study| {
-                study
-                    .value
-                    .claims
-                    .iter()
-                    .map(|claim| claim.spelled_out(&study.value))
-            })
-            .collect();
-        let was_late =
-            |claim: &String| noted.is_some_and(|noted| noted.late_claims.contains(claim));
-        let (study, tasks) = (plan.study(), plan.tasks());
-        let has_runs = |name: &str| {
-            tasks
-                .iter()
-                .any(|task| task.cell.name == name && self.stored_task(task).is_some())
-        };
-        let is_late = |(claim, spelled): &(&Claim, String)| {
-            was_late(spelled)
-                || !known.contains(spelled)
-                    && has_runs(&claim.compare.0)
-                    && has_runs(&claim.compare.1)
-        };
-        let spelled = study
-            .claims
-            .iter()
-            .map(|claim| (claim, claim.spelled_out(study)));
-        spelled
-            .filter(is_late)
-            .map(|(_, spelled)| spelled)
-            .collect()
+    /// Claims that were late before, and new ones although both of their cells have runs.
+    fn late_claims(&self, plan: &StudyPlan, previous: Option<&Manifest>) -> Vec<String> {
+        let study = plan.study();
+        let known = previous.map(Manifest::claims).unwrap_or_default();
+        let mut late = Vec::new();
+        for claim in &study.claims {
+            let text = claim.canonical_text(study);
+            let was_late = previous.is_some_and(|previous| previous.late_claims.contains(&text));
+            let is_late = was_late || !known.contains(&text) && self.has_runs_of_both(plan, claim);
+            if is_late {
+                late.push(text);
+            }
+        }
+        late
     }
 
-    /// Repeats that were noted before, and those noted last if they are others now although there are runs.
-    fn earlier_repeats(&self, plan: &StudyPlan, noted: Option<&Manifest>) -> Vec<u64> {
-        let Some(noted) = noted else {
+    /// Whether both cells that a claim compares have runs.
+    fn has_runs_of_both(&self, plan: &StudyPlan, claim: &Claim) -> bool {
+        let runs = plan.runs();
+        let has_runs = |cell: &str| {
+            let mut runs = runs.iter().filter(|run| run.cell.name == cell);
+            runs.any(|run| self.stored_run(run).is_some())
+        };
+        has_runs(&claim.compare.0) && has_runs(&claim.compare.1)
+    }
+
+    /// Earlier numbers of runs per cell: those of the previous manifest, and its last number if it
+    /// differs from the present one and there are runs.
+    fn earlier_repeats(&self, plan: &StudyPlan, previous: Option<&Manifest>) -> Vec<u64> {
+        let Some(previous) = previous else {
             return Vec::new();
         };
+        let mut repeats = previous.earlier_repeats.clone();
         let has_runs = || {
-            plan.tasks()
+            let runs = plan.runs();
+            let mut stored = runs
                 .iter()
-                .any(|task| self.stored(&task.cell.digest, task.seed, &[]).is_some())
+                .map(|run| self.stored(&run.cell.digest, run.seed, &[]));
+            stored.any(|stored| stored.is_some())
         };
-        let changed = noted.repeats != plan.repeats() && has_runs();
-        noted
-            .earlier_repeats
-            .iter()
-            .copied()
-            .chain(changed.then_some(noted.repeats))
-            .collect()
+        if previous.repeats != plan.repeats() && has_runs() {
+            repeats.push(previous.repeats);
+        }
+        repeats
     }
 
-    /// What study this is.
+    /// Manifest of the study.
     ///
     /// # Errors
-    /// No study was ever run here, or by another version.
+    /// If there is none, or if it cannot be read.
     pub fn manifest(&self) -> Result<Manifest, StoreError> {
         let path = self.manifest_file();
         let text = std::fs::read_to_string(&path).map_err(|error| error.to_string());
@@ -307,38 +255,55 @@ impl StudyFolder {
     }
 }
 
+fn replace(path: PathBuf, bytes: &[u8]) -> Result<(), StoreError> {
+    files::replace(&path, bytes).map_err(|error| StoreError {
+        path,
+        reason: error.to_string(),
+    })
+}
+
 impl Manifest {
-    /// How often each cell was to be run, from first to last, if that was changed when there were runs: such as `Runs were extended from 10 to 20 …`.
+    /// Claims of the study, as [`Claim::canonical_text`]; none if its file cannot be read any more.
+    fn claims(&self) -> Vec<String> {
+        let Ok(study) = input::parse::<Study>(&self.study_path, self.study.clone()) else {
+            return Vec::new();
+        };
+        let claims = study.value.claims.iter();
+        claims
+            .map(|claim| claim.canonical_text(&study.value))
+            .collect()
+    }
+
+    /// Sentence about numbers of runs per cell that were changed when some were run, such as `The
+    /// number of runs per cell was extended from 10 to 20 after some of them had been run.`
     #[must_use]
     pub fn changed_repeats(&self) -> Option<String> {
         let last = self.earlier_repeats.last()?;
-        let word = if self.earlier_repeats.is_sorted() && *last < self.repeats {
-            "extended"
-        } else {
-            "changed"
-        };
-        let all = self
-            .earlier_repeats
-            .iter()
-            .chain([&self.repeats])
-            .map(u64::to_string);
+        let is_extended = self.earlier_repeats.is_sorted() && *last < self.repeats;
+        let verb = if is_extended { "extended" } else { "changed" };
+        let all = self.earlier_repeats.iter().chain([&self.repeats]);
+        let all: Vec<String> = all.map(u64::to_string).collect();
         Some(format!(
-            "Runs were {word} from {} after the first were there.",
-            all.collect::<Vec<_>>().join(" to ")
+            "The number of runs per cell was {verb} from {} after some of them had been run.",
+            all.join(" to ")
         ))
     }
 
-    /// What the report has to know of a study before any of it is run.
     fn of(plan: &StudyPlan) -> Self {
         let cell = |cell: &super::plan::Cell| ManifestCell {
             name: cell.name.clone(),
             digest: cell.digest.clone(),
             scenario: cell.scenario.display().to_string(),
             overrides: cell.overrides.clone(),
-            agents: cell.course.agents(),
-            most_episodes: cell.course.most_episodes(),
-            task: cell.course.task().to_owned(),
-            observations: cell.course.observations().iter().map(noted).collect(),
+            agents: cell.experiment.agents(),
+            max_episodes: cell.experiment.max_episodes(),
+            task: cell.experiment.task().to_owned(),
+            observations: cell
+                .experiment
+                .observations()
+                .iter()
+                .map(observation)
+                .collect(),
         };
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -355,7 +320,7 @@ impl Manifest {
     }
 }
 
-fn noted(quantity: &Quantity) -> (String, String, [f32; 2]) {
+fn observation(quantity: &Quantity) -> (String, String, [f32; 2]) {
     (quantity.name.clone(), quantity.unit.clone(), quantity.range)
 }
 
@@ -363,8 +328,8 @@ fn noted(quantity: &Quantity) -> (String, String, [f32; 2]) {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{path}: {reason}")]
 pub struct StoreError {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What the system said.
+    /// Message of the system.
     pub reason: String,
 }

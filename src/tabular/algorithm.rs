@@ -1,12 +1,15 @@
-//! What an agent takes for the truth before it acts: seed sampling, and controls that each lack something of it.
+//! What an agent takes for the truth before it acts: seed sampling, and controls that each lack
+//! something of it.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::seed::RewardSeeds;
-use crate::input::numbers::{Fraction, NonNegative, known};
+use seedbed_env::input::numbers::{Fraction, NonNegative, known};
+use seedbed_learn::algorithms::catalogue::{Choice, choices};
 
 /// How agents explore.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Algorithm {
     /// Each agent's own fixed seed makes an MDP of the latest belief: adaptive, committed, diverse.
@@ -23,9 +26,11 @@ pub enum Algorithm {
         #[serde(default)]
         rewards: RewardSeeds,
     },
-    /// Each agent draws an MDP from the belief when its episode begins, and keeps it to the end (PSRL): without adaptivity.
+    /// Each agent draws an MDP from the belief when its episode begins, and keeps it to the end
+    /// (PSRL): without adaptivity.
     SampleOnce,
-    /// All agents take the best MDP that is likely enough, before every action (concurrent UCRL): without diversity.
+    /// All agents take the best MDP that is likely enough, before every action (concurrent UCRL):
+    /// without diversity.
     Ucrl {
         /// How many standard deviations count as likely enough.
         #[serde(default = "default_width")]
@@ -50,34 +55,11 @@ impl Default for Algorithm {
 }
 
 impl Algorithm {
-    /// Each with what it is for.
-    pub const CATALOGUE: [(&'static str, &'static str); 7] = [
-        (
-            "SeedSampling",
-            "each agent's own fixed seed makes an MDP of the latest belief; rewards: StandardGaussian (default) | MartingaleGaussian",
-        ),
-        (
-            "ThompsonResampling",
-            "control without commitment: a new sample of the belief before every action",
-        ),
-        (
-            "SharedSeed",
-            "control without diversity: seed sampling in which all agents have the same seed",
-        ),
-        (
-            "SampleOnce",
-            "control without adaptivity: one sample of the belief for each episode (PSRL)",
-        ),
-        (
-            "Ucrl",
-            "control without diversity: the best MDP within `width` (default 2) standard deviations, before every action",
-        ),
-        (
-            "EpsilonGreedy",
-            "control: the mean of the belief, and a random action with probability `epsilon` (default 0.1)",
-        ),
-        ("Random", "control: random actions"),
-    ];
+    /// Every algorithm as it is written, with what it is for.
+    #[must_use]
+    pub fn catalogue() -> Vec<Choice> {
+        choices::<Self>()
+    }
 
     /// Its name in files.
     #[must_use]

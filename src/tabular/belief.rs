@@ -1,6 +1,7 @@
-//! What a team believes of a task after all that its agents have seen: conjugate posteriors, one a parameter and one a pair.
+//! What a team believes of a task after all that its agents have seen: conjugate posteriors, one a
+//! parameter and one a pair.
 
-use crate::env::tabular::{Model, Prior};
+use seedbed_env::tabular::{Model, Prior};
 
 /// The posterior of all that is not known.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,8 +85,8 @@ impl Belief {
         self.version
     }
 
-    /// Mean and standard deviation of an outcome's probability: those of a Dirichlet's component, μ = α / Σα and
-    /// σ² = μ (1 − μ) / (Σα + 1).
+    /// Mean and standard deviation of an outcome's probability: those of a Dirichlet's component, μ
+    /// = α / Σα and σ² = μ (1 − μ) / (Σα + 1).
     #[must_use]
     pub fn likelihood(&self, model: &Model, pair: usize, outcome: usize) -> (f64, f64) {
         let outcomes = model.outcomes_of(pair);
@@ -137,7 +138,8 @@ impl Posterior {
         }
     }
 
-    /// θ at the quantile where a standard normal number is `normal`: distributed as the posterior if that is.
+    /// θ at the quantile where a standard normal number is `normal`: distributed as the posterior
+    /// if that is.
     #[must_use]
     pub fn quantile(self, prior: Prior, normal: f64) -> f64 {
         match self {

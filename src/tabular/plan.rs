@@ -1,6 +1,6 @@
 //! Planning: the best policy of an MDP over the steps that are left, by backward induction.
 
-use crate::env::tabular::{Mdp, Model};
+use seedbed_env::tabular::{Mdp, Model};
 
 /// Finds best policies in MDPs of one model.
 ///
@@ -44,12 +44,13 @@ impl Planner {
         self.layers.len() * self.states
     }
 
-    /// Fills the best actions from step `from` on; the first one where several are as good. With V of the step after the last 0,
+    /// Fills the best actions from step `from` on; the first one where several are as good. With V
+    /// of the step after the last 0,
     ///
     /// Vₕ(s) = maxₐ Σ p (r + Vₕ₊₁(s′)) over the outcomes (p, r, s′) of (s, a).
     ///
-    /// Where there is `optimism`, `[outcomes]`, each pair's best outcome takes that share of the likelihood of all others, as in the
-    /// extended value iteration of Jaksch et al. 2010, §3.1.2.
+    /// Where there is `optimism`, `[outcomes]`, each pair's best outcome takes that share of the
+    /// likelihood of all others, as in the extended value iteration of Jaksch et al. 2010, §3.1.2.
     pub fn plan(
         &mut self,
         model: &Model,

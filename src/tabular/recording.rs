@@ -4,15 +4,17 @@ use std::path::Path;
 
 use super::scenario::TabularScenario;
 use super::team::Step;
-use crate::env::tabular::Model;
-use crate::env::{Action, Choice, Quantity, Spec, Status};
-use crate::experience::Episode;
-use crate::record::rerun::{Focus, RecordingAbout, RerunRecorder};
-use crate::record::{EpisodeRow, RecordError, Recorder, RecordingSettings, RoundRecord};
+use crate::record::rerun::{Focus, RerunRecorder, RunInfo};
+use crate::record::{
+    BonusRange, EpisodeRow, RecordError, Recorder, RecordingSettings, RoundRecord,
+};
 use crate::scenario::overrides::Resolve;
+use seedbed_env::tabular::Model;
+use seedbed_env::{Action, Choice, Quantity, Spec, Status};
+use seedbed_learn::experience::Episode;
 
 /// Larger teams are not recorded.
-pub const MOST_AGENTS: u32 = 64;
+pub const MAX_AGENTS: u32 = 64;
 
 /// Takes in steps and writes whole rounds: one episode of each agent.
 pub struct Film {
@@ -42,13 +44,13 @@ impl Film {
         let agents = scenario.agents.count.get();
         let model = scenario.task.model(scenario.seed);
         let spec = spec(scenario, &model);
-        let about = RecordingAbout {
+        let about = RunInfo {
             name: &format!("{name}-seed-{}", scenario.seed),
             focus: Focus::Learning,
             spec: &spec,
             scene: None,
             agents,
-            largest_bonus: None,
+            bonus: BonusRange::None,
             episodes: scenario.episodes.get(),
             run_seed: scenario.seed,
             scenario: &scenario.resolved(),
@@ -58,7 +60,7 @@ impl Film {
             scene: None,
             ..RecordingSettings::default()
         };
-        let path = path.filter(|_| agents <= MOST_AGENTS);
+        let path = path.filter(|_| agents <= MAX_AGENTS);
         let recorder = path
             .map(|path| RerunRecorder::create(path, &about, &settings))
             .transpose()?;
@@ -147,7 +149,7 @@ impl Film {
             episodes: &episodes,
             episode_rows: &rows,
             round_rows: &[],
-            footage: &[],
+            body_trajectories: &[],
         };
         self.recorder
             .as_mut()
@@ -199,13 +201,13 @@ pub fn spec(scenario: &TabularScenario, model: &Model) -> Spec {
         unit: String::new(),
         range,
     };
-    let actions: Vec<f32> = (0..model.most_actions())
+    let actions: Vec<f32> = (0..model.max_actions())
         .map(|action| action as f32)
         .collect();
     let observations = model
         .coordinates
         .iter()
-        .map(|coordinate| quantity(coordinate.name, [0.0, coordinate.largest]));
+        .map(|coordinate| quantity(coordinate.name, [0.0, coordinate.max]));
     Spec {
         name: scenario.task.name().to_owned(),
         description: String::new(),

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::scenario::TabularScenario;
-use super::team::{Episode, Team};
+use super::team::{Episode, TabularTeam};
 use crate::run::files;
 use crate::run::folder::RunFolder;
 use crate::scenario::overrides::Resolve;
@@ -69,7 +69,12 @@ const ROUNDING: f64 = 1e-9;
 impl Results {
     /// What a team came to that ended these episodes.
     #[must_use]
-    pub fn of(name: &str, scenario: &TabularScenario, team: &Team, episodes: Vec<Episode>) -> Self {
+    pub fn of(
+        name: &str,
+        scenario: &TabularScenario,
+        team: &TabularTeam,
+        episodes: Vec<Episode>,
+    ) -> Self {
         let cumulative: f64 = episodes.iter().map(|episode| episode.regret).sum();
         let without = episodes
             .iter()
@@ -98,7 +103,8 @@ impl Results {
         }
     }
 
-    /// Writes `scenario.ron`, `regret.csv`, `visits.csv` and, last of all, `summary.json` into `folder`.
+    /// Writes `scenario.ron`, `regret.csv`, `visits.csv` and, last of all, `summary.json` into
+    /// `folder`.
     ///
     /// # Errors
     /// The system refuses.
@@ -111,7 +117,7 @@ impl Results {
     }
 }
 
-fn visit_rows(team: &Team) -> Vec<VisitRow> {
+fn visit_rows(team: &TabularTeam) -> Vec<VisitRow> {
     let place = |state: u32| {
         let named = team
             .model()

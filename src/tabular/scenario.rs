@@ -5,17 +5,17 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::Algorithm;
-use crate::env::tabular::Task;
-use crate::input::numbers::{Count, NonNegative, known, known_count};
-use crate::input::{self, Document, InputError, Kind};
 use crate::scenario::overrides::{self, Resolve};
+use seedbed_env::input::numbers::{Count, NonNegative, known, known_count};
+use seedbed_env::input::{self, Document, FileKind, InputError};
+use seedbed_env::tabular::TaskFamily;
 
 /// A scenario of a team that knows its task's tables.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TabularScenario {
     /// The family of tasks, one of which the run draws.
-    pub task: Task,
+    pub task: TaskFamily,
     /// How many agents, and when they begin.
     #[serde(default)]
     pub agents: Agents,
@@ -40,7 +40,8 @@ pub struct Agents {
     pub starts: Starts,
 }
 
-/// When agents begin. Between two actions of an agent passes a time of mean 1, exponentially distributed.
+/// When agents begin. Between two actions of an agent passes a time of mean 1, exponentially
+/// distributed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Starts {
@@ -82,9 +83,9 @@ fn one() -> Count<100_000> {
 /// Whether a file says that it is a tabular scenario.
 #[must_use]
 pub fn is_meant(path: &Path) -> bool {
-    let kind =
-        input::read_text(path).and_then(|text| input::kind(&path.display().to_string(), &text));
-    matches!(kind, Ok(Kind::TabularScenario))
+    let kind = input::read_text(path)
+        .and_then(|text| input::file_kind(&path.display().to_string(), &text));
+    matches!(kind, Ok(FileKind::TabularScenario))
 }
 
 /// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.

@@ -1,24 +1,27 @@
-//! An agent's seed: numbers drawn once, by which it makes of any belief one MDP (arXiv 1802.01282 §3).
+//! An agent's seed: numbers drawn once, by which it makes of any belief one MDP (arXiv 1802.01282
+//! §3).
 //!
-//! The MDP is a deterministic function of (belief, seed). So an agent adapts to what anybody sees, keeps its intent while nothing
-//! is seen, and differs from others; over seeds, the MDP is distributed as the posterior.
+//! The MDP is a deterministic function of (belief, seed). So an agent adapts to what anybody sees,
+//! keeps its intent while nothing is seen, and differs from others; over seeds, the MDP is
+//! distributed as the posterior.
 
 use rand::RngExt;
 use rand_distr::{Distribution, Gamma, StandardNormal};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::belief::{Belief, Posterior, from_scale};
-use crate::env::tabular::{Mdp, Model, Prior};
-use crate::random::{Purpose, Stream, stream};
+use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_env::tabular::{Mdp, Model, Prior};
 
 /// How seeds turn a Gaussian belief into one number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum RewardSeeds {
     /// Standard-Gaussian: θ̂ = μ + σ z, with z ~ N(0, 1) drawn once.
     #[default]
     StandardGaussian,
-    /// Martingalean-Gaussian: θ̂ is what the belief's mean would be if the prior mean were θ̂₀ ~ N(μ₀, σ₀²) and each observation
-    /// n bore the agent's own noise wₙ ~ N(0, s²).
+    /// Martingalean-Gaussian: θ̂ is what the belief's mean would be if the prior mean were θ̂₀ ~
+    /// N(μ₀, σ₀²) and each observation n bore the agent's own noise wₙ ~ N(0, s²).
     MartingaleGaussian,
 }
 
@@ -31,7 +34,8 @@ pub struct Seed {
     normals: Vec<f64>,
     /// Σ of the first n own noises of each parameter, in units of s: `[parameters]`.
     walks: Vec<Sum>,
-    /// Σ of the first n own exponentials of each outcome, and what stands for its prior weight: `[outcomes]`.
+    /// Σ of the first n own exponentials of each outcome, and what stands for its prior weight:
+    /// `[outcomes]`.
     weights: Vec<Sum>,
 }
 
@@ -42,7 +46,8 @@ struct Sum {
     total: f64,
 }
 
-/// Where in an outcome's stream its exponentials begin, in words; before that stands what its prior weight draws.
+/// Where in an outcome's stream its exponentials begin, in words; before that stands what its prior
+/// weight draws.
 const FIRST_EXPONENTIAL: u128 = 1 << 20;
 
 impl Seed {
@@ -86,7 +91,8 @@ impl Seed {
         }
     }
 
-    /// How far the seed pulls a martingale from the posterior mean, in units of its variance: (θ̂₀ − μ₀) / σ₀² + Σ wₙ / s².
+    /// How far the seed pulls a martingale from the posterior mean, in units of its variance: (θ̂₀
+    /// − μ₀) / σ₀² + Σ wₙ / s².
     fn pull(&mut self, parameter: usize, prior: Prior, sightings: u32) -> f64 {
         let (Prior::Normal {
             deviation, noise, ..
@@ -117,8 +123,9 @@ impl Seed {
         start + walk.total / noise
     }
 
-    /// Exponential-Dirichlet: p̂ of an outcome seen n times is the share of its Gamma(α₀) + Σ of its first n exponentials. A sum of
-    /// n exponentials is Gamma(n), and shares of Gammas are Dirichlet, as the posterior is.
+    /// Exponential-Dirichlet: p̂ of an outcome seen n times is the share of its Gamma(α₀) + Σ of
+    /// its first n exponentials. A sum of n exponentials is Gamma(n), and shares of Gammas are
+    /// Dirichlet, as the posterior is.
     fn sample_transitions(&mut self, model: &Model, belief: &Belief, mdp: &mut Mdp) {
         for pair in 0..model.pair_count() {
             let outcomes = model.outcomes_of(pair);

@@ -1,7 +1,8 @@
-//! A team at work in one finite task: agents act at times of their own, and each transition reaches the belief of all at once.
+//! A team at work in one finite task: agents act at times of their own, and each transition reaches
+//! the belief of all at once.
 //!
-//! The next action is always that of the agent whose time comes first, so that each sees all that happened before. A run is one
-//! sequence of actions and needs one thread; many runs need as many.
+//! The next action is always that of the agent whose time comes first, so that each sees all that
+//! happened before. A run is one sequence of actions and needs one thread; many runs need as many.
 
 mod imagination;
 
@@ -17,11 +18,11 @@ use super::scenario::TabularScenario;
 use super::seed::Seed;
 use super::shelf::Shelf;
 use super::turn::{Turn, first_turns};
-use crate::env::tabular::{Mdp, Model};
-use crate::random::{Purpose, Stream, stream};
+use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_env::tabular::{Mdp, Model};
 
 /// A team in one drawn task.
-pub struct Team {
+pub struct TabularTeam {
     scenario: TabularScenario,
     model: Model,
     truth: Mdp,
@@ -118,7 +119,7 @@ pub struct Visits {
     pub agents: u32,
 }
 
-impl Team {
+impl TabularTeam {
     /// A team at its seeds, in the task that the scenario's seed draws.
     #[must_use]
     pub fn new(scenario: &TabularScenario) -> Self {

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use rand_distr::{Distribution, Exp1};
 
 use super::scenario::{Starts, TabularScenario};
-use crate::random::{Purpose, Stream, stream};
+use seedbed_env::random::{Purpose, Stream, stream};
 
 /// An agent's time to act. Of equal times, the lower agent's comes first.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -26,11 +26,12 @@ def main(seedbed: str) -> None:
             run = pathlib.Path(folder) / "run"
             small = ["--set", "agents.count=2", "--set", "stop=Episodes(20)", "--quiet"]
             subprocess.run([seedbed, "run", "scenarios/cartpole.ron", "--out", run, f"--live={address}", *small], check=True, timeout=120)
-            time.sleep(2)
+            sent = states(rerun, run / "run.rrd")
+            wait_for_states(rerun, got, sent)
         finally:
             viewer.kill()
             viewer.wait()
-        sent, arrived = (states(rerun, path) for path in (run / "run.rrd", got))
+        arrived = states(rerun, got)
         assert sent == arrived and sent > 0, f"{sent} chunks in the file, {arrived} at the viewer"
     print(f"live: {arrived} chunks of raw states arrived at the viewer, as many as are in the file")
 
@@ -53,6 +54,13 @@ def wait_for(port: int) -> None:
                 return
         time.sleep(0.1)
     raise SystemExit("the viewer did not start")
+
+
+def wait_for_states(rerun: str, path: pathlib.Path, expected: int) -> None:
+    """Until as many chunks of raw states are in the file, or for a minute."""
+    patience = time.monotonic() + 60
+    while states(rerun, path) < expected and time.monotonic() < patience:
+        time.sleep(0.2)
 
 
 def states(rerun: str, path: pathlib.Path) -> int:

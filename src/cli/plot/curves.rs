@@ -1,19 +1,19 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
-use super::Drawn;
-use crate::figure::color::agent_color;
-use crate::figure::{Curves, Panel, Row, Series, Threshold};
-use crate::record::RoundRow;
+use super::PlottedRun;
+use crate::record::metrics::{Metric, in_display_order};
 use crate::run::summary::FINAL_WINDOW;
+use seedbed_figure::color::categorical_color;
+use seedbed_figure::{Curves, Panel, Row, Series, Threshold};
 
 /// The team's mean.
 const TEAM: [u8; 3] = [35, 35, 40];
 
 /// Agents that are named one by one.
-const MOST_NAMED: usize = 8;
+const MAX_NAMED: usize = 8;
 
 /// A panel with the returns of one run's agents and their mean, or with the means of several runs.
-pub(super) fn returns(runs: &[Drawn], agents: &[u32]) -> Row {
+pub(super) fn returns(runs: &[PlottedRun], agents: &[u32]) -> Row {
     let panel = match runs {
         [run] => of_agents(run, agents),
         _ => of_runs(runs),
@@ -25,19 +25,19 @@ pub(super) fn returns(runs: &[Drawn], agents: &[u32]) -> Row {
     }
 }
 
-fn of_agents(run: &Drawn, agents: &[u32]) -> Curves {
+fn of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
     let count = run.review.agents();
     let shown: Vec<u32> = (0..count as u32)
         .filter(|agent| agents.is_empty() || agents.contains(agent))
         .collect();
-    let named = shown.len() <= MOST_NAMED;
+    let named = shown.len() <= MAX_NAMED;
     let of_agent = |&agent: &u32| Series {
         name: if named {
             format!("agent {agent}")
         } else {
             String::new()
         },
-        color: agent_color(agent),
+        color: categorical_color(agent),
         points: (0..)
             .map(f64::from)
             .zip(run.review.returns(agent))
@@ -63,10 +63,10 @@ fn of_agents(run: &Drawn, agents: &[u32]) -> Curves {
     )
 }
 
-fn of_runs(runs: &[Drawn]) -> Curves {
+fn of_runs(runs: &[PlottedRun]) -> Curves {
     let series = (0..)
         .zip(runs)
-        .map(|(index, run)| team(run, run.label.clone(), agent_color(index)))
+        .map(|(index, run)| team(run, run.label.clone(), categorical_color(index)))
         .collect();
     let mut thresholds: Vec<Threshold> = runs.iter().filter_map(threshold).collect();
     thresholds.dedup();
@@ -81,7 +81,7 @@ fn of_runs(runs: &[Drawn]) -> Curves {
 }
 
 /// The mean over all agents and over the latest episodes of each.
-fn team(run: &Drawn, name: String, color: [u8; 3]) -> Series {
+fn team(run: &PlottedRun, name: String, color: [u8; 3]) -> Series {
     let returns = run.review.team_returns();
     let mean = |end: usize| {
         let window = &returns[(end + 1).saturating_sub(FINAL_WINDOW)..=end];
@@ -98,7 +98,7 @@ fn team(run: &Drawn, name: String, color: [u8; 3]) -> Series {
     }
 }
 
-fn threshold(run: &Drawn) -> Option<Threshold> {
+fn threshold(run: &PlottedRun) -> Option<Threshold> {
     let solved = run.review.summary.as_ref()?.solved_at?;
     Some(Threshold {
         name: format!("solved: {}", solved.r#return),
@@ -106,34 +106,18 @@ fn threshold(run: &Drawn) -> Option<Threshold> {
     })
 }
 
-/// Finds a curve's value in a row: not a number where there is none.
-type OfRow = fn(&RoundRow) -> f64;
-
-const COLUMNS: [(&str, OfRow); 10] = [
-    ("coverage", |row| row.coverage),
-    ("visitation evenness", |row| row.visitation_evenness),
-    ("effective agents", |row| row.effective_agents),
-    ("entropy of the policy, nats", |row| f64::from(row.entropy)),
-    ("ratio deviation", |row| f64::from(row.ratio_deviation)),
-    ("clipped fraction", |row| f64::from(row.clipped_fraction)),
-    ("value loss", |row| f64::from(row.value_loss)),
-    ("intrinsic reward of a step", |row| {
-        f64::from(row.intrinsic_reward)
-    }),
-    ("prediction error", |row| f64::from(row.prediction_error)),
-    ("agreement on bonuses", |row| {
-        row.bonus_agreement.map_or(f64::NAN, f64::from)
-    }),
-];
-
-/// One panel a column: a line an agent, or of several runs a line a run, the mean of its agents. Columns of zeros are left out.
-pub(super) fn updates(runs: &[Drawn], agents: &[u32]) -> Vec<Row> {
+/// One panel per metric: a line per agent, or of several runs a line per run, the mean of its
+/// agents. Metrics that no run has, or that are always 0, are left out.
+pub(super) fn updates(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
     let rows = || runs.iter().flat_map(|run| &run.review.rounds);
-    let shown = COLUMNS
+    let is_shown = |metric: &&Metric| {
+        let mut values = rows().filter_map(|row| metric.value(row));
+        metric.plotted && values.any(f64::is_normal)
+    };
+    let panels: Vec<Panel> = in_display_order()
         .into_iter()
-        .filter(|(_, value)| rows().any(|row| value(row).is_normal()));
-    let panels: Vec<Panel> = shown
-        .map(|(name, value)| Panel::Curves(of_column(runs, agents, name, value)))
+        .filter(is_shown)
+        .map(|metric| Panel::Curves(of_metric(runs, agents, metric)))
         .collect();
     let in_row = |panels: &[Panel]| {
         let mut panels = panels.to_vec();
@@ -147,48 +131,48 @@ pub(super) fn updates(runs: &[Drawn], agents: &[u32]) -> Vec<Row> {
     panels.chunks(3).map(in_row).collect()
 }
 
-fn of_column(runs: &[Drawn], agents: &[u32], name: &str, value: OfRow) -> Curves {
+fn of_metric(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves {
     let series = match runs {
         [run] => {
             let all = (0..run.review.agents() as u32)
                 .filter(|agent| agents.is_empty() || agents.contains(agent));
-            all.map(|agent| of_agent(run, agent, value)).collect()
+            all.map(|agent| of_agent(run, agent, metric)).collect()
         }
         _ => (0..)
             .zip(runs)
-            .map(|(index, run)| of_run(run, agent_color(index), value))
+            .map(|(index, run)| of_run(run, categorical_color(index), metric))
             .collect(),
     };
-    let mut curves = panel(name, "round", "", series, Vec::new());
+    let mut curves = panel(&metric.label(), "round", "", series, Vec::new());
     curves.legend = false;
     curves
 }
 
-fn of_agent(run: &Drawn, agent: u32, value: OfRow) -> Series {
+fn of_agent(run: &PlottedRun, agent: u32, metric: &Metric) -> Series {
     let own = run.review.rounds.iter().filter(|row| row.agent == agent);
-    let points = known(own.map(|row| [f64::from(row.round), value(row)]));
+    let points = own.filter_map(|row| Some([f64::from(row.round), metric.value(row)?]));
     Series {
-        color: agent_color(agent),
-        points,
+        color: categorical_color(agent),
+        points: finite(points),
         ..Series::default()
     }
 }
 
-fn of_run(run: &Drawn, color: [u8; 3], value: OfRow) -> Series {
+fn of_run(run: &PlottedRun, color: [u8; 3], metric: &Metric) -> Series {
     let rounds = run
         .review
         .rounds
         .chunk_by(|one, next| one.round == next.round);
-    let mean = |rows: &[RoundRow]| rows.iter().map(value).sum::<f64>() / rows.len() as f64;
-    let points = known(rounds.map(|rows| [f64::from(rows[0].round), mean(rows)]));
+    let points =
+        rounds.filter_map(|rows| Some([f64::from(rows[0].round), metric.value_of_round(rows)?]));
     Series {
         color,
-        points,
+        points: finite(points),
         ..Series::default()
     }
 }
 
-fn known(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+fn finite(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     points.filter(|[_, value]| value.is_finite()).collect()
 }
 

@@ -1,4 +1,4 @@
-//! `seedbed plot`: where the agents of one run or of several went, and what they reached, as a figure.
+//! `seedbed plot`: draws visited states and returns of one or more runs as a figure.
 
 mod curves;
 mod page;
@@ -9,121 +9,126 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
-use self::page::Picture;
-use super::progress::Counter;
-use super::{Failure, counted};
-use crate::figure::Figure;
+use self::page::PlotPage;
+use super::progress::ReadCounter;
+use super::{CliError, pluralize};
 use crate::record::rerun::read::Recording;
 use crate::record::visitation::Axes;
 use crate::run::files;
-use crate::run::review::selection::{PickedStates, Selection};
-use crate::run::review::{Review, ReviewError};
+use crate::run::review::selection::{SelectedStates, StateSelection};
+use crate::run::review::{LoadRunError, LoadedRun};
+use seedbed_figure::Figure;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  seedbed plot recordings/cartpole/seed-0                                 a page: visited states, density, returns
-  seedbed plot recordings/cartpole/seed-0 --out where.png --what visitation --agents 3 --episodes 0..50
-                                                                          which states did agent 3 visit in its first 50 episodes?
+  seedbed plot recordings/cartpole/seed-0           one page: visited states, density, returns
+  seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --episodes 0..50 --out agent3.png
+                                                    states agent 3 visited in its first 50 episodes
   seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --colour episode --axes x,theta
   seedbed plot results/sigma-0 results/sigma-0.1 results/sigma-1 --what visitation --out sigma.svg
-                                                                          runs side by side
+                                                    several runs side by side
   seedbed plot recordings/cartpole/seed-0 --what scatter,returns --size 900x700 --out figure.svg
 
-Up to --lines states are drawn one by one; of more, how many pass each point is drawn, or of several panels which share of each panel's
-states, on one scale for all.
-With --colour, or with --lines 0 for densities, you choose.")]
+A panel with at most --lines states draws each of them. If any panel has more, all panels show densities \
+on a common scale: the number of states per pixel, or with several panels the share of each panel's \
+states. Use --colour to draw single states in any case, and --lines 0 to draw densities in any case.")]
 pub(super) struct PlotArgs {
-    /// Runs' folders, or recordings; several are drawn side by side
+    /// Run directories or recordings; several are drawn side by side
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// The figure: FILE.svg or FILE.png [default: plot.svg in the run's folder; plot.svg here for several runs]
+    /// Write the figure to FILE.svg or FILE.png [default: plot.svg in the run directory; with
+    /// several runs, plot.svg in the current directory]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// What to draw; several, one below the other, with commas between [default: visitation,density,returns]
-    #[arg(long, value_enum, value_delimiter = ',', hide_default_value = true)]
+    /// Draw these parts, one below the other; separate with commas [default:
+    /// visitation,density,returns]
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,PART…")]
     what: Vec<What>,
-    /// Agents to draw, such as 0,3 [default: the first 8, one panel each; of several runs all, in one panel a run]
+    /// Draw only these agents, e.g. 0,3 [default: the first 8, one panel each; with several runs,
+    /// all agents in one panel per run]
     #[arg(long, value_delimiter = ',', value_name = "N,N…")]
     agents: Vec<u32>,
-    /// Episodes of each agent whose states are drawn, from the first to before the last: 0..50, 150.., ..50
+    /// Draw only states of these episodes of each agent, B excluded, e.g. 0..50, 150.. or ..50
+    /// [default: all]
     #[arg(long, value_name = "A..B", value_parser = episodes)]
     episodes: Option<Range<u32>>,
-    /// Axes to draw, in their order, such as theta,x [default: all]
+    /// Draw only these axes, in this order, e.g. theta,x [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,NAME…")]
     axes: Vec<String>,
-    /// What the colour of a state means; such states are drawn one by one
-    #[arg(long, alias = "color", value_enum)]
-    colour: Option<Colour>,
-    /// States that a panel shows one by one
+    /// Color states by this quantity; states are then drawn one by one
+    #[arg(long = "colour", alias = "color", value_enum, value_name = "QUANTITY")]
+    color_by: Option<ColorBy>,
+    /// Maximum number of states that a panel draws one by one
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     lines: u32,
-    /// The page's size in CSS pixels, of which a PNG has 2 × 2 of its own for each, such as 760x900 [default: as it needs]
+    /// Page size in CSS pixels, e.g. 760x900; a PNG is rendered at 2× [default: 760 wide, height
+    /// fits the content]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[f64; 2]>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
-    /// Parallel coordinates: one axis an observation, one line a state
+    /// Visited states as parallel coordinates: one axis per observation, one line per state
     Visitation,
-    /// The same for all agents together, as a density
+    /// Visited states of all agents together, as a density
     Density,
     /// Returns over episodes
     Returns,
-    /// The columns of rounds.csv: coverage, entropy, losses and others
+    /// Columns of rounds.csv: coverage, entropy, losses and others
     Curves,
-    /// Pairs of axes against each other
+    /// Visited states in the plane of each pair of axes
     Scatter,
-    /// All of these
+    /// All of the above
     All,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Colour {
-    /// Who was there
+enum ColorBy {
+    /// The agent
     Agent,
-    /// When: the agent's episode
+    /// The number of the agent's episode
     Episode,
-    /// The return of the state's episode
+    /// The return of the episode
     Return,
-    /// How the state's episode ended
+    /// How the episode ended
     Outcome,
-    /// The bonus that the step from there earned
+    /// The intrinsic reward of the action taken in the state
     IntrinsicReward,
 }
 
-/// A PNG has this many pixels along each CSS pixel.
+/// Number of PNG pixels per CSS pixel, along each side.
 const PNG_SCALE: f64 = 2.0;
 
-/// Agents that have panels of their own if nobody chose any.
-const MOST_AGENTS: u32 = 8;
+/// Maximum number of agents with their own panels, unless `--agents` is given.
+const MAX_AGENTS: u32 = 8;
 
-/// A run with its wanted states.
-struct Drawn {
-    /// Tells the run from the others.
+/// A run with the selected states.
+struct PlottedRun {
+    /// Name of the run in the figure.
     label: String,
-    review: Review,
+    review: LoadedRun,
     axes: Option<Axes>,
-    states: Vec<PickedStates>,
+    states: Vec<SelectedStates>,
 }
 
-pub(super) fn plot(args: &PlotArgs) -> Result<(), Failure> {
+pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.runs));
-    let is_png = kind(&out)?;
+    let is_png = is_png(&out)?;
     let runs = read(args)?;
-    let mut figure = Picture { args, runs: &runs }.figure()?;
+    let mut figure = PlotPage { args, runs: &runs }.figure()?;
     if let Some([width, height]) = args.size {
         figure.fit(width, height);
     }
     let bytes = if is_png {
         figure
             .png(PNG_SCALE)
-            .map_err(|error| Failure::Input(error.to_string()))?
+            .map_err(|error| CliError::Usage(error.to_string()))?
     } else {
         figure.svg().into_bytes()
     };
     files::replace(&out, &bytes)
-        .map_err(|error| Failure::Work(format!("cannot write {}: {error}", out.display())))?;
+        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
     say!("{}: {}", out.display(), described(&figure, is_png));
     Ok(())
 }
@@ -132,7 +137,7 @@ fn described(figure: &Figure, is_png: bool) -> String {
     let panels = figure.rows.iter().map(|row| row.panels.len()).sum();
     let scale = if is_png { PNG_SCALE } else { 1.0 };
     let [width, height] = [figure.width, figure.height()].map(|side| (side * scale).round());
-    format!("{}, {width} × {height} pixels", counted(panels, "panel"))
+    format!("{}, {width} × {height} pixels", pluralize(panels, "panel"))
 }
 
 fn default_out(runs: &[PathBuf]) -> PathBuf {
@@ -143,28 +148,28 @@ fn default_out(runs: &[PathBuf]) -> PathBuf {
     }
 }
 
-/// Whether the figure is to be made of pixels.
-fn kind(out: &Path) -> Result<bool, Failure> {
+/// Whether the file name asks for PNG.
+fn is_png(out: &Path) -> Result<bool, CliError> {
     match out.extension().and_then(|extension| extension.to_str()) {
         Some("svg") => Ok(false),
         Some("png") => Ok(true),
-        _ => Err(Failure::Input(format!(
-            "--out {}: a figure is FILE.svg or FILE.png",
+        _ => Err(CliError::Usage(format!(
+            "--out {}: expected FILE.svg or FILE.png",
             out.display()
         ))),
     }
 }
 
-fn read(args: &PlotArgs) -> Result<Vec<Drawn>, Failure> {
-    let counter = Counter::new("episodes read");
-    let mut runs: Vec<Drawn> = args
+fn read(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
+    let counter = ReadCounter::new("episodes read");
+    let mut runs: Vec<PlottedRun> = args
         .runs
         .iter()
         .map(|path| read_run(args, path, &counter))
         .collect::<Result<_, _>>()?;
     let names: Vec<String> = runs.iter().map(|run| run.label.clone()).collect();
     for run in &mut runs {
-        // Runs of one name are told apart by their folders.
+        // Runs of the same name are distinguished by their directories.
         if names.iter().filter(|name| **name == run.label).count() > 1 {
             run.label = run.review.path.display().to_string();
         }
@@ -172,18 +177,18 @@ fn read(args: &PlotArgs) -> Result<Vec<Drawn>, Failure> {
     Ok(runs)
 }
 
-fn read_run(args: &PlotArgs, path: &Path, counter: &Counter) -> Result<Drawn, Failure> {
-    let mut review = Review::open(path)?;
+fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<PlottedRun, CliError> {
+    let mut review = LoadedRun::open(path)?;
     if review.folder.is_none() {
         review
-            .survey(|_| counter.count())
-            .map_err(ReviewError::from)?;
+            .compute_stats(|_| counter.count())
+            .map_err(LoadRunError::from)?;
     }
     let known = review.agents() as u32;
     if let Some(agent) = args.agents.iter().find(|agent| **agent >= known) {
         let last = known.saturating_sub(1);
-        return Err(Failure::Input(format!(
-            "--agents: there is no agent {agent} in {}; they are 0 to {last}",
+        return Err(CliError::Usage(format!(
+            "--agents: no agent {agent} in {}; expected 0 to {last}",
             path.display()
         )));
     }
@@ -192,12 +197,12 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &Counter) -> Result<Drawn, Fa
         (Some(recording), Some(axes)) if args.shows_states() => {
             let selection = args.selection(axes)?;
             selection
-                .pick(recording, |_| counter.count())
-                .map_err(ReviewError::from)?
+                .select(recording, |_| counter.count())
+                .map_err(LoadRunError::from)?
         }
         _ => Vec::new(),
     };
-    Ok(Drawn {
+    Ok(PlottedRun {
         label: review.name(),
         review,
         axes,
@@ -222,8 +227,8 @@ impl PlotArgs {
             .any(|what| self.shows(what))
     }
 
-    /// The wanted axes, by their places among all.
-    fn chosen_axes(&self, axes: &Axes) -> Result<Vec<usize>, Failure> {
+    /// Indices of the selected axes.
+    fn chosen_axes(&self, axes: &Axes) -> Result<Vec<usize>, CliError> {
         let names: Vec<&str> = axes
             .all()
             .iter()
@@ -235,24 +240,26 @@ impl PlotArgs {
         let place = |wanted: &String| {
             let place = names.iter().position(|name| name == wanted);
             place.ok_or_else(|| {
-                Failure::Input(format!(
-                    "--axes: there is no axis `{wanted}`; there are {}",
+                CliError::Usage(format!(
+                    "--axes: no axis `{wanted}`; expected {}",
                     names.join(", ")
                 ))
             })
         };
         let places: Vec<usize> = self.axes.iter().map(place).collect::<Result<_, _>>()?;
         let enough = if places.len() < 2 {
-            Err(Failure::Input("--axes takes at least two axes".to_owned()))
+            Err(CliError::Usage(
+                "--axes: expected at least two axes".to_owned(),
+            ))
         } else {
             Ok(())
         };
         enough.map(|()| places)
     }
 
-    fn selection(&self, axes: &Axes) -> Result<Selection, Failure> {
+    fn selection(&self, axes: &Axes) -> Result<StateSelection, CliError> {
         let chosen = self.chosen_axes(axes)?;
-        Ok(Selection {
+        Ok(StateSelection {
             agents: self.agents.clone(),
             episodes: self.episodes.clone().unwrap_or(0..u32::MAX),
             sample: self.lines as usize,
@@ -262,9 +269,9 @@ impl PlotArgs {
     }
 }
 
-/// Such as `0..50`, `150..` and `..50`.
+/// Parses a range of episodes, e.g. `0..50`, `150..` and `..50`.
 fn episodes(text: &str) -> Result<Range<u32>, String> {
-    let expected = "expected A..B, such as 0..50 for the first fifty";
+    let expected = "expected A..B, e.g. 0..50 for the first 50 episodes";
     let (from, to) = text.split_once("..").ok_or(expected)?;
     let number = |text: &str, open: u32| {
         if text.is_empty() {
@@ -275,15 +282,15 @@ fn episodes(text: &str) -> Result<Range<u32>, String> {
     };
     let range = number(from, 0)?..number(to, u32::MAX)?;
     if range.is_empty() {
-        Err("no episode is in this range".to_owned())
+        Err("the range is empty; expected A below B".to_owned())
     } else {
         Ok(range)
     }
 }
 
-/// Such as `760x900`.
+/// Parses a size, e.g. `760x900`.
 fn size(text: &str) -> Result<[f64; 2], String> {
-    let expected = "expected WIDTHxHEIGHT, such as 760x900, each from 100 to 10000";
+    let expected = "expected WIDTHxHEIGHT, e.g. 760x900, each from 100 to 10000";
     let (width, height) = text.split_once(['x', '×']).ok_or(expected)?;
     let side = |text: &str| {
         text.parse::<f64>()
@@ -304,7 +311,10 @@ mod tests {
             (episodes("0..50"), episodes("..7"), episodes("9..")),
             (Ok(0..50), Ok(0..7), Ok(9..u32::MAX))
         );
-        assert_eq!(episodes("5..5").unwrap_err(), "no episode is in this range");
+        assert_eq!(
+            episodes("5..5").unwrap_err(),
+            "the range is empty; expected A below B"
+        );
         assert!(episodes("five").unwrap_err().starts_with("expected A..B"));
     }
 

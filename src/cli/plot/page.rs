@@ -1,31 +1,31 @@
-//! Puts the panels of what was asked for on a page.
+//! Arranges the requested panels on a page.
 
-use super::states::{self, Group};
-use super::{Colour, Drawn, Failure, MOST_AGENTS, PlotArgs, What, curves};
-use crate::figure::{Figure, Panel, Row};
-use crate::run::review::selection::PickedStates;
+use super::states::{self, PanelStates};
+use super::{CliError, ColorBy, MAX_AGENTS, PlotArgs, PlottedRun, What, curves};
+use crate::run::review::selection::SelectedStates;
+use seedbed_figure::{Figure, Panel, Row};
 
-/// The page's width, CSS pixels: two columns of a paper.
+/// Page width in CSS pixels: two columns of a paper.
 const WIDTH: f64 = 760.0;
 
-/// An axis needs this much room to be named.
-const AXIS_ROOM: f64 = 62.0;
+/// Minimum width of an axis with its name, in CSS pixels.
+const MIN_AXIS_WIDTH: f64 = 62.0;
 
-/// What is to be drawn.
-pub(super) struct Picture<'a> {
+/// The page to draw.
+pub(super) struct PlotPage<'a> {
     pub(super) args: &'a PlotArgs,
-    pub(super) runs: &'a [Drawn],
+    pub(super) runs: &'a [PlottedRun],
 }
 
-impl Picture<'_> {
-    pub(super) fn figure(&self) -> Result<Figure, Failure> {
+impl PlotPage<'_> {
+    pub(super) fn figure(&self) -> Result<Figure, CliError> {
         let args = self.args;
         self.check()?;
         let mut rows = Vec::new();
         if args.shows(What::Visitation) {
             rows.extend(self.visitation());
         }
-        // A team of one, and runs that are drawn one a panel, would be drawn twice.
+        // The density of a single agent, or of runs with one panel each, is already drawn above.
         let is_new = args.what.contains(&What::Density)
             || (self.runs.len() == 1 && self.runs[0].states.len() > 1);
         if args.shows(What::Density) && is_new {
@@ -48,37 +48,37 @@ impl Picture<'_> {
         })
     }
 
-    /// What was asked for has to be there.
-    fn check(&self) -> Result<(), Failure> {
-        let named = |run: &Drawn| run.review.path.display().to_string();
+    /// Checks that the runs have what was requested.
+    fn check(&self) -> Result<(), CliError> {
+        let named = |run: &PlottedRun| run.review.path.display().to_string();
         for run in self.runs {
             if self.args.shows_states() && run.review.recording.is_none() {
-                let advice = "draw --what returns,curves, which takes the tables alone";
-                return Err(Failure::Input(format!(
-                    "{} has no recording, so that its states are not known; {advice}",
+                let advice = "use --what returns,curves, which needs only the tables";
+                return Err(CliError::Usage(format!(
+                    "{} has no recording, which is needed to draw states; {advice}",
                     named(run)
                 )));
             }
             if self.args.shows_states() && run.states.is_empty() {
-                return Err(Failure::Input(format!(
-                    "{} has no episode among those that were asked for",
+                return Err(CliError::Usage(format!(
+                    "{} has no episodes that match --agents and --episodes",
                     named(run)
                 )));
             }
             if self.args.what.contains(&What::Curves) && run.review.rounds.is_empty() {
-                return Err(Failure::Input(format!(
-                    "{} has no rounds.csv, which --what curves draws",
+                return Err(CliError::Usage(format!(
+                    "{} has no rounds.csv, which --what curves needs",
                     named(run)
                 )));
             }
-            let curious = run
+            let has_bonus = run
                 .review
                 .recording
                 .as_ref()
-                .is_some_and(|recording| recording.largest_bonus().is_some());
-            if self.args.colour == Some(Colour::IntrinsicReward) && !curious {
-                return Err(Failure::Input(format!(
-                    "--colour intrinsic-reward: the agents of {} earn none",
+                .is_some_and(|recording| recording.bonus().exists());
+            if self.args.color_by == Some(ColorBy::IntrinsicReward) && !has_bonus {
+                return Err(CliError::Usage(format!(
+                    "--colour intrinsic-reward: {} has no intrinsic rewards (its scenario has no `bonus`)",
                     named(run)
                 )));
             }
@@ -94,11 +94,11 @@ impl Picture<'_> {
             format!(": {window}")
         };
         match self.runs {
-            [run] if self.leaves_out(run) => {
+            [run] if self.omits_agents(run) => {
                 format!(
-                    "{}{window} (agents 0 to {} of {} one by one)",
+                    "{}{window} (panels of agents 0 to {} of {})",
                     run.label,
-                    MOST_AGENTS - 1,
+                    MAX_AGENTS - 1,
                     run.review.agents()
                 )
             }
@@ -107,14 +107,14 @@ impl Picture<'_> {
         }
     }
 
-    /// Whether some agents have no panel of their own, although nobody chose among them.
-    fn leaves_out(&self, run: &Drawn) -> bool {
+    /// Whether some agents have no panel of their own although `--agents` was not given.
+    fn omits_agents(&self, run: &PlottedRun) -> bool {
         self.args.shows(What::Visitation)
             && self.args.agents.is_empty()
-            && run.states.len() > MOST_AGENTS as usize
+            && run.states.len() > MAX_AGENTS as usize
     }
 
-    /// Which episodes are drawn.
+    /// Description of the drawn episodes.
     fn window(&self) -> String {
         match &self.args.episodes {
             None => String::new(),
@@ -137,7 +137,7 @@ impl Picture<'_> {
             .sum();
         let states = if states > 0 {
             format!(
-                " {states} visited states, each a line across one upright axis for each observed quantity."
+                " {states} visited states, each drawn as a line across one vertical axis per observation."
             )
         } else {
             String::new()
@@ -145,7 +145,7 @@ impl Picture<'_> {
         format!("Concurrent agents in {}.{states}", runs.join(", "))
     }
 
-    /// One panel an agent, or one a run where there are several and nobody chose agents.
+    /// One panel per agent; with several runs and without `--agents`, one panel per run.
     fn visitation(&self) -> Vec<Row> {
         let groups = self.groups();
         let axes = self
@@ -154,18 +154,18 @@ impl Picture<'_> {
             .filter_map(|run| run.states.first().map(|_| self.axes_of(run)))
             .max()
             .unwrap_or(2);
-        let fitting = ((WIDTH - 90.0) / (AXIS_ROOM * axes as f64)) as usize;
+        let fitting = ((WIDTH - 90.0) / (MIN_AXIS_WIDTH * axes as f64)) as usize;
         let columns = if self.runs.len() > 1 && !self.args.agents.is_empty() {
             self.runs.len()
         } else {
             fitting.clamp(1, 4)
         };
-        let columns = balanced(groups.len(), columns);
+        let columns = balanced_columns(groups.len(), columns);
         let (panels, key) = states::lines_or_density(self.args, &groups);
-        in_rows(panels, columns, 230.0, key.as_ref())
+        layout_rows(panels, columns, 230.0, key.as_ref())
     }
 
-    fn axes_of(&self, run: &Drawn) -> usize {
+    fn axes_of(&self, run: &PlottedRun) -> usize {
         if self.args.axes.is_empty() {
             run.axes.as_ref().map_or(2, |axes| axes.all().len())
         } else {
@@ -173,24 +173,24 @@ impl Picture<'_> {
         }
     }
 
-    fn groups(&self) -> Vec<Group<'_>> {
+    fn groups(&self) -> Vec<PanelStates<'_>> {
         let several = self.runs.len() > 1;
         if several && self.args.agents.is_empty() {
             return self
                 .runs
                 .iter()
-                .map(|run| Group::new(run, run.label.clone(), run.states.iter().collect()))
+                .map(|run| PanelStates::new(run, run.label.clone(), run.states.iter().collect()))
                 .collect();
         }
         let shown =
-            |states: &&PickedStates| !self.args.agents.is_empty() || states.agent < MOST_AGENTS;
+            |states: &&SelectedStates| !self.args.agents.is_empty() || states.agent < MAX_AGENTS;
         let agents: Vec<u32> = self.runs[0]
             .states
             .iter()
             .filter(shown)
             .map(|states| states.agent)
             .collect();
-        let group = |run: &'_ Drawn, agent: u32| {
+        let group = |run: &'_ PlottedRun, agent: u32| {
             let title = if several {
                 format!("{}, agent {agent}", run.label)
             } else {
@@ -202,7 +202,7 @@ impl Picture<'_> {
             .iter()
             .flat_map(|&agent| self.runs.iter().map(move |run| (run, group(run, agent))));
         each.map(|(run, (title, agent))| {
-            Group::new(
+            PanelStates::new(
                 run,
                 title,
                 run.states
@@ -215,48 +215,48 @@ impl Picture<'_> {
     }
 
     fn density(&self) -> Vec<Row> {
-        let groups: Vec<Group<'_>> = self.whole_teams();
+        let groups: Vec<PanelStates<'_>> = self.team_groups();
         let (panels, key) = states::density(self.args, &groups);
-        in_rows(panels, self.runs.len().min(3), 230.0, key.as_ref())
+        layout_rows(panels, self.runs.len().min(3), 230.0, key.as_ref())
     }
 
-    fn whole_teams(&self) -> Vec<Group<'_>> {
+    fn team_groups(&self) -> Vec<PanelStates<'_>> {
         let several = self.runs.len() > 1;
-        let title = |run: &Drawn| match run.states.len() {
+        let title = |run: &PlottedRun| match run.states.len() {
             _ if several => run.label.clone(),
             1 => format!("agent {}", run.states[0].agent),
             agents => format!("{agents} agents together"),
         };
         self.runs
             .iter()
-            .map(|run| Group::new(run, title(run), run.states.iter().collect()))
+            .map(|run| PanelStates::new(run, title(run), run.states.iter().collect()))
             .collect()
     }
 
     fn scatter(&self) -> Vec<Row> {
         let several = self.runs.len() > 1;
-        let (panels, key) = states::scatter(self.args, &self.whole_teams());
+        let (panels, key) = states::scatter(self.args, &self.team_groups());
         let columns = if several {
             self.runs.len()
         } else {
-            balanced(panels.len(), 3)
+            balanced_columns(panels.len(), 3)
         };
-        in_rows(panels, columns, 220.0, key.as_ref())
+        layout_rows(panels, columns, 220.0, key.as_ref())
     }
 }
 
-/// As few rows as `most` columns allow, with as few columns as those rows need.
-fn balanced(panels: usize, most: usize) -> usize {
-    let rows = panels.div_ceil(most.max(1)).max(1);
+/// Number of columns that fills the smallest possible number of rows evenly, at most `max`.
+fn balanced_columns(panels: usize, max: usize) -> usize {
+    let rows = panels.div_ceil(max.max(1)).max(1);
     panels.div_ceil(rows).max(1)
 }
 
-/// Row by row; the colours' key stands beside each row.
-fn in_rows(
+/// Arranges panels in rows; the color key is repeated beside each row.
+fn layout_rows(
     panels: Vec<Panel>,
     columns: usize,
     height: f64,
-    key: Option<&crate::figure::Key>,
+    key: Option<&seedbed_figure::Key>,
 ) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut panels = panels.into_iter().peekable();
@@ -279,7 +279,8 @@ mod tests {
     #[test]
     fn rows_are_even() {
         assert_eq!(
-            [(4, 3), (6, 4), (5, 2), (1, 4), (7, 4)].map(|(panels, most)| balanced(panels, most)),
+            [(4, 3), (6, 4), (5, 2), (1, 4), (7, 4)]
+                .map(|(panels, max)| balanced_columns(panels, max)),
             [2, 3, 2, 1, 4]
         );
     }

@@ -1,31 +1,33 @@
 //! Panels of visited states: parallel coordinates and pairs of axes.
 
-use super::{Colour, Drawn, PlotArgs};
-use crate::env::{Quantity, Status};
-use crate::figure::color::{agent_color, gradual};
-use crate::figure::{
-    Color, DensityPicture, HeatMap, Key, Panel, ParallelCoordinates, Scatter, ScatterPoint,
+use super::{ColorBy, PlotArgs, PlottedRun};
+use crate::plotting::axis;
+use crate::run::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
+use seedbed_env::{Quantity, Status};
+use seedbed_figure::color::{categorical_color, sequential_color};
+use seedbed_figure::{
+    Color, DensityImage, HeatMap, Key, Panel, ParallelCoordinates, Scatter, ScatterPoint,
     StateLine, States,
 };
-use crate::run::review::selection::{CELLS, PickedState, PickedStates, is_picked};
 
-/// States of one panel.
-pub(super) struct Group<'a> {
-    run: &'a Drawn,
+/// The states of one panel.
+pub(super) struct PanelStates<'a> {
+    run: &'a PlottedRun,
     title: String,
-    agents: Vec<&'a PickedStates>,
+    agents: Vec<&'a SelectedStates>,
 }
 
-/// Colours of outcomes.
-const TERMINATED: Color = [213, 94, 0];
-const TRUNCATED: Color = [0, 98, 178];
+/// The color of an outcome on a white page.
+fn outcome_color(outcome: Status) -> Color {
+    categorical_color(if outcome == Status::Terminated { 5 } else { 4 })
+}
 
-/// Pairs of axes are all drawn as long as there are so many axes; beyond, only neighbours.
-const MOST_PAIRED_AXES: usize = 5;
+/// Maximum number of axes for which all pairs are drawn; otherwise only neighboring axes are paired.
+const MAX_PAIRED_AXES: usize = 5;
 
-/// The pairs that are drawn of these axes.
+/// The pairs of these axes that are drawn.
 pub(super) fn pairs(axes: &[usize]) -> Vec<[usize; 2]> {
-    if axes.len() > MOST_PAIRED_AXES {
+    if axes.len() > MAX_PAIRED_AXES {
         return axes.windows(2).map(|pair| [pair[0], pair[1]]).collect();
     }
     let rest = |index: usize| axes[index + 1..].iter().map(move |&second| (index, second));
@@ -35,56 +37,65 @@ pub(super) fn pairs(axes: &[usize]) -> Vec<[usize; 2]> {
         .collect()
 }
 
-/// Lines, where no panel has more states than wanted or colours were chosen; else densities on one scale.
-pub(super) fn lines_or_density(args: &PlotArgs, groups: &[Group<'_>]) -> (Vec<Panel>, Option<Key>) {
-    if drawn_as_counts(args, groups) {
+/// Lines if no panel has more states than wanted or if colors were chosen; otherwise densities on one
+/// scale.
+///
+/// Beyond about a thousand lines a panel is a solid block, however transparent they are; a density
+/// also shows all states instead of a sample. All panels of a figure are drawn the same way, because
+/// lines and densities cannot be compared with each other.
+pub(super) fn lines_or_density(
+    args: &PlotArgs,
+    groups: &[PanelStates<'_>],
+) -> (Vec<Panel>, Option<Key>) {
+    if draws_density(args, groups) {
         return density(args, groups);
     }
-    let paint = Paint::of(args, groups);
-    let panel = |group: &Group<'_>| {
+    let colors = StateColors::of(args, groups);
+    let panel = |group: &PanelStates<'_>| {
         let lines = group
             .sample(args)
             .into_iter()
             .map(|(agent, state)| StateLine {
                 fractions: state.crossed.clone(),
-                color: paint.color(agent, state),
+                color: colors.color(agent, state),
             });
         group.parallel(args, States::Lines(lines.collect()), &group.sampled(args))
     };
-    (groups.iter().map(panel).collect(), paint.key)
+    (groups.iter().map(panel).collect(), colors.key)
 }
 
-/// How many lines pass each point, or which share of its lines where there are several panels; on one scale for all.
-pub(super) fn density(args: &PlotArgs, groups: &[Group<'_>]) -> (Vec<Panel>, Option<Key>) {
-    let pictures = of_one_total(groups, groups.iter().map(Group::pixels).collect());
+/// Draws the number of states per pixel or, with several panels, the share of each panel's states;
+/// on one scale for all panels.
+pub(super) fn density(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel>, Option<Key>) {
+    let pictures = scale_to_largest(groups, groups.iter().map(PanelStates::pixels).collect());
     let most = pictures.iter().flatten().copied().max().unwrap_or(0);
-    let panel = |(group, pixels): (&Group<'_>, Vec<u32>)| {
+    let panel = |(group, pixels): (&PanelStates<'_>, Vec<u32>)| {
         let width = group
             .run
             .axes
             .as_ref()
-            .map_or(1, |axes| axes.chosen(&group.places(args)).width());
+            .map_or(1, |axes| axes.subset(&group.places(args)).width());
         group.parallel(
             args,
-            States::Density(DensityPicture {
+            States::Density(DensityImage {
                 pixels,
                 width,
-                most,
+                max_count: most,
             }),
-            &group.counted(),
+            &group.pluralize(),
         )
     };
     let panels = groups.iter().zip(pictures).map(panel).collect();
-    (panels, Some(key(groups, "states through a point", most)))
+    (panels, Some(key(groups, "states per pixel", most)))
 }
 
-/// Pairs of axes, pair by pair for all groups.
-pub(super) fn scatter(args: &PlotArgs, groups: &[Group<'_>]) -> (Vec<Panel>, Option<Key>) {
+/// Draws pairs of axes: for each pair, one panel per group.
+pub(super) fn scatter(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel>, Option<Key>) {
     let pairs = groups
         .first()
         .map_or(Vec::new(), |group| pairs(&group.places(args)));
-    if drawn_as_counts(args, groups) {
-        let grids = of_one_total(
+    if draws_density(args, groups) {
+        let grids = scale_to_largest(
             groups,
             groups
                 .iter()
@@ -92,28 +103,31 @@ pub(super) fn scatter(args: &PlotArgs, groups: &[Group<'_>]) -> (Vec<Panel>, Opt
                 .collect(),
         );
         let most = grids.iter().flatten().copied().max().unwrap_or(0);
-        let panel = |pair: usize, (group, grids): (&Group<'_>, &Vec<u32>)| {
-            let counts = grids[pair * CELLS * CELLS..(pair + 1) * CELLS * CELLS].to_vec();
+        let panel = |pair: usize, (group, grids): (&PanelStates<'_>, &Vec<u32>)| {
+            let counts = grids
+                [pair * GRID_CELLS * GRID_CELLS..(pair + 1) * GRID_CELLS * GRID_CELLS]
+                .to_vec();
             group.heat_map(pairs[pair], counts, most)
         };
         let panels = (0..pairs.len())
             .flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));
         let panels = panels.map(|(pair, drawn)| panel(pair, drawn)).collect();
-        return (panels, Some(key(groups, "states in a cell", most)));
+        return (panels, Some(key(groups, "states per cell", most)));
     }
-    let paint = Paint::of(args, groups);
+    let colors = StateColors::of(args, groups);
     let panels = pairs
         .iter()
         .flat_map(|pair| groups.iter().map(move |group| (pair, group)));
     let panels = panels
-        .map(|(pair, group)| group.points(args, *pair, &paint))
+        .map(|(pair, group)| group.points(args, *pair, &colors))
         .collect();
-    (panels, paint.key)
+    (panels, colors.key)
 }
 
-/// Counts of each group as if all had as many states as the one that has most: panels show shares, not how long a run was.
-fn of_one_total(groups: &[Group<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
-    let most = most_states(groups);
+/// Scales the counts of each group to the largest group's number of states, so that panels show
+/// shares and do not depend on the lengths of runs.
+fn scale_to_largest(groups: &[PanelStates<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
+    let most = max_states(groups);
     let scaled = |count: u32, of: u64| {
         if count == 0 {
             0
@@ -124,7 +138,7 @@ fn of_one_total(groups: &[Group<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
                 .unwrap_or(u32::MAX)
         }
     };
-    let each = groups.iter().map(Group::count).zip(counts);
+    let each = groups.iter().map(PanelStates::count).zip(counts);
     each.map(|(of, counts)| {
         counts
             .into_iter()
@@ -134,33 +148,33 @@ fn of_one_total(groups: &[Group<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
     .collect()
 }
 
-fn most_states(groups: &[Group<'_>]) -> u64 {
-    groups.iter().map(Group::count).max().unwrap_or(0)
+fn max_states(groups: &[PanelStates<'_>]) -> u64 {
+    groups.iter().map(PanelStates::count).max().unwrap_or(0)
 }
 
-fn key(groups: &[Group<'_>], label: &str, most: u32) -> Key {
+fn key(groups: &[PanelStates<'_>], label: &str, most: u32) -> Key {
     if groups.len() > 1 {
         return Key::Shares {
             label: format!("share of {label}"),
-            most,
-            of: most_states(groups),
+            max_count: most,
+            total: max_states(groups),
         };
     }
     Key::Counts {
         label: label.to_owned(),
-        most,
+        max_count: most,
     }
 }
 
-fn drawn_as_counts(args: &PlotArgs, groups: &[Group<'_>]) -> bool {
-    args.colour.is_none()
+fn draws_density(args: &PlotArgs, groups: &[PanelStates<'_>]) -> bool {
+    args.color_by.is_none()
         && groups
             .iter()
             .any(|group| group.count() > u64::from(args.lines))
 }
 
-impl<'a> Group<'a> {
-    pub(super) fn new(run: &'a Drawn, title: String, agents: Vec<&'a PickedStates>) -> Self {
+impl<'a> PanelStates<'a> {
+    pub(super) fn new(run: &'a PlottedRun, title: String, agents: Vec<&'a SelectedStates>) -> Self {
         Self { run, title, agents }
     }
 
@@ -168,37 +182,38 @@ impl<'a> Group<'a> {
         self.agents.iter().map(|states| states.count).sum()
     }
 
-    /// At most as many states as wanted, in the order of episodes, so that no agent covers all others.
-    fn sample(&self, args: &PlotArgs) -> Vec<(u32, &'a PickedState)> {
-        let of_agent = |states: &&'a PickedStates| {
+    /// At most `--lines` states, in the order of episodes, so that no agent's states cover those of all
+    /// others.
+    fn sample(&self, args: &PlotArgs) -> Vec<(u32, &'a SelectedState)> {
+        let of_agent = |states: &&'a SelectedStates| {
             let agent = states.agent;
             states.sample.iter().map(move |state| (agent, state))
         };
-        let all: Vec<(u32, &PickedState)> = self.agents.iter().flat_map(of_agent).collect();
+        let all: Vec<(u32, &SelectedState)> = self.agents.iter().flat_map(of_agent).collect();
         let (count, wanted) = (all.len() as u64, u64::from(args.lines));
         let mut kept: Vec<_> = (0..)
             .zip(all)
-            .filter(|(index, _)| is_picked(*index, count, wanted))
+            .filter(|(index, _)| is_sampled(*index, count, wanted))
             .map(|(_, state)| state)
             .collect();
         kept.sort_by_key(|(_, state)| state.episode);
         kept
     }
 
-    fn counted(&self) -> String {
+    fn pluralize(&self) -> String {
         format!("{} states", indicatif::HumanCount(self.count()))
     }
 
     fn sampled(&self, args: &PlotArgs) -> String {
         let (count, wanted) = (self.count(), u64::from(args.lines));
         if count <= wanted {
-            self.counted()
+            self.pluralize()
         } else {
-            format!("{} of {}", indicatif::HumanCount(wanted), self.counted())
+            format!("{} of {}", indicatif::HumanCount(wanted), self.pluralize())
         }
     }
 
-    /// The places of the wanted axes among all.
+    /// Indices of the selected axes.
     fn places(&self, args: &PlotArgs) -> Vec<usize> {
         self.run
             .axes
@@ -227,7 +242,7 @@ impl<'a> Group<'a> {
         let axes = self
             .places(args)
             .into_iter()
-            .map(|place| self.quantity(place))
+            .map(|place| axis(&self.quantity(place)))
             .collect();
         let title = format!("{}: {how_many}", self.title);
         Panel::ParallelCoordinates(ParallelCoordinates {
@@ -250,9 +265,9 @@ impl<'a> Group<'a> {
         sum
     }
 
-    /// Counts of all cells of all pairs.
+    /// Counts per cell of all pairs.
     fn grids(&self, pairs: usize) -> Vec<u32> {
-        let mut sum = vec![0_u32; pairs * CELLS * CELLS];
+        let mut sum = vec![0_u32; pairs * GRID_CELLS * GRID_CELLS];
         for states in &self.agents {
             sum.iter_mut()
                 .zip(&states.grids)
@@ -263,52 +278,52 @@ impl<'a> Group<'a> {
 
     fn heat_map(&self, [x, y]: [usize; 2], counts: Vec<u32>, most: u32) -> Panel {
         let (title, x, y) = (
-            format!("{}: {}", self.title, self.counted()),
+            format!("{}: {}", self.title, self.pluralize()),
             self.quantity(x),
             self.quantity(y),
         );
         Panel::HeatMap(HeatMap {
             title,
-            x,
-            y,
+            x: axis(&x),
+            y: axis(&y),
             counts,
-            columns: CELLS,
-            most,
+            columns: GRID_CELLS,
+            max_count: most,
         })
     }
 
-    fn points(&self, args: &PlotArgs, [x, y]: [usize; 2], paint: &Paint) -> Panel {
+    fn points(&self, args: &PlotArgs, [x, y]: [usize; 2], colors: &StateColors) -> Panel {
         let (x_axis, y_axis) = (self.quantity(x), self.quantity(y));
         let value = |axis: &Quantity, fraction: f32| {
             axis.range[0] + fraction * (axis.range[1] - axis.range[0])
         };
-        let point = |(agent, state): (u32, &PickedState)| ScatterPoint {
+        let point = |(agent, state): (u32, &SelectedState)| ScatterPoint {
             at: [
                 value(&x_axis, state.fractions[x]),
                 value(&y_axis, state.fractions[y]),
             ],
-            color: paint.color(agent, state),
+            color: colors.color(agent, state),
         };
         let points = self.sample(args).into_iter().map(point).collect();
         Panel::Scatter(Scatter {
             title: format!("{}: {}", self.title, self.sampled(args)),
-            x: x_axis.clone(),
-            y: y_axis.clone(),
+            x: axis(&x_axis),
+            y: axis(&y_axis),
             points,
         })
     }
 }
 
-/// What the colour of a state means, and the key to it.
-struct Paint {
-    colour: Colour,
+/// Assigns colors to states, with the key to them.
+struct StateColors {
+    color_by: ColorBy,
     range: [f64; 2],
     key: Option<Key>,
 }
 
-impl Paint {
-    fn of(args: &PlotArgs, groups: &[Group<'_>]) -> Self {
-        let colour = args.colour.unwrap_or(Colour::Agent);
+impl StateColors {
+    fn of(args: &PlotArgs, groups: &[PanelStates<'_>]) -> Self {
+        let color_by = args.color_by.unwrap_or(ColorBy::Agent);
         let states = || {
             groups
                 .iter()
@@ -316,7 +331,7 @@ impl Paint {
                 .flat_map(|states| &states.sample)
         };
         let [low, high] = states()
-            .filter_map(|state| value(colour, state))
+            .filter_map(|state| value(color_by, state))
             .fold([f64::INFINITY, f64::NEG_INFINITY], |ends, value| {
                 [ends[0].min(value), ends[1].max(value)]
             });
@@ -326,51 +341,57 @@ impl Paint {
             [low.min(0.0), low.max(0.0) + 1.0]
         };
         let gradual = |label: &str| {
-            Some(Key::Gradual {
+            Some(Key::Continuous {
                 label: label.to_owned(),
                 range,
             })
         };
-        let key = match colour {
-            Colour::Agent => names(groups),
-            Colour::Episode => gradual("episode"),
-            Colour::Return => gradual("return of the episode"),
-            Colour::IntrinsicReward => gradual("intrinsic reward"),
-            Colour::Outcome => {
-                let outcomes = [("terminated", TERMINATED), ("truncated", TRUNCATED)];
-                Some(Key::Names(
+        let key = match color_by {
+            ColorBy::Agent => agent_key(groups),
+            ColorBy::Episode => gradual("episode"),
+            ColorBy::Return => gradual("return of the episode"),
+            ColorBy::IntrinsicReward => gradual("intrinsic reward"),
+            ColorBy::Outcome => {
+                let outcomes = [
+                    ("terminated", Status::Terminated),
+                    ("truncated", Status::Truncated),
+                ];
+                Some(Key::Categories(
                     outcomes
-                        .map(|(name, color)| (name.to_owned(), color))
+                        .map(|(name, outcome)| (name.to_owned(), outcome_color(outcome)))
                         .to_vec(),
                 ))
             }
         };
-        Self { colour, range, key }
+        Self {
+            color_by,
+            range,
+            key,
+        }
     }
 
-    fn color(&self, agent: u32, state: &PickedState) -> Color {
+    fn color(&self, agent: u32, state: &SelectedState) -> Color {
         let [low, high] = self.range;
-        match value(self.colour, state) {
-            Some(value) => gradual((value - low) / (high - low)),
-            None if self.colour == Colour::Agent => agent_color(agent),
-            None if state.outcome == Status::Terminated => TERMINATED,
-            None => TRUNCATED,
+        match value(self.color_by, state) {
+            Some(value) => sequential_color((value - low) / (high - low)),
+            None if self.color_by == ColorBy::Agent => categorical_color(agent),
+            None => outcome_color(state.outcome),
         }
     }
 }
 
-/// What runs from low to high.
-fn value(colour: Colour, state: &PickedState) -> Option<f64> {
-    match colour {
-        Colour::Agent | Colour::Outcome => None,
-        Colour::Episode => Some(f64::from(state.episode)),
-        Colour::Return => Some(state.r#return),
-        Colour::IntrinsicReward => Some(f64::from(state.bonus)),
+/// The value that determines the color, for gradual colors.
+fn value(color_by: ColorBy, state: &SelectedState) -> Option<f64> {
+    match color_by {
+        ColorBy::Agent | ColorBy::Outcome => None,
+        ColorBy::Episode => Some(f64::from(state.episode)),
+        ColorBy::Return => Some(state.r#return),
+        ColorBy::IntrinsicReward => Some(f64::from(state.bonus)),
     }
 }
 
-/// Agents' colours, where a panel shows several.
-fn names(groups: &[Group<'_>]) -> Option<Key> {
+/// Key of agents' colors, if a panel shows several agents.
+fn agent_key(groups: &[PanelStates<'_>]) -> Option<Key> {
     let several = groups.iter().any(|group| group.agents.len() > 1);
     let mut agents: Vec<u32> = groups
         .iter()
@@ -380,10 +401,10 @@ fn names(groups: &[Group<'_>]) -> Option<Key> {
     agents.sort_unstable();
     agents.dedup();
     several.then(|| {
-        Key::Names(
+        Key::Categories(
             agents
                 .into_iter()
-                .map(|agent| (format!("agent {agent}"), agent_color(agent)))
+                .map(|agent| (format!("agent {agent}"), categorical_color(agent)))
                 .collect(),
         )
     })

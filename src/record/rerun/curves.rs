@@ -1,7 +1,8 @@
 //! `/curves/…`: how returns grew and what the updates were like.
 //!
-//! `/curves/return/agent_K` has a row an episode, `/curves/return/team_mean` and `/curves/return/team_mean_25` a row a round;
-//! the others have a row a round with one number for each agent, or one for the team.
+//! `/curves/return/agent_K` has a row an episode, `/curves/return/team_mean` and
+//! `/curves/return/team_mean_25` a row a round; the others have a row a round with one number for
+//! each agent, or one for the team.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -10,12 +11,13 @@ use rerun::external::arrow::array::{ArrayRef, Float64Array};
 use rerun::log::Chunk;
 use rerun::{EntityPath, Scalars, SeriesLines};
 
-use super::rows::{Moment, Moments, grouped_column, rgb, timeless};
-use super::sink::Fault;
-use crate::record::palette::agent_color;
+use super::error::RecordingError;
+use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
+use crate::record::metrics::{Metric, Scope, in_display_order};
 use crate::record::{EpisodeRow, RoundRow};
+use seedbed_figure::color::dark::categorical_color;
 
-/// Rows written as one piece.
+/// Number of rows in one chunk.
 const ROWS_PER_CHUNK: usize = 256;
 
 /// Rounds over which the smooth curve of returns is averaged.
@@ -25,32 +27,12 @@ const SMOOTH: usize = 25;
 const TEAM_COLOR: [u8; 3] = [255; 3];
 const PALE_COLOR: [u8; 3] = [120, 120, 130];
 
-/// Finds a curve's value in a row.
-type OfRow = fn(&RoundRow) -> f64;
-
-/// What is drawn of each update: its entity and where it is found.
-pub(super) const UPDATE_CURVES: [(&str, OfRow); 11] = [
-    ("coverage", |row| row.coverage),
-    ("visitation_entropy", |row| row.visitation_entropy),
-    ("entropy", |row| f64::from(row.entropy)),
-    ("intrinsic_reward", |row| f64::from(row.intrinsic_reward)),
-    ("prediction_error", |row| f64::from(row.prediction_error)),
-    ("bonus_agreement", |row| {
-        row.bonus_agreement.map_or(f64::NAN, f64::from)
-    }),
-    ("ratio_deviation", |row| f64::from(row.ratio_deviation)),
-    ("largest_ratio", |row| f64::from(row.largest_ratio)),
-    ("clipped_fraction", |row| f64::from(row.clipped_fraction)),
-    ("value_loss", |row| f64::from(row.value_loss)),
-    ("policy_loss", |row| f64::from(row.policy_loss)),
-];
-
-/// What is drawn of the team at each update: one number for all agents.
-pub(super) const TEAM_CURVES: [(&str, OfRow); 3] = [
-    ("team_coverage", |row| row.team_coverage),
-    ("team_overlap", |row| row.team_overlap),
-    ("effective_agents", |row| row.effective_agents),
-];
+/// Metrics of updates that have a curve: of agents, with one number for each of them, or of the
+/// team.
+pub(super) fn metrics(scope: Scope) -> impl Iterator<Item = &'static Metric> {
+    let metrics = in_display_order().into_iter();
+    metrics.filter(move |metric| metric.recorded && metric.scope == scope)
+}
 
 /// All curves of a run.
 pub(super) struct Curves {
@@ -77,13 +59,11 @@ impl Curves {
                 .collect(),
             team_mean: Curve::new("return/team_mean", 1),
             smooth_mean: Curve::new(format!("return/team_mean_{SMOOTH}"), 1),
-            updates: UPDATE_CURVES
-                .iter()
-                .map(|(name, _)| Curve::new(*name, agents))
+            updates: metrics(Scope::Agent)
+                .map(|metric| Curve::new(metric.key, agents))
                 .collect(),
-            team: TEAM_CURVES
-                .iter()
-                .map(|(name, _)| Curve::new(*name, 1))
+            team: metrics(Scope::Team)
+                .map(|metric| Curve::new(metric.key, 1))
                 .collect(),
         }
     }
@@ -112,43 +92,55 @@ impl Curves {
         if rounds.is_empty() {
             return;
         }
-        for (curve, (_, value)) in self.updates.iter_mut().zip(UPDATE_CURVES) {
+        for (curve, metric) in self.updates.iter_mut().zip(metrics(Scope::Agent)) {
+            // Agents without a value share the row with others: not a number is no point there.
             let mut values = vec![f64::NAN; curve.series];
+            let mut is_measured = false;
             for row in rounds {
-                values[row.agent as usize] = value(row);
+                if let Some(value) = metric.value(row) {
+                    values[row.agent as usize] = value;
+                    is_measured = true;
+                }
             }
-            curve.add(end, values);
+            if is_measured {
+                curve.add(end, values);
+            }
         }
-        for (curve, (_, value)) in self.team.iter_mut().zip(TEAM_CURVES) {
-            curve.add(end, rounds.last().map(value).or(Some(f64::NAN)));
+        for (curve, metric) in self.team.iter_mut().zip(metrics(Scope::Team)) {
+            if let Some(value) = rounds.last().and_then(|row| metric.value(row)) {
+                curve.add(end, [value]);
+            }
         }
     }
 
     /// Those with enough rows to be written, or all that have any.
-    pub(super) fn take(&mut self, all: bool) -> impl Iterator<Item = Result<Chunk, Fault>> {
-        let least = if all { 1 } else { ROWS_PER_CHUNK };
+    pub(super) fn take(
+        &mut self,
+        all: bool,
+    ) -> impl Iterator<Item = Result<Chunk, RecordingError>> {
+        let min_rows = if all { 1 } else { ROWS_PER_CHUNK };
         let curves = self
             .returns
             .iter_mut()
             .chain([&mut self.team_mean, &mut self.smooth_mean]);
         let curves = curves.chain(&mut self.updates).chain(&mut self.team);
         curves
-            .filter(move |curve| curve.moments.len() >= least)
+            .filter(move |curve| curve.moments.len() >= min_rows)
             .map(Curve::take)
     }
 
-    /// Names and colours.
-    pub(super) fn styles(&self) -> Result<Vec<Chunk>, Fault> {
+    /// Names and colors.
+    pub(super) fn styles(&self) -> Result<Vec<Chunk>, RecordingError> {
         let agents = self.returns.len();
         let of_agent = |agent: usize| series([format!("agent {agent}")], [color(agent)], 1.0);
         let mut styles: Vec<Chunk> = (0..agents)
-            .map(|agent| timeless(self.returns[agent].entity.clone(), &of_agent(agent)))
+            .map(|agent| static_chunk(self.returns[agent].entity.clone(), &of_agent(agent)))
             .collect::<Result<_, _>>()?;
         let (team, smooth) = (
             "team mean".to_owned(),
             format!("team mean of {SMOOTH} rounds"),
         );
-        styles.push(timeless(
+        styles.push(static_chunk(
             self.team_mean.entity.clone(),
             &series(
                 [team],
@@ -156,19 +148,19 @@ impl Curves {
                 1.0,
             ),
         )?);
-        styles.push(timeless(
+        styles.push(static_chunk(
             self.smooth_mean.entity.clone(),
             &series([smooth], [TEAM_COLOR], 3.0),
         )?);
         for update in &self.updates {
             let names = (0..agents).map(|agent| format!("agent {agent}"));
-            styles.push(timeless(
+            styles.push(static_chunk(
                 update.entity.clone(),
                 &series(names, (0..agents).map(color), 1.0),
             )?);
         }
         for curve in &self.team {
-            styles.push(timeless(
+            styles.push(static_chunk(
                 curve.entity.clone(),
                 &series(["team".to_owned()], [TEAM_COLOR], 2.0),
             )?);
@@ -189,7 +181,7 @@ fn series(
 }
 
 fn color(agent: usize) -> [u8; 3] {
-    agent_color(agent as u32)
+    categorical_color(agent as u32)
 }
 
 impl Curve {
@@ -208,7 +200,7 @@ impl Curve {
         self.values.extend(values);
     }
 
-    fn take(&mut self) -> Result<Chunk, Fault> {
+    fn take(&mut self) -> Result<Chunk, RecordingError> {
         let values: ArrayRef = Arc::new(Float64Array::from(std::mem::take(&mut self.values)));
         let moments = std::mem::take(&mut self.moments);
         let column = grouped_column(

@@ -1,9 +1,11 @@
-//! `/scene/agent_K/forces/…`: what pushed the bodies of a filmed agent, as arrows.
+//! `/scene/agent_K/forces/…`: the forces on the bodies of an agent, as arrows.
 //!
-//! `action` has what the agent's action pushed (a torque as the force at the centre of mass that turns the body as much), `contacts`
-//! what surfaces pushed, with points where they touch. A row has the forces of the step that led to it, and their sizes in the column `Force:newtons`.
-//! Arrows of one kind are in scale within an episode: the nineteenth of twenty, by size, is an eighth of the picture long; larger
-//! ones are cut at twice that.
+//! `action` has the forces of the agent's action (a torque as the force at the center of mass that
+//! turns the body as much), `contacts` the contact forces, with points where bodies touch. A row has
+//! the forces during the step that led to it, and their magnitudes in the column `Force:newtons`.
+//! Arrows of one kind have one scale within an episode: the 95th percentile of magnitudes is an
+//! eighth of the view long, and longer arrows are cut at twice that. A single impact would otherwise
+//! make all other arrows invisible.
 
 use std::sync::Arc;
 
@@ -14,20 +16,20 @@ use rerun::{
     ArchetypeName, Arrows2D, ComponentDescriptor, ComponentIdentifier, EntityPath, Points2D,
 };
 
+use super::error::RecordingError;
 use super::framing::{Bounds, extent};
-use super::rows::{Moment, Moments, grouped_column, rgb, timeless};
-use super::sink::Fault;
-use crate::env::{Force, ForceSource};
-use crate::record::Footage;
+use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
+use crate::record::BodyTrajectory;
+use seedbed_env::{Force, ForceSource};
 
-/// How long an arrow is, as a share of the picture.
-const LENGTH: f32 = 0.125;
+/// Length of an arrow, as a share of the view.
+const ARROW_LENGTH: f32 = 0.125;
 
-/// In front of all bodies.
-const ORDER: f32 = 100.0;
+/// Arrows are drawn in front of all bodies.
+const DRAW_ORDER: f32 = 100.0;
 
-/// The forces on one agent's bodies that are still to be written.
-pub(super) struct Pushes {
+/// The forces on one agent's bodies that are not written yet.
+pub(super) struct ForceWriter {
     kinds: [Arrows; 2],
 }
 
@@ -42,7 +44,7 @@ struct Arrows {
     newtons: Vec<f32>,
 }
 
-impl Pushes {
+impl ForceWriter {
     pub(super) fn new(scene: &EntityPath) -> Self {
         let arrows = |name: &str, source, color| Arrows {
             entity: scene
@@ -65,37 +67,40 @@ impl Pushes {
         }
     }
 
-    /// Adds an episode whose first row is at `first`, in a picture of this size.
-    pub(super) fn add(&mut self, footage: &Footage, picture: Option<Bounds>, first: Moment) {
-        let size = picture.map_or(1.0, extent);
+    /// Adds an episode whose first row is at `first`, in a view with these bounds.
+    pub(super) fn add(&mut self, trajectory: &BodyTrajectory, view: Option<Bounds>, first: Moment) {
+        let size = view.map_or(1.0, extent);
         self.kinds
             .iter_mut()
-            .for_each(|arrows| arrows.add(footage, size, first));
+            .for_each(|arrows| arrows.add(trajectory, size, first));
     }
 
-    /// What never changes.
-    pub(super) fn styles(&self) -> Result<Vec<Chunk>, Fault> {
+    /// The colors and sizes, which never change.
+    pub(super) fn styles(&self) -> Result<Vec<Chunk>, RecordingError> {
         self.kinds.iter().flat_map(Arrows::style).collect()
     }
 
-    /// All there is.
-    pub(super) fn take(&mut self) -> impl Iterator<Item = Result<Chunk, Fault>> {
+    /// The chunks of all forces.
+    pub(super) fn take(&mut self) -> impl Iterator<Item = Result<Chunk, RecordingError>> {
         self.kinds.iter_mut().filter_map(Arrows::take)
     }
 }
 
 impl Arrows {
-    fn add(&mut self, footage: &Footage, size: f32, first: Moment) {
+    fn add(&mut self, trajectory: &BodyTrajectory, size: f32, first: Moment) {
         let source = self.source;
         let Some(scale) = scale(
-            footage.forces.iter().filter(|force| force.source == source),
+            trajectory
+                .forces
+                .iter()
+                .filter(|force| force.source == source),
             size,
         ) else {
             self.per_row.push(0);
             return self.moments.push(first);
         };
-        let mut forces = footage.forces.iter();
-        for &count in &footage.forces_per_row {
+        let mut forces = trajectory.forces.iter();
+        for &count in &trajectory.forces_per_row {
             let before = self.newtons.len();
             for force in forces
                 .by_ref()
@@ -104,32 +109,33 @@ impl Arrows {
             {
                 let [right, up] = force.newtons;
                 let newtons = right.hypot(up);
-                let scale = scale.min(2.0 * LENGTH * size / newtons);
+                let scale = scale.min(2.0 * ARROW_LENGTH * size / newtons);
                 self.origins.push([force.at[0], -force.at[1]]);
                 self.vectors.push([right * scale, -up * scale]);
                 self.newtons.push(newtons);
             }
             self.per_row.push(self.newtons.len() - before);
         }
-        self.moments.push_steps(first, footage.forces_per_row.len());
+        self.moments
+            .push_steps(first, trajectory.forces_per_row.len());
     }
 
-    fn style(&self) -> Vec<Result<Chunk, Fault>> {
+    fn style(&self) -> Vec<Result<Chunk, RecordingError>> {
         let arrows = Arrows2D::update_fields()
             .with_colors([rgb(self.color)])
-            .with_draw_order(ORDER);
+            .with_draw_order(DRAW_ORDER);
         let arrows = arrows.with_radii([Radius::new_ui_points(1.5)]);
         let points = Points2D::update_fields()
             .with_colors([rgb(self.color)])
-            .with_draw_order(ORDER);
+            .with_draw_order(DRAW_ORDER);
         let points = points.with_radii([Radius::new_ui_points(3.0)]);
         vec![
-            timeless(self.entity.clone(), &arrows),
-            timeless(self.entity.clone(), &points),
+            static_chunk(self.entity.clone(), &arrows),
+            static_chunk(self.entity.clone(), &points),
         ]
     }
 
-    fn take(&mut self) -> Option<Result<Chunk, Fault>> {
+    fn take(&mut self) -> Option<Result<Chunk, RecordingError>> {
         let (moments, per_row) = (
             std::mem::take(&mut self.moments),
             std::mem::take(&mut self.per_row),
@@ -147,20 +153,20 @@ impl Arrows {
             .and_then(|points| Ok(points.chain(arrows?).chain([newtons]).collect::<Vec<_>>()));
         Some(
             columns
-                .map_err(|error| error.to_string())
+                .map_err(RecordingError::from)
                 .and_then(|columns| moments.into_chunk(&self.entity, columns)),
         )
     }
 }
 
-/// Picture lengths for a newton; none without forces.
+/// Meters per newton; none without forces.
 fn scale<'a>(forces: impl Iterator<Item = &'a Force>, size: f32) -> Option<f32> {
     let mut newtons: Vec<f32> = forces
         .map(|force| force.newtons[0].hypot(force.newtons[1]))
         .collect();
     newtons.sort_by(f32::total_cmp);
     let large = newtons.get(newtons.len() * 19 / 20)?;
-    Some(LENGTH * size / large.max(f32::MIN_POSITIVE))
+    Some(ARROW_LENGTH * size / large.max(f32::MIN_POSITIVE))
 }
 
 fn newtons_column() -> ComponentDescriptor {
@@ -185,11 +191,12 @@ mod tests {
         }
     }
 
-    /// Rows of no, one and two forces, on a picture of 8 m: the larger of three, 20 N, is 1 m long; upwards is negative.
+    /// Rows of zero, one and two forces, in a view of 8 m: the larger contact force, 20 N, is 1 m long;
+    /// up is negative.
     #[test]
     fn arrows_are_in_scale_and_start_where_forces_act() {
-        let mut pushes = Pushes::new(&"scene".into());
-        let footage = Footage {
+        let mut writer = ForceWriter::new(&"scene".into());
+        let trajectory = BodyTrajectory {
             forces: vec![
                 force(10.0),
                 force(20.0),
@@ -199,10 +206,10 @@ mod tests {
                 },
             ],
             forces_per_row: vec![0, 1, 2],
-            ..Footage::default()
+            ..BodyTrajectory::default()
         };
-        pushes.add(
-            &footage,
+        writer.add(
+            &trajectory,
             Some([0.0, 8.0, 0.0, 4.0]),
             Moment {
                 env_step: 7,
@@ -210,7 +217,7 @@ mod tests {
                 round: 0,
             },
         );
-        let [action, contacts] = &pushes.kinds;
+        let [action, contacts] = &writer.kinds;
         assert_eq!(
             (&contacts.per_row, &contacts.newtons),
             (&vec![0, 1, 1], &vec![10.0, 20.0])
@@ -225,18 +232,18 @@ mod tests {
         );
     }
 
-    /// Nineteen small ones and an impact: the impact is cut at twice the length of the small ones.
+    /// 39 small forces and an impact: the impact is cut at twice the length of the small ones.
     #[test]
     fn an_impact_does_not_hide_all_others() {
-        let mut pushes = Pushes::new(&"scene".into());
+        let mut writer = ForceWriter::new(&"scene".into());
         let forces: Vec<Force> = [vec![force(1.0); 39], vec![force(1000.0)]].concat();
-        let footage = Footage {
+        let trajectory = BodyTrajectory {
             forces,
             forces_per_row: vec![40],
-            ..Footage::default()
+            ..BodyTrajectory::default()
         };
-        pushes.add(
-            &footage,
+        writer.add(
+            &trajectory,
             Some([0.0, 8.0, 0.0, 4.0]),
             Moment {
                 env_step: 0,
@@ -244,7 +251,7 @@ mod tests {
                 round: 0,
             },
         );
-        let lengths: Vec<f32> = pushes.kinds[1]
+        let lengths: Vec<f32> = writer.kinds[1]
             .vectors
             .iter()
             .map(|vector| -vector[1])
@@ -252,14 +259,14 @@ mod tests {
         assert_eq!((lengths[0], lengths[39]), (1.0, 2.0));
     }
 
-    /// What an earlier episode left is taken away.
+    /// An empty row removes the arrows of an earlier episode.
     #[test]
     fn an_episode_without_forces_has_one_empty_row() {
-        let mut pushes = Pushes::new(&"scene".into());
-        pushes.add(
-            &Footage {
+        let mut writer = ForceWriter::new(&"scene".into());
+        writer.add(
+            &BodyTrajectory {
                 forces_per_row: vec![0; 9],
-                ..Footage::default()
+                ..BodyTrajectory::default()
             },
             None,
             Moment {
@@ -268,8 +275,8 @@ mod tests {
                 round: 0,
             },
         );
-        assert_eq!(pushes.kinds[0].per_row, [0]);
-        assert_eq!(pushes.take().count(), 2);
-        assert_eq!(pushes.take().count(), 0);
+        assert_eq!(writer.kinds[0].per_row, [0]);
+        assert_eq!(writer.take().count(), 2);
+        assert_eq!(writer.take().count(), 0);
     }
 }

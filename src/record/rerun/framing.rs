@@ -1,43 +1,46 @@
-//! Which part of a scene the viewer shows. Rerun's pictures have y downwards: upper ends are the smaller numbers.
+//! The part of a scene that the viewer shows. Rerun's y axis points down: upper ends have the
+//! smaller numbers.
 
 use super::shapes::{outline, placed};
-use crate::env::{Pose, Scene, SceneBody, Shape};
+use seedbed_env::{Pose, Scene, SceneBody, Shape};
 
-/// Left, right, upper and lower end.
+/// Left, right, upper and lower end of a rectangle.
 pub(super) type Bounds = [f32; 4];
 
-/// Lines that are longer than this many times what lies between them go on for ever.
-const ENDLESS: f32 = 5.0;
+/// A line longer than this many times the rest of the scene counts as endless.
+const ENDLESS_RATIO: f32 = 5.0;
 
-/// The part of the picture that shows a whole episode, seen from the tracked body where there is one.
-pub(super) fn framed(scene: &Scene, poses: &[Pose]) -> Option<Bounds> {
+/// The part of the scene that shows a whole episode, in the frame of the tracked body if there is
+/// one.
+pub(super) fn episode_bounds(scene: &Scene, poses: &[Pose]) -> Option<Bounds> {
     let frames = || poses.chunks_exact(scene.bodies.len());
-    let acted = frames()
-        .filter_map(|frame| moving(scene, frame))
+    let moved = frames()
+        .filter_map(|frame| moving_bounds(scene, frame))
         .reduce(united)?;
     match scene.tracked {
         None => Some(around(
-            acted,
-            &still(&scene.bodies, frames().next()?),
+            moved,
+            &fixed_bounds(&scene.bodies, frames().next()?),
             overhang(&scene.bodies),
         )),
-        Some(_) => Some(widened(acted, 0.25 * extent(acted))),
+        Some(_) => Some(widened(moved, 0.25 * extent(moved))),
     }
 }
 
-/// What moves and what stands still, with the nearer end of what goes on for ever, and room for what stands at the end of a line.
-fn around(acted: Bounds, still: &[(Bounds, bool)], overhang: f32) -> Bounds {
+/// Moving and fixed bodies, the nearer end of endless lines, and space for a body at the end of a
+/// line.
+fn around(moved: Bounds, still: &[(Bounds, bool)], overhang: f32) -> Bounds {
     let solid = still
         .iter()
         .filter(|(_, line)| !line)
-        .fold(acted, |all, (part, _)| united(all, *part));
+        .fold(moved, |all, (part, _)| united(all, *part));
     let size = extent(solid);
     let lines = still
         .iter()
         .filter(|(_, line)| *line)
         .map(|(part, _)| *part);
     let (endless, finite): (Vec<_>, Vec<_>) =
-        lines.partition(|line| extent(*line) > ENDLESS * size);
+        lines.partition(|line| extent(*line) > ENDLESS_RATIO * size);
     let ended = finite
         .into_iter()
         .map(|line| widened(line, overhang))
@@ -48,23 +51,23 @@ fn around(acted: Bounds, still: &[(Bounds, bool)], overhang: f32) -> Bounds {
     widened(all, 0.05 * extent(all))
 }
 
-/// Where moving bodies are, however they turn about their frames' origins.
-fn moving(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
-    let eye = scene.tracked.map_or(Pose::default(), |body| frame[body]);
+/// The bounds of moving bodies, whatever their rotation about their frames' origins.
+fn moving_bounds(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
+    let camera = scene.tracked.map_or(Pose::default(), |body| frame[body]);
     let moving = scene
         .bodies
         .iter()
         .zip(frame)
         .filter(|(body, _)| !body.fixed);
-    let discs =
-        moving.filter_map(|(body, pose)| Some((reach(body)?, [pose.x - eye.x, eye.y - pose.y])));
+    let discs = moving
+        .filter_map(|(body, pose)| Some((reach(body)?, [pose.x - camera.x, camera.y - pose.y])));
     discs
         .map(|(radius, [x, y])| widened([x, x, y, y], radius))
         .reduce(united)
 }
 
-/// Where the shapes of the bodies are that stand still, and whether they are open lines.
-fn still(bodies: &[SceneBody], frame: &[Pose]) -> Vec<(Bounds, bool)> {
+/// The bounds of the shapes of fixed bodies, and whether each is an open line.
+fn fixed_bounds(bodies: &[SceneBody], frame: &[Pose]) -> Vec<(Bounds, bool)> {
     let fixed = bodies.iter().zip(frame).filter(|(body, _)| body.fixed);
     let shapes = fixed.flat_map(|(body, pose)| body.shapes.iter().map(|shape| (shape, *pose)));
     let place = |(shape, pose): (&Shape, Pose)| match shape {
@@ -74,7 +77,7 @@ fn still(bodies: &[SceneBody], frame: &[Pose]) -> Vec<(Bounds, bool)> {
     shapes.filter_map(place).collect()
 }
 
-/// Reaches for the nearest end of a part, if it is at most `distance` away.
+/// Extends bounds to the nearest end of a part if that is at most `distance` away.
 fn stretched([left, right, top, bottom]: Bounds, part: Bounds, distance: f32) -> Bounds {
     let [x, y] = [
         left.max(part[0]).min(part[1]),
@@ -92,7 +95,7 @@ fn stretched([left, right, top, bottom]: Bounds, part: Bounds, distance: f32) ->
     }
 }
 
-/// The radius about its frame's origin within which a body is, if it has a shape.
+/// The radius of a body about its frame's origin, if it has a shape.
 fn reach(body: &SceneBody) -> Option<f32> {
     let thickness = |shape: &Shape| {
         if let Shape::Capsule { radius, .. } = shape {
@@ -110,7 +113,8 @@ fn reach(body: &SceneBody) -> Option<f32> {
     body.shapes.iter().filter_map(furthest).reduce(f32::max)
 }
 
-/// How far a body that stands at the end of a line reaches beyond it: the largest of those that do not hang on another.
+/// How far a body at the end of a line reaches beyond it: the largest radius of a body without a
+/// hinge.
 fn overhang(bodies: &[SceneBody]) -> f32 {
     let loose = bodies
         .iter()
@@ -139,7 +143,7 @@ fn widened([left, right, top, bottom]: Bounds, margin: f32) -> Bounds {
     [left - margin, right + margin, top - margin, bottom + margin]
 }
 
-/// The longer side.
+/// Length of the longer side.
 pub(super) fn extent([left, right, top, bottom]: Bounds) -> f32 {
     (right - left).max(bottom - top)
 }
@@ -183,7 +187,7 @@ mod tests {
     }
 
     fn assert_close(found: Option<Bounds>, expected: Bounds) {
-        let found = found.expect("there is something to see");
+        let found = found.expect("the scene has bounds");
         let is_close = found
             .iter()
             .zip(expected)
@@ -192,19 +196,24 @@ mod tests {
     }
 
     #[test]
-    fn walls_that_go_on_for_ever_are_shown_where_they_are_near() {
-        // The ball goes from -0.5 to 0.5 and is 0.2 wide: 1.4 m in all, so that all four walls are near enough. Of 2 m, 5 % are added.
+    fn endless_walls_are_shown_if_they_are_near() {
+        // The ball goes from -0.5 to 0.5 and is 0.2 wide: 1.4 m in all, so that all four walls are
+        // near enough. Of 2 m, 5 % are added.
         let poses = [ball_at(-0.5, 0.0), ball_at(0.5, 0.0)].concat();
-        assert_close(framed(&ball_in_a_room(), &poses), [-1.1, 1.1, -1.1, 1.1]);
-        // A ball that hardly moves is 0.4 m: the walls 0.8 m from it are too far. Of 0.4 m, 5 % are added.
         assert_close(
-            framed(&ball_in_a_room(), &ball_at(0.0, 0.0)),
+            episode_bounds(&ball_in_a_room(), &poses),
+            [-1.1, 1.1, -1.1, 1.1],
+        );
+        // A ball that hardly moves is 0.4 m: the walls 0.8 m from it are too far. Of 0.4 m, 5 % are
+        // added.
+        assert_close(
+            episode_bounds(&ball_in_a_room(), &ball_at(0.0, 0.0)),
             [-0.22, 0.22, -0.22, 0.22],
         );
     }
 
     #[test]
-    fn a_cart_at_the_end_of_its_rail_is_seen_whole() {
+    fn a_cart_at_the_end_of_its_rail_is_shown_whole() {
         let cart = Shape::Box {
             center: [0.0, 0.0],
             half_size: [0.4, 0.3],
@@ -229,26 +238,27 @@ mod tests {
             bodies,
             tracked: None,
         };
-        // The cart reaches 0.5 m about its middle, at either end of the rail: 6 m, of which 5 % are added. The pole reaches 1 m.
+        // The cart reaches 0.5 m about its middle, at either end of the rail: 6 m, of which 5 % are
+        // added. The pole reaches 1 m.
         assert_close(
-            framed(&scene, &[Pose::default(); 3]),
+            episode_bounds(&scene, &[Pose::default(); 3]),
             [-3.3, 3.3, -1.3, 1.3],
         );
     }
 
     #[test]
-    fn what_is_tracked_stays_in_the_middle() {
+    fn a_tracked_body_stays_in_the_middle() {
         let scene = Scene {
             tracked: Some(1),
             ..ball_in_a_room()
         };
         let poses = [ball_at(-50.0, 3.0), ball_at(50.0, 0.0)].concat();
         // 0.4 m, and a fourth of it on each side.
-        assert_close(framed(&scene, &poses), [-0.3, 0.3, -0.3, 0.3]);
+        assert_close(episode_bounds(&scene, &poses), [-0.3, 0.3, -0.3, 0.3]);
     }
 
     #[test]
-    fn a_pendulum_has_room_to_turn_wherever_it_was() {
+    fn a_pendulum_has_space_to_turn() {
         let rod = Shape::Capsule {
             from: [0.0, 0.0],
             to: [0.0, 1.0],
@@ -260,7 +270,7 @@ mod tests {
         };
         // A disc of 1.1 m about the pivot, and 5 % of its 2.2 m.
         assert_close(
-            framed(
+            episode_bounds(
                 &scene,
                 &[Pose {
                     angle: 3.0,

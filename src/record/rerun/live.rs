@@ -1,7 +1,8 @@
-//! Shows a recording in a running viewer while it is made.
+//! Sends a recording to a running viewer while it is made.
 //!
-//! The file comes first: a viewer gets copies of what is in it, from a thread of its own. One that does not answer, or not fast
-//! enough, is given up; nobody ever waits for it longer than [`PATIENCE`].
+//! The file has priority: the viewer gets copies of its messages from a thread of its own. A viewer
+//! that does not respond, or not fast enough, is disconnected; the run never waits for it longer
+//! than [`RESPONSE_TIMEOUT`].
 
 use std::fs::File;
 use std::io::BufReader;
@@ -14,46 +15,46 @@ use rerun::external::re_log_encoding::rrd::DecoderApp;
 use rerun::log::LogMsg;
 use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink};
 
-use super::sink::Fault;
+use super::error::RecordingError;
 
-/// Where a viewer listens unless it is told otherwise.
+/// The address at which a viewer listens by default.
 pub const DEFAULT_VIEWER: &str = rerun::DEFAULT_CONNECT_URL;
 
-/// How long a viewer is waited for.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Maximum time to wait for the viewer.
+const RESPONSE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Messages that may wait for the viewer; the largest are of some 100 kB.
-const WAITING: usize = 128;
+/// Maximum number of messages that wait for the viewer; the largest have about 100 kB.
+const CHANNEL_CAPACITY: usize = 128;
 
-/// How often a busy viewer is asked again.
-const PAUSE: Duration = Duration::from_millis(2);
+/// Interval between attempts to send to a busy viewer.
+const RETRY_INTERVAL: Duration = Duration::from_millis(2);
 
 /// A running viewer.
 #[derive(Debug)]
 pub struct Viewer {
     address: String,
-    /// None once the viewer was given up.
+    /// None after the viewer was disconnected.
     messages: Option<SyncSender<LogMsg>>,
-    /// Disconnected when everything was sent.
+    /// Closed when everything was sent.
     sent: Receiver<()>,
 }
 
-/// A viewer that cannot be reached.
+/// The viewer cannot be reached.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewerError {
-    /// What was given is no address.
-    #[error("`{0}` is no address of a viewer; expected one such as {DEFAULT_VIEWER}")]
+    /// The text is not an address.
+    #[error("invalid viewer address `{0}`: expected an address such as {DEFAULT_VIEWER}")]
     Address(String),
-    /// Nobody listens there.
-    #[error("no viewer answers at {0}; start one with `rerun`, or leave out --live")]
+    /// No viewer listens at the address.
+    #[error("no viewer responds at {0}: start one with `rerun`, or omit --live")]
     Absent(String),
 }
 
 impl Viewer {
-    /// Finds the viewer that listens at `address`.
+    /// Connects to the viewer that listens at `address`.
     ///
     /// # Errors
-    /// It is no address, or nobody answers there within some seconds.
+    /// The address is invalid, or no viewer responds within 5 seconds.
     ///
     /// # Panics
     /// If the system refuses to start a thread.
@@ -66,16 +67,16 @@ impl Viewer {
         while matches!(
             connection.status(),
             GrpcSinkConnectionState::Connecting { .. }
-        ) && since.elapsed() < PATIENCE
+        ) && since.elapsed() < RESPONSE_TIMEOUT
         {
-            thread::sleep(PAUSE);
+            thread::sleep(RETRY_INTERVAL);
         }
         if connection.status() != GrpcSinkConnectionState::Connected {
-            // To close a connection that never came about takes seconds.
+            // Closing a connection that was never established takes seconds.
             thread::spawn(move || drop(connection));
             return Err(ViewerError::Absent(address.to_owned()));
         }
-        let (messages, waiting) = sync_channel(WAITING);
+        let (messages, waiting) = sync_channel(CHANNEL_CAPACITY);
         let (done, sent) = sync_channel(0);
         thread::spawn(move || {
             forward(&connection, &waiting);
@@ -89,40 +90,40 @@ impl Viewer {
         })
     }
 
-    /// Shows what the recording at `path` holds so far.
-    pub(super) fn catch_up(&mut self, path: &Path) -> Result<(), Fault> {
-        let file = File::open(path).map_err(|error| error.to_string())?;
+    /// Sends what the recording at `path` contains so far.
+    pub(super) fn catch_up(&mut self, path: &Path) -> Result<(), RecordingError> {
+        let file = File::open(path)?;
         for message in DecoderApp::decode_lazy(BufReader::new(file)) {
-            self.show(message.map_err(|error| error.to_string())?)?;
+            self.send(message?)?;
         }
         Ok(())
     }
 
-    /// Shows a message. Fails once, when the viewer is given up; from then on, nothing is shown.
-    pub(super) fn show(&mut self, mut message: LogMsg) -> Result<(), Fault> {
+    /// Sends a message. Fails once, when the viewer is disconnected; later calls do nothing.
+    pub(super) fn send(&mut self, mut message: LogMsg) -> Result<(), RecordingError> {
         let since = Instant::now();
         while let Some(messages) = &self.messages {
             match messages.try_send(message) {
                 Ok(()) => return Ok(()),
-                Err(TrySendError::Full(back)) if since.elapsed() < PATIENCE => {
+                Err(TrySendError::Full(back)) if since.elapsed() < RESPONSE_TIMEOUT => {
                     message = back;
-                    thread::sleep(PAUSE);
+                    thread::sleep(RETRY_INTERVAL);
                 }
-                Err(_) => return Err(self.give_up()),
+                Err(_) => return Err(self.disconnect()),
             }
         }
         Ok(())
     }
 
-    /// Waits until the viewer has everything.
-    pub(super) fn finish(&mut self) -> Result<(), Fault> {
+    /// Waits until the viewer has received everything.
+    pub(super) fn finish(&mut self) -> Result<(), RecordingError> {
         match self.messages.take() {
             None => Ok(()),
             Some(messages) => {
                 drop(messages);
-                let waited = self.sent.recv_timeout(PATIENCE);
+                let waited = self.sent.recv_timeout(RESPONSE_TIMEOUT);
                 if waited == Err(RecvTimeoutError::Timeout) {
-                    Err(self.give_up())
+                    Err(self.disconnect())
                 } else {
                     Ok(())
                 }
@@ -130,16 +131,15 @@ impl Viewer {
         }
     }
 
-    fn give_up(&mut self) -> Fault {
+    fn disconnect(&mut self) -> RecordingError {
         self.messages = None;
-        format!(
-            "the viewer at {} does not take in any more; the recording goes on without it",
-            self.address
-        )
+        RecordingError::ViewerTimeout {
+            address: self.address.clone(),
+        }
     }
 }
 
-/// Until there are no more messages, or the viewer is gone.
+/// Sends messages until there are no more, or until the viewer disconnects.
 fn forward(connection: &GrpcSink, waiting: &Receiver<LogMsg>) {
     for message in waiting {
         connection.send(message);
@@ -159,19 +159,19 @@ mod tests {
     use rerun::{EntityPath, StoreId, TextDocument};
 
     use super::*;
-    use crate::record::rerun::rows::timeless;
+    use crate::record::rerun::rows::static_chunk;
 
     #[test]
-    fn nonsense_is_no_address() {
+    fn an_invalid_address_is_refused() {
         let error = Viewer::connect("here").map(drop).unwrap_err().to_string();
         assert!(
-            error.starts_with("`here` is no address of a viewer"),
+            error.starts_with("invalid viewer address `here`"),
             "{error}"
         );
     }
 
     #[test]
-    fn where_nobody_listens_is_no_viewer() {
+    fn an_address_without_a_viewer_is_refused() {
         let port = TcpListener::bind("127.0.0.1:0")
             .unwrap()
             .local_addr()
@@ -182,18 +182,19 @@ mod tests {
         let error = Viewer::connect(&address).map(drop).unwrap_err().to_string();
         assert_eq!(
             error,
-            format!("no viewer answers at {address}; start one with `rerun`, or leave out --live")
+            format!("no viewer responds at {address}: start one with `rerun`, or omit --live")
         );
-        assert!(since.elapsed() < 2 * PATIENCE);
+        assert!(since.elapsed() < 2 * RESPONSE_TIMEOUT);
     }
 
-    /// It accepts the connection and never reads: a few messages wait in buffers, then it is given up, once.
+    /// It accepts the connection and never reads: some messages wait in buffers, then it is
+    /// disconnected, once.
     #[test]
-    fn a_viewer_that_does_not_read_is_given_up() {
+    fn a_viewer_that_does_not_read_is_disconnected() {
         let silent = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = format!("rerun+http://{}/proxy", silent.local_addr().unwrap());
         let mut viewer = Viewer::connect(&address).unwrap();
-        let chunk = timeless(
+        let chunk = static_chunk(
             EntityPath::from("text"),
             &TextDocument::new("words ".repeat(100_000)),
         )
@@ -203,11 +204,12 @@ mod tests {
             chunk.to_arrow_msg().unwrap(),
         );
         let since = Instant::now();
-        let fault = (0..10_000)
-            .find_map(|_| viewer.show(message.clone()).err())
+        let error = (0..10_000)
+            .find_map(|_| viewer.send(message.clone()).err())
             .unwrap();
-        assert!(fault.contains("does not take in any more"), "{fault}");
-        assert_eq!((viewer.show(message), viewer.finish()), (Ok(()), Ok(())));
-        assert!(since.elapsed() < 3 * PATIENCE);
+        let error = error.to_string();
+        assert!(error.contains("does not respond"), "{error}");
+        assert_eq!((viewer.send(message), viewer.finish()), (Ok(()), Ok(())));
+        assert!(since.elapsed() < 3 * RESPONSE_TIMEOUT);
     }
 }

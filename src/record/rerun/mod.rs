@@ -1,31 +1,35 @@
-//! Writes `run.rrd`, a recording for the Rerun viewer and for queries.
-//! The sole importer of the Rerun SDK; training may not enter.
+//! Writes `run.rrd`, a recording for the Rerun viewer and for queries. The sole importer of the
+//! Rerun SDK; must not depend on training.
 //!
-//! A recording in the making is `run.rrd.part`; it takes its final name when it is complete. Rows are collected and written in
-//! pieces, because each piece has a head of its own; [`checkpoint`](Recorder::checkpoint) writes them out.
+//! While a run is in progress, or if it crashed, the file is `run.rrd.part`; it gets its final name
+//! when it is complete. Rows are collected and written in chunks, because each chunk has a header of
+//! its own; [`checkpoint`](Recorder::checkpoint) writes all collected rows.
 
-mod about;
+mod annotations;
 mod blueprint;
 mod curves;
+mod description;
+mod error;
 mod forces;
 mod framing;
-mod furniture;
+mod header;
+mod images;
+mod layouts;
 mod live;
-mod opening;
-mod pictures;
 mod quantities;
 mod raw;
 pub mod read;
 mod resume;
 mod rounds;
 mod rows;
+mod samples;
 mod scene;
 mod serve;
+mod settings;
 mod shapes;
 mod sink;
 mod tiles;
-mod visitation;
-mod walls;
+mod writers;
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -33,23 +37,21 @@ use std::path::{Path, PathBuf};
 
 use rerun::StoreId;
 
-use self::curves::Curves;
+use self::error::RecordingError;
+use self::layouts::Layouts;
 pub use self::live::{DEFAULT_VIEWER, Viewer, ViewerError};
-use self::pictures::Pictures;
-use self::raw::{RawColumns, RawTable};
-use self::resume::Progress;
-use self::scene::Film;
+use self::resume::State;
+use self::samples::VisitationStyle;
 pub use self::serve::{ServeError, Server};
-use self::sink::{Fault, Sink, Storage};
-use self::visitation::{Drawing, Sample};
-use self::walls::Walls;
-use super::visitation::{Axes, Colouring, LineQuota, Pairs, Visited};
-use super::{Attempt, Difference, RecordError, Recorder, RecordingSettings, RoundRecord};
-use crate::env::{Scene, Spec};
+use self::settings::Settings;
+use self::sink::{Sink, Storage};
+use self::writers::Writers;
+use super::{Attempt, BonusRange, RecordError, Recorder, RecordingSettings, RoundRecord};
+use seedbed_env::{Scene, Spec};
 
 const APPLICATION: &str = "seedbed";
 
-/// What a recording is about, and so what the viewer shows first.
+/// What a recording is about, which decides what the viewer shows first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Focus {
     /// How a team learned: visited states, returns, updates.
@@ -58,37 +60,37 @@ pub enum Focus {
     Motion,
 }
 
-/// Who looks at a recording while it is made.
+/// Where a recording is shown while it is made.
 #[derive(Debug)]
-pub enum Audience {
-    /// A running viewer, which is sent everything.
-    Viewer(Viewer),
-    /// Viewers that connect as they like.
-    Visitors(Server),
+pub enum LiveTarget {
+    /// A running viewer, to which all messages are sent.
+    Push(Viewer),
+    /// A server, to which any number of viewers connect.
+    Serve(Server),
 }
 
-/// What a recording says about its run.
+/// The run that is recorded.
 #[derive(Clone, Copy, Debug)]
-pub struct RecordingAbout<'a> {
-    /// The run's name, shown by the viewer.
+pub struct RunInfo<'a> {
+    /// Name of the run, shown by the viewer.
     pub name: &'a str,
-    /// What it is about.
+    /// What the recording is about.
     pub focus: Focus,
     /// The task.
     pub spec: &'a Spec,
     /// The task's bodies, if it has any.
     pub scene: Option<&'a Scene>,
-    /// K, the number of agents.
+    /// Number of agents K.
     pub agents: u32,
-    /// The largest bonus that a step can have; none without curiosity.
-    pub largest_bonus: Option<f32>,
-    /// Episodes of each agent after which the run ends at the latest.
+    /// Whether agents have a bonus, and its range.
+    pub bonus: BonusRange,
+    /// Maximum number of episodes per agent.
     pub episodes: u32,
-    /// The run's seed; which states become lines is derived from it.
+    /// The run seed, from which the choice of drawn states is derived.
     pub run_seed: u64,
     /// The resolved scenario, in RON.
     pub scenario: &'a str,
-    /// Further facts by name, such as the algorithm.
+    /// Further properties of the run by name, for queries.
     pub properties: &'a [(&'a str, String)],
 }
 
@@ -96,34 +98,11 @@ pub struct RecordingAbout<'a> {
 pub struct RerunRecorder {
     paths: Paths,
     sink: Sink,
-    drawing: Drawing,
-    walls: Walls,
-    quota: LineQuota,
-    /// Rounds that are pictured together.
-    window: u32,
-    density_every: u32,
-    raw_every: u32,
-    focus: Focus,
-    control_step: f64,
-    run_seed: u64,
-    spec: Spec,
-    episodes: u32,
-    largest_bonus: Option<f32>,
-    compared: bool,
-    agents: Vec<AgentTrack>,
-    team: Sample,
-    visited: Vec<Visited>,
-    pictures: Pictures,
-    curves: Curves,
-    films: Vec<Film>,
-    /// Everything that is still needed after an interruption, save what was visited.
-    progress: Progress,
-}
-
-/// What is being recorded of one agent.
-struct AgentTrack {
-    raw: RawTable,
-    sample: Sample,
+    settings: Settings,
+    style: VisitationStyle,
+    layouts: Layouts,
+    writers: Writers,
+    state: State,
 }
 
 #[derive(Clone, Debug)]
@@ -133,190 +112,133 @@ struct Paths {
 }
 
 impl RerunRecorder {
-    /// Begins a recording that will be at `path` once it is complete.
+    /// Starts a recording that will be at `path` when it is complete.
     ///
     /// # Errors
     /// The file could not be created or written.
     pub fn create(
         path: &Path,
-        about: &RecordingAbout<'_>,
+        info: &RunInfo<'_>,
         settings: &RecordingSettings,
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
-        let begun = File::create(&paths.part).map_err(|error| error.to_string());
-        let begun =
-            begun.and_then(|file| Self::begin(paths.clone(), Box::new(file), about, settings));
-        begun.map_err(|fault| paths.error(fault))
+        let started = File::create(&paths.part)
+            .map_err(RecordingError::from)
+            .and_then(|file| Self::start(paths.clone(), Box::new(file), info, settings));
+        started.map_err(|error| paths.error(Attempt::Write, &error))
     }
 
-    /// Goes on with the recording at `path` from where [`checkpoint`](Recorder::checkpoint) returned `bytes`.
+    /// Resumes the recording at `path` from where [`checkpoint`](Recorder::checkpoint) returned
+    /// `bytes`.
     ///
     /// # Errors
     /// The bytes are not a checkpoint of this recording, or the file could not be read or written.
     pub fn resume(
         path: &Path,
-        about: &RecordingAbout<'_>,
+        info: &RunInfo<'_>,
         settings: &RecordingSettings,
         bytes: &[u8],
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
-        let resumed = Progress::from_bytes(bytes).and_then(|progress| {
-            progress.check(about, settings)?;
-            let store = StoreId::recording(APPLICATION, progress.recording_id.as_str());
-            let sink = resume::reopened(&paths.part, &paths.done, progress.messages, store)?;
-            Self::with(paths.clone(), sink, about, settings, progress)
+        let resumed = State::from_bytes(bytes).and_then(|state| {
+            state.check(info, settings)?;
+            let store = StoreId::recording(APPLICATION, state.recording_id.as_str());
+            let sink = resume::reopen(&paths.part, &paths.done, state.messages, store)?;
+            Self::with(paths.clone(), sink, info, settings, state)
         });
-        resumed.map_err(|reason| RecordError {
-            path: paths.part,
-            attempt: Attempt::GoOn,
-            reason,
-        })
+        resumed.map_err(|error| paths.error(Attempt::Resume, &error))
     }
 
-    /// Shows the recording, as far as it has come and from now on. The file stays as it is.
-    pub fn show_to(&mut self, audience: Audience) {
-        let shown = match audience {
-            Audience::Viewer(mut viewer) => viewer
+    /// Shows the recording in viewers, from its beginning and while it is made. Failures become
+    /// warnings: the file does not depend on viewers.
+    pub fn stream_to(&mut self, target: LiveTarget) {
+        let streaming = match target {
+            LiveTarget::Push(mut viewer) => viewer
                 .catch_up(&self.paths.part)
-                .map(|()| self.sink.show_in(viewer)),
-            Audience::Visitors(server) => self.sink.serve(server, &self.paths.part),
+                .map(|()| self.sink.push_to(viewer)),
+            LiveTarget::Serve(server) => self.sink.serve_from(server, &self.paths.part),
         };
-        if let Err(fault) = shown {
-            self.sink.warn(fault);
+        if let Err(error) = streaming {
+            self.sink.warn(error);
         }
     }
 
-    fn begin(
+    fn start(
         paths: Paths,
         storage: Box<dyn Storage>,
-        about: &RecordingAbout<'_>,
+        info: &RunInfo<'_>,
         settings: &RecordingSettings,
-    ) -> Result<Self, Fault> {
-        let progress = Progress::start(about, settings);
-        let sink = Sink::new(
-            StoreId::recording(APPLICATION, progress.recording_id.as_str()),
-            storage,
-        )?;
-        let mut recorder = Self::with(paths, sink, about, settings, progress)?;
-        recorder.introduce(about, settings)?;
+    ) -> Result<Self, RecordingError> {
+        let state = State::start(info, settings);
+        let store = StoreId::recording(APPLICATION, state.recording_id.as_str());
+        let sink = Sink::new(store, storage)?;
+        let mut recorder = Self::with(paths, sink, info, settings, state)?;
+        recorder.write_header(info, settings)?;
         Ok(recorder)
     }
 
     fn with(
         paths: Paths,
         sink: Sink,
-        about: &RecordingAbout<'_>,
+        info: &RunInfo<'_>,
         settings: &RecordingSettings,
-        mut progress: Progress,
-    ) -> Result<Self, Fault> {
-        let columns = RawColumns::of(
-            about.spec,
-            about.largest_bonus.is_some(),
-            settings.has_advantages(),
-        )?;
-        let visited = std::mem::take(&mut progress.visited);
-        let track = |agent| AgentTrack {
-            raw: RawTable::new(agent, &columns),
-            sample: Sample::new(&format!("agent_{agent}")),
-        };
-        let drawing = Drawing::of(about, settings, progress.colour_range.unwrap_or([0.0, 1.0]));
-        let films = settings
-            .scene
-            .iter()
-            .zip(about.scene)
-            .flat_map(|(settings, scene)| {
-                settings
-                    .agents
-                    .iter()
-                    .map(move |agent| Film::new(**agent, scene))
-            });
+        state: State,
+    ) -> Result<Self, RecordingError> {
+        let style = VisitationStyle::of(info, settings, state.color_range);
         Ok(Self {
             paths,
             sink,
-            walls: Walls::new(about.agents, &drawing.axes, &drawing.pairs),
-            drawing,
-            quota: LineQuota::of(settings.lines.get(), settings.window.get()),
-            window: settings.window.get(),
-            density_every: settings.density_every.get(),
-            raw_every: settings.raw_every.get(),
-            focus: about.focus,
-            control_step: about.spec.control_step,
-            run_seed: about.run_seed,
-            spec: about.spec.clone(),
-            episodes: about.episodes,
-            largest_bonus: about.largest_bonus,
-            compared: about.agents > 1 && settings.difference != Difference::Off,
-            agents: (0..visited.len()).map(track).collect(),
-            team: Sample::new("team"),
-            pictures: Pictures::new(
-                visited.len(),
-                about.largest_bonus.is_some(),
-                &settings.difference,
-            ),
-            visited,
-            curves: Curves::new(about.agents as usize),
-            films: films.collect(),
-            progress,
+            settings: Settings::of(info, settings),
+            layouts: Layouts::new(info.agents, &style.axes, &style.pairs),
+            style,
+            writers: Writers::new(info, settings)?,
+            state,
         })
     }
-}
 
-impl Drawing {
-    fn of(about: &RecordingAbout<'_>, settings: &RecordingSettings, range: [f32; 2]) -> Self {
-        Self {
-            axes: Axes::of(about.spec, &settings.axes, about.largest_bonus),
-            pairs: Pairs::of(about.spec, &settings.pairs),
-            colouring: Colouring {
-                by: *settings.colour,
-                range,
-            },
+    fn save(&mut self) -> Result<Vec<u8>, RecordingError> {
+        self.write_chunks(true)?;
+        self.sink.sync()?;
+        self.state.messages = self.sink.messages();
+        self.state.to_bytes()
+    }
+
+    fn complete(&mut self) -> Result<(), RecordingError> {
+        if self.state.latest.is_some() && !self.state.has_latest_images {
+            self.add_images();
         }
+        self.write_chunks(true)?;
+        self.sink.finish()?;
+        Ok(fs::rename(&self.paths.part, &self.paths.done)?)
     }
 }
 
 impl Recorder for RerunRecorder {
     fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError> {
-        self.take_in(round).map_err(|fault| self.paths.error(fault))
+        self.add_round(round)
+            .map_err(|error| self.paths.error(Attempt::Write, &error))
     }
 
     fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError> {
-        self.save().map_err(|fault| self.paths.error(fault))
+        self.save()
+            .map_err(|error| self.paths.error(Attempt::Write, &error))
     }
 
     fn finish(&mut self) -> Result<(), RecordError> {
-        self.complete().map_err(|fault| self.paths.error(fault))
+        self.complete()
+            .map_err(|error| self.paths.error(Attempt::Write, &error))
     }
 
     fn warning(&mut self) -> Option<String> {
-        self.sink.warning()
+        self.sink.warning().map(|warning| warning.to_string())
     }
 }
 
-impl RerunRecorder {
-    fn save(&mut self) -> Result<Vec<u8>, Fault> {
-        self.write(true)?;
-        self.sink.sync()?;
-        self.progress.messages = self.sink.messages();
-        self.progress.visited.clone_from(&self.visited);
-        let bytes = self.progress.to_bytes();
-        self.progress.visited.clear();
-        bytes
-    }
-
-    fn complete(&mut self) -> Result<(), Fault> {
-        if self.progress.latest.is_some() && !self.progress.pictured {
-            self.picture();
-        }
-        self.write(true)?;
-        self.sink.finish()?;
-        fs::rename(&self.paths.part, &self.paths.done).map_err(|error| error.to_string())
-    }
-}
-
-/// A recording that is given up keeps all it was told, under the name of a recording in the making.
+/// A recording that is dropped before it is complete keeps everything recorded so far, in
+/// `run.rrd.part`.
 impl Drop for RerunRecorder {
     fn drop(&mut self) {
-        drop(self.write(true));
+        drop(self.write_chunks(true));
     }
 }
 
@@ -330,11 +252,11 @@ impl Paths {
         }
     }
 
-    fn error(&self, reason: Fault) -> RecordError {
+    fn error(&self, attempt: Attempt, error: &RecordingError) -> RecordError {
         RecordError {
             path: self.part.clone(),
-            attempt: Attempt::Write,
-            reason,
+            attempt,
+            reason: error.to_string(),
         }
     }
 }

@@ -1,7 +1,7 @@
-//! `/raw/agent_K`: everything the agent saw and did, as columns that can be queried.
+//! `/raw/agent_K`: everything the agent observed and did, as columns for queries.
 //!
-//! An episode of T steps makes T + 1 rows. Row t is what the agent saw and did at t; the last row is what it saw at the end and
-//! has an outcome instead of an action.
+//! An episode of T steps has T + 1 rows. Row t has the observation and the action at step t; the last
+//! row has the last observation, and an outcome instead of an action.
 
 use std::sync::Arc;
 
@@ -11,15 +11,16 @@ use rerun::{
     ArchetypeName, ComponentDescriptor, ComponentIdentifier, EntityPath, SerializedComponentColumn,
 };
 
+use super::error::RecordingError;
 use super::rows::{Moment, Moments, unit_column};
-use super::sink::Fault;
-use crate::env::{Choice, Spec, Status};
-use crate::experience::Episode;
+use seedbed_env::{Choice, Spec, Status};
+use seedbed_learn::experience::Episode;
 
-/// Rows written as one piece: many enough that the piece's own head weighs little, few enough that columns compress well.
+/// Number of rows in one chunk: enough that the chunk's header is small beside its data, and few
+/// enough that columns compress well.
 const ROWS_PER_CHUNK: usize = 2048;
 
-/// The rows of one agent that are still to be written.
+/// The rows of one agent that are not written yet.
 pub(super) struct RawTable {
     entity: EntityPath,
     columns: Arc<RawColumns>,
@@ -32,9 +33,9 @@ pub(super) struct RawColumns {
     actions: Vec<(ComponentDescriptor, Choice)>,
     reward: ComponentDescriptor,
     log_prob: ComponentDescriptor,
-    /// Of curious agents.
+    /// None for agents without a bonus.
     intrinsic_reward: Option<ComponentDescriptor>,
-    /// Where an axis shows them.
+    /// Present if an axis shows advantages.
     advantage: Option<ComponentDescriptor>,
     outcome: ComponentDescriptor,
 }
@@ -53,8 +54,12 @@ struct Rows {
 }
 
 impl RawColumns {
-    /// Fails where two columns would have the same name.
-    pub(super) fn of(spec: &Spec, curious: bool, advantages: bool) -> Result<Arc<Self>, Fault> {
+    /// Fails if two columns would have the same name.
+    pub(super) fn of(
+        spec: &Spec,
+        has_bonus: bool,
+        has_advantages: bool,
+    ) -> Result<Arc<Self>, RecordingError> {
         let observed = spec
             .observations
             .iter()
@@ -65,11 +70,11 @@ impl RawColumns {
             .map(|action| action.quantity.name.as_str());
         let further = ["reward", "log_prob", "intrinsic_reward", "outcome"]
             .into_iter()
-            .chain(advantages.then_some("advantage"));
+            .chain(has_advantages.then_some("advantage"));
         let mut names: Vec<&str> = observed.chain(done).chain(further).collect();
         names.sort_unstable();
         if let Some([name, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(format!("two columns would be named `{name}`"));
+            return Err(RecordingError::DuplicateColumn((*name).to_owned()));
         }
         let observations = spec
             .observations
@@ -82,8 +87,8 @@ impl RawColumns {
             .map(|action| (column(&action.quantity.name), action.choice.clone()))
             .collect();
         let [reward, log_prob, outcome] = ["reward", "log_prob", "outcome"].map(column);
-        let intrinsic_reward = curious.then(|| column("intrinsic_reward"));
-        let advantage = advantages.then(|| column("advantage"));
+        let intrinsic_reward = has_bonus.then(|| column("intrinsic_reward"));
+        let advantage = has_advantages.then(|| column("advantage"));
         Ok(Arc::new(Self {
             observations,
             actions,
@@ -129,22 +134,22 @@ impl RawTable {
             ..
         } = &mut self.rows;
         moments.push_steps(first, steps + 1);
-        spread(&episode.observations, observations);
+        append_to_columns(&episode.observations, observations);
         let acted = actions.first().map_or(0, Vec::len);
-        spread(&episode.actions, actions);
+        append_to_columns(&episode.actions, actions);
         for (column, (_, choice)) in actions.iter_mut().zip(&self.columns.actions) {
-            put_values(choice, &mut column[acted..]);
+            replace_indices(choice, &mut column[acted..]);
         }
         rewards.extend(&episode.rewards);
         log_probs.extend(episode.action_log_probs());
         outcomes.push(outcome(episode.outcome));
         is_last.resize(is_last.len() + steps, false);
         is_last.push(true);
-        self.add_afterthoughts(episode);
+        self.add_late_columns(episode);
     }
 
     /// What the agent made of its steps only afterwards.
-    fn add_afterthoughts(&mut self, episode: &Episode) {
+    fn add_late_columns(&mut self, episode: &Episode) {
         let Rows {
             rewards,
             intrinsic_rewards,
@@ -161,10 +166,10 @@ impl RawTable {
         }
     }
 
-    /// If there are enough for a piece, or any and all are wanted.
-    pub(super) fn take(&mut self, all: bool) -> Option<Result<Chunk, Fault>> {
-        let least = if all { 1 } else { ROWS_PER_CHUNK };
-        if self.rows.moments.len() < least {
+    /// The rows as a chunk if there are enough, or if any and `all` is set.
+    pub(super) fn take(&mut self, all: bool) -> Option<Result<Chunk, RecordingError>> {
+        let min_rows = if all { 1 } else { ROWS_PER_CHUNK };
+        if self.rows.moments.len() < min_rows {
             return None;
         }
         let rows = std::mem::replace(&mut self.rows, Rows::of(&self.columns));
@@ -182,13 +187,17 @@ impl Rows {
         }
     }
 
-    fn into_chunk(self, entity: &EntityPath, columns: &RawColumns) -> Result<Chunk, Fault> {
+    fn into_chunk(
+        self,
+        entity: &EntityPath,
+        columns: &RawColumns,
+    ) -> Result<Chunk, RecordingError> {
         let is_step: Vec<bool> = self.is_last.iter().map(|is_last| !is_last).collect();
         let observed = columns
             .observations
             .iter()
             .zip(self.observations)
-            .map(|(name, values)| numbers(name, values, None));
+            .map(|(name, values)| f32_column(name, values, None));
         let named = columns
             .actions
             .iter()
@@ -208,7 +217,7 @@ impl Rows {
         let done = named
             .zip(done)
             .chain(afterwards)
-            .map(|(name, values)| numbers(name, values, Some(is_step.clone())));
+            .map(|(name, values)| f32_column(name, values, Some(is_step.clone())));
         let outcome = unit_column(
             columns.outcome.clone(),
             Arc::new(StringArray::from(self.outcomes)),
@@ -219,7 +228,7 @@ impl Rows {
     }
 }
 
-fn numbers(
+fn f32_column(
     name: &ComponentDescriptor,
     values: Vec<f32>,
     present: Option<Vec<bool>>,
@@ -227,8 +236,8 @@ fn numbers(
     unit_column(name.clone(), Arc::new(Float32Array::from(values)), present)
 }
 
-/// Adds rows to columns.
-fn spread(rows: &[f32], columns: &mut [Vec<f32>]) {
+/// Appends rows to columns.
+fn append_to_columns(rows: &[f32], columns: &mut [Vec<f32>]) {
     let width = columns.len();
     for (index, column) in columns.iter_mut().enumerate() {
         column.extend(rows.iter().skip(index).step_by(width));
@@ -236,7 +245,7 @@ fn spread(rows: &[f32], columns: &mut [Vec<f32>]) {
 }
 
 /// Replaces the indices of discrete actions by their values.
-fn put_values(choice: &Choice, actions: &mut [f32]) {
+fn replace_indices(choice: &Choice, actions: &mut [f32]) {
     if let Choice::Discrete(values) = choice {
         for action in actions {
             *action = values[*action as usize];

@@ -1,7 +1,7 @@
-//! Reads a recording back: who saw and did what, episode by episode.
+//! Reads a recording, episode by episode.
 //!
-//! Chunks are decoded one after the other and forgotten, so that memory holds one chunk (about 2,000 rows) and, for each agent, the
-//! episode that is not complete yet, however long the recording is.
+//! Chunks are decoded one after the other and dropped, so that memory holds one chunk (about 2,000
+//! rows) and the incomplete episode of each agent, however long the recording is.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
@@ -15,10 +15,11 @@ use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 
 use super::quantities::{self, Quantities};
 use super::rows::{EPISODE, ROUND};
-use crate::env::{Quantity, Status};
+use crate::record::BonusRange;
 use crate::record::visitation::Axes;
+use seedbed_env::{Quantity, Status};
 
-/// A recording that was opened: what it is of.
+/// An opened recording: its properties, task and episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     path: PathBuf,
@@ -29,59 +30,60 @@ pub struct Recording {
 /// One episode as it was recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedEpisode {
-    /// Who acted.
+    /// The agent.
     pub agent: u32,
-    /// The agent's own count, from 0.
+    /// Number of the agent's episode, from 0.
     pub episode: u32,
-    /// Counts from 0.
+    /// Number of the round, from 0.
     pub round: u32,
-    /// Row t is what was seen before action t; the last row is what was seen at the end. `[(T+1) × observation width]`
+    /// Observations: row t is the one before action t, the last row the one at the end.
+    /// `[(T+1) × observation width]`
     pub observations: Vec<f32>,
-    /// What was done: values, not indices. `[T × action width]`
+    /// Actions, as values instead of indices: `[T × action width]`
     pub actions: Vec<f32>,
-    /// `[T]`
+    /// Rewards of the environment: `[T]`
     pub rewards: Vec<f32>,
-    /// `[T]`; empty without curiosity.
+    /// Bonuses: `[T]`; empty for agents without a bonus.
     pub intrinsic_rewards: Vec<f32>,
-    /// How it ended.
+    /// How the episode ended.
     pub outcome: Status,
 }
 
-/// A recording that cannot be read.
+/// The recording cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// The file cannot be opened or read, is damaged, or is of another version of Rerun.
+    /// The file cannot be opened or read, is damaged, or was written by another version of Rerun.
     #[error("cannot read {path}: {reason}")]
     File {
         /// The file.
         path: PathBuf,
-        /// What is the matter.
+        /// Why it cannot be read.
         reason: String,
     },
-    /// Rerun can read it, but it was not written by this version of seedbed.
+    /// Rerun can read the file, but it was not written by this version of seedbed.
     #[error(
-        "{path} holds no run that this version of seedbed can read: there is no `{missing}` in it"
+        "{path} is not a recording that this version of seedbed can read: it has no entity `{missing}`"
     )]
-    Other {
+    NotARun {
         /// The file.
         path: PathBuf,
-        /// What a run would have.
+        /// The entity that every recording has.
         missing: String,
     },
 }
 
 impl Recording {
-    /// Opens `run.rrd`, or the `run.rrd.part` of a run that goes on or was killed.
+    /// Opens `run.rrd`, or the `run.rrd.part` of a run that is in progress or was killed.
     ///
     /// # Errors
-    /// The file cannot be read, or holds something else.
+    /// The file cannot be read, or is not a recording of seedbed.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let mut properties = BTreeMap::new();
         for chunk in Chunks::open(path)? {
             let chunk = chunk?;
             match chunk.entity_path().to_string().as_str() {
                 entity if entity.starts_with("/__properties") => {
-                    note_properties(&chunk, &mut properties)
+                    collect_properties(&chunk, &mut properties)
                 }
                 quantities::ENTITY => {
                     let quantities = quantities::read(&chunk).ok_or_else(|| missing(path))?;
@@ -103,38 +105,39 @@ impl Recording {
         &self.properties
     }
 
-    /// What an agent sees, in order.
+    /// The observations of an agent, in order.
     #[must_use]
     pub fn observations(&self) -> &[Quantity] {
         &self.quantities.observations
     }
 
-    /// What an agent does, in order.
+    /// The components of an action, in order.
     #[must_use]
     pub fn actions(&self) -> &[Quantity] {
         &self.quantities.actions
     }
 
-    /// The largest bonus that a step can have; none without curiosity.
+    /// Whether agents have a bonus, and its range.
     #[must_use]
-    pub fn largest_bonus(&self) -> Option<f32> {
-        self.quantities.largest_bonus
+    pub fn bonus(&self) -> BonusRange {
+        self.quantities.bonus
     }
 
-    /// The axes of its parallel coordinates.
+    /// The axes of parallel coordinates: all observations and the bonus.
     #[must_use]
     pub fn axes(&self) -> Axes {
         Axes::of_quantities(
             &self.quantities.observations,
             self.quantities.time_limit,
-            self.quantities.largest_bonus,
+            self.quantities.bonus,
         )
     }
 
-    /// Its episodes, those of an agent in their order. Episodes that are not complete in the file are left out.
+    /// All episodes, those of each agent in their order. Episodes that are incomplete in the file are
+    /// left out.
     ///
     /// # Errors
-    /// The file cannot be opened; the items are errors where it turns out to be damaged.
+    /// The file cannot be opened. Items are errors where the file is damaged.
     pub fn episodes(&self) -> Result<Episodes, ReadError> {
         let columns = Columns::of(&self.quantities);
         Ok(Episodes {
@@ -147,21 +150,21 @@ impl Recording {
 }
 
 fn missing(path: &Path) -> ReadError {
-    ReadError::Other {
+    ReadError::NotARun {
         path: path.to_owned(),
         missing: quantities::ENTITY.to_owned(),
     }
 }
 
-fn note_properties(chunk: &Chunk, properties: &mut BTreeMap<String, String>) {
+fn collect_properties(chunk: &Chunk, properties: &mut BTreeMap<String, String>) {
     for component in chunk.components_identifiers() {
-        let value =
-            quantities::words(chunk, component.as_str()).and_then(|words| words.into_iter().next());
+        let value = quantities::strings(chunk, component.as_str())
+            .and_then(|texts| texts.into_iter().next());
         properties.extend(value.map(|value| (component.as_str().to_owned(), value)));
     }
 }
 
-/// The episodes of a recording, read as they are asked for.
+/// The episodes of a recording, read on demand.
 pub struct Episodes {
     chunks: Chunks,
     columns: Columns,
@@ -176,7 +179,7 @@ impl Iterator for Episodes {
     fn next(&mut self) -> Option<Self::Item> {
         while self.finished.is_empty() {
             match self.chunks.next()? {
-                Ok(chunk) => self.take_in(&chunk),
+                Ok(chunk) => self.add_chunk(&chunk),
                 Err(error) => return Some(Err(error)),
             }
         }
@@ -185,7 +188,7 @@ impl Iterator for Episodes {
 }
 
 impl Episodes {
-    fn take_in(&mut self, chunk: &Chunk) {
+    fn add_chunk(&mut self, chunk: &Chunk) {
         let entity = chunk.entity_path().to_string();
         let Some(agent) = entity
             .strip_prefix("/raw/agent_")
@@ -234,7 +237,7 @@ impl RecordedEpisode {
         }
     }
 
-    /// T, the number of steps.
+    /// Number of steps T.
     #[must_use]
     pub fn length(&self) -> usize {
         self.rewards.len()
@@ -246,20 +249,21 @@ impl RecordedEpisode {
         self.rewards.iter().map(|&reward| f64::from(reward)).sum()
     }
 
-    /// What was seen, state by state, the last one included: `[T+1]` of `[observation width]`.
+    /// The observations state by state, including the last one: `[T+1]` of `[observation width]`.
     pub fn states(&self) -> impl Iterator<Item = &[f32]> {
         self.observations
             .chunks_exact((self.observations.len() / (self.length() + 1)).max(1))
     }
 
-    /// The bonus of what was done at step `step`; 0 at the last state, after which nothing follows, and without curiosity.
+    /// The bonus of step `step`; 0 at the last state, which has no step, and for agents without a
+    /// bonus.
     #[must_use]
     pub fn bonus(&self, step: usize) -> f32 {
         self.intrinsic_rewards.get(step).copied().unwrap_or(0.0)
     }
 }
 
-/// Under which names the columns are found.
+/// The names of the columns.
 struct Columns {
     observations: Vec<ComponentIdentifier>,
     actions: Vec<ComponentIdentifier>,
@@ -278,7 +282,7 @@ struct Rows {
     actions: Vec<Vec<f32>>,
     rewards: Vec<f32>,
     intrinsic_rewards: Vec<f32>,
-    /// `[rows]`: of those rows that end an episode.
+    /// The outcome of the rows that end an episode: `[rows]`
     outcomes: Vec<Option<Status>>,
 }
 
@@ -326,7 +330,7 @@ impl Columns {
     }
 
     fn outcomes(&self, chunk: &Chunk) -> Vec<Option<Status>> {
-        let mut words = quantities::words(chunk, self.outcome.as_str())
+        let mut outcomes = quantities::strings(chunk, self.outcome.as_str())
             .unwrap_or_default()
             .into_iter();
         let Some(list) = chunk.components().get_array(self.outcome) else {
@@ -334,25 +338,25 @@ impl Columns {
         };
         let ended = (0..list.len()).map(|row| list.is_valid(row) && list.value_length(row) > 0);
         ended
-            .map(|ended| if ended { words.next() } else { None })
-            .map(|word| word.map(|word| status(&word)))
+            .map(|ended| if ended { outcomes.next() } else { None })
+            .map(|outcome| outcome.map(|outcome| status(&outcome)))
             .collect()
     }
 }
 
-fn status(word: &str) -> Status {
-    match word {
+fn status(outcome: &str) -> Status {
+    match outcome {
         "terminated" => Status::Terminated,
         "truncated" => Status::Truncated,
         _ => Status::Running,
     }
 }
 
-/// The chunks of a recording, without those of its layout.
+/// The chunks of a recording, without those of its blueprint.
 struct Chunks {
     path: PathBuf,
     messages: DecoderIterator<LogMsg, BufReader<File>>,
-    /// Nothing can be read after a fault.
+    /// Nothing can be read after an error.
     failed: bool,
 }
 
@@ -369,7 +373,7 @@ impl Chunks {
         })
     }
 
-    fn fault(&mut self, reason: String) -> ReadError {
+    fn fail(&mut self, reason: String) -> ReadError {
         self.failed = true;
         ReadError::File {
             path: self.path.clone(),
@@ -386,20 +390,19 @@ impl Iterator for Chunks {
             match self.messages.next()? {
                 Ok(LogMsg::ArrowMsg(store, arrow)) if store.kind() == StoreKind::Recording => {
                     return Some(
-                        Chunk::from_arrow_msg(&arrow)
-                            .map_err(|error| self.fault(error.to_string())),
+                        Chunk::from_arrow_msg(&arrow).map_err(|error| self.fail(error.to_string())),
                     );
                 }
                 Ok(_) => {}
-                Err(error) => return Some(Err(self.fault(words(&error)))),
+                Err(error) => return Some(Err(self.fail(decode_message(&error)))),
             }
         }
         None
     }
 }
 
-/// Without the decoder's own name for what failed.
-fn words(error: &DecodeError) -> String {
+/// The decoder's message, without its prefix.
+fn decode_message(error: &DecodeError) -> String {
     match error {
         DecodeError::Codec(error) => error.to_string(),
         DecodeError::Read(error) => error.to_string(),

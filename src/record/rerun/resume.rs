@@ -1,7 +1,8 @@
-//! Goes on with a recording that was interrupted.
+//! Resumes a recording that was interrupted.
 //!
-//! A checkpoint names how many messages the file held. Those are copied to a fresh file, which then takes the old one's place:
-//! what was written after the checkpoint is played again and must not be there twice.
+//! A checkpoint stores the number of messages in the file. That many are copied to a new file, which
+//! then replaces the old one: the rounds after the checkpoint are run and recorded again, and must
+//! not be in the file twice.
 
 use std::collections::VecDeque;
 use std::fs::{self, File};
@@ -13,99 +14,93 @@ use rerun::external::re_log_encoding::rrd::DecoderApp;
 use rerun::external::re_log_types::RecordingId;
 use serde::{Deserialize, Serialize};
 
-use super::RecordingAbout;
-use super::sink::{Fault, Sink};
-use super::visitation::Drawing;
+use super::RunInfo;
+use super::error::RecordingError;
+use super::samples::VisitationStyle;
+use super::sink::Sink;
 use crate::record::RecordingSettings;
-use crate::record::visitation::Visited;
+use crate::record::visitation::AgentVisits;
 
-/// The format of [`Progress`].
+/// The format of [`State`], by the order and types of its fields.
 const FORMAT: u32 = 2;
 
-/// What a recording needs to go on, beside its file.
+/// What a recorder needs to resume, in addition to its file.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Progress {
-    /// So that bytes of another version are refused rather than misread.
+pub(super) struct State {
+    /// [`FORMAT`], so that a checkpoint of another version is refused and not misread.
     format: u32,
-    /// Messages in the file.
+    /// Number of messages in the file; set by checkpoints only.
     pub(super) messages: u64,
-    /// Tells this recording from all others.
+    /// Unique id of the recording.
     pub(super) recording_id: String,
     /// Each agent's next step on its own timeline.
     pub(super) next_steps: Vec<i64>,
-    /// What each agent visited.
-    pub(super) visited: Vec<Visited>,
-    /// The ends of the scale of lines and points, once they are known.
-    pub(super) colour_range: Option<[f32; 2]>,
+    /// The states that each agent visited.
+    pub(super) visits: Vec<AgentVisits>,
+    /// The ends of the scale of colors; known after the first round.
+    pub(super) color_range: Option<[f32; 2]>,
     /// The team's mean returns of the latest rounds.
     pub(super) latest_returns: VecDeque<f64>,
-    /// Whether the latest round's visited states were pictured.
-    pub(super) pictured: bool,
+    /// Whether there are images of the latest round.
+    pub(super) has_latest_images: bool,
     /// The latest round and its latest episode.
     pub(super) latest: Option<(i64, i64)>,
 }
 
-impl Progress {
-    /// Nothing recorded yet. The recording's id is the run's name and something unique, so that recordings can be shown together.
-    pub(super) fn start(about: &RecordingAbout<'_>, settings: &RecordingSettings) -> Self {
-        let (agents, drawing) = (
-            about.agents as usize,
-            Drawing::of(about, settings, [0.0, 1.0]),
-        );
+impl State {
+    /// The state of a recording without rounds. Its id is the run's name and a random suffix, so that
+    /// several recordings can be shown together.
+    pub(super) fn start(info: &RunInfo<'_>, settings: &RecordingSettings) -> Self {
+        let agents = info.agents as usize;
+        let style = VisitationStyle::of(info, settings, None);
         Self {
             format: FORMAT,
             messages: 0,
-            recording_id: format!("{}-{}", about.name, unique()),
+            recording_id: format!("{}-{}", info.name, random_suffix()),
             next_steps: vec![0; agents],
-            visited: vec![Visited::new(&drawing.axes, about.largest_bonus.is_some()); agents],
-            colour_range: None,
+            visits: vec![AgentVisits::new(&style.axes, info.bonus.exists()); agents],
+            color_range: None,
             latest_returns: VecDeque::new(),
-            pictured: false,
+            has_latest_images: false,
             latest: None,
         }
     }
 
-    /// Fails where the run is not the one that was interrupted.
+    /// Fails if this is the state of another run.
     pub(super) fn check(
         &self,
-        about: &RecordingAbout<'_>,
+        info: &RunInfo<'_>,
         settings: &RecordingSettings,
-    ) -> Result<(), Fault> {
-        let (drawing, curious) = (
-            Drawing::of(about, settings, [0.0, 1.0]),
-            about.largest_bonus.is_some(),
-        );
-        let is_same_team = self.visited.len() == about.agents as usize
-            && self.next_steps.len() == about.agents as usize;
-        if is_same_team
-            && self
-                .visited
-                .iter()
-                .all(|visited| visited.fits(&drawing.axes, &drawing.pairs, curious))
-        {
+    ) -> Result<(), RecordingError> {
+        let style = VisitationStyle::of(info, settings, None);
+        let agents = info.agents as usize;
+        let is_same_team = self.visits.len() == agents && self.next_steps.len() == agents;
+        let fits =
+            |visits: &AgentVisits| visits.fits(&style.axes, &style.pairs, info.bonus.exists());
+        if is_same_team && self.visits.iter().all(fits) {
             Ok(())
         } else {
-            Err("the checkpoint belongs to another scenario".to_owned())
+            Err(RecordingError::OtherScenario)
         }
     }
 
-    /// As [`from_bytes`](Self::from_bytes) reads it.
-    pub(super) fn to_bytes(&self) -> Result<Vec<u8>, Fault> {
-        postcard::to_stdvec(self).map_err(|error| error.to_string())
+    /// The bytes that [`from_bytes`](Self::from_bytes) reads.
+    pub(super) fn to_bytes(&self) -> Result<Vec<u8>, RecordingError> {
+        postcard::to_stdvec(self).map_err(|error| RecordingError::Encoding(error.to_string()))
     }
 
-    /// From what [`to_bytes`](Self::to_bytes) wrote.
-    pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, Fault> {
-        let format = postcard::take_from_bytes::<u32>(bytes).map_or(FORMAT, |(format, _)| format);
-        if format != FORMAT {
-            return Err("the checkpoint is damaged, or of another version of seedbed".to_owned());
+    /// Reads the bytes of [`to_bytes`](Self::to_bytes).
+    pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, RecordingError> {
+        // The format comes first, so that it can be read whatever follows it.
+        match postcard::take_from_bytes::<u32>(bytes) {
+            Ok((FORMAT, _)) => postcard::from_bytes(bytes).map_err(|_| RecordingError::Checkpoint),
+            _ => Err(RecordingError::Checkpoint),
         }
-        postcard::from_bytes(bytes).map_err(|error| format!("the checkpoint is damaged: {error}"))
     }
 }
 
-/// Eight letters that no other recording has.
-fn unique() -> String {
+/// Eight random characters.
+fn random_suffix() -> String {
     RecordingId::random()
         .as_str()
         .chars()
@@ -114,35 +109,33 @@ fn unique() -> String {
         .collect()
 }
 
-/// Opens `part` with only its first `messages` messages. Where there is no such file, `done` is taken instead.
-pub(super) fn reopened(
+/// Opens `part` with only its first `messages` messages. If there is no such file, reads `done`
+/// instead.
+pub(super) fn reopen(
     part: &Path,
     done: &Path,
     messages: u64,
     store: StoreId,
-) -> Result<Sink, Fault> {
+) -> Result<Sink, RecordingError> {
     let source = if part.exists() { part } else { done };
     let fresh = part.with_extension("resuming");
-    let mut sink = Sink::new(
-        store,
-        Box::new(File::create(&fresh).map_err(|error| error.to_string())?),
-    )?;
+    let mut sink = Sink::new(store, Box::new(File::create(&fresh)?))?;
     copy(source, messages, &mut sink)?;
     sink.sync()?;
-    fs::rename(&fresh, part).map_err(|error| error.to_string())?;
+    fs::rename(&fresh, part)?;
     Ok(sink)
 }
 
-fn copy(source: &Path, messages: u64, sink: &mut Sink) -> Result<(), Fault> {
-    let file = File::open(source).map_err(|error| error.to_string())?;
+fn copy(source: &Path, messages: u64, sink: &mut Sink) -> Result<(), RecordingError> {
+    let file = File::open(source)?;
     for message in DecoderApp::decode_lazy(BufReader::new(file)).take(messages as usize) {
-        sink.send(&message.map_err(|error| error.to_string())?)?;
+        sink.send(&message?)?;
     }
     if sink.messages() < messages {
-        return Err(format!(
-            "it ends before the checkpoint, after {} of {messages} messages",
-            sink.messages()
-        ));
+        return Err(RecordingError::EndsEarly {
+            found: sink.messages(),
+            expected: messages,
+        });
     }
     Ok(())
 }

@@ -1,107 +1,110 @@
-//! What happens to a round: its rows are collected, and written when they make a good piece.
+//! Adds rounds to a recording: rows are collected, and written when there are enough for a chunk.
 
 use std::slice::Iter;
 
+use super::RerunRecorder;
+use super::error::RecordingError;
 use super::rows::Moment;
-use super::sink::Fault;
-use super::visitation::Wanted;
-use super::{AgentTrack, RerunRecorder};
-use crate::experience::Episode;
-use crate::random::{Purpose, stream};
-use crate::record::visitation::Colouring;
-use crate::record::{EpisodeRow, Footage, RoundRecord};
+use super::samples::SampleCounts;
+use crate::record::visitation::Coloring;
+use crate::record::{BodyTrajectory, EpisodeRow, RoundRecord};
+use seedbed_env::random::{Purpose, stream};
+use seedbed_learn::experience::Episode;
 
-/// Pictures in a row that have the wanted distance from each other, before it doubles.
-const SAME_DISTANCE: u32 = 200;
+/// Number of images at the initial interval, before it doubles.
+const IMAGES_BEFORE_DOUBLING: u32 = 200;
 
-/// Every so many rounds; twice as many from the 200th picture on, and twice again whenever the run has become twice as long, so that a
-/// file does not grow with pictures that hardly differ.
-fn is_pictured(round: u32, every: u32) -> bool {
-    let doubled = (round / SAME_DISTANCE.saturating_mul(every))
+/// Whether a round gets images, if the initial interval is `every` rounds.
+///
+/// The interval is constant for the first 200 images and then doubles with each octave, that is,
+/// each time the run has doubled in length. So each octave adds the same number of images (100), and
+/// a run of n rounds has O(log n) of them: the images late in a run differ little from each other,
+/// and would otherwise make up most of the file. The first octave begins after round
+/// 200 · `every`, where the quotient below is 1 and its logarithm 0; in the rounds before, the
+/// quotient is 0 and has no logarithm, so that nothing is doubled.
+fn has_images(round: u32, every: u32) -> bool {
+    let doublings = (round / IMAGES_BEFORE_DOUBLING.saturating_mul(every))
         .checked_ilog2()
         .map_or(0, |octave| octave + 1);
-    u64::from(round).is_multiple_of(u64::from(every) << doubled)
+    u64::from(round).is_multiple_of(u64::from(every) << doublings)
 }
 
 impl RerunRecorder {
-    /// Takes in a round, and writes what makes good pieces by now.
-    pub(super) fn take_in(&mut self, round: &RoundRecord<'_>) -> Result<(), Fault> {
-        if self.progress.latest.is_none() {
-            self.settle_colours(round.episodes);
-            self.lay_out(round.footage)?;
+    /// Adds a round, and writes the chunks that are full.
+    pub(super) fn add_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordingError> {
+        if self.state.latest.is_none() {
+            self.fix_color_range(round.episodes);
+            self.write_blueprint(round.body_trajectories)?;
         }
         let mut rows = round.episode_rows.iter();
         for episodes in round.episodes.chunk_by(|one, next| one.agent == next.agent) {
-            self.take_in_episodes(round, episodes, &mut rows);
+            self.add_episodes(round, episodes, &mut rows);
         }
-        self.visited
-            .iter_mut()
-            .for_each(|visited| visited.end_round(round.round, self.window));
-        let latest_episode = round
-            .episodes
-            .iter()
-            .map(|episode| episode.episode.into())
-            .max();
-        (self.progress.latest, self.progress.pictured) = (
-            Some((round.round.into(), latest_episode.unwrap_or(0))),
-            false,
-        );
+        for visits in &mut self.state.visits {
+            visits.end_round(round.round, self.settings.window);
+        }
+        let latest_episode = round.episodes.iter().map(|episode| episode.episode).max();
+        let latest_episode = latest_episode.map_or(0, i64::from);
+        self.state.latest = Some((round.round.into(), latest_episode));
+        self.state.has_latest_images = false;
         let end = self.now();
-        self.curves.add_round(
+        self.writers.curves.add_round(
             round.episode_rows,
             round.round_rows,
             end,
-            &mut self.progress.latest_returns,
+            &mut self.state.latest_returns,
         );
-        if is_pictured(round.round, self.density_every) {
-            self.picture();
+        if has_images(round.round, self.settings.density_every) {
+            self.add_images();
         }
-        self.write(false)
+        self.write_chunks(false)
     }
 
-    /// Takes in one agent's episodes of a round.
-    fn take_in_episodes(
+    /// Adds one agent's episodes of a round. States to draw are sampled from a stream of the agent
+    /// and round, so that they depend on neither other agents nor an interruption.
+    fn add_episodes(
         &mut self,
         round: &RoundRecord<'_>,
         episodes: &[&Episode],
         rows: &mut Iter<'_, EpisodeRow>,
     ) {
+        let agent = episodes[0].agent as usize;
         let mut random = stream(
-            self.run_seed,
+            self.settings.run_seed,
             Purpose::Recording,
             episodes[0].agent,
             round.round,
         );
         for (index, episode) in episodes.iter().enumerate() {
-            let of_agent = self.quota.of_episode(index, episodes.len());
-            let wanted = Wanted {
+            let of_agent = self.settings.quota.of_episode(index, episodes.len());
+            let counts = SampleCounts {
                 of_agent,
-                of_team: of_agent.div_ceil(self.agents.len()),
+                of_team: of_agent.div_ceil(self.writers.agents.len()),
             };
-            let (first, end) = self.moments(episode);
-            let agent = episode.agent as usize;
-            if episode.episode.is_multiple_of(self.raw_every) {
-                self.agents[agent].raw.add(episode, first);
+            let (first, end) = self.episode_moments(episode);
+            let writers = &mut self.writers.agents[agent];
+            if episode.episode.is_multiple_of(self.settings.raw_every) {
+                writers.raw.add(episode, first);
             }
-            let samples = [&mut self.agents[agent].sample, &mut self.team];
-            self.drawing.add(
+            self.style.add(
                 episode,
                 end,
-                &mut self.visited[agent],
-                samples,
-                wanted,
+                &mut self.state.visits[agent],
+                [&mut writers.sample, &mut self.writers.team],
+                counts,
                 &mut random,
             );
             if let Some(row) = rows.next() {
-                self.curves.add_episode(row, end);
+                self.writers.curves.add_episode(row, end);
             }
-            self.film_episode(round, episode, first);
+            self.add_scene(round.body_trajectories, episode, first);
         }
     }
 
-    /// The first and the last row of an episode on the timelines; the agent's next episode begins after them.
-    fn moments(&mut self, episode: &Episode) -> (Moment, Moment) {
-        let next_step = &mut self.progress.next_steps[episode.agent as usize];
+    /// The first and the last row of an episode on the timelines; the agent's next episode begins
+    /// after them.
+    fn episode_moments(&mut self, episode: &Episode) -> (Moment, Moment) {
+        let next_step = &mut self.state.next_steps[episode.agent as usize];
         let first = Moment {
             env_step: *next_step,
             episode: episode.episode.into(),
@@ -115,75 +118,60 @@ impl RerunRecorder {
         (first, end)
     }
 
-    fn film_episode(&mut self, round: &RoundRecord<'_>, episode: &Episode, first: Moment) {
-        let is_of_episode = |footage: &&Footage| {
-            (footage.agent, footage.episode) == (episode.agent, episode.episode)
-        };
-        let film = self
-            .films
+    /// Adds the bodies of an episode, if its agent has a scene and its trajectory was recorded.
+    fn add_scene(&mut self, trajectories: &[BodyTrajectory], episode: &Episode, first: Moment) {
+        let scene = self
+            .writers
+            .scenes
             .iter_mut()
-            .find(|film| film.agent() == episode.agent);
-        if let (Some(film), Some(footage)) = (film, round.footage.iter().find(is_of_episode)) {
-            film.develop(footage, first);
+            .find(|scene| scene.agent() == episode.agent);
+        let trajectory = trajectories.iter().find(|trajectory| {
+            (trajectory.agent, trajectory.episode) == (episode.agent, episode.episode)
+        });
+        if let (Some(scene), Some(trajectory)) = (scene, trajectory) {
+            scene.add_episode(trajectory, first);
         }
     }
 
-    /// The end of the latest round, at the step of the agent that has gone furthest.
+    /// The end of the latest round, at the largest step number of any agent.
     fn now(&self) -> Moment {
-        let (round, episode) = self.progress.latest.unwrap_or_default();
-        let env_step = self
-            .progress
-            .next_steps
-            .iter()
-            .max()
-            .map_or(0, |next| (next - 1).max(0));
+        let (round, episode) = self.state.latest.unwrap_or_default();
+        let next_step = self.state.next_steps.iter().max();
         Moment {
-            env_step,
+            env_step: next_step.map_or(0, |next| (next - 1).max(0)),
             episode,
             round,
         }
     }
 
-    /// Writes those collected rows that make a good piece, or all.
-    pub(super) fn write(&mut self, all: bool) -> Result<(), Fault> {
-        for AgentTrack { raw, sample } in &mut self.agents {
-            raw.take(all)
-                .into_iter()
-                .try_for_each(|chunk| self.sink.send_chunk(&chunk?))?;
-            sample
-                .take(&self.drawing, all)?
-                .iter()
-                .try_for_each(|chunk| self.sink.send_chunk(chunk))?;
-        }
-        for film in &mut self.films {
-            film.take(all)?
-                .iter()
-                .try_for_each(|chunk| self.sink.send_chunk(chunk))?;
-        }
-        let mut chunks = self.team.take(&self.drawing, all)?;
-        chunks.extend(self.pictures.take(all)?);
-        chunks
-            .iter()
-            .try_for_each(|chunk| self.sink.send_chunk(chunk))?;
-        self.curves
-            .take(all)
-            .try_for_each(|chunk| self.sink.send_chunk(&chunk?))
+    /// Writes the collected rows of entities that have enough for a chunk, or all rows.
+    pub(super) fn write_chunks(&mut self, all: bool) -> Result<(), RecordingError> {
+        self.writers.write(&self.style, all, &mut self.sink)
     }
 
-    /// Pictures what was visited so far and lately.
-    pub(super) fn picture(&mut self) {
+    /// Adds images of the states visited so far and in the latest rounds.
+    pub(super) fn add_images(&mut self) {
         let now = self.now();
-        self.pictures
-            .hang(&self.visited, &self.drawing, self.window, now);
-        self.progress.pictured = true;
+        self.writers
+            .images
+            .push(&self.state.visits, &self.style, self.settings.window, now);
+        self.state.has_latest_images = true;
     }
 
-    /// Fixes the scale of lines and points for the whole run, which the first round's episodes help to tell.
-    fn settle_colours(&mut self, first: &[&Episode]) {
-        let by = self.drawing.colouring.by;
-        let range = Colouring::range(by, &self.spec, self.episodes, self.largest_bonus, first);
-        self.drawing.colouring.range = range;
-        self.progress.colour_range = Some(range);
+    /// Fixes the scale of colors for the whole run, which depends on the first round's episodes.
+    fn fix_color_range(&mut self, first: &[&Episode]) {
+        let Self {
+            settings, style, ..
+        } = self;
+        let range = Coloring::range(
+            style.coloring.by,
+            &settings.spec,
+            settings.max_episodes,
+            settings.bonus,
+            first,
+        );
+        style.coloring.range = range;
+        self.state.color_range = Some(range);
     }
 }
 
@@ -191,12 +179,13 @@ impl RerunRecorder {
 mod tests {
     use super::*;
 
-    /// 200 pictures up to round 2000, then 100 up to 4000, and 100 up to 8000, where rounds 4000 and 8000 begin the next distance.
+    /// 200 images up to round 2000, then 100 up to 4000, and 100 up to 8000, where rounds 4000 and
+    /// 8000 begin the next interval.
     #[test]
-    fn pictures_become_rarer_as_a_run_grows() {
+    fn images_become_rarer_as_a_run_grows() {
         let between = |first: u32, end: u32| {
             (first..end)
-                .filter(|round| is_pictured(*round, 10))
+                .filter(|round| has_images(*round, 10))
                 .collect::<Vec<u32>>()
         };
         assert_eq!(between(0, 31), [0, 10, 20, 30]);
@@ -209,6 +198,6 @@ mod tests {
             [200, 100, 100]
         );
         assert_eq!(between(3970, 4090), [3980, 4000, 4040, 4080]);
-        assert!(is_pictured(0, 1_000_000_000) && !is_pictured(u32::MAX, 1_000_000_000));
+        assert!(has_images(0, 1_000_000_000) && !has_images(u32::MAX, 1_000_000_000));
     }
 }

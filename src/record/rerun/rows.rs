@@ -1,4 +1,5 @@
-//! Rows that are collected until it pays to write them as one piece.
+//! Builds chunks: rows of one entity that are written together, because each chunk has a header of
+//! its own.
 
 use std::sync::Arc;
 
@@ -12,13 +13,14 @@ use rerun::{
     TimePoint, Timeline, TimelineName,
 };
 
-use super::sink::Fault;
+use super::error::RecordingError;
 
-/// The agent's own steps; an episode of T steps takes T + 1 of them, the last one for what was seen at the end.
+/// The timeline of the agent's steps. An episode of T steps takes T + 1 of them, the last one for the
+/// last observation.
 pub(super) const ENV_STEP: &str = "env_step";
-/// The agent's own episodes.
+/// The timeline of the agent's episodes.
 pub(super) const EPISODE: &str = "episode";
-/// The team's rounds.
+/// The timeline of the team's rounds.
 pub(super) const ROUND: &str = "round";
 
 /// A point on all three timelines.
@@ -57,22 +59,22 @@ impl Moments {
         self.env_steps.len()
     }
 
-    /// The rows of these moments as one piece.
+    /// A chunk of rows at these moments, on all timelines.
     pub(super) fn into_chunk(
         self,
         entity: &EntityPath,
         columns: impl IntoIterator<Item = SerializedComponentColumn>,
-    ) -> Result<Chunk, Fault> {
+    ) -> Result<Chunk, RecordingError> {
         self.into_chunk_on(&[ENV_STEP, EPISODE, ROUND], entity, columns)
     }
 
-    /// Likewise, on some of the timelines only.
+    /// A chunk of rows at these moments, on the given timelines.
     pub(super) fn into_chunk_on(
         self,
         timelines: &[&'static str],
         entity: &EntityPath,
         columns: impl IntoIterator<Item = SerializedComponentColumn>,
-    ) -> Result<Chunk, Fault> {
+    ) -> Result<Chunk, RecordingError> {
         let row_ids: Vec<RowId> = std::iter::successors(Some(RowId::new()), |id| Some(id.next()))
             .take(self.len())
             .collect();
@@ -98,7 +100,7 @@ impl Moments {
             times,
             components,
         );
-        chunk.map_err(|error| error.to_string())
+        Ok(chunk?)
     }
 }
 
@@ -110,28 +112,28 @@ fn time_column(name: &'static str, times: Vec<i64>) -> (TimelineName, TimeColumn
     )
 }
 
-/// A single row without a time: true throughout the recording.
-pub(super) fn timeless(
+/// A static row, which holds at all times.
+pub(super) fn static_chunk(
     entity: impl Into<EntityPath>,
     content: &dyn AsComponents,
-) -> Result<Chunk, Fault> {
-    single_row(entity, TimePoint::default(), content)
+) -> Result<Chunk, RecordingError> {
+    single_row_chunk(entity, TimePoint::default(), content)
 }
 
 /// A single row.
-pub(super) fn single_row(
+pub(super) fn single_row_chunk(
     entity: impl Into<EntityPath>,
     at: impl Into<TimePoint>,
     content: &dyn AsComponents,
-) -> Result<Chunk, Fault> {
+) -> Result<Chunk, RecordingError> {
     let batches = content.as_serialized_batches();
     let chunk = Chunk::builder(entity)
         .with_serialized_batches(RowId::new(), at, batches)
         .build();
-    chunk.map_err(|error| error.to_string())
+    Ok(chunk?)
 }
 
-/// A column with one value a row; where `present` says so, with none.
+/// A column with one value per row, except in rows that are not `present`.
 pub(super) fn unit_column(
     descriptor: ComponentDescriptor,
     values: ArrayRef,
@@ -169,7 +171,7 @@ fn list(values: ArrayRef, lengths: Vec<usize>, present: Option<NullBuffer>) -> L
     )
 }
 
-/// Polylines of 2D points, as the components of lines want them.
+/// Polylines of 2D points, in the layout of the components of lines.
 pub(super) fn strips(points: Vec<f32>, points_per_strip: Vec<usize>) -> ArrayRef {
     let number = Field::new("item", DataType::Float32, false);
     let points =
@@ -183,7 +185,7 @@ pub(super) fn strips(points: Vec<f32>, points_per_strip: Vec<usize>) -> ArrayRef
     ))
 }
 
-/// A colour as Rerun wants it.
+/// An opaque color of Rerun.
 pub(super) fn rgb([red, green, blue]: [u8; 3]) -> Color {
     Color::from_rgb(red, green, blue)
 }

@@ -1,58 +1,60 @@
-//! `/scene/agent_K/…`: the bodies of a filmed agent, and what pushes them.
+//! `/scene/agent_K/…`: the bodies of an agent, and the forces on them.
 //!
-//! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each filmed step, `/scene/agent_K/camera` the place of the
-//! body that the task tracks, if it does, and `/scene/agent_K/forces/…` arrows (see [`forces`](super::forces)). On the timelines that count episodes and
-//! rounds, `/scene/agent_K/trace` shows a whole episode in one picture, from dark (its start) to bright (its end).
+//! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each recorded step,
+//! `/scene/agent_K/camera` the position of the body that the task tracks, if it tracks one, and
+//! `/scene/agent_K/forces/…` arrows (see [`forces`](super::forces)). On the timelines `episode` and
+//! `round`, `/scene/agent_K/trace` shows a whole episode in one view, from dark (its start) to
+//! bright (its end).
 
 use rerun::components::Radius;
 use rerun::log::Chunk;
 use rerun::{Color, EntityPath, LineStrip2D, LineStrips2D, Transform3D};
 
-use super::forces::Pushes;
-use super::framing::{Bounds, framed};
-use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, timeless};
+use super::error::RecordingError;
+use super::forces::ForceWriter;
+use super::framing::{Bounds, episode_bounds};
+use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
 use super::shapes::{drawn, hinge, outline, placed, shift, turn};
-use super::sink::Fault;
-use crate::env::{Pose, Scene, SceneBody};
-use crate::record::Footage;
-use crate::record::palette::agent_color;
+use crate::record::BodyTrajectory;
+use seedbed_env::{Pose, Scene, SceneBody};
+use seedbed_figure::color::dark::categorical_color;
 
-/// Instants of an episode that its trace shows.
-const INSTANTS: usize = 24;
+/// Number of instants of an episode that its trace shows.
+const FRAMES_PER_TRACE: usize = 24;
 
-/// Steps of a body written as one piece.
+/// Number of steps of a body in one chunk.
 const STEPS_PER_CHUNK: usize = 2048;
 
-/// The entity below the scene from which it is seen, if a body is tracked.
+/// The entity below the scene that the view follows if a body is tracked.
 const CAMERA: &str = "camera";
 
-const GROUND_COLOR: [u8; 3] = [120, 120, 130];
-const LIGHT_COLOR: [u8; 3] = [225, 225, 232];
+const FIXED_COLOR: [u8; 3] = [120, 120, 130];
+const ALTERNATE_COLOR: [u8; 3] = [225, 225, 232];
 
-/// The scene of a filmed agent.
-pub(super) struct Film {
+/// The scene of one agent, as far as it is not written yet.
+pub(super) struct SceneWriter {
     agent: u32,
     scene: Scene,
-    reels: Vec<Reel>,
+    tracks: Vec<PoseTrack>,
     camera: Option<Camera>,
     trace: Trace,
-    pushes: Pushes,
+    forces: ForceWriter,
 }
 
-/// The moves of one body that are still to be written.
-struct Reel {
+/// The poses of one body that are not written yet.
+struct PoseTrack {
     entity: EntityPath,
     moments: Moments,
     poses: Vec<Pose>,
 }
 
-/// What goes along with a body, but does not turn.
+/// The position of the tracked body, without its rotation.
 struct Camera {
     body: usize,
-    reel: Reel,
+    track: PoseTrack,
 }
 
-/// Traces that are still to be written.
+/// The traces that are not written yet.
 struct Trace {
     entity: EntityPath,
     moments: Moments,
@@ -61,34 +63,34 @@ struct Trace {
     lines_per_row: Vec<usize>,
 }
 
-impl Film {
+impl SceneWriter {
     pub(super) fn new(agent: u32, scene: &Scene) -> Self {
         let entity = EntityPath::from(format!("scene/agent_{agent}"));
-        let reels = scene
+        let tracks = scene
             .bodies
             .iter()
-            .map(|body| Reel::new(&entity, body))
+            .map(|body| PoseTrack::new(&entity, body))
             .collect();
         let camera = scene.tracked.map(|body| Camera {
             body,
-            reel: Reel::of(entity.join(&CAMERA.into())),
+            track: PoseTrack::of(entity.join(&CAMERA.into())),
         });
         Self {
             agent,
             scene: scene.clone(),
-            reels,
+            tracks,
             camera,
             trace: Trace::new(&entity),
-            pushes: Pushes::new(&entity),
+            forces: ForceWriter::new(&entity),
         }
     }
 
-    /// The agent whose bodies are drawn.
+    /// The agent.
     pub(super) fn agent(&self) -> u32 {
         self.agent
     }
 
-    /// From where the scene is seen.
+    /// The entity whose frame the view shows.
     pub(super) fn origin(&self) -> String {
         let moving = self
             .camera
@@ -97,17 +99,17 @@ impl Film {
         format!("/scene/agent_{}{moving}", self.agent)
     }
 
-    /// The shapes, which never change.
-    pub(super) fn shapes(&self) -> Result<Vec<Chunk>, Fault> {
+    /// The shapes of all bodies, which never change.
+    pub(super) fn shapes(&self) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = vec![self.trace.style()?];
-        chunks.extend(self.pushes.styles()?);
-        for (index, (body, reel)) in self.scene.bodies.iter().zip(&self.reels).enumerate() {
+        chunks.extend(self.forces.styles()?);
+        for (index, (body, track)) in self.scene.bodies.iter().zip(&self.tracks).enumerate() {
             let (lines, points) = drawn(body, self.color(index), index as f32);
-            chunks.push(timeless(reel.entity.clone(), &lines)?);
-            chunks.push(timeless(reel.entity.clone(), &points)?);
+            chunks.push(static_chunk(track.entity.clone(), &lines)?);
+            chunks.push(static_chunk(track.entity.clone(), &points)?);
             if let Some(at) = body.hinge {
-                chunks.push(timeless(
-                    reel.entity.join(&"hinge".into()),
+                chunks.push(static_chunk(
+                    track.entity.join(&"hinge".into()),
                     &hinge(at, self.scene.bodies.len() as f32),
                 )?);
             }
@@ -115,21 +117,21 @@ impl Film {
         Ok(chunks)
     }
 
-    /// Adds an episode whose first row is at `first`; nothing if another agent was filmed.
-    pub(super) fn develop(&mut self, footage: &Footage, first: Moment) {
-        if footage.agent != self.agent || footage.poses.is_empty() {
+    /// Adds an episode whose first row is at `first`; ignores those of other agents.
+    pub(super) fn add_episode(&mut self, trajectory: &BodyTrajectory, first: Moment) {
+        if trajectory.agent != self.agent || trajectory.poses.is_empty() {
             return;
         }
         let bodies = self.scene.bodies.len();
-        for (index, reel) in self.reels.iter_mut().enumerate() {
-            reel.add(
-                footage.poses.iter().skip(index).step_by(bodies).copied(),
+        for (index, track) in self.tracks.iter_mut().enumerate() {
+            track.add(
+                trajectory.poses.iter().skip(index).step_by(bodies).copied(),
                 first,
             );
         }
-        if let Some(Camera { body, reel }) = &mut self.camera {
-            let tracked = footage.poses.iter().skip(*body).step_by(bodies);
-            reel.add(
+        if let Some(Camera { body, track }) = &mut self.camera {
+            let tracked = trajectory.poses.iter().skip(*body).step_by(bodies);
+            track.add(
                 tracked.map(|pose| Pose {
                     angle: 0.0,
                     ..*pose
@@ -137,35 +139,39 @@ impl Film {
                 first,
             );
         }
-        self.trace_episode(footage, first);
-        self.pushes.add(footage, self.view(footage), first);
+        self.trace_episode(trajectory, first);
+        self.forces.add(trajectory, self.view(trajectory), first);
     }
 
-    /// What makes a good piece, or all there is.
-    pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, Fault> {
-        let steps = self.reels.iter().map(|reel| reel.poses.len()).max();
+    /// The chunks that are large enough, or all.
+    pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
+        let steps = self.tracks.iter().map(|track| track.poses.len()).max();
         if !all && steps.is_none_or(|steps| steps < STEPS_PER_CHUNK) {
             return Ok(Vec::new());
         }
-        let camera = self.camera.iter_mut().map(|camera| &mut camera.reel);
-        let reels = self.reels.iter_mut().chain(camera).filter_map(Reel::take);
-        reels
+        let camera = self.camera.iter_mut().map(|camera| &mut camera.track);
+        let tracks = self
+            .tracks
+            .iter_mut()
+            .chain(camera)
+            .filter_map(PoseTrack::take);
+        tracks
             .chain(self.trace.take())
-            .chain(self.pushes.take())
+            .chain(self.forces.take())
             .collect()
     }
 
-    /// The part of the picture in which an episode took place.
-    pub(super) fn view(&self, footage: &Footage) -> Option<Bounds> {
-        framed(&self.scene, &footage.poses)
+    /// The part of the scene in which an episode took place.
+    pub(super) fn view(&self, trajectory: &BodyTrajectory) -> Option<Bounds> {
+        episode_bounds(&self.scene, &trajectory.poses)
     }
 
-    fn trace_episode(&mut self, footage: &Footage, first: Moment) {
-        let frames: Vec<&[Pose]> = footage
+    fn trace_episode(&mut self, trajectory: &BodyTrajectory, first: Moment) {
+        let frames: Vec<&[Pose]> = trajectory
             .poses
             .chunks_exact(self.scene.bodies.len())
             .collect();
-        let (shown, before) = (frames.len().min(INSTANTS), self.trace.lines.len());
+        let (shown, before) = (frames.len().min(FRAMES_PER_TRACE), self.trace.lines.len());
         for instant in 0..shown {
             let frame = frames[(frames.len() - 1) * instant / (shown - 1).max(1)];
             for (index, (body, pose)) in self.scene.bodies.iter().zip(frame).enumerate() {
@@ -182,22 +188,22 @@ impl Film {
             .push(self.trace.lines.len() - before);
     }
 
-    /// What only lies about is grey; of the others, neighbours differ.
+    /// Fixed bodies are gray; of the others, two in a row have different colors.
     fn color(&self, index: usize) -> [u8; 3] {
-        let is_ground = |body: &SceneBody| body.fixed;
+        let is_fixed = |body: &SceneBody| body.fixed;
         let before = self.scene.bodies[..index]
             .iter()
-            .filter(|body| !is_ground(body))
+            .filter(|body| !is_fixed(body))
             .count();
-        match (is_ground(&self.scene.bodies[index]), before % 2) {
-            (true, _) => GROUND_COLOR,
-            (false, 0) => agent_color(self.agent),
-            (false, _) => LIGHT_COLOR,
+        match (is_fixed(&self.scene.bodies[index]), before % 2) {
+            (true, _) => FIXED_COLOR,
+            (false, 0) => categorical_color(self.agent),
+            (false, _) => ALTERNATE_COLOR,
         }
     }
 }
 
-impl Reel {
+impl PoseTrack {
     fn new(scene: &EntityPath, body: &SceneBody) -> Self {
         let name = EntityPath::from_single_string(body.name.as_str());
         Self::of(scene.join(&"bodies".into()).join(&name))
@@ -211,7 +217,7 @@ impl Reel {
         }
     }
 
-    /// A body that stays where it is needs one row.
+    /// Adds poses; a body that does not move needs one row only.
     fn add(&mut self, poses: impl Iterator<Item = Pose>, first: Moment) {
         let before = self.poses.len();
         self.poses.extend(poses);
@@ -224,7 +230,7 @@ impl Reel {
         self.moments.push_steps(first, self.poses.len() - before);
     }
 
-    fn take(&mut self) -> Option<Result<Chunk, Fault>> {
+    fn take(&mut self) -> Option<Result<Chunk, RecordingError>> {
         let (moments, poses) = (
             std::mem::take(&mut self.moments),
             std::mem::take(&mut self.poses),
@@ -237,9 +243,9 @@ impl Reel {
             .with_many_translation(shifts)
             .with_many_quaternion(turns)
             .columns_of_unit_batches();
-        let columns = columns.map_err(|error| error.to_string());
         Some(
             columns
+                .map_err(RecordingError::from)
                 .and_then(|columns| moments.into_chunk(&self.entity, columns.collect::<Vec<_>>())),
         )
     }
@@ -257,8 +263,8 @@ impl Trace {
         }
     }
 
-    fn style(&self) -> Result<Chunk, Fault> {
-        timeless(
+    fn style(&self) -> Result<Chunk, RecordingError> {
+        static_chunk(
             self.entity.clone(),
             &LineStrips2D::update_fields().with_radii([Radius::new_ui_points(0.7)]),
         )
@@ -271,7 +277,7 @@ impl Trace {
         self.colors.push(color);
     }
 
-    fn take(&mut self) -> Option<Result<Chunk, Fault>> {
+    fn take(&mut self) -> Option<Result<Chunk, RecordingError>> {
         let (lines, colors) = (
             std::mem::take(&mut self.lines),
             std::mem::take(&mut self.colors),
@@ -286,7 +292,7 @@ impl Trace {
         let columns = LineStrips2D::new(lines)
             .with_colors(colors)
             .columns(lines_per_row);
-        let columns = columns.map_err(|error| error.to_string());
+        let columns = columns.map_err(RecordingError::from);
         let timelines = &[EPISODE, ROUND];
         Some(columns.and_then(|columns| {
             moments.into_chunk_on(timelines, &self.entity, columns.collect::<Vec<_>>())
@@ -294,8 +300,8 @@ impl Trace {
     }
 }
 
-/// From a quarter of the brightness to all of it.
-fn faded(color: [u8; 3], instant: usize, instants: usize) -> Color {
-    let share = 0.25 + 0.75 * (instant + 1) as f32 / instants as f32;
+/// From a quarter of the brightness, at the first instant, to all of it.
+fn faded(color: [u8; 3], instant: usize, frames_shown: usize) -> Color {
+    let share = 0.25 + 0.75 * (instant + 1) as f32 / frames_shown as f32;
     rgb(color.map(|channel| (f32::from(channel) * share) as u8))
 }

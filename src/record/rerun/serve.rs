@@ -1,7 +1,8 @@
-//! Serves a recording to viewers that come and go while it is made.
+//! Serves a recording to viewers that connect while it is made.
 //!
-//! A viewer is handed what is in the file, from its beginning, and then whatever is added. The file is all the history there is: it
-//! takes no memory, and nobody who comes late or is slow holds up the run or another viewer.
+//! A viewer is sent the file from its beginning, and then everything that is added. All history is
+//! read from the file, so that it takes no memory, and a viewer that connects late or is slow delays
+//! neither the run nor another viewer.
 
 use std::io;
 use std::net::{Ipv4Addr, TcpListener};
@@ -28,22 +29,25 @@ use tonic::codegen::tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
-use super::sink::Fault;
+use super::error::RecordingError;
 
-/// How long all viewers may take in nothing once the recording is complete.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Maximum time in which no viewer receives a message after the recording is complete.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// How often they are waited for so long, at most.
-const LAST_CALLS: usize = 12;
+/// Maximum number of waits of [`DRAIN_TIMEOUT`], as long as viewers still receive messages.
+const MAX_DRAIN_WAITS: usize = 12;
 
-/// How often a silent viewer is asked whether it is still there, and how long its answer may take.
-const ALIVE: [Duration; 2] = [Duration::from_secs(10), Duration::from_secs(20)];
+/// Interval between checks whether a silent viewer is still connected.
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(10);
 
-/// Messages that wait for one viewer; the largest are of some 100 kB.
-const WAITING: usize = 16;
+/// Maximum time for the response to such a check.
+const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
+
+/// Maximum number of messages that wait for one viewer; the largest have about 100 kB.
+const CHANNEL_CAPACITY: usize = 16;
 
 /// Bytes of the file that are read at once for one viewer.
-const PIECE: u64 = 1 << 16;
+const READ_CHUNK_BYTES: u64 = 1 << 16;
 
 /// A port of this machine at which a recording will be served.
 #[derive(Debug)]
@@ -53,10 +57,10 @@ pub struct Server {
     runtime: Runtime,
 }
 
-/// A port that cannot be had.
+/// The port cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "cannot serve viewers at port {port}: {reason}; choose another with --serve=PORT, or show the run in the viewer there with --live"
+    "cannot serve viewers at port {port}: {reason}; choose another port with --serve=PORT, or send the run to a viewer at this port with --live"
 )]
 pub struct ServeError {
     port: u16,
@@ -64,10 +68,11 @@ pub struct ServeError {
 }
 
 impl Server {
-    /// Takes `port`; 0 is any that is free. From now on viewers can connect; they are served once there is a recording.
+    /// Opens `port`, or any free one if it is 0. Viewers can connect from now on; they are served
+    /// when there is a recording.
     ///
     /// # Errors
-    /// The port is taken, or may not be used.
+    /// The port is in use or not allowed.
     pub fn bind(port: u16) -> Result<Self, ServeError> {
         let bound = || {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
@@ -86,40 +91,39 @@ impl Server {
         bound().map_err(|reason| ServeError { port, reason })
     }
 
-    /// What viewers connect to.
+    /// The address that viewers connect to.
     #[must_use]
     pub fn address(&self) -> String {
         format!("rerun+http://{}:{}/proxy", Ipv4Addr::LOCALHOST, self.port)
     }
 
-    /// Serves the recording at `path`, of whose bytes the first `length` are whole messages.
-    pub(super) fn open(self, path: &Path, length: u64) -> Result<Serving, Fault> {
+    /// Serves the recording at `path`, whose first `length` bytes are whole messages.
+    pub(super) fn open(self, path: &Path, length: u64) -> Result<RunningServer, RecordingError> {
         let address = self.address();
-        let (written, news) = watch::channel(Written {
+        let (written, progress) = watch::channel(FileProgress {
             length,
             complete: false,
         });
-        let mut end = news.clone();
-        let library = Library {
+        let mut end = progress.clone();
+        let service = RecordingService {
             path: path.to_owned(),
-            news,
-            handed: Arc::default(),
+            progress,
+            sent: Arc::default(),
         };
-        let handed = Arc::clone(&library.handed);
+        let sent = Arc::clone(&service.sent);
         let entered = self.runtime.enter();
-        let listener =
-            tokio::net::TcpListener::from_std(self.listener).map_err(|error| error.to_string())?;
+        let listener = tokio::net::TcpListener::from_std(self.listener)?;
         let served = self.runtime.spawn(async move {
             let server = tonic::transport::Server::builder()
-                .http2_keepalive_interval(Some(ALIVE[0]))
-                .http2_keepalive_timeout(Some(ALIVE[1]));
+                .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
+                .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT));
             let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
             let end = async move { drop(end.wait_for(|written| written.complete).await) };
-            // Whatever became of the connections, the file has everything.
+            // An error of a connection loses nothing: the file has everything.
             drop(
                 server
                     .serve_with_incoming_shutdown(
-                        MessageProxyServiceServer::new(library),
+                        MessageProxyServiceServer::new(service),
                         incoming,
                         end,
                     )
@@ -127,70 +131,69 @@ impl Server {
             );
         });
         drop(entered);
-        Ok(Serving {
+        Ok(RunningServer {
             address,
             written,
-            handed,
+            sent,
             open: Some((self.runtime, served)),
         })
     }
 }
 
-/// How far the file has come.
+/// The state of the file.
 #[derive(Clone, Copy, Debug)]
-struct Written {
+struct FileProgress {
     /// Bytes of whole messages.
     length: u64,
-    /// Nothing will be added.
+    /// Whether the file is complete.
     complete: bool,
 }
 
 /// A recording that is being served.
 #[derive(Debug)]
-pub(super) struct Serving {
+pub(super) struct RunningServer {
     address: String,
-    written: watch::Sender<Written>,
-    /// Messages that viewers took in, all together.
-    handed: Arc<AtomicU64>,
-    /// None once it was closed.
+    written: watch::Sender<FileProgress>,
+    /// Number of messages sent to all viewers together.
+    sent: Arc<AtomicU64>,
+    /// None after the server was closed.
     open: Option<(Runtime, JoinHandle<()>)>,
 }
 
-impl Serving {
-    /// The first `length` bytes of the file are whole messages now. Never waits.
+impl RunningServer {
+    /// Announces that the first `length` bytes of the file are whole messages now. Never waits.
     pub(super) fn announce(&self, length: u64) {
         self.written.send_modify(|written| written.length = length);
     }
 
-    /// Waits until all viewers have everything, and closes. Fails if some had to be left behind.
-    pub(super) fn finish(&mut self) -> Result<(), Fault> {
+    /// Waits until all viewers have received everything, and closes. Fails if some have not.
+    pub(super) fn finish(&mut self) -> Result<(), RecordingError> {
         let Some((runtime, served)) = self.open.take() else {
             return Ok(());
         };
         self.written.send_modify(|written| written.complete = true);
-        let all_have_it = self.wait_for(&runtime, served);
+        let all_received = self.wait_for(&runtime, served);
         runtime.shutdown_background();
-        if all_have_it {
+        if all_received {
             return Ok(());
         }
-        Err(format!(
-            "not every viewer at {} took in the end of the recording; its file has it",
-            self.address
-        ))
+        Err(RecordingError::ViewersBehind {
+            address: self.address.clone(),
+        })
     }
 
-    /// Whether all viewers have everything, as long as some take in more.
+    /// Whether all viewers received everything. Waits as long as some of them receive messages.
     fn wait_for(&self, runtime: &Runtime, mut served: JoinHandle<()>) -> bool {
-        let handed = || self.handed.load(Ordering::Relaxed);
-        for _ in 0..LAST_CALLS {
-            let before = handed();
+        let sent = || self.sent.load(Ordering::Relaxed);
+        for _ in 0..MAX_DRAIN_WAITS {
+            let before = sent();
             if runtime
-                .block_on(async { tokio::time::timeout(PATIENCE, &mut served).await })
+                .block_on(async { tokio::time::timeout(DRAIN_TIMEOUT, &mut served).await })
                 .is_ok()
             {
                 return true;
             }
-            if handed() == before {
+            if sent() == before {
                 return false;
             }
         }
@@ -198,55 +201,52 @@ impl Serving {
     }
 }
 
-/// What was written before an interruption is for viewers as well.
-impl Drop for Serving {
+/// Viewers receive what was written before an interruption as well.
+impl Drop for RunningServer {
     fn drop(&mut self) {
         drop(self.finish());
     }
 }
 
-/// Where viewers read the recording.
+/// The gRPC service from which viewers read the recording.
 #[derive(Clone)]
-struct Library {
+struct RecordingService {
     path: PathBuf,
-    news: watch::Receiver<Written>,
-    handed: Arc<AtomicU64>,
+    progress: watch::Receiver<FileProgress>,
+    sent: Arc<AtomicU64>,
 }
 
 type Reader = mpsc::Sender<Result<ReadMessagesResponse, Status>>;
 
-impl Library {
-    /// Hands out all messages, those to come as well, until the recording is complete or the reader leaves.
-    async fn hand_out(mut self, reader: Reader) {
-        if let Err(error) = self.read_to(&reader).await {
-            // To tell one who left already is in vain.
-            drop(reader.send(Err(Status::internal(error))).await);
+impl RecordingService {
+    /// Sends all messages, including future ones, until the recording is complete or the viewer
+    /// disconnects.
+    async fn stream_messages(mut self, reader: Reader) {
+        if let Err(error) = self.send_all_to(&reader).await {
+            // A viewer that has disconnected cannot receive the error, and needs not.
+            drop(reader.send(Err(Status::internal(error.to_string()))).await);
         }
     }
 
-    async fn read_to(&mut self, reader: &Reader) -> Result<(), Fault> {
-        let mut file = File::open(&self.path)
-            .await
-            .map_err(|error| error.to_string())?;
+    async fn send_all_to(&mut self, reader: &Reader) -> Result<(), RecordingError> {
+        let mut file = File::open(&self.path).await?;
         let mut decoder = DecoderTransport::new();
         let mut read = 0;
         loop {
-            let Written { length, complete } = *self.news.borrow_and_update();
+            let FileProgress { length, complete } = *self.progress.borrow_and_update();
             while read < length {
-                let mut piece = vec![0; PIECE.min(length - read) as usize];
-                file.read_exact(&mut piece)
-                    .await
-                    .map_err(|error| error.to_string())?;
-                read += piece.len() as u64;
-                decoder.push_byte_chunk(piece);
-                while let Some(message) = decoder.try_read().map_err(|error| error.to_string())? {
+                let mut chunk = vec![0; READ_CHUNK_BYTES.min(length - read) as usize];
+                file.read_exact(&mut chunk).await?;
+                read += chunk.len() as u64;
+                decoder.push_byte_chunk(chunk);
+                while let Some(message) = decoder.try_read()? {
                     if reader.send(Ok(response(message))).await.is_err() {
                         return Ok(());
                     }
-                    self.handed.fetch_add(1, Ordering::Relaxed);
+                    self.sent.fetch_add(1, Ordering::Relaxed);
                 }
             }
-            if complete || self.news.changed().await.is_err() {
+            if complete || self.progress.changed().await.is_err() {
                 return Ok(());
             }
         }
@@ -259,14 +259,14 @@ fn response(message: Msg) -> ReadMessagesResponse {
     }
 }
 
-fn only_to_read<T>() -> Result<T, Status> {
+fn read_only<T>() -> Result<T, Status> {
     Err(Status::unimplemented(
-        "a run is to be looked at, and has no tables",
+        "recordings are read-only and have no tables",
     ))
 }
 
 #[tonic::async_trait]
-impl MessageProxyService for Library {
+impl MessageProxyService for RecordingService {
     type ReadMessagesStream = ReceiverStream<Result<ReadMessagesResponse, Status>>;
     type ReadTablesStream = ReceiverStream<Result<ReadTablesResponse, Status>>;
 
@@ -274,8 +274,8 @@ impl MessageProxyService for Library {
         &self,
         _: Request<ReadMessagesRequest>,
     ) -> Result<Response<Self::ReadMessagesStream>, Status> {
-        let (reader, messages) = mpsc::channel(WAITING);
-        tokio::spawn(self.clone().hand_out(reader));
+        let (reader, messages) = mpsc::channel(CHANNEL_CAPACITY);
+        tokio::spawn(self.clone().stream_messages(reader));
         Ok(Response::new(ReceiverStream::new(messages)))
     }
 
@@ -283,21 +283,21 @@ impl MessageProxyService for Library {
         &self,
         _: Request<ReadTablesRequest>,
     ) -> Result<Response<Self::ReadTablesStream>, Status> {
-        only_to_read()
+        read_only()
     }
 
     async fn write_messages(
         &self,
         _: Request<Streaming<WriteMessagesRequest>>,
     ) -> Result<Response<WriteMessagesResponse>, Status> {
-        only_to_read()
+        read_only()
     }
 
     async fn write_table(
         &self,
         _: Request<WriteTableRequest>,
     ) -> Result<Response<WriteTableResponse>, Status> {
-        only_to_read()
+        read_only()
     }
 }
 
@@ -313,12 +313,12 @@ mod tests {
     use tonic::transport::{Channel, Endpoint};
 
     use super::*;
-    use crate::record::rerun::rows::timeless;
+    use crate::record::rerun::rows::static_chunk;
     use crate::record::rerun::sink::Sink;
 
     type Client = MessageProxyServiceClient<Channel>;
 
-    /// A recording that is served, and where.
+    /// A recording that is served, and its address.
     fn served() -> (TempDir, Sink, String) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.rrd.part");
@@ -327,19 +327,19 @@ mod tests {
             Box::new(std::fs::File::create(&path).unwrap()),
         )
         .unwrap();
-        say(&mut sink, 3);
+        send_texts(&mut sink, 3);
         let server = Server::bind(0).unwrap();
         let address = server.address().replace("rerun+", "").replace("/proxy", "");
-        sink.serve(server, &path).unwrap();
+        sink.serve_from(server, &path).unwrap();
         (folder, sink, address)
     }
 
-    /// Records so many texts of about a megabyte, which are hard to compress.
-    fn say(sink: &mut Sink, times: usize) {
+    /// Records `times` texts of about a megabyte, which are hard to compress.
+    fn send_texts(sink: &mut Sink, times: usize) {
         let words: Vec<String> = (0..60_000_u64)
             .map(|n| format!("{:x}", n.wrapping_mul(0x9E37_79B9_7F4A_7C15)))
             .collect();
-        let chunk = timeless(
+        let chunk = static_chunk(
             EntityPath::from("text"),
             &TextDocument::new(words.join(" ")),
         )
@@ -356,8 +356,9 @@ mod tests {
         })
     }
 
-    /// A viewer that has connected, and will tell how many messages it got; it takes none in before it is `told` to.
-    fn viewer(address: &str, told: Receiver<()>) -> thread::JoinHandle<u64> {
+    /// A connected viewer, which returns how many messages it received. It reads none until the
+    /// sender of `start` is dropped.
+    fn viewer(address: &str, start: Receiver<()>) -> thread::JoinHandle<u64> {
         let (connected, is_connected) = channel();
         let address = address.to_owned();
         let viewer = thread::spawn(move || {
@@ -368,7 +369,7 @@ mod tests {
                     .unwrap()
                     .into_inner();
                 connected.send(()).unwrap();
-                assert!(told.recv().is_err());
+                assert!(start.recv().is_err());
                 let mut count = 0;
                 while let Ok(Some(_)) = messages.message().await {
                     count += 1;
@@ -380,50 +381,54 @@ mod tests {
         viewer
     }
 
-    /// One whom nobody has to tell.
+    /// A viewer that reads at once.
     fn eager(address: &str) -> thread::JoinHandle<u64> {
         viewer(address, channel().1)
     }
 
     #[test]
-    fn viewers_get_everything_whenever_they_come() {
+    fn viewers_receive_everything_whenever_they_connect() {
         let (_folder, mut sink, address) = served();
         let early = eager(&address);
-        say(&mut sink, 5);
+        send_texts(&mut sink, 5);
         let late = eager(&address);
-        say(&mut sink, 2);
+        send_texts(&mut sink, 2);
         sink.finish().unwrap();
         assert_eq!((sink.messages(), sink.warning()), (10, None));
         assert_eq!((early.join().unwrap(), late.join().unwrap()), (10, 10));
     }
 
     #[test]
-    fn viewers_get_what_was_recorded_before_an_interruption() {
+    fn viewers_receive_what_was_recorded_before_an_interruption() {
         let (_folder, mut sink, address) = served();
         let viewer = eager(&address);
-        say(&mut sink, 4);
+        send_texts(&mut sink, 4);
         drop(sink);
         assert_eq!(viewer.join().unwrap(), 7);
     }
 
-    /// What it does not read is in the file and nowhere else; another viewer has all of it long before the run gives the slow one up.
+    /// What it does not read is in the file only; another viewer has received everything long before
+    /// the run stops waiting for the slow one.
     #[test]
-    fn a_viewer_that_does_not_read_holds_nobody_up() {
+    fn a_viewer_that_does_not_read_delays_no_other() {
         let (_folder, mut sink, address) = served();
-        let (tell, told) = channel();
-        let silent = viewer(&address, told);
+        let (start, started) = channel();
+        let silent = viewer(&address, started);
         let eager = eager(&address);
         let since = Instant::now();
-        say(&mut sink, 27);
-        assert!(since.elapsed() < PATIENCE);
+        send_texts(&mut sink, 27);
+        assert!(since.elapsed() < DRAIN_TIMEOUT);
         sink.finish().unwrap();
         let waited = since.elapsed();
-        assert!(PATIENCE <= waited && waited < 4 * PATIENCE, "{waited:?}");
-        let warning = sink.warning().unwrap();
+        assert!(
+            DRAIN_TIMEOUT <= waited && waited < 4 * DRAIN_TIMEOUT,
+            "{waited:?}"
+        );
+        let warning = sink.warning().unwrap().to_string();
         assert!(warning.contains("not every viewer"), "{warning}");
-        drop(tell);
-        let got = silent.join().unwrap();
-        assert!(got < 30, "{got}");
+        drop(start);
+        let received = silent.join().unwrap();
+        assert!(received < 30, "{received}");
         assert_eq!(eager.join().unwrap(), 30);
     }
 
@@ -436,13 +441,13 @@ mod tests {
         });
         assert_eq!(
             refused.message(),
-            "a run is to be looked at, and has no tables"
+            "recordings are read-only and have no tables"
         );
         sink.finish().unwrap();
     }
 
     #[test]
-    fn a_taken_port_is_refused() {
+    fn a_port_in_use_is_refused() {
         let taken = Server::bind(0).unwrap();
         let error = Server::bind(taken.port).map(drop).unwrap_err().to_string();
         assert!(
@@ -455,9 +460,9 @@ mod tests {
         );
     }
 
-    /// The command line names it in words.
+    /// The help text of the command line contains this number.
     #[test]
-    fn the_default_is_where_viewers_look() {
+    fn the_default_port_is_that_of_viewers() {
         assert_eq!(rerun::DEFAULT_SERVER_PORT, 9876);
     }
 }

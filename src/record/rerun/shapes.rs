@@ -1,12 +1,13 @@
-//! How shapes are drawn with lines and discs. Rerun's pictures have y downwards: heights and angles change their sign here.
+//! Draws shapes with lines and discs. Rerun's y axis points down: heights and angles change their
+//! sign here.
 
 use rerun::components::{Radius, RotationQuat, Translation3D};
 use rerun::{LineStrips2D, Points2D, Quaternion};
 
 use super::rows::rgb;
-use crate::env::{Pose, SceneBody, Shape};
+use seedbed_env::{Pose, SceneBody, Shape};
 
-/// A body's shapes in its own frame: what lines can draw, and what takes discs.
+/// A body's shapes in its own frame, as lines and as discs.
 pub(super) fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips2D, Points2D) {
     let lines = body.shapes.iter().flat_map(lines_of);
     let (strips, widths): (Vec<_>, Vec<_>) =
@@ -25,7 +26,7 @@ pub(super) fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips
     )
 }
 
-/// Where a body turns.
+/// The point at a body's hinge.
 pub(super) fn hinge([x, y]: [f32; 2], order: f32) -> Points2D {
     let style = Points2D::new([[x, -y]]).with_radii([Radius::new_ui_points(2.5)]);
     style
@@ -33,8 +34,10 @@ pub(super) fn hinge([x, y]: [f32; 2], order: f32) -> Points2D {
         .with_draw_order(order)
 }
 
-/// Frames that fill a box, one within the other and overlapping: how far within its border they are and half how thick, both as
-/// shares of half its thickness. Lines have round ends: the outermost are thin, for the sake of the corners.
+/// The rectangles of lines that fill a box: each one's distance from the border and half its line
+/// width, both as shares of half the box's thickness. Rerun draws no filled 2D boxes, so nested,
+/// overlapping outlines fill one. Lines have round ends: the outermost outline is thin, so that
+/// corners look sharp.
 const FRAMES: [(f32, f32); 4] = [(0.08, 0.08), (0.26, 0.16), (0.65, 0.35), (0.99, 0.35)];
 
 fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
@@ -67,7 +70,7 @@ fn filled_box(center: [f32; 2], half_size: [f32; 2], angle: f32) -> Vec<(Vec<[f3
     FRAMES.into_iter().flat_map(frame).collect()
 }
 
-/// Around a box, back to the first.
+/// The corners of a box, with the first one repeated at the end.
 fn corners([w, h]: [f32; 2]) -> [[f32; 2]; 5] {
     [[-w, -h], [w, -h], [w, h], [-w, h], [-w, -h]]
 }
@@ -80,7 +83,7 @@ fn disc(shape: &Shape) -> Option<([f32; 2], Radius)> {
     }
 }
 
-/// What a trace shows of a shape. Open lines lie about and would only repeat themselves.
+/// The outline of a shape in a trace. Open lines have none: they belong to fixed bodies.
 pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     match shape {
         Shape::Ball { center, radius } => {
@@ -113,7 +116,7 @@ fn turned_point([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2]
     [right + cos * x - sin * y, up + sin * x + cos * y]
 }
 
-/// A point of a body in the picture.
+/// A point of a body in the scene.
 pub(super) fn placed(point: [f32; 2], pose: Pose) -> [f32; 2] {
     let [x, y] = turned_point(point, pose.angle, [pose.x, pose.y]);
     [x, -y]
@@ -123,12 +126,12 @@ fn flipped(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     points.into_iter().map(|[x, y]| [x, -y]).collect()
 }
 
-/// Where a pose is in the picture.
+/// The position of a pose in the scene.
 pub(super) fn shift(pose: &Pose) -> Translation3D {
     Translation3D::from([pose.x, -pose.y, 0.0])
 }
 
-/// How a pose is turned in the picture.
+/// The rotation of a pose in the scene.
 pub(super) fn turn(pose: &Pose) -> RotationQuat {
     let (sin, cos) = (-pose.angle / 2.0).sin_cos();
     Quaternion::from_xyzw([0.0, 0.0, sin, cos]).into()

@@ -1,7 +1,10 @@
-//! Writes messages to the file, at once and one by one, and says so when that fails.
+//! Writes messages to the file, each at once and by the caller, and reports every failure.
 //!
-//! Nothing is handed to other threads, so nothing can be lost silently or wait for ever. The file grows by whole messages only:
-//! one that does not fit is cut off again, so that what was written before stays readable.
+//! The SDK's own file sink writes from a thread of its own: on a full disk its log calls still
+//! succeed, data is lost silently, and flushing never returns. Here nothing is handed to other
+//! threads. The file grows by whole messages only: if a message does not fit on the disk, the file
+//! is truncated to the end of the message before it (`length`), because a decoder stops with an
+//! error at half a message. So everything written before a failure stays readable.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -13,23 +16,21 @@ use rerun::external::re_log_encoding::rrd::{
 };
 use rerun::log::{Chunk, LogMsg};
 
+use super::error::RecordingError;
 use super::live::Viewer;
-use super::serve::{Server, Serving};
+use super::serve::{RunningServer, Server};
 
-/// What went wrong, in words for people.
-pub(super) type Fault = String;
-
-/// Where encoded messages go.
+/// The file to which encoded messages are written, or a replacement in tests.
 pub(super) trait Storage: Write + Send {
-    /// Cuts the storage back to `length` bytes.
-    fn cut(&mut self, length: u64) -> io::Result<()>;
+    /// Truncates the file to `length` bytes.
+    fn truncate(&mut self, length: u64) -> io::Result<()>;
 
-    /// Brings everything to the disk.
+    /// Brings all bytes to the disk.
     fn sync(&mut self) -> io::Result<()>;
 }
 
 impl Storage for File {
-    fn cut(&mut self, length: u64) -> io::Result<()> {
+    fn truncate(&mut self, length: u64) -> io::Result<()> {
         self.set_len(length)?;
         io::Seek::seek(self, io::SeekFrom::Start(length)).map(drop)
     }
@@ -39,118 +40,125 @@ impl Storage for File {
     }
 }
 
-/// Messages that the index at a file's end lists. The encoder keeps the index in memory, and a table of a row for each message with
-/// columns for each entity would outgrow all else in a long run; without an index, tools read the file from its beginning.
-const INDEXED: u64 = 8192;
+/// Maximum number of messages in a file with an index at its end. The encoder keeps the index in
+/// memory, as a table with a row per message and columns per entity, which would outgrow everything
+/// else in a long run. Without an index, tools read the file from its beginning.
+const MAX_INDEXED_MESSAGES: u64 = 8192;
 
 /// The encoded file of one recording.
 pub(super) struct Sink {
     store: StoreId,
-    encoder: Option<Encoder<Synced>>,
+    encoder: Option<Encoder<SyncOnFlush>>,
     messages: u64,
-    /// Bytes of all messages and the head.
+    /// Bytes of the header and all messages.
     length: u64,
-    fault: Option<Fault>,
+    /// The error of the first failed call, which all later calls return.
+    error: Option<RecordingError>,
     viewer: Option<Viewer>,
-    serving: Option<Serving>,
-    warning: Option<Fault>,
+    server: Option<RunningServer>,
+    warning: Option<RecordingError>,
 }
 
 impl Sink {
     /// Opens a file for the messages of `store`.
-    pub(super) fn new(store: StoreId, storage: Box<dyn Storage>) -> Result<Self, Fault> {
-        let whole = Synced { storage };
+    pub(super) fn new(store: StoreId, storage: Box<dyn Storage>) -> Result<Self, RecordingError> {
+        let storage = SyncOnFlush { storage };
         let encoder = Encoder::new_eager(
             CrateVersion::LOCAL,
             EncodingOptions::PROTOBUF_COMPRESSED,
-            whole,
+            storage,
         );
         let length = StreamHeader::ENCODED_SIZE_BYTES as u64;
         Ok(Self {
             store,
-            encoder: Some(encoder.map_err(in_words)?),
+            encoder: Some(encoder?),
             messages: 0,
             length,
-            fault: None,
+            error: None,
             viewer: None,
-            serving: None,
+            server: None,
             warning: None,
         })
     }
 
-    /// Which recording this is.
+    /// Identity of the recording.
     pub(super) fn store(&self) -> &StoreId {
         &self.store
     }
 
-    /// How many messages the file holds.
+    /// Number of messages in the file.
     pub(super) fn messages(&self) -> u64 {
         self.messages
     }
 
-    /// Writes columns or single rows.
-    pub(super) fn send_chunk(&mut self, chunk: &Chunk) -> Result<(), Fault> {
-        let message = chunk.to_arrow_msg().map_err(|error| error.to_string())?;
+    /// Writes a chunk of rows.
+    pub(super) fn send_chunk(&mut self, chunk: &Chunk) -> Result<(), RecordingError> {
+        let message = chunk.to_arrow_msg()?;
         self.send(&LogMsg::ArrowMsg(self.store.clone(), message))
     }
 
-    /// Writes a message. After a failure, every call fails.
-    pub(super) fn send(&mut self, message: &LogMsg) -> Result<(), Fault> {
-        let has_index = self.messages < INDEXED;
-        self.length += self.guard(|encoder| {
+    /// Writes chunks in order.
+    pub(super) fn send_chunks(&mut self, chunks: &[Chunk]) -> Result<(), RecordingError> {
+        chunks.iter().try_for_each(|chunk| self.send_chunk(chunk))
+    }
+
+    /// Writes a message. After a failure, every call fails with the same error.
+    pub(super) fn send(&mut self, message: &LogMsg) -> Result<(), RecordingError> {
+        let has_index = self.messages < MAX_INDEXED_MESSAGES;
+        self.length += self.with_encoder(|encoder| {
             if !has_index {
                 encoder.do_not_emit_footer();
             }
             encoder.append(message)
         })?;
         self.messages += 1;
-        if let Some(serving) = &self.serving {
-            serving.announce(self.length);
+        if let Some(server) = &self.server {
+            server.announce(self.length);
         }
         if let Some(viewer) = &mut self.viewer
-            && let Err(warning) = viewer.show(message.clone())
+            && let Err(warning) = viewer.send(message.clone())
         {
             self.warn(warning);
         }
         Ok(())
     }
 
-    /// From now on, a viewer gets all messages as well.
-    pub(super) fn show_in(&mut self, viewer: Viewer) {
+    /// Sends all further messages to a viewer as well.
+    pub(super) fn push_to(&mut self, viewer: Viewer) {
         self.viewer = Some(viewer);
     }
 
-    /// From now on, viewers can read the file, which is at `path`.
-    pub(super) fn serve(&mut self, server: Server, path: &Path) -> Result<(), Fault> {
-        self.serving = Some(server.open(path, self.length)?);
+    /// Serves the file, which is at `path`, to viewers that connect.
+    pub(super) fn serve_from(&mut self, server: Server, path: &Path) -> Result<(), RecordingError> {
+        self.server = Some(server.open(path, self.length)?);
         Ok(())
     }
 
-    /// Keeps what people should know until they ask.
-    pub(super) fn warn(&mut self, warning: Fault) {
+    /// Keeps a warning until it is asked for.
+    pub(super) fn warn(&mut self, warning: RecordingError) {
         self.warning = Some(warning);
     }
 
-    /// What people should know, once.
-    pub(super) fn warning(&mut self) -> Option<Fault> {
+    /// The latest warning; each is returned once.
+    pub(super) fn warning(&mut self) -> Option<RecordingError> {
         self.warning.take()
     }
 
-    /// Brings everything to the disk.
-    pub(super) fn sync(&mut self) -> Result<(), Fault> {
-        self.guard(Encoder::flush_blocking)
+    /// Brings all messages to the disk.
+    pub(super) fn sync(&mut self) -> Result<(), RecordingError> {
+        self.with_encoder(Encoder::flush_blocking)
     }
 
-    /// Writes the index that ends a complete file, unless it is very long.
-    pub(super) fn finish(&mut self) -> Result<(), Fault> {
-        self.guard(|encoder| {
+    /// Completes the file: writes the index at its end, unless the file is too long for one.
+    pub(super) fn finish(&mut self) -> Result<(), RecordingError> {
+        self.with_encoder(|encoder| {
             encoder.finish()?;
             encoder.flush_blocking()
         })?;
         self.encoder = None;
-        self.fault = Some("the recording is already complete".to_owned());
+        self.error = Some(RecordingError::Complete);
         let shown = self.viewer.as_mut().map(Viewer::finish);
-        let served = self.serving.as_mut().map(Serving::finish);
+        let served = self.server.as_mut().map(RunningServer::finish);
         self.warning = self
             .warning
             .take()
@@ -158,44 +166,38 @@ impl Sink {
         Ok(())
     }
 
-    fn guard<T>(
+    fn with_encoder<T>(
         &mut self,
-        work: impl FnOnce(&mut Encoder<Synced>) -> Result<T, EncodeError>,
-    ) -> Result<T, Fault> {
-        if let Some(fault) = &self.fault {
-            return Err(fault.clone());
+        work: impl FnOnce(&mut Encoder<SyncOnFlush>) -> Result<T, EncodeError>,
+    ) -> Result<T, RecordingError> {
+        if let Some(error) = &self.error {
+            return Err(error.clone());
         }
         let Some(encoder) = &mut self.encoder else {
-            return Err("the recording is closed".to_owned());
+            return Err(RecordingError::Complete);
         };
         work(encoder)
-            .map_err(in_words)
-            .inspect_err(|fault| self.give_up(fault))
+            .map_err(RecordingError::from)
+            .inspect_err(|error| self.close_after_error(error))
     }
 
-    /// Leaves the file as it was after the latest message. An encoder that is merely dropped would try to write on.
-    fn give_up(&mut self, fault: &Fault) {
-        self.fault = Some(fault.clone());
-        if let Some(Ok(mut whole)) = self.encoder.take().map(Encoder::into_inner) {
+    /// Leaves the file as it was after the latest whole message. The encoder is taken apart, because
+    /// it would write the index of a file that it believes complete if it were dropped.
+    fn close_after_error(&mut self, error: &RecordingError) {
+        self.error = Some(error.clone());
+        if let Some(Ok(mut file)) = self.encoder.take().map(Encoder::into_inner) {
             // The first failure is the one to report.
-            drop(whole.storage.cut(self.length));
+            drop(file.storage.truncate(self.length));
         }
     }
 }
 
-fn in_words(error: EncodeError) -> Fault {
-    match error {
-        EncodeError::Write(error) => error.to_string(),
-        other => other.to_string(),
-    }
-}
-
-/// Brings what is flushed to the disk.
-struct Synced {
+/// Brings bytes to the disk when they are flushed.
+struct SyncOnFlush {
     storage: Box<dyn Storage>,
 }
 
-impl Write for Synced {
+impl Write for SyncOnFlush {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.storage.write(bytes)
     }
@@ -216,9 +218,9 @@ mod tests {
     use rerun::{EntityPath, TextDocument};
 
     use super::*;
-    use crate::record::rerun::rows::timeless;
+    use crate::record::rerun::rows::static_chunk;
 
-    /// A disk with room for so many bytes.
+    /// A disk with space for a number of bytes.
     #[derive(Clone)]
     struct Disk {
         bytes: Arc<Mutex<Vec<u8>>>,
@@ -251,7 +253,7 @@ mod tests {
     }
 
     impl Storage for Disk {
-        fn cut(&mut self, length: u64) -> io::Result<()> {
+        fn truncate(&mut self, length: u64) -> io::Result<()> {
             self.bytes.lock().unwrap().truncate(length as usize);
             Ok(())
         }
@@ -261,18 +263,19 @@ mod tests {
         }
     }
 
-    fn full() -> Fault {
-        io::Error::from(io::ErrorKind::StorageFull).to_string()
+    fn full() -> RecordingError {
+        io::Error::from(io::ErrorKind::StorageFull).into()
     }
 
-    fn filled(room: usize, messages: u64) -> (Disk, Sink, Result<(), Fault>) {
+    fn filled(room: usize, messages: u64) -> (Disk, Sink, Result<(), RecordingError>) {
         let disk = Disk {
             bytes: Arc::default(),
             room: Arc::new(room.into()),
         };
         let mut sink =
             Sink::new(StoreId::recording("test", "test"), Box::new(disk.clone())).unwrap();
-        let chunk = timeless(EntityPath::from("text"), &TextDocument::new("some words")).unwrap();
+        let chunk =
+            static_chunk(EntityPath::from("text"), &TextDocument::new("some words")).unwrap();
         let sent = (0..messages).try_for_each(|_| sink.send_chunk(&chunk));
         (disk, sink, sent)
     }
@@ -284,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fitted_on_a_full_disk_stays_readable() {
+    fn messages_before_a_full_disk_stay_readable() {
         let (disk, mut sink, sent) = filled(10_000, 1000);
         assert_eq!(sent, Err(full()));
         assert!(sink.messages() > 3);
@@ -308,10 +311,13 @@ mod tests {
         assert_eq!(readable(&disk), 10);
     }
 
-    /// An index that grew with the run would be as long as all these messages are.
+    /// An index that grew with the run would be as long as all of these messages.
     #[test]
     fn a_very_long_file_has_no_index() {
-        for (messages, indexed) in [(INDEXED, true), (INDEXED + 1, false)] {
+        for (messages, indexed) in [
+            (MAX_INDEXED_MESSAGES, true),
+            (MAX_INDEXED_MESSAGES + 1, false),
+        ] {
             let (disk, mut sink, sent) = filled(100_000_000, messages);
             sent.unwrap();
             let before = disk.used();

@@ -1,99 +1,104 @@
-//! Where pictures and words stand in a view. Words have a fixed size on the screen, whereas pictures grow with the view; so how much room
-//! words take, in pixels of a picture, depends on how many pictures share a view.
+//! The positions of images and labels in a view. Labels have a fixed size on the screen, whereas
+//! images grow with the view; so the space that labels need, in pixels of an image, depends on the
+//! number of images that share a view.
 
 use crate::record::visitation::BINS;
 
-/// Height of a line of words, in points of the screen.
-const LINE: f32 = 19.0;
+/// Height of a line of text, in points of the screen.
+const LINE_HEIGHT: f32 = 19.0;
 
-/// Width of a letter, in points of the screen.
-pub(super) const LETTER: f32 = 6.7;
+/// Average width of a character, in points.
+pub(super) const CHAR_WIDTH: f32 = 6.7;
 
-/// Width of the bar of colours, in points of the screen.
-const BAR: f32 = 14.0;
+/// Width of a color bar, in points.
+const BAR_WIDTH: f32 = 14.0;
 
-/// Height below which the bar of colours has too few steps to be read, in points of the screen.
-const LEAST_BAR: f32 = 120.0;
+/// Minimum height of a color bar, in points: a smaller one cannot be read.
+const MIN_BAR_HEIGHT: f32 = 120.0;
 
-/// Pictures smaller than the largest possible ones by at most this share are as good, where more of the places are filled.
-const NEARLY: f32 = 0.125;
+/// Images may be smaller than the largest possible ones by this share if that leaves fewer tiles
+/// empty.
+const ZOOM_TOLERANCE: f32 = 0.125;
 
-/// A place on the screen.
+/// The part of the screen for a view.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Room {
-    /// Width and height, in points of the screen.
+pub(super) struct Viewport {
+    /// Width and height, in points.
     pub(super) size: [f32; 2],
-    /// Of which to the right, for a scale of colours.
+    /// Width at the right for a color scale, in points.
     pub(super) scale: f32,
-    /// Of which to the left of the scale, for words that are wider than what they belong to.
+    /// Width left of the scale for labels that are wider than their image, in points.
     pub(super) overhang: f32,
 }
 
-/// What words around each picture take.
+/// The space for labels around each image.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Words {
-    /// Lines above a picture.
+pub(super) struct LabelSpace {
+    /// Lines above an image.
     pub(super) above: f32,
-    /// Lines below a picture.
+    /// Lines below an image.
     pub(super) below: f32,
-    /// Points of the screen on either side of a picture.
+    /// Points on either side of an image.
     pub(super) beside: f32,
-    /// Lines below the scale of colours.
-    pub(super) key: f32,
+    /// Lines below the color scale.
+    pub(super) scale_lines: f32,
 }
 
-/// Equally large pictures in columns and rows.
+/// Images of equal size in columns and rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Tiles {
-    /// How many.
+    /// Number of images.
     pub(super) count: u32,
-    /// Of one picture, in pixels.
+    /// Width and height of an image, in pixels.
     pub(super) size: [f32; 2],
-    /// Points of the screen that a pixel gets.
+    /// Points per pixel.
     pub(super) zoom: f32,
     columns: u32,
-    /// From one picture to the next, in pixels.
+    /// Distance from one image to the next, in pixels.
     step: [f32; 2],
-    /// Before the first picture, in pixels.
-    before: [f32; 2],
-    /// For the scale of colours and what hangs over, in pixels.
+    /// Space left of and above the first image, in pixels.
+    margin: [f32; 2],
+    /// Width at the right for the color scale and the overhang, in pixels.
     right: f32,
-    /// From the middle of the scale to the right end, in pixels.
+    /// Distance from the middle of the scale to the right edge, in pixels.
     half_scale: f32,
 }
 
-/// An upright bar of colours.
+/// A vertical color bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Bar {
-    /// Its left and right side, in pixels.
+pub(super) struct ColorBar {
+    /// Left and right edge, in pixels.
     pub(super) x: [f32; 2],
-    /// Its upper and lower end, in pixels.
+    /// Upper and lower edge, in pixels.
     pub(super) y: [f32; 2],
-    /// Height of a line of words, in pixels.
+    /// Height of a line of text, in pixels.
     pub(super) line: f32,
 }
 
 impl Tiles {
-    /// As large as `room` allows, or nearly so where that leaves fewer places empty.
-    pub(super) fn new(count: u32, size: [f32; 2], room: Room, words: Words) -> Self {
-        let right = room.scale + room.overhang;
+    /// Images as large as `viewport` allows, or slightly smaller if that leaves fewer tiles empty.
+    pub(super) fn new(count: u32, size: [f32; 2], viewport: Viewport, labels: LabelSpace) -> Self {
+        let right = viewport.scale + viewport.overhang;
         let rows = |columns: u32| count.div_ceil(columns);
-        // The scale stands beside the uppermost row: a single one has its words below as well.
+        // The scale is beside the top row. With a single row, its labels need space below as well.
         let lines = |columns: u32| {
-            words.above
+            labels.above
                 + if rows(columns) == 1 {
-                    words.below.max(words.key)
+                    labels.below.max(labels.scale_lines)
                 } else {
-                    words.below
+                    labels.below
                 }
         };
         let zoom = |columns: u32| {
-            let across = ((room.size[0] - right) / columns as f32 - 2.0 * words.beside) / size[0];
-            let down = (room.size[1] / rows(columns) as f32 - lines(columns) * LINE) / size[1];
+            let across =
+                ((viewport.size[0] - right) / columns as f32 - 2.0 * labels.beside) / size[0];
+            let down =
+                (viewport.size[1] / rows(columns) as f32 - lines(columns) * LINE_HEIGHT) / size[1];
             across.min(down).max(0.1)
         };
         let largest = (1..=count.max(1)).map(zoom).fold(0.0, f32::max);
-        let good = (1..=count.max(1)).filter(|columns| zoom(*columns) >= (1.0 - NEARLY) * largest);
+        let good =
+            (1..=count.max(1)).filter(|columns| zoom(*columns) >= (1.0 - ZOOM_TOLERANCE) * largest);
         let empty = |columns: u32| rows(columns) * columns - count;
         let better = |one: &u32, other: &u32| {
             empty(*other)
@@ -103,23 +108,23 @@ impl Tiles {
         let columns = good.max_by(better).unwrap_or(1);
         let zoom = zoom(columns);
         let step = [
-            size[0] + 2.0 * words.beside / zoom,
-            size[1] + lines(columns) * LINE / zoom,
+            size[0] + 2.0 * labels.beside / zoom,
+            size[1] + lines(columns) * LINE_HEIGHT / zoom,
         ];
-        let before = [words.beside / zoom, words.above * LINE / zoom];
+        let margin = [labels.beside / zoom, labels.above * LINE_HEIGHT / zoom];
         Self {
             count,
             size,
             zoom,
             columns,
             step,
-            before,
+            margin,
             right: right / zoom,
-            half_scale: 0.5 * room.scale / zoom,
+            half_scale: 0.5 * viewport.scale / zoom,
         }
     }
 
-    /// The upper left corner of each picture.
+    /// The upper left corner of each image, in pixels.
     pub(super) fn corners(&self) -> impl Iterator<Item = [f32; 2]> {
         let place = |tile: u32| {
             [
@@ -130,32 +135,32 @@ impl Tiles {
         (0..self.count).map(place)
     }
 
-    /// Height of a line of words, in pixels.
+    /// Height of a line of text, in pixels.
     pub(super) fn line(&self) -> f32 {
-        LINE / self.zoom
+        LINE_HEIGHT / self.zoom
     }
 
-    /// From left to right and from above to below, all pictures and words.
+    /// Left and right, and upper and lower edge of all images and labels, in pixels.
     pub(super) fn bounds(&self) -> [[f32; 2]; 2] {
         let rows = self.count.div_ceil(self.columns) as f32;
-        let [left, top] = self.before.map(|before| -before);
+        let [left, top] = self.margin.map(|margin| -margin);
         [
             [left, left + self.columns as f32 * self.step[0] + self.right],
             [top, top + rows * self.step[1]],
         ]
     }
 
-    /// Beside the uppermost row, with room for two lines above.
-    pub(super) fn bar(&self) -> Bar {
+    /// The color bar beside the top row, with space for two lines above.
+    pub(super) fn bar(&self) -> ColorBar {
         let middle = self.bounds()[0][1] - self.half_scale;
-        let half = 0.5 * BAR / self.zoom;
-        let top = (2.3 * self.line() - self.before[1]).max(0.0);
+        let half = 0.5 * BAR_WIDTH / self.zoom;
+        let top = (2.3 * self.line() - self.margin[1]).max(0.0);
         let height = if self.count > self.columns {
-            self.size[1].max(LEAST_BAR / self.zoom)
+            self.size[1].max(MIN_BAR_HEIGHT / self.zoom)
         } else {
             self.size[1]
         };
-        Bar {
+        ColorBar {
             x: [middle - half, middle + half],
             y: [top, top + height],
             line: self.line(),
@@ -163,11 +168,11 @@ impl Tiles {
     }
 }
 
-impl Bar {
-    /// Steps of colour, one for each level of the density's axes.
+impl ColorBar {
+    /// Number of color steps, one per bin of the density's axes.
     pub(super) const STEPS: usize = BINS;
 
-    /// The height of each step, from the lowest up, and its share of the scale.
+    /// Vertical position of each step, from the lowest up, and its position on the scale, 0 to 1.
     pub(super) fn steps(&self) -> impl Iterator<Item = (f32, f32)> {
         let share = |step: usize| (step as f32 + 0.5) / Self::STEPS as f32;
         (0..Self::STEPS).map(move |step| {
@@ -178,13 +183,13 @@ impl Bar {
         })
     }
 
-    /// Half the height of a step and a little more, so that none shows between two, in pixels.
+    /// Half the height of a step in pixels, plus a little so that no gap shows between two.
     pub(super) fn half_step(&self) -> f32 {
         0.55 * (self.y[1] - self.y[0]) / Self::STEPS as f32
     }
 
-    /// Where words stand: `lines` above the bar's upper end, or below its lower one if negative.
-    pub(super) fn words(&self, lines: f32) -> [f32; 2] {
+    /// Position of a label: `lines` above the bar's upper end, or below its lower end if negative.
+    pub(super) fn label_position(&self, lines: f32) -> [f32; 2] {
         let y = if lines > 0.0 {
             self.y[0] - lines * self.line
         } else {
@@ -198,26 +203,27 @@ impl Bar {
 mod tests {
     use super::*;
 
-    const WORDS: Words = Words {
+    const LABELS: LabelSpace = LabelSpace {
         above: 3.0,
         below: 1.0,
         beside: 20.0,
-        key: 3.0,
+        scale_lines: 3.0,
     };
 
-    fn room(size: [f32; 2], scale: f32) -> Room {
-        Room {
+    fn viewport(size: [f32; 2], scale: f32) -> Viewport {
+        Viewport {
             size,
             scale,
             overhang: 0.0,
         }
     }
 
-    /// 193 × 64 pixels in 960 × 600 points, of which 60 for the scale: sixteen pictures fit best as 4 × 4, where each has 225 × 150 points,
-    /// less 40 beside and 76 for four lines; 185 / 193 and 74 / 64 make a zoom of 0.9585.
+    /// 193 × 64 pixels in 960 × 600 points, of which 60 for the scale: sixteen images fit best as
+    /// 4 × 4, where each has 225 × 150 points, less 40 beside and 76 for four lines; 185 / 193 and
+    /// 74 / 64 make a zoom of 0.9585.
     #[test]
-    fn pictures_are_as_large_as_the_room_allows() {
-        let tiles = Tiles::new(16, [193.0, 64.0], room([960.0, 600.0], 60.0), WORDS);
+    fn images_are_as_large_as_the_viewport_allows() {
+        let tiles = Tiles::new(16, [193.0, 64.0], viewport([960.0, 600.0], 60.0), LABELS);
         assert_eq!(tiles.columns, 4);
         approx::assert_relative_eq!(tiles.zoom, 185.0 / 193.0);
         let [[left, right], [top, bottom]] =
@@ -229,44 +235,47 @@ mod tests {
         assert_eq!(corners[0], [0.0, 0.0]);
     }
 
-    /// 193 × 64 pixels in 858 × 608 points: sixteen pictures would have a zoom of (858 / 3 − 40) / 193 = 1.275 across and of
-    /// (608 / 6 − 38) / 64 = 0.990 down as 3 × 6, of (858 / 4 − 40) / 193 = 0.904 as 4 × 4, which is 8.7 % less but leaves no place empty.
+    /// 193 × 64 pixels in 858 × 608 points: sixteen images would have a zoom of (858 / 3 − 40) /
+    /// 193 = 1.275 across and of (608 / 6 − 38) / 64 = 0.990 down as 3 × 6, of (858 / 4 − 40) / 193
+    /// = 0.904 as 4 × 4, which is 8.7 % less but leaves no tile empty.
     #[test]
-    fn no_picture_is_left_alone_for_a_little_size() {
-        let words = Words {
+    fn a_slightly_smaller_size_avoids_a_row_with_one_image() {
+        let labels = LabelSpace {
             above: 1.5,
             below: 0.5,
-            ..WORDS
+            ..LABELS
         };
-        let tiles = |count| Tiles::new(count, [193.0, 64.0], room([858.0, 608.0], 0.0), words);
+        let tiles = |count| Tiles::new(count, [193.0, 64.0], viewport([858.0, 608.0], 0.0), labels);
         assert_eq!((tiles(16).columns, tiles(64).columns), (4, 8));
         approx::assert_relative_eq!(tiles(16).zoom, (858.0 / 4.0 - 40.0) / 193.0, epsilon = 1e-6);
     }
 
-    /// Of one row, the words of the scale reach further down than those of the picture: 3 lines of 19 points below a bar as high as it.
+    /// With one row, the labels of the scale reach further down than those of the image: 3 lines of
+    /// 19 points below a bar of the image's height.
     #[test]
-    fn the_words_of_the_scale_are_in_view() {
-        let tiles = Tiles::new(1, [193.0, 64.0], room([480.0, 244.0], 100.0), WORDS);
+    fn the_labels_of_the_scale_are_in_view() {
+        let tiles = Tiles::new(1, [193.0, 64.0], viewport([480.0, 244.0], 100.0), LABELS);
         let (bar, [_, [_, bottom]]) = (tiles.bar(), tiles.bounds());
         assert!(
-            bar.words(-3.0)[1] <= bottom + 1e-4,
+            bar.label_position(-3.0)[1] <= bottom + 1e-4,
             "{bottom} pixels, {:?}",
-            bar.words(-3.0)
+            bar.label_position(-3.0)
         );
         assert!((bar.y[1] + 3.0 * 19.0 / tiles.zoom - bottom).abs() < 1e-3);
     }
 
-    /// What hangs over the pictures' right end has a room of its own; the scale stays in the middle of what is left.
+    /// The overhang at the right of the images has space of its own; the scale is in the middle of
+    /// the rest.
     #[test]
-    fn words_that_hang_over_do_not_reach_the_scale() {
+    fn overhanging_labels_do_not_reach_the_scale() {
         let wide = Tiles::new(
             2,
             [193.0, 64.0],
-            Room {
+            Viewport {
                 overhang: 30.0,
-                ..room([480.0, 880.0], 100.0)
+                ..viewport([480.0, 880.0], 100.0)
             },
-            WORDS,
+            LABELS,
         );
         let right = wide.bounds()[0][1];
         let middle = 0.5 * (wide.bar().x[0] + wide.bar().x[1]);
@@ -279,12 +288,12 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_stands_beside_the_pictures() {
-        let tiles = Tiles::new(3, [100.0, 40.0], room([480.0, 480.0], 80.0), WORDS);
+    fn the_scale_is_beside_the_images() {
+        let tiles = Tiles::new(3, [100.0, 40.0], viewport([480.0, 480.0], 80.0), LABELS);
         let (bar, [[_, right], _]) = (tiles.bar(), tiles.bounds());
         let last = tiles.corners().map(|corner| corner[0]).fold(0.0, f32::max) + 100.0;
         assert!(last < bar.x[0] && bar.x[1] < right);
-        let bar = Bar {
+        let bar = ColorBar {
             y: [0.0, 40.0],
             ..bar
         };

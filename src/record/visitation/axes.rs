@@ -1,18 +1,18 @@
-//! Parallel coordinates: where a state crosses each axis.
+//! Parallel coordinates: the point where a state's line crosses each axis.
 
 use super::{BINS, fraction};
-use crate::env::{Choice, Quantity, Spec};
-use crate::experience::Episode;
-use crate::record::AxisChoice;
+use crate::record::{AxisChoice, BonusRange};
+use seedbed_env::{Choice, Quantity, Spec};
+use seedbed_learn::experience::Episode;
 
-/// Height of the axes, in pixels: one for each bin.
+/// Height of the axes in pixels: one per bin.
 pub const HEIGHT: usize = BINS;
 
-/// All axes together are about this wide, in pixels.
-const WIDTH: usize = 192;
+/// Approximate width of all axes together, in pixels.
+const TOTAL_WIDTH: usize = 192;
 
-/// Axes are never closer than this, in pixels.
-const MIN_GAP: usize = 32;
+/// Minimum distance between neighboring axes, in pixels.
+const MIN_AXIS_GAP: usize = 32;
 
 /// The axes of a recording, from left to right.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,12 +24,12 @@ pub struct Axes {
 /// One axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// What is read off it, with the values at its lower and upper end.
+    /// The quantity on this axis; its range gives the values at the lower and the upper end.
     pub quantity: Quantity,
     source: Source,
 }
 
-/// Where an axis finds its value in a step.
+/// Where an axis takes its value from.
 #[derive(Clone, Debug, PartialEq)]
 enum Source {
     Step,
@@ -40,22 +40,22 @@ enum Source {
     IntrinsicReward,
 }
 
-/// One step of an episode as it is drawn.
+/// One visited state, with what was done there: the input of every image.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen<'a> {
+pub struct VisitedState<'a> {
     pub(super) step: usize,
     pub(super) observation: &'a [f32],
-    /// None at an episode's end, where nothing was done.
+    /// The action taken in this state; none at an episode's last state.
     pub(super) action: Option<&'a [f32]>,
     pub(super) reward: f32,
     pub(super) advantage: f32,
-    /// What the step that was taken from there earned; nothing follows the last state, so that it has none.
+    /// The bonus of the step taken from this state; 0 at an episode's last state.
     pub bonus: f32,
 }
 
-impl<'a> Seen<'a> {
-    /// All states of an episode, in order: `[T + 1]`.
-    pub fn all(episode: &'a Episode) -> impl Iterator<Item = Self> {
+impl<'a> VisitedState<'a> {
+    /// All states of an episode in order: `[T + 1]`.
+    pub fn of_episode(episode: &'a Episode) -> impl Iterator<Item = Self> {
         let steps = episode.length();
         let (observed, acted) = (
             episode.observations.len() / (steps + 1),
@@ -74,7 +74,8 @@ impl<'a> Seen<'a> {
         })
     }
 
-    /// A state that was read back, with the bonus of what was done there.
+    /// A state without action and reward, as read back from a recording, with the bonus of the step
+    /// taken from it.
     #[must_use]
     pub fn state(step: usize, observation: &'a [f32], bonus: f32) -> Self {
         Self {
@@ -87,43 +88,39 @@ impl<'a> Seen<'a> {
         }
     }
 
-    /// Whether something was done there.
+    /// Whether an action was taken in this state.
     #[must_use]
-    pub fn acts(&self) -> bool {
+    pub fn has_action(&self) -> bool {
         self.action.is_some()
     }
 }
 
 impl Axes {
-    /// The chosen axes of a task. A single one gets the step within the episode as its neighbour; the bonus, up to `largest_bonus`, has
-    /// an axis only where agents are curious.
+    /// The chosen axes of a task. If only one is chosen, the step within the episode becomes the
+    /// first axis. The intrinsic reward has an axis only if agents have a bonus.
     #[must_use]
-    pub fn of(spec: &Spec, choices: &[AxisChoice], largest_bonus: Option<f32>) -> Self {
+    pub fn of(spec: &Spec, choices: &[AxisChoice], bonus: BonusRange) -> Self {
         let axes = choices
             .iter()
-            .flat_map(|choice| Axis::chosen(*choice, spec, largest_bonus))
+            .flat_map(|choice| Axis::of_choice(*choice, spec, bonus))
             .collect();
         Self::with_steps(axes, spec.time_limit)
     }
 
-    /// The axes of all observations and of the bonus, from what a recording tells of its task.
+    /// The axes of all observations and of the bonus, as stored in a recording.
     #[must_use]
-    pub fn of_quantities(
-        observations: &[Quantity],
-        time_limit: u32,
-        largest_bonus: Option<f32>,
-    ) -> Self {
+    pub fn of_quantities(observations: &[Quantity], time_limit: u32, bonus: BonusRange) -> Self {
         let observed = observations
             .iter()
             .enumerate()
             .map(|(index, quantity)| Axis::observation(quantity, index));
         Self::with_steps(
-            observed.chain(largest_bonus.map(Axis::bonus)).collect(),
+            observed.chain(bonus.scale_end().map(Axis::bonus)).collect(),
             time_limit,
         )
     }
 
-    /// Lines lead from an axis to the next: the step stands in where there are fewer than two.
+    /// A line needs at least two axes: the step within the episode is added if there are fewer.
     fn with_steps(mut axes: Vec<Axis>, time_limit: u32) -> Self {
         while axes.len() < 2 {
             axes.insert(0, Axis::step(time_limit));
@@ -132,53 +129,53 @@ impl Axes {
     }
 
     fn side_by_side(axes: Vec<Axis>) -> Self {
-        let gap = (WIDTH / (axes.len() - 1).max(1)).max(MIN_GAP);
+        let gap = (TOTAL_WIDTH / (axes.len() - 1).max(1)).max(MIN_AXIS_GAP);
         Self { axes, gap }
     }
 
-    /// Some of these axes, by their places, as axes of a picture of their own.
+    /// The axes at the given positions, as axes of an image of their own.
     #[must_use]
-    pub fn chosen(&self, places: &[usize]) -> Self {
+    pub fn subset(&self, positions: &[usize]) -> Self {
         Self::side_by_side(
-            places
+            positions
                 .iter()
-                .map(|&place| self.axes[place].clone())
+                .map(|&position| self.axes[position].clone())
                 .collect(),
         )
     }
 
-    /// From left to right.
+    /// All axes, from left to right.
     #[must_use]
     pub fn all(&self) -> &[Axis] {
         &self.axes
     }
 
-    /// Pairs of neighbouring axes.
+    /// Number of pairs of neighboring axes.
     #[must_use]
     pub fn pairs(&self) -> usize {
         self.axes.len() - 1
     }
 
-    /// From one axis to the next, in pixels.
+    /// Distance from one axis to the next, in pixels.
     pub(super) fn gap(&self) -> usize {
         self.gap
     }
 
-    /// Width of the picture, in pixels.
+    /// Width of the image, in pixels.
     #[must_use]
     pub fn width(&self) -> usize {
         self.pairs() * self.gap + 1
     }
 
-    /// Where axis `axis` stands: the middle of its column of pixels.
+    /// Horizontal position of an axis: the middle of its column of pixels.
     #[must_use]
     pub fn x(&self, axis: usize) -> f32 {
         (axis * self.gap) as f32 + 0.5
     }
 
-    /// Whether an axis tells what was done, so that an episode's last state has no line.
+    /// Whether an axis shows an action or its outcome, so that an episode's last state has no line.
     #[must_use]
-    pub fn show_actions(&self) -> bool {
+    pub fn need_actions(&self) -> bool {
         self.axes.iter().any(|axis| {
             matches!(
                 axis.source,
@@ -187,11 +184,11 @@ impl Axes {
         })
     }
 
-    /// Puts where a state crosses the axes, 0 at their lower and 1 at their upper ends, into `fractions`: `[axes]`.
-    /// What lies beyond an end counts as at the end.
-    pub fn project(&self, seen: &Seen<'_>, fractions: &mut Vec<f32>) {
+    /// Writes the positions at which a state crosses the axes into `fractions`: `[axes]`, from 0
+    /// (lower end) to 1 (upper end). Values outside an axis are clamped to its ends.
+    pub fn project(&self, state: &VisitedState<'_>, fractions: &mut Vec<f32>) {
         fractions.clear();
-        fractions.extend(self.axes.iter().map(|axis| axis.fraction(seen)));
+        fractions.extend(self.axes.iter().map(|axis| axis.fraction(state)));
     }
 
     /// The polyline of a projected state: `[axes]` points.
@@ -204,7 +201,7 @@ impl Axes {
 }
 
 impl Axis {
-    fn chosen(choice: AxisChoice, spec: &Spec, largest_bonus: Option<f32>) -> Vec<Self> {
+    fn of_choice(choice: AxisChoice, spec: &Spec, bonus: BonusRange) -> Vec<Self> {
         match choice {
             AxisChoice::Observations => Self::observations(spec),
             AxisChoice::Action => (0..spec.actions.len())
@@ -222,7 +219,7 @@ impl Axis {
                     Source::Advantage,
                 )]
             }
-            AxisChoice::IntrinsicReward => largest_bonus.into_iter().map(Self::bonus).collect(),
+            AxisChoice::IntrinsicReward => bonus.scale_end().into_iter().map(Self::bonus).collect(),
             AxisChoice::Step => vec![Self::step(spec.time_limit)],
         }
     }
@@ -256,11 +253,11 @@ impl Axis {
         Self::named("step", [0.0, time_limit.max(1) as f32], Source::Step)
     }
 
-    /// A range without extent, where bonuses weigh nothing, gets one.
-    fn bonus(largest: f32) -> Self {
+    /// The axis of the intrinsic reward, from 0 to `scale_end`.
+    fn bonus(scale_end: f32) -> Self {
         Self::named(
             "intrinsic reward",
-            [0.0, if largest > 0.0 { largest } else { 1.0 }],
+            [0.0, scale_end],
             Source::IntrinsicReward,
         )
     }
@@ -276,24 +273,24 @@ impl Axis {
         }
     }
 
-    /// Where a state lies on the axis, 0 to 1.
-    pub(super) fn fraction(&self, seen: &Seen<'_>) -> f32 {
+    /// Position of a state on the axis, 0 to 1.
+    pub(super) fn fraction(&self, state: &VisitedState<'_>) -> f32 {
         let value = match &self.source {
-            Source::Step => seen.step as f32,
-            Source::Observation(index) => seen.observation[*index],
-            Source::Action(index, choice) => seen
+            Source::Step => state.step as f32,
+            Source::Observation(index) => state.observation[*index],
+            Source::Action(index, choice) => state
                 .action
-                .map_or(0.0, |action| meant(choice, action[*index])),
-            Source::Reward => seen.reward,
-            Source::Advantage => seen.advantage,
-            Source::IntrinsicReward => seen.bonus,
+                .map_or(0.0, |action| action_value(choice, action[*index])),
+            Source::Reward => state.reward,
+            Source::Advantage => state.advantage,
+            Source::IntrinsicReward => state.bonus,
         };
         fraction(value, self.quantity.range)
     }
 }
 
-/// A discrete action is the index of its value.
-fn meant(choice: &Choice, action: f32) -> f32 {
+/// The value of an action; a discrete action is stored as the index of its value.
+fn action_value(choice: &Choice, action: f32) -> f32 {
     match choice {
         Choice::Discrete(values) => values[action as usize],
         Choice::Continuous => action,
@@ -303,8 +300,8 @@ fn meant(choice: &Choice, action: f32) -> f32 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::env::{Action, Status};
-    use crate::input::numbers::{Finite, known};
+    use seedbed_env::input::numbers::{FiniteNumber, known};
+    use seedbed_env::{Action, Status};
 
     const ALL: [AxisChoice; 2] = [AxisChoice::Observations, AxisChoice::IntrinsicReward];
 
@@ -334,9 +331,9 @@ pub(super) mod tests {
         }
     }
 
-    /// A state from which nothing is done.
-    pub(crate) fn seen(step: usize, observation: &[f32]) -> Seen<'_> {
-        Seen {
+    /// A state without an action.
+    pub(crate) fn state_at(step: usize, observation: &[f32]) -> VisitedState<'_> {
+        VisitedState {
             step,
             observation,
             action: None,
@@ -346,17 +343,21 @@ pub(super) mod tests {
         }
     }
 
-    fn projected(axes: &Axes, seen: &Seen<'_>) -> Vec<f32> {
+    fn projected(axes: &Axes, state: &VisitedState<'_>) -> Vec<f32> {
         let mut fractions = Vec::new();
-        axes.project(seen, &mut fractions);
+        axes.project(state, &mut fractions);
         fractions
     }
 
     #[test]
     fn a_state_is_a_line_across_the_axes() {
-        let axes = Axes::of(&spec(&[[-2.0, 2.0], [0.0, 10.0], [-1.0, 1.0]]), &ALL, None);
+        let axes = Axes::of(
+            &spec(&[[-2.0, 2.0], [0.0, 10.0], [-1.0, 1.0]]),
+            &ALL,
+            BonusRange::None,
+        );
         assert_eq!((axes.pairs(), axes.width()), (2, 193));
-        let fractions = projected(&axes, &seen(0, &[1.0, 2.5, -1.0]));
+        let fractions = projected(&axes, &state_at(0, &[1.0, 2.5, -1.0]));
         assert_eq!(fractions, [0.75, 0.25, 0.0]);
         assert_eq!(
             axes.line(&fractions).collect::<Vec<_>>(),
@@ -365,55 +366,56 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn values_beyond_the_axes_stop_at_their_ends() {
-        let axes = Axes::of(&spec(&[[-1.0, 1.0]; 3]), &ALL, None);
+    fn values_outside_an_axis_are_clamped_to_its_ends() {
+        let axes = Axes::of(&spec(&[[-1.0, 1.0]; 3]), &ALL, BonusRange::None);
         assert_eq!(
-            projected(&axes, &seen(0, &[-7.0, f32::INFINITY, f32::NAN])),
+            projected(&axes, &state_at(0, &[-7.0, f32::INFINITY, f32::NAN])),
             [0.0, 1.0, 0.0]
         );
     }
 
     #[test]
     fn a_single_observation_is_drawn_against_the_step() {
-        let axes = Axes::of(&spec(&[[0.0, 4.0]]), &ALL, None);
+        let axes = Axes::of(&spec(&[[0.0, 4.0]]), &ALL, BonusRange::None);
         assert_eq!(axes.all()[0].quantity.name, "step");
-        assert_eq!(projected(&axes, &seen(50, &[3.0])), [0.25, 0.75]);
+        assert_eq!(projected(&axes, &state_at(50, &[3.0])), [0.25, 0.75]);
     }
 
     #[test]
     fn many_axes_keep_their_distance() {
         assert_eq!(
-            Axes::of(&spec(&[[0.0, 1.0]; 12]), &ALL, None).width(),
-            11 * MIN_GAP + 1
+            Axes::of(&spec(&[[0.0, 1.0]; 12]), &ALL, BonusRange::None).width(),
+            11 * MIN_AXIS_GAP + 1
         );
     }
 
     /// A bonus of 0.3 of at most 1.2 crosses the last axis at a quarter of its height.
     #[test]
-    fn curious_agents_have_an_axis_for_their_bonus() {
-        let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]), &ALL, Some(1.2));
+    fn agents_with_a_bonus_have_an_axis_for_it() {
+        let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]), &ALL, BonusRange::UpTo(1.2));
         assert_eq!(axes.all()[2].quantity.name, "intrinsic reward");
         let fractions = projected(
             &axes,
-            &Seen {
+            &VisitedState {
                 bonus: 0.3,
-                ..seen(0, &[0.5, 1.0])
+                ..state_at(0, &[0.5, 1.0])
             },
         );
         assert!((fractions[2] - 0.25).abs() < 1e-6, "{fractions:?}");
     }
 
-    /// Two steps: push with index 1, which means 10 N, for a reward of 1 of −2 to 2; then with index 0 for −5, which is beyond the axis.
+    /// Two steps: a push with index 1 (10 N) for a reward of 1 on an axis from −2 to 2, then one with
+    /// index 0 for a reward of −5, which is outside the axis.
     #[test]
-    fn actions_rewards_and_steps_have_axes_where_wanted() {
+    fn actions_rewards_and_steps_have_axes_if_chosen() {
         let reward = AxisChoice::Reward {
             from: known(-2.0),
-            to: known::<Finite>(2.0).into(),
+            to: known::<FiniteNumber>(2.0).into(),
         };
         let axes = Axes::of(
             &spec(&[[0.0, 1.0]]),
             &[AxisChoice::Action, reward, AxisChoice::Step],
-            None,
+            BonusRange::None,
         );
         assert_eq!(
             axes.all()
@@ -427,36 +429,37 @@ pub(super) mod tests {
         episode.actions = vec![1.0, 0.0];
         episode.rewards = vec![1.0, -5.0];
         episode.outcome = Status::Truncated;
-        let states: Vec<Vec<f32>> = Seen::all(&episode)
-            .filter(Seen::acts)
-            .map(|seen| projected(&axes, &seen))
+        let states: Vec<Vec<f32>> = VisitedState::of_episode(&episode)
+            .filter(VisitedState::has_action)
+            .map(|state| projected(&axes, &state))
             .collect();
-        assert!(axes.show_actions());
+        assert!(axes.need_actions());
         assert_eq!(states, [[1.0, 0.75, 0.0], [0.0, 0.0, 0.005]]);
     }
 
-    /// From −4 to 4: 2 is at three quarters, −5 is beyond the axis; the last state, from which nothing is done, has no advantage.
+    /// From −4 to 4: 2 is at three quarters, −5 is outside the axis. The last state has no action and
+    /// so no advantage.
     #[test]
-    fn advantages_have_an_axis_where_wanted() {
+    fn advantages_have_an_axis_if_chosen() {
         let advantage = AxisChoice::Advantage {
             from: known(-4.0),
-            to: known::<Finite>(4.0).into(),
+            to: known::<FiniteNumber>(4.0).into(),
         };
         let axes = Axes::of(
             &spec(&[[0.0, 1.0]]),
             &[AxisChoice::Observations, advantage],
-            None,
+            BonusRange::None,
         );
         assert_eq!(
-            (axes.all()[1].quantity.name.as_str(), axes.show_actions()),
+            (axes.all()[1].quantity.name.as_str(), axes.need_actions()),
             ("advantage", true)
         );
         let mut episode = Episode::start(0, 0, 0, &spec(&[[0.0, 1.0]]));
         (episode.observations, episode.actions) = (vec![0.5; 3], vec![1.0, 0.0]);
         (episode.rewards, episode.advantages) = (vec![1.0; 2], vec![2.0, -5.0]);
-        let states: Vec<Vec<f32>> = Seen::all(&episode)
-            .filter(Seen::acts)
-            .map(|seen| projected(&axes, &seen))
+        let states: Vec<Vec<f32>> = VisitedState::of_episode(&episode)
+            .filter(VisitedState::has_action)
+            .map(|state| projected(&axes, &state))
             .collect();
         assert_eq!(states, [[0.5, 0.75], [0.5, 0.0]]);
     }

@@ -1,21 +1,25 @@
-//! How many lines cross each pixel of parallel coordinates.
+//! Counts how many lines cross each pixel of parallel coordinates.
+//!
+//! Drawing every state as a line of its own would cost a pass over the image per state. Instead,
+//! states are counted in one 64 × 64 histogram per pair of neighboring axes: all states in one cell
+//! have the same line between these axes, so that it is drawn once with the cell's count. A round
+//! draws only the cells that its own states touched.
 
 use serde::{Deserialize, Serialize};
 
 use super::axes::{Axes, HEIGHT};
-use super::{BINS, Gains};
+use super::{BINS, DensityDelta};
 
-/// Brightness of a pixel that a single line crosses.
-pub const DIMMEST: u8 = 40;
+/// Brightness of a pixel that a single line crosses: visible against the black of no line.
+pub const MIN_BRIGHTNESS: u8 = 40;
 
-/// How many lines cross each pixel between neighbouring axes.
-///
-/// States are counted in a 64 × 64 histogram for each pair of axes; only cells that changed are drawn again.
+/// Number of lines over each pixel, and the states that are not drawn yet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Density {
     gap: usize,
     pairs: usize,
-    /// States since the latest drawing: `[pairs × bins × bins]`, by the bins on the left and the right axis.
+    /// States counted since the last drawing: `[pairs × bins × bins]`, by the bins on the left and
+    /// the right axis.
     counts: Vec<u32>,
     /// The cells of `counts` that are not zero.
     touched: Vec<u32>,
@@ -24,7 +28,7 @@ pub struct Density {
 }
 
 impl Density {
-    /// Nothing visited yet.
+    /// A density without states.
     #[must_use]
     pub fn new(axes: &Axes) -> Self {
         Self {
@@ -36,7 +40,7 @@ impl Density {
         }
     }
 
-    /// Whether this was made for such axes.
+    /// Whether this was made for axes of this number and distance.
     #[must_use]
     pub fn fits(&self, axes: &Axes) -> bool {
         (self.gap, self.pairs) == (axes.gap(), axes.pairs())
@@ -57,29 +61,29 @@ impl Density {
         self.counts[cell] += states;
     }
 
-    /// Draws the states of the round that ends, and returns their cells.
-    pub fn end_round(&mut self) -> Gains {
+    /// Draws the states of the round that ends, and returns the cells they are in.
+    pub fn end_round(&mut self) -> DensityDelta {
         self.touched.sort_unstable();
-        let gains = Gains::of(
+        let delta = DensityDelta::of(
             self.touched
                 .iter()
                 .map(|&cell| (cell, self.counts[cell as usize])),
         );
         self.draw_all();
-        gains
+        delta
     }
 
-    /// Whether the cells of a round are among these.
+    /// Whether all cells of a round exist in this density.
     #[must_use]
-    pub fn has(&self, round: &Gains) -> bool {
+    pub fn contains(&self, round: &DensityDelta) -> bool {
         round
             .cells()
             .all(|(cell, _)| (cell as usize) < self.counts.len())
     }
 
-    /// Lines over each pixel from some rounds alone: `[height × width]`.
+    /// Lines over each pixel from the given rounds only: `[height × width]`.
     #[must_use]
-    pub fn draw_alone<'a>(&self, rounds: impl Iterator<Item = &'a Gains>) -> Vec<u32> {
+    pub fn draw_rounds<'a>(&self, rounds: impl Iterator<Item = &'a DensityDelta>) -> Vec<u32> {
         let (counts, pixels) = (vec![0; self.counts.len()], vec![0; self.pixels.len()]);
         let mut alone = Self {
             gap: self.gap,
@@ -89,13 +93,13 @@ impl Density {
             pixels,
         };
         rounds
-            .flat_map(Gains::cells)
+            .flat_map(DensityDelta::cells)
             .for_each(|(cell, states)| alone.count(cell as usize, states));
         alone.draw_all();
         alone.pixels
     }
 
-    /// Lines over each pixel, all states drawn: `[height × width]`.
+    /// Draws all counted states, and returns the lines over each pixel: `[height × width]`.
     pub fn draw_all(&mut self) -> &Vec<u32> {
         for cell in std::mem::take(&mut self.touched) {
             let count = std::mem::take(&mut self.counts[cell as usize]);
@@ -104,13 +108,14 @@ impl Density {
         &self.pixels
     }
 
-    /// Lines over each pixel as they were last drawn: `[height × width]`.
+    /// Lines over each pixel at the last drawing: `[height × width]`.
     #[must_use]
     pub fn pixels(&self) -> &[u32] {
         &self.pixels
     }
 
-    /// Draws a cell as a straight line, one bin high, from axis to axis; the last pair includes the last axis.
+    /// Draws a cell as a straight line, one bin high, from axis to axis; the last pair includes the
+    /// last axis.
     fn draw(&mut self, cell: usize, count: u32) {
         let (pair, left, right) = (cell / (BINS * BINS), cell / BINS % BINS, cell % BINS);
         let (left, right) = (row(left), row(right));
@@ -120,7 +125,8 @@ impl Density {
         } else {
             self.gap
         };
-        // Heights in 65,536ths of a pixel, so that no column needs a division.
+        // Fixed point, in 65,536ths of a pixel: one division per line instead of one per column, and
+        // the same pixels on every machine.
         let rise = (((right as i64) - (left as i64)) << 16) / self.gap as i64;
         let mut height = ((left as i64) << 16) + (1 << 15);
         for column in 0..columns {
@@ -140,20 +146,24 @@ fn row(bin: usize) -> usize {
     BINS - 1 - bin
 }
 
-/// Brightness of each pixel: 0 where no line passes, else from [`DIMMEST`] (one line) to 255 (`most` lines), on a logarithmic scale.
+/// Brightness of each pixel: 0 without a line, otherwise from [`MIN_BRIGHTNESS`] (one line) to 255
+/// (`max_lines` lines or more), on a logarithmic scale.
 #[must_use]
-pub fn shade(pixels: &[u32], most: u32) -> Vec<u8> {
-    let whole = log2(most).max(1);
-    let brightness =
-        |lines: u32| DIMMEST + (log2(lines.min(most)) * u32::from(255 - DIMMEST) / whole) as u8;
+pub fn shade(pixels: &[u32], max_lines: u32) -> Vec<u8> {
+    let whole = log2_fixed(max_lines).max(1);
+    let brightness = |lines: u32| {
+        MIN_BRIGHTNESS
+            + (log2_fixed(lines.min(max_lines)) * u32::from(255 - MIN_BRIGHTNESS) / whole) as u8
+    };
     pixels
         .iter()
         .map(|&lines| if lines == 0 { 0 } else { brightness(lines) })
         .collect()
 }
 
-/// 256 log₂ `n`, straight between powers of two; the same on every machine. 0 for 0.
-fn log2(n: u32) -> u32 {
+/// 256 log₂ `n`, interpolated linearly between powers of two; 0 for 0. Integers only, so that images
+/// have the same bytes on every machine.
+fn log2_fixed(n: u32) -> u32 {
     let Some(whole) = n.checked_ilog2() else {
         return 0;
     };
@@ -165,13 +175,13 @@ fn log2(n: u32) -> u32 {
 mod tests {
     use super::super::axes::tests::spec;
     use super::*;
-    use crate::record::AxisChoice;
+    use crate::record::{AxisChoice, BonusRange};
 
     fn axes(observations: usize) -> Axes {
         Axes::of(
             &spec(&vec![[0.0, 1.0]; observations]),
             &[AxisChoice::Observations],
-            None,
+            BonusRange::None,
         )
     }
 
@@ -207,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn drawing_in_between_changes_nothing() {
+    fn drawing_more_often_changes_nothing() {
         let axes = axes(3);
         let states = [[0.1, 0.5, 0.9], [0.3, 0.3, 0.2], [0.1, 0.5, 0.9]];
         let (mut often, mut once) = (Density::new(&axes), Density::new(&axes));
@@ -220,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn rounds_can_be_drawn_alone() {
+    fn some_rounds_can_be_drawn_without_the_others() {
         let axes = axes(3);
         let states = [
             [0.1, 0.5, 0.9],
@@ -229,17 +239,20 @@ mod tests {
             [0.8, 0.1, 0.4],
         ];
         let (mut all, mut later) = (Density::new(&axes), Density::new(&axes));
-        let rounds: Vec<Gains> = states
+        let rounds: Vec<DensityDelta> = states
             .iter()
             .map(|state| {
                 all.add(state);
                 all.end_round()
             })
             .collect();
-        assert_eq!(all.draw_alone(rounds.iter()), *all.clone().draw_all());
+        assert_eq!(all.draw_rounds(rounds.iter()), *all.clone().draw_all());
         states[2..].iter().for_each(|state| later.add(state));
-        assert_eq!(all.draw_alone(rounds[2..].iter()), *later.draw_all());
-        assert!(all.has(&rounds[3]) && !all.has(&Gains::of([(2 * 64 * 64, 1)].into_iter())));
+        assert_eq!(all.draw_rounds(rounds[2..].iter()), *later.draw_all());
+        assert!(
+            all.contains(&rounds[3])
+                && !all.contains(&DensityDelta::of([(2 * 64 * 64, 1)].into_iter()))
+        );
     }
 
     #[test]
@@ -251,11 +264,16 @@ mod tests {
         assert_eq!(
             shade(&[1, 16], 256),
             [40, 40 + 107],
-            "the brightest of several pictures may be in another one"
+            "the brightest of several images may be another one"
         );
         assert_eq!(shade(&[0, 0], 0), [0, 0]);
         assert_eq!(
-            (log2(1), log2(3), log2(4), log2(u32::MAX)),
+            (
+                log2_fixed(1),
+                log2_fixed(3),
+                log2_fixed(4),
+                log2_fixed(u32::MAX)
+            ),
             (0, 256 + 128, 512, 31 * 256 + 255)
         );
     }

@@ -1,35 +1,38 @@
-//! What the pictures of visited states are computed from. Any drawing library may draw this; none may enter.
+//! Computes what the images of visited states show. Must not depend on any drawing library.
 //!
-//! Two kinds of pictures show states. In parallel coordinates ([`Axes`]) a state is one polyline across upright axes, and
-//! [`Density`] counts lines. In plots of pairs ([`Pairs`]) a state is one point in each panel, and [`Novelty`] averages bonuses.
-//! [`Latest`] restricts both to the latest rounds. Coordinates are in pixels of the pictures, to the right and downwards.
+//! Two kinds of images show states. In parallel coordinates ([`Axes`]) a state is one polyline
+//! across vertical axes, and [`Density`] counts the lines over each pixel. In plots of pairs
+//! ([`Pairs`]) a state is one point in each panel, and [`BonusMap`] averages the bonuses in each
+//! cell. [`RoundWindow`] restricts both to the latest rounds. Coordinates are in pixels of the
+//! images, to the right and downward.
 
+mod agent_visits;
 mod axes;
-mod colouring;
+mod bonus_map;
+mod coloring;
 mod density;
+mod density_delta;
 mod difference;
-mod gains;
-mod novelty;
 mod pairs;
-mod sample;
-mod visited;
-mod window;
+mod round_window;
+mod sampling;
 
-pub use axes::{Axes, Axis, HEIGHT, Seen};
-pub use colouring::Colouring;
-pub use density::{DIMMEST, Density, shade};
-pub use difference::{differing, most_different};
-pub use gains::Gains;
-pub use novelty::{Earned, Novelty};
+pub use agent_visits::AgentVisits;
+pub use axes::{Axes, Axis, HEIGHT, VisitedState};
+pub use bonus_map::{BonusMap, CellBonus};
+pub use coloring::{Coloring, outcome_color};
+pub use density::{Density, MIN_BRIGHTNESS, shade};
+pub use density_delta::DensityDelta;
+pub use difference::{most_different, share_difference};
 pub use pairs::{CELLS, Pairs};
-pub use sample::{LineQuota, pick_states};
-pub use visited::Visited;
-pub use window::{Latest, first_of};
+pub use round_window::{RoundWindow, first_round};
+pub use sampling::{LineQuota, pick_states};
 
-/// Equal parts into which the range of each axis is divided.
+/// Number of equal bins into which the range of each axis is divided.
 pub const BINS: usize = 64;
 
-/// The part of a range below `value`, 0 to 1; what lies beyond an end counts as at the end, and what is not a number as low.
+/// The position of `value` in a range, from 0 (low end) to 1 (high end). Values outside are clamped
+/// to the ends; NaN counts as the low end.
 fn fraction(value: f32, [low, high]: [f32; 2]) -> f32 {
     let fraction = (value - low) / (high - low);
     if fraction > 0.0 {

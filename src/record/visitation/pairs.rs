@@ -1,27 +1,29 @@
-//! Plots of one observation against another: a row of square panels, one point a state in each.
+//! Plots of one observation against another: a row of square panels with one point per state.
 
-use super::axes::{Axis, Seen};
-use crate::env::Spec;
+use super::axes::{Axis, VisitedState};
 use crate::record::PairChoice;
+use seedbed_env::Spec;
 
-/// Cells along each side of a panel; a cell is a pixel.
+/// Number of cells along each side of a panel; a cell is a pixel.
 pub const CELLS: usize = 40;
 
-/// Between two panels, in pixels.
-const GAP: usize = 20;
+/// Distance between two panels, in pixels.
+const PANEL_GAP: usize = 20;
 
 /// The panels of a recording, from left to right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pairs {
-    /// To the right and upwards.
+    /// The horizontal and the vertical axis of each panel.
     panels: Vec<[Axis; 2]>,
 }
 
 impl Pairs {
-    /// The chosen pairs of a task's observations. A single observation is plotted against the step within the episode.
+    /// The chosen pairs of a task's observations. A single observation is plotted against the step
+    /// within the episode.
     ///
     /// # Panics
-    /// If a chosen name is no observation's; [`check_task`](crate::record::RecordingSettings::check_task) tells before.
+    /// If a chosen name is not an observation of the task, which
+    /// [`check_task`](crate::record::RecordingSettings::check_task) reports as an error.
     #[must_use]
     pub fn of(spec: &Spec, choice: &PairChoice) -> Self {
         let observed = spec.observations.len();
@@ -36,13 +38,13 @@ impl Pairs {
         let panels = match choice {
             PairChoice::These(pairs) => pairs
                 .iter()
-                .map(|(across, upwards)| [named(across), named(upwards)])
+                .map(|(across, upward)| [named(across), named(upward)])
                 .collect(),
             PairChoice::First(_) if observed == 1 => {
                 vec![[Axis::step(spec.time_limit), observation(0)]]
             }
-            // The last of an odd number goes with its neighbour.
-            PairChoice::First(most) => (0..observed.div_ceil(2).min(most.get() as usize))
+            // The last of an odd number of observations is paired with the one before it.
+            PairChoice::First(max_pairs) => (0..observed.div_ceil(2).min(max_pairs.get() as usize))
                 .map(|pair| (2 * pair).min(observed - 2))
                 .map(|first| [observation(first), observation(first + 1)])
                 .collect(),
@@ -50,7 +52,7 @@ impl Pairs {
         Self { panels }
     }
 
-    /// To the right and upwards, panel by panel.
+    /// The horizontal and the vertical axis of each panel, from left to right.
     #[must_use]
     pub fn panels(&self) -> &[[Axis; 2]] {
         &self.panels
@@ -59,39 +61,39 @@ impl Pairs {
     /// Width of all panels and the gaps between them, in pixels.
     #[must_use]
     pub fn width(&self) -> usize {
-        (self.panels.len() * (CELLS + GAP)).saturating_sub(GAP)
+        (self.panels.len() * (CELLS + PANEL_GAP)).saturating_sub(PANEL_GAP)
     }
 
-    /// Where the left side of panel `panel` is, in pixels.
+    /// Left edge of a panel, in pixels.
     #[must_use]
     pub fn x(&self, panel: usize) -> usize {
-        panel * (CELLS + GAP)
+        panel * (CELLS + PANEL_GAP)
     }
 
-    /// Where a state is in each panel: to the right and upwards, 0 to 1.
-    pub fn project(&self, seen: &Seen<'_>) -> impl Iterator<Item = [f32; 2]> {
+    /// Horizontal and vertical position of a state in each panel, 0 to 1.
+    pub fn project(&self, state: &VisitedState<'_>) -> impl Iterator<Item = [f32; 2]> {
         self.panels
             .iter()
-            .map(|[across, upwards]| [across.fraction(seen), upwards.fraction(seen)])
+            .map(|[across, upward]| [across.fraction(state), upward.fraction(state)])
     }
 
-    /// The points of a state, one in each panel, in pixels.
-    pub fn points(&self, seen: &Seen<'_>) -> impl Iterator<Item = [f32; 2]> {
-        let place = |(panel, [across, upwards]): (usize, [f32; 2])| {
+    /// The points of a state, one per panel, in pixels.
+    pub fn points(&self, state: &VisitedState<'_>) -> impl Iterator<Item = [f32; 2]> {
+        let place = |(panel, [across, upward]): (usize, [f32; 2])| {
             [
                 self.x(panel) as f32 + across * CELLS as f32,
-                (1.0 - upwards) * CELLS as f32,
+                (1.0 - upward) * CELLS as f32,
             ]
         };
-        self.project(seen).enumerate().map(place)
+        self.project(state).enumerate().map(place)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::axes::tests::{seen, spec};
+    use super::super::axes::tests::{spec, state_at};
     use super::*;
-    use crate::input::numbers::known_count;
+    use seedbed_env::input::numbers::known_count;
 
     fn names(observations: usize, choice: &PairChoice) -> Vec<[String; 2]> {
         let pairs = Pairs::of(&spec(&vec![[0.0, 1.0]; observations]), choice);
@@ -103,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_are_paired_unless_told_otherwise() {
+    fn neighbors_are_paired_by_default() {
         let first = PairChoice::First(known_count(3));
         assert_eq!(names(1, &first), [["step", "o0"]]);
         assert_eq!(names(3, &first), [["o0", "o1"], ["o1", "o2"]]);
@@ -113,12 +115,13 @@ mod tests {
         assert_eq!(names(3, &these), [["o2", "o0"]]);
     }
 
-    /// At a quarter of the first panel's width and at the top; in the second panel, 60 pixels further, in the middle of the left side.
+    /// At a quarter of the first panel's width and at the top; in the second panel, 60 pixels
+    /// further, in the middle of the left side.
     #[test]
     fn a_state_is_a_point_in_each_panel() {
         let pairs = Pairs::of(&spec(&[[0.0, 4.0]; 4]), &PairChoice::First(known_count(4)));
         assert_eq!(pairs.width(), 100);
-        let points: Vec<[f32; 2]> = pairs.points(&seen(0, &[1.0, 4.0, 0.0, 2.0])).collect();
+        let points: Vec<[f32; 2]> = pairs.points(&state_at(0, &[1.0, 4.0, 0.0, 2.0])).collect();
         assert_eq!(points, [[10.0, 0.0], [60.0, 20.0]]);
     }
 }

@@ -1,10 +1,13 @@
-//! How evenly one agent visited the cells of a grid, and how far a team's agents differ: formulas on visit counts.
+//! How evenly one agent visited the cells of a grid, and how far a team's agents differ: formulas
+//! on visit counts.
 //!
 //! Entropies are in nats. A cell that nobody visited contributes nothing, as p ln p → 0.
 
-/// Shannon entropy of visit counts, H = −Σ p ln p with p = count / total, written as ln N − (Σ c ln c) / N.
+/// Shannon entropy of visit counts, H = −Σ p ln p with p = count / total, written as ln N − (Σ c ln
+/// c) / N.
 ///
-/// `counts: [cells]` → nats, from 0 (one cell) to ln cells (all alike). 0 where nothing was visited.
+/// `counts: [cells]` → nats, from 0 (one cell) to ln cells (all alike). 0 where nothing was
+/// visited.
 #[must_use]
 pub fn entropy(counts: &[u32]) -> f64 {
     let mut total = 0.0;
@@ -48,7 +51,8 @@ pub fn distribution_entropy(probabilities: &[f64]) -> f64 {
         .sum::<f64>()
 }
 
-/// Generalised Jensen–Shannon divergence of equally weighted agents, JS = H(mean of pₖ) − mean of H(pₖ), nats, from their visit counts.
+/// Generalised Jensen–Shannon divergence of equally weighted agents, JS = H(mean of pₖ) − mean of
+/// H(pₖ), nats, from their visit counts.
 ///
 /// `agents: K × [cells]`, at least one, each with a visit
 #[must_use]
@@ -64,18 +68,21 @@ pub fn divergence<'a>(agents: impl ExactSizeIterator<Item = &'a [u32]> + Clone) 
 /// How far the agents of a team differ in where they went.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Diversity {
-    /// 1 − JS / ln K: 1 where all agents went to the same cells alike, 0 where no two share a cell. 1 for a single agent.
+    /// 1 − JS / ln K: 1 where all agents went to the same cells alike, 0 where no two share a cell.
+    /// 1 for a single agent.
     pub overlap: f64,
     /// exp JS, from 1 (all alike) to K (no two share a cell).
     pub effective_agents: f64,
 }
 
 impl Diversity {
-    /// From the generalised Jensen–Shannon divergence JS = H(mean of pₖ) − mean of H(pₖ), from 0 to ln K, of `agents`
-    /// equally weighted agents (Lin 1991, "Divergence measures based on the Shannon entropy", eq. 5.1).
+    /// From the generalised Jensen–Shannon divergence JS = H(mean of pₖ) − mean of H(pₖ), from 0 to
+    /// ln K, of `agents` equally weighted agents (Lin 1991, "Divergence measures based on the
+    /// Shannon entropy", eq. 5.1).
     ///
-    /// exp JS is the effective number of distinct communities of ecology, their beta diversity (Jost 2007, "Partitioning
-    /// diversity into independent alpha and beta components", with equal weights).
+    /// exp JS is the effective number of distinct communities of ecology, their beta diversity
+    /// (Jost 2007, "Partitioning diversity into independent alpha and beta components", with equal
+    /// weights).
     #[must_use]
     pub fn of(divergence: f64, agents: usize) -> Self {
         let most = (agents.max(1) as f64).ln();
@@ -112,7 +119,8 @@ mod tests {
         );
     }
 
-    /// Alike, whatever their number of states: exp 0 = 1. Disjoint: the mixture's entropy is ln 3 above their own.
+    /// Alike, whatever their number of states: exp 0 = 1. Disjoint: the mixture's entropy is ln 3
+    /// above their own.
     #[test]
     fn agents_that_are_alike_count_once_and_disjoint_ones_fully() {
         let alike = Diversity::of(divergence(&[&[2, 6, 0], &[1, 3, 0], &[10, 30, 0]]), 3);
@@ -130,8 +138,8 @@ mod tests {
         );
     }
 
-    /// (1, 0) and (½, ½): the mixture (¾, ¼) has 2 ln 2 − ¾ ln 3, their own entropies have the mean ½ ln 2, hence JS = 1.5 ln 2 − ¾ ln 3,
-    /// exp JS = 2^1.5 / 3^0.75 = 1.240806.
+    /// (1, 0) and (½, ½): the mixture (¾, ¼) has 2 ln 2 − ¾ ln 3, their own entropies have the mean
+    /// ½ ln 2, hence JS = 1.5 ln 2 − ¾ ln 3, exp JS = 2^1.5 / 3^0.75 = 1.240806.
     #[test]
     fn agents_that_share_a_part_are_in_between() {
         let partly = Diversity::of(divergence(&[&[4, 0], &[3, 3]]), 2);

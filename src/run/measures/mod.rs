@@ -1,4 +1,5 @@
-//! What is measured while a run goes on: returns, visits of the state space, and whether the task counts as solved.
+//! What is measured while a run goes on: returns, visits of the state space, and whether the task
+//! counts as solved.
 
 pub mod diversity;
 pub mod visitation;
@@ -9,10 +10,11 @@ use serde::{Deserialize, Serialize};
 
 use self::diversity::Diversity;
 use self::visitation::Visitation;
-use crate::agent::UpdateReport;
-use crate::env::Spec;
-use crate::experience::Episode;
 use crate::record::{EpisodeRow, RoundRow};
+use crate::scenario::Threshold;
+use seedbed_env::Spec;
+use seedbed_learn::agent::UpdateReport;
+use seedbed_learn::experience::Episode;
 
 /// The measures of one run so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,15 +26,6 @@ pub struct Measures {
     team_returns: Vec<f64>,
     /// Of each agent, returns that wait for the other agents' of the same number.
     waiting: Vec<VecDeque<f64>>,
-}
-
-/// When a task counts as solved: the mean over agents and over a full trailing window of episodes reaches a return.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Threshold {
-    /// The return to reach.
-    pub r#return: f64,
-    /// Episodes per agent in the window.
-    pub window: usize,
 }
 
 /// The rows that a round adds to the tables.
@@ -78,7 +71,8 @@ impl Measures {
         }
     }
 
-    /// Takes in a finished round.   `episodes` in (agent, episode) order; `reports` tell who learned, in the order in which they did.
+    /// Takes in a finished round.   `episodes` in (agent, episode) order; `reports` tell who
+    /// learned, in the order in which they did.
     pub fn take_in(
         &mut self,
         spec: &Spec,
@@ -132,7 +126,8 @@ impl Measures {
         self.team_returns.len()
     }
 
-    /// The team's mean return over the last `window` episodes per agent, or over fewer where there are fewer.
+    /// The team's mean return over the last `window` episodes per agent, or over fewer where there
+    /// are fewer.
     #[must_use]
     pub fn recent_return(&self, window: usize) -> Option<f64> {
         let recent = &self.team_returns[self.team_returns.len().saturating_sub(window)..];
@@ -228,7 +223,7 @@ fn mean(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::env::{Quantity, Status};
+    use seedbed_env::{Quantity, Status};
 
     pub(super) fn spec(axes: usize) -> Spec {
         let quantity = |index| Quantity {
@@ -238,7 +233,7 @@ mod tests {
         };
         Spec {
             observations: (0..axes).map(quantity).collect(),
-            ..Spec::bare()
+            ..Spec::new("test", Vec::new(), Vec::new())
         }
     }
 
@@ -252,7 +247,8 @@ mod tests {
         }
     }
 
-    /// Two agents, returns (1, 3), (2, 4), (6, 6): team means 2, 3, 6. A window of 2 first reaches 4 at episodes 2 and 3.
+    /// Two agents, returns (1, 3), (2, 4), (6, 6): team means 2, 3, 6. A window of 2 first reaches
+    /// 4 at episodes 2 and 3.
     #[test]
     fn a_threshold_needs_a_full_window() {
         let mut measures = Measures::new(&spec(2), 2);

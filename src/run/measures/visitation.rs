@@ -3,22 +3,24 @@
 use serde::{Deserialize, Serialize};
 
 use super::diversity::{Diversity, distribution_entropy, entropy, mix};
-use crate::env::{Quantity, Spec};
+use seedbed_env::{Quantity, Spec};
 
 /// Cells along one axis.
 const CELLS: usize = 20;
 
 /// More observations than these are features.
-const MOST_AXES: usize = 30;
+const MAX_AXES: usize = 30;
 
 /// How often each cell of the state space was visited.
 ///
-/// For each pair of observations, a fixed grid of 20 × 20 cells spans their display ranges; values beyond count in the outermost
-/// cells. All measures are averaged over pairs, so they mean the same in any dimension. A single observation has a grid of 20 cells.
-/// More observations than 30 are no axes but features, such as one for each cell of a maze: each has one cell, and a state counts in
+/// For each pair of observations, a fixed grid of 20 × 20 cells spans their display ranges; values
+/// beyond count in the outermost cells. All measures are averaged over pairs, so they mean the same
+/// in any dimension. A single observation has a grid of 20 cells. More observations than 30 are no
+/// axes but features, such as one for each cell of a maze: each has one cell, and a state counts in
 /// that of its largest observation.
 ///
-/// Counts take four bytes a cell and agent: 9.6 kB an agent for four observations, 218 kB for seventeen. A count stops at 2³² − 1.
+/// Counts take four bytes a cell and agent: 9.6 kB an agent for four observations, 218 kB for
+/// seventeen. A count stops at 2³² − 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Visitation {
     /// `[grids × cells of a grid]`
@@ -42,7 +44,7 @@ impl Visitation {
         let axes = observations.len();
         let (grids, cells_of_grid) = match axes {
             1 => (1, CELLS),
-            2..=MOST_AXES => (axes * (axes - 1) / 2, CELLS * CELLS),
+            2..=MAX_AXES => (axes * (axes - 1) / 2, CELLS * CELLS),
             _ => (1, axes),
         };
         Self {
@@ -59,7 +61,7 @@ impl Visitation {
 
     /// Likewise, where only what is observed is known.   `states: [N × quantities]`
     pub fn visit_states(&mut self, quantities: &[Quantity], states: &[f32]) {
-        if quantities.len() > MOST_AXES {
+        if quantities.len() > MAX_AXES {
             return states
                 .chunks_exact(quantities.len())
                 .for_each(|row| self.count_largest(row));
@@ -116,7 +118,8 @@ impl Visitation {
         self.grids().map(entropy).sum::<f64>() / self.grids().len() as f64
     }
 
-    /// The entropy of visits that are alike in all cells: ln 400, or ln 20 for a single observation.
+    /// The entropy of visits that are alike in all cells: ln 400, or ln 20 for a single
+    /// observation.
     #[must_use]
     pub fn largest_entropy(&self) -> f64 {
         (self.cells_of_grid as f64).ln()
@@ -135,7 +138,8 @@ pub fn united_coverage(agents: &[Visitation]) -> f64 {
     (0..cells).filter(visited).count() as f64 / cells as f64
 }
 
-/// How far the agents that have visited anything differ, each of them weighing the same.   `agents: [K]`; `entropies: [K]`
+/// How far the agents that have visited anything differ, each of them weighing the same.
+/// `agents: [K]`; `entropies: [K]`
 ///
 /// O(K · cells): the divergence of all from their mixture, not of each pair.
 #[must_use]
@@ -166,13 +170,14 @@ pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
     )
 }
 
-/// Counts in checkpoints: the number of cells, then for each visited cell its distance from the one before, and its count.
+/// Counts in checkpoints: the number of cells, then for each visited cell its distance from the one
+/// before, and its count.
 mod sparse {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     /// Far beyond any task: a damaged file must not claim all memory.
-    const MOST_CELLS: u64 = 1 << 28;
+    const MAX_CELLS: u64 = 1 << 28;
 
     pub(super) fn serialize<S: Serializer>(
         counts: &[u32],
@@ -195,7 +200,7 @@ mod sparse {
         deserializer: D,
     ) -> Result<Vec<u32>, D::Error> {
         let (cells, visited) = <(u64, Vec<(u64, u32)>)>::deserialize(deserializer)?;
-        if cells > MOST_CELLS {
+        if cells > MAX_CELLS {
             return Err(D::Error::custom("too many cells"));
         }
         let mut counts = vec![0; cells as usize];
@@ -222,7 +227,8 @@ mod tests {
         visitation
     }
 
-    /// Three axes make three grids of 400 cells; the states (0.5, 1.5, 2.5) and (0.5, 1.5, 19.5) share a cell in the first.
+    /// Three axes make three grids of 400 cells; the states (0.5, 1.5, 2.5) and (0.5, 1.5, 19.5)
+    /// share a cell in the first.
     #[test]
     fn coverage_counts_cells_of_pairs() {
         let mut visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
@@ -241,7 +247,8 @@ mod tests {
         assert_eq!(visitation.largest_entropy(), 20_f64.ln());
     }
 
-    /// The same states: in the first grid both are in one cell, 0 nats; in the two others in two cells, ln 2 each.
+    /// The same states: in the first grid both are in one cell, 0 nats; in the two others in two
+    /// cells, ln 2 each.
     #[test]
     fn entropy_is_averaged_over_pairs() {
         let visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
@@ -275,8 +282,8 @@ mod tests {
         )
     }
 
-    /// Agents at (0, 0, 0) and (0, 0, 9) are in one cell of the first of three grids and apart in two: JS = ⅔ ln 2.
-    /// A third that has not moved yet does not count.
+    /// Agents at (0, 0, 0) and (0, 0, 9) are in one cell of the first of three grids and apart in
+    /// two: JS = ⅔ ln 2. A third that has not moved yet does not count.
     #[test]
     fn diversity_is_averaged_over_pairs() {
         let mut agents = vec![visited(3, &[0.0; 3]), visited(3, &[0.0, 0.0, 9.0])];

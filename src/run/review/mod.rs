@@ -1,10 +1,12 @@
-//! What a run left, read back: its tables, its summary and its recording, whichever of them there are.
+//! Reads the results of a run back: its tables, its summary and its recording, as far as they
+//! exist.
 //!
-//! [`Review::open`] finds them, [`survey`] goes through all recorded states once and counts, [`selection`] picks those of some agents and
-//! episodes for a picture. Nothing is trained here, and nothing is drawn.
+//! [`LoadedRun::open`] finds them, [`recording_stats`] computes statistics of all recorded states,
+//! [`selection`] selects states of some agents and episodes for a figure. Nothing is trained or drawn
+//! here.
 
+pub mod recording_stats;
 pub mod selection;
-pub mod survey;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,33 +18,33 @@ use crate::record::rerun::read::{ReadError, Recording};
 use crate::record::table::{self, TableError};
 use crate::record::{EpisodeRow, RoundRow};
 
-/// A run that was opened.
+/// A run read back from disk.
 #[derive(Clone, Debug)]
-pub struct Review {
-    /// What the user named: a folder or a recording.
+pub struct LoadedRun {
+    /// Path that the user named: a run directory or a recording.
     pub path: PathBuf,
-    /// Its folder, if that holds tables.
+    /// Run directory, if it contains tables.
     pub folder: Option<RunFolder>,
-    /// What came of it, if it is finished.
+    /// Summary, if the run is finished.
     pub summary: Option<Summary>,
-    /// Its recording, if there is one.
+    /// Recording, if there is one.
     pub recording: Option<Recording>,
-    /// In (round, agent) order; none where only a recording is left.
+    /// Rows of `episodes.csv` in (round, agent) order; empty if there is only a recording.
     pub episodes: Vec<EpisodeRow>,
-    /// In the order in which agents learned; none where only a recording is left.
+    /// Rows of `rounds.csv` in the order of updates; empty if there is only a recording.
     pub rounds: Vec<RoundRow>,
 }
 
-/// A run that cannot be read back.
+/// Why a run cannot be read back.
 #[derive(Debug, thiserror::Error)]
-pub enum ReviewError {
-    /// There is none.
-    #[error("{0} holds no run: neither episodes.csv nor run.rrd is there")]
-    Nothing(PathBuf),
-    /// There is no such file or folder.
-    #[error("there is no file or folder {0}")]
+pub enum LoadRunError {
+    /// The directory contains no run.
+    #[error("{0} contains no run: expected episodes.csv or run.rrd in it")]
+    NoRun(PathBuf),
+    /// There is no such file or directory.
+    #[error("no such file or directory: {0}")]
     Missing(PathBuf),
-    /// A table is not as seedbed writes it.
+    /// A table is not in seedbed's format.
     #[error(transparent)]
     Table(#[from] TableError),
     /// The recording cannot be read.
@@ -50,15 +52,15 @@ pub enum ReviewError {
     Recording(#[from] ReadError),
 }
 
-impl Review {
-    /// Opens the run at `path`: its folder, the recording in it, or a recording alone. Of a run that goes on or was killed, what is there
-    /// so far.
+impl LoadedRun {
+    /// Opens the run at `path`, which is a run directory, the recording in it, or a recording
+    /// elsewhere. A run that is in progress or was killed is read as far as it was written.
     ///
     /// # Errors
-    /// There is no run, or what is there cannot be read.
-    pub fn open(path: &Path) -> Result<Self, ReviewError> {
+    /// There is no run, or its files cannot be read.
+    pub fn open(path: &Path) -> Result<Self, LoadRunError> {
         if !path.exists() {
-            return Err(ReviewError::Missing(path.to_owned()));
+            return Err(LoadRunError::Missing(path.to_owned()));
         }
         let folder = run_folder(path);
         let recording = if path.is_file() {
@@ -69,7 +71,7 @@ impl Review {
         let recording = recording.map(|path| Recording::open(&path)).transpose()?;
         let [episodes, rounds] = folder.tables();
         if !episodes.is_file() && recording.is_none() {
-            return Err(ReviewError::Nothing(path.to_owned()));
+            return Err(LoadRunError::NoRun(path.to_owned()));
         }
         let has_tables = episodes.is_file() && rounds.is_file();
         let summary = fs::read_to_string(folder.summary())
@@ -93,17 +95,17 @@ impl Review {
         })
     }
 
-    /// The run's name, such as `cartpole, seed 0`.
+    /// Name of the run, e.g. `cartpole, run seed 0`.
     #[must_use]
     pub fn name(&self) -> String {
         if let Some(summary) = &self.summary {
-            return format!("{}, seed {}", summary.scenario, summary.seed);
+            return format!("{}, run seed {}", summary.scenario, summary.seed);
         }
         let recorded = self
             .recording
             .as_ref()
             .and_then(|recording| recording.properties().get("RecordingInfo:name"));
-        let named = recorded.map(|name| name.replacen("-seed-", ", seed ", 1));
+        let named = recorded.map(|name| name.replacen("-seed-", ", run seed ", 1));
         named.unwrap_or_else(|| {
             self.path
                 .file_name()
@@ -113,19 +115,19 @@ impl Review {
         })
     }
 
-    /// K: one more than the largest number of an agent in the tables, or as the recording says.
+    /// Number of agents K, from the tables or else from the properties of the recording.
     #[must_use]
     pub fn agents(&self) -> usize {
-        let counted = self.episodes.iter().map(|row| row.agent as usize + 1).max();
-        let told = || {
+        let from_tables = self.episodes.iter().map(|row| row.agent as usize + 1).max();
+        let from_recording = || {
             self.recording
                 .as_ref()
                 .and_then(|recording| recording.properties().get("agents")?.parse().ok())
         };
-        counted.or_else(told).unwrap_or(0)
+        from_tables.or_else(from_recording).unwrap_or(0)
     }
 
-    /// The returns of one agent, in the order of its episodes.
+    /// Returns of one agent, in the order of its episodes.
     pub fn returns(&self, agent: u32) -> impl Iterator<Item = f64> {
         self.episodes
             .iter()
@@ -133,7 +135,8 @@ impl Review {
             .map(|row| row.r#return)
     }
 
-    /// Entry n is the mean over agents of their n-th return, as far as all agents have one.
+    /// Mean over agents of the return of their n-th episode, for each n that all agents have
+    /// finished.
     #[must_use]
     pub fn team_returns(&self) -> Vec<f64> {
         let mut sums: Vec<(f64, usize)> = Vec::new();
@@ -152,16 +155,16 @@ impl Review {
     }
 }
 
-/// The mean of the last [`FINAL_WINDOW`] values, or of all where there are fewer.
+/// Mean of the last [`FINAL_WINDOW`] values, or of all values if there are fewer.
 #[must_use]
 pub fn final_mean(values: &[f64]) -> Option<f64> {
     let last = &values[values.len().saturating_sub(FINAL_WINDOW)..];
     (!last.is_empty()).then(|| last.iter().sum::<f64>() / last.len() as f64)
 }
 
-/// The recording in a folder, complete or not.
+/// The recording in a run directory, complete or not.
 fn recording_in(folder: &RunFolder) -> Option<PathBuf> {
-    let done = folder.recording();
-    let part = done.with_added_extension("part");
-    [done, part].into_iter().find(|path| path.is_file())
+    let complete = folder.recording();
+    let part = complete.with_added_extension("part");
+    [complete, part].into_iter().find(|path| path.is_file())
 }

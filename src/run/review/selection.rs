@@ -1,133 +1,150 @@
-//! Picks the recorded states of some agents and episodes: all of them as a density, and evenly spread ones to be drawn one by one.
+//! Selects the recorded states of some agents and episodes: all of them as a density, and an evenly
+//! spaced sample to be drawn one by one.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::env::Status;
 use crate::record::rerun::read::{ReadError, RecordedEpisode, Recording};
-use crate::record::visitation::{Axes, Density, Seen};
+use crate::record::visitation::{Axes, Density, VisitedState};
+use seedbed_env::Status;
 
-/// Which states are wanted.
+/// Criteria by which states are selected.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Selection {
-    /// Of these agents; of all, if there are none.
+pub struct StateSelection {
+    /// Agents whose states are selected; all agents if empty.
     pub agents: Vec<u32>,
-    /// Of these of each agent's episodes.
+    /// Range of each agent's episodes.
     pub episodes: Range<u32>,
-    /// As many of each agent are picked one by one.
+    /// Maximum number of states per agent in the sample.
     pub sample: usize,
-    /// The axes to project on, by their places among all: from left to right.
+    /// Indices of the axes to project on, from left to right.
     pub axes: Vec<usize>,
-    /// Pairs of axes over which visits are counted, by their places among all.
+    /// Indices of the pairs of axes over which visits are counted.
     pub pairs: Vec<[usize; 2]>,
 }
 
-/// Cells along each side of the grid over a pair of axes.
-pub const CELLS: usize = 40;
+/// Number of cells along each side of the grid over a pair of axes.
+pub const GRID_CELLS: usize = 40;
 
-/// The wanted states of one agent.
+/// The selected states of one agent.
 #[derive(Clone, Debug)]
-pub struct PickedStates {
-    /// Whose.
+pub struct SelectedStates {
+    /// Number of the agent.
     pub agent: u32,
-    /// How many there are.
+    /// Number of selected states.
     pub count: u64,
-    /// How many lines pass each pixel, of all of them.
+    /// Number of lines per pixel, over all selected states.
     pub density: Density,
-    /// How many of them are in each cell of the wanted pairs' grids: `[pairs × CELLS × CELLS]`, by the second, then by the first axis.
+    /// Number of states per cell of each pair's grid: `[pairs × GRID_CELLS × GRID_CELLS]`; rows are
+    /// cells of the second axis, columns of the first.
     pub grids: Vec<u32>,
-    /// Some of them, evenly spread over time, or all where there are not more than wanted.
-    pub sample: Vec<PickedState>,
+    /// Sample of the states, evenly spaced in time; all states if they are few enough.
+    pub sample: Vec<SelectedState>,
 }
 
-/// One state, and what it belongs to.
+/// One state, with its episode.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PickedState {
-    /// Where it crosses all axes, from 0 to 1: `[all axes]`.
+pub struct SelectedState {
+    /// Position on every axis, from 0 to 1: `[all axes]`.
     pub fractions: Vec<f32>,
-    /// Where it crosses the wanted ones: `[axes]`.
+    /// Position on the selected axes: `[axes]`.
     pub crossed: Vec<f32>,
-    /// The agent's episode.
+    /// Number of the agent's episode.
     pub episode: u32,
-    /// The return of that episode.
+    /// Return of that episode.
     pub r#return: f64,
     /// How that episode ended.
     pub outcome: Status,
-    /// The bonus of what was done next.
+    /// Intrinsic reward of the action taken in this state.
     pub bonus: f32,
 }
 
-impl Selection {
-    fn holds(&self, episode: &RecordedEpisode) -> bool {
-        let wanted = self.agents.is_empty() || self.agents.contains(&episode.agent);
-        wanted && self.episodes.contains(&episode.episode)
+impl StateSelection {
+    fn includes(&self, episode: &RecordedEpisode) -> bool {
+        let has_agent = self.agents.is_empty() || self.agents.contains(&episode.agent);
+        has_agent && self.episodes.contains(&episode.episode)
     }
 
-    /// Reads the wanted states of a recording, in the order of agents. The file is read twice, to know how many there are before any is
-    /// picked; memory holds the picked ones.   `seen` is told each wanted episode
+    /// Reads the selected states of a recording, ordered by agent; calls `on_episode` for each
+    /// selected episode. The file is read twice, because an evenly spaced sample can only be taken
+    /// when the number of states is known. Only the sample is held in memory.
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn pick(
+    pub fn select(
         &self,
         recording: &Recording,
-        mut seen: impl FnMut(&RecordedEpisode),
-    ) -> Result<Vec<PickedStates>, ReadError> {
+        mut on_episode: impl FnMut(&RecordedEpisode),
+    ) -> Result<Vec<SelectedStates>, ReadError> {
         let axes = recording.axes();
-        let chosen = axes.chosen(&self.axes);
-        let mut picked: BTreeMap<u32, PickedStates> = BTreeMap::new();
+        let chosen = axes.subset(&self.axes);
+        let mut selected: BTreeMap<u32, SelectedStates> = BTreeMap::new();
         self.for_each(recording, |episode| {
-            let empty = || PickedStates {
+            let empty = || SelectedStates {
                 agent: episode.agent,
                 count: 0,
                 density: Density::new(&chosen),
-                grids: vec![0; self.pairs.len() * CELLS * CELLS],
+                grids: vec![0; self.pairs.len() * GRID_CELLS * GRID_CELLS],
                 sample: Vec::new(),
             };
-            picked.entry(episode.agent).or_insert_with(empty).count += episode.length() as u64 + 1;
+            selected.entry(episode.agent).or_insert_with(empty).count +=
+                episode.length() as u64 + 1;
         })?;
-        let mut passed: BTreeMap<u32, u64> = BTreeMap::new();
+        let mut states_before: BTreeMap<u32, u64> = BTreeMap::new();
         self.for_each(recording, |episode| {
-            let Some(states) = picked.get_mut(&episode.agent) else {
+            let Some(states) = selected.get_mut(&episode.agent) else {
                 return;
             };
-            seen(episode);
-            let passed = passed.entry(episode.agent).or_default();
-            states.take_in(episode, &axes, self, *passed);
-            *passed += episode.length() as u64 + 1;
+            on_episode(episode);
+            let states_before = states_before.entry(episode.agent).or_default();
+            states.add_episode(episode, &axes, self, *states_before);
+            *states_before += episode.length() as u64 + 1;
         })?;
-        Ok(picked.into_values().collect())
+        Ok(selected.into_values().collect())
     }
 
     fn for_each(
         &self,
         recording: &Recording,
-        mut take: impl FnMut(&RecordedEpisode),
+        mut action: impl FnMut(&RecordedEpisode),
     ) -> Result<(), ReadError> {
         for episode in recording.episodes()? {
             let episode = episode?;
-            if self.holds(&episode) {
-                take(&episode);
+            if self.includes(&episode) {
+                action(&episode);
             }
         }
         Ok(())
     }
 }
 
-impl PickedStates {
-    /// Takes in an episode before which `passed` states were.
-    fn take_in(&mut self, episode: &RecordedEpisode, axes: &Axes, wanted: &Selection, passed: u64) {
+impl SelectedStates {
+    /// Adds the states of an episode. The agent had `states_before` selected states before it.
+    fn add_episode(
+        &mut self,
+        episode: &RecordedEpisode,
+        axes: &Axes,
+        selection: &StateSelection,
+        states_before: u64,
+    ) {
         let r#return = episode.total_reward();
         let (mut fractions, mut crossed) = (Vec::new(), Vec::new());
         for (step, observation) in episode.states().enumerate() {
             let bonus = episode.bonus(step);
-            axes.project(&Seen::state(step, observation, bonus), &mut fractions);
+            axes.project(
+                &VisitedState::state(step, observation, bonus),
+                &mut fractions,
+            );
             crossed.clear();
-            crossed.extend(wanted.axes.iter().map(|&axis| fractions[axis]));
+            crossed.extend(selection.axes.iter().map(|&axis| fractions[axis]));
             self.density.add(&crossed);
-            self.count_pairs(&fractions, &wanted.pairs);
-            if is_picked(passed + step as u64, self.count, wanted.sample as u64) {
-                self.sample.push(PickedState {
+            self.count_pairs(&fractions, &selection.pairs);
+            if is_sampled(
+                states_before + step as u64,
+                self.count,
+                selection.sample as u64,
+            ) {
+                self.sample.push(SelectedState {
                     fractions: fractions.clone(),
                     crossed: crossed.clone(),
                     episode: episode.episode,
@@ -140,16 +157,21 @@ impl PickedStates {
     }
 
     fn count_pairs(&mut self, fractions: &[f32], pairs: &[[usize; 2]]) {
-        let cell = |axis: usize| ((fractions[axis] * CELLS as f32) as usize).min(CELLS - 1);
-        for (grid, [first, second]) in self.grids.chunks_exact_mut(CELLS * CELLS).zip(pairs) {
-            grid[cell(*second) * CELLS + cell(*first)] += 1;
+        let cell =
+            |axis: usize| ((fractions[axis] * GRID_CELLS as f32) as usize).min(GRID_CELLS - 1);
+        for (grid, [first, second]) in self
+            .grids
+            .chunks_exact_mut(GRID_CELLS * GRID_CELLS)
+            .zip(pairs)
+        {
+            grid[cell(*second) * GRID_CELLS + cell(*first)] += 1;
         }
     }
 }
 
-/// Whether state `index` of `count` is among `sample` evenly spread ones.
+/// Whether state `index` of `count` belongs to an evenly spaced sample of `sample` states.
 #[must_use]
-pub fn is_picked(index: u64, count: u64, sample: u64) -> bool {
+pub fn is_sampled(index: u64, count: u64, sample: u64) -> bool {
     count <= sample || (index + 1) * sample / count > index * sample / count
 }
 
@@ -158,13 +180,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn as_many_are_picked_as_wanted() {
+    fn the_sample_has_the_requested_size() {
         for (count, sample) in [(10, 3), (1000, 999), (7, 7), (5, 9), (123_457, 1000)] {
-            let picked: Vec<u64> = (0..count)
-                .filter(|&index| is_picked(index, count, sample))
+            let sampled: Vec<u64> = (0..count)
+                .filter(|&index| is_sampled(index, count, sample))
                 .collect();
-            assert_eq!(picked.len() as u64, sample.min(count));
-            let gaps = picked.windows(2).map(|pair| pair[1] - pair[0]);
+            assert_eq!(sampled.len() as u64, sample.min(count));
+            let gaps = sampled.windows(2).map(|pair| pair[1] - pair[0]);
             assert!(
                 gaps.max() <= Some(count.div_ceil(sample)),
                 "{count} {sample}"

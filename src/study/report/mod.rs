@@ -1,36 +1,34 @@
-//! The report of a study: one page of HTML that needs nothing else, its figures as SVG and PNG, and every run as a row of a table.
+//! Report of a study: one self-contained HTML page, its figures as SVG and PNG, its tables as
+//! Markdown, and a CSV table with one row per run.
 
 mod claims_table;
 mod figures;
+mod format;
 mod page;
 mod rows;
 mod tables;
-mod words;
 
-pub use words::{counted, tally};
+pub use format::summarize_claims;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::claims::Judgement;
+use super::claims::ClaimResult;
 use super::results::Results;
-use crate::figure::Figure;
 use crate::run::files;
+use seedbed_figure::Figure;
 
-/// Pixels of a PNG for each CSS pixel.
+/// Pixels of a PNG per CSS pixel.
 const PNG_SCALE: f64 = 2.0;
 
-/// Removes what an earlier report left: figures and a table that this one may not have.
+/// Removes figures and tables of an earlier report, which this one may not have.
 fn clear(folder: &Path) -> io::Result<()> {
-    let entries = std::fs::read_dir(folder.join("figures"))
-        .into_iter()
-        .flatten()
-        .flatten();
-    for path in entries
-        .map(|entry| entry.path())
-        .filter(|path| is_a_figure(path))
-    {
-        std::fs::remove_file(path)?;
+    if let Ok(entries) = std::fs::read_dir(folder.join("figures")) {
+        for entry in entries.flatten() {
+            if is_figure(&entry.path()) {
+                std::fs::remove_file(entry.path())?;
+            }
+        }
     }
     match std::fs::remove_file(folder.join("claims.md")) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
@@ -38,39 +36,40 @@ fn clear(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Such as `3-curves.svg`.
-fn is_a_figure(path: &Path) -> bool {
-    let number = path
-        .file_name()
-        .and_then(|name| name.to_str())
-        .and_then(|name| name.split('-').next())
-        .unwrap_or_default();
-    let is_numbered = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
-    is_numbered
-        && matches!(
-            path.extension().and_then(|extension| extension.to_str()),
-            Some("svg" | "png")
-        )
+/// Whether it is a file of a report's figures, such as `3-curves.svg`.
+fn is_figure(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let number = name.and_then(|name| name.split('-').next());
+    let is_numbered = number.is_some_and(|number| {
+        !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
+    });
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    is_numbered && matches!(extension, Some("svg" | "png"))
 }
 
-/// A figure with the words around it.
-struct Drawn {
-    /// Its number and kind, for the names of its files.
+/// A figure with its title and caption.
+struct ReportFigure {
+    /// Number and kind, such as `3-curves`, for the names of its files.
     name: String,
     title: String,
-    /// What can be seen and how it came about.
+    /// What the figure shows, and how it was computed.
     caption: String,
     picture: Figure,
 }
 
-/// Writes `report.html`, `results.csv`, `tables.md`, `claims.md`, and `figures/` into `folder`, whatever runs are there. Tells where the page is.
+/// Writes `report.html`, `results.csv`, `tables.md`, `claims.md`, and `figures/` into `folder` for
+/// the runs that are finished. Returns the path of the page.
 ///
 /// # Errors
-/// A file cannot be written.
-pub fn write(results: &Results, judgements: &[Judgement], folder: &Path) -> io::Result<PathBuf> {
-    let drawn = figures::draw(results);
+/// If a file cannot be written.
+pub fn write(
+    results: &Results,
+    claim_results: &[ClaimResult],
+    folder: &Path,
+) -> io::Result<PathBuf> {
+    let figures = figures::draw(results);
     clear(folder)?;
-    for figure in &drawn {
+    for figure in &figures {
         let path = folder.join("figures").join(&figure.name);
         let png = figure
             .picture
@@ -88,16 +87,16 @@ pub fn write(results: &Results, judgements: &[Judgement], folder: &Path) -> io::
         &folder.join("tables.md"),
         tables::markdown(results, &tables).as_bytes(),
     )?;
-    if !judgements.is_empty() {
+    if !claim_results.is_empty() {
         files::replace(
             &folder.join("claims.md"),
-            claims_table::markdown(results, judgements).as_bytes(),
+            claims_table::markdown(results, claim_results).as_bytes(),
         )?;
     }
     let page = folder.join("report.html");
     files::replace(
         &page,
-        page::html(results, judgements, &tables, &drawn).as_bytes(),
+        page::html(results, claim_results, &tables, &figures).as_bytes(),
     )?;
     Ok(page)
 }

@@ -1,27 +1,28 @@
-//! The page: HTML that needs no other file and no network, and is read on any screen.
+//! `report.html`: a page without external files, readable offline and on any screen.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::Table;
-use super::{Drawn, words};
-use crate::study::build;
-use crate::study::claims::{Judgement, LEAST_RUNS_OF_A_NULL};
+use super::{ReportFigure, format};
+use crate::study::claims::{ClaimResult, MIN_RUNS_FOR_NULL_CLAIM};
 use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
 use crate::study::measure::Measure;
+use crate::study::provenance;
 use crate::study::results::{CellResults, Results};
-use crate::study::statistics::{LEAST_RUNS, Verdict};
+use crate::text::{pluralize, shell_word};
+use seedbed_stats::{MIN_RUNS, Verdict};
 
-/// Percentile intervals of fewer runs are said to be too narrow.
-const FEW: u64 = 20;
+/// Percentile intervals of fewer runs come with a warning.
+const FEW_RUNS: u64 = 20;
 
 const STYLE: &str = include_str!("page.css");
 
 pub(super) fn html(
     results: &Results,
-    judgements: &[Judgement],
+    claim_results: &[ClaimResult],
     tables: &[Table],
-    drawn: &[Drawn],
+    figures: &[ReportFigure],
 ) -> String {
     let study = &results.study;
     let page = html! {
@@ -31,23 +32,24 @@ pub(super) fn html(
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (study.title) }
-                style { (PreEscaped(STYLE)) (PreEscaped(crate::figure::font_faces())) }
+                style { (PreEscaped(STYLE)) (PreEscaped(seedbed_figure::font_faces())) }
             }
             body {
                 header {
                     h1 { (study.title) }
                     @if !study.about.is_empty() { p { (study.about) } }
+                    (summary(results))
                     (warnings(results))
                 }
                 main {
-                    @if !study.claims.is_empty() { (claims_section(results, judgements)) }
-                    @if !drawn.is_empty() { h2 { "Figures" } }
-                    @for (number, figure) in (1..).zip(drawn) { (figure_section(number, figure)) }
-                    h2 { "Numbers" }
-                    @for table in tables { (table_of_words(table)) }
-                    (failures(results))
-                    (how_it_was_run(results))
-                    (how_to_read())
+                    @if !study.claims.is_empty() { (claims_section(results, claim_results)) }
+                    @if !figures.is_empty() { h2 { "Figures" } }
+                    @for (number, figure) in (1..).zip(figures) { (figure_section(number, figure)) }
+                    h2 { "Tables" }
+                    @for table in tables { (table_section(table)) }
+                    (failures_section(results))
+                    (reproduction_section(results))
+                    (methods_section())
                 }
             }
         }
@@ -55,89 +57,133 @@ pub(super) fn html(
     page.into_string()
 }
 
-/// What keeps these results from being final.
-fn warnings(results: &Results) -> Markup {
-    let [finished, failed, missing] = results.counts();
-    let seeds = results.manifest.first_seed..results.manifest.first_seed + results.manifest.repeats;
+/// Numbers of cells and runs, and the seeds.
+fn summary(results: &Results) -> Markup {
+    let [finished, _, _] = results.counts();
+    let manifest = &results.manifest;
+    let last_seed = manifest.first_seed + manifest.repeats - 1;
     html! {
         p.facts {
-            (words::counted(results.cells.len(), "cell")) ", " (words::counted(finished, "finished run")) ", seeds " (seeds.start) " to " (seeds.end - 1) "."
+            (pluralize(results.cells.len(), "cell")) ", "
+            (pluralize(finished, "finished run")) ", seeds "
+            (manifest.first_seed) " to " (last_seed) "."
         }
-        @if results.manifest.repeats < FEW {
-            p.warning {
-                strong { "Few runs. " }
-                "Intervals of fewer than " (FEW) " runs are too narrow: of effects that are none, they exclude 0 in about one of six cases at five                  runs, in one of eleven at ten, instead of one of twenty."
-            }
+    }
+}
+
+/// Reasons why these results may not be final or not be precise.
+fn warnings(results: &Results) -> Markup {
+    let [_, failed, missing] = results.counts();
+    let manifest = &results.manifest;
+    html! {
+        @if manifest.repeats < FEW_RUNS {
+            (warning("Few runs.", &format!(
+                "Intervals from fewer than {FEW_RUNS} runs are too narrow: when there is no effect, an \
+                 interval should exclude 0 in 1 of 20 studies, but from 5 runs it does so in about 1 \
+                 of 6, and from 10 runs in about 1 of 11."
+            )))
         }
-        @if let Some(words) = results.manifest.changed_repeats() {
-            p.warning { strong { (words) } " An interval that is looked at more than once excludes 0 more often than one of twenty." }
+        @if let Some(sentence) = manifest.changed_repeats() {
+            (warning(&sentence, "When there is no effect, an interval that is inspected more than once \
+                excludes 0 more often than in 1 of 20 studies."))
         }
         @if results.is_tuning() {
-            p.warning {
-                strong { "Tuning seeds. " }
-                "Seeds below " (FIRST_REPORTING_SEED) " are for choosing settings; nothing here may be published as a result."
-            }
+            (warning("Tuning seeds.", &format!(
+                "Seeds below {FIRST_REPORTING_SEED} are for choosing settings. These results must not \
+                 be published."
+            )))
         }
-        @if results.manifest.quick {
-            p.warning { strong { "Quick run. " } "Fewer or shorter runs than the study asks for, to see whether all is as meant." }
+        @if manifest.quick {
+            (warning("Quick run.", "This run has fewer or shorter runs than the study, to check the study \
+                before its long runs."))
         }
         @if missing > 0 {
-            p.warning { strong { "Not complete. " } (words::counted(missing, "run")) " missing; what follows is of those that are there." }
+            (warning("Incomplete.", &format!(
+                "{} missing. All results below are from the runs that are finished.",
+                are(missing)
+            )))
         }
         @if failed > 0 {
-            p.warning { strong { (words::counted(failed, "run")) " failed. " } "Left out of all numbers; the reasons stand below." }
+            (warning(&format!("{} failed.", pluralize(failed, "run")), "Failed runs are excluded from \
+                all results. The reasons are listed below."))
         }
         @if results.versions.len() > 1 {
-            p.warning {
-                strong { "Several versions. " }
-                "Runs come from versions " (results.versions.iter().cloned().collect::<Vec<_>>().join(", "))
-                ", which need not give the same bits."
-            }
+            (warning("Several versions.", &format!(
+                "The runs were made by seedbed {}. Different versions need not give identical results.",
+                versions(results)
+            )))
         }
-        @if results.builds.len() > 1 {
-            p.warning {
-                strong { "Several builds. " }
-                "Runs come from " (results.builds.len()) " builds (" (builds(results)) "); "
-                code { "seedbed study " (results.manifest.study_path) " --verify" } " tells whether they still come out the same."
-            }
+        @if results.builds.len() > 1 { (warning_of_builds(results)) }
+    }
+}
+
+fn warning(title: &str, text: &str) -> Markup {
+    html! { p.warning { strong { (title) } " " (text) } }
+}
+
+fn warning_of_builds(results: &Results) -> Markup {
+    html! {
+        p.warning {
+            strong { "Several builds." } " The runs were made by " (results.builds.len())
+            " builds of seedbed (" (builds(results)) "). To check that the results are still the same, run "
+            code { "seedbed study " (shell_word(&results.manifest.study_path)) " --verify" } "."
         }
     }
 }
 
-fn claims_section(results: &Results, judgements: &[Judgement]) -> Markup {
+/// `1 run is`, `2 runs are`.
+fn are(runs: usize) -> String {
+    let verb = if runs == 1 { "is" } else { "are" };
+    format!("{} {verb}", pluralize(runs, "run"))
+}
+
+fn claims_section(results: &Results, claim_results: &[ClaimResult]) -> Markup {
     html! {
         h2 { "Claims" }
-        p.facts { (words::tally(judgements)) "." }
-        @for (claim, judgement) in results.study.claims.iter().zip(judgements) { (claim_card(results, claim, judgement)) }
+        p.facts { (format::summarize_claims(claim_results)) "." }
+        @for (claim, claim_result) in results.study.claims.iter().zip(claim_results) {
+            (claim_card(results, claim, claim_result))
+        }
     }
 }
 
-fn claim_card(results: &Results, claim: &Claim, judgement: &Judgement) -> Markup {
+fn claim_card(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> Markup {
     let measure = results.study.measure_of(claim);
+    let (first, second) = (claim.compare.0.as_str(), claim.compare.1.as_str());
     html! {
-        section.claim.(class(judgement.verdict)) {
-            p.verdict { (judgement.in_words()) @if judgement.late { ", but claimed late" } }
-            p.text { (claim.text) @if !claim.source.is_empty() { span.source { " " (claim.source) } } }
-            p.compared {
-                (measure.title()) ": " strong { (claim.compare.0.as_str()) } " less " strong { (claim.compare.1.as_str()) }
-                ", claimed to be " (words::claimed(claim))
+        section.claim.(css_class(claim_result.verdict)) {
+            p.verdict {
+                (claim_result.verdict_text()) @if claim_result.is_late { ", claimed late" }
             }
-            @if let Some(words) = different_budgets(results, claim, measure) { p.evidence { (words) } }
-            @match &judgement.comparison {
-                Some(comparison) => { (evidence(claim, measure, comparison, judgement.p)) }
+            p.text {
+                (claim.text)
+                @if !claim.source.is_empty() { span.source { " " (claim.source) } }
+            }
+            p.compared {
+                (measure.title()) ": " strong { (first) } " − " strong { (second) }
+                ", claimed to be " (format::claimed_effect(claim))
+            }
+            @if let Some(sentence) = different_budgets(results, claim, measure) {
+                p.evidence { (sentence) }
+            }
+            @match &claim_result.comparison {
+                Some(comparison) => { (evidence(claim, measure, comparison, claim_result.p)) }
                 None => { p.evidence { "There are no runs to compare." } }
             }
         }
     }
 }
 
-/// Times are compared up to where all is known; of all else the reader has to know that one side had more time.
+/// Sentence about a different number of episodes in both cells. Times need none: they are compared
+/// up to the end of the shortest run.
 fn different_budgets(results: &Results, claim: &Claim, measure: Measure) -> Option<String> {
-    let most = |name: &str| results.cell(name).map(|cell| cell.about.most_episodes);
-    let (first, second) = (most(&claim.compare.0)?, most(&claim.compare.1)?);
+    let max_episodes = |name: &str| results.cell(name).map(|cell| cell.about.max_episodes);
+    let first = max_episodes(&claim.compare.0)?;
+    let second = max_episodes(&claim.compare.1)?;
     (first != second && !measure.is_time()).then(|| {
         format!(
-            "Not alike: the first may take {first} episodes of each agent, the second {second}."
+            "Unequal budgets: each agent has at most {first} episodes in the first cell, and at most \
+             {second} in the second."
         )
     })
 }
@@ -146,46 +192,50 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
     let [first, second] = comparison.n;
     html! {
         p.evidence {
-            "Found: " strong { (words::effect(comparison)) }
+            "Found: " strong { (format::effect(comparison)) }
             "; n = " (first) @if first != second { " and " (second) }
-            "; " (who_is_ahead(claim, comparison))
-            @if claim.direction.is_null() { "; no p: a high one would be no evidence. " } @else { "; " (words::p_is(p)) " after Holm. " }
-            span.source { (how_compared(claim, measure)) "." (up_to(comparison)) }
+            "; " (probability_text(claim, comparison))
+            @if claim.direction.is_null() {
+                ". "
+            } @else {
+                "; " (format::p_equation(p)) " (Holm). "
+            }
+            span.source { (method_text(claim, measure)) (horizon_text(comparison)) }
         }
     }
 }
 
-/// How likely a run of the first lies on the claimed side of one of the second.
-fn who_is_ahead(claim: &Claim, comparison: &Comparison) -> String {
+/// Probability that a run of the first cell is on the claimed side of a run of the second.
+fn probability_text(claim: &Claim, comparison: &Comparison) -> String {
     let (side, probability) = if claim.direction.is_upwards() {
-        ("above", comparison.above())
+        ("above", comparison.probability_above())
     } else {
-        ("below", comparison.below)
+        ("below", comparison.probability_below)
     };
-    format!("P(first {side} second) = {}", words::estimate(probability))
+    format!("P(first {side} second) = {}", format::estimate(probability))
 }
 
-/// What the effect is and, where a p of it is told, the test that this is from.
-fn how_compared(claim: &Claim, measure: Measure) -> String {
-    let [effect, test] = words::test(claim.test, measure.is_time());
+/// Definition of the effect and, if there is a p-value, the test that it is from.
+fn method_text(claim: &Claim, measure: Measure) -> String {
+    let [effect, test] = format::effect_and_test(claim.test, measure.is_time());
     if claim.direction.is_null() {
-        effect.to_owned()
+        format!("Effect: {effect}.")
     } else {
-        format!("{effect}; {test}")
+        format!("Effect: {effect}. Test: {test}.")
     }
 }
 
-fn up_to(comparison: &Comparison) -> String {
+fn horizon_text(comparison: &Comparison) -> String {
     if comparison.horizon.is_infinite() {
         return String::new();
     }
     format!(
-        " Times count up to {}, where the first run ended that did not get there.",
-        words::number(comparison.horizon)
+        " Times are compared up to {}, the end of the shortest run that did not reach its time.",
+        format::number(comparison.horizon)
     )
 }
 
-fn class(verdict: Verdict) -> &'static str {
+fn css_class(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Replicated => "replicated",
         Verdict::NotReplicated => "refuted",
@@ -193,15 +243,13 @@ fn class(verdict: Verdict) -> &'static str {
     }
 }
 
-fn figure_section(number: usize, figure: &Drawn) -> Markup {
-    let least = figure
-        .picture
-        .width
-        .min((0.6 * figure.picture.width).max(340.0));
+fn figure_section(number: usize, figure: &ReportFigure) -> Markup {
+    let width = figure.picture.width;
+    let min_width = width.min((0.6 * width).max(340.0));
     html! {
         figure {
             div.scroll {
-                div.picture style={ "min-width:" (least) "px;max-width:" (figure.picture.width) "px" } {
+                div.picture style={ "min-width:" (min_width) "px;max-width:" (width) "px" } {
                     (PreEscaped(figure.picture.svg()))
                 }
             }
@@ -213,20 +261,30 @@ fn figure_section(number: usize, figure: &Drawn) -> Markup {
     }
 }
 
-/// The first column is broader than those of numbers.
-fn name_of(column: usize) -> Option<&'static str> {
+/// The first column is wider than those of numbers.
+fn class_of_column(column: usize) -> Option<&'static str> {
     (column == 0).then_some("name")
 }
 
-fn table_of_words(table: &Table) -> Markup {
+fn table_section(table: &Table) -> Markup {
     html! {
         h3 { (table.title) }
         div.scroll {
             table {
-                thead { tr { @for (column, name) in table.head.iter().enumerate() { th class=[name_of(column)] { (name) } } } }
+                thead {
+                    tr {
+                        @for (column, name) in table.head.iter().enumerate() {
+                            th class=[class_of_column(column)] { (name) }
+                        }
+                    }
+                }
                 tbody {
                     @for row in &table.rows {
-                        tr { @for (column, cell) in row.iter().enumerate() { td class=[name_of(column)] { (cell) } } }
+                        tr {
+                            @for (column, cell) in row.iter().enumerate() {
+                                td class=[class_of_column(column)] { (cell) }
+                            }
+                        }
                     }
                 }
             }
@@ -234,105 +292,242 @@ fn table_of_words(table: &Table) -> Markup {
     }
 }
 
-fn failures(results: &Results) -> Markup {
-    let failed = || {
-        results
-            .cells
-            .iter()
-            .filter(|cell| !cell.failures.is_empty())
-    };
+fn failures_section(results: &Results) -> Markup {
+    let [_, failed, _] = results.counts();
     html! {
-        @if failed().next().is_some() {
+        @if failed > 0 {
             h2 { "Failed runs" }
             ul {
-                @for cell in failed() {
-                    @for (seed, reason) in &cell.failures { li { (cell.about.name) ", seed " (seed) ": " (reason) } }
+                @for cell in &results.cells {
+                    @for (seed, reason) in &cell.failures {
+                        li { (cell.about.name) ", seed " (seed) ": " (reason) }
+                    }
                 }
             }
         }
     }
 }
 
-fn how_it_was_run(results: &Results) -> Markup {
+fn reproduction_section(results: &Results) -> Markup {
     let manifest = &results.manifest;
     let quick = if manifest.quick { " --quick" } else { "" };
     html! {
-        h2 { "How it was run" }
-        pre { "seedbed study " (manifest.study_path) (quick) }
-        p {
-            "Runs: seedbed " (results.versions.iter().cloned().collect::<Vec<_>>().join(", ")) ", build " (builds(results)) ". \
-             This page: seedbed " (env!("CARGO_PKG_VERSION")) " with " (build::parts().join(", ")) "."
-        }
-        p { "One run of a cell, with its recording:" }
+        h2 { "How to reproduce it" }
+        pre { "seedbed study " (shell_word(&manifest.study_path)) (quick) }
+        p { (provenance_text(results)) }
+        p { "One run of each cell, with its recording:" }
         div.scroll {
             table {
-                thead { tr { th.name { "cell" } th { "K" } th { "episodes at most" } th.name { "command" } } }
+                thead {
+                    tr { th.name { "cell" } th { "K" } th { "max episodes" } th.name { "command" } }
+                }
                 tbody {
                     @for cell in &results.cells {
                         tr {
                             td.name { (cell.about.name) }
                             td { (cell.about.agents) }
-                            td { (cell.about.most_episodes) }
+                            td { (cell.about.max_episodes) }
                             td.name { code { (command(cell, manifest.first_seed)) } }
                         }
                     }
                 }
             }
         }
-        details { summary { "The study's file" } pre { (manifest.study) } }
+        details { summary { "Study file" } pre { (manifest.study) } }
     }
 }
 
-/// The marks of all builds that ran any of it.
+/// Versions, commits and builds that made the runs, and those that made this page.
+fn provenance_text(results: &Results) -> String {
+    let mut runs = format!("seedbed {}", versions(results));
+    if !results.commits.is_empty() {
+        let commits: Vec<&str> = results.commits.iter().map(String::as_str).collect();
+        runs += &format!(", commit {}", commits.join(", "));
+    }
+    runs += &format!(", build {}", builds(results));
+    let mut page = format!("seedbed {}", env!("CARGO_PKG_VERSION"));
+    if let Some(commit) = provenance::commit() {
+        page += &format!(", commit {commit}");
+    }
+    let dependencies = provenance::dependency_versions();
+    if !dependencies.is_empty() {
+        page += &format!(", with {}", dependencies.join(", "));
+    }
+    format!("The runs were made by {runs}. This page was made by {page}.")
+}
+
+fn versions(results: &Results) -> String {
+    let versions: Vec<&str> = results.versions.iter().map(String::as_str).collect();
+    versions.join(", ")
+}
+
+/// Ids of all builds that made runs.
 fn builds(results: &Results) -> String {
-    results
-        .builds
-        .iter()
-        .map(|build| build::in_words(*build))
-        .collect::<Vec<_>>()
-        .join(", ")
+    let builds = results.builds.iter().copied();
+    let ids: Vec<String> = builds.map(provenance::format_build_id).collect();
+    ids.join(", ")
 }
 
 fn command(cell: &CellResults, seed: u64) -> String {
-    let sets = cell
-        .about
-        .overrides
-        .iter()
-        .map(|text| format!(" --set {}", quoted(text)));
-    format!(
-        "seedbed run {} --seed {seed}{}",
-        quoted(&cell.about.scenario),
-        sets.collect::<String>()
-    )
-}
-
-/// As a shell takes it for one word.
-fn quoted(text: &str) -> String {
-    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "/._-=:+,@".contains(letter);
-    if text.chars().all(is_plain) {
-        text.to_owned()
-    } else {
-        format!("'{}'", text.replace('\'', r"'\''"))
+    let scenario = shell_word(&cell.about.scenario);
+    let mut command = format!("seedbed run {scenario} --seed {seed}");
+    for text in &cell.about.overrides {
+        command += &format!(" --set {}", shell_word(text));
     }
+    command
 }
 
-fn how_to_read() -> Markup {
+fn methods_section() -> Markup {
     html! {
         h2 { "How to read it" }
         p {
-            "A run is a whole team; agents and episodes of one run are no repeats. Intervals hold 95 %: percentile bootstrap of 50 000 \
-             redrawn samples and, for medians of times, Brookmeyer and Crowley's. Times are censored where a run ended first; their medians \
-             are Kaplan and Meier's. IQM is the mean of the middle half of the runs. Fewer than " (LEAST_RUNS) " runs make no interval.              Effects are medians of differences of times, and means of differences of all else. Two times that were both not reached differ by              nobody knows what: an effect is " em { "unknown" } " where that decides, or two numbers between \
-             which it lies, and its interval reaches as far as it may."
+            "Statistics count runs. One run is one whole team with one seed; agents and episodes of the \
+             same run are not independent, so they do not count as repetitions. All intervals are 95 % \
+             intervals: of median times after Brookmeyer and Crowley, of everything else percentile \
+             bootstrap intervals from 50,000 resamples. Fewer than " (MIN_RUNS) " runs give no interval. \
+             IQM is the interquartile mean: the mean of the middle half of the runs."
         }
         p {
-            "A claim that there is an effect is " em { "replicated" } " if the interval of the effect excludes 0 in the claimed direction, "
-            em { "not replicated" } " if not, and it excludes the claimed size, and else " em { "inconclusive" } ". It is replicated but "
-            em { "smaller than claimed" } " if the interval excludes 0 and the claimed size. A claim that there is none \
-             is replicated if at least " (LEAST_RUNS_OF_A_NULL) " runs put the whole interval within the claimed bounds, and not replicated if \
-             all of it lies outside. The interval alone decides; the test's p after Holm, over all claims of the study, stands beside it for \
-             who would rather be strict. " (words::NO_P) " Cells, measure, test, direction and size stand in the study's file. A claim is \
-             said to be late if it was written or changed when both sides had runs already."
+            "A time is censored, not dropped, if its run ended without reaching it; medians of times are \
+             Kaplan–Meier estimates. An effect is the median of the differences for times, and the mean \
+             of the differences for all other measures. If neither of two runs reached its time, their \
+             difference is unknown. An effect that depends on unknown differences is given as two bounds, \
+             or as " em { "unknown" } "; its interval covers every value that the unknown differences can \
+             have."
         }
+        p {
+            "A claim of an effect is " em { "replicated" } " if the interval of the effect excludes 0 in the \
+             claimed direction, " em { "not replicated" } " if the interval does not do so but excludes the \
+             claimed size, and otherwise " em { "inconclusive" } ". A replicated claim is also "
+            em { "smaller than claimed" } " if the interval excludes the claimed size. A claim of no effect is \
+             replicated if the whole interval is within the claimed bounds and there are at least "
+            (MIN_RUNS_FOR_NULL_CLAIM) " runs per cell, not replicated if the whole interval is outside, and \
+             otherwise inconclusive."
+        }
+        p {
+            "Verdicts depend on intervals only; p-values are reported for readers who prefer a stricter \
+             criterion. " (format::P_VALUE_NOTE) " Cells, measure, test, direction and size of each claim \
+             are fixed in the study file. A claim is " em { "late" } " if it was written or changed when both \
+             of its cells already had runs."
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::super::{claims_table, figures, tables};
+    use super::*;
+    use crate::study::claims;
+    use crate::study::results::{CellResults, Results};
+    use crate::study::run_result::RunResult;
+    use crate::study::store::{Manifest, ManifestCell};
+    use seedbed_env::input;
+
+    const STUDY: &str = r#"Study(
+        title: "Small",
+        cells: [(name: "A"), (name: "B")],
+        measures: [EpisodesToSolve, FinalReturn()],
+        claims: [
+            (text: "A is faster.", compare: ("A", "B"), direction: Less, size: 5),
+            (text: "A is not better.", compare: ("A", "B"), measure: FinalReturn(), direction: NotMore, size: 1),
+        ],
+        figures: [Curves(), Agents(), Intervals(), Unsolved(), Profiles()],
+    )"#;
+
+    /// Returns of two agents, and when they count as solved.
+    fn run(seed: u64, last: f32) -> RunResult {
+        let returns: Vec<f32> = (0..40)
+            .map(|episode| episode as f32 + seed as f32)
+            .collect();
+        RunResult {
+            returns: vec![returns, vec![last; 40]],
+            threshold: Some((30.0, 5)),
+            ..RunResult::default()
+        }
+    }
+
+    fn cell(name: &str, max_episodes: u32, last: f32) -> CellResults {
+        CellResults {
+            about: ManifestCell {
+                name: name.to_owned(),
+                digest: String::new(),
+                scenario: "it's a scenario.ron".to_owned(),
+                overrides: vec!["agents.count=2".to_owned()],
+                agents: 2,
+                max_episodes,
+                task: "test".to_owned(),
+                observations: Vec::new(),
+            },
+            runs: (0..6).map(|seed| (seed, run(seed, last))).collect(),
+            failures: vec![(6, "a reason".to_owned())],
+            missing: 1,
+        }
+    }
+
+    /// Results with every warning.
+    fn results() -> Results {
+        let study = input::parse("small.ron", STUDY.to_owned()).unwrap().value;
+        let cells = vec![cell("A", 40, 3.0), cell("B", 50, 1.0)];
+        Results {
+            manifest: Manifest {
+                version: "0.1.0".to_owned(),
+                name: "small".to_owned(),
+                study_path: "small.ron".to_owned(),
+                study: String::new(),
+                quick: true,
+                first_seed: 0,
+                repeats: 8,
+                cells: cells.iter().map(|cell| cell.about.clone()).collect(),
+                late_claims: Vec::new(),
+                earlier_repeats: vec![4],
+            },
+            study,
+            cells,
+            versions: ["0.1.0", "0.2.0"].map(str::to_owned).into(),
+            commits: BTreeSet::new(),
+            builds: [None, Some([1; 8])].into(),
+        }
+    }
+
+    /// Whatever is between tags, and not preformatted or drawn.
+    fn sentences(page: &str) -> Vec<String> {
+        let mut rest = page;
+        let mut texts = Vec::new();
+        while let Some((text, after)) = rest.split_once('<') {
+            texts.push(text.to_owned());
+            let skipped = ["style", "svg", "pre"]
+                .into_iter()
+                .find(|tag| after.starts_with(tag));
+            let end = skipped.map_or(">".to_owned(), |tag| format!("</{tag}>"));
+            rest = after.split_once(&end).map_or("", |(_, rest)| rest);
+        }
+        texts
+    }
+
+    #[test]
+    fn no_sentence_has_two_blanks_in_a_row() {
+        let results = results();
+        let claim_results = claims::evaluate(&results);
+        let (tables, figures) = (tables::all(&results), figures::draw(&results));
+        assert_eq!((tables.len(), figures.len()), (3, 5));
+        let page = html(&results, &claim_results, &tables, &figures);
+        let mut texts = sentences(&page);
+        assert!(texts.iter().any(|text| text.contains("Seeds below 1000")));
+        assert!(texts.iter().any(|text| text.contains("Unequal budgets")));
+        texts.push(claims_table::markdown(&results, &claim_results));
+        texts.push(tables::markdown(&results, &tables));
+        for text in texts {
+            assert!(!text.contains("  "), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn commands_can_be_copied() {
+        let command = command(&cell("A", 40, 3.0), 1000);
+        let words = shlex::split(&command).unwrap();
+        assert_eq!(words[2], "it's a scenario.ron");
+        assert_eq!(words[3..], ["--seed", "1000", "--set", "agents.count=2"]);
     }
 }

@@ -1,13 +1,13 @@
-//! `results.csv`: one row a run.
+//! `results.csv`: one row per run.
 
 use std::io;
 
 use serde::Serialize;
 
-use crate::input::numbers::known_count;
 use crate::study::measure::{Curve, Measure};
-use crate::study::measured::Measured;
 use crate::study::results::{CellResults, Results};
+use crate::study::run_result::RunResult;
+use seedbed_env::input::numbers::known_count;
 
 const COLUMNS: [&str; 18] = [
     "cell",
@@ -30,7 +30,7 @@ const COLUMNS: [&str; 18] = [
     "reason",
 ];
 
-/// One run. What it cannot tell or did not reach is empty.
+/// One run. Cells of measures that it does not have, or did not reach, are empty.
 #[derive(Default, Serialize)]
 struct Row<'a> {
     cell: &'a str,
@@ -55,7 +55,8 @@ struct Row<'a> {
     reason: &'a str,
 }
 
-/// The columns of [`Row`], then one for each measure that the study takes, in the language of its file; `inf` is a time not reached.
+/// The columns of [`Row`], then one for each measure of the study and of its claims, named as in the
+/// study file; `inf` is a time that was not reached.
 pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
     let mut writer = csv::WriterBuilder::new()
         .has_headers(false)
@@ -99,7 +100,7 @@ pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
         .map_err(|error| io::Error::other(error.to_string()))
 }
 
-/// Those of the study and of its claims, each once.
+/// Measures of the study and of its claims, each once.
 fn measures(results: &Results) -> Vec<Measure> {
     let of_claims = results
         .study
@@ -130,7 +131,7 @@ fn about(cell: &CellResults) -> Row<'_> {
     }
 }
 
-fn finished<'a>(about: &Row<'a>, seed: u64, run: &Measured) -> Row<'a> {
+fn finished<'a>(about: &Row<'a>, seed: u64, run: &RunResult) -> Row<'a> {
     let of = |measure: Measure| measure.of(run).filter(|value| value.is_finite());
     Row {
         seed,

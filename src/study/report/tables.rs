@@ -1,22 +1,23 @@
-//! What tables say, worked out on all cores: intervals take a while.
+//! Tables of the report, computed on all cores: bootstrap intervals take time.
 
 use rayon::prelude::*;
 
-use super::words;
+use super::format;
 use crate::study::comparison::{Aggregate, Comparison, aggregate, compare};
 use crate::study::file::Test;
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
-use crate::study::statistics::comparison::holm;
+use seedbed_stats::Interval;
+use seedbed_stats::hypothesis::holm_correction;
 
-/// A table in words. The first column holds names.
+/// A table as text. The first column holds names.
 pub(super) struct Table {
     pub(super) title: String,
     pub(super) head: Vec<&'static str>,
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// One for each measure, then how cells compare with their peers.
+/// One table per measure, then one of comparisons between cells.
 pub(super) fn all(results: &Results) -> Vec<Table> {
     let measures = results
         .study
@@ -26,7 +27,7 @@ pub(super) fn all(results: &Results) -> Vec<Table> {
     measures.chain(against_peers(results)).collect()
 }
 
-/// `tables.md`: all of them, to stand in a text.
+/// `tables.md`: all tables, to be included in other documents.
 pub(super) fn markdown(results: &Results, tables: &[Table]) -> String {
     let title = format!("# {}\n", results.study.title);
     tables
@@ -56,7 +57,7 @@ impl Table {
     }
 }
 
-/// What the runs of each cell come to in one measure.
+/// Summary of the runs of each cell in one measure.
 fn of_measure(results: &Results, measure: Measure) -> Table {
     let is_time = measure.is_time();
     let reached: &[&str] = if is_time { &["reached"] } else { &[] };
@@ -67,16 +68,25 @@ fn of_measure(results: &Results, measure: Measure) -> Table {
             "median",
             "95 % interval",
             "IQM (95 % interval)",
-            "least",
-            "most",
+            "min",
+            "max",
         ],
     ]
     .concat();
     let row = |cell: &CellResults| {
         let found = aggregate(&cell.scores(measure), is_time);
         let said = found.map_or_else(
-            || vec!["no runs".to_owned()],
-            |found| aggregate_in_words(&found, is_time),
+            || {
+                vec![
+                    if cell.runs.is_empty() {
+                        "no runs"
+                    } else {
+                        "not measured"
+                    }
+                    .to_owned(),
+                ]
+            },
+            |found| aggregate_cells(&found, is_time),
         );
         let mut row = [vec![cell.about.name.clone()], said].concat();
         row.resize(head.len(), String::new());
@@ -89,32 +99,29 @@ fn of_measure(results: &Results, measure: Measure) -> Table {
     }
 }
 
-fn aggregate_in_words(found: &Aggregate, is_time: bool) -> Vec<String> {
-    let shown = if is_time { words::time } else { words::number };
-    let interval = if is_time {
-        words::interval_of_time
+fn aggregate_cells(found: &Aggregate, is_time: bool) -> Vec<String> {
+    let (value, interval): (fn(f64) -> String, fn(Interval) -> String) = if is_time {
+        (format::time, format::interval_of_time)
     } else {
-        words::interval
+        (format::number, format::interval)
     };
-    let reached = is_time.then(|| format!("{}/{}", found.reached, found.n));
-    let rest = [
-        shown(found.median.value),
+    let mut cells = vec![found.n.to_string()];
+    if is_time {
+        cells.push(format!("{}/{}", found.reached, found.n));
+    }
+    let interquartile_mean = found.interquartile_mean.map(format::estimate);
+    cells.extend([
+        value(found.median.value),
         interval(found.median.interval),
-        found
-            .interquartile_mean
-            .map_or("–".to_owned(), words::estimate),
-        shown(found.range[0]),
-        shown(found.range[1]),
-    ];
-    [found.n.to_string()]
-        .into_iter()
-        .chain(reached)
-        .chain(rest)
-        .collect()
+        interquartile_mean.unwrap_or_else(|| "–".to_owned()),
+        value(found.range[0]),
+        value(found.range[1]),
+    ]);
+    cells
 }
 
-/// Each cell against the first of its task and its number of agents, or where that leaves none, of its task: seed by seed in the measure
-/// that counts, with p after Holm.
+/// Each cell against the first cell with the same task and number of agents or, if there are no such
+/// pairs, with the same task: paired by seed, in the main measure.
 fn against_peers(results: &Results) -> Option<Table> {
     let of_size = pairs(results, |cell| {
         (cell.about.task.as_str(), cell.about.agents)
@@ -137,30 +144,24 @@ fn against_peers(results: &Results) -> Option<Table> {
         .par_iter()
         .filter_map(|pair| compared(pair).map(|comparison| (*pair, comparison)))
         .collect();
-    let p = holm(
-        &found
-            .iter()
-            .map(|(_, comparison)| comparison.p)
-            .collect::<Vec<f64>>(),
-    );
-    let rows: Vec<Vec<String>> = found
-        .iter()
-        .zip(p)
-        .map(|((pair, comparison), p)| compared_in_words(*pair, comparison, p))
-        .collect();
-    let title = format!("Seed by seed: {}", measure.title());
+    let p: Vec<f64> = found.iter().map(|(_, comparison)| comparison.p).collect();
+    let mut rows = Vec::with_capacity(found.len());
+    for ((pair, comparison), p) in found.iter().zip(holm_correction(&p)) {
+        rows.push(comparison_cells(*pair, comparison, p));
+    }
+    let title = format!("Paired comparisons: {}", measure.title());
     let head = vec![
         "cell",
-        "against",
+        "compared with",
         "pairs",
         "difference (95 % interval)",
         "P(below)",
-        "p after Holm",
+        "p (Holm)",
     ];
     (!rows.is_empty()).then_some(Table { title, head, rows })
 }
 
-/// Each cell that is not the first of its kind, with that first one.
+/// Each cell that is not the first of its kind, with the first one.
 fn pairs<'a, K: PartialEq>(
     results: &'a Results,
     kind: impl Fn(&'a CellResults) -> K,
@@ -175,15 +176,17 @@ fn pairs<'a, K: PartialEq>(
         .collect()
 }
 
-fn compared_in_words(
+fn comparison_cells(
     (cell, first): (&CellResults, &CellResults),
     comparison: &Comparison,
     p: f64,
 ) -> Vec<String> {
-    let names = [cell, first].map(|cell| cell.about.name.clone());
-    let (effect, below) = (words::effect(comparison), words::estimate(comparison.below));
-    names
-        .into_iter()
-        .chain([comparison.n[0].to_string(), effect, below, words::p(p)])
-        .collect()
+    vec![
+        cell.about.name.clone(),
+        first.about.name.clone(),
+        comparison.n[0].to_string(),
+        format::effect(comparison),
+        format::estimate(comparison.probability_below),
+        format::p_value(p),
+    ]
 }

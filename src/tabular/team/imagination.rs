@@ -1,13 +1,13 @@
 //! What an agent takes for the truth before it plans, as its algorithm says.
 
-use super::Team;
-use crate::env::tabular::{Mdp, Model};
-use crate::random::{Purpose, stream};
+use super::TabularTeam;
 use crate::tabular::Algorithm;
 use crate::tabular::belief::{Belief, Posterior};
 use crate::tabular::seed::draw_posterior;
+use seedbed_env::random::{Purpose, stream};
+use seedbed_env::tabular::{Mdp, Model};
 
-impl Team {
+impl TabularTeam {
     /// What an agent takes for the truth, of the latest belief.
     pub(super) fn imagine(&mut self, number: u32) {
         let (model, belief, mdp) = (&self.model, &self.belief, &mut self.imagined);
@@ -39,7 +39,8 @@ impl Team {
         }
     }
 
-    /// The best MDP within so many standard deviations. Of an unknown sign, the one with the better prospects from where the agent is.
+    /// The best MDP within so many standard deviations. Of an unknown sign, the one with the better
+    /// prospects from where the agent is.
     fn hope(&mut self, number: u32, width: f64) {
         let (model, belief, mdp) = (&self.model, &self.belief, &mut self.imagined);
         expect(model, belief, mdp);

@@ -1,7 +1,8 @@
-//! How the viewer opens a recording: pictures of visited states on the left, returns, updates and the scene on the right.
+//! The blueprint: how the viewer opens a recording. Images of visited states are on the left;
+//! returns, updates and the scene on the right.
 
-mod stage;
-mod visited;
+mod motion;
+mod visitation;
 
 use rerun::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, Horizontal, SelectionPanel,
@@ -19,79 +20,83 @@ use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoint, Timeline};
 
 use super::Focus;
-use super::curves::{TEAM_CURVES, UPDATE_CURVES};
+use super::curves::metrics;
+use super::error::RecordingError;
 use super::framing::Bounds;
-use super::rows::{EPISODE, rgb, single_row};
-use super::sink::Fault;
-use super::walls::Walls;
+use super::layouts::Layouts;
+use super::rows::{EPISODE, rgb, single_row_chunk};
+use crate::record::Difference;
+use crate::record::metrics::{Metric, Range, Scope};
 use crate::record::visitation::LineQuota;
 
-/// With more agents than this, a legend would cover the curves.
+/// Maximum number of agents with a legend; a larger one would cover the curves.
 const AGENTS_IN_LEGEND: u32 = 8;
 
-/// As dark as what the density image shows where nothing was visited.
+/// The color of a density image where no state was visited.
 const BACKGROUND: [u8; 3] = [0, 0, 4];
 
-/// What the layout depends on.
+/// What the blueprint depends on.
 #[derive(Clone)]
-pub(super) struct Layout {
+pub(super) struct BlueprintConfig {
     pub(super) agents: u32,
-    pub(super) walls: Walls,
+    pub(super) layouts: Layouts,
     pub(super) quota: LineQuota,
-    /// Rounds that are pictured together.
+    /// Number of latest rounds in one image.
     pub(super) window: u32,
     pub(super) time_limit: u32,
     pub(super) control_step: f64,
     pub(super) focus: Focus,
-    /// What the colour of lines and points tells, in a word.
-    pub(super) coloured_by: &'static str,
-    /// Whether there are bonuses.
-    pub(super) curious: bool,
-    /// Whether two agents are compared.
-    pub(super) compared: bool,
-    pub(super) filmed: Vec<Filmed>,
+    /// What the color of lines and points shows.
+    pub(super) colored_by: &'static str,
+    /// Whether agents have a bonus.
+    pub(super) has_bonus: bool,
+    /// The agents that are compared.
+    pub(super) difference: Difference,
+    pub(super) scenes: Vec<SceneView>,
 }
 
-/// The scene that is shown.
+/// The view of one agent's scene.
 #[derive(Clone)]
-pub(super) struct Filmed {
-    /// Whose bodies are drawn.
+pub(super) struct SceneView {
+    /// The agent.
     pub(super) agent: u32,
-    /// The entity from which they are seen.
+    /// The entity whose frame the view shows.
     pub(super) origin: String,
-    /// Where they were at first.
+    /// The part of the scene that is shown at first.
     pub(super) bounds: Option<Bounds>,
 }
 
-/// The messages that make the viewer show `layout`.
-pub(super) fn messages(application: &'static str, layout: &Layout) -> Result<Vec<LogMsg>, Fault> {
-    let mut sheet = Sheet::default();
-    let blueprint = sheet.blueprint(layout);
+/// The messages that make the viewer open the recording with this blueprint.
+pub(super) fn messages(
+    application: &'static str,
+    config: &BlueprintConfig,
+) -> Result<Vec<LogMsg>, RecordingError> {
+    let mut builder = ViewBuilder::default();
+    let blueprint = builder.blueprint(config);
     let mut messages = encoded(application, &blueprint)?;
     let Some(store) = messages.first().map(|message| message.store_id().clone()) else {
         return Ok(messages);
     };
     let activation = messages.len() - 1;
-    for (entity, property) in &sheet.properties {
+    for (entity, property) in &builder.properties {
         let start = TimePoint::default().with(Timeline::new_sequence("blueprint"), 0);
-        let chunk = single_row(entity.clone(), start, property.as_ref())?;
-        let message = chunk.to_arrow_msg().map_err(|error| error.to_string())?;
+        let chunk = single_row_chunk(entity.clone(), start, property.as_ref())?;
+        let message = chunk.to_arrow_msg()?;
         messages.insert(activation, LogMsg::ArrowMsg(store.clone(), message));
     }
     Ok(messages)
 }
 
-/// The SDK hands out a blueprint's messages only through a stream.
-fn encoded(application: &'static str, blueprint: &Blueprint) -> Result<Vec<LogMsg>, Fault> {
-    let in_words = |error: rerun::RecordingStreamError| error.to_string();
+/// The messages of a blueprint, which the SDK returns through a stream only.
+fn encoded(
+    application: &'static str,
+    blueprint: &Blueprint,
+) -> Result<Vec<LogMsg>, RecordingError> {
     let (stream, storage) = RecordingStreamBuilder::new(application)
         .enabled(true)
-        .memory()
-        .map_err(in_words)?;
-    blueprint
-        .send(&stream, BlueprintActivation::default())
-        .map_err(in_words)?;
-    stream.flush_blocking().map_err(|error| error.to_string())?;
+        .memory()?;
+    blueprint.send(&stream, BlueprintActivation::default())?;
+    stream.flush_blocking()?;
     Ok(storage
         .take()
         .into_iter()
@@ -99,45 +104,44 @@ fn encoded(application: &'static str, blueprint: &Blueprint) -> Result<Vec<LogMs
         .collect())
 }
 
-/// Collects the properties of views, which the SDK's own views cannot hold.
+/// Builds views, and collects those of their properties for which the SDK has no setters.
 #[derive(Default)]
-struct Sheet {
+struct ViewBuilder {
     properties: Vec<(EntityPath, Box<dyn AsComponents>)>,
 }
 
-impl Sheet {
-    fn blueprint(&mut self, layout: &Layout) -> Blueprint {
-        if layout.focus == Focus::Motion && !layout.filmed.is_empty() {
-            return self.stage(layout);
+impl ViewBuilder {
+    fn blueprint(&mut self, config: &BlueprintConfig) -> Blueprint {
+        if config.focus == Focus::Motion && !config.scenes.is_empty() {
+            return self.motion_blueprint(config);
         }
-        let columns = [self.visited(layout), self.learned(layout)];
+        let columns = [self.visitation_tabs(config), self.learning_column(config)];
         let time = TimePanel::new()
             .with_timeline(EPISODE)
             .with_play_state(PlayState::Following);
-        page(columns, [3.0, 2.0], time)
+        blueprint_of_columns(columns, [3.0, 2.0], time)
     }
 
-    fn learned(&mut self, layout: &Layout) -> ContainerLike {
-        let name = "Returns: each agent, and the team's mean of 25 rounds in white";
+    fn learning_column(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let name = "Returns: each agent; team mean over 25 rounds in white";
         let returns: ContainerLike = TimeSeriesView::new(name)
             .with_origin("/curves/return")
             .into();
         let legend = PlotLegend::new()
             .with_corner(Corner2D::RightBottom)
-            .with_visible(layout.agents <= AGENTS_IN_LEGEND);
+            .with_visible(config.agents <= AGENTS_IN_LEGEND);
         self.property(&returns, "PlotLegend", legend);
         self.all_times(&returns);
-        let updates: Vec<_> = UPDATE_CURVES
-            .iter()
-            .chain(&TEAM_CURVES)
-            .map(|(name, _)| self.update(name))
+        let updates: Vec<_> = metrics(Scope::Agent)
+            .chain(metrics(Scope::Team))
+            .map(|metric| self.update_view(metric))
             .collect();
         let mut rest: Vec<ContainerLike> = vec![
             TextDocumentView::new("Scenario")
                 .with_origin("/scenario")
                 .into(),
         ];
-        if let Some(scenes) = self.scenes(layout) {
+        if let Some(scenes) = self.scenes(config) {
             rest.insert(0, scenes);
         }
         Vertical::new([returns, Tabs::new(updates).into(), Tabs::new(rest).into()])
@@ -145,13 +149,13 @@ impl Sheet {
             .into()
     }
 
-    fn update(&mut self, curve: &str) -> ContainerLike {
-        let view: ContainerLike = TimeSeriesView::new(title(curve))
-            .with_origin(format!("/curves/{curve}"))
+    fn update_view(&mut self, metric: &Metric) -> ContainerLike {
+        let view: ContainerLike = TimeSeriesView::new(title(metric))
+            .with_origin(format!("/curves/{}", metric.key))
             .into();
         self.property(&view, "PlotLegend", PlotLegend::new().with_visible(false));
         self.all_times(&view);
-        if curve == "clipped_fraction" {
+        if metric.full_axis && metric.range == Range::Share {
             self.property(
                 &view,
                 "ScalarAxis",
@@ -161,7 +165,7 @@ impl Sheet {
         view
     }
 
-    /// From the first to the last moment, on any timeline.
+    /// Shows a plot from the first to the last moment, on any timeline.
     fn all_times(&mut self, view: &ContainerLike) {
         let always = TimeRange {
             start: TimeRangeBoundary::Infinite,
@@ -170,14 +174,13 @@ impl Sheet {
         self.property(view, "TimeAxis", TimeAxis::new().with_view_range(always));
     }
 
-    fn scene(&mut self, filmed: &Filmed) -> ContainerLike {
-        let name = format!("Agent {} in motion", filmed.agent);
-        let view = Spatial2DView::new(name).with_origin(filmed.origin.as_str());
+    fn scene(&mut self, scene: &SceneView) -> ContainerLike {
+        let name = format!("Motion of agent {}", scene.agent);
+        let view = Spatial2DView::new(name).with_origin(scene.origin.as_str());
         let view: ContainerLike = view
-            .with_contents([format!("/scene/agent_{}/**", filmed.agent)])
+            .with_contents([format!("/scene/agent_{}/**", scene.agent)])
             .into();
-        if let Some([left, right, top, bottom]) = filmed.bounds.map(|bounds| bounds.map(f64::from))
-        {
+        if let Some([left, right, top, bottom]) = scene.bounds.map(|bounds| bounds.map(f64::from)) {
             let bounds = Range2D {
                 x_range: [left, right].into(),
                 y_range: [top, bottom].into(),
@@ -209,8 +212,8 @@ impl Sheet {
     }
 }
 
-/// Columns with these shares of the width, and nothing of the viewer's own open beside them.
-fn page(
+/// Columns with these shares of the width, and the viewer's own panels closed.
+fn blueprint_of_columns(
     columns: impl IntoIterator<Item = ContainerLike>,
     shares: [f32; 2],
     time: TimePanel,
@@ -223,8 +226,8 @@ fn page(
         .with_time_panel(time.with_state(PanelState::Collapsed))
 }
 
-/// `clipped_fraction` becomes `Clipped fraction`.
-fn title(curve: &str) -> String {
-    let words = curve.replace('_', " ");
-    words[..1].to_uppercase() + &words[1..]
+/// Such as `Clipped fraction`.
+fn title(metric: &Metric) -> String {
+    let label = metric.label();
+    label[..1].to_uppercase() + &label[1..]
 }

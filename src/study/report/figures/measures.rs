@@ -1,25 +1,26 @@
-//! Figures of one number a run: medians with their intervals, times not reached yet, performance profiles.
+//! Figures of one number per run: intervals, survival curves, performance profiles.
 
 use rayon::prelude::*;
 
-use super::{Made, capital, color, in_one_panel};
-use crate::figure::{Curves, Figure as Picture, IntervalRow, Intervals, Panel, Row, Series};
-use crate::study::comparison::{aggregate, lifetimes};
+use super::{Drawing, capitalized, color, in_one_panel};
+use crate::study::comparison::{aggregate, times_to_event};
 use crate::study::measure::Measure;
 use crate::study::results::CellResults;
-use crate::study::statistics::aggregate::interquartile_mean;
-use crate::study::statistics::profile::performance_profile;
-use crate::study::statistics::survival::kaplan_meier;
-use crate::study::statistics::{Estimate, Interval, estimate};
+use seedbed_figure::{Curves, Figure as Picture, IntervalRow, Intervals, Panel, Row, Series};
+use seedbed_stats::aggregate::interquartile_mean;
+use seedbed_stats::profile::performance_profile;
+use seedbed_stats::survival::kaplan_meier;
+use seedbed_stats::{Estimate, Interval, bootstrap_strata};
 
-/// Cells that are shown as one.
+/// Cells that are shown as one, because their runs are pooled.
 pub(super) struct Group<'a> {
     name: String,
-    /// One for each task over which runs are pooled.
+    /// One cell per task over which runs are pooled.
     cells: Vec<&'a CellResults>,
 }
 
-/// Cells whose names differ only in words of `over`, in the order of the first of each; every cell by itself if that is empty.
+/// Groups cells whose names differ only in parts that are listed in `over`, in the order of the first
+/// cell of each group. Without `over`, every cell is a group.
 pub(super) fn groups<'a>(cells: &[&'a CellResults], over: &[String]) -> Vec<Group<'a>> {
     let mut groups: Vec<Group<'a>> = Vec::new();
     for cell in cells {
@@ -44,7 +45,7 @@ pub(super) fn groups<'a>(cells: &[&'a CellResults], over: &[String]) -> Vec<Grou
 }
 
 impl Group<'_> {
-    /// `[task][run]`, without tasks that no run can tell.
+    /// Scores `[task][run]`, without tasks in which no run has the measure.
     fn scores(&self, measure: Measure) -> Vec<Vec<f64>> {
         let scores = |cell: &&CellResults| {
             cell.scores(measure)
@@ -59,8 +60,9 @@ impl Group<'_> {
             .collect()
     }
 
-    /// A median; where tasks are pooled the mean of the middle half of all runs, drawn again task by task.
-    fn middle(&self, measure: Measure, pooled: bool) -> Option<(Estimate, usize)> {
+    /// Median with its interval; if tasks are pooled, the interquartile mean of all runs, with a
+    /// bootstrap interval stratified by task. And the number of runs.
+    fn center(&self, measure: Measure, pooled: bool) -> Option<(Estimate, usize)> {
         if let ([cell], false) = (&self.cells[..], pooled) {
             let aggregate = aggregate(&cell.scores(measure), measure.is_time())?;
             return Some((aggregate.median, aggregate.n));
@@ -69,22 +71,22 @@ impl Group<'_> {
         let n = tasks.iter().map(Vec::len).sum();
         (n > 0).then(|| {
             (
-                estimate(&tasks, |tasks| interquartile_mean(&tasks.concat())),
+                bootstrap_strata(&tasks, |tasks| interquartile_mean(&tasks.concat())),
                 n,
             )
         })
     }
 }
 
-pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
+pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Drawing {
     let pooled = groups.iter().any(|group| group.cells.len() > 1);
     let row = |(number, group): (usize, &Group<'_>)| {
-        let (middle, n) = group.middle(measure, pooled)?;
-        let interval = match middle.interval {
+        let (center, n) = group.center(measure, pooled)?;
+        let interval = match center.interval {
             Interval::Known { low, high } if low.is_finite() => Some([low, high]),
             _ => None,
         };
-        let estimate = middle.value.is_finite().then_some(middle.value);
+        let estimate = center.value.is_finite().then_some(center.value);
         Some(IntervalRow {
             name: group.name.clone(),
             estimate,
@@ -95,9 +97,9 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
     };
     let rows: Vec<IntervalRow> = groups.par_iter().enumerate().filter_map(row).collect();
     let statistic = if pooled {
-        "interquartile mean of the"
+        "interquartile mean of"
     } else {
-        "median"
+        "median of"
     };
     let panel = Intervals {
         x_label: format!("{statistic} {}", measure.title()),
@@ -105,13 +107,13 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
         ..Intervals::default()
     };
     let how = match (pooled, measure.is_time()) {
-        (true, _) => " (bootstrap of the runs of all tasks, stratified by task)",
-        (_, true) => " (Kaplan and Meier; runs that did not get there are censored)",
-        _ => " (bootstrap)",
+        (true, _) => "bootstrap over the runs of all tasks, stratified by task",
+        (_, true) => "Kaplan–Meier; runs that ended without reaching it are censored",
+        _ => "bootstrap",
     };
     let caption = format!(
-        "{} {} with its interval of 95 %{how}.",
-        capital(statistic),
+        "{} {} with its 95 % interval ({how}).",
+        capitalized(statistic),
         measure.title()
     );
     let row = Row {
@@ -125,12 +127,17 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Made {
         width: 760.0,
         rows: vec![row],
     };
-    ("intervals", capital(&measure.title()), caption, picture)
+    Drawing {
+        kind: "intervals",
+        title: capitalized(&measure.title()),
+        caption,
+        picture,
+    }
 }
 
-pub(super) fn unsolved(cells: &[&CellResults]) -> Made {
+pub(super) fn unsolved(cells: &[&CellResults]) -> Drawing {
     let series = cells.iter().enumerate().map(|(number, cell)| {
-        let times = lifetimes(&cell.scores(Measure::EpisodesToSolve));
+        let times = times_to_event(&cell.scores(Measure::EpisodesToSolve));
         let end = times.iter().map(|time| time.time).fold(0.0, f64::max);
         let steps = kaplan_meier(&times).steps;
         let last = steps.last().map_or(1.0, |step| step.survival);
@@ -157,16 +164,16 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> Made {
         ..Curves::default()
     };
     let caption =
-        "The share of runs that have not solved their task yet (Kaplan and Meier).".to_owned();
-    (
-        "unsolved",
-        "Runs not solved yet".to_owned(),
+        "Share of runs that have not solved their task yet (Kaplan–Meier estimate).".to_owned();
+    Drawing {
+        kind: "unsolved",
+        title: "Runs not solved yet".to_owned(),
         caption,
-        in_one_panel(curves),
-    )
+        picture: in_one_panel(curves),
+    }
 }
 
-pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Made {
+pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Drawing {
     let groups: Vec<&Group<'_>> = groups
         .iter()
         .filter(|group| !group.scores(measure).is_empty())
@@ -194,14 +201,14 @@ pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Made {
         ..Curves::default()
     };
     let caption = format!(
-        "The share of runs {better} each value, with pointwise bootstrap bands of 95 % (performance profiles)."
+        "Share of runs {better} each value, with pointwise 95 % bootstrap bands (performance profiles)."
     );
-    (
-        "profiles",
-        format!("Performance profiles: {}", measure.title()),
+    Drawing {
+        kind: "profiles",
+        title: format!("Performance profiles: {}", measure.title()),
         caption,
-        in_one_panel(curves),
-    )
+        picture: in_one_panel(curves),
+    }
 }
 
 fn profile(group: &Group<'_>, measure: Measure, ends: [f64; 2], number: usize) -> Series {
@@ -228,7 +235,8 @@ fn profile(group: &Group<'_>, measure: Measure, ends: [f64; 2], number: usize) -
     }
 }
 
-/// The shares of runs above, or `below`, from each value of a run on until the next, from end to end of the figure.   `scores: [task][run]`
+/// Steps of a profile: places on the axis, and the share of runs above, or `below`, from there to the
+/// next place. Places are the values of runs and both ends of the figure.   `scores: [task][run]`
 fn steps_of_profile(
     mut scores: Vec<Vec<f64>>,
     below: bool,
@@ -239,7 +247,9 @@ fn steps_of_profile(
         .chain(distinct(scores.iter().flatten().copied()))
         .chain([high])
         .collect();
-    // Just before the first value it is the share of all or of none. What is better below is turned round.
+    // Shares count runs above a threshold. For shares below, scores and thresholds are negated. The
+    // first place shows the share just before its value: all runs, or none. `next_up` and `next_down`
+    // include or exclude runs at a threshold itself.
     let before = if below { -low } else { low.next_down() };
     let after = |place: &f64| if below { -place.next_up() } else { *place };
     let thresholds: Vec<f64> = [before]
@@ -258,7 +268,7 @@ fn steps_of_profile(
         .collect()
 }
 
-/// Finite values, each once, from small to large.
+/// Finite values in ascending order, each once.
 fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     values.sort_unstable_by(f64::total_cmp);
@@ -270,7 +280,8 @@ fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Of 1, 2, 2, 4 and a time not reached: above 1 are four of five, above 2 two, above 4 one; below or at them 1, 3 and 4.
+    /// Of 1, 2, 2, 4 and a time not reached: above 1 are four of five, above 2 two, above 4 one;
+    /// below or at them 1, 3 and 4.
     #[test]
     fn profiles_step_at_the_values_of_runs() {
         let steps = |below: bool| {

@@ -1,69 +1,70 @@
-//! The figures that a study asks for, from its runs to pictures.
+//! Figures of a report, drawn from the runs of a study.
 
 mod measures;
 
 use rayon::prelude::*;
 
 use self::measures::{groups, intervals, profiles, unsolved};
-use super::Drawn;
-use crate::env::{Quantity, Spec};
-use crate::figure::color::agent_color;
-use crate::figure::{
-    Curves, DensityPicture, Figure as Picture, Key, Panel, ParallelCoordinates, Row, Series,
-    States, Threshold,
-};
-use crate::record::visitation::{Axes, Density, Seen};
-use crate::study::figure::{Figure, Upto};
+use super::ReportFigure;
+use crate::plotting::axis;
+use crate::record::BonusRange;
+use crate::record::visitation::{Axes, Density, VisitedState};
+use crate::study::figure::{EpisodeWindow, Figure};
 use crate::study::measure::{Curve, moving_average, widened};
 use crate::study::results::{CellResults, Results};
-use crate::study::statistics::aggregate::median;
-use crate::study::statistics::bootstrap::estimates;
-use crate::study::statistics::{Interval, LEAST_RUNS};
+use seedbed_env::{Quantity, Spec};
+use seedbed_figure::color::categorical_color;
+use seedbed_figure::{
+    Curves, DensityImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row, Series, States,
+    Threshold,
+};
+use seedbed_stats::aggregate::median;
+use seedbed_stats::bootstrap::bootstrap_statistics;
+use seedbed_stats::{Interval, MIN_RUNS};
 
-/// Places along a curve at which its band is worked out, about.
+/// Approximate number of places along a curve at which its band is computed.
 const BAND_PLACES: usize = 50;
 
-/// All figures of a study; those that no run can fill yet are left out.
-pub(super) fn draw(results: &Results) -> Vec<Drawn> {
+/// All figures of a study, except those without any finished run.
+pub(super) fn draw(results: &Results) -> Vec<ReportFigure> {
     let drawn = results
         .study
         .figures
         .par_iter()
-        .map(|figure| drawn(results, figure));
-    let drawn: Vec<Option<(Words, Picture)>> = drawn.collect();
-    let numbered = (1..).zip(drawn.into_iter().flatten());
-    numbered
-        .map(|(number, (words, picture))| finish(number, words, picture))
-        .collect()
+        .map(|figure| draw_figure(results, figure));
+    let drawn: Vec<Option<Drawing>> = drawn.collect();
+    let mut figures = Vec::new();
+    for drawing in drawn.into_iter().flatten() {
+        figures.push(drawing.numbered(figures.len() + 1));
+    }
+    figures
 }
 
-/// What stands around a figure.
-struct Words {
+/// A figure before it has a number.
+struct Drawing {
     kind: &'static str,
     title: String,
     caption: String,
+    picture: Picture,
 }
 
-fn finish(number: usize, words: Words, picture: Picture) -> Drawn {
-    let Words {
-        kind,
-        title,
-        caption,
-    } = words;
-    let picture = Picture {
-        title: title.clone(),
-        description: caption.clone(),
-        ..picture
-    };
-    Drawn {
-        name: format!("{number}-{kind}"),
-        title,
-        caption,
-        picture,
+impl Drawing {
+    fn numbered(self, number: usize) -> ReportFigure {
+        let picture = Picture {
+            title: self.title.clone(),
+            description: self.caption.clone(),
+            ..self.picture
+        };
+        ReportFigure {
+            name: format!("{number}-{}", self.kind),
+            title: self.title,
+            caption: self.caption,
+            picture,
+        }
     }
 }
 
-fn drawn(results: &Results, figure: &Figure) -> Option<(Words, Picture)> {
+fn draw_figure(results: &Results, figure: &Figure) -> Option<Drawing> {
     let cells: Vec<&CellResults> = results
         .shown_by(figure)
         .into_iter()
@@ -73,7 +74,7 @@ fn drawn(results: &Results, figure: &Figure) -> Option<(Words, Picture)> {
         return None;
     }
     let main = results.study.main_measure();
-    let (kind, title, caption, picture) = match figure {
+    let drawing = match figure {
         Figure::Curves { of, window, .. } => curves(&cells, **of, window.get() as usize),
         Figure::Agents { window, .. } => agents(&cells, window.get() as usize),
         Figure::Visitation { episodes, .. } => visitation(&cells, episodes)?,
@@ -88,22 +89,12 @@ fn drawn(results: &Results, figure: &Figure) -> Option<(Words, Picture)> {
         ),
     };
     let title = if figure.title().is_empty() {
-        title
+        drawing.title
     } else {
         figure.title().to_owned()
     };
-    Some((
-        Words {
-            kind,
-            title,
-            caption,
-        },
-        picture,
-    ))
+    Some(Drawing { title, ..drawing })
 }
-
-/// Kind, title, caption, picture.
-type Made = (&'static str, String, String, Picture);
 
 fn in_one_panel(curves: Curves) -> Picture {
     let row = Row {
@@ -119,31 +110,32 @@ fn in_one_panel(curves: Curves) -> Picture {
     }
 }
 
-/// The colour of the number-th cell of a figure.
+/// Color of the cell with this number in a figure.
 fn color(number: usize) -> [u8; 3] {
-    agent_color(COLORS[number % COLORS.len()] + 8 * (number / COLORS.len()) as u32)
+    categorical_color(COLORS[number % COLORS.len()] + 8 * (number / COLORS.len()) as u32)
 }
 
-/// Agents' colours in an order that begins with those that differ most.
+/// Indices of agents' colors, starting with those that differ most.
 const COLORS: [u32; 8] = [4, 5, 2, 6, 0, 1, 7, 3];
 
-fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Made {
+fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Drawing {
     let series: Vec<Series> = cells
         .par_iter()
         .enumerate()
         .map(|(number, cell)| mean_curve(cell, of, window, number))
         .collect();
-    let title = format!("{}, mean of all runs", capital(of.title()));
+    let label = of.metric().label();
+    let title = format!("{}, mean of all runs", capitalized(&label));
     let caption = format!(
         "{}{}, mean over runs{}. {}",
-        capital(of.title()),
+        capitalized(&label),
         if window > 1 {
-            format!(", moving average of {window}")
+            format!(", moving average over {window} values")
         } else {
             String::new()
         },
         if series.iter().any(|series| series.band.is_some()) {
-            " with bootstrap bands of 95 %"
+            ", with 95 % bootstrap bands"
         } else {
             ""
         },
@@ -152,11 +144,7 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Made {
     let y_logarithmic = are_far_apart(&series);
     let curves = Curves {
         x_label: "episodes of each agent".to_owned(),
-        y_label: format!(
-            "{}{}",
-            of.title(),
-            if y_logarithmic { " (log scale)" } else { "" }
-        ),
+        y_label: format!("{label}{}", if y_logarithmic { " (log scale)" } else { "" }),
         y_logarithmic,
         thresholds: if of == Curve::Return {
             thresholds(cells)
@@ -167,18 +155,18 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Made {
         legend: true,
         ..Curves::default()
     };
-    (
-        "curves",
+    Drawing {
+        kind: "curves",
         title,
-        caption.trim().to_owned(),
-        in_one_panel(curves),
-    )
+        caption: caption.trim().to_owned(),
+        picture: in_one_panel(curves),
+    }
 }
 
-/// Curves of which one would squash another to nothing are told apart by their ratio.
+/// Ratio between curves from which a linear axis would flatten the lower one.
 const FAR_APART: f64 = 100.0;
 
-/// Whether all is above 0, and the medians of two curves differ by that factor.
+/// Whether all values are above 0, and the medians of two curves differ by more than that ratio.
 fn are_far_apart(series: &[Series]) -> bool {
     let heights = |series: &Series| {
         series
@@ -207,7 +195,7 @@ fn are_far_apart(series: &[Series]) -> bool {
     high > FAR_APART * low
 }
 
-/// What became of runs that ended before others did.
+/// Sentence about runs that ended earlier than others, if there are any.
 fn ended_early(cells: &[&CellResults]) -> &'static str {
     let lengths = |cell: &&CellResults| {
         cell.runs
@@ -220,13 +208,13 @@ fn ended_early(cells: &[&CellResults]) -> &'static str {
         .map(lengths)
         .any(|lengths| lengths.iter().min() != lengths.iter().max());
     if uneven {
-        "A run that ended early, such as by solving its task, counts on with its last value."
+        "Runs that ended early, for example by solving their task, keep their last value."
     } else {
         ""
     }
 }
 
-/// The level at which the task counts as solved, if it is the same for all.
+/// Return from which the task counts as solved, if it is the same for all runs.
 fn thresholds(cells: &[&CellResults]) -> Vec<Threshold> {
     let mut values: Vec<f64> = cells
         .iter()
@@ -267,7 +255,7 @@ fn mean_curve(cell: &CellResults, of: Curve, window: usize, number: usize) -> Se
     let mean =
         |place: usize| smooth.iter().map(|run| run[place]).sum::<f64>() / smooth.len() as f64;
     let points = (0..length).map(|place| [x(place), mean(place)]).collect();
-    let band = (smooth.len() >= LEAST_RUNS).then(|| band(&smooth, x));
+    let band = (smooth.len() >= MIN_RUNS).then(|| band(&smooth, x));
     Series {
         name: cell.about.name.clone(),
         color: color(number),
@@ -277,7 +265,7 @@ fn mean_curve(cell: &CellResults, of: Curve, window: usize, number: usize) -> Se
     }
 }
 
-/// 95 % of the means of redrawn runs.   `smooth: [runs][places]` → (x, low, high)
+/// 95 % bootstrap intervals of the mean over runs.   `smooth: [runs][places]` → (x, low, high)
 fn band(smooth: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
     let last = smooth[0].len() - 1;
     let parts = BAND_PLACES.min(last).max(1);
@@ -292,7 +280,7 @@ fn band(smooth: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
                 / redrawn[0].len() as f64;
         }
     };
-    let found = estimates(&[runs], places.len(), means);
+    let found = bootstrap_statistics(&[runs], places.len(), means);
     let known = |(place, interval): (&usize, Interval)| match interval {
         Interval::Known { low, high } => Some([x(*place), low, high]),
         Interval::TooFewRuns { .. } => None,
@@ -304,12 +292,15 @@ fn band(smooth: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
         .collect()
 }
 
-fn agents(cells: &[&CellResults], window: usize) -> Made {
+fn agents(cells: &[&CellResults], window: usize) -> Drawing {
     let full: Vec<String> = cells.iter().map(|cell| cell.about.name.clone()).collect();
-    let names = if full.iter().all(|name| name.chars().count() <= SHORT) {
+    let names = if full
+        .iter()
+        .all(|name| name.chars().count() <= MAX_PANEL_TITLE)
+    {
         full
     } else {
-        own_words(cells)
+        short_names(cells)
     };
     let panels: Vec<Curves> = cells
         .iter()
@@ -319,18 +310,19 @@ fn agents(cells: &[&CellResults], window: usize) -> Made {
     let columns = panels.len().min(3);
     let (title, seed) = ("Single agents".to_owned(), cells[0].runs[0].0);
     let caption = format!(
-        "Returns of each agent and their mean (black) in the run with seed {seed}, moving average of {window}."
+        "Returns of each agent and their mean (black) in the run with seed {seed}, moving average over \
+         {window} episodes."
     );
-    (
-        "agents",
+    Drawing {
+        kind: "agents",
         title,
         caption,
-        Picture::of_curves("", "", panels, columns),
-    )
+        picture: Picture::from_curves("", "", panels, columns),
+    }
 }
 
-/// Letters of a name that stands above a panel as it is.
-const SHORT: usize = 30;
+/// Max number of letters of a cell's name that is a panel's title without being shortened.
+const MAX_PANEL_TITLE: usize = 30;
 
 fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
     let run = &cell.runs[0].1;
@@ -343,7 +335,7 @@ fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
             .collect()
     };
     let of_agent = |(agent, returns): (u32, &Vec<f32>)| Series {
-        color: agent_color(agent),
+        color: categorical_color(agent),
         points: curve(&widened(returns)),
         ..Series::default()
     };
@@ -365,8 +357,8 @@ fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
     }
 }
 
-/// What a cell is called among others in narrow panels: its name without the words that all of them have.
-fn own_words(cells: &[&CellResults]) -> Vec<String> {
+/// Names of cells for narrow panels, without the parts that all of them have.
+fn short_names(cells: &[&CellResults]) -> Vec<String> {
     let words = |cell: &&CellResults| {
         cell.about
             .name
@@ -393,10 +385,10 @@ fn own_words(cells: &[&CellResults]) -> Vec<String> {
         .collect()
 }
 
-/// Panels side by side have this width.
-const PANEL: f64 = 300.0;
+/// Width of panels that are side by side.
+const PANEL_WIDTH: f64 = 300.0;
 
-fn visitation(cells: &[&CellResults], windows: &[Upto]) -> Option<Made> {
+fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Drawing> {
     let rows: Vec<Vec<Dense>> = windows.iter().map(|&upto| densities(cells, upto)).collect();
     let columns = rows
         .iter()
@@ -405,11 +397,12 @@ fn visitation(cells: &[&CellResults], windows: &[Upto]) -> Option<Made> {
         .filter(|&columns| columns > 0)?;
     let seed = cells[0].runs[0].0;
     let caption = format!(
-        "States visited in the run with seed {seed}: one axis an observation, one line a state, the darker the more lines. Each panel shows \
-         an even sample of at most {} states of all agents{}.",
-        crate::study::measured::STATES,
+        "States visited in the run with seed {seed}: one axis per observation, one line per state; \
+         darker where more lines cross. Each panel shows a uniform sample of at most \
+         {} states of all agents{}.",
+        crate::study::run_result::STATES,
         if windows.len() > 1 {
-            "; rows go from early to all training"
+            "; rows show increasing parts of training"
         } else {
             ""
         }
@@ -417,25 +410,30 @@ fn visitation(cells: &[&CellResults], windows: &[Upto]) -> Option<Made> {
     let picture = Picture {
         title: String::new(),
         description: String::new(),
-        width: PANEL * columns as f64 + 90.0,
+        width: PANEL_WIDTH * columns as f64 + 90.0,
         rows: rows
             .into_iter()
             .filter(|row| !row.is_empty())
             .map(row_of_densities)
             .collect(),
     };
-    Some(("visitation", "Visited states".to_owned(), caption, picture))
+    Some(Drawing {
+        kind: "visitation",
+        title: "Visited states".to_owned(),
+        caption,
+        picture,
+    })
 }
 
-/// The states of one cell: what it is, its axes, and where lines are dense.
+/// Density of the states of one cell, with a title and its axes.
 struct Dense {
     title: String,
     axes: Vec<Quantity>,
     density: Density,
 }
 
-/// Of each cell whose states were kept.
-fn densities(cells: &[&CellResults], upto: Upto) -> Vec<Dense> {
+/// Densities of all cells whose states were kept.
+fn densities(cells: &[&CellResults], upto: EpisodeWindow) -> Vec<Dense> {
     let of_cell = |(cell, name): (&&CellResults, String)| {
         let (visited, states) = cell.states(upto)?;
         let spec = spec(cell);
@@ -443,13 +441,13 @@ fn densities(cells: &[&CellResults], upto: Upto) -> Vec<Dense> {
         let mut density = Density::new(&axes);
         let mut fractions = Vec::new();
         for state in states.chunks_exact(spec.observation_width()) {
-            axes.project(&Seen::state(0, state, 0.0), &mut fractions);
+            axes.project(&VisitedState::state(0, state, 0.0), &mut fractions);
             density.add(&fractions);
         }
         let part = match upto {
-            Upto::First(episodes) if episodes.get() == 1 => "first episode".to_owned(),
-            Upto::First(episodes) => format!("first {} episodes", episodes.get()),
-            Upto::All => "all episodes".to_owned(),
+            EpisodeWindow::First(episodes) if episodes.get() == 1 => "first episode".to_owned(),
+            EpisodeWindow::First(episodes) => format!("first {} episodes", episodes.get()),
+            EpisodeWindow::All => "all episodes".to_owned(),
         };
         let title = format!("{name}: {part}, {visited} states");
         Some(Dense {
@@ -464,7 +462,7 @@ fn densities(cells: &[&CellResults], upto: Upto) -> Vec<Dense> {
     };
     cells
         .iter()
-        .zip(own_words(cells))
+        .zip(short_names(cells))
         .filter_map(of_cell)
         .collect()
 }
@@ -477,20 +475,20 @@ fn row_of_densities(mut row: Vec<Dense>) -> Row {
     let most = drawn.iter().flatten().copied().max().unwrap_or(1).max(1);
     let panel = |(Dense { title, axes, .. }, pixels): (Dense, Vec<u32>)| {
         let width = pixels.len() / crate::record::visitation::HEIGHT;
-        let states = States::Density(DensityPicture {
+        let states = States::Density(DensityImage {
             pixels,
             width,
-            most,
+            max_count: most,
         });
         Panel::ParallelCoordinates(ParallelCoordinates {
             title,
-            axes,
+            axes: axes.iter().map(axis).collect(),
             states,
         })
     };
     let key = Some(Key::Counts {
         label: "lines".to_owned(),
-        most,
+        max_count: most,
     });
     Row {
         height: 250.0,
@@ -500,10 +498,10 @@ fn row_of_densities(mut row: Vec<Dense>) -> Row {
 }
 
 fn axes(spec: &Spec) -> Axes {
-    Axes::of_quantities(&spec.observations, spec.time_limit, None)
+    Axes::of_quantities(&spec.observations, spec.time_limit, BonusRange::None)
 }
 
-/// As much of a task as its axes need.
+/// Description of a task as far as its axes need it.
 fn spec(cell: &CellResults) -> Spec {
     let quantity = |(name, unit, range): &(String, String, [f32; 2])| Quantity {
         name: name.clone(),
@@ -521,7 +519,7 @@ fn spec(cell: &CellResults) -> Spec {
     }
 }
 
-fn capital(words: &str) -> String {
+fn capitalized(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().map_or_else(String::new, |first| {
         first.to_uppercase().chain(letters).collect()

@@ -1,0 +1,45 @@
+//! What a recording costs: creating it, and taking in 50 rounds of four agents, states per second.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use seedbed::record::rerun::RerunRecorder;
+use seedbed::record::{Recorder, RecordingSettings};
+
+#[allow(
+    clippy::struct_field_names,
+    reason = "a round's rows are named as in the record"
+)]
+#[path = "../tests/it/recording/made_up.rs"]
+mod made_up;
+
+use made_up::Run;
+
+criterion_group!(benches, recording);
+criterion_main!(benches);
+
+fn recording(criterion: &mut Criterion) {
+    let run = Run::new(4, 50);
+    let episodes = run.rounds.iter().flat_map(|round| &round.episodes);
+    let states: usize = episodes.map(|episode| episode.length() + 1).sum();
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let path = folder.path().join("run.rrd");
+    let mut group = criterion.benchmark_group("recording");
+    group.sample_size(10);
+    group.bench_function("created", |bencher| {
+        bencher.iter(|| RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()));
+    });
+    group.throughput(Throughput::Elements(states as u64));
+    group.bench_function("50 rounds of 4 agents", |bencher| {
+        bencher.iter(|| {
+            let settings = RecordingSettings::default();
+            let mut recorder = RerunRecorder::create(&path, &run.about(), &settings)
+                .expect("the temporary folder can be written");
+            for round in &run.rounds {
+                round.record(&mut recorder);
+            }
+            recorder
+                .finish()
+                .expect("the temporary folder can be written");
+        });
+    });
+    group.finish();
+}

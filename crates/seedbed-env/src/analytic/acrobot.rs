@@ -1,0 +1,220 @@
+//! Two links in a chain that swings about a fixed point without friction.
+//!
+//! With α, β the counter-clockwise angles of the links' frames, c₁ the upper link's center of mass
+//! and e the elbow as seen from the shoulder, c₂ the lower link's center of mass as seen from the
+//! elbow (each turning with its link), and u × v and u · v taken after turning, Lagrange's
+//! equations are
+//!
+//! ```text
+//! A α̈ + K cos δ β̈ − K sin δ β̇² = Q₁ + weight of link 1 and of m₂ at the elbow      A = I₁ + m₁ c₁² + m₂ e²
+//! K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + weight of link 2                             B = I₂ + m₂ c₂²
+//! ```
+//!
+//! with K = m₂ |e| |c₂| and δ the angle from e to c₂ (from T = ½ A α̇² + ½ B β̇² + K cos δ α̇ β̇).
+//! The shoulder's torque τ₁ turns the upper link, the elbow's τ₂ the lower link and its reaction
+//! the upper one: Q₁ = τ₁ − τ₂, Q₂ = τ₂.
+
+use super::{EquationsOfMotion, require, require_only_gravity, runge_kutta, substeps};
+use crate::description::{AnalyticModel, BodyTask, JointKind};
+use crate::kinematics::{Frame, KinematicTree};
+
+/// The parameters of an acrobot, and how the task's joint coordinates map onto α and β.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Acrobot {
+    /// A, kg m².
+    pub upper_inertia: f64,
+    /// B, kg m².
+    pub lower_inertia: f64,
+    /// K, kg m².
+    pub coupling: f64,
+    /// m₁ c₁ + m₂ e, kg m, in the upper link's frame.
+    pub upper_moment: [f64; 2],
+    /// m₂ c₂, kg m, in the lower link's frame.
+    pub lower_moment: [f64; 2],
+    /// Gravity to the right and upwards, m/s².
+    pub gravity: [f64; 2],
+    /// δ where both frames are parallel.
+    offset: f64,
+    /// α and β − α at coordinates 0.
+    reference: [f64; 2],
+    /// +1 where a coordinate grows counter-clockwise, else −1; shoulder, elbow.
+    signs: [f64; 2],
+    /// Index of the shoulder: 0 or 1.
+    shoulder: usize,
+    control_step: f64,
+    substeps: u32,
+}
+
+/// Maximum Runge–Kutta step, s: the error of a control step is below what an f32 resolves.
+const MAX_STEP: f64 = 0.005;
+
+impl Acrobot {
+    /// Takes the parameters from the bodies of a task with this analytic model.
+    ///
+    /// # Errors
+    /// Says what an acrobot requires of the bodies.
+    pub fn of(task: &BodyTask) -> Result<Self, String> {
+        let Some(AnalyticModel::Acrobot { shoulder, elbow }) = task.analytic_model else {
+            return Err("the task has no analytic model of a acrobot".to_owned());
+        };
+        require_only_gravity(task)?;
+        let (first, second) = (&task.joints[shoulder], &task.joints[elbow]);
+        let sign = |kind, name| match kind {
+            JointKind::Hinge { sign } => Ok(sign),
+            _ => Err(format!(
+                "`Acrobot` requires two hinges, but joint `{name}` is not one"
+            )),
+        };
+        let signs = [
+            sign(first.kind, &first.name)?,
+            sign(second.kind, &second.name)?,
+        ];
+        require(
+            task.joints.len() == 2,
+            "`Acrobot` requires that there are no other joints than `shoulder` and `elbow`",
+        )?;
+        require(
+            first.parent.is_none(),
+            "`Acrobot` requires that the parent of `shoulder` is the world",
+        )?;
+        require(
+            second.parent == Some(first.child),
+            "`Acrobot` requires that the parent of `elbow` is the child of `shoulder`",
+        )?;
+        Ok(Self::new(task, [shoulder, elbow], signs))
+    }
+
+    fn new(task: &BodyTask, [shoulder, elbow]: [usize; 2], signs: [f64; 2]) -> Self {
+        let tree = KinematicTree::new(task);
+        let (first, second) = (&tree.links()[shoulder], &tree.links()[elbow]);
+        let (upper, lower) = (
+            &task.bodies[first.child].inertial,
+            &task.bodies[second.child].inertial,
+        );
+        let [c1, c2] = [
+            difference(upper.com, first.anchor_in_child),
+            difference(lower.com, second.anchor_in_child),
+        ];
+        let e = difference(second.anchor_in_parent, first.anchor_in_child);
+        let control_step = task.spec.control_step;
+        Self {
+            upper_inertia: upper.inertia + upper.mass * dot(c1, c1) + lower.mass * dot(e, e),
+            lower_inertia: lower.inertia + lower.mass * dot(c2, c2),
+            coupling: lower.mass * (dot(e, e) * dot(c2, c2)).sqrt(),
+            upper_moment: [0, 1].map(|i| upper.mass * c1[i] + lower.mass * e[i]),
+            lower_moment: c2.map(|length| lower.mass * length),
+            gravity: task.gravity,
+            offset: libm::atan2(c2[1], c2[0]) - libm::atan2(e[1], e[0]),
+            reference: [first.angle, second.angle],
+            signs,
+            shoulder,
+            control_step,
+            substeps: substeps(control_step, MAX_STEP),
+        }
+    }
+
+    /// α̈ and β̈ in the state α, β, α̇, β̇ under the torques τ₁, τ₂ (N m, counter-clockwise).
+    #[must_use]
+    pub fn accelerations(
+        &self,
+        [alpha, beta, alpha_rate, beta_rate]: [f64; 4],
+        [shoulder, elbow]: [f64; 2],
+    ) -> [f64; 2] {
+        let (sine, cosine) = libm::sincos(beta - alpha + self.offset);
+        let (couple, twist) = (self.coupling * cosine, self.coupling * sine);
+        let upper = shoulder - elbow
+            + self.weight(self.upper_moment, alpha)
+            + twist * beta_rate * beta_rate;
+        let lower = elbow + self.weight(self.lower_moment, beta) - twist * alpha_rate * alpha_rate;
+        let determinant = self.upper_inertia * self.lower_inertia - couple * couple;
+        [
+            (self.lower_inertia * upper - couple * lower) / determinant,
+            (self.upper_inertia * lower - couple * upper) / determinant,
+        ]
+    }
+
+    /// Torque of gravity on a moment of mass that has turned by an angle.
+    fn weight(&self, moment: [f64; 2], angle: f64) -> f64 {
+        let [x, y] = Frame::at([0.0; 2], angle).point(moment);
+        x * self.gravity[1] - y * self.gravity[0]
+    }
+
+    /// T + V, J, of the state α, β, α̇, β̇.
+    #[must_use]
+    pub fn energy(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> f64 {
+        let height = |moment, angle| dot(Frame::at([0.0; 2], angle).point(moment), self.gravity);
+        let coupled = self.coupling * (beta - alpha + self.offset).cos() * alpha_rate * beta_rate;
+        let kinetic = 0.5
+            * (self.upper_inertia * alpha_rate.powi(2) + self.lower_inertia * beta_rate.powi(2))
+            + coupled;
+        kinetic - height(self.upper_moment, alpha) - height(self.lower_moment, beta)
+    }
+
+    /// α, β, α̇, β̇ after one Runge–Kutta step of `duration` s.
+    #[must_use]
+    pub fn runge_kutta(&self, state: [f64; 4], torques: [f64; 2], duration: f64) -> [f64; 4] {
+        runge_kutta(state, duration, |state| {
+            let [alpha, beta] = self.accelerations(state, torques);
+            [state[2], state[3], alpha, beta]
+        })
+    }
+
+    /// α, β, α̇, β̇ of joint coordinates: positions, then velocities.
+    #[must_use]
+    pub fn physical(&self, joints: &[f64]) -> [f64; 4] {
+        let of = |joint: usize, first: usize| {
+            self.signs[joint]
+                * joints[first
+                    + if joint == 0 {
+                        self.shoulder
+                    } else {
+                        1 - self.shoulder
+                    }]
+        };
+        let (alpha, alpha_rate) = (self.reference[0] + of(0, 0), of(0, 2));
+        [
+            alpha,
+            alpha + self.reference[1] + of(1, 0),
+            alpha_rate,
+            alpha_rate + of(1, 2),
+        ]
+    }
+
+    /// The inverse of [`physical`](Self::physical).
+    #[must_use]
+    pub fn joints(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> [f64; 4] {
+        let shoulder = self.signs[0] * (alpha - self.reference[0]);
+        let elbow = self.signs[1] * (beta - alpha - self.reference[1]);
+        let rates = [
+            self.signs[0] * alpha_rate,
+            self.signs[1] * (beta_rate - alpha_rate),
+        ];
+        if self.shoulder == 0 {
+            [shoulder, elbow, rates[0], rates[1]]
+        } else {
+            [elbow, shoulder, rates[1], rates[0]]
+        }
+    }
+}
+
+impl EquationsOfMotion for Acrobot {
+    fn advance(&self, joints: &mut [f64], forces: &[f64]) {
+        let torques = [
+            self.signs[0] * forces[self.shoulder],
+            self.signs[1] * forces[1 - self.shoulder],
+        ];
+        let duration = self.control_step / f64::from(self.substeps);
+        let start = self.physical(joints);
+        let end =
+            (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, torques, duration));
+        joints.copy_from_slice(&self.joints(end));
+    }
+}
+
+fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}

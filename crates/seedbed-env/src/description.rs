@@ -1,0 +1,372 @@
+//! Checked and resolved tasks: names have become indices, formulas programs, and omitted fields
+//! their defaults.
+//!
+//! [`mod@file`](super::file) makes a [`TaskDescription`] from a task file, and
+//! [`build`](super::build()) makes an environment from it. Fields may be changed in between, for
+//! example to compare solver settings. This module must not depend on reading files.
+
+mod actuators;
+mod column_layout;
+mod distribution;
+mod sensors;
+
+pub use actuators::{Actuator, Drive, Servo, ServoTarget};
+pub use column_layout::ColumnLayout;
+pub use distribution::Distribution;
+pub use sensors::{BodyPoint, Measurement, Ray, Sensor};
+
+pub use super::tabular::TabularTask;
+
+use super::expression::Program;
+use super::{Scene, Shape, Spec};
+
+/// One task: rigid bodies, or a tabular MDP.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TaskDescription {
+    /// Rigid bodies with joints, actuators, sensors and formulas.
+    Bodies(Box<BodyTask>),
+    /// A finite Markov decision process, given by its tables.
+    Tabular(Box<TabularTask>),
+}
+
+/// A task of rigid bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyTask {
+    /// File that the task was read from.
+    pub origin: String,
+    /// The task as an agent sees it.
+    pub spec: Spec,
+    /// What is drawn: the world's own shapes first, if there are any, then every body.
+    pub scene: Option<Scene>,
+    /// Acceleration of free fall to the right and upwards, m/s².
+    pub gravity: [f64; 2],
+    /// How accurately motion is computed.
+    pub solver: Solver,
+    /// Rigid bodies.
+    pub bodies: Vec<Body>,
+    /// Joints: at most one per child body, parents before their children.
+    pub joints: Vec<Joint>,
+    /// Indices of the bodies that are no joint's child.
+    pub free_bodies: Vec<usize>,
+    /// Surfaces of bodies and of the world that touch each other.
+    pub colliders: Vec<Collider>,
+    /// One actuator per component of an action, in the same order.
+    pub actuators: Vec<Actuator>,
+    /// What formulas may read besides observations and actions.
+    pub sensors: Vec<Sensor>,
+    /// Forces given by formulas, besides gravity.
+    pub formula_forces: Vec<FormulaForce>,
+    /// Bodies that are drawn at another place than they are.
+    pub display_offsets: Vec<DisplayOffset>,
+    /// Observations, reward, termination.
+    pub formulas: Formulas,
+    /// Where episodes start. Coordinates that are not mentioned start at rest at the reference
+    /// poses.
+    pub reset: Vec<StartCoordinate>,
+    /// The task's analytic model, if it has one.
+    pub analytic_model: Option<AnalyticModel>,
+}
+
+/// How accurately motion is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Solver {
+    /// Substeps per contact update; `iterations` in a task file. The error falls as 1 / substeps.
+    pub substeps: u32,
+    /// Iterations over all constraints per substep; `passes` in a task file. Chains of several
+    /// hinges need more than 1.
+    pub solver_iterations: u32,
+    /// Times per control step that contacts are searched for; `searches` in a task file. Each is
+    /// followed by `substeps` substeps.
+    pub contact_updates: u32,
+}
+
+/// A rigid body at its reference pose: where it is when all joint coordinates are 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    /// Name, unique among bodies.
+    pub name: String,
+    /// Origin of the body's frame in the world, m.
+    pub position: [f64; 2],
+    /// Angle of the body's frame, rad, counter-clockwise.
+    pub angle: f64,
+    /// Mass, center of mass and inertia.
+    pub inertial: Inertial,
+    /// Shapes in the body's frame.
+    pub shapes: Vec<Shape>,
+}
+
+/// How a body resists forces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inertial {
+    /// Mass, kg.
+    pub mass: f64,
+    /// Center of mass in the body's frame, m.
+    pub com: [f64; 2],
+    /// Moment of inertia about the center of mass, kg m².
+    pub inertia: f64,
+}
+
+/// A surface that touches others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Collider {
+    /// Name by which sensors refer to it, unique among colliders.
+    pub name: Option<String>,
+    /// Index of the body that it belongs to; `None` is the world.
+    pub body: Option<usize>,
+    /// Its surface in the body's frame.
+    pub surface: Surface,
+    /// Coefficient μ of dry friction. The larger one of two surfaces is used.
+    pub friction: f64,
+    /// Coefficient of restitution, from 0 (no bounce) to 1. The larger one of two surfaces is used.
+    pub restitution: f64,
+    /// Bits of the collision groups that the surface belongs to.
+    pub contype: u32,
+    /// Bits of the collision groups that it touches. Two surfaces can touch if one belongs to a
+    /// group that the other touches.
+    pub conaffinity: u32,
+}
+
+/// The surface of a collider.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Surface {
+    /// An area, or an open line whose right-hand side is outside.
+    Shape(Shape),
+    /// Everything behind an infinite line.
+    HalfSpace {
+        /// A point on the line.
+        point: [f32; 2],
+        /// Unit vector to the outside.
+        normal: [f32; 2],
+    },
+}
+
+/// A joint between two bodies, or between the world and a body. Its coordinate is 0 at the
+/// reference poses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Name, unique among joints.
+    pub name: String,
+    /// Index of the parent body; `None` is the world.
+    pub parent: Option<usize>,
+    /// Index of the child body.
+    pub child: usize,
+    /// Position of the joint in the child's frame, m.
+    pub anchor: [f64; 2],
+    /// How the child may move.
+    pub kind: JointKind,
+    /// Minimum and maximum of the coordinate, m or rad.
+    pub range: Option<[f64; 2]>,
+    /// Forces that resist motion along the coordinate.
+    pub passive: Passive,
+}
+
+/// Passive forces along a joint's coordinate q: −damping q̇ − stiffness (q − springref), and dry
+/// friction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Passive {
+    /// Damping, N s/m or N m s/rad.
+    pub damping: f64,
+    /// Dry friction, N or N m: the joint sticks up to this force and slides against it beyond.
+    pub frictionloss: f64,
+    /// Inertia of a rotor that moves with the coordinate, kg or kg m². It has no weight.
+    pub armature: f64,
+    /// Stiffness of the spring, N/m or N m/rad.
+    pub stiffness: f64,
+    /// Coordinate at which the spring is at rest, m or rad.
+    pub springref: f64,
+}
+
+/// A force given by a formula of the state and the action. It is computed before each control step
+/// and constant during it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormulaForce {
+    /// Joint or body that the force acts on.
+    pub drive: Drive,
+    /// Formula over sensors and actions, N or N m.
+    pub force: Program,
+}
+
+/// An offset between where a body is and where it is drawn: a car that the equations move along x
+/// only is drawn on its hill.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DisplayOffset {
+    /// Index of the body.
+    pub body: usize,
+    /// Formula over sensors, added to the drawn height, m.
+    pub y: Program,
+    /// Formula over sensors, added to the drawn angle, rad.
+    pub angle: Program,
+}
+
+/// How a joint lets its child move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum JointKind {
+    /// Along an axis; the coordinate is in m.
+    Slide {
+        /// Unit vector in the child's frame.
+        axis: [f64; 2],
+    },
+    /// About the anchor; the coordinate is in rad.
+    Hinge {
+        /// +1 if the coordinate grows counter-clockwise, −1 if clockwise.
+        sign: f64,
+    },
+    /// Not at all; the coordinate is always 0.
+    Weld,
+}
+
+/// The task's formulas, over a table of columns. [`ColumnLayout`] gives the order of the columns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Formulas {
+    /// One program per observation, over sensors only.
+    pub observations: Vec<Program>,
+    /// Reward of a step.
+    pub reward: Program,
+    /// Whether the task terminates after a step.
+    pub terminated: Program,
+}
+
+/// How a coordinate is drawn at the start of an episode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartCoordinate {
+    /// Index of the coordinate: those of the joints first, then x, y and angle of each free body.
+    pub coordinate: usize,
+    /// Position, m or rad.
+    pub position: Distribution,
+    /// Velocity, m/s or rad/s.
+    pub velocity: Distribution,
+}
+
+/// A task's analytic model: exact equations of motion instead of rigid bodies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AnalyticModel {
+    /// A cart on a level rail with a pole that swings without friction.
+    CartPole {
+        /// Index of the joint between the world and the cart.
+        slider: usize,
+        /// Index of the joint between the cart and the pole.
+        hinge: usize,
+    },
+    /// A body that swings about a fixed point without friction.
+    Pendulum {
+        /// Index of the joint between the world and the body.
+        hinge: usize,
+    },
+    /// Two bodies in a chain that swings about a fixed point without friction.
+    Acrobot {
+        /// Index of the joint between the world and the upper link.
+        shoulder: usize,
+        /// Index of the joint between the links.
+        elbow: usize,
+    },
+    /// A car on a level rail under a force that depends on its position, between inelastic walls.
+    MountainCar {
+        /// Index of the joint between the world and the car.
+        slider: usize,
+    },
+}
+
+impl TaskDescription {
+    /// The task as an agent sees it.
+    #[must_use]
+    pub fn spec(&self) -> &Spec {
+        match self {
+            Self::Bodies(task) => &task.spec,
+            Self::Tabular(task) => &task.spec,
+        }
+    }
+
+    /// The same, to be changed before building.
+    pub fn spec_mut(&mut self) -> &mut Spec {
+        match self {
+            Self::Bodies(task) => &mut task.spec,
+            Self::Tabular(task) => &mut task.spec,
+        }
+    }
+
+    /// File that the task was read from.
+    #[must_use]
+    pub fn origin(&self) -> &str {
+        match self {
+            Self::Bodies(task) => &task.origin,
+            Self::Tabular(task) => &task.origin,
+        }
+    }
+
+    /// The rigid bodies and all that belongs to them; `None` for a tabular task.
+    #[must_use]
+    pub fn bodies(&self) -> Option<&BodyTask> {
+        match self {
+            Self::Bodies(task) => Some(task),
+            Self::Tabular(_) => None,
+        }
+    }
+
+    /// Whether the task has an analytic model, which [`Physics::Analytic`](super::Physics) runs.
+    #[must_use]
+    pub fn has_analytic_model(&self) -> bool {
+        self.bodies()
+            .is_some_and(|task| task.analytic_model.is_some())
+    }
+}
+
+impl From<BodyTask> for TaskDescription {
+    fn from(task: BodyTask) -> Self {
+        Self::Bodies(Box::new(task))
+    }
+}
+
+impl From<TabularTask> for TaskDescription {
+    fn from(task: TabularTask) -> Self {
+        Self::Tabular(Box::new(task))
+    }
+}
+
+impl BodyTask {
+    /// The order of the columns that formulas read.
+    #[must_use]
+    pub fn column_layout(&self) -> ColumnLayout {
+        ColumnLayout {
+            sensors: self.sensors.len(),
+            observations: self.spec.observations.len(),
+            actions: self.actuators.len(),
+            formula_forces: self.formula_forces.len(),
+        }
+    }
+
+    /// Number of coordinates: one per joint, then x, y and angle of each free body.
+    #[must_use]
+    pub fn coordinates(&self) -> usize {
+        self.joints.len() + 3 * self.free_bodies.len()
+    }
+
+    /// The coordinates at the reference poses: 0 for joints.
+    #[must_use]
+    pub fn reference_coordinates(&self) -> Vec<f64> {
+        let mut coordinates = vec![0.0; self.joints.len()];
+        for &body in &self.free_bodies {
+            let Body {
+                position: [x, y],
+                angle,
+                ..
+            } = self.bodies[body];
+            coordinates.extend([x, y, angle]);
+        }
+        coordinates
+    }
+
+    /// Whether each copy of the task needs a physics world of its own, because bodies can touch,
+    /// are free, or are pushed directly. Copies of other tasks share a world.
+    #[must_use]
+    pub fn needs_own_worlds(&self) -> bool {
+        let drives = self
+            .actuators
+            .iter()
+            .map(|actuator| actuator.drive)
+            .chain(self.formula_forces.iter().map(|force| force.drive));
+        let pushes_body = |drive| matches!(drive, Drive::BodyForce { .. });
+        drives.into_iter().any(pushes_body)
+            || !self.colliders.is_empty()
+            || !self.free_bodies.is_empty()
+    }
+}

@@ -1,0 +1,65 @@
+//! What the components of an action drive.
+
+use crate::Choice;
+
+/// What one component of an action drives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Actuator {
+    /// Name, unique among actions, observations and sensors.
+    pub name: String,
+    /// What it acts on.
+    pub drive: Drive,
+    /// Force or torque per unit of control.
+    pub gear: f64,
+    /// Values that the control may take.
+    pub choice: Choice,
+    /// Minimum and maximum of the control.
+    pub range: [f32; 2],
+}
+
+/// What an actuator or a formula force acts on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Drive {
+    /// A force (N) or torque (N m) along the coordinate of the joint with this index.
+    JointForce(usize),
+    /// Nothing by itself: formulas of forces read the control.
+    Nothing,
+    /// A force (N) on a body.
+    BodyForce {
+        /// Index of the body.
+        body: usize,
+        /// Point of application in the body's frame, m; `None` is the center of mass.
+        at: Option<[f64; 2]>,
+        /// Unit vector along which a positive force pushes.
+        direction: [f64; 2],
+        /// Whether the direction turns with the body.
+        local: bool,
+    },
+    /// A motor that drives a joint's coordinate or velocity to gear × control.
+    Servo(Servo),
+}
+
+/// A motor with the force kp (target − q) + kv (target velocity − q̇), computed again in each
+/// substep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Servo {
+    /// Index of the joint.
+    pub joint: usize,
+    /// Which quantity gear × control is the target of.
+    pub target: ServoTarget,
+    /// Position gain, N/m or N m/rad; 0 for a velocity servo.
+    pub kp: f64,
+    /// Velocity gain, N s/m or N m s/rad.
+    pub kv: f64,
+    /// Maximum force, N or N m.
+    pub force_limit: Option<f64>,
+}
+
+/// Which quantity a servo's control is the target of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ServoTarget {
+    /// The coordinate, m or rad. The target velocity is 0.
+    Position,
+    /// The velocity, m/s or rad/s.
+    Velocity,
+}

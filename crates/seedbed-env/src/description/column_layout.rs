@@ -1,0 +1,53 @@
+//! The order of the columns that formulas read.
+
+/// How many columns of each kind the table has that formulas read. They come in this order:
+/// sensors, observations, actions, formula forces, sensors before the step, observations before the
+/// step.
+///
+/// The order is not free. A formula may read only what is computed before it, and
+/// [`ValueTable::split_at`](crate::expression::ValueTable::split_at) hands it just the columns
+/// before its own; actions and formula forces are neighbors because together they are the controls
+/// that the dynamics receive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ColumnLayout {
+    /// Number of sensors.
+    pub sensors: usize,
+    /// Number of observations.
+    pub observations: usize,
+    /// Number of action components.
+    pub actions: usize,
+    /// Number of formula forces.
+    pub formula_forces: usize,
+}
+
+impl ColumnLayout {
+    /// Column of the first observation.
+    #[must_use]
+    pub fn first_observation(&self) -> usize {
+        self.sensors
+    }
+
+    /// Column of the first action component.
+    #[must_use]
+    pub fn first_action(&self) -> usize {
+        self.sensors + self.observations
+    }
+
+    /// Column of the first formula force.
+    #[must_use]
+    pub fn first_formula_force(&self) -> usize {
+        self.first_action() + self.actions
+    }
+
+    /// Column of the first sensor's value before the step.
+    #[must_use]
+    pub fn first_previous(&self) -> usize {
+        self.first_formula_force() + self.formula_forces
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.first_previous() + self.sensors + self.observations
+    }
+}

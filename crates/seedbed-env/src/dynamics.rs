@@ -1,0 +1,119 @@
+//! Motion: from the actuators' controls to coordinates, one control step at a time.
+//!
+//! A [`Dynamics`] holds M copies of one task's bodies: rigid bodies ([`physics`](super::physics))
+//! or an analytic model ([`analytic`](super::analytic)). This module must not depend on
+//! observations, rewards or episodes.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::{Force, Pose};
+
+/// M copies of a task's bodies. Only live copies move. The bits of a copy do not depend on the
+/// others.
+pub trait Dynamics: Send {
+    /// Makes `copy` live, with the given positions and velocities of its coordinates. `positions`,
+    /// `velocities`: `[coordinates]`.
+    fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]);
+
+    /// Freezes `copy` until it is started again.
+    fn stop(&mut self, copy: usize);
+
+    /// Advances every live copy by one control step. `controls`: `[(actuators + formula forces) ×
+    /// M]`, one column per actuator, then one per formula force; constant during the step.
+    fn step(&mut self, controls: &[f32]);
+
+    /// The current coordinates of all copies: those of the joints, then x, y and angle of each free
+    /// body.
+    fn coordinates(&self) -> &CoordinateColumns;
+
+    /// Writes where the bodies of `copy` are now: `[bodies]`.
+    fn poses(&self, copy: usize, poses: &mut [Pose]);
+
+    /// Appends the contact forces on bodies of `copy` at the end of the latest step. Without
+    /// colliders there are none.
+    fn contacts(&self, _copy: usize, _forces: &mut Vec<Force>) {}
+
+    /// The whole state as bytes, from which [`restore`](Self::restore) continues with the same
+    /// bits.
+    fn save(&self) -> Vec<u8>;
+
+    /// Restores a state that [`save`](Self::save) returned.
+    ///
+    /// # Errors
+    /// The bytes are not a state of this task with this number of copies.
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
+}
+
+/// Positions and velocities of the coordinates of M copies: `[coordinates × M]`, one column per
+/// coordinate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CoordinateColumns {
+    copies: usize,
+    positions: Vec<f32>,
+    velocities: Vec<f32>,
+}
+
+impl CoordinateColumns {
+    /// All coordinates at rest at 0.
+    pub(crate) fn new(coordinates: usize, copies: usize) -> Self {
+        Self {
+            copies,
+            positions: vec![0.0; coordinates * copies],
+            velocities: vec![0.0; coordinates * copies],
+        }
+    }
+
+    /// Number of copies M.
+    #[must_use]
+    pub fn copies(&self) -> usize {
+        self.copies
+    }
+
+    /// Positions of one coordinate, m, or rad counting full turns: `[M]`.
+    #[must_use]
+    pub fn positions(&self, coordinate: usize) -> &[f32] {
+        &self.positions[coordinate * self.copies..][..self.copies]
+    }
+
+    /// Velocities of one coordinate, m/s or rad/s: `[M]`.
+    #[must_use]
+    pub fn velocities(&self, coordinate: usize) -> &[f32] {
+        &self.velocities[coordinate * self.copies..][..self.copies]
+    }
+
+    /// Position and velocity of one coordinate of one copy.
+    #[must_use]
+    pub fn get(&self, coordinate: usize, copy: usize) -> (f32, f32) {
+        let index = coordinate * self.copies + copy;
+        (self.positions[index], self.velocities[index])
+    }
+
+    /// Sets position and velocity of one coordinate of one copy.
+    pub(crate) fn set(&mut self, coordinate: usize, copy: usize, position: f32, velocity: f32) {
+        let index = coordinate * self.copies + copy;
+        self.positions[index] = position;
+        self.velocities[index] = velocity;
+    }
+
+    /// Whether both have the same number of coordinates and copies.
+    pub(crate) fn same_shape(&self, other: &Self) -> bool {
+        self.copies == other.copies
+            && self.positions.len() == other.positions.len()
+            && self.velocities.len() == other.velocities.len()
+    }
+}
+
+/// Writes a state as bytes, which [`from_bytes`] reads.
+pub(super) fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {
+    postcard::to_stdvec(state).expect("plain numbers in memory can always be written")
+}
+
+/// Reads what [`to_bytes`] wrote; more bytes than that are an error.
+pub(super) fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
+    match postcard::take_from_bytes(bytes) {
+        Ok((state, [])) => Ok(state),
+        Ok((_, rest)) => Err(format!("there are {} bytes too many", rest.len())),
+        Err(error) => Err(error.to_string()),
+    }
+}

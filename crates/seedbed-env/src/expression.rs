@@ -1,0 +1,454 @@
+//! Formulas of a task file: observations, reward and termination as expressions over named numbers.
+//!
+//! A formula is written in Rust's expression syntax. When the file is read, it is checked for
+//! names, types and numbers of arguments, and compiled to a flat [`Program`]. An [`Evaluator`] runs
+//! the program for all copies of a task at once. Transcendental functions are those of `libm`,
+//! which give the same bits on every machine. This module must not depend on what the names mean.
+
+mod compile;
+mod delimiters;
+mod operation;
+
+use std::ops::Range;
+
+pub use compile::{ExpressionError, RESERVED, Variable, compile};
+use operation::Operation;
+
+/// What a formula computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Type {
+    /// A real number.
+    Number,
+    /// True or false, stored as 1 or 0.
+    Boolean,
+}
+
+/// A compiled formula over the columns of a [`ValueTable`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Program {
+    constants: Vec<f32>,
+    instructions: Vec<Instruction>,
+    result: Operand,
+}
+
+/// Columns of equal length, with one value per copy: `[columns × copies]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ValueTable {
+    copies: usize,
+    values: Vec<f32>,
+}
+
+/// The first columns of a [`ValueTable`], or all of them, to be read.
+#[derive(Clone, Copy, Debug)]
+pub struct ValueTableView<'a> {
+    copies: usize,
+    values: &'a [f32],
+}
+
+/// A program together with the memory in which it runs.
+///
+/// Each instruction is one loop over all copies, from columns into a scratch column of its own. The
+/// compiler turns these loops into SIMD code, which an interpreter that evaluates the whole formula
+/// copy by copy could not have. Constants fill scratch columns too, so that operands need no case
+/// distinction within a loop. Nothing is allocated after [`new`](Self::new).
+#[derive(Clone, Debug)]
+pub struct Evaluator {
+    program: Program,
+    scratch: ValueTable,
+}
+
+impl Program {
+    /// The formula's value, if it does not depend on any column.
+    #[must_use]
+    pub fn constant(&self) -> Option<f32> {
+        match self.result {
+            Operand::Scratch(index) if index < self.constants.len() => Some(self.constants[index]),
+            _ => None,
+        }
+    }
+
+    /// Whether the formula reads any of these columns.
+    #[must_use]
+    pub fn reads(&self, columns: &Range<usize>) -> bool {
+        let reads = |operand: &Operand| matches!(operand, Operand::Variable(index) if columns.contains(index));
+        reads(&self.result)
+            || self
+                .instructions
+                .iter()
+                .flat_map(Instruction::inputs)
+                .any(reads)
+    }
+}
+
+impl Evaluator {
+    /// Prepares to evaluate `program` over tables of `copies` copies.
+    #[must_use]
+    pub fn new(program: &Program, copies: usize) -> Self {
+        let mut scratch =
+            ValueTable::new(program.constants.len() + program.instructions.len(), copies);
+        for (index, &constant) in program.constants.iter().enumerate() {
+            scratch.column_mut(index).fill(constant);
+        }
+        Self {
+            program: program.clone(),
+            scratch,
+        }
+    }
+
+    /// The formula's value for each of the given copies: `[copies.len()]`.
+    pub fn evaluate<'a>(
+        &'a mut self,
+        variables: ValueTableView<'a>,
+        copies: Range<usize>,
+    ) -> &'a [f32] {
+        let first = self.program.constants.len();
+        for (index, instruction) in self.program.instructions.iter().enumerate() {
+            let (inputs, output) = self.scratch.split_at(first + index);
+            let read = |operand: Operand| match operand {
+                Operand::Variable(index) => &variables.column(index)[copies.clone()],
+                Operand::Scratch(index) => &inputs.column(index)[copies.clone()],
+            };
+            let [a, b, c] = instruction.operands.map(read);
+            instruction
+                .operation
+                .apply(&mut output[copies.clone()], a, b, c);
+        }
+        match self.program.result {
+            Operand::Variable(index) => &variables.column(index)[copies],
+            Operand::Scratch(index) => &self.scratch.column(index)[copies],
+        }
+    }
+}
+
+impl ValueTable {
+    /// Columns full of zeros.
+    #[must_use]
+    pub fn new(columns: usize, copies: usize) -> Self {
+        Self {
+            copies,
+            values: vec![0.0; columns * copies],
+        }
+    }
+
+    /// The values of one column: `[copies]`.
+    #[must_use]
+    pub fn column(&self, index: usize) -> &[f32] {
+        &self.values[index * self.copies..][..self.copies]
+    }
+
+    /// The values of one column: `[copies]`.
+    pub fn column_mut(&mut self, index: usize) -> &mut [f32] {
+        &mut self.values[index * self.copies..][..self.copies]
+    }
+
+    /// All values, column by column: `[columns × copies]`.
+    #[must_use]
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// All values, column by column: `[columns × copies]`.
+    pub fn values_mut(&mut self) -> &mut [f32] {
+        &mut self.values
+    }
+
+    /// Copies the columns `from` to the columns that begin with `to`.
+    pub fn copy_columns(&mut self, from: Range<usize>, to: usize) {
+        self.values.copy_within(
+            from.start * self.copies..from.end * self.copies,
+            to * self.copies,
+        );
+    }
+
+    /// Several columns: `[columns × copies]`.
+    #[must_use]
+    pub fn columns(&self, range: Range<usize>) -> &[f32] {
+        &self.values[range.start * self.copies..range.end * self.copies]
+    }
+
+    /// All columns, to be read.
+    #[must_use]
+    pub fn view(&self) -> ValueTableView<'_> {
+        ValueTableView {
+            copies: self.copies,
+            values: &self.values,
+        }
+    }
+
+    /// The columns before `index`, and column `index`.
+    pub fn split_at(&mut self, index: usize) -> (ValueTableView<'_>, &mut [f32]) {
+        let (before, from) = self.values.split_at_mut(index * self.copies);
+        (
+            ValueTableView {
+                copies: self.copies,
+                values: before,
+            },
+            &mut from[..self.copies],
+        )
+    }
+}
+
+impl<'a> ValueTableView<'a> {
+    fn column(self, index: usize) -> &'a [f32] {
+        &self.values[index * self.copies..][..self.copies]
+    }
+}
+
+/// An operation and its operands. Instruction k writes the k-th scratch column after the constants,
+/// and reads only scratch columns before that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Instruction {
+    operation: Operation,
+    /// Columns of the operands. Those beyond the operation's number of arguments repeat the first.
+    operands: [Operand; 3],
+}
+
+/// The column of a value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Operand {
+    Variable(usize),
+    Scratch(usize),
+}
+
+impl Instruction {
+    fn inputs(&self) -> &[Operand] {
+        &self.operands[..self.operation.arguments()]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::compile::NOT_A_FORMULA;
+    use super::*;
+    use proptest::prelude::*;
+
+    const NAMES: [&str; 3] = ["x", "x_dot", "theta"];
+
+    fn variables() -> Vec<Variable> {
+        NAMES
+            .iter()
+            .enumerate()
+            .map(|(index, &name)| Variable {
+                name: name.to_owned(),
+                column: index,
+                previous: (index < 2).then_some(3 + index),
+            })
+            .collect()
+    }
+
+    fn value(text: &str, kind: Type, x: f32) -> f32 {
+        let program =
+            compile(text, kind, &variables()).unwrap_or_else(|error| panic!("{text}: {error:?}"));
+        let mut table = ValueTable::new(5, 3);
+        for (column, value) in [x, 2.0, -0.5, 7.0, 8.0].into_iter().enumerate() {
+            table.column_mut(column).fill(value);
+        }
+        let mut formula = Evaluator::new(&program, 3);
+        let all = formula.evaluate(table.view(), 0..3).to_vec();
+        assert_eq!(
+            all[1].to_bits(),
+            formula.evaluate(table.view(), 1..2)[0].to_bits()
+        );
+        all[1]
+    }
+
+    fn number(text: &str, x: f32) -> f32 {
+        value(text, Type::Number, x)
+    }
+
+    fn boolean(text: &str, x: f32) -> f32 {
+        value(text, Type::Boolean, x)
+    }
+
+    fn error(text: &str, kind: Type) -> (usize, String, Option<String>) {
+        let error = compile(text, kind, &variables()).expect_err(text);
+        (error.column, error.message, error.help)
+    }
+
+    #[test]
+    fn arithmetic_follows_rust() {
+        assert_eq!(number("1 + 2 * x", 3.0), 7.0);
+        assert_eq!(number("(1 + 2) * x", 3.0), 9.0);
+        assert_eq!(number("-x - -1.5e0", 3.0), -1.5);
+        assert_eq!(number("x % 2", -3.0), -1.0);
+        assert_eq!(number("1 / x", 4.0), 0.25);
+        assert_eq!(
+            number("if x > 0 { x } else if x < -1 { -1 } else { 10 * x }", -0.5),
+            -5.0
+        );
+    }
+
+    #[test]
+    fn logic_follows_rust() {
+        assert_eq!(boolean("x > 1 || x < -1", 2.0), 1.0);
+        assert_eq!(boolean("x > 1 && x < -1", 2.0), 0.0);
+        assert_eq!(boolean("!(x >= 1) && true", 0.5), 1.0);
+        assert_eq!(boolean("x == 2 && x != 3 && x <= 2", 2.0), 1.0);
+        assert_eq!(boolean("if x > 1 { theta < 0 } else { false }", 2.0), 1.0);
+        assert_eq!(
+            boolean("x < 1 || x >= 1", f32::NAN),
+            0.0,
+            "a comparison with NaN is false"
+        );
+    }
+
+    #[test]
+    fn functions_have_their_usual_values() {
+        for (text, expected) in [
+            ("abs(x)", 0.5),
+            ("sqrt(x * x)", 0.5),
+            ("exp(x)", 0.606_530_66),
+            ("log(-x)", -std::f32::consts::LN_2),
+            ("sin(x)", -0.479_425_54),
+            ("cos(x)", 0.877_582_6),
+            ("tan(x)", -0.546_302_5),
+            ("atan2(x, -1)", -2.677_945),
+            ("min(x, 2)", -0.5),
+            ("max(x, 2)", 2.0),
+            ("pow(x, 3)", -0.125),
+            ("clamp(x, -0.25, 1)", -0.25),
+            ("tanh(x)", -0.462_117_16),
+            ("sign(x)", -1.0),
+            ("floor(x)", -1.0),
+            ("180 * degree", std::f32::consts::PI),
+            ("2 * pi", std::f32::consts::TAU),
+        ] {
+            assert!(
+                (number(text, -0.5) - expected).abs() < 1e-6,
+                "{text} = {} instead of {expected}",
+                number(text, -0.5)
+            );
+        }
+    }
+
+    #[test]
+    fn previous_reads_the_value_before_the_step() {
+        assert_eq!(number("x_dot - previous(x_dot)", 0.0), 2.0 - 8.0);
+    }
+
+    #[test]
+    fn a_formula_without_names_is_a_constant() {
+        let folded = |text| compile(text, Type::Number, &variables()).unwrap();
+        assert_eq!(folded("1").constant(), Some(1.0));
+        assert_eq!(
+            folded("max(2 * 3, 5) - if 1 < 2 { 1 } else { 0 }").constant(),
+            Some(5.0)
+        );
+        assert_eq!(folded("x").constant(), None);
+        assert_eq!(folded("x * (2 + 3)").instructions.len(), 1);
+        assert!(folded("x").reads(&(0..1)) && !folded("x").reads(&(1..5)));
+    }
+
+    #[test]
+    fn errors_point_at_their_place() {
+        let unknown = error("x + tehta", Type::Number);
+        assert_eq!(unknown.0, 4);
+        assert_eq!(
+            unknown.1,
+            "no variable is named `tehta`, expected one of `x`, `x_dot`, `theta`, `pi`, `degree`"
+        );
+        assert_eq!(unknown.2.as_deref(), Some("did you mean `theta`?"));
+        let wrong = |text: &str, kind: Type, column: usize, message: &str| {
+            let found = error(text, kind);
+            assert_eq!((found.0, found.1.as_str()), (column, message), "{text}");
+        };
+        wrong(
+            "abs(x, 1)",
+            Type::Number,
+            0,
+            "`abs` takes 1 argument, found 2",
+        );
+        wrong(
+            "x + (x < 1)",
+            Type::Number,
+            4,
+            "expected a number, found true or false",
+        );
+        wrong(
+            "x",
+            Type::Boolean,
+            0,
+            "expected true or false, found a number",
+        );
+        wrong(
+            "if x { 1 } else { 2 }",
+            Type::Number,
+            3,
+            "expected true or false, found a number",
+        );
+        wrong(
+            "if x > 0 { 1 }",
+            Type::Number,
+            0,
+            "`if` needs an `else { … }`",
+        );
+        wrong(
+            "1 < x < 2",
+            Type::Boolean,
+            6,
+            "comparison operators cannot be chained",
+        );
+        wrong("x = 2", Type::Boolean, 0, NOT_A_FORMULA);
+        wrong(
+            "previous(1 + x)",
+            Type::Number,
+            9,
+            "`previous` takes the name of an observation or a sensor",
+        );
+        wrong(
+            "previous(theta)",
+            Type::Number,
+            9,
+            "`previous(theta)` is not available here: only `reward` and `terminated` can read values before the step, of observations and sensors",
+        );
+        wrong(
+            "x +",
+            Type::Number,
+            3,
+            "unexpected end of input, expected an expression",
+        );
+        wrong(
+            "",
+            Type::Number,
+            0,
+            "unexpected end of input, expected an expression",
+        );
+        wrong("\"x\"", Type::Number, 0, NOT_A_FORMULA);
+        wrong("x.abs()", Type::Number, 0, NOT_A_FORMULA);
+        wrong(
+            "2f32 * x",
+            Type::Number,
+            0,
+            "a number takes no suffix, found `f32`",
+        );
+    }
+
+    proptest! {
+        /// `evaluate` gives each copy the bits that it would have alone.
+        #[test]
+        fn copies_do_not_mix(xs in prop::collection::vec(-1e3_f32..1e3, 1..40)) {
+            let text = "clamp(sin(x) * 3 + x / 7, -2, 2) - if x > 1 || abs(x) < 0.5 { x % 3 } else { exp(-x * x) }";
+            let program = compile(text, Type::Number, &variables()).unwrap();
+            let mut table = ValueTable::new(5, xs.len());
+            table.column_mut(0).copy_from_slice(&xs);
+            let together = Evaluator::new(&program, xs.len()).evaluate(table.view(), 0..xs.len()).to_vec();
+            for (&x, together) in xs.iter().zip(together) {
+                let mut single = ValueTable::new(5, 1);
+                single.column_mut(0)[0] = x;
+                prop_assert_eq!(Evaluator::new(&program, 1).evaluate(single.view(), 0..1)[0].to_bits(), together.to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn formulas_that_are_too_long_are_refused_before_parsing() {
+        let deep = format!("{}1{}", "(".repeat(100_000), ")".repeat(100_000));
+        let error = compile(&deep, Type::Number, &[]).unwrap_err();
+        assert_eq!(
+            error.message,
+            "a formula can have at most 1000 characters, this one has 200001"
+        );
+        let allowed = format!("{}1{}", "(".repeat(499), ")".repeat(499));
+        assert!(compile(&allowed, Type::Number, &[]).is_ok());
+    }
+}

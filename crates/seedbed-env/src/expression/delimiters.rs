@@ -1,0 +1,119 @@
+//! Finds why a text cannot be split into tokens, which the parser does not say.
+
+use super::compile::ExpressionError;
+
+/// Opening brackets with their closing ones.
+const PAIRS: [(char, char); 3] = [('(', ')'), ('{', '}'), ('[', ']')];
+
+/// Characters of formulas besides letters, digits and brackets.
+const OTHER_CHARACTERS: &str = "+-*/%<>=!&|^~,.;:_#?@$";
+
+/// A character of a formula: its line, its column (both from 0), and the character itself.
+type LocatedChar = (usize, usize, char);
+
+/// The first bracket that does not match, or else the first character that formulas cannot contain.
+pub(super) fn tokenization_error(text: &str) -> Option<ExpressionError> {
+    unbalanced(text).or_else(|| {
+        characters(text)
+            .find(|&(_, _, found)| is_not_in_formulas(found))
+            .map(not_a_formula)
+    })
+}
+
+fn unbalanced(text: &str) -> Option<ExpressionError> {
+    let mut open: Vec<(LocatedChar, char)> = Vec::new();
+    for placed in characters(text) {
+        if let Some((_, closer)) = PAIRS.iter().find(|(opener, _)| *opener == placed.2) {
+            open.push((placed, *closer));
+        } else if PAIRS.iter().any(|(_, closer)| *closer == placed.2) {
+            match open.pop() {
+                None => {
+                    return Some(error(
+                        placed,
+                        format!("this `{}` has no opening bracket", placed.2),
+                    ));
+                }
+                Some((_, closer)) if closer == placed.2 => (),
+                Some(((_, _, opener), closer)) => {
+                    let message = format!(
+                        "expected `{closer}` to close the last `{opener}`, found `{}`",
+                        placed.2
+                    );
+                    return Some(error(placed, message));
+                }
+            }
+        }
+    }
+    open.pop().map(|(placed, closer)| {
+        error(
+            placed,
+            format!("this `{}` has no closing `{closer}`", placed.2),
+        )
+    })
+}
+
+fn is_not_in_formulas(found: char) -> bool {
+    !(found.is_alphabetic()
+        || found.is_ascii_digit()
+        || found.is_ascii_whitespace()
+        || OTHER_CHARACTERS.contains(found)
+        || is_bracket(found))
+}
+
+fn is_bracket(found: char) -> bool {
+    PAIRS
+        .iter()
+        .any(|&(opener, closer)| found == opener || found == closer)
+}
+
+fn not_a_formula(placed: LocatedChar) -> ExpressionError {
+    error(
+        placed,
+        format!("`{}` is not allowed in a formula", placed.2.escape_debug()),
+    )
+}
+
+fn error((line, column, _): LocatedChar, message: String) -> ExpressionError {
+    ExpressionError {
+        message,
+        help: None,
+        line,
+        column,
+    }
+}
+
+fn characters(text: &str) -> impl Iterator<Item = LocatedChar> {
+    let lines = text.split('\n').enumerate();
+    lines.flat_map(|(line, text)| {
+        text.chars()
+            .enumerate()
+            .map(move |(column, found)| (line, column, found))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_error_is_found_at_its_place() {
+        for (text, line, column, part) in [
+            ("(x", 0, 0, "this `(` has no closing `)`"),
+            ("max(x, (1)", 0, 3, "has no closing"),
+            ("x\n + y)", 1, 4, "this `)` has no opening bracket"),
+            ("if x { (1 }", 0, 10, "expected `)` to close the last `(`"),
+            ("θ + x²", 0, 5, "`²` is not allowed"),
+            ("1 + `x`", 0, 4, "is not allowed"),
+        ] {
+            let error = tokenization_error(text).expect("it is broken");
+            assert_eq!(
+                (error.line, error.column),
+                (line, column),
+                "{text}: {}",
+                error.message
+            );
+            assert!(error.message.contains(part), "{text}: {}", error.message);
+        }
+        assert_eq!(tokenization_error("if x { (1) } else { y[0] }"), None);
+    }
+}

@@ -1,0 +1,160 @@
+//! Actuators: their schema, and what they act on.
+
+use serde::Deserialize;
+
+use super::resolve::Resolver;
+use super::{Actuator, Control, Direction, Vector};
+use crate::Action;
+use crate::description::{self, BodyTask, Drive, Servo, ServoTarget};
+use crate::input::numbers::{FiniteNumber, NonNegative, Positive};
+use crate::input::{Located, ValidationError};
+
+/// What an actuator acts on.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ActuatorKind {
+    /// A force (N) or torque (N m) along a joint's coordinate.
+    JointForce(Located<String>),
+    /// A motor with the force kv (gear × control − q̇).
+    VelocityServo {
+        /// Name of the joint.
+        joint: Located<String>,
+        /// Velocity gain, N s/m or N m s/rad.
+        kv: Positive,
+        /// Maximum force, N or N m; unlimited by default.
+        #[serde(default)]
+        force_limit: Option<Positive>,
+    },
+    /// A motor with the force kp (gear × control − q) − kv q̇.
+    PositionServo {
+        /// Name of the joint.
+        joint: Located<String>,
+        /// Position gain, N/m or N m/rad.
+        kp: Positive,
+        /// Velocity gain, N s/m or N m s/rad; 0 by default.
+        #[serde(default)]
+        kv: Option<NonNegative>,
+        /// Maximum force, N or N m; unlimited by default.
+        #[serde(default)]
+        force_limit: Option<Positive>,
+    },
+    /// Nothing by itself: formulas of forces read the control.
+    Signal,
+    /// A force (N) on a body.
+    BodyForce {
+        /// Name of the body.
+        body: Located<String>,
+        /// Point of application in the body's frame; by default the center of mass.
+        #[serde(default)]
+        at: Option<Vector>,
+        /// Direction in which a positive force pushes.
+        direction: Direction,
+        /// Frame in which the direction is given.
+        #[serde(default)]
+        frame: ForceFrame,
+    },
+}
+
+/// The frame in which the direction of a force is given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub enum ForceFrame {
+    /// The world's frame.
+    #[default]
+    World,
+    /// The body's frame: the force turns with the body.
+    Local,
+}
+
+impl Resolver<'_> {
+    pub(super) fn actuators(&self) -> Result<Vec<description::Actuator>, ValidationError> {
+        let actuators = self.file.actuators.iter();
+        actuators.map(|actuator| self.actuator(actuator)).collect()
+    }
+
+    fn actuator(&self, actuator: &Actuator) -> Result<description::Actuator, ValidationError> {
+        let Action { quantity, choice } = action(actuator);
+        Ok(description::Actuator {
+            name: quantity.name,
+            drive: self.drive(&actuator.kind)?,
+            gear: actuator.gear.map_or(1.0, FiniteNumber::get),
+            choice,
+            range: quantity.range,
+        })
+    }
+
+    fn drive(&self, kind: &ActuatorKind) -> Result<Drive, ValidationError> {
+        Ok(match kind {
+            ActuatorKind::JointForce(joint) => Drive::JointForce(self.find_moving_joint(joint)?),
+            ActuatorKind::VelocityServo {
+                joint,
+                kv,
+                force_limit,
+            } => Drive::Servo(Servo {
+                joint: self.find_moving_joint(joint)?,
+                target: ServoTarget::Velocity,
+                kp: 0.0,
+                kv: kv.get(),
+                force_limit: force_limit.map(Positive::get),
+            }),
+            ActuatorKind::PositionServo {
+                joint,
+                kp,
+                kv,
+                force_limit,
+            } => Drive::Servo(Servo {
+                joint: self.find_moving_joint(joint)?,
+                target: ServoTarget::Position,
+                kp: kp.get(),
+                kv: kv.map_or(0.0, NonNegative::get),
+                force_limit: force_limit.map(Positive::get),
+            }),
+            ActuatorKind::BodyForce {
+                body,
+                at,
+                direction,
+                frame,
+            } => Drive::BodyForce {
+                body: self.find_body(body)?,
+                at: at.map(Vector::get),
+                direction: direction.get(),
+                local: *frame == ForceFrame::Local,
+            },
+            ActuatorKind::Signal => Drive::Nothing,
+        })
+    }
+
+    /// Where copies have worlds of their own, a servo is the motor of Rapier's multibody joint, of
+    /// which a joint has one. Elsewhere each servo is a constraint of its own.
+    pub(super) fn check_servos(&self, task: &BodyTask) -> Result<(), ValidationError> {
+        if !task.needs_own_worlds() {
+            return Ok(());
+        }
+        let mut driven: Vec<&str> = Vec::new();
+        for actuator in &self.file.actuators {
+            let (ActuatorKind::VelocityServo { joint, .. }
+            | ActuatorKind::PositionServo { joint, .. }) = &actuator.kind
+            else {
+                continue;
+            };
+            if driven.contains(&joint.as_str()) {
+                return Err(joint.error(format!(
+                    "joint `{}` already has a servo: in a task with contacts a joint takes only one",
+                    joint.as_str()
+                )));
+            }
+            driven.push(joint.as_str());
+        }
+        Ok(())
+    }
+}
+
+/// The component of an action that drives an actuator.
+pub(super) fn action(actuator: &Actuator) -> Action {
+    let (name, unit) = (actuator.name.as_ref(), &actuator.unit);
+    match &actuator.control {
+        Control::Continuous(interval) => {
+            Action::continuous(name, unit, interval.get().map(|end| end as f32))
+        }
+        Control::Discrete(values) => Action::discrete(name, unit, &values.get()),
+    }
+}

@@ -1,0 +1,163 @@
+//! Ranges, vectors and names that are checked while the file is read, so that an error points at
+//! them.
+
+use serde::Deserialize;
+
+use super::{Control, DiscreteValues, Distribution};
+use crate::expression::RESERVED;
+use crate::input::numbers::{FiniteNumber, Positive};
+
+/// An interval of two finite numbers, `(low, high)` with low < high.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "(f64, f64)")]
+pub struct Interval {
+    low: f64,
+    high: f64,
+}
+
+/// A point or vector of the plane, m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(try_from = "(f64, f64)")]
+pub struct Vector([f64; 2]);
+
+/// The direction of a nonzero vector.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "(f64, f64)")]
+pub struct Direction([f64; 2]);
+
+/// A name that formulas can use: letters, digits and `_`.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct Name(String);
+
+impl Interval {
+    /// Low and high end.
+    #[must_use]
+    pub fn get(self) -> [f64; 2] {
+        [self.low, self.high]
+    }
+}
+
+impl Vector {
+    /// Components to the right and upwards.
+    #[must_use]
+    pub fn get(self) -> [f64; 2] {
+        self.0
+    }
+}
+
+impl Direction {
+    /// The unit vector.
+    #[must_use]
+    pub fn get(self) -> [f64; 2] {
+        self.0
+    }
+}
+
+impl TryFrom<(f64, f64)> for Interval {
+    type Error = String;
+
+    fn try_from((low, high): (f64, f64)) -> Result<Self, String> {
+        if low < high && low.is_finite() && high.is_finite() {
+            return Ok(Self { low, high });
+        }
+        Err(format!(
+            "expected a range (low, high) with low < high, found ({low}, {high})"
+        ))
+    }
+}
+
+/// A control whose range is not checked yet.
+#[derive(Deserialize)]
+#[serde(rename = "Control")]
+pub(super) enum UncheckedControl {
+    Discrete(DiscreteValues),
+    Continuous(f64, f64),
+}
+
+/// A distribution whose range is not checked yet.
+#[derive(Deserialize)]
+#[serde(rename = "Distribution")]
+pub(super) enum UncheckedDistribution {
+    Constant(FiniteNumber),
+    Uniform(f64, f64),
+    Normal(FiniteNumber, Positive),
+}
+
+impl TryFrom<UncheckedControl> for Control {
+    type Error = String;
+
+    fn try_from(any: UncheckedControl) -> Result<Self, String> {
+        match any {
+            UncheckedControl::Discrete(values) => Ok(Self::Discrete(values)),
+            UncheckedControl::Continuous(low, high) => {
+                Ok(Self::Continuous((low, high).try_into()?))
+            }
+        }
+    }
+}
+
+impl TryFrom<UncheckedDistribution> for Distribution {
+    type Error = String;
+
+    fn try_from(any: UncheckedDistribution) -> Result<Self, String> {
+        match any {
+            UncheckedDistribution::Constant(value) => Ok(Self::Constant(value)),
+            UncheckedDistribution::Uniform(low, high) => Ok(Self::Uniform((low, high).try_into()?)),
+            UncheckedDistribution::Normal(mean, deviation) => Ok(Self::Normal(mean, deviation)),
+        }
+    }
+}
+
+impl TryFrom<(f64, f64)> for Vector {
+    type Error = String;
+
+    fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
+        if x.is_finite() && y.is_finite() {
+            Ok(Self([x, y]))
+        } else {
+            Err(format!("expected finite numbers, found ({x}, {y})"))
+        }
+    }
+}
+
+impl TryFrom<(f64, f64)> for Direction {
+    type Error = String;
+
+    /// A vector along x or y becomes exactly ±1: dividing by its length could round.
+    fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
+        let length = libm::hypot(x, y);
+        match (x, y) {
+            _ if !length.is_finite() || length == 0.0 => Err(format!(
+                "expected a direction, a vector other than zero, found ({x}, {y})"
+            )),
+            (_, 0.0) => Ok(Self([x.signum(), 0.0])),
+            (0.0, _) => Ok(Self([0.0, y.signum()])),
+            _ => Ok(Self([x / length, y / length])),
+        }
+    }
+}
+
+impl TryFrom<String> for Name {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        if RESERVED.contains(&text.as_str()) {
+            return Err(format!(
+                "`{text}` is reserved in formulas: choose another name"
+            ));
+        }
+        match syn::parse_str::<syn::Ident>(&text) {
+            Ok(_) => Ok(Self(text)),
+            Err(_) => Err(format!(
+                "expected a name of letters, digits and `_` that is no keyword of Rust, found `{text}`"
+            )),
+        }
+    }
+}
+
+impl AsRef<str> for Name {
+    fn as_ref(&self) -> &str {
+        &self.0
+    }
+}

@@ -1,0 +1,502 @@
+//! Task files that extend others.
+//!
+//! `extends: "cartpole_swingup"` names a base file. Each top-level field that the file does not
+//! give itself is that of the base; a field that it gives replaces the whole field of the base.
+//!
+//! Files are merged as text, before anything is parsed, for two reasons. The merged text is a task
+//! file that needs no other, which a run can store with its results. And one parser with one
+//! schema serves both: each line of the merged text remembers its file and line, and columns are
+//! kept, so that an error in the merged text is reported where the user wrote it.
+
+mod fields;
+
+use std::path::{Path, PathBuf};
+
+use serde::de::IgnoredAny;
+
+use self::fields::{Field, FileParts};
+use crate::input::{self, InputError};
+
+/// Maximum number of files in a chain of `extends`.
+const MAX_FILES: usize = 8;
+
+/// The text of a task file, with the fields of the files that it extends.
+pub(super) struct MergedText {
+    text: String,
+    /// The file itself, then its base, the base of that, and so on.
+    files: Vec<SourceFile>,
+    /// File and line (both from 0) from which each line comes; empty if nothing was merged.
+    lines: Vec<(usize, usize)>,
+}
+
+struct SourceFile {
+    origin: String,
+    text: String,
+    /// Folder in which a base is looked for by name.
+    folder: Option<PathBuf>,
+}
+
+/// A field of one of the files.
+struct FieldOfFile {
+    file: usize,
+    field: Field,
+}
+
+impl MergedText {
+    /// Reads the file at `path` and those that it extends.
+    pub(super) fn read(path: &Path) -> Result<Self, InputError> {
+        Self::merge(SourceFile::read(path)?)
+    }
+
+    /// A text without a folder, which thus cannot extend a file.
+    pub(super) fn without_base(origin: &str, text: String) -> Result<Self, InputError> {
+        Self::merge(SourceFile {
+            origin: origin.to_owned(),
+            text,
+            folder: None,
+        })
+    }
+
+    fn merge(root: SourceFile) -> Result<Self, InputError> {
+        // A text that cannot be split has an error, which parsing it reports better.
+        let Some(parts) = FileParts::of(&root.text).filter(|parts| parts.extends().is_some())
+        else {
+            return Ok(Self {
+                text: root.text.clone(),
+                files: vec![root],
+                lines: Vec::new(),
+            });
+        };
+        let mut merged = Self {
+            text: String::new(),
+            files: vec![root],
+            lines: Vec::new(),
+        };
+        let fields = merged.collect(0, parts)?;
+        merged.write(&fields);
+        Ok(merged)
+    }
+
+    /// The fields of a file, completed by those of the files that it extends.
+    fn collect(
+        &mut self,
+        file: usize,
+        mut parts: FileParts,
+    ) -> Result<Vec<FieldOfFile>, InputError> {
+        let Some(extends) = parts.take_extends() else {
+            return Ok(of_file(file, parts.fields));
+        };
+        let base = self.open_base(file, &extends)?;
+        let Some(base_parts) = FileParts::of(&self.files[base].text) else {
+            return Err(self.files[base].syntax_error());
+        };
+        let mut own = of_file(file, parts.fields);
+        let mut fields = Vec::new();
+        for inherited in self.collect(base, base_parts)? {
+            // A field that is given twice in a file stays twice: the parser reports it.
+            let position = own
+                .iter()
+                .position(|field| field.field.name == inherited.field.name);
+            match position {
+                Some(index) => fields.push(own.remove(index)),
+                None => fields.push(inherited),
+            }
+        }
+        fields.append(&mut own);
+        Ok(fields)
+    }
+
+    /// Reads the file that the file `from` extends; returns its index.
+    fn open_base(&mut self, from: usize, extends: &Field) -> Result<usize, InputError> {
+        let file = &self.files[from];
+        let name = file.base_name(extends)?;
+        let error = |message: String, help| {
+            let (origin, text) = (&file.origin, &file.text);
+            input::error_at(origin, text, extends.value.start, "extends", message, help)
+        };
+        let Some(folder) = &file.folder else {
+            return Err(error(
+                "only a file can extend another one, not a text without a folder".to_owned(),
+                None,
+            ));
+        };
+        let path = base_path(folder, &name);
+        if !path.is_file() {
+            return Err(error(
+                format!(
+                    "cannot extend `{name}`: there is no file {}",
+                    path.display()
+                ),
+                similar_task(folder, &name),
+            ));
+        }
+        let base = SourceFile::read(&path)?;
+        if self.files.iter().any(|other| same_file(other, &base)) {
+            return Err(error(
+                format!("`{name}` extends this file in turn: remove one of the two `extends`"),
+                None,
+            ));
+        }
+        if self.files.len() == MAX_FILES {
+            return Err(error(
+                format!("at most {MAX_FILES} files can extend each other in a chain"),
+                None,
+            ));
+        }
+        let (own_kind, base_kind) = (file.kind()?, base.kind()?);
+        if own_kind != base_kind {
+            return Err(error(
+                format!(
+                    "`{name}` is a file of another kind: expected `{}(…)`, found `{}(…)`",
+                    own_kind.name(),
+                    base_kind.name()
+                ),
+                None,
+            ));
+        }
+        self.files.push(base);
+        Ok(self.files.len() - 1)
+    }
+
+    /// Writes the merged text: the file itself, with all fields in the order of the base.
+    fn write(&mut self, fields: &[FieldOfFile]) {
+        let Some(parts) = FileParts::of(&self.files[0].text) else {
+            return;
+        };
+        self.write_piece(0, 0..parts.open, None);
+        for FieldOfFile { file, field } in fields {
+            self.write_piece(*file, field.text.clone(), field.missing_comma);
+        }
+        self.write_piece(0, parts.close..self.files[0].text.len(), None);
+    }
+
+    /// Appends a piece of a file on a line of its own, in the columns that it has in the file.
+    fn write_piece(
+        &mut self,
+        file: usize,
+        piece: std::ops::Range<usize>,
+        missing_comma: Option<usize>,
+    ) {
+        let text = &self.files[file].text;
+        let line_start = text[..piece.start].rfind('\n').map_or(0, |at| at + 1);
+        let first_line = text[..line_start].matches('\n').count();
+        let indent = text[line_start..piece.start].chars().count();
+        let mut written = " ".repeat(indent);
+        match missing_comma {
+            Some(at) => {
+                written.push_str(&text[piece.start..at]);
+                written.push(',');
+                written.push_str(&text[at..piece.end]);
+            }
+            None => written.push_str(&text[piece]),
+        }
+        if !written.ends_with('\n') {
+            written.push('\n');
+        }
+        let lines = written.matches('\n').count();
+        self.lines
+            .extend((0..lines).map(|line| (file, first_line + line)));
+        self.text.push_str(&written);
+    }
+
+    pub(super) fn origin(&self) -> &str {
+        &self.files[0].origin
+    }
+
+    pub(super) fn text(&self) -> &str {
+        &self.text
+    }
+
+    pub(super) fn into_text(self) -> String {
+        self.text
+    }
+
+    /// Turns an error in the merged text into one in the file from which its line comes.
+    pub(super) fn locate(&self, mut error: InputError) -> InputError {
+        let Some(position) = &mut error.position else {
+            return error;
+        };
+        if let Some(&(file, line)) = self.lines.get(position.line - 1) {
+            let source = &self.files[file];
+            error.origin.clone_from(&source.origin);
+            position.line = line + 1;
+            position.text = source.text.lines().nth(line).unwrap_or_default().to_owned();
+        }
+        error
+    }
+}
+
+impl SourceFile {
+    fn read(path: &Path) -> Result<Self, InputError> {
+        Ok(Self {
+            origin: path.display().to_string(),
+            text: input::read_text(path)?,
+            folder: Some(path.parent().unwrap_or(Path::new("")).to_owned()),
+        })
+    }
+
+    fn kind(&self) -> Result<input::FileKind, InputError> {
+        input::file_kind(&self.origin, &self.text)
+    }
+
+    /// What `extends` names.
+    fn base_name(&self, extends: &Field) -> Result<String, InputError> {
+        let value = &self.text[extends.value.clone()];
+        let name = input::parse::<Option<String>>("", value.to_owned());
+        match name.map(|document| document.value) {
+            Ok(Some(name)) => Ok(name),
+            _ => Err(input::error_at(
+                &self.origin,
+                &self.text,
+                extends.value.start,
+                "extends",
+                "expected the name of a task file in quotes".to_owned(),
+                None,
+            )),
+        }
+    }
+
+    /// The error that keeps the text from being split into fields.
+    fn syntax_error(&self) -> InputError {
+        match input::parse::<IgnoredAny>(&self.origin, self.text.clone()) {
+            Err(error) => error,
+            Ok(_) => InputError {
+                origin: self.origin.clone(),
+                position: None,
+                field: String::new(),
+                message: "expected a task file with named fields".to_owned(),
+                help: None,
+            },
+        }
+    }
+}
+
+fn of_file(file: usize, fields: Vec<Field>) -> Vec<FieldOfFile> {
+    let fields = fields.into_iter();
+    fields.map(|field| FieldOfFile { file, field }).collect()
+}
+
+/// A path if the name ends in `.ron`, else a file in the same folder.
+fn base_path(folder: &Path, name: &str) -> PathBuf {
+    if name.ends_with(".ron") {
+        folder.join(name)
+    } else {
+        folder.join(format!("{name}.ron"))
+    }
+}
+
+fn same_file(one: &SourceFile, other: &SourceFile) -> bool {
+    let canonical = |file: &SourceFile| Path::new(&file.origin).canonicalize().ok();
+    one.origin == other.origin || (canonical(one).is_some() && canonical(one) == canonical(other))
+}
+
+/// A suggestion: the task in the folder whose name is nearest.
+fn similar_task(folder: &Path, name: &str) -> Option<String> {
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    let mut stems: Vec<_> = std::fs::read_dir(folder)
+        .ok()?
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "ron"))
+        .filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()))
+        .collect();
+    stems.sort();
+    input::nearest_name(name, stems.iter().map(String::as_str))
+        .map(|near| format!("did you mean `{near}`?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::file::{load, load_with_text, parse};
+
+    /// A folder that is removed at the end.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(name: &str, files: &[(&str, &str)]) -> Self {
+            let path = std::env::temp_dir().join(format!("{name}-{}", std::process::id()));
+            std::fs::create_dir_all(&path).unwrap();
+            for (file, text) in files {
+                std::fs::write(path.join(file), text).unwrap();
+            }
+            Self(path)
+        }
+
+        fn error(&self, file: &str) -> String {
+            let error = load(&self.0.join(file)).unwrap_err().to_string();
+            error.replace(&format!("{}/", self.0.display()), "")
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
+
+    const BASE: &str = r#"// A disc on a rail.
+Environment(
+    description: "A disc on a rail.", // said to people, not to agents
+    gravity: (0.0, -9.8), control_step: 0.02,
+    time_limit: 200,
+    bodies: [(name: "disc", mass: 1.0, geoms: [Ball(radius: 0.1)])],
+    joints: [(name: "rail", parent: "world", child: "disc", type: Slide(axis: (1.0, 0.0)))],
+    actuators: [(name: "push", type: JointForce("rail"), control: Continuous(-1.0, 1.0))],
+    sensors: [(name: "x", type: JointPosition("rail"))],
+    observations: [(name: "x", range: (-1.0, 1.0))],
+    reward: "if x > 0 { 1 } else { 0 }" // no comma: the last field
+)
+"#;
+
+    #[test]
+    fn fields_replace_those_of_the_base() {
+        let folder = Folder::new(
+            "replaces",
+            &[
+                ("base.ron", BASE),
+                (
+                    "mine.ron",
+                    r#"Environment(extends: "base", time_limit: 7, reward: "x", terminated: "x > 1")"#,
+                ),
+                (
+                    "third.ron",
+                    r#"Environment(extends: "mine.ron", time_limit: 9)"#,
+                ),
+            ],
+        );
+        let (mine, text) = load_with_text(&folder.0.join("mine.ron")).unwrap();
+        assert_eq!(mine.spec().name, "mine");
+        assert_eq!(mine.spec().time_limit, 7);
+        assert_eq!(mine.spec().description, "A disc on a rail.");
+        assert!(text.contains("said to people"), "comments stay: {text}");
+        let origin = folder.0.join("mine.ron").display().to_string();
+        assert_eq!(parse("mine", &origin, text).unwrap(), mine);
+        let (third, text) = load_with_text(&folder.0.join("third.ron")).unwrap();
+        assert_eq!(third.spec().time_limit, 9);
+        assert!(text.contains("terminated: \"x > 1\""), "{text}");
+        assert!(!text.contains("extends"), "{text}");
+    }
+
+    #[test]
+    fn a_file_that_extends_nothing_keeps_its_text() {
+        let folder = Folder::new("alone", &[("base.ron", BASE)]);
+        let (_, text) = load_with_text(&folder.0.join("base.ron")).unwrap();
+        assert_eq!(text, BASE);
+    }
+
+    #[test]
+    fn errors_are_located_in_the_file_that_has_them() {
+        let folder = Folder::new(
+            "errors",
+            &[
+                ("base.ron", &BASE.replace("-9.8)", "\"down\")")),
+                ("first.ron", "Environment(\n    extends: \"base\",\n)"),
+                ("good.ron", BASE),
+                (
+                    "second.ron",
+                    "Environment(\n    extends: \"good\",\n    time_limit: 5, reward: \"y\",\n)",
+                ),
+                (
+                    "third.ron",
+                    "Environment(\n    extends: \"good\",\n    sensors: [],\n)",
+                ),
+                (
+                    "twice.ron",
+                    "Environment(extends: \"good\", reward: \"1\", reward: \"2\")",
+                ),
+            ],
+        );
+        assert!(
+            folder
+                .error("first.ron")
+                .starts_with("base.ron:4:20: in `gravity[1]`: expected a number"),
+            "{}",
+            folder.error("first.ron")
+        );
+        assert!(
+            folder
+                .error("second.ron")
+                .starts_with("second.ron:3:29: in `reward`: no variable is named `y`"),
+            "{}",
+            folder.error("second.ron")
+        );
+        // The sensors are gone, and the base's observation is the first to miss one.
+        assert!(
+            folder
+                .error("third.ron")
+                .starts_with("good.ron:10:28: in `observations[0].name`: no sensor is named `x`"),
+            "{}",
+            folder.error("third.ron")
+        );
+        assert!(
+            folder
+                .error("twice.ron")
+                .contains("field `reward` is given twice"),
+            "{}",
+            folder.error("twice.ron")
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_extended_is_an_error() {
+        let folder = Folder::new(
+            "impossible",
+            &[
+                ("one.ron", "Environment(extends: \"two\")"),
+                ("two.ron", "Environment(extends: \"one\")"),
+                ("missing.ron", "Environment(\n    extends: \"twos\",\n)"),
+                ("number.ron", "Environment(extends: 2)"),
+                ("other.ron", "TabularEnvironment(extends: \"one\")"),
+                ("broken.ron", "Environment(gravity: (0.0, 0.0)"),
+                ("of_broken.ron", "Environment(extends: \"broken\")"),
+            ],
+        );
+        for (file, expected) in [
+            (
+                "one.ron",
+                "two.ron:1:22: in `extends`: `one` extends this file in turn",
+            ),
+            (
+                "missing.ron",
+                "missing.ron:2:14: in `extends`: cannot extend `twos`: there is no file twos.ron",
+            ),
+            ("missing.ron", "did you mean `two`?"),
+            (
+                "number.ron",
+                "number.ron:1:22: in `extends`: expected the name of a task file in quotes",
+            ),
+            (
+                "other.ron",
+                "other.ron:1:29: in `extends`: `one` is a file of another kind",
+            ),
+            ("of_broken.ron", "broken.ron:1:31: "),
+        ] {
+            let error = folder.error(file);
+            assert!(error.contains(expected), "{error}\ninstead of {expected}");
+        }
+        let error = parse("mine", "mine", "Environment(extends: \"one\")".to_owned());
+        assert!(error.unwrap_err().message.starts_with("only a file can"));
+    }
+
+    #[test]
+    fn chains_are_limited() {
+        let files: Vec<_> = (0..10)
+            .map(|index| {
+                let text = format!("Environment(extends: \"file_{}\")", index + 1);
+                (format!("file_{index}.ron"), text)
+            })
+            .collect();
+        let files: Vec<_> = files
+            .iter()
+            .map(|(name, text)| (name.as_str(), text.as_str()))
+            .collect();
+        let folder = Folder::new("chain", &files);
+        let error = folder.error("file_0.ron");
+        assert!(error.contains("at most 8 files"), "{error}");
+    }
+}

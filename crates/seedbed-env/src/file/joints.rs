@@ -1,0 +1,284 @@
+//! What joints do besides holding bodies: ranges, passive forces, formula forces, and where their
+//! coordinates start.
+
+use std::f64::consts::TAU;
+
+use super::resolve::{Resolver, find, formula};
+use super::{Distribution, Force, ForceFrame, Joint, JointKind, StartCoordinate, Vector};
+use crate::description::{self, BodyTask, Drive, Passive};
+use crate::expression::Type;
+use crate::input::numbers::{FiniteNumber, NonNegative};
+use crate::input::{Located, ValidationError};
+
+impl Joint {
+    /// The joint's range. A hinge's is at most a full turn wide, because the angle of a body does
+    /// not include the number of full turns.
+    pub(super) fn checked_range(&self) -> Result<Option<[f64; 2]>, ValidationError> {
+        let Some(range) = &self.range else {
+            return Ok(None);
+        };
+        let [low, high] = range.get();
+        match *self.kind {
+            JointKind::Hinge { .. } if high - low > TAU => Err(range.error(format!(
+                "expected a range of at most a full turn (2 π rad), found {} rad",
+                high - low
+            ))),
+            JointKind::Weld => Err(range.error("a weld has no coordinate: remove `range`")),
+            _ => Ok(Some([low, high])),
+        }
+    }
+
+    /// What resists motion along the joint.
+    pub(super) fn passive(&self) -> Result<Passive, ValidationError> {
+        let given = [
+            &self.damping,
+            &self.frictionloss,
+            &self.armature,
+            &self.stiffness,
+        ];
+        if let (JointKind::Weld, Some(value)) = (*self.kind, given.into_iter().flatten().next()) {
+            return Err(value.error("a weld does not move, so nothing can resist its motion"));
+        }
+        if let (Some(springref), None) = (&self.springref, &self.stiffness) {
+            return Err(springref.error("`springref` needs a spring: add a `stiffness`"));
+        }
+        let number =
+            |value: &Option<Located<NonNegative>>| value.as_ref().map_or(0.0, |value| value.get());
+        Ok(Passive {
+            damping: number(&self.damping),
+            frictionloss: number(&self.frictionloss),
+            armature: number(&self.armature),
+            stiffness: number(&self.stiffness),
+            springref: self.springref.as_ref().map_or(0.0, |value| value.get()),
+        })
+    }
+}
+
+impl Resolver<'_> {
+    /// Without contacts, an armature is added to the child's own mass or inertia. This is exact
+    /// only where nothing but this joint moves the child along the coordinate. With contacts,
+    /// Rapier's multibody joints have armatures of their own.
+    pub(super) fn check_armatures(&self, task: &BodyTask) -> Result<(), ValidationError> {
+        if task.needs_own_worlds() {
+            return Ok(());
+        }
+        for joint in &self.file.joints {
+            self.check_armature(joint)?;
+        }
+        Ok(())
+    }
+
+    fn check_armature(&self, joint: &Joint) -> Result<(), ValidationError> {
+        let Some(armature) = &joint.armature else {
+            return Ok(());
+        };
+        let joint_above = |body: &str| {
+            let mut joints = self.file.joints.iter();
+            joints.find(|other| other.child.as_str() == body)
+        };
+        let mut above = std::iter::successors(joint_above(&joint.parent), |other| {
+            joint_above(&other.parent)
+        })
+        .map(|other| *other.kind);
+        match *joint.kind {
+            JointKind::Hinge { .. }
+                if above.any(|kind| matches!(kind, JointKind::Hinge { .. })) =>
+            {
+                Err(armature.error(
+                    "without contacts, `armature` is supported only on hinges whose parent does \
+                     not turn",
+                ))
+            }
+            JointKind::Slide { .. } if above.any(|kind| kind != JointKind::Weld) => Err(armature
+                .error(
+                    "without contacts, `armature` is supported only on slides whose parent does \
+                     not move",
+                )),
+            _ => Ok(()),
+        }
+    }
+
+    /// Index of the joint with this name.
+    pub(super) fn find_joint(&self, name: &Located<String>) -> Result<usize, ValidationError> {
+        let joints = self.file.joints.iter();
+        find(name, "joint", joints.map(|joint| &joint.name))
+    }
+
+    /// Index of the joint with this name, which has a coordinate.
+    pub(super) fn find_moving_joint(
+        &self,
+        name: &Located<String>,
+    ) -> Result<usize, ValidationError> {
+        let index = self.find_joint(name)?;
+        match *self.file.joints[index].kind {
+            JointKind::Weld => Err(no_coordinate(name)),
+            _ => Ok(index),
+        }
+    }
+
+    /// Index of the hinge with this name.
+    pub(super) fn find_hinge(&self, name: &Located<String>) -> Result<usize, ValidationError> {
+        let index = self.find_joint(name)?;
+        match *self.file.joints[index].kind {
+            JointKind::Hinge { .. } => Ok(index),
+            _ => Err(name.error(format!(
+                "expected a hinge, but joint `{}` is not one: only angles can be wrapped",
+                name.as_str()
+            ))),
+        }
+    }
+
+    /// Index of a joint's coordinate, or of a free body's, such as `NAME.x`.
+    pub(super) fn find_coordinate(&self, name: &Located<String>) -> Result<usize, ValidationError> {
+        let joints = self.file.joints.iter();
+        let mut names: Vec<_> = joints.map(|joint| joint.name.as_ref().to_owned()).collect();
+        for body in self.free_bodies() {
+            let body = self.file.bodies[body].name.as_ref();
+            names.extend(["x", "y", "angle"].map(|axis| format!("{body}.{axis}")));
+        }
+        let Some(index) = names.iter().position(|known| *known == **name) else {
+            return Err(name.unknown_name("coordinate", names.iter().map(String::as_str)));
+        };
+        match self.file.joints.get(index).map(|joint| *joint.kind) {
+            Some(JointKind::Weld) => Err(no_coordinate(name)),
+            _ => Ok(index),
+        }
+    }
+
+    /// Forces given by formulas of the state before a control step and of the action: on joints,
+    /// then on bodies.
+    pub(super) fn formula_forces(&self) -> Result<Vec<description::FormulaForce>, ValidationError> {
+        let mut variables = self.present_sensors();
+        variables.extend(self.action_variables());
+        let mut forces = Vec::new();
+        for (index, joint) in self.file.joints.iter().enumerate() {
+            let Some(text) = &joint.force else { continue };
+            if *joint.kind == JointKind::Weld {
+                return Err(text.error("a weld has no coordinate: remove `force`"));
+            }
+            forces.push((Drive::JointForce(index), text));
+        }
+        for (index, body) in self.file.bodies.iter().enumerate() {
+            forces.extend(
+                body.forces
+                    .iter()
+                    .flat_map(|force| components(index, force)),
+            );
+        }
+        let compiled = forces.into_iter().map(|(drive, text)| {
+            Ok(description::FormulaForce {
+                drive,
+                force: formula(text, Type::Number, &variables)?,
+            })
+        });
+        compiled.collect()
+    }
+
+    /// Bodies that are drawn at another place than they are.
+    pub(super) fn display_offsets(
+        &self,
+    ) -> Result<Vec<description::DisplayOffset>, ValidationError> {
+        let sensors = self.present_sensors();
+        let mut offsets = Vec::new();
+        for (body, described) in self.file.bodies.iter().enumerate() {
+            if let Some(offset) = &described.display_offset {
+                offsets.push(description::DisplayOffset {
+                    body,
+                    y: formula(&offset.y, Type::Number, &sensors)?,
+                    angle: formula(&offset.angle, Type::Number, &sensors)?,
+                });
+            }
+        }
+        Ok(offsets)
+    }
+
+    pub(super) fn starts(&self) -> Result<Vec<description::StartCoordinate>, ValidationError> {
+        let mut starts: Vec<description::StartCoordinate> = Vec::new();
+        for start in &self.file.reset {
+            let name = &start.joint;
+            let coordinate = self.find_coordinate(name)?;
+            if let Some(joint) = self.file.joints.get(coordinate) {
+                check_start(start, joint)?;
+            }
+            if starts.iter().any(|other| other.coordinate == coordinate) {
+                return Err(name.error(format!(
+                    "the start of `{}` is already given: remove one of the two",
+                    name.as_str()
+                )));
+            }
+            let reference = self.reference_coordinate(coordinate);
+            starts.push(description::StartCoordinate {
+                coordinate,
+                position: start.position.map_or(
+                    description::Distribution::Constant(reference),
+                    Distribution::resolved,
+                ),
+                velocity: start.velocity.resolved(),
+            });
+        }
+        Ok(starts)
+    }
+
+    /// A coordinate at the bodies' reference poses: 0 for joints.
+    fn reference_coordinate(&self, coordinate: usize) -> f64 {
+        let Some(free) = coordinate.checked_sub(self.file.joints.len()) else {
+            return 0.0;
+        };
+        let body = &self.file.bodies[self.free_bodies()[free / 3]];
+        let [x, y] = body.position.get();
+        [x, y, body.angle.map_or(0.0, FiniteNumber::get)][free % 3]
+    }
+}
+
+impl Distribution {
+    fn resolved(self) -> description::Distribution {
+        match self {
+            Self::Constant(value) => description::Distribution::Constant(value.get()),
+            Self::Uniform(interval) => {
+                let [low, high] = interval.get();
+                description::Distribution::Uniform { low, high }
+            }
+            Self::Normal(mean, deviation) => description::Distribution::Normal {
+                mean: mean.get(),
+                deviation: deviation.get(),
+            },
+        }
+    }
+}
+
+fn no_coordinate(name: &Located<String>) -> ValidationError {
+    name.error(format!(
+        "expected a slide or a hinge, but joint `{}` is a weld and has no coordinate",
+        name.as_str()
+    ))
+}
+
+/// The two components of a force on a body.
+fn components(body: usize, force: &Force) -> [(Drive, &Located<String>); 2] {
+    let drive = |direction| Drive::BodyForce {
+        body,
+        at: force.at.map(Vector::get),
+        direction,
+        local: force.frame == ForceFrame::Local,
+    };
+    [(drive([1.0, 0.0]), &force.x), (drive([0.0, 1.0]), &force.y)]
+}
+
+/// A start lies within the joint's range.
+fn check_start(start: &StartCoordinate, joint: &Joint) -> Result<(), ValidationError> {
+    let Some([low, high]) = joint.range.as_ref().map(|range| range.get()) else {
+        return Ok(());
+    };
+    let (min, max) = match start.position.unwrap_or_default() {
+        Distribution::Constant(value) => (value.get(), value.get()),
+        Distribution::Uniform(interval) => (interval.get()[0], interval.get()[1]),
+        Distribution::Normal(mean, _) => (mean.get(), mean.get()),
+    };
+    if low <= min && max <= high {
+        return Ok(());
+    }
+    let name = start.joint.as_str();
+    Err(start.joint.error(format!(
+        "joint `{name}` would start outside its range ({low}, {high}): move `position` inside it"
+    )))
+}

@@ -1,0 +1,494 @@
+//! From what a file says to what it means: names become indices, formulas programs, and omitted
+//! fields their defaults.
+
+use super::actuators::action;
+use super::surfaces::{self, shape};
+use super::{
+    AnalyticModel, Body, Joint, JointKind, Name, Observation, RotationDirection, TaskFile,
+};
+use crate::analytic;
+use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
+use crate::expression::{Program, Type, Variable, compile};
+use crate::input::numbers::FiniteNumber;
+use crate::input::{Located, ValidationError};
+use crate::{Quantity, Scene, SceneBody, Shape, Spec, physics};
+
+/// The name of the body that does not move, to which joints without a parent body are attached.
+const WORLD: &str = "world";
+
+/// Finds what the names of a task file refer to. Its methods are spread over the files of this
+/// folder by what they resolve.
+pub(super) struct Resolver<'a> {
+    pub(super) file: &'a TaskFile,
+    pub(super) columns: ColumnLayout,
+}
+
+impl<'a> Resolver<'a> {
+    pub(super) fn new(file: &'a TaskFile) -> Self {
+        let on_joints = file
+            .joints
+            .iter()
+            .filter(|joint| joint.force.is_some())
+            .count();
+        let on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
+        let columns = ColumnLayout {
+            sensors: file.sensors.len(),
+            observations: file.observations.len(),
+            actions: file.actuators.len(),
+            formula_forces: on_joints + on_bodies,
+        };
+        Self { file, columns }
+    }
+
+    /// Checks every reference of the file and turns it into a task.
+    pub(super) fn task(&self, name: &str, origin: &str) -> Result<BodyTask, ValidationError> {
+        let file = self.file;
+        self.check_unique_names()?;
+        let colliders = surfaces::colliders(file)?;
+        let bodies = file
+            .bodies
+            .iter()
+            .map(body)
+            .collect::<Result<Vec<_>, _>>()?;
+        let joints = self.joints()?;
+        let task = BodyTask {
+            origin: origin.to_owned(),
+            spec: self.spec(name),
+            scene: self.scene(&bodies, &joints)?,
+            gravity: file.gravity.get(),
+            solver: description::Solver {
+                substeps: file.solver.substeps.get(),
+                solver_iterations: file.solver.solver_iterations.get(),
+                contact_updates: file.solver.contact_updates.get(),
+            },
+            bodies,
+            joints,
+            free_bodies: self.free_bodies(),
+            colliders,
+            actuators: self.actuators()?,
+            sensors: self.sensors()?,
+            formula_forces: self.formula_forces()?,
+            display_offsets: self.display_offsets()?,
+            formulas: self.formulas()?,
+            reset: self.starts()?,
+            analytic_model: self.analytic_model()?,
+        };
+        self.check_servos(&task)?;
+        self.check_armatures(&task)?;
+        self.check_analytic_model(&task)?;
+        Ok(task)
+    }
+
+    fn spec(&self, name: &str) -> Spec {
+        let file = self.file;
+        Spec {
+            name: name.to_owned(),
+            description: file.description.clone(),
+            observations: file.observations.iter().map(quantity).collect(),
+            actions: file.actuators.iter().map(action).collect(),
+            control_step: file.control_step.get(),
+            time_limit: file.time_limit.get(),
+            reward_threshold: file.reward_threshold.map(FiniteNumber::get_f32),
+        }
+    }
+
+    fn check_unique_names(&self) -> Result<(), ValidationError> {
+        let file = self.file;
+        unique("body", file.bodies.iter().map(|body| &body.name))?;
+        unique(
+            "collider",
+            self.all_colliders()
+                .filter_map(|collider| collider.name.as_ref()),
+        )?;
+        unique("joint", file.joints.iter().map(|joint| &joint.name))?;
+        unique("sensor", file.sensors.iter().map(|sensor| &sensor.name))?;
+        unique(
+            "observation",
+            file.observations.iter().map(|seen| &seen.name),
+        )?;
+        unique("actuator", file.actuators.iter().map(|it| &it.name))?;
+        self.check_actuator_names()?;
+        match file.bodies.iter().find(|body| body.name.as_ref() == WORLD) {
+            Some(body) => Err(body
+                .name
+                .error("`world` is reserved for what does not move: choose another name")),
+            None => Ok(()),
+        }
+    }
+
+    /// Formulas read sensors, observations and actions, so that these share one set of names. Only
+    /// an observation may have the name of a sensor: it is that sensor.
+    fn check_actuator_names(&self) -> Result<(), ValidationError> {
+        let file = self.file;
+        for actuator in &file.actuators {
+            let name = &actuator.name;
+            let is_sensor = file.sensors.iter().any(|sensor| sensor.name == *name);
+            let is_observation = file.observations.iter().any(|seen| seen.name == *name);
+            if is_sensor || is_observation {
+                return Err(name.error(format!(
+                    "`{}` already names a sensor or an observation: choose another name",
+                    name.as_ref()
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Index of the body with this name.
+    pub(super) fn find_body(&self, name: &Located<String>) -> Result<usize, ValidationError> {
+        find(name, "body", self.file.bodies.iter().map(|body| &body.name))
+    }
+
+    /// Indices of the bodies that are no joint's child.
+    pub(super) fn free_bodies(&self) -> Vec<usize> {
+        let is_child = |body: &Body| {
+            self.file
+                .joints
+                .iter()
+                .any(|joint| *joint.child == *body.name.as_ref())
+        };
+        (0..self.file.bodies.len())
+            .filter(|&body| !is_child(&self.file.bodies[body]))
+            .collect()
+    }
+
+    /// The world first, if there is anything of it to draw, then every body. `None` if nothing has
+    /// a shape.
+    fn scene(
+        &self,
+        bodies: &[description::Body],
+        joints: &[description::Joint],
+    ) -> Result<Option<Scene>, ValidationError> {
+        let world = self.world_scene();
+        let has_world = !world.shapes.is_empty();
+        let tracked = match &self.file.tracked {
+            Some(name) => Some(self.find_body(name)? + usize::from(has_world)),
+            None => None,
+        };
+        let mut drawn = Vec::new();
+        if has_world {
+            drawn.push(world);
+        }
+        for (index, body) in bodies.iter().enumerate() {
+            drawn.push(SceneBody {
+                name: body.name.clone(),
+                fixed: false,
+                shapes: body.shapes.clone(),
+                hinge: hinge_of(index, joints),
+            });
+        }
+        let has_shapes = drawn.iter().any(|body| !body.shapes.is_empty());
+        Ok(has_shapes.then_some(Scene {
+            bodies: drawn,
+            tracked,
+        }))
+    }
+
+    fn world_scene(&self) -> SceneBody {
+        let colliders = self.file.colliders.iter().map(|collider| &*collider.geom);
+        SceneBody {
+            name: WORLD.to_owned(),
+            fixed: true,
+            shapes: self
+                .file
+                .scenery
+                .iter()
+                .chain(colliders)
+                .map(shape)
+                .collect(),
+            hinge: None,
+        }
+    }
+
+    /// Trees rooted in the world or in free bodies: each body is the child of at most one joint,
+    /// each parent the child of an earlier one.
+    fn joints(&self) -> Result<Vec<description::Joint>, ValidationError> {
+        let mut joint_to_parent: Vec<Option<&Joint>> = vec![None; self.file.bodies.len()];
+        let mut joints = Vec::new();
+        for joint in &self.file.joints {
+            let parent = self.parent(joint, &joint_to_parent)?;
+            let child = self.child(joint, &joint_to_parent)?;
+            joint_to_parent[child] = Some(joint);
+            joints.push(description::Joint {
+                name: joint.name.value().as_ref().to_owned(),
+                parent,
+                child,
+                anchor: joint.anchor.get(),
+                kind: joint_kind(*joint.kind),
+                range: joint.checked_range()?,
+                passive: joint.passive()?,
+            });
+        }
+        Ok(joints)
+    }
+
+    fn parent(
+        &self,
+        joint: &Joint,
+        joint_to_parent: &[Option<&Joint>],
+    ) -> Result<Option<usize>, ValidationError> {
+        let name = &joint.parent;
+        if name.as_str() == WORLD {
+            return Ok(None);
+        }
+        let bodies = || {
+            let bodies = self.file.bodies.iter();
+            bodies.map(|body| body.name.value().as_ref())
+        };
+        let Some(parent) = bodies().position(|body| body == name.as_str()) else {
+            let names: Vec<_> = [WORLD].into_iter().chain(bodies()).collect();
+            return Err(name.unknown_name("body", names));
+        };
+        if joint_to_parent[parent].is_none() && !self.free_bodies().contains(&parent) {
+            return Err(name.error(format!(
+                "the joint that holds body `{}` must come before this one: joints form a tree, \
+                 parents before children",
+                name.as_str()
+            )));
+        }
+        Ok(Some(parent))
+    }
+
+    fn child(
+        &self,
+        joint: &Joint,
+        joint_to_parent: &[Option<&Joint>],
+    ) -> Result<usize, ValidationError> {
+        let child = self.find_body(&joint.child)?;
+        match joint_to_parent[child] {
+            Some(other) => Err(joint.child.error(format!(
+                "body `{}` is already the child of joint `{}`: a body has at most one parent",
+                joint.child.as_str(),
+                other.name.as_ref()
+            ))),
+            None => Ok(child),
+        }
+    }
+
+    fn formulas(&self) -> Result<Formulas, ValidationError> {
+        let observations = self.file.observations.iter();
+        let all = self.all_variables();
+        Ok(Formulas {
+            observations: observations
+                .map(|seen| self.observation(seen))
+                .collect::<Result<_, _>>()?,
+            reward: formula(&self.file.reward, Type::Number, &all)?,
+            terminated: formula(&self.file.terminated, Type::Boolean, &all)?,
+        })
+    }
+
+    /// The sensors, with their values before the step.
+    fn sensor_variables(&self) -> Vec<Variable> {
+        let sensors = self.file.sensors.iter().enumerate();
+        sensors
+            .map(|(column, sensor)| Variable {
+                name: sensor.name.value().as_ref().to_owned(),
+                column,
+                previous: Some(self.columns.first_previous() + column),
+            })
+            .collect()
+    }
+
+    /// The sensors without their values before the step: observations and forces are functions of
+    /// the present.
+    pub(super) fn present_sensors(&self) -> Vec<Variable> {
+        let mut sensors = self.sensor_variables();
+        for sensor in &mut sensors {
+            sensor.previous = None;
+        }
+        sensors
+    }
+
+    /// The actions, under their actuators' names.
+    pub(super) fn action_variables(&self) -> Vec<Variable> {
+        let actuators = self.file.actuators.iter().enumerate();
+        actuators
+            .map(|(index, actuator)| Variable {
+                name: actuator.name.value().as_ref().to_owned(),
+                column: self.columns.first_action() + index,
+                previous: None,
+            })
+            .collect()
+    }
+
+    /// Observations, then the sensors that are not observed under their own name, then actions.
+    fn all_variables(&self) -> Vec<Variable> {
+        let observations = self.file.observations.iter().enumerate();
+        let first_previous = self.columns.first_previous() + self.columns.sensors;
+        let mut variables: Vec<_> = observations
+            .map(|(index, seen)| Variable {
+                name: seen.name.value().as_ref().to_owned(),
+                column: self.columns.first_observation() + index,
+                previous: Some(first_previous + index),
+            })
+            .collect();
+        for sensor in self.sensor_variables() {
+            if variables.iter().all(|known| known.name != sensor.name) {
+                variables.push(sensor);
+            }
+        }
+        variables.extend(self.action_variables());
+        variables
+    }
+
+    /// The formula of an observation: its `value`, or else the sensor of the same name.
+    fn observation(&self, seen: &Observation) -> Result<Program, ValidationError> {
+        let sensors = self.present_sensors();
+        let name = seen.name.value().as_ref();
+        let is_sensor = sensors.iter().any(|sensor| sensor.name == name);
+        match &seen.value {
+            Some(_) if is_sensor => Err(seen.name.error(format!(
+                "`{name}` is also the name of a sensor: leave out `value`, or choose another name"
+            ))),
+            Some(value) => formula(value, Type::Number, &sensors),
+            None if is_sensor => compile(name, Type::Number, &sensors)
+                .map_err(|error| seen.name.error(error.message)),
+            None => {
+                let names = sensors.iter().map(|sensor| sensor.name.as_str());
+                Err(seen
+                    .name
+                    .unknown_name("sensor", names)
+                    .with_help("an observation that is not a sensor needs a `value`"))
+            }
+        }
+    }
+
+    fn analytic_model(&self) -> Result<Option<description::AnalyticModel>, ValidationError> {
+        let find = |name| self.find_joint(name);
+        let Some(model) = &self.file.analytic else {
+            return Ok(None);
+        };
+        Ok(Some(match model {
+            AnalyticModel::CartPole { slider, hinge } => description::AnalyticModel::CartPole {
+                slider: find(slider)?,
+                hinge: find(hinge)?,
+            },
+            AnalyticModel::Pendulum { hinge } => description::AnalyticModel::Pendulum {
+                hinge: find(hinge)?,
+            },
+            AnalyticModel::Acrobot { shoulder, elbow } => description::AnalyticModel::Acrobot {
+                shoulder: find(shoulder)?,
+                elbow: find(elbow)?,
+            },
+            AnalyticModel::MountainCar { slider } => description::AnalyticModel::MountainCar {
+                slider: find(slider)?,
+            },
+        }))
+    }
+
+    /// The equations of the analytic model must be those of the bodies.
+    fn check_analytic_model(&self, task: &BodyTask) -> Result<(), ValidationError> {
+        let Some(model) = &self.file.analytic else {
+            return Ok(());
+        };
+        let (AnalyticModel::CartPole { slider: first, .. }
+        | AnalyticModel::Pendulum { hinge: first }
+        | AnalyticModel::Acrobot {
+            shoulder: first, ..
+        }
+        | AnalyticModel::MountainCar { slider: first }) = model;
+        analytic::check(task).map_err(|message| first.error(message))
+    }
+}
+
+fn unique<'a>(
+    what: &str,
+    names: impl Iterator<Item = &'a Located<Name>>,
+) -> Result<(), ValidationError> {
+    let mut seen: Vec<&str> = Vec::new();
+    for name in names {
+        if seen.contains(&name.as_ref()) {
+            return Err(name.error(format!(
+                "another {what} is already named `{}`: choose another name",
+                name.as_ref()
+            )));
+        }
+        seen.push(name.value().as_ref());
+    }
+    Ok(())
+}
+
+/// Index of the name in a list.
+pub(super) fn find<'a>(
+    name: &Located<String>,
+    what: &str,
+    names: impl Iterator<Item = &'a Located<Name>> + Clone,
+) -> Result<usize, ValidationError> {
+    let names = names.map(|known| known.value().as_ref());
+    names
+        .clone()
+        .position(|known| known == name.as_str())
+        .ok_or_else(|| name.unknown_name(what, names))
+}
+
+/// Compiles a formula; errors point at the character within it.
+pub(super) fn formula(
+    text: &Located<String>,
+    kind: Type,
+    variables: &[Variable],
+) -> Result<Program, ValidationError> {
+    compile(text, kind, variables).map_err(|error| {
+        let located = text.error(error.message).at(error.line, error.column);
+        match error.help {
+            Some(help) => located.with_help(help),
+            None => located,
+        }
+    })
+}
+
+fn body(body: &Body) -> Result<description::Body, ValidationError> {
+    let colliders = body.colliders.iter().map(|collider| &*collider.geom);
+    let shapes: Vec<_> = body.geoms.iter().chain(colliders).map(shape).collect();
+    Ok(description::Body {
+        name: body.name.value().as_ref().to_owned(),
+        position: body.position.get(),
+        angle: body.angle.map_or(0.0, FiniteNumber::get),
+        inertial: inertial(body, &shapes)?,
+        shapes,
+    })
+}
+
+/// A center of mass or an inertia that is left out is that of the shapes.
+fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> {
+    let mass = body.mass.get();
+    let of_shapes = physics::inertial(mass, shapes);
+    let given_com = body.com.map(super::Vector::get);
+    let com = given_com.or(of_shapes.map(|shapes| shapes.com));
+    let given_inertia = body.inertia.map(|inertia| inertia.get());
+    let Some(inertia) = given_inertia.or(of_shapes.map(|shapes| shapes.inertia)) else {
+        return Err(body.name.error(format!(
+            "body `{}` has neither an `inertia` nor a shape with an area: add one of them",
+            body.name.as_ref()
+        )));
+    };
+    Ok(Inertial {
+        mass,
+        com: com.unwrap_or_default(),
+        inertia,
+    })
+}
+
+/// The hinge about which a body turns, in its frame.
+fn hinge_of(body: usize, joints: &[description::Joint]) -> Option<[f32; 2]> {
+    let joint = joints.iter().find(|joint| joint.child == body)?;
+    matches!(joint.kind, description::JointKind::Hinge { .. })
+        .then(|| joint.anchor.map(|along| along as f32))
+}
+
+fn joint_kind(kind: JointKind) -> description::JointKind {
+    match kind {
+        JointKind::Slide { axis } => description::JointKind::Slide { axis: axis.get() },
+        JointKind::Hinge {
+            positive: RotationDirection::CounterClockwise,
+        } => description::JointKind::Hinge { sign: 1.0 },
+        JointKind::Hinge {
+            positive: RotationDirection::Clockwise,
+        } => description::JointKind::Hinge { sign: -1.0 },
+        JointKind::Weld => description::JointKind::Weld,
+    }
+}
+
+fn quantity(observation: &Observation) -> Quantity {
+    let range = observation.range.get().map(|end| end as f32);
+    Quantity::new(observation.name.as_ref(), &observation.unit, range)
+}

@@ -1,0 +1,221 @@
+//! Shapes, and surfaces that touch each other: their schema, and what they mean.
+
+use serde::Deserialize;
+
+use super::{Direction, Name, Vector};
+use crate::description::{self, Surface};
+use crate::input::numbers::{FiniteNumber, Fraction, NonNegative, Positive};
+use crate::input::{Located, ValidationError};
+use crate::{Shape, physics};
+
+/// A shape that touches others.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Collider {
+    /// Name by which sensors refer to it, unique among colliders.
+    #[serde(default)]
+    pub name: Option<Located<Name>>,
+    /// Its shape. Half-spaces and polylines are allowed for the world only.
+    pub geom: Located<Geom>,
+    /// Coefficient μ of dry friction, 1 by default. The larger one of two surfaces is used.
+    #[serde(default)]
+    pub friction: Option<NonNegative>,
+    /// Coefficient of restitution from 0 (no bounce, the default) to 1. The larger one of two
+    /// surfaces is used.
+    #[serde(default)]
+    pub restitution: Option<Fraction>,
+    /// Bits of the collision groups that the surface belongs to; 1 by default.
+    #[serde(default = "first_group")]
+    pub contype: u32,
+    /// Bits of the collision groups that it touches, 1 by default. Two surfaces can touch if one
+    /// belongs to a group that the other touches, and no joint connects their bodies.
+    #[serde(default = "first_group")]
+    pub conaffinity: u32,
+}
+
+/// A shape in its body's frame.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Geom {
+    /// A disc.
+    Ball {
+        /// Center.
+        #[serde(default)]
+        center: Vector,
+        /// Radius.
+        radius: Positive,
+    },
+    /// A rectangle.
+    Box {
+        /// Center.
+        #[serde(default)]
+        center: Vector,
+        /// Half width and half height.
+        half_size: (Positive, Positive),
+        /// Rotation about the center.
+        #[serde(default)]
+        angle: Option<FiniteNumber>,
+    },
+    /// A segment with a thickness.
+    Capsule {
+        /// One end of the segment.
+        from: Vector,
+        /// The other end.
+        to: Vector,
+        /// Half the thickness.
+        radius: Positive,
+    },
+    /// The convex hull of at least three points.
+    Convex(Points<3>),
+    /// An open line of at least two points; it weighs nothing. As a collider it can be touched from
+    /// its right-hand side.
+    Polyline(Points<2>),
+    /// Everything behind an infinite line; it weighs nothing.
+    HalfSpace {
+        /// A point on the line.
+        #[serde(default)]
+        point: Vector,
+        /// Direction to the outside.
+        normal: Direction,
+    },
+}
+
+/// At least `MIN` points.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "Vec<Vector>")]
+pub struct Points<const MIN: usize>(Vec<Vector>);
+
+impl<const MIN: usize> Points<MIN> {
+    /// The points, in f32.
+    #[must_use]
+    pub fn get(&self) -> Vec<[f32; 2]> {
+        self.0
+            .iter()
+            .map(|point| point.get().map(|value| value as f32))
+            .collect()
+    }
+}
+
+impl<const MIN: usize> TryFrom<Vec<Vector>> for Points<MIN> {
+    type Error = String;
+
+    fn try_from(points: Vec<Vector>) -> Result<Self, String> {
+        if points.len() >= MIN {
+            return Ok(Self(points));
+        }
+        Err(format!(
+            "expected at least {MIN} points, found {}",
+            points.len()
+        ))
+    }
+}
+
+/// All colliders: the world's, then those of each body.
+pub(super) fn colliders(
+    file: &super::TaskFile,
+) -> Result<Vec<description::Collider>, ValidationError> {
+    let of_world = file.colliders.iter().map(|collider| (None, collider));
+    let bodies = file.bodies.iter().enumerate();
+    let of_bodies = bodies.flat_map(|(index, body)| {
+        body.colliders
+            .iter()
+            .map(move |collider| (Some(index), collider))
+    });
+    of_world
+        .chain(of_bodies)
+        .map(|(body, collider)| resolve_collider(body, collider))
+        .collect()
+}
+
+fn resolve_collider(
+    body: Option<usize>,
+    collider: &Collider,
+) -> Result<description::Collider, ValidationError> {
+    if body.is_some() && matches!(*collider.geom, Geom::HalfSpace { .. } | Geom::Polyline(_)) {
+        return Err(collider
+            .geom
+            .error("half-spaces and polylines cannot move: put them into the `colliders` of the task, not of a body"));
+    }
+    if physics::inertial(1.0, &[shape(&collider.geom)]).is_none()
+        && matches!(*collider.geom, Geom::Convex(_))
+    {
+        return Err(collider
+            .geom
+            .error("the points of a convex collider must not all lie on one line"));
+    }
+    Ok(description::Collider {
+        name: collider.name.as_ref().map(|name| name.as_ref().to_owned()),
+        body,
+        surface: surface(&collider.geom),
+        friction: collider.friction.map_or(1.0, NonNegative::get),
+        restitution: collider.restitution.map_or(0.0, Fraction::get),
+        contype: collider.contype,
+        conaffinity: collider.conaffinity,
+    })
+}
+
+fn surface(geom: &Geom) -> Surface {
+    match geom {
+        Geom::HalfSpace { point, normal } => Surface::HalfSpace {
+            point: to_f32(point.get()),
+            normal: to_f32(normal.get()),
+        },
+        other => Surface::Shape(shape(other)),
+    }
+}
+
+/// Half of the length that is drawn of an infinite line, m.
+const HALF_DRAWN_LENGTH: i16 = 100;
+
+/// The shape as it is drawn.
+pub(super) fn shape(geom: &Geom) -> Shape {
+    match geom {
+        Geom::Ball { center, radius } => Shape::Ball {
+            center: to_f32(center.get()),
+            radius: radius.get_f32(),
+        },
+        Geom::Box {
+            center,
+            half_size: (width, height),
+            angle,
+        } => Shape::Box {
+            center: to_f32(center.get()),
+            half_size: [width.get_f32(), height.get_f32()],
+            angle: angle.map_or(0.0, FiniteNumber::get_f32),
+        },
+        Geom::Capsule { from, to, radius } => Shape::Capsule {
+            from: to_f32(from.get()),
+            to: to_f32(to.get()),
+            radius: radius.get_f32(),
+        },
+        Geom::Convex(points) => Shape::Polygon(points.get()),
+        Geom::Polyline(points) => Shape::Polyline(points.get()),
+        Geom::HalfSpace { point, normal } => {
+            let ([x, y], [right, up]) = (to_f32(point.get()), to_f32(normal.get()));
+            let at = |[along, depth]: [f32; 2]| {
+                [
+                    x + along * up - depth * right,
+                    y - along * right - depth * up,
+                ]
+            };
+            Shape::Polyline(notched_line().map(at).collect())
+        }
+    }
+}
+
+/// Points of an infinite line, as (distance along it, depth behind it). A notch at each meter shows
+/// which side is behind the line, and makes motion along it visible.
+fn notched_line() -> impl Iterator<Item = [f32; 2]> {
+    const NOTCH_DEPTH: f32 = 0.04;
+    (-HALF_DRAWN_LENGTH..=HALF_DRAWN_LENGTH)
+        .map(f32::from)
+        .flat_map(|meter| [[meter, 0.0], [meter, NOTCH_DEPTH], [meter, 0.0]])
+}
+
+fn to_f32(vector: [f64; 2]) -> [f32; 2] {
+    vector.map(|value| value as f32)
+}
+
+fn first_group() -> u32 {
+    1
+}

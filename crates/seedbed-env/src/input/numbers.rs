@@ -1,0 +1,174 @@
+//! Numbers with a range in their type, so that an error in a file points at the number itself.
+
+use std::borrow::Cow;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize};
+
+/// Defines a number with a range: its documentation, its name, the condition, and the condition in
+/// words.
+macro_rules! ranged_number {
+    ($(#[$meta:meta])* $name:ident, $holds:expr, $expected:literal) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize, Deserialize)]
+        #[serde(try_from = "f64", into = "f64")]
+        pub struct $name(f64);
+
+        impl $name {
+            /// The number itself.
+            #[must_use]
+            pub const fn get(self) -> f64 {
+                self.0
+            }
+
+            /// The number in single precision.
+            #[must_use]
+            pub const fn get_f32(self) -> f32 {
+                self.0 as f32
+            }
+        }
+
+        impl TryFrom<f64> for $name {
+            type Error = String;
+
+            fn try_from(value: f64) -> Result<Self, String> {
+                let holds: fn(f64) -> bool = $holds;
+                if !value.is_finite() || !holds(value) {
+                    return Err(format!(concat!("expected ", $expected, ", found {:?}"), value));
+                }
+                // Physics and learning run in single precision.
+                if !(value as f32).is_finite() || (value != 0.0 && (value as f32).abs() < f32::MIN_POSITIVE) {
+                    return Err(format!("{value:e} does not fit into a number of single precision"));
+                }
+                Ok(Self(value))
+            }
+        }
+
+        impl JsonSchema for $name {
+            fn inline_schema() -> bool {
+                true
+            }
+
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($name).into()
+            }
+
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                json_schema!({ "type": "number", "expected": $expected })
+            }
+        }
+
+        impl From<$name> for f64 {
+            fn from(value: $name) -> Self {
+                value.0
+            }
+        }
+    };
+}
+
+ranged_number!(
+    /// A finite number above 0.
+    Positive,
+    |value| value > 0.0,
+    "a number above 0"
+);
+ranged_number!(
+    /// A number above 0 and at most 10.
+    PositiveUpTo10,
+    |value| value > 0.0 && value <= 10.0,
+    "a number above 0 and at most 10"
+);
+ranged_number!(
+    /// A finite number of at least 0.
+    NonNegative,
+    |value| value >= 0.0,
+    "a number of at least 0"
+);
+ranged_number!(
+    /// A number from 0 to 1, both included.
+    Fraction,
+    |value| (0.0..=1.0).contains(&value),
+    "a number from 0 to 1"
+);
+ranged_number!(
+    /// A number above 0 and at most 1.
+    PositiveFraction,
+    |value| value > 0.0 && value <= 1.0,
+    "a number above 0 and at most 1"
+);
+ranged_number!(
+    /// A number from 0 to less than 1, for example a discount or a decay rate.
+    Decay,
+    |value| (0.0..1.0).contains(&value),
+    "a number of at least 0 and below 1"
+);
+ranged_number!(
+    /// A number other than infinity and NaN.
+    FiniteNumber,
+    |_| true,
+    "a finite number"
+);
+
+/// A count from `MIN` to `MAX`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "u64", into = "u64")]
+pub struct Count<const MAX: u32 = 1_000_000, const MIN: u32 = 1>(u32);
+
+impl<const MAX: u32, const MIN: u32> Count<MAX, MIN> {
+    /// The count itself.
+    #[must_use]
+    pub const fn get(self) -> u32 {
+        self.0
+    }
+}
+
+impl<const MAX: u32, const MIN: u32> TryFrom<u64> for Count<MAX, MIN> {
+    type Error = String;
+
+    fn try_from(value: u64) -> Result<Self, String> {
+        let fits = u32::try_from(value)
+            .ok()
+            .filter(|count| (MIN..=MAX).contains(count));
+        fits.map(Self)
+            .ok_or_else(|| format!("expected a whole number from {MIN} to {MAX}, found {value}"))
+    }
+}
+
+impl<const MAX: u32, const MIN: u32> JsonSchema for Count<MAX, MIN> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        format!("Count_{MIN}_to_{MAX}").into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let expected = format!("a whole number from {MIN} to {MAX}");
+        json_schema!({ "type": "integer", "minimum": MIN, "maximum": MAX, "expected": expected })
+    }
+}
+
+impl<const MAX: u32, const MIN: u32> From<Count<MAX, MIN>> for u64 {
+    fn from(value: Count<MAX, MIN>) -> Self {
+        u64::from(value.0)
+    }
+}
+
+/// A number that is known to be in its range, for defaults.
+///
+/// # Panics
+/// If it is not.
+#[must_use]
+pub fn known<N: TryFrom<f64, Error = String>>(value: f64) -> N {
+    N::try_from(value).unwrap_or_else(|message| panic!("{message}"))
+}
+
+/// A count that is known to be in its range, for defaults.
+///
+/// # Panics
+/// If it is not.
+#[must_use]
+pub fn known_count<const MAX: u32, const MIN: u32>(value: u32) -> Count<MAX, MIN> {
+    Count::try_from(u64::from(value)).unwrap_or_else(|message| panic!("{message}"))
+}

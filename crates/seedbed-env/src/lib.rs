@@ -1,0 +1,428 @@
+//! Reinforcement-learning tasks as data: rigid bodies, analytic models and tabular MDPs, described
+//! in text files and run as batches of independent copies.
+//!
+//! A task is a RON file that says which bodies there are, what holds and drives them, what an agent
+//! observes, and how it is rewarded. [`load`] reads and checks it, [`build`] makes an
+//! [`Environment`] of any number of copies:
+//!
+//! ```
+//! use seedbed_env::random::{Purpose, stream};
+//! use seedbed_env::{Environment, Physics, Status, build, load};
+//!
+//! # std::env::set_current_dir("../..")?;
+//! let task = load("envs/cartpole.ron".as_ref())?;
+//! let mut environment = build(&task, Physics::Rapier, 16)?;
+//! for copy in 0..16 {
+//!     environment.reset(copy, &mut stream(0, Purpose::Reset, copy as u32, 0));
+//! }
+//! while environment.statuses().contains(&Status::Running) {
+//!     environment.step(&[1.0; 16]); // one row per copy: the index of a discrete action
+//! }
+//! assert!(environment.rewards().iter().all(|reward| *reward == 1.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The same file, the same random streams and the same actions give the same bits on every machine,
+//! and the bits of one copy do not depend on the others.
+//!
+//! # Where to look
+//!
+//! - [`Environment`] is the interface to agents, and [`Spec`] what they know of a task beforehand.
+//!   Other crates may implement it; its documentation has an example.
+//! - [`mod@file`] is the schema of task files. `envs/README.md` in the repository teaches it.
+//! - [`description`] is what a checked file becomes, and may be changed before building.
+//! - [`tabular`] are finite MDPs with priors, [`analytic`] exact equations of classic tasks.
+//! - [`input`] reads RON files with located errors, and [`random`] names random streams; both serve
+//!   the rest of the workbench too.
+//!
+//! Agents, learning and recording are other crates, on which this one must not depend.
+
+pub mod analytic;
+pub mod description;
+pub mod dynamics;
+mod environment;
+pub mod expression;
+pub mod file;
+mod forces;
+pub mod input;
+pub mod kinematics;
+pub mod physics;
+pub mod random;
+mod sensing;
+pub mod tabular;
+
+pub use description::TaskDescription;
+pub use environment::{build, build_dynamics};
+pub use file::{load, load_with_text, parse};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::random::Stream;
+
+/// A batch of M independent copies of one task.
+///
+/// A copy is live from its [`reset`](Self::reset) until its status is no longer
+/// [`Status::Running`]; only live copies are stepped. The bits of one copy must depend neither on M
+/// nor on what the other copies do.
+///
+/// # Example
+/// A task in Rust: walk on a line until its end.
+///
+/// ```
+/// use seedbed_env::random::Stream;
+/// use seedbed_env::{Action, Environment, Quantity, Spec, Status};
+///
+/// struct Walk {
+///     spec: Spec,
+///     positions: Vec<f32>,
+///     rewards: Vec<f32>,
+///     statuses: Vec<Status>,
+/// }
+///
+/// impl Walk {
+///     fn new(copies: usize) -> Self {
+///         Self {
+///             spec: Spec::new(
+///                 "walk",
+///                 vec![Quantity::new("position", "m", [0.0, 3.0])],
+///                 vec![Action::discrete("step", "m", &[-1.0, 1.0])],
+///             ),
+///             positions: vec![0.0; copies],
+///             rewards: vec![0.0; copies],
+///             statuses: vec![Status::Idle; copies],
+///         }
+///     }
+/// }
+///
+/// impl Environment for Walk {
+///     fn spec(&self) -> &Spec {
+///         &self.spec
+///     }
+///     fn copies(&self) -> usize {
+///         self.positions.len()
+///     }
+///     fn reset(&mut self, copy: usize, _random: &mut Stream) {
+///         self.positions[copy] = 1.0;
+///         self.rewards[copy] = 0.0;
+///         self.statuses[copy] = Status::Running;
+///     }
+///     fn step(&mut self, actions: &[f32]) {
+///         for (copy, &action) in actions.iter().enumerate() {
+///             if self.statuses[copy] == Status::Running {
+///                 self.positions[copy] += if action == 1.0 { 1.0 } else { -1.0 };
+///                 let at_end = self.positions[copy] == 3.0;
+///                 self.rewards[copy] = if at_end { 1.0 } else { 0.0 };
+///                 if at_end || self.positions[copy] == 0.0 {
+///                     self.statuses[copy] = Status::Terminated;
+///                 }
+///             }
+///         }
+///     }
+///     fn observations(&self) -> &[f32] {
+///         &self.positions
+///     }
+///     fn rewards(&self) -> &[f32] {
+///         &self.rewards
+///     }
+///     fn statuses(&self) -> &[Status] {
+///         &self.statuses
+///     }
+///     fn save(&self) -> Vec<u8> {
+///         let running = |status: &Status| u8::from(*status == Status::Running);
+///         let positions = self.positions.iter().map(|position| *position as u8);
+///         positions.chain(self.statuses.iter().map(running)).collect()
+///     }
+///     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+///         if bytes.len() != 2 * self.copies() {
+///             return Err(format!("expected {} bytes, found {}", 2 * self.copies(), bytes.len()));
+///         }
+///         let (positions, running) = bytes.split_at(self.copies());
+///         self.positions = positions.iter().copied().map(f32::from).collect();
+///         for (status, running) in self.statuses.iter_mut().zip(running) {
+///             *status = if *running == 1 { Status::Running } else { Status::Idle };
+///         }
+///         Ok(())
+///     }
+/// }
+///
+/// let mut walk = Walk::new(2);
+/// let mut random = seedbed_env::random::stream(0, seedbed_env::random::Purpose::Reset, 0, 0);
+/// (0..2).for_each(|copy| walk.reset(copy, &mut random));
+/// walk.step(&[1.0, 0.0]);
+/// assert_eq!(walk.observations(), [2.0, 0.0]);
+/// assert_eq!(walk.statuses(), [Status::Running, Status::Terminated]);
+/// ```
+pub trait Environment: Send {
+    /// Names, units and ranges of observations and actions.
+    fn spec(&self) -> &Spec;
+
+    /// Number of copies M.
+    fn copies(&self) -> usize;
+
+    /// Starts a new episode in `copy`, with a start state drawn from `random`.
+    fn reset(&mut self, copy: usize, random: &mut Stream);
+
+    /// Advances every live copy by one control step.
+    ///
+    /// `actions`: `[M × action width]`, one row per copy. A discrete action is the index of its
+    /// value. Rows of copies that are not live are ignored.
+    fn step(&mut self, actions: &[f32]);
+
+    /// The current observation of each copy: `[M × observations]`, one row per copy.
+    fn observations(&self) -> &[f32];
+
+    /// The reward of the latest step of each copy: `[M]`.
+    fn rewards(&self) -> &[f32];
+
+    /// Whether the episode of each copy is running, and if not, how it ended: `[M]`.
+    fn statuses(&self) -> &[Status];
+
+    /// The whole state as bytes, from which [`restore`](Self::restore) continues with the same
+    /// bits.
+    fn save(&self) -> Vec<u8>;
+
+    /// Restores a state that [`save`](Self::save) returned.
+    ///
+    /// # Errors
+    /// The bytes are not a state of this task with this number of copies.
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
+
+    /// The bodies to draw; `None` (the default) if there is nothing to draw.
+    fn scene(&self) -> Option<&Scene> {
+        None
+    }
+
+    /// Writes where the bodies of `copy` are now, in the order of the scene: `[bodies]`.
+    fn poses(&self, _copy: usize, _poses: &mut [Pose]) {}
+
+    /// Appends the forces of the latest step of `copy`, as they act on bodies that are at `poses`:
+    /// `[bodies]`, in the order of the scene. There are none directly after a reset. This is called
+    /// only to draw, so that it may allocate.
+    fn forces(&self, _copy: usize, _poses: &[Pose], _forces: &mut Vec<Force>) {}
+}
+
+/// What moves the bodies of a task.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+pub enum Physics {
+    /// Rigid-body physics of Rapier. Tabular tasks have no bodies and run with this setting too.
+    #[default]
+    Rapier,
+    /// The task's analytic model, if it has one.
+    Analytic,
+}
+
+/// Whether an episode is running, and if not, how it ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Not started, or ended and not yet reset. Not stepped.
+    #[default]
+    Idle,
+    /// The episode is running.
+    Running,
+    /// The episode reached a terminal state: no reward can follow.
+    Terminated,
+    /// The episode reached the time limit.
+    Truncated,
+}
+
+/// A task as an agent sees it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spec {
+    /// Name of the task: the stem of its file.
+    pub name: String,
+    /// One sentence for people.
+    pub description: String,
+    /// Components of an observation, in order.
+    pub observations: Vec<Quantity>,
+    /// Components of an action, in order.
+    pub actions: Vec<Action>,
+    /// Time between two actions, s.
+    pub control_step: f64,
+    /// Steps after which an episode is truncated.
+    pub time_limit: u32,
+    /// Mean return at which the task counts as solved, if there is an agreed one.
+    pub reward_threshold: Option<f32>,
+}
+
+/// A named number with its unit, and the range over which it is displayed and its coverage is
+/// counted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quantity {
+    /// Name, unique within its task.
+    pub name: String,
+    /// SI unit, for example `m/s`; empty for a pure number.
+    pub unit: String,
+    /// Minimum and maximum of the display range. Values outside may occur.
+    pub range: [f32; 2],
+}
+
+/// One component of an action.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Action {
+    /// Name, unit and range.
+    pub quantity: Quantity,
+    /// Values that may be chosen.
+    pub choice: Choice,
+}
+
+/// The values that may be chosen for one component of an action.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Choice {
+    /// One of these values. The action is the index of the value.
+    Discrete(Vec<f32>),
+    /// Any number within the quantity's range. The action is clamped to it.
+    Continuous,
+}
+
+/// Position (m) and angle (rad, counter-clockwise) of a body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Position to the right, m.
+    pub x: f32,
+    /// Position upwards, m.
+    pub y: f32,
+    /// Angle, rad, counter-clockwise.
+    pub angle: f32,
+}
+
+/// A force, to be drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Force {
+    /// What causes it.
+    pub source: ForceSource,
+    /// Point of application in the world, m.
+    pub at: [f32; 2],
+    /// Components to the right and upwards, N.
+    pub newtons: [f32; 2],
+}
+
+/// What causes a force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ForceSource {
+    /// The agent's action. A torque is drawn as the force at the body's center of mass that has the
+    /// same effect.
+    Action,
+    /// Contact with another surface.
+    Contact,
+}
+
+/// The drawable bodies of a task.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// One entry per body, in the order of the poses.
+    pub bodies: Vec<SceneBody>,
+    /// Index (in `bodies`) of the body that the view follows.
+    pub tracked: Option<usize>,
+}
+
+/// One drawable body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneBody {
+    /// Name of the body in its file.
+    pub name: String,
+    /// Whether it never moves.
+    pub fixed: bool,
+    /// Shapes in the body's own frame.
+    pub shapes: Vec<Shape>,
+    /// Position of the hinge about which it turns, in its own frame, m.
+    pub hinge: Option<[f32; 2]>,
+}
+
+/// A shape in its body's frame; lengths in m, angles in rad.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A disc.
+    Ball {
+        /// Center.
+        center: [f32; 2],
+        /// Radius.
+        radius: f32,
+    },
+    /// A rectangle.
+    Box {
+        /// Center.
+        center: [f32; 2],
+        /// Half width and half height.
+        half_size: [f32; 2],
+        /// Rotation about the center.
+        angle: f32,
+    },
+    /// A segment with a thickness.
+    Capsule {
+        /// One end of the segment.
+        from: [f32; 2],
+        /// The other end.
+        to: [f32; 2],
+        /// Half the thickness.
+        radius: f32,
+    },
+    /// A closed convex polygon.
+    Polygon(Vec<[f32; 2]>),
+    /// An open line, for example a terrain or a rail.
+    Polyline(Vec<[f32; 2]>),
+}
+
+impl Spec {
+    /// A task with control steps of 0.1 s, a time limit of 1,000 steps and no return at which it
+    /// counts as solved. All fields are public: change what differs.
+    #[must_use]
+    pub fn new(name: &str, observations: Vec<Quantity>, actions: Vec<Action>) -> Self {
+        Self {
+            name: name.to_owned(),
+            description: String::new(),
+            observations,
+            actions,
+            control_step: 0.1,
+            time_limit: 1000,
+            reward_threshold: None,
+        }
+    }
+
+    /// Number of components of an observation.
+    #[must_use]
+    pub fn observation_width(&self) -> usize {
+        self.observations.len()
+    }
+
+    /// Number of components of an action.
+    #[must_use]
+    pub fn action_width(&self) -> usize {
+        self.actions.len()
+    }
+}
+
+impl Quantity {
+    /// A quantity with its unit and display range.
+    #[must_use]
+    pub fn new(name: &str, unit: &str, range: [f32; 2]) -> Self {
+        Self {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            range,
+        }
+    }
+}
+
+impl Action {
+    /// An action that chooses one of some values. They must not be empty.
+    #[must_use]
+    pub fn discrete(name: &str, unit: &str, values: &[f32]) -> Self {
+        let min = values.iter().copied().fold(f32::MAX, f32::min);
+        let max = values.iter().copied().fold(f32::MIN, f32::max);
+        Self {
+            quantity: Quantity::new(name, unit, [min, max]),
+            choice: Choice::Discrete(values.to_vec()),
+        }
+    }
+
+    /// An action that chooses any number within a range.
+    #[must_use]
+    pub fn continuous(name: &str, unit: &str, range: [f32; 2]) -> Self {
+        Self {
+            quantity: Quantity::new(name, unit, range),
+            choice: Choice::Continuous,
+        }
+    }
+}

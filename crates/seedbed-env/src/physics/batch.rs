@@ -1,0 +1,214 @@
+//! Some copies of a task in one Rapier world.
+
+use rapier2d::prelude::{
+    ImpulseJointHandle, PhysicsWorld, RigidBody, RigidBodyBuilder, RigidBodyHandle,
+};
+
+use super::body::{SavedBody, place, rigid_body};
+use super::constraint::CoordinateConstraint;
+use super::{ControlEffect, CopyTemplate, vector};
+use crate::description::BodyTask;
+use crate::dynamics::CoordinateColumns;
+use crate::kinematics::Frame;
+
+/// Some copies in one world.
+pub(super) struct Batch {
+    world: PhysicsWorld,
+    /// `[copies × bodies]`, one row per copy.
+    handles: Vec<RigidBodyHandle>,
+    /// `[copies × servos]`, one row per copy.
+    servos: Vec<ImpulseJointHandle>,
+    /// Which copies should move: `[copies]`.
+    pub(super) live: Vec<bool>,
+    /// Which copies Rapier moves. It is set to `live` before a step, so that a copy that ends and
+    /// restarts in between costs nothing.
+    enabled: Vec<bool>,
+}
+
+impl Batch {
+    pub(super) fn new(task: &BodyTask, template: &CopyTemplate, copies: usize) -> Self {
+        let mut world = empty_world(task);
+        let anchor = world.insert_body(RigidBodyBuilder::fixed());
+        let (mut handles, mut servos) = (Vec::new(), Vec::new());
+        for _ in 0..copies {
+            let bodies = insert_bodies(&mut world, task, template);
+            servos.extend(insert_joints(&mut world, anchor, &bodies, template));
+            handles.extend(bodies);
+        }
+        process_changes(&mut world);
+        Self {
+            world,
+            handles,
+            servos,
+            live: vec![false; copies],
+            enabled: vec![false; copies],
+        }
+    }
+
+    pub(super) fn bodies(
+        &self,
+        copy: usize,
+        template: &CopyTemplate,
+    ) -> impl Iterator<Item = &RigidBody> {
+        self.handles[copy * template.bodies..][..template.bodies]
+            .iter()
+            .map(|&handle| &self.world.bodies[handle])
+    }
+
+    /// Makes a copy live with its bodies at `frames`.
+    pub(super) fn start(&mut self, copy: usize, frames: &[Frame], template: &CopyTemplate) {
+        let handles = &self.handles[copy * template.bodies..];
+        for ((&handle, frame), &com) in handles.iter().zip(frames).zip(&template.coms) {
+            place(&mut self.world.bodies[handle], frame, com);
+        }
+        self.live[copy] = true;
+    }
+
+    pub(super) fn restore(&mut self, copy: usize, bodies: &[SavedBody], live: bool) {
+        for (saved, &handle) in bodies.iter().zip(&self.handles[copy * bodies.len()..]) {
+            saved.put(&mut self.world.bodies[handle]);
+        }
+        self.live[copy] = live;
+    }
+
+    /// Advances the live copies by one control step; `first` is the index of this batch's first
+    /// copy among all copies.
+    pub(super) fn step(
+        &mut self,
+        first: usize,
+        controls: &[f32],
+        columns: &mut CoordinateColumns,
+        template: &CopyTemplate,
+    ) {
+        self.enable_live_copies(template);
+        if self.live.contains(&true) {
+            self.push(first, controls, columns.copies(), template);
+            self.world.step();
+            self.stop_at_walls(template);
+            self.read_joints(first, columns, template);
+        }
+    }
+
+    fn enable_live_copies(&mut self, template: &CopyTemplate) {
+        for (copy, enabled) in self.enabled.iter_mut().enumerate() {
+            if *enabled != self.live[copy] {
+                *enabled = self.live[copy];
+                for &handle in &self.handles[copy * template.bodies..][..template.bodies] {
+                    self.world.bodies[handle].set_enabled(*enabled);
+                }
+            }
+        }
+    }
+
+    fn push(&mut self, first: usize, controls: &[f32], copies: usize, template: &CopyTemplate) {
+        for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
+            let handles = &self.handles[copy * template.bodies..][..template.bodies];
+            for &body in &template.driven {
+                let body = &mut self.world.bodies[handles[body]];
+                body.reset_forces(false);
+                body.reset_torques(false);
+            }
+            for (index, motor) in template.motors.iter().enumerate() {
+                let value = motor.gear * controls[index * copies + first + copy];
+                let joint = &template.joints[motor.joint];
+                match motor.kind {
+                    ControlEffect::Nothing => {}
+                    ControlEffect::Force => joint.push(value, handles, &mut self.world.bodies),
+                    ControlEffect::Servo(servo, target) => {
+                        let handle = self.servos[copy * template.servos.len() + servo];
+                        CoordinateConstraint::set_target(
+                            handle,
+                            &mut self.world.impulse_joints,
+                            joint,
+                            target,
+                            value,
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    /// Stops bodies that have hit a wall.
+    fn stop_at_walls(&mut self, template: &CopyTemplate) {
+        for joint in template.joints.iter().filter(|joint| joint.has_walls()) {
+            for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
+                joint.stop_at_walls(
+                    &self.handles[copy * template.bodies..][..template.bodies],
+                    &mut self.world.bodies,
+                );
+            }
+        }
+    }
+
+    pub(super) fn read_joints(
+        &self,
+        first: usize,
+        columns: &mut CoordinateColumns,
+        template: &CopyTemplate,
+    ) {
+        for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
+            let handles = &self.handles[copy * template.bodies..][..template.bodies];
+            for (index, joint) in template.joints.iter().enumerate() {
+                let (before, _) = columns.get(index, first + copy);
+                let (position, velocity) = joint.read(before, handles, &self.world.bodies);
+                columns.set(index, first + copy, position, velocity);
+            }
+        }
+    }
+}
+
+/// A world whose joints neither gain nor lose energy beyond the first-order error of the solver:
+/// the stabilization that follows each substep by default drains energy.
+fn empty_world(task: &BodyTask) -> PhysicsWorld {
+    let mut world = PhysicsWorld::new();
+    world.gravity = vector(task.gravity);
+    let parameters = &mut world.integration_parameters;
+    parameters.dt = task.spec.control_step as f32;
+    parameters.num_solver_iterations = task.solver.substeps as usize;
+    parameters.num_internal_pgs_iterations = task.solver.solver_iterations as usize;
+    parameters.num_internal_stabilization_iterations = 0;
+    parameters.max_ccd_substeps = 0;
+    parameters.normalized_max_linear_velocity = f32::MAX;
+    world
+}
+
+/// Inserts the bodies of one copy, disabled.
+fn insert_bodies(
+    world: &mut PhysicsWorld,
+    task: &BodyTask,
+    template: &CopyTemplate,
+) -> Vec<RigidBodyHandle> {
+    let rail = |body| template.joints.iter().find_map(|joint| joint.rail_of(body));
+    let bodies = task.bodies.iter().zip(&template.rotors).enumerate();
+    bodies
+        .map(|(index, (body, rotor))| world.insert_body(rigid_body(body, rotor, rail(index))))
+        .collect()
+}
+
+/// Inserts the joints and constraints of one copy, whose bodies are `handles`; returns its servos.
+fn insert_joints(
+    world: &mut PhysicsWorld,
+    anchor: RigidBodyHandle,
+    handles: &[RigidBodyHandle],
+    template: &CopyTemplate,
+) -> Vec<ImpulseJointHandle> {
+    for joint in &template.joints {
+        joint.insert(world, anchor, handles);
+    }
+    for drive in &template.passive {
+        drive.insert(world, anchor, handles, &template.joints);
+    }
+    template
+        .servos
+        .iter()
+        .map(|servo| servo.insert(world, anchor, handles, &template.joints))
+        .collect()
+}
+
+/// Lets Rapier process new bodies without time passing: their masses are set only in a step.
+fn process_changes(world: &mut PhysicsWorld) {
+    let control_step = std::mem::take(&mut world.integration_parameters.dt);
+    world.step();
+    world.integration_parameters.dt = control_step;
+}

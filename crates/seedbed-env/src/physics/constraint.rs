@@ -1,0 +1,184 @@
+//! Constraints along a joint's coordinate, which Rapier solves again in each substep: ranges,
+//! springs, dampers, dry friction, servos. Each is one more Rapier joint that locks nothing, so
+//! that any number of them can act on one coordinate.
+
+use rapier2d::prelude::{
+    GenericJoint, GenericJointBuilder, ImpulseJointHandle, ImpulseJointSet, JointAxesMask,
+    JointAxis, JointMotor, MotorModel, PhysicsWorld, RigidBodyHandle, SpringCoefficients,
+};
+
+use super::joint::RapierJoint;
+use crate::description::{BodyTask, Joint, Servo, ServoTarget, Solver};
+
+/// A constraint along the coordinate of a joint.
+pub(super) struct CoordinateConstraint {
+    joint: usize,
+    effect: Effect,
+}
+
+#[derive(Clone, Copy)]
+enum Effect {
+    /// Minimum and maximum of the coordinate, and the softness of both ends.
+    Range([f32; 2], SpringCoefficients<f32>),
+    Motor(JointMotor),
+}
+
+impl CoordinateConstraint {
+    /// The ranges, springs, dampers and frictions of a task's joints.
+    pub(super) fn passive(task: &BodyTask, joints: &[RapierJoint]) -> Vec<Self> {
+        let mut constraints = Vec::new();
+        for (index, (described, joint)) in task.joints.iter().zip(joints).enumerate() {
+            let effects = [
+                range(described, joint, task),
+                spring(described),
+                friction(described),
+            ];
+            constraints.extend(effects.into_iter().flatten().map(|effect| Self {
+                joint: index,
+                effect,
+            }));
+        }
+        constraints
+    }
+
+    /// A motor whose target is set by [`set_target`](Self::set_target).
+    pub(super) fn servo(servo: &Servo) -> Self {
+        let force_limit = servo.force_limit.map_or(f32::MAX, |force| force as f32);
+        let motor = JointMotor {
+            stiffness: servo.kp as f32,
+            damping: servo.kv as f32,
+            max_force: force_limit,
+            ..FORCE
+        };
+        Self {
+            joint: servo.joint,
+            effect: Effect::Motor(motor),
+        }
+    }
+
+    /// Inserts the constraint for the copy whose bodies are `handles`; `anchor` is a body of the
+    /// world.
+    pub(super) fn insert(
+        &self,
+        world: &mut PhysicsWorld,
+        anchor: RigidBodyHandle,
+        handles: &[RigidBodyHandle],
+        joints: &[RapierJoint],
+    ) -> ImpulseJointHandle {
+        let joint = &joints[self.joint];
+        let (parent, child) = joint.ends(anchor, handles);
+        world
+            .impulse_joints
+            .insert(parent, child, self.constraint(joint), false)
+    }
+
+    fn constraint(&self, joint: &RapierJoint) -> GenericJoint {
+        let ([frame1, frame2], axis, sign) = (joint.frames(), joint.axis(), joint.sign());
+        let mut joint = GenericJointBuilder::new(JointAxesMask::empty())
+            .local_frame1(frame1)
+            .local_frame2(frame2)
+            .build();
+        match self.effect {
+            Effect::Range([low, high], softness) => {
+                joint.set_limits(
+                    axis,
+                    if sign > 0.0 {
+                        [low, high]
+                    } else {
+                        [-high, -low]
+                    },
+                );
+                joint.softness = softness;
+            }
+            Effect::Motor(motor) => {
+                joint.motor_axes |= axis.into();
+                joint.motors[axis as usize] = JointMotor {
+                    target_pos: sign * motor.target_pos,
+                    ..motor
+                };
+            }
+        }
+        joint
+    }
+
+    /// Sets the target of a servo.
+    pub(super) fn set_target(
+        handle: ImpulseJointHandle,
+        joints: &mut ImpulseJointSet,
+        joint: &RapierJoint,
+        target: ServoTarget,
+        value: f32,
+    ) {
+        let (axis, value) = (joint.axis() as usize, joint.sign() * value);
+        let Some(joint) = joints.get_mut(handle, false) else {
+            return;
+        };
+        match target {
+            ServoTarget::Position => joint.data.motors[axis].target_pos = value,
+            ServoTarget::Velocity => joint.data.motors[axis].target_vel = value,
+        }
+    }
+}
+
+/// A motor whose gains are forces; by default Rapier's are accelerations.
+const FORCE: JointMotor = JointMotor {
+    target_vel: 0.0,
+    target_pos: 0.0,
+    stiffness: 0.0,
+    damping: 0.0,
+    max_force: f32::MAX,
+    impulse: 0.0,
+    model: MotorModel::ForceBased,
+};
+
+fn range(described: &Joint, joint: &RapierJoint, task: &BodyTask) -> Option<Effect> {
+    let range = described.range.filter(|_| !joint.has_walls())?;
+    Some(Effect::Range(
+        range.map(|end| end as f32),
+        softness(task.solver, task.spec.control_step),
+    ))
+}
+
+/// The softness of the ends of a range, such that a fifth of the overshoot is corrected in each
+/// substep. A joint that hits an end then rebounds with at most a fifth of its speed: Rapier's
+/// default corrects all of the overshoot at once, and the correction remains as speed.
+///
+/// Rapier corrects the share ω h / (ω h + 2 ζ) per substep h, where ζ is the damping ratio. ω = ζ /
+/// (2 h) makes it 1/5, and a large ζ makes the end stiff against forces.
+fn softness(solver: Solver, control_step: f64) -> SpringCoefficients<f32> {
+    const DAMPING_RATIO: f64 = 1e3;
+    let substep = control_step / f64::from(solver.substeps);
+    let natural_frequency = DAMPING_RATIO / (2.0 * substep) / std::f64::consts::TAU;
+    SpringCoefficients {
+        natural_frequency: natural_frequency as f32,
+        damping_ratio: DAMPING_RATIO as f32,
+    }
+}
+
+fn spring(joint: &Joint) -> Option<Effect> {
+    let passive = &joint.passive;
+    let motor = JointMotor {
+        stiffness: passive.stiffness as f32,
+        damping: passive.damping as f32,
+        target_pos: passive.springref as f32,
+        ..FORCE
+    };
+    (passive.stiffness > 0.0 || passive.damping > 0.0).then_some(Effect::Motor(motor))
+}
+
+/// Dry friction: a damper so strong that it stops the joint within a substep, whose force is
+/// limited to the friction.
+fn friction(joint: &Joint) -> Option<Effect> {
+    const STOPPING_DAMPING: f32 = 1e12;
+    let max_force = joint.passive.frictionloss as f32;
+    (max_force > 0.0).then_some(Effect::Motor(JointMotor {
+        damping: STOPPING_DAMPING,
+        max_force,
+        ..FORCE
+    }))
+}
+
+/// The axis of a Rapier joint that is the coordinate of a slide.
+pub(super) const SLIDE_AXIS: JointAxis = JointAxis::LinX;
+/// The axis of a Rapier joint that is the coordinate of a hinge.
+pub(super) const HINGE_AXIS: JointAxis = JointAxis::AngX;

@@ -1,0 +1,206 @@
+//! The template of a world: bodies, colliders and joints of a task as Rapier's sets. Every episode
+//! starts from a copy of them.
+
+use rapier2d::prelude::{
+    CoefficientCombineRule, Collider, ColliderBuilder, ColliderSet, Group, IntegrationParameters,
+    InteractionGroups, InteractionTestMode, MassProperties, MultibodyIndex, MultibodyJointSet,
+    Pose, RigidBody, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, Vector,
+};
+
+use super::super::geometry::{PlacedShape, TOLERANCE};
+use super::super::vector;
+use super::link::{ControlInput, Link, Root, joint};
+use crate::description::{self, Body, BodyTask, Drive};
+use crate::kinematics::{KinematicTree, Link as TreeLink};
+
+/// A world before an episode.
+pub(super) struct WorldTemplate {
+    pub(super) gravity: Vector,
+    pub(super) parameters: IntegrationParameters,
+    /// Steps of Rapier per control step.
+    pub(super) contact_updates: u32,
+    pub(super) bodies: RigidBodySet,
+    pub(super) colliders: ColliderSet,
+    pub(super) multibody_joints: MultibodyJointSet,
+    pub(super) multibodies: Vec<MultibodyIndex>,
+    /// `[bodies]`
+    pub(super) handles: Vec<RigidBodyHandle>,
+    /// Centers of mass in the bodies' frames: `[bodies]`
+    pub(super) coms: Vec<[f64; 2]>,
+    /// One per joint.
+    pub(super) links: Vec<Link>,
+    /// One per free body.
+    pub(super) roots: Vec<Root>,
+    pub(super) motors: Vec<ControlInput>,
+}
+
+impl WorldTemplate {
+    pub(super) fn new(task: &BodyTask, tree: &KinematicTree) -> Self {
+        let mut bodies = RigidBodySet::new();
+        let handles: Vec<_> = task
+            .bodies
+            .iter()
+            .map(|body| bodies.insert(rigid_body(body)))
+            .collect();
+        let coms: Vec<_> = task.bodies.iter().map(|body| body.inertial.com).collect();
+        let colliders = colliders(task, &handles, &mut bodies);
+        let mut joints = MultibodyJointSet::new();
+        let insert =
+            |(index, link)| insert_link(index, link, task, &handles, &mut bodies, &mut joints);
+        let links: Vec<_> = tree.links().iter().enumerate().map(insert).collect();
+        let multibodies = undamped(&bodies, &handles, &mut joints);
+        links
+            .iter()
+            .zip(&task.joints)
+            .for_each(|(link, described)| link.resist(&described.passive, &mut joints));
+        Self {
+            gravity: vector(task.gravity),
+            parameters: parameters(task),
+            contact_updates: task.solver.contact_updates,
+            roots: task
+                .free_bodies
+                .iter()
+                .map(|&body| root(body, task))
+                .collect(),
+            motors: ControlInput::all(task),
+            multibodies,
+            multibody_joints: joints,
+            bodies,
+            colliders,
+            handles,
+            coms,
+            links,
+        }
+    }
+}
+
+/// Surfaces that approach each other more slowly than this, m/s, are found before they touch: the
+/// distance at which contacts are predicted grows with the time between two searches.
+const MAX_PREDICTED_SPEED: f32 = 4.0;
+
+/// Contacts are not recycled from one step to the next, because recycled ones gain energy on
+/// sloping ground. Continuous collision detection is off, because it moves multibodies without
+/// updating their coordinates; bodies must be slow enough, or walls thick enough, to do without it.
+fn parameters(task: &BodyTask) -> IntegrationParameters {
+    let dt = task.spec.control_step as f32 / task.solver.contact_updates as f32;
+    IntegrationParameters {
+        dt,
+        num_solver_iterations: task.solver.substeps as usize,
+        num_internal_pgs_iterations: task.solver.solver_iterations as usize,
+        num_internal_stabilization_iterations: 1,
+        normalized_allowed_linear_error: TOLERANCE,
+        normalized_prediction_distance: MAX_PREDICTED_SPEED * dt,
+        normalized_max_linear_velocity: f32::MAX,
+        max_ccd_substeps: 0,
+        contact_recycling: false,
+        ..IntegrationParameters::default()
+    }
+}
+
+/// A body whose origin is its center of mass.
+fn rigid_body(body: &Body) -> RigidBody {
+    let inertial = &body.inertial;
+    RigidBodyBuilder::dynamic()
+        .additional_mass_properties(MassProperties::new(
+            Vector::ZERO,
+            inertial.mass as f32,
+            inertial.inertia as f32,
+        ))
+        .can_sleep(false)
+        .allow_fast_rotation(true)
+        .build()
+}
+
+fn colliders(
+    task: &BodyTask,
+    handles: &[RigidBodyHandle],
+    bodies: &mut RigidBodySet,
+) -> ColliderSet {
+    let mut colliders = ColliderSet::new();
+    for surface in &task.colliders {
+        let com = surface
+            .body
+            .map_or(Vector::ZERO, |body| vector(task.bodies[body].inertial.com));
+        let collider = collider(surface, com);
+        match surface.body {
+            None => colliders.insert(collider),
+            Some(body) => colliders.insert_with_parent(collider, handles[body], bodies),
+        };
+    }
+    colliders
+}
+
+fn collider(surface: &description::Collider, com: Vector) -> Collider {
+    let PlacedShape { shape, pose, .. } = PlacedShape::new(surface);
+    let kinds = |bits| Group::from_bits_retain(bits);
+    ColliderBuilder::new(shape)
+        .position(Pose::from_translation(-com) * pose)
+        .density(0.0)
+        .friction(surface.friction as f32)
+        .friction_combine_rule(CoefficientCombineRule::Max)
+        .restitution(surface.restitution as f32)
+        .restitution_combine_rule(CoefficientCombineRule::Max)
+        .collision_groups(InteractionGroups::new(
+            kinds(surface.contype),
+            kinds(surface.conaffinity),
+            InteractionTestMode::Or,
+        ))
+        .build()
+}
+
+/// Each joint to the world gets a fixed body of its own, so that trees of bodies do not depend on
+/// each other.
+fn insert_link(
+    index: usize,
+    link: &TreeLink,
+    task: &BodyTask,
+    handles: &[RigidBodyHandle],
+    bodies: &mut RigidBodySet,
+    joints: &mut MultibodyJointSet,
+) -> Link {
+    let parent = link.parent.map_or_else(
+        || bodies.insert(RigidBodyBuilder::fixed()),
+        |parent| handles[parent],
+    );
+    let com = |body: usize| task.bodies[body].inertial.com;
+    let coms = [link.parent.map_or([0.0; 2], com), com(link.child)];
+    let servo = task
+        .actuators
+        .iter()
+        .find_map(|actuator| match &actuator.drive {
+            Drive::Servo(servo) if servo.joint == index => Some(servo),
+            _ => None,
+        });
+    let joint = joint(link, &task.joints[index], servo, coms);
+    let handle = joints.insert(parent, handles[link.child], joint, false);
+    Link::new(link, handle.expect("joints form trees"), handles, coms[1])
+}
+
+fn root(body: usize, task: &BodyTask) -> Root {
+    let is_linked = task.joints.iter().any(|joint| joint.parent == Some(body));
+    Root::new(body, task.bodies[body].inertial.com, is_linked)
+}
+
+/// Removes the damping that Rapier gives to every hinge by default, and lists the multibodies.
+fn undamped(
+    bodies: &RigidBodySet,
+    handles: &[RigidBodyHandle],
+    joints: &mut MultibodyJointSet,
+) -> Vec<MultibodyIndex> {
+    let mut indices: Vec<_> = Vec::new();
+    for link in handles
+        .iter()
+        .filter_map(|&handle| joints.rigid_body_link(handle))
+    {
+        if !indices.contains(&link.multibody) {
+            indices.push(link.multibody);
+        }
+    }
+    for &index in &indices {
+        if let Some(multibody) = joints.get_multibody_mut(index) {
+            multibody.forward_kinematics(bodies, true);
+            multibody.damping_mut().fill(0.0);
+        }
+    }
+    indices
+}

@@ -1,0 +1,336 @@
+//! Joints of tasks with contacts, as links of Rapier's multibodies; free bodies; and how controls
+//! act on both.
+
+use rapier2d::prelude::{
+    GenericJoint, GenericJointBuilder, JointAxesMask, JointAxis, MotorModel, MultibodyJoint,
+    MultibodyJointHandle, MultibodyJointSet, Pose, RigidBody, RigidBodyHandle, RigidBodySet,
+    Rotation, Vector,
+};
+
+use super::super::vector;
+use super::build::WorldTemplate;
+use crate::description::{BodyTask, Drive, Joint, Passive, Servo, ServoTarget};
+use crate::kinematics::{Frame, Link as TreeLink, Motion};
+
+/// A multibody joint.
+pub(super) struct Link {
+    handle: MultibodyJointHandle,
+    parent: Option<RigidBodyHandle>,
+    child: RigidBodyHandle,
+    /// Position of the joint relative to the child's center of mass.
+    anchor_in_child: Vector,
+    /// Unit vector in the parent's frame of a slide, or the sign of a hinge.
+    motion: Motion,
+}
+
+/// A free body.
+pub(super) struct Root {
+    pub(super) body: usize,
+    /// Its center of mass in its frame.
+    com: Vector,
+    /// Whether it is the parent of a joint, and thus the root of a multibody.
+    pub(super) is_linked: bool,
+}
+
+/// Position and velocity of a frame's origin, its angle and angular velocity.
+pub(super) struct FrameMotion {
+    pub(super) position: Vector,
+    pub(super) velocity: Vector,
+    pub(super) angle: f32,
+    pub(super) spin: f32,
+}
+
+/// An actuator or a formula force.
+pub(super) struct ControlInput {
+    drive: Drive,
+    gear: f32,
+}
+
+/// The joint for Rapier; `coms` are the centers of mass of parent and child in their frames.
+pub(super) fn joint(
+    link: &TreeLink,
+    described: &Joint,
+    servo: Option<&Servo>,
+    coms: [[f64; 2]; 2],
+) -> GenericJoint {
+    let (locked, turned) = match link.motion {
+        Motion::Slide([x, y]) => (
+            JointAxesMask::LOCKED_PRISMATIC_AXES,
+            Rotation::from_cos_sin_unchecked(x as f32, y as f32),
+        ),
+        Motion::Hinge(_) => (JointAxesMask::LOCKED_REVOLUTE_AXES, Rotation::IDENTITY),
+        Motion::Weld => (JointAxesMask::LOCKED_FIXED_AXES, Rotation::IDENTITY),
+    };
+    let reference = Rotation::new(link.angle as f32);
+    let builder = GenericJointBuilder::new(locked)
+        .local_frame1(Pose::from_parts(
+            vector(link.anchor_in_parent) - vector(coms[0]),
+            turned,
+        ))
+        .local_frame2(Pose::from_parts(
+            vector(link.anchor_in_child) - vector(coms[1]),
+            reference.inverse() * turned,
+        ))
+        .contacts_enabled(false);
+    let mut joint = builder.build();
+    if let (Some((sign, axis)), Some([low, high])) = (axis(&link.motion), described.range) {
+        let ends = [sign * low as f32, sign * high as f32];
+        joint.set_limits(axis, [ends[0].min(ends[1]), ends[0].max(ends[1])]);
+    }
+    if let (Some((_, axis)), Some(servo)) = (axis(&link.motion), servo) {
+        joint.set_motor_model(axis, MotorModel::ForceBased);
+        joint.set_motor(axis, 0.0, 0.0, servo.kp as f32, servo.kv as f32);
+        joint.set_motor_max_force(
+            axis,
+            servo.force_limit.map_or(f32::MAX, |force| force as f32),
+        );
+    }
+    joint
+}
+
+impl Link {
+    pub(super) fn new(
+        link: &TreeLink,
+        handle: MultibodyJointHandle,
+        handles: &[RigidBodyHandle],
+        com: [f64; 2],
+    ) -> Self {
+        Self {
+            handle,
+            parent: link.parent.map(|parent| handles[parent]),
+            child: handles[link.child],
+            anchor_in_child: vector(link.anchor_in_child) - vector(com),
+            motion: link.motion,
+        }
+    }
+
+    /// Sets spring, damping, armature and friction of the joint.
+    pub(super) fn resist(&self, passive: &Passive, joints: &mut MultibodyJointSet) {
+        let Some((sign, axis)) = axis(&self.motion) else {
+            return;
+        };
+        let Some((multibody, id)) = joints.get_mut(self.handle) else {
+            return;
+        };
+        let Some(link) = multibody.link_mut(id) else {
+            return;
+        };
+        link.joint.set_spring(
+            axis as usize,
+            passive.stiffness as f32,
+            sign * passive.springref as f32,
+        );
+        let dof = link.assembly_id();
+        multibody.damping_mut()[dof] = passive.damping as f32;
+        multibody.armature_mut()[dof] = passive.armature as f32;
+        multibody.frictions_mut()[dof] = passive.frictionloss as f32;
+    }
+
+    /// Sets the target of the joint's servo.
+    fn set_target(&self, target: ServoTarget, value: f32, joints: &mut MultibodyJointSet) {
+        let Some((sign, axis)) = axis(&self.motion) else {
+            return;
+        };
+        let link = joints
+            .get_mut(self.handle)
+            .and_then(|(multibody, id)| multibody.link_mut(id));
+        let Some(motor) = link.map(|link| &mut link.joint.data.motors[axis as usize]) else {
+            return;
+        };
+        match target {
+            ServoTarget::Position => motor.target_pos = sign * value,
+            ServoTarget::Velocity => motor.target_vel = sign * value,
+        }
+    }
+
+    /// Sets position and velocity of a joint whose position is 0.
+    pub(super) fn place(&self, position: f32, velocity: f32, joints: &mut MultibodyJointSet) {
+        let Some((sign, _)) = axis(&self.motion) else {
+            return;
+        };
+        let Some((multibody, id)) = joints.get_mut(self.handle) else {
+            return;
+        };
+        let Some(link) = multibody.link_mut(id) else {
+            return;
+        };
+        link.joint.apply_displacement(&[sign * position]);
+        let dof = link.assembly_id();
+        multibody.generalized_velocity_mut()[dof] = sign * velocity;
+    }
+
+    pub(super) fn read(&self, joints: &MultibodyJointSet) -> (f32, f32) {
+        let Some((sign, axis)) = axis(&self.motion) else {
+            return (0.0, 0.0);
+        };
+        let link = joints
+            .get(self.handle)
+            .and_then(|(multibody, id)| Some((multibody, multibody.link(id)?)));
+        let Some((multibody, link)) = link else {
+            return (0.0, 0.0);
+        };
+        (
+            sign * link.joint().coords()[axis as usize],
+            sign * multibody.generalized_velocity()[link.assembly_id()],
+        )
+    }
+
+    /// Adds a force (N) or torque (N m) along the coordinate, and its reaction on the parent.
+    fn push(&self, force: f32, bodies: &mut RigidBodySet) {
+        match self.motion {
+            Motion::Weld => {}
+            Motion::Hinge(sign) => {
+                let torque = sign as f32 * force;
+                bodies[self.child].add_torque(torque, false);
+                if let Some(parent) = self.parent {
+                    bodies[parent].add_torque(-torque, false);
+                }
+            }
+            Motion::Slide(axis) => {
+                let axis = self.parent.map_or(vector(axis), |parent| {
+                    *bodies[parent].rotation() * vector(axis)
+                });
+                let point = *bodies[self.child].position() * self.anchor_in_child;
+                bodies[self.child].add_force_at_point(axis * force, point, false);
+                if let Some(parent) = self.parent {
+                    bodies[parent].add_force_at_point(axis * -force, point, false);
+                }
+            }
+        }
+    }
+}
+
+/// The sign of Rapier's coordinate relative to the task's, and Rapier's axis. A weld has none.
+pub(super) fn axis(motion: &Motion) -> Option<(f32, JointAxis)> {
+    match motion {
+        Motion::Slide(_) => Some((1.0, JointAxis::LinX)),
+        Motion::Hinge(sign) => Some((*sign as f32, JointAxis::AngX)),
+        Motion::Weld => None,
+    }
+}
+
+impl Root {
+    pub(super) fn new(body: usize, com: [f64; 2], is_linked: bool) -> Self {
+        Self {
+            body,
+            com: vector(com),
+            is_linked,
+        }
+    }
+
+    /// Puts the root of a multibody to where its frame is.
+    pub(super) fn place(
+        frame: &Frame,
+        com: [f64; 2],
+        handle: RigidBodyHandle,
+        joints: &mut MultibodyJointSet,
+    ) {
+        let Some(multibody) = multibody_of(handle, joints) else {
+            return;
+        };
+        let ([x, y], [right, up]) = (frame.point(com), frame.velocity_at(frame.point(com)));
+        let root = multibody.root_mut();
+        root.joint = MultibodyJoint::new(root.joint.data, false);
+        root.joint
+            .apply_displacement(&[x as f32, y as f32, frame.angle as f32]);
+        let mut velocity = multibody.generalized_velocity_mut();
+        for (dof, value) in [right, up, frame.angular_velocity].into_iter().enumerate() {
+            velocity[dof] = value as f32;
+        }
+    }
+
+    /// How the root's frame moves. Rapier's velocity of a multibody's body lags: the multibody's
+    /// own counts.
+    pub(super) fn moving(
+        &self,
+        body: &RigidBody,
+        handle: RigidBodyHandle,
+        joints: &MultibodyJointSet,
+    ) -> FrameMotion {
+        let multibody = joints
+            .rigid_body_link(handle)
+            .and_then(|link| joints.get_multibody(link.multibody));
+        let (velocity, spin) = match multibody {
+            Some(multibody) => {
+                let rates = multibody.generalized_velocity();
+                (Vector::new(rates[0], rates[1]), rates[2])
+            }
+            None => (body.linvel(), body.angvel()),
+        };
+        let arm = *body.rotation() * self.com;
+        FrameMotion {
+            position: body.translation() - arm,
+            velocity: velocity - Vector::new(-arm.y, arm.x) * spin,
+            angle: libm::atan2f(body.rotation().im, body.rotation().re),
+            spin,
+        }
+    }
+}
+
+fn multibody_of(
+    handle: RigidBodyHandle,
+    joints: &mut MultibodyJointSet,
+) -> Option<&mut rapier2d::prelude::Multibody> {
+    let index = joints.rigid_body_link(handle)?.multibody;
+    joints.get_multibody_mut(index)
+}
+
+impl ControlInput {
+    /// One per actuator, then one per formula force.
+    pub(super) fn all(task: &BodyTask) -> Vec<Self> {
+        let actuators = task.actuators.iter().map(|actuator| Self {
+            drive: actuator.drive,
+            gear: actuator.gear as f32,
+        });
+        actuators
+            .chain(task.formula_forces.iter().map(|field| Self {
+                drive: field.drive,
+                gear: 1.0,
+            }))
+            .collect()
+    }
+
+    pub(super) fn push(
+        &self,
+        control: f32,
+        template: &WorldTemplate,
+        bodies: &mut RigidBodySet,
+        joints: &mut MultibodyJointSet,
+    ) {
+        let value = self.gear * control;
+        match self.drive {
+            Drive::Nothing => {}
+            Drive::JointForce(joint) => template.links[joint].push(value, bodies),
+            Drive::Servo(servo) => {
+                template.links[servo.joint].set_target(servo.target, value, joints)
+            }
+            Drive::BodyForce {
+                body,
+                at,
+                direction,
+                local,
+            } => {
+                let com = template.coms[body];
+                let arm = at.map_or(Vector::ZERO, |at| vector(at) - vector(com));
+                push_body(
+                    &mut bodies[template.handles[body]],
+                    arm,
+                    vector(direction) * value,
+                    local,
+                );
+            }
+        }
+    }
+}
+
+/// Adds a force (N) in the world's frame, or in the body's if it is `local`. `arm`: from the body's
+/// origin, in its frame.
+fn push_body(body: &mut RigidBody, arm: Vector, force: Vector, local: bool) {
+    let force = if local {
+        *body.rotation() * force
+    } else {
+        force
+    };
+    let point = *body.position() * arm;
+    body.add_force_at_point(force, point, false);
+}

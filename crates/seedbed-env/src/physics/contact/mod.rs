@@ -1,0 +1,103 @@
+//! Tasks with contacts: one Rapier world per copy.
+//!
+//! Each copy has a world of its own, so that copies cannot touch each other and a copy that has
+//! ended costs nothing. Joints are Rapier's multibody joints, whose coordinates stay exact where
+//! impulse joints would yield to contacts. In Rapier, the origin of a body is its center of mass,
+//! as floating multibodies need it: everything given in a body's own frame is shifted accordingly.
+
+mod build;
+mod link;
+mod world;
+
+use self::build::WorldTemplate;
+use self::world::World;
+use crate::description::BodyTask;
+use crate::dynamics::{CoordinateColumns, Dynamics, from_bytes, to_bytes};
+use crate::kinematics::{Frame, KinematicTree};
+use crate::{Force, Pose};
+
+/// M copies of a task with contacts.
+pub struct ContactWorlds {
+    template: WorldTemplate,
+    worlds: Vec<World>,
+    tree: KinematicTree,
+    frames: Vec<Frame>,
+    columns: CoordinateColumns,
+}
+
+impl ContactWorlds {
+    /// Builds `copies` copies of a task, none of them live.
+    #[must_use]
+    pub fn new(task: &BodyTask, copies: usize) -> Self {
+        let tree = KinematicTree::new(task);
+        let template = WorldTemplate::new(task, &tree);
+        Self {
+            worlds: (0..copies).map(|_| World::new(&template)).collect(),
+            template,
+            frames: tree.frames(),
+            tree,
+            columns: CoordinateColumns::new(task.coordinates(), copies),
+        }
+    }
+}
+
+impl Dynamics for ContactWorlds {
+    fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
+        self.tree
+            .compute_frames(positions, velocities, &mut self.frames);
+        for (coordinate, (&position, &velocity)) in positions.iter().zip(velocities).enumerate() {
+            self.columns
+                .set(coordinate, copy, position as f32, velocity as f32);
+        }
+        self.worlds[copy].start(&self.template, &self.frames, positions, velocities);
+    }
+
+    fn stop(&mut self, copy: usize) {
+        self.worlds[copy].live = false;
+    }
+
+    fn step(&mut self, controls: &[f32]) {
+        for (copy, world) in self.worlds.iter_mut().enumerate() {
+            if world.live {
+                world.step(&self.template, copy, controls, self.columns.copies());
+                world.read(&self.template, copy, &mut self.columns);
+            }
+        }
+    }
+
+    fn coordinates(&self) -> &CoordinateColumns {
+        &self.columns
+    }
+
+    fn poses(&self, copy: usize, poses: &mut [Pose]) {
+        for (pose, frame) in poses
+            .iter_mut()
+            .zip(&self.tree.frames_of(&self.columns, copy))
+        {
+            *pose = Pose::from(frame);
+        }
+    }
+
+    fn contacts(&self, copy: usize, forces: &mut Vec<Force>) {
+        self.worlds[copy].contacts(forces);
+    }
+
+    fn save(&self) -> Vec<u8> {
+        to_bytes(&(&self.columns, &self.worlds))
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let (columns, worlds): (CoordinateColumns, Vec<World>) = from_bytes(bytes)?;
+        let fits = columns.same_shape(&self.columns) && worlds.len() == self.worlds.len();
+        if !fits
+            || !worlds
+                .iter()
+                .zip(&self.worlds)
+                .all(|(new, old)| new.same_shape(old))
+        {
+            return Err("the state is of other bodies or another number of copies".to_owned());
+        }
+        (self.columns, self.worlds) = (columns, worlds);
+        Ok(())
+    }
+}

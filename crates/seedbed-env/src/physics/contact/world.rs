@@ -1,0 +1,209 @@
+//! One copy of a task with contacts, in a Rapier world of its own.
+
+use std::f32::consts::TAU;
+
+use rapier2d::prelude::{
+    BroadPhaseBvh, CCDSolver, IslandManager, NarrowPhase, PhysicsPipeline, PhysicsWorld, Pose,
+    Rotation, Vector,
+};
+use serde::{Deserialize, Serialize};
+
+use super::super::vector;
+use super::build::WorldTemplate;
+use super::link::Root;
+use crate::dynamics::CoordinateColumns;
+use crate::kinematics::Frame;
+use crate::{Force, ForceSource};
+
+/// One copy.
+#[derive(Serialize, Deserialize)]
+pub(super) struct World {
+    world: PhysicsWorld,
+    /// Whether the copy is live.
+    pub(super) live: bool,
+}
+
+impl World {
+    pub(super) fn new(template: &WorldTemplate) -> Self {
+        let mut world = PhysicsWorld::new();
+        world.gravity = template.gravity;
+        world.integration_parameters = template.parameters;
+        world.bodies = template.bodies.clone();
+        world.colliders = template.colliders.clone();
+        world.multibody_joints = template.multibody_joints.clone();
+        Self { world, live: false }
+    }
+
+    /// Starts an episode with the same bits as a new world: everything that Rapier keeps between
+    /// steps is replaced.
+    pub(super) fn start(
+        &mut self,
+        template: &WorldTemplate,
+        frames: &[Frame],
+        positions: &[f64],
+        velocities: &[f64],
+    ) {
+        self.world.bodies.clone_from(&template.bodies);
+        self.world.colliders.clone_from(&template.colliders);
+        self.world
+            .multibody_joints
+            .clone_from(&template.multibody_joints);
+        self.world.islands = IslandManager::new();
+        self.world.broad_phase = BroadPhaseBvh::new();
+        self.world.narrow_phase = NarrowPhase::new();
+        self.world.ccd_solver = CCDSolver::new();
+        self.world.physics_pipeline = PhysicsPipeline::new();
+        self.place_bodies(template, frames);
+        template
+            .links
+            .iter()
+            .zip(positions.iter().zip(velocities))
+            .for_each(|(link, (&position, &velocity))| {
+                link.place(
+                    position as f32,
+                    velocity as f32,
+                    &mut self.world.multibody_joints,
+                );
+            });
+        self.place_roots(template, frames);
+        self.process_changes();
+        self.live = true;
+    }
+
+    fn place_bodies(&mut self, template: &WorldTemplate, frames: &[Frame]) {
+        for ((&handle, frame), &com) in template.handles.iter().zip(frames).zip(&template.coms) {
+            let body = &mut self.world.bodies[handle];
+            let rotation = Rotation::from_cos_sin_unchecked(
+                frame.rotation[0] as f32,
+                frame.rotation[1] as f32,
+            );
+            let center = frame.point(com);
+            body.set_position(Pose::from_parts(vector(center), rotation), false);
+            body.set_linvel(vector(frame.velocity_at(center)), false);
+            body.set_angvel(frame.angular_velocity as f32, false);
+        }
+    }
+
+    fn place_roots(&mut self, template: &WorldTemplate, frames: &[Frame]) {
+        for root in template.roots.iter().filter(|root| root.is_linked) {
+            let (frame, com) = (&frames[root.body], template.coms[root.body]);
+            Root::place(
+                frame,
+                com,
+                template.handles[root.body],
+                &mut self.world.multibody_joints,
+            );
+        }
+        let Self { world, .. } = self;
+        for &index in &template.multibodies {
+            let Some(multibody) = world.multibody_joints.get_multibody_mut(index) else {
+                continue;
+            };
+            multibody.forward_kinematics(&world.bodies, false);
+            multibody.update_rigid_bodies(&mut world.bodies, true);
+        }
+    }
+
+    /// Lets Rapier process new bodies without time passing.
+    fn process_changes(&mut self) {
+        let duration = std::mem::take(&mut self.world.integration_parameters.dt);
+        self.world.step();
+        self.world.integration_parameters.dt = duration;
+    }
+
+    /// Advances the world by one control step. `controls`: `[actuators × copies]`
+    pub(super) fn step(
+        &mut self,
+        template: &WorldTemplate,
+        copy: usize,
+        controls: &[f32],
+        copies: usize,
+    ) {
+        for _ in 0..template.contact_updates {
+            self.push(template, copy, controls, copies);
+            self.world.step();
+        }
+    }
+
+    fn push(&mut self, template: &WorldTemplate, copy: usize, controls: &[f32], copies: usize) {
+        for &handle in &template.handles {
+            let body = &mut self.world.bodies[handle];
+            body.reset_forces(false);
+            body.reset_torques(false);
+        }
+        for (index, motor) in template.motors.iter().enumerate() {
+            let control = controls[index * copies + copy];
+            motor.push(
+                control,
+                template,
+                &mut self.world.bodies,
+                &mut self.world.multibody_joints,
+            );
+        }
+    }
+
+    /// Writes the coordinates into their columns. The angle of a free body is continued from the
+    /// one before, so that it counts full turns.
+    pub(super) fn read(
+        &self,
+        template: &WorldTemplate,
+        copy: usize,
+        columns: &mut CoordinateColumns,
+    ) {
+        for (index, link) in template.links.iter().enumerate() {
+            let (position, velocity) = link.read(&self.world.multibody_joints);
+            columns.set(index, copy, position, velocity);
+        }
+        for (index, root) in template.roots.iter().enumerate() {
+            let first = template.links.len() + 3 * index;
+            let (before, _) = columns.get(first + 2, copy);
+            let body = &self.world.bodies[template.handles[root.body]];
+            let moving = root.moving(
+                body,
+                template.handles[root.body],
+                &self.world.multibody_joints,
+            );
+            let angle = moving.angle + TAU * ((before - moving.angle) / TAU).round();
+            columns.set(first, copy, moving.position.x, moving.velocity.x);
+            columns.set(first + 1, copy, moving.position.y, moving.velocity.y);
+            columns.set(first + 2, copy, angle, moving.spin);
+        }
+    }
+
+    /// Appends the contact forces of the latest step: those on the body that touches the world, or
+    /// on the second of two bodies.
+    pub(super) fn contacts(&self, forces: &mut Vec<Force>) {
+        let dt = self.world.integration_parameters.dt;
+        for pair in self.world.narrow_phase.contact_pairs() {
+            let pose = self.world.colliders[pair.collider1].position();
+            for manifold in pair.solver_manifolds() {
+                let normal = manifold.data.normal;
+                let sign = if manifold.data.rigid_body2.is_some() {
+                    1.0
+                } else {
+                    -1.0
+                };
+                for point in manifold
+                    .points
+                    .iter()
+                    .filter(|point| point.data.impulse > 0.0)
+                {
+                    let tangent = Vector::new(-normal.y, normal.x) * point.data.tangent_impulse.x;
+                    let force = (normal * point.data.impulse + tangent) * (sign / dt);
+                    let at = *pose * point.local_p1;
+                    forces.push(Force {
+                        source: ForceSource::Contact,
+                        at: at.to_array(),
+                        newtons: force.to_array(),
+                    });
+                }
+            }
+        }
+    }
+
+    /// Whether both joint the same bodies.
+    pub(super) fn same_shape(&self, other: &Self) -> bool {
+        self.world.bodies.len() == other.world.bodies.len()
+            && self.world.colliders.len() == other.world.colliders.len()
+    }
+}

@@ -1,0 +1,140 @@
+//! Which colliders touch, and where a ray meets one: Parry's queries over a task's surfaces, given
+//! only where the bodies are.
+
+use parry2d::math::{Pose, Vector};
+use parry2d::query::{self, Ray};
+use parry2d::shape::{HalfSpace, Polyline, PolylineFlags, SharedShape};
+
+use super::vector;
+use crate::Shape;
+use crate::description::{self, BodyTask, Surface};
+use crate::kinematics::Frame;
+
+/// Maximum distance of surfaces that count as touching, m. The solver lets resting surfaces sink
+/// into each other by as much.
+pub(super) const TOLERANCE: f32 = 1e-3;
+
+/// The surfaces of a task.
+pub struct Geometry {
+    surfaces: Vec<PlacedShape>,
+}
+
+/// A shape of Parry in its body's frame.
+pub(super) struct PlacedShape {
+    pub(super) body: Option<usize>,
+    pub(super) shape: SharedShape,
+    pub(super) pose: Pose,
+}
+
+impl Geometry {
+    /// The surfaces of all colliders.
+    #[must_use]
+    pub fn new(task: &BodyTask) -> Self {
+        Self {
+            surfaces: task.colliders.iter().map(PlacedShape::new).collect(),
+        }
+    }
+
+    /// Whether two colliders touch, given where the bodies are. `frames`: `[bodies]`
+    #[must_use]
+    pub fn touch(&self, one: usize, other: usize, frames: &[Frame]) -> bool {
+        let (one, other) = (&self.surfaces[one], &self.surfaces[other]);
+        // `query::contact` is wrong if the second shape is a half-space.
+        let distance = query::distance(
+            &one.pose_in(frames),
+            &*one.shape,
+            &other.pose_in(frames),
+            &*other.shape,
+        );
+        distance.is_ok_and(|distance| distance.distance <= TOLERANCE)
+    }
+
+    /// Distance, m, to the first surface of the world or of another body than the ray's own.
+    /// `frames`: `[bodies]`
+    #[must_use]
+    pub fn distance(&self, ray: &description::Ray, frames: &[Frame]) -> f32 {
+        let frame = &frames[ray.body];
+        let beam = Ray::new(
+            vector(frame.point(ray.from)),
+            vector(frame.vector(ray.direction)),
+        );
+        let others = self
+            .surfaces
+            .iter()
+            .filter(|surface| surface.body != Some(ray.body));
+        others.fold(ray.length as f32, |nearest, surface| {
+            surface
+                .shape
+                .cast_ray(&surface.pose_in(frames), &beam, nearest, true)
+                .unwrap_or(nearest)
+        })
+    }
+}
+
+impl PlacedShape {
+    pub(super) fn new(collider: &description::Collider) -> Self {
+        let (shape, pose) = shape(&collider.surface);
+        Self {
+            body: collider.body,
+            shape,
+            pose,
+        }
+    }
+
+    fn pose_in(&self, frames: &[Frame]) -> Pose {
+        match self.body {
+            None => self.pose,
+            Some(body) => pose_of(&frames[body]) * self.pose,
+        }
+    }
+}
+
+/// The shape, and where its origin is in the body's frame.
+fn shape(surface: &Surface) -> (SharedShape, Pose) {
+    let points = |points: &[[f32; 2]]| {
+        points
+            .iter()
+            .copied()
+            .map(Vector::from_array)
+            .collect::<Vec<_>>()
+    };
+    let at = |center: [f32; 2], angle| Pose::new(Vector::from_array(center), angle);
+    match surface {
+        Surface::HalfSpace { point, normal } => (
+            SharedShape::new(HalfSpace::new(Vector::from_array(*normal))),
+            at(*point, 0.0),
+        ),
+        Surface::Shape(Shape::Ball { center, radius }) => {
+            (SharedShape::ball(*radius), at(*center, 0.0))
+        }
+        Surface::Shape(Shape::Box {
+            center,
+            half_size: [width, height],
+            angle,
+        }) => (SharedShape::cuboid(*width, *height), at(*center, *angle)),
+        Surface::Shape(Shape::Capsule { from, to, radius }) => (
+            SharedShape::capsule(Vector::from_array(*from), Vector::from_array(*to), *radius),
+            Pose::IDENTITY,
+        ),
+        Surface::Shape(Shape::Polygon(corners)) => {
+            let corners = points(corners);
+            let hull = SharedShape::convex_hull(&corners)
+                .unwrap_or_else(|| SharedShape::polyline(corners, None));
+            (hull, Pose::IDENTITY)
+        }
+        Surface::Shape(Shape::Polyline(line)) => (
+            SharedShape::new(Polyline::with_flags(
+                points(line),
+                None,
+                PolylineFlags::ORIENTED,
+            )),
+            Pose::IDENTITY,
+        ),
+    }
+}
+
+fn pose_of(frame: &Frame) -> Pose {
+    let [cosine, sine] = frame.rotation;
+    let rotation = parry2d::math::Rotation::from_cos_sin_unchecked(cosine as f32, sine as f32);
+    Pose::from_parts(vector(frame.position), rotation)
+}

@@ -1,0 +1,416 @@
+//! Rigid bodies: the only module that imports Rapier and Parry.
+//!
+//! Tasks whose copies need worlds of their own are simulated by `contact`. Copies of all other
+//! tasks share a world, so that Rapier can solve four of them at once in SIMD lanes. They are all
+//! at the same place, where nothing touches because there are no colliders; moving them apart would
+//! change how their coordinates are rounded. This module must not depend on observations, rewards
+//! or agents.
+
+mod batch;
+mod body;
+mod constraint;
+mod contact;
+mod geometry;
+mod joint;
+mod shape;
+
+use rapier2d::prelude::{RigidBody, Vector};
+use serde::{Deserialize, Serialize};
+
+use self::batch::Batch;
+use self::body::{Rotor, SavedBody};
+use self::constraint::CoordinateConstraint;
+pub use self::contact::ContactWorlds;
+pub use self::geometry::Geometry;
+use self::joint::RapierJoint;
+pub use self::shape::inertial;
+use super::Pose;
+use super::description::{self, BodyTask, FormulaForce, Servo, ServoTarget};
+use super::dynamics::{CoordinateColumns, Dynamics, from_bytes, to_bytes};
+use super::kinematics::{Frame, KinematicTree};
+
+/// M copies of a task as rigid bodies in Rapier worlds.
+pub struct RigidBodies {
+    template: CopyTemplate,
+    batches: Vec<Batch>,
+    /// Number of copies in each batch except the last.
+    batch_size: usize,
+    tree: KinematicTree,
+    frames: Vec<Frame>,
+    columns: CoordinateColumns,
+}
+
+/// What all copies of a task have in common.
+struct CopyTemplate {
+    /// Number of bodies per copy.
+    bodies: usize,
+    /// One per joint.
+    joints: Vec<RapierJoint>,
+    /// Ranges, springs, dampers and frictions.
+    passive: Vec<CoordinateConstraint>,
+    /// One per control.
+    motors: Vec<ControlInput>,
+    /// Servos, in the order of their indices in [`ControlEffect`].
+    servos: Vec<CoordinateConstraint>,
+    /// One per body: the armature of its joint.
+    rotors: Vec<Rotor>,
+    /// Indices of the bodies that controls push. Their forces are reset before each step.
+    driven: Vec<usize>,
+    /// Centers of mass in the bodies' frames.
+    coms: Vec<[f64; 2]>,
+}
+
+/// What a control acts on.
+struct ControlInput {
+    joint: usize,
+    gear: f32,
+    kind: ControlEffect,
+}
+
+enum ControlEffect {
+    /// Pushes the joint.
+    Force,
+    /// Sets the target of the servo with this index.
+    Servo(usize, ServoTarget),
+    /// Does nothing by itself.
+    Nothing,
+}
+
+/// What Rapier keeps of bodies without contacts from one step to the next.
+#[derive(Serialize, Deserialize)]
+struct SavedState {
+    columns: CoordinateColumns,
+    live: Vec<bool>,
+    bodies: Vec<SavedBody>,
+}
+
+impl RigidBodies {
+    /// Builds `copies` copies of a task, none of them live.
+    #[must_use]
+    pub fn new(task: &BodyTask, copies: usize) -> Self {
+        let template = CopyTemplate::new(task, &KinematicTree::new(task));
+        let batch_size = template.batch_size(copies);
+        Self::with_batch_size(task, template, copies, batch_size)
+    }
+
+    fn with_batch_size(
+        task: &BodyTask,
+        template: CopyTemplate,
+        copies: usize,
+        batch_size: usize,
+    ) -> Self {
+        let tree = KinematicTree::new(task);
+        let starts = (0..copies).step_by(batch_size);
+        Self {
+            batches: starts
+                .map(|first| Batch::new(task, &template, batch_size.min(copies - first)))
+                .collect(),
+            batch_size,
+            frames: tree.frames(),
+            columns: CoordinateColumns::new(task.joints.len(), copies),
+            tree,
+            template,
+        }
+    }
+
+    /// The bodies of one copy.
+    fn bodies(&self, copy: usize) -> impl Iterator<Item = &RigidBody> {
+        self.batches[copy / self.batch_size].bodies(copy % self.batch_size, &self.template)
+    }
+}
+
+impl Dynamics for RigidBodies {
+    fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
+        self.tree
+            .compute_frames(positions, velocities, &mut self.frames);
+        self.batches[copy / self.batch_size].start(
+            copy % self.batch_size,
+            &self.frames,
+            &self.template,
+        );
+        for (joint, (&position, &velocity)) in positions.iter().zip(velocities).enumerate() {
+            self.columns
+                .set(joint, copy, position as f32, velocity as f32);
+        }
+    }
+
+    fn stop(&mut self, copy: usize) {
+        self.batches[copy / self.batch_size].live[copy % self.batch_size] = false;
+    }
+
+    fn step(&mut self, controls: &[f32]) {
+        for (index, batch) in self.batches.iter_mut().enumerate() {
+            batch.step(
+                index * self.batch_size,
+                controls,
+                &mut self.columns,
+                &self.template,
+            );
+        }
+    }
+
+    fn coordinates(&self) -> &CoordinateColumns {
+        &self.columns
+    }
+
+    fn poses(&self, copy: usize, poses: &mut [Pose]) {
+        for (pose, body) in poses.iter_mut().zip(self.bodies(copy)) {
+            let [x, y] = body.translation().to_array();
+            *pose = Pose {
+                x,
+                y,
+                angle: body.rotation().angle(),
+            };
+        }
+    }
+
+    fn save(&self) -> Vec<u8> {
+        let state = SavedState {
+            columns: self.columns.clone(),
+            live: self
+                .batches
+                .iter()
+                .flat_map(|batch| batch.live.iter().copied())
+                .collect(),
+            bodies: (0..self.columns.copies())
+                .flat_map(|copy| self.bodies(copy))
+                .map(SavedBody::of)
+                .collect(),
+        };
+        to_bytes(&state)
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let state: SavedState = from_bytes(bytes)?;
+        let copies = self.columns.copies();
+        let fits = state.columns.same_shape(&self.columns)
+            && state.live.len() == copies
+            && state.bodies.len() == copies * self.template.bodies;
+        if !fits {
+            return Err("the saved state has other bodies or another number of copies".to_owned());
+        }
+        for (copy, bodies) in state.bodies.chunks_exact(self.template.bodies).enumerate() {
+            self.batches[copy / self.batch_size].restore(
+                copy % self.batch_size,
+                bodies,
+                state.live[copy],
+            );
+        }
+        self.columns = state.columns;
+        Ok(())
+    }
+}
+
+impl CopyTemplate {
+    fn new(task: &BodyTask, tree: &KinematicTree) -> Self {
+        let joints: Vec<_> = tree
+            .links()
+            .iter()
+            .enumerate()
+            .map(|(joint, link)| RapierJoint::new(link, leaf_range(task, joint)))
+            .collect();
+        let (motors, servos) = motors(task);
+        let mut driven: Vec<_> = motors
+            .iter()
+            .filter(|motor| motor.pushes())
+            .flat_map(|motor| joints[motor.joint].bodies())
+            .collect();
+        driven.sort_unstable();
+        driven.dedup();
+        Self {
+            bodies: task.bodies.len(),
+            passive: CoordinateConstraint::passive(task, &joints),
+            joints,
+            motors,
+            servos: servos.iter().map(CoordinateConstraint::servo).collect(),
+            rotors: (0..task.bodies.len())
+                .map(|body| Rotor::of(task, body))
+                .collect(),
+            driven,
+            coms: task.bodies.iter().map(|body| body.inertial.com).collect(),
+        }
+    }
+
+    /// How many copies share a world. If all of Rapier's joints are plain hinges, all copies do:
+    /// hinges round in the same way alone and in SIMD lanes. Other joints do not, so that the bits
+    /// of a copy would depend on how many others there are: their worlds have too few joints for
+    /// SIMD.
+    fn batch_size(&self, copies: usize) -> usize {
+        let joints = self.joints.iter().filter(|joint| joint.is_constraint());
+        let constraints = self.passive.len() + self.servos.len();
+        let only_hinges = constraints == 0 && joints.clone().all(RapierJoint::is_hinge);
+        let max_copies = if only_hinges {
+            copies
+        } else {
+            (MIN_JOINTS_FOR_SIMD - 1) / (joints.count() + constraints)
+        };
+        max_copies.clamp(1, copies.max(1))
+    }
+}
+
+/// Number of joints in a world from which on Rapier may solve some of them in SIMD lanes.
+///
+/// Rapier groups joints by color, such that joints of one color share no moving body, and solves a
+/// color in SIMD lanes if it has at least `min_color_joints = JOINT_BATCH * LAYOUT_REF_WORKERS / 2`
+/// = 16 × 8 / 2 joints. These constants are private: see `StagedIslandSolver::init_joints` in
+/// `src/dynamics/solver/staged_island_solver/joints.rs` of rapier2d 0.36. That a copy's bits do not
+/// depend on the other copies rests on this number, so that a test below fails if Rapier changes
+/// it.
+const MIN_JOINTS_FOR_SIMD: usize = 64;
+
+/// The range of a joint whose child is no joint's parent.
+fn leaf_range(task: &BodyTask, joint: usize) -> Option<[f64; 2]> {
+    let described = &task.joints[joint];
+    let carries = task
+        .joints
+        .iter()
+        .any(|other| other.parent == Some(described.child));
+    described.range.filter(|_| !carries)
+}
+
+/// What actuators and formula forces act on, and the servos among them.
+fn motors(task: &BodyTask) -> (Vec<ControlInput>, Vec<Servo>) {
+    let mut servos = Vec::new();
+    let mut motors = Vec::new();
+    for actuator in &task.actuators {
+        let (joint, kind) = match actuator.drive {
+            description::Drive::JointForce(joint) => (joint, ControlEffect::Force),
+            description::Drive::Servo(servo) => {
+                servos.push(servo);
+                (
+                    servo.joint,
+                    ControlEffect::Servo(servos.len() - 1, servo.target),
+                )
+            }
+            description::Drive::Nothing | description::Drive::BodyForce { .. } => {
+                (0, ControlEffect::Nothing)
+            }
+        };
+        motors.push(ControlInput {
+            joint,
+            gear: actuator.gear as f32,
+            kind,
+        });
+    }
+    let on_joint = |field: &FormulaForce| match field.drive {
+        description::Drive::JointForce(joint) => Some(ControlInput {
+            joint,
+            gear: 1.0,
+            kind: ControlEffect::Force,
+        }),
+        _ => None,
+    };
+    motors.extend(task.formula_forces.iter().filter_map(on_joint));
+    (motors, servos)
+}
+
+impl ControlInput {
+    fn pushes(&self) -> bool {
+        matches!(self.kind, ControlEffect::Force)
+    }
+}
+
+fn vector(a: [f64; 2]) -> Vector {
+    Vector::new(a[0] as f32, a[1] as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use rand::RngExt;
+
+    use super::*;
+    use crate::description::TaskDescription;
+    use crate::random::{Purpose, stream};
+    use crate::{load, parse};
+
+    fn task(file: &str) -> BodyTask {
+        let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        bodies(load(&repository.join(file)).unwrap())
+    }
+
+    fn bodies(description: TaskDescription) -> BodyTask {
+        description.bodies().unwrap().clone()
+    }
+
+    /// Bodies are where the joint coordinates put them, with the velocities that these imply:
+    /// reading inverts placing.
+    #[test]
+    fn joint_coordinates_survive_the_way_through_the_bodies() {
+        for file in [
+            "envs/cartpole.ron",
+            "crates/seedbed-env/tests/envs/crane.ron",
+        ] {
+            let task = task(file);
+            let (mut bodies, joints) = (RigidBodies::new(&task, 1), task.joints.len());
+            let mut random = stream(0, Purpose::Preview, 0, 0);
+            for _ in 0..100 {
+                let mut draw = || {
+                    (0..joints)
+                        .map(|_| random.random_range(-2.5_f64..2.5))
+                        .collect::<Vec<_>>()
+                };
+                let (positions, velocities) = (draw(), draw());
+                bodies.start(0, &positions, &velocities);
+                bodies.batches[0].read_joints(0, &mut bodies.columns, &bodies.template);
+                for joint in 0..joints {
+                    let (position, velocity) = bodies.coordinates().get(joint, 0);
+                    assert!(
+                        (f64::from(position) - positions[joint]).abs() < 2e-6,
+                        "{joint}: {position}, {positions:?}"
+                    );
+                    assert!(
+                        (f64::from(velocity) - velocities[joint]).abs() < 1e-5,
+                        "{joint}: {velocity}, {velocities:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// The bits of all coordinates after 50 steps, with `copies` copies in worlds of `batch_size`.
+    fn bits(task: &BodyTask, copies: usize, batch_size: usize) -> Vec<[u32; 2]> {
+        let template = CopyTemplate::new(task, &KinematicTree::new(task));
+        let mut bodies = RigidBodies::with_batch_size(task, template, copies, batch_size);
+        for copy in 0..copies {
+            let position = 0.1 + 0.01 * copy as f64;
+            bodies.start(copy, &[position], &[0.3]);
+        }
+        for _ in 0..50 {
+            bodies.step(&vec![0.0; copies]);
+        }
+        (0..copies)
+            .map(|copy| {
+                let (position, velocity) = bodies.coordinates().get(0, copy);
+                [position.to_bits(), velocity.to_bits()]
+            })
+            .collect()
+    }
+
+    /// A task of one Rapier joint that is not a hinge: a slide along a slope.
+    fn slope() -> BodyTask {
+        let text = r#"Environment(
+            description: "A sledge on a slope.", gravity: (0.0, -9.81), control_step: 0.02, time_limit: 100,
+            bodies: [(name: "sledge", mass: 1.0, geoms: [Ball(radius: 0.1)])],
+            joints: [(name: "slope", parent: "world", child: "sledge", type: Slide(axis: (1.0, 0.7)))],
+            actuators: [(name: "push", type: JointForce("slope"), control: Continuous(-1.0, 1.0))],
+            sensors: [(name: "x", type: JointPosition("slope"))],
+            observations: [(name: "x", range: (-1.0, 1.0))],
+            reward: "0",
+        )"#;
+        bodies(parse("slope", "slope", text.to_owned()).unwrap())
+    }
+
+    /// If this fails, Rapier has changed `min_color_joints`: set [`MIN_JOINTS_FOR_SIMD`] to it.
+    #[test]
+    fn fewer_joints_than_simd_lanes_need_are_solved_one_by_one() {
+        let task = slope();
+        let alone = bits(&task, MIN_JOINTS_FOR_SIMD, 1);
+        assert_eq!(
+            bits(&task, MIN_JOINTS_FOR_SIMD - 1, MIN_JOINTS_FOR_SIMD - 1),
+            alone[..MIN_JOINTS_FOR_SIMD - 1],
+            "fewer joints must be solved one by one"
+        );
+    }
+}

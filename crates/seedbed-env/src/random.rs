@@ -1,0 +1,143 @@
+//! Named random streams: every random number of the workbench comes from a stream whose name is
+//! (run seed, purpose, agent, round).
+//!
+//! A stream is derived from its name wherever it is needed, so that no generator has to be stored
+//! in a checkpoint, and no draw depends on what other agents or threads did before. Nothing may use
+//! randomness from the system.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// A stream of random bits: ChaCha with 8 rounds, the same on every machine.
+pub type Stream = ChaCha8Rng;
+
+/// What a stream is used for. Two purposes never share bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u64)]
+pub enum Purpose {
+    /// An agent's initial parameters φ̂ and θ̂.
+    InitialParameters = 1,
+    /// An agent's reward seeds `z_1 … z_T`, drawn once.
+    RewardSeeds = 2,
+    /// The start states of an agent's episodes in one round.
+    Reset = 3,
+    /// The actions that an agent samples in one round.
+    Action = 4,
+    /// The order in which an agent trains on trajectories in one round.
+    Shuffle = 5,
+    /// Subsampling for the recording. It never affects learning.
+    Recording = 6,
+    /// Random behaviour in previews and benchmarks.
+    Preview = 7,
+    /// The initial parameters of a model of the dynamics.
+    ModelParameters = 8,
+    /// An agent's seeds of such a model, drawn once.
+    ModelSeeds = 9,
+    /// Minibatches and sampled weights for a model's training in one round.
+    ModelTraining = 10,
+    /// Sampled weights for an agent's bonuses in one round.
+    BonusNoise = 11,
+    /// Sampled weights for comparing the bonuses of all agents on the same steps in one round. It
+    /// never affects learning.
+    BonusProbe = 12,
+    /// The MDP of a tabular task, drawn from its prior once per run.
+    TabularTask = 40,
+    /// The fixed additive prior of a value model, drawn once.
+    ValuePrior = 20,
+    /// Transitions that a value model draws from the replay buffer in one round.
+    Replay = 21,
+    /// The seeds z of single transitions, with [`transition_stream`].
+    TransitionSeeds = 22,
+    /// Which transitions a value model learns from, with [`transition_stream`].
+    TransitionMasks = 23,
+    /// Which value model an agent follows in one round.
+    ModelChoice = 24,
+    /// An agent's seed for the rewards of a tabular task, drawn once.
+    TabularSeeds = 41,
+    /// The noise that an agent's seed adds to the observations of one parameter, whose index takes
+    /// the place of the round.
+    TabularNoise = 42,
+    /// The exponentials of an agent's seed for one outcome, whose index takes the place of the
+    /// round.
+    TabularTransitions = 43,
+    /// An MDP that an agent samples before an action, whose index takes the place of the round.
+    TabularResampling = 44,
+    /// When agents of a tabular task act.
+    TabularClock = 45,
+    /// The outcomes of an agent's actions in a tabular task.
+    TabularOutcomes = 46,
+    /// When agents of a tabular task begin.
+    TabularArrivals = 47,
+}
+
+/// The stream of one (run seed, purpose, agent, round).
+///
+/// The four numbers are the ChaCha key itself, little-endian, so distinct names give independent
+/// streams.
+#[must_use]
+pub fn stream(run_seed: u64, purpose: Purpose, agent: u32, round: u32) -> Stream {
+    let mut key = [0_u8; 32];
+    key[..8].copy_from_slice(&run_seed.to_le_bytes());
+    key[8..16].copy_from_slice(&(purpose as u64).to_le_bytes());
+    key[16..24].copy_from_slice(&u64::from(agent).to_le_bytes());
+    key[24..].copy_from_slice(&u64::from(round).to_le_bytes());
+    Stream::from_seed(key)
+}
+
+/// The stream of one transition for one value model, whose name is (run seed, purpose, model,
+/// source agent, episode, step).
+///
+/// The first four are the key of [`stream`], the episode is ChaCha's nonce, and each step has a
+/// block of its own.
+#[must_use]
+pub fn transition_stream(
+    run_seed: u64,
+    purpose: Purpose,
+    model: u32,
+    (agent, episode, step): (u32, u32, u32),
+) -> Stream {
+    const BLOCK_WORDS: u128 = 16;
+    let mut stream = stream(run_seed, purpose, model, agent);
+    stream.set_stream(episode.into());
+    stream.set_word_pos(BLOCK_WORDS * u128::from(step));
+    stream
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+
+    #[test]
+    fn every_part_of_the_name_matters() {
+        let first =
+            |seed, purpose, agent, round| stream(seed, purpose, agent, round).random::<u64>();
+        let base = first(1, Purpose::Action, 2, 3);
+        assert_eq!(base, first(1, Purpose::Action, 2, 3));
+        assert_ne!(base, first(2, Purpose::Action, 2, 3));
+        assert_ne!(base, first(1, Purpose::Reset, 2, 3));
+        assert_ne!(base, first(1, Purpose::Action, 3, 3));
+        assert_ne!(base, first(1, Purpose::Action, 2, 4));
+    }
+
+    #[test]
+    fn every_part_of_a_transition_matters() {
+        let first = |model, agent, episode, step| {
+            transition_stream(1, Purpose::TransitionSeeds, model, (agent, episode, step))
+                .random::<u64>()
+        };
+        let names = [
+            (0, 0, 0, 0),
+            (1, 0, 0, 0),
+            (0, 1, 0, 0),
+            (0, 0, 1, 0),
+            (0, 0, 0, 1),
+            (0, 0, 0, 2),
+        ];
+        let bits = names.map(|(model, agent, episode, step)| first(model, agent, episode, step));
+        for (index, one) in bits.iter().enumerate() {
+            assert!(bits[index + 1..].iter().all(|other| other != one));
+        }
+        assert_eq!(bits[4], first(0, 0, 0, 1));
+    }
+}

@@ -1,0 +1,155 @@
+//! Sensing: from coordinates to what sensors measure.
+//!
+//! Everything that a sensor measures follows from the positions and velocities of the bodies, and
+//! these follow from the coordinates. This module must not depend on what moves the bodies.
+
+use std::f32::consts::{PI, TAU};
+use std::ops::Range;
+
+use super::description::{BodyPoint, BodyTask, Measurement};
+use super::dynamics::CoordinateColumns;
+use super::expression::{Evaluator, ValueTable};
+use super::kinematics::{Frame, KinematicTree};
+use super::physics::Geometry;
+
+/// Reads the sensors of a task.
+pub(super) struct SensorReader {
+    measurements: Vec<Measurement>,
+    /// Sensors that are formulas over earlier ones, with their columns.
+    formulas: Vec<(usize, Evaluator)>,
+    /// Whether some sensor depends on the frames of the bodies.
+    needs_frames: bool,
+    tree: KinematicTree,
+    geometry: Geometry,
+    /// Coordinates (`[coordinates]`, `[coordinates]`) and frames (`[bodies]`) of the copy that is
+    /// being read.
+    positions: Vec<f64>,
+    velocities: Vec<f64>,
+    frames: Vec<Frame>,
+}
+
+impl SensorReader {
+    pub(super) fn new(task: &BodyTask, copies: usize) -> Self {
+        let measurements: Vec<_> = task
+            .sensors
+            .iter()
+            .map(|sensor| sensor.measurement.clone())
+            .collect();
+        let tree = KinematicTree::new(task);
+        Self {
+            needs_frames: measurements.iter().any(depends_on_frames),
+            formulas: measurements
+                .iter()
+                .enumerate()
+                .filter_map(|(column, measurement)| Some((column, formula(measurement, copies)?)))
+                .collect(),
+            measurements,
+            frames: tree.frames(),
+            tree,
+            geometry: Geometry::new(task),
+            positions: vec![0.0; task.coordinates()],
+            velocities: vec![0.0; task.coordinates()],
+        }
+    }
+
+    /// Writes the measurements of some copies into the first columns of the table.
+    pub(super) fn read(
+        &mut self,
+        columns: &CoordinateColumns,
+        copies: Range<usize>,
+        table: &mut ValueTable,
+    ) {
+        for (column, measurement) in self.measurements.iter().enumerate() {
+            let column = &mut table.column_mut(column)[copies.clone()];
+            match measurement {
+                Measurement::JointPosition(coordinate) => {
+                    column.copy_from_slice(&columns.positions(*coordinate)[copies.clone()])
+                }
+                Measurement::WrappedJointPosition(coordinate) => {
+                    wrap(column, &columns.positions(*coordinate)[copies.clone()])
+                }
+                Measurement::JointVelocity(coordinate) => {
+                    column.copy_from_slice(&columns.velocities(*coordinate)[copies.clone()])
+                }
+                _ => {}
+            }
+        }
+        if self.needs_frames {
+            copies
+                .clone()
+                .for_each(|copy| self.read_frames(columns, copy, table));
+        }
+        for (column, formula) in &mut self.formulas {
+            let (before, column) = table.split_at(*column);
+            column[copies.clone()].copy_from_slice(formula.evaluate(before, copies.clone()));
+        }
+    }
+
+    fn read_frames(&mut self, columns: &CoordinateColumns, copy: usize, table: &mut ValueTable) {
+        for (coordinate, (position, velocity)) in self
+            .positions
+            .iter_mut()
+            .zip(&mut self.velocities)
+            .enumerate()
+        {
+            let (place, rate) = columns.get(coordinate, copy);
+            (*position, *velocity) = (f64::from(place), f64::from(rate));
+        }
+        self.tree
+            .compute_frames(&self.positions, &self.velocities, &mut self.frames);
+        for (column, measurement) in self.measurements.iter().enumerate() {
+            if let Some(value) = self.measured(measurement) {
+                table.column_mut(column)[copy] = value;
+            }
+        }
+    }
+
+    /// `None` for a measurement that does not depend on the frames of the bodies.
+    fn measured(&self, measurement: &Measurement) -> Option<f32> {
+        Some(match measurement {
+            Measurement::JointPosition(_)
+            | Measurement::WrappedJointPosition(_)
+            | Measurement::JointVelocity(_)
+            | Measurement::Formula(_) => {
+                return None;
+            }
+            Measurement::BodyPosition(point) => self.position_of(point)[point.axis] as f32,
+            Measurement::BodyVelocity(point) => {
+                self.frames[point.body].velocity_at(self.position_of(point))[point.axis] as f32
+            }
+            Measurement::BodyAngle(body) => self.frames[*body].angle as f32,
+            Measurement::BodyAngularVelocity(body) => self.frames[*body].angular_velocity as f32,
+            Measurement::Contact(one, other) => {
+                f32::from(u8::from(self.geometry.touch(*one, *other, &self.frames)))
+            }
+            Measurement::Ray(ray) => self.geometry.distance(ray, &self.frames),
+        })
+    }
+
+    fn position_of(&self, point: &BodyPoint) -> [f64; 2] {
+        self.frames[point.body].point(point.at)
+    }
+}
+
+/// Removes full turns from angles, into (−π, π].
+fn wrap(wrapped: &mut [f32], angles: &[f32]) {
+    for (wrapped, &angle) in wrapped.iter_mut().zip(angles) {
+        *wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
+    }
+}
+
+fn depends_on_frames(measurement: &Measurement) -> bool {
+    use Measurement::{Formula, JointPosition, JointVelocity, WrappedJointPosition};
+    !matches!(
+        measurement,
+        JointPosition(_) | WrappedJointPosition(_) | JointVelocity(_) | Formula(_)
+    )
+}
+
+fn formula(measurement: &Measurement, copies: usize) -> Option<Evaluator> {
+    if let Measurement::Formula(program) = measurement {
+        Some(Evaluator::new(program, copies))
+    } else {
+        None
+    }
+}

@@ -1,0 +1,271 @@
+//! Tasks with contacts as a whole: a good policy solves them, random actions do not, and no body
+//! passes through a wall.
+
+use rand::RngExt;
+use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_env::{Environment, Physics, Status, build, load};
+
+fn environment(name: &str, copies: usize) -> Box<dyn Environment> {
+    let path = crate::repository().join(format!("envs/{name}.ron"));
+    build(
+        &load(&path).unwrap_or_else(|error| panic!("{error}")),
+        Physics::Rapier,
+        copies,
+    )
+    .expect("every task has rigid bodies")
+}
+
+/// Returns and lengths of `episodes` episodes in one copy under `policy`, which maps an observation
+/// to an action.
+fn play(name: &str, episodes: u32, policy: &dyn Fn(&[f32]) -> Vec<f32>) -> Vec<(f32, u32)> {
+    let mut environment = environment(name, 1);
+    let episode = |episode| {
+        environment.reset(0, &mut stream(5, Purpose::Reset, 0, episode));
+        let (mut total, mut steps) = (0.0, 0);
+        while environment.statuses()[0] == Status::Running {
+            let action = policy(environment.observations());
+            environment.step(&action);
+            total += environment.rewards()[0];
+            steps += 1;
+        }
+        (total, steps)
+    };
+    (0..episodes).map(episode).collect()
+}
+
+/// `heuristic` of Gymnasium's lunar_lander.py, which lands with over 200 points according to its
+/// documentation.
+fn gyms_heuristic(s: &[f32]) -> Vec<f32> {
+    let target = (s[0] * 0.5 + s[2]).clamp(-0.4, 0.4);
+    let hover_target = 0.55 * s[0].abs();
+    let landed = s[6] + s[7] > 0.5;
+    let turn = if landed {
+        0.0
+    } else {
+        (target - s[4]) * 0.5 - s[5]
+    };
+    let hover = if landed {
+        -s[3] * 0.5
+    } else {
+        (hover_target - s[1]) * 0.5 - s[3] * 0.5
+    };
+    if hover > turn.abs() && hover > 0.05 {
+        return vec![2.0];
+    }
+    let engine = match turn {
+        ..-0.05 => 3.0,
+        0.05.. => 1.0,
+        _ => 0.0,
+    };
+    vec![engine]
+}
+
+#[test]
+fn gyms_own_controller_lands_the_lander() {
+    let episodes = play("lander", 50, &gyms_heuristic);
+    let landed = episodes.iter().filter(|(total, _)| *total > 200.0).count();
+    assert!(landed >= 40, "{landed} of 50 landed: {episodes:?}");
+    let falling = play("lander", 20, &|_| vec![0.0]);
+    let crashed = falling.iter().filter(|(total, _)| *total < 0.0).count();
+    assert!(
+        crashed >= 16,
+        "without engines it crashes, as a rule: {falling:?}"
+    );
+}
+
+/// In the north, pushes are turned by a right angle to the left: to go on, push to the right.
+fn to_the_northern_tip(s: &[f32]) -> Vec<f32> {
+    let aside = (-4.0 * s[0] - 2.0 * s[2]).clamp(-1.0, 1.0);
+    if s[0] * s[0] + s[1] * s[1] < 1.69 {
+        vec![aside, 1.0]
+    } else {
+        vec![1.0, -aside]
+    }
+}
+
+#[test]
+fn who_knows_the_corridors_gets_to_the_tip() {
+    for (total, steps) in play("corridors", 50, &to_the_northern_tip) {
+        assert!(
+            total == 1.0 && steps < 150,
+            "return {total} in {steps} steps"
+        );
+    }
+    // Who pushes on as in the hub is pressed to a wall.
+    let straight = play("corridors", 20, &|_| vec![0.0, 1.0]);
+    assert!(
+        straight.iter().all(|(total, _)| *total == 0.0),
+        "{straight:?}"
+    );
+}
+
+/// Three legs: to the right below the wall, up beyond it, to the left above it.
+fn around_the_corner(s: &[f32]) -> Vec<f32> {
+    let aim = match (s[0], s[1]) {
+        (x, y) if y > 0.7 && x > -2.0 => (-1.0, 1.0),
+        (x, y) if x > 0.8 && y > -2.0 => (1.0, 1.2),
+        _ => (1.1, -1.0),
+    };
+    let push =
+        |target: f32, now: f32, rate: f32| ((target - now) * 2.0 - rate * 0.6).clamp(-1.0, 1.0);
+    vec![push(aim.0, s[0], s[2]), push(aim.1, s[1], s[3])]
+}
+
+#[test]
+fn who_knows_the_maze_gets_through() {
+    for (total, steps) in play("puck_maze", 50, &around_the_corner) {
+        assert!(
+            total == 1.0 && steps < 300,
+            "return {total} in {steps} steps"
+        );
+    }
+}
+
+/// Runs 16 copies for 10,000 steps in total under pushes that are drawn every `hold` steps, and
+/// passes each observation to `look`. Returns how many episodes ended, and how many with a reward.
+fn shake(name: &str, hold: usize, look: &mut dyn FnMut(&[f32])) -> (u32, u32) {
+    const COPIES: usize = 16;
+    let mut environment = environment(name, COPIES);
+    let width = environment.spec().action_width();
+    let mut random: Stream = stream(9, Purpose::Action, 0, 0);
+    (0..COPIES).for_each(|copy| environment.reset(copy, &mut random));
+    let (mut ended, mut rewarded, mut actions) = (0, 0, vec![0.0; COPIES * width]);
+    for step in 0..10_000 / COPIES {
+        if step % hold == 0 {
+            for action in &mut actions {
+                *action = random.random_range(-1.0..=1.0);
+            }
+        }
+        environment.step(&actions);
+        environment
+            .observations()
+            .chunks(environment.spec().observation_width())
+            .for_each(&mut *look);
+        for copy in 0..COPIES {
+            if environment.statuses()[copy] != Status::Running {
+                (ended, rewarded) = (
+                    ended + 1,
+                    rewarded + u32::from(environment.rewards()[copy] > 0.0),
+                );
+                environment.reset(copy, &mut random);
+            }
+        }
+    }
+    (ended, rewarded)
+}
+
+/// The puck's rim may sink into a wall by a tenth of its radius, not more.
+const DEPTH: f32 = 0.01;
+
+#[test]
+fn no_puck_leaves_the_maze() {
+    for hold in [1, 20, 100] {
+        let (mut far, reach) = (0.0_f32, 1.4 + DEPTH);
+        shake("puck_maze", hold, &mut |s| {
+            assert!(
+                s[0].abs() <= reach + 0.05 && s[1].abs() <= reach + 0.05,
+                "outside at {s:?}"
+            );
+            let inside_wall = s[0] < 0.5 && s[1].abs() < 0.5;
+            assert!(!inside_wall, "in the wall at {s:?}");
+            far = far.max(s[0]);
+        });
+        assert!(
+            hold == 1 || far > 1.3,
+            "pushes held for {hold} steps never got to the right wall: {far}"
+        );
+    }
+}
+
+#[test]
+fn no_puck_leaves_the_corridors_and_hardly_any_finds_the_tip() {
+    for hold in [1, 20, 100] {
+        let mut far = 0.0_f32;
+        let (_, rewarded) = shake("corridors", hold, &mut |s| {
+            let (radius, angle) = (s[0].hypot(s[1]), s[1].atan2(s[0]));
+            let sector =
+                (angle / std::f32::consts::FRAC_PI_4).round() * std::f32::consts::FRAC_PI_4;
+            let (along, aside) = (
+                radius * (angle - sector).cos(),
+                radius * (angle - sector).sin(),
+            );
+            assert!(along < 5.9 + DEPTH, "through the end at {s:?}");
+            assert!(
+                along < 1.3 || aside.abs() < 0.4 + DEPTH,
+                "through a wall at {s:?}"
+            );
+            far = far.max(radius);
+        });
+        assert!(
+            hold == 1 || far > 3.0,
+            "pushes held for {hold} steps never went far: {far} m"
+        );
+        assert!(
+            hold > 1 || rewarded == 0,
+            "{rewarded} random walks found the tip"
+        );
+    }
+}
+
+/// 600 episodes of a random walk; see envs/corridors.ron for how far it gets.
+#[test]
+fn a_random_walk_rarely_finds_the_tip() {
+    let mut random = stream(2, Purpose::Action, 1, 0);
+    let random = std::cell::RefCell::new(&mut random);
+    let push = |_: &[f32]| {
+        let mut random = random.borrow_mut();
+        vec![
+            random.random_range(-1.0..=1.0),
+            random.random_range(-1.0..=1.0),
+        ]
+    };
+    let found = play("corridors", 600, &push)
+        .iter()
+        .filter(|(total, _)| *total > 0.0)
+        .count();
+    assert!(found <= 6, "{found} of 600 found it");
+}
+
+/// Falling over is what hoppers do without control, in Gym after 20 steps or so of random torques.
+#[test]
+fn a_hopper_stands_for_a_moment_and_falls() {
+    let episodes = play("hopper", 20, &|_| vec![0.0; 3]);
+    for (total, steps) in episodes {
+        assert!((30..1000).contains(&steps), "{steps} steps");
+        assert!(
+            total > 0.5 * steps as f32,
+            "{total} in {steps} steps: 1 a step for being healthy, less what it falls back"
+        );
+    }
+}
+
+/// A cheetah's springs hold it up: left alone, it comes to rest on its feet and is not rewarded.
+#[test]
+fn a_cheetah_left_alone_stands() {
+    let mut environment = environment("cheetah", 1);
+    environment.reset(0, &mut stream(5, Purpose::Reset, 0, 0));
+    (0..400).for_each(|_| environment.step(&[0.0; 6]));
+    let names: Vec<_> = environment
+        .spec()
+        .observations
+        .iter()
+        .map(|seen| seen.name.clone())
+        .collect();
+    let value = |name: &str| {
+        environment.observations()[names
+            .iter()
+            .position(|known| known == name)
+            .expect("it is observed")]
+    };
+    assert!(
+        (0.4..0.75).contains(&value("z")) && value("angle").abs() < 0.3,
+        "{:?}",
+        environment.observations()
+    );
+    assert!(
+        value("x_dot").abs() < 0.02 && value("z_dot").abs() < 0.02,
+        "{:?}",
+        environment.observations()
+    );
+    assert_eq!(environment.rewards()[0], 0.0);
+}

@@ -1,0 +1,134 @@
+//! Colors for dark screens.
+
+use std::sync::LazyLock;
+
+use colorous::{Gradient, INFERNO, VIRIDIS};
+
+use super::Color;
+
+/// The color of the series with this index on a dark background. Eight hues; indices 8–15 have
+/// lighter and indices 16–23 darker tints of the same, then colors repeat.
+#[must_use]
+pub fn categorical_color(index: u32) -> Color {
+    let hue = HUES[index as usize % HUES.len()];
+    match (index as usize / HUES.len()) % 3 {
+        0 => hue,
+        1 => hue.map(|channel| channel / 2 + 127),
+        _ => hue.map(|channel| (u16::from(channel) * 3 / 5) as u8),
+    }
+}
+
+/// After Okabe and Ito, "Color Universal Design"; blue is lighter, to be visible on black, and gray
+/// replaces black.
+const HUES: [Color; 8] = [
+    [230, 159, 0],
+    [86, 180, 233],
+    [0, 170, 125],
+    [240, 228, 66],
+    [90, 120, 235],
+    [225, 95, 20],
+    [214, 130, 180],
+    [170, 170, 170],
+];
+
+/// The color of a value from 0 (dark) to 1 (bright): Viridis without its darkest tenth, which is hard
+/// to see on black.
+#[must_use]
+pub fn sequential_color(share: f32) -> Color {
+    static LEVELS: Levels = LazyLock::new(|| levels(VIRIDIS, 0.1));
+    LEVELS[level(share)]
+}
+
+/// The color of a density from 0 (black) to 1 (bright): Inferno.
+#[must_use]
+pub fn density_color(share: f32) -> Color {
+    static LEVELS: Levels = LazyLock::new(|| levels(INFERNO, 0.0));
+    LEVELS[level(share)]
+}
+
+/// The color of a difference from −1 (blue) over 0 (black) to 1 (orange).
+#[must_use]
+pub fn diverging_color(difference: f32) -> Color {
+    let [half, end] = if difference < 0.0 {
+        [[30, 110, 220], [150, 205, 255]]
+    } else {
+        [[215, 95, 10], [255, 200, 120]]
+    };
+    let share = 2.0 * difference.abs().min(1.0);
+    if share < 1.0 {
+        mix([0, 0, 4], half, share)
+    } else {
+        mix(half, end, share - 1.0)
+    }
+}
+
+fn mix(one: Color, other: Color, share: f32) -> Color {
+    std::array::from_fn(|channel| {
+        (f32::from(one[channel]) * (1.0 - share) + f32::from(other[channel]) * share).round() as u8
+    })
+}
+
+fn level(share: f32) -> usize {
+    (share.clamp(0.0, 1.0) * 255.0).round() as usize
+}
+
+type Levels = LazyLock<[Color; 256]>;
+
+/// The colors of a map from position `from` to its end.
+fn levels(gradient: Gradient, from: f64) -> [Color; 256] {
+    std::array::from_fn(|level| {
+        gradient
+            .eval_continuous(from + (1.0 - from) * level as f64 / 255.0)
+            .as_array()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twenty_four_series_have_twenty_four_colors() {
+        let mut colors: Vec<_> = (0..24).map(categorical_color).collect();
+        colors.sort_unstable();
+        colors.dedup();
+        assert_eq!(colors.len(), 24);
+    }
+
+    #[test]
+    fn tints_are_lighter_then_darker() {
+        assert_eq!(categorical_color(0), [230, 159, 0]);
+        assert_eq!(categorical_color(8), [242, 206, 127]);
+        assert_eq!(categorical_color(16), [138, 95, 0]);
+        assert_eq!(categorical_color(24), categorical_color(0));
+    }
+
+    /// Perceived lightness, 0 to 1, after ITU-R BT.709 without gamma.
+    fn lightness([red, green, blue]: Color) -> f32 {
+        (0.2126 * f32::from(red) + 0.7152 * f32::from(green) + 0.0722 * f32::from(blue)) / 255.0
+    }
+
+    /// Viridis ends with (253, 231, 37), Inferno begins with (0, 0, 4).
+    #[test]
+    fn maps_grow_brighter_throughout() {
+        let share = |step: u8| f32::from(step) / 50.0;
+        let blue = |share: f32| diverging_color(-share);
+        for map in [sequential_color, density_color, diverging_color, blue] {
+            assert!(
+                (0..50).all(|step| lightness(map(share(step))) < lightness(map(share(step + 1))))
+            );
+        }
+        let near = |one: Color, other: Color| {
+            one.iter()
+                .zip(other)
+                .all(|(one, other)| one.abs_diff(other) < 6)
+        };
+        assert!(
+            near(sequential_color(1.0), [253, 231, 37]) && near(density_color(0.0), [0, 0, 4]),
+            "{:?} {:?}",
+            sequential_color(1.0),
+            density_color(0.0)
+        );
+        assert_eq!(diverging_color(0.0), [0, 0, 4]);
+    }
+}

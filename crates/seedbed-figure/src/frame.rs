@@ -1,0 +1,210 @@
+//! The frame of a panel: title, axes with ticks, and grid.
+
+use super::color::{AXIS_COLOR, GRID_COLOR, MUTED_COLOR};
+use super::font::{Weight, fit_text, text_width};
+use super::scale::Scale;
+use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
+
+/// Font sizes.
+pub(super) const TITLE_SIZE: f64 = 13.0;
+pub(super) const LABEL_SIZE: f64 = 12.0;
+pub(super) const TICK_SIZE: f64 = 11.0;
+const SMALL_TITLE_SIZE: f64 = 10.5;
+
+/// Height of a panel's title.
+pub(super) const TITLE_HEIGHT: f64 = 24.0;
+
+/// The content of a frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame<'a> {
+    pub(super) title: &'a str,
+    pub(super) x_label: &'a str,
+    pub(super) y_label: &'a str,
+    pub(super) x_range: [f64; 2],
+    pub(super) y_range: [f64; 2],
+    pub(super) y_logarithmic: bool,
+    pub(super) grid: bool,
+}
+
+/// The area of the data, and its scales.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plot {
+    pub(super) area: Rect,
+    pub(super) x: Scale,
+    pub(super) y: Scale,
+}
+
+impl Plot {
+    pub(super) fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.x.at(x), self.y.at(y)]
+    }
+}
+
+impl Frame<'_> {
+    /// The area of the data within a panel.
+    pub(super) fn plot(&self, panel: &Rect) -> Plot {
+        let below = self.bottom_margin();
+        let widest = self
+            .ticks_of_y(panel)
+            .iter()
+            .map(|(_, text)| text_width(text, TICK_SIZE, Weight::Regular))
+            .fold(0.0, f64::max);
+        let left = widest + if self.y_label.is_empty() { 12.0 } else { 30.0 };
+        let area = panel.inset([TITLE_HEIGHT, 12.0, below, left]);
+        Plot {
+            area,
+            x: Scale::new(self.x_range, [area.x, area.right()]),
+            y: Scale::new(self.y_range, [area.bottom(), area.y]).logarithmic(self.y_logarithmic),
+        }
+    }
+
+    fn bottom_margin(&self) -> f64 {
+        if self.x_label.is_empty() { 24.0 } else { 40.0 }
+    }
+
+    fn ticks_of_y(&self, panel: &Rect) -> Vec<(f64, String)> {
+        let scale = Scale::new(self.y_range, [0.0, 1.0]).logarithmic(self.y_logarithmic);
+        scale.ticks(tick_count(
+            panel.height - TITLE_HEIGHT - self.bottom_margin(),
+            36.0,
+        ))
+    }
+
+    pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) -> Plot {
+        let (plot, ticks_of_y) = (self.plot(panel), self.ticks_of_y(panel));
+        let area = plot.area;
+        draw_title(self.title, panel, area.x, svg);
+        self.draw_y(&plot, &ticks_of_y, panel, svg);
+        self.draw_x(&plot, panel, svg);
+        svg.line(
+            &[
+                [area.x, area.y],
+                [area.x, area.bottom()],
+                [area.right(), area.bottom()],
+            ],
+            Stroke::new(AXIS_COLOR, 1.0),
+        );
+        plot
+    }
+
+    fn draw_y(&self, plot: &Plot, ticks: &[(f64, String)], panel: &Rect, svg: &mut SvgWriter) {
+        let area = plot.area;
+        for (value, text) in ticks {
+            let y = plot.y.at(*value);
+            if self.grid {
+                svg.line(
+                    &[[area.x, y], [area.right(), y]],
+                    Stroke::new(GRID_COLOR, 1.0),
+                );
+            }
+            svg.text(
+                [area.x - 6.0, y + 4.0],
+                text,
+                TextStyle::new(TICK_SIZE, Anchor::End).color(MUTED_COLOR),
+            );
+        }
+        let label = fit_text(self.y_label, panel.height, LABEL_SIZE, Weight::Regular);
+        if !label.is_empty() {
+            let place = [panel.x + 12.0, area.y + area.height / 2.0];
+            svg.text(
+                place,
+                &label,
+                TextStyle::new(LABEL_SIZE, Anchor::Middle).upward(),
+            );
+        }
+    }
+
+    fn draw_x(&self, plot: &Plot, panel: &Rect, svg: &mut SvgWriter) {
+        let area = plot.area;
+        for (value, text) in plot.x.ticks(tick_count(area.width, 52.0)) {
+            let x = plot.x.at(value);
+            svg.line(
+                &[[x, area.bottom()], [x, area.bottom() + 4.0]],
+                Stroke::new(AXIS_COLOR, 1.0),
+            );
+            svg.text(
+                [x, area.bottom() + 16.0],
+                &text,
+                TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR),
+            );
+        }
+        let label = fit_text(self.x_label, panel.width, LABEL_SIZE, Weight::Regular);
+        if !label.is_empty() {
+            svg.text(
+                [area.x + area.width / 2.0, panel.bottom() - 7.0],
+                &label,
+                TextStyle::new(LABEL_SIZE, Anchor::Middle),
+            );
+        }
+    }
+}
+
+/// Number of ticks that fit.
+fn tick_count(length: f64, each: f64) -> usize {
+    ((length / each) as usize).clamp(3, 8)
+}
+
+/// Draws a panel's title above `x`: a long one in a smaller font, a longer one on two lines.
+pub(super) fn draw_title(title: &str, panel: &Rect, x: f64, svg: &mut SvgWriter) {
+    let room = panel.right() - x;
+    let fits = |size: f64| text_width(title, size, Weight::Medium) <= room;
+    let (lines, size, first) = match (fits(TITLE_SIZE), fits(TICK_SIZE)) {
+        (true, _) => (vec![title.to_owned()], TITLE_SIZE, 14.0),
+        (_, true) => (vec![title.to_owned()], TICK_SIZE, 14.0),
+        _ => (
+            split_title(title, room, SMALL_TITLE_SIZE),
+            SMALL_TITLE_SIZE,
+            8.0,
+        ),
+    };
+    for (line, text) in lines
+        .iter()
+        .enumerate()
+        .filter(|(_, text)| !text.is_empty())
+    {
+        let y = panel.y + first + (SMALL_TITLE_SIZE + 1.0) * line as f64;
+        svg.text([x, y], text, TextStyle::new(size, Anchor::Start).bold());
+    }
+}
+
+/// Splits a title after a colon if both parts fit, otherwise after as many words as fit. Parts that
+/// are still too long are shortened.
+fn split_title(text: &str, room: f64, size: f64) -> Vec<String> {
+    let fits = |text: &str| text_width(text, size, Weight::Medium) <= room;
+    let after_colon = text
+        .find(": ")
+        .map(|at| at + 1)
+        .filter(|&at| fits(&text[..at]) && fits(&text[at + 1..]));
+    let last = || {
+        text.rmatch_indices(' ')
+            .map(|(at, _)| at)
+            .find(|&at| fits(&text[..at]))
+    };
+    let break_at = after_colon.or_else(last);
+    let (first, rest) = break_at.map_or((text, ""), |at| (&text[..at], &text[at + 1..]));
+    [first, rest]
+        .map(|line| fit_text(line, room, size, Weight::Medium))
+        .to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_title_takes_two_lines() {
+        let title = "16 agents together: 277,974 states";
+        let room = |text: &str| text_width(text, SMALL_TITLE_SIZE, Weight::Medium);
+        assert_eq!(
+            split_title(title, room("16 agents together: 277,974"), SMALL_TITLE_SIZE),
+            ["16 agents together:", "277,974 states"]
+        );
+        let long = "Thompson resampling of seeds: 880 states";
+        assert_eq!(
+            split_title(long, room("Thompson resampling o"), SMALL_TITLE_SIZE),
+            ["Thompson resampling", "of seeds: 880 states"]
+        );
+        let lines = split_title("incomprehensibilities", 40.0, SMALL_TITLE_SIZE);
+        assert!(lines[0].ends_with('…') && lines[1].is_empty(), "{lines:?}");
+    }
+}

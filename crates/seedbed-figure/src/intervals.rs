@@ -1,0 +1,188 @@
+//! A table of estimates: dots with their intervals, and the numbers beside them.
+
+use super::color::{Color, GRID_COLOR, MUTED_COLOR};
+use super::font::{Weight, fit_text, text_width};
+use super::frame::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
+use super::scale::{Scale, extent, format_number, padded};
+use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
+
+/// Estimates with their intervals, one below the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Intervals {
+    /// Title above the panel.
+    pub title: String,
+    /// Name of the estimated quantity, with its unit.
+    pub x_label: String,
+    /// Estimates, from top to bottom.
+    pub rows: Vec<IntervalRow>,
+    /// A value to compare with, such as 0 for differences, drawn as a dashed line.
+    pub reference: Option<f64>,
+}
+
+/// One estimate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IntervalRow {
+    /// Name of the row.
+    pub name: String,
+    /// The estimate; none if it is a time that was not reached.
+    pub estimate: Option<f64>,
+    /// The interval; none if there are too few runs. An infinite end is drawn at the edge.
+    pub interval: Option<[f64; 2]>,
+    /// Number of runs.
+    pub n: usize,
+    /// Color.
+    pub color: Color,
+}
+
+/// Radius of a dot.
+const DOT_RADIUS: f64 = 4.0;
+
+/// Factor by which text may be wider in a viewer without this crate's fonts.
+const FONT_WIDTH_MARGIN: f64 = 1.15;
+
+/// Height of a row.
+const ROW_HEIGHT: f64 = 24.0;
+
+impl Intervals {
+    /// Height of a panel with all rows.
+    #[must_use]
+    pub fn height(&self) -> f64 {
+        TITLE_HEIGHT + ROW_HEIGHT * self.rows.len() as f64 + 44.0
+    }
+
+    pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
+        let widest = |texts: &mut dyn Iterator<Item = String>| {
+            texts
+                .map(|text| FONT_WIDTH_MARGIN * text_width(&text, LABEL_SIZE, Weight::Regular))
+                .fold(0.0, f64::max)
+        };
+        let names =
+            widest(&mut self.rows.iter().map(|row| row.name.clone())).min(0.4 * panel.width) + 12.0;
+        let numbers = widest(&mut self.rows.iter().map(IntervalRow::numbers_text)) + 16.0;
+        let area = panel.inset([TITLE_HEIGHT, numbers, 44.0, names]);
+        draw_title(&self.title, panel, panel.x + 4.0, svg);
+        let scale = Scale::new(self.range(), [area.x, area.right()]);
+        self.draw_axis(&scale, &area, panel, svg);
+        let each = area.height / self.rows.len().max(1) as f64;
+        for (index, row) in self.rows.iter().enumerate() {
+            let y = area.y + each * (index as f64 + 0.5);
+            let name = fit_text(&row.name, names - 8.0, LABEL_SIZE, Weight::Regular);
+            svg.text(
+                [area.x - 8.0, y + 4.0],
+                &name,
+                TextStyle::new(LABEL_SIZE, Anchor::End),
+            );
+            svg.text(
+                [panel.right() - 4.0, y + 4.0],
+                &row.numbers_text(),
+                TextStyle::new(LABEL_SIZE, Anchor::End).color(MUTED_COLOR),
+            );
+            svg.clipped(&widened_for_dots(&area), |svg| {
+                row.draw(&scale, &area, y, svg)
+            });
+        }
+    }
+
+    fn range(&self) -> [f64; 2] {
+        let values = self
+            .rows
+            .iter()
+            .flat_map(|row| row.interval.into_iter().flatten().chain(row.estimate));
+        padded(extent(values.chain(self.reference)))
+    }
+
+    fn draw_axis(&self, scale: &Scale, area: &Rect, panel: &Rect, svg: &mut SvgWriter) {
+        for (value, text) in scale.ticks(((area.width / 48.0) as usize).clamp(3, 8)) {
+            let x = scale.at(value);
+            svg.line(
+                &[[x, area.y], [x, area.bottom()]],
+                Stroke::new(GRID_COLOR, 1.0),
+            );
+            svg.text(
+                [x, area.bottom() + 14.0],
+                &text,
+                TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR),
+            );
+        }
+        if let Some(reference) = self.reference {
+            let x = scale.at(reference);
+            svg.line(
+                &[[x, area.y], [x, area.bottom()]],
+                Stroke {
+                    dashed: true,
+                    ..Stroke::new(MUTED_COLOR, 1.0)
+                },
+            );
+        }
+        let label = fit_text(&self.x_label, panel.width, LABEL_SIZE, Weight::Regular);
+        svg.text(
+            [area.x + area.width / 2.0, area.bottom() + 32.0],
+            &label,
+            TextStyle::new(LABEL_SIZE, Anchor::Middle),
+        );
+    }
+}
+
+/// The plot with space for whole dots at its edges.
+fn widened_for_dots(area: &Rect) -> Rect {
+    Rect {
+        x: area.x - DOT_RADIUS,
+        width: area.width + 2.0 * DOT_RADIUS,
+        ..*area
+    }
+}
+
+impl IntervalRow {
+    fn draw(&self, scale: &Scale, area: &Rect, y: f64, svg: &mut SvgWriter) {
+        if let Some([low, high]) = self.interval {
+            let place = |end: f64, edge: f64| if end.is_finite() { scale.at(end) } else { edge };
+            let ends = [place(low, area.x), place(high, area.right())];
+            svg.line(&[[ends[0], y], [ends[1], y]], Stroke::new(self.color, 2.0));
+            for x in ends {
+                svg.line(&[[x, y - 4.0], [x, y + 4.0]], Stroke::new(self.color, 1.5));
+            }
+        }
+        if let Some(estimate) = self.estimate.filter(|estimate| estimate.is_finite()) {
+            svg.dot([scale.at(estimate), y], DOT_RADIUS, self.color, 1.0);
+        }
+    }
+
+    /// The numbers of a row, such as `127.5 [80, 134], n = 10`.
+    fn numbers_text(&self) -> String {
+        let estimate = self
+            .estimate
+            .map_or("not reached".to_owned(), format_number);
+        let interval = match self.interval {
+            None => String::new(),
+            Some([low, high]) if high == f64::INFINITY => format!(" [from {}]", format_number(low)),
+            Some([low, high]) => format!(" [{}, {}]", format_number(low), format_number(high)),
+        };
+        format!("{estimate}{interval}, n = {}", self.n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_have_their_numbers_as_text() {
+        let row = |estimate, interval| IntervalRow {
+            name: String::new(),
+            estimate,
+            interval,
+            n: 10,
+            color: [0; 3],
+        };
+        assert_eq!(
+            row(Some(127.5), Some([80.0, 134.0])).numbers_text(),
+            "127.5 [80, 134], n = 10"
+        );
+        assert_eq!(
+            row(None, Some([210.0, f64::INFINITY])).numbers_text(),
+            "not reached [from 210], n = 10"
+        );
+        assert_eq!(row(None, None).numbers_text(), "not reached, n = 10");
+        assert_eq!(row(Some(-6.0), None).numbers_text(), "−6, n = 10");
+    }
+}

@@ -1,0 +1,230 @@
+//! Keys to the colors of panels: names, or a color bar with its scale.
+
+use super::color::{self, Color, MUTED_COLOR};
+use super::font::{Weight, fit_text, text_width};
+use super::frame::{LABEL_SIZE, TICK_SIZE};
+use super::scale::{Scale, format_significant};
+use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
+
+/// Key to the colors of a row of panels.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Key {
+    /// One color per name.
+    Categories(Vec<(String, Color)>),
+    /// The colors of [`color::sequential_color`] from a low to a high value.
+    Continuous {
+        /// Name of the value, with its unit.
+        label: String,
+        /// Values at the lower and the upper end.
+        range: [f64; 2],
+    },
+    /// The colors of [`color::count_color`], labeled with percentages of a total.
+    Shares {
+        /// Name of what is counted.
+        label: String,
+        /// The count with the darkest color.
+        max_count: u32,
+        /// The count that is 100 %.
+        total: u64,
+    },
+    /// The colors of [`color::count_color`], labeled with counts from 1 to the maximum.
+    Counts {
+        /// Name of what is counted.
+        label: String,
+        /// The count with the darkest color.
+        max_count: u32,
+    },
+}
+
+const BAR_WIDTH: f64 = 12.0;
+const LINE_HEIGHT: f64 = 17.0;
+
+impl Key {
+    /// Width of the key beside the panels.
+    pub(super) fn width(&self) -> f64 {
+        match self {
+            Self::Categories(names) => {
+                let widest = names
+                    .iter()
+                    .map(|(name, _)| text_width(name, TICK_SIZE, Weight::Regular))
+                    .fold(0.0, f64::max);
+                (widest + 30.0).min(180.0)
+            }
+            Self::Continuous { .. } | Self::Counts { .. } | Self::Shares { .. } => 78.0,
+        }
+    }
+
+    pub(super) fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
+        match self {
+            Self::Categories(names) => draw_names(names, area, svg),
+            Self::Continuous { label, range } => {
+                draw_bar(area, svg, label, color::sequential_color);
+                let scale = Scale::new(*range, [area.bottom(), area.y]);
+                let ticks = scale.ticks(4).into_iter();
+                ticks.for_each(|(value, text)| draw_tick(area, svg, scale.at(value), &text));
+            }
+            Self::Shares {
+                label,
+                max_count,
+                total,
+            } => {
+                draw_bar(area, svg, label, color::density_color);
+                for (count, text) in share_ticks(*max_count, *total) {
+                    draw_tick(
+                        area,
+                        svg,
+                        area.bottom() - log_position(count, *max_count) * area.height,
+                        &text,
+                    );
+                }
+            }
+            Self::Counts { label, max_count } => {
+                draw_bar(area, svg, label, color::density_color);
+                for (count, text) in count_ticks(*max_count) {
+                    let place =
+                        area.bottom() - log_position(f64::from(count), *max_count) * area.height;
+                    draw_tick(area, svg, place, &text);
+                }
+            }
+        }
+    }
+}
+
+/// Position of a count between 1 and `max_count` on a logarithmic scale, 0 to 1.
+pub(super) fn log_position(count: f64, max_count: u32) -> f64 {
+    if max_count > 1 {
+        (count.max(1.0).ln() / f64::from(max_count).ln()).min(1.0)
+    } else {
+        0.0
+    }
+}
+
+/// Ticks at 1, at powers of ten that are not too close to the maximum, and at the maximum.
+fn count_ticks(max_count: u32) -> Vec<(u32, String)> {
+    let tens = (0..10)
+        .map(|power| 10_u32.pow(power))
+        .take_while(|&count| count < max_count && log_position(f64::from(count), max_count) < 0.9);
+    let mut counts: Vec<u32> = tens.collect();
+    counts.push(max_count.max(1));
+    counts.dedup();
+    counts
+        .into_iter()
+        .map(|count| (count, grouped(count)))
+        .collect()
+}
+
+/// Ticks at percentages that are powers of ten and not too close to the maximum, and at the maximum:
+/// the count of each and its label.
+fn share_ticks(max_count: u32, total: u64) -> Vec<(f64, String)> {
+    let percent = |count: f64| 100.0 * count / total.max(1) as f64;
+    let tens = (-9..=2).map(|power| 10_f64.powi(power) * total as f64 / 100.0);
+    let fitting = tens.filter(|&count| {
+        count >= 1.0 && count < f64::from(max_count) && log_position(count, max_count) < 0.9
+    });
+    fitting
+        .chain([f64::from(max_count)])
+        .map(|count| {
+            (
+                count,
+                format!("{} %", format_significant(percent(count), 2)),
+            )
+        })
+        .collect()
+}
+
+/// A count with a comma for each thousand.
+fn grouped(count: u32) -> String {
+    let digits = count.to_string();
+    let head = digits.len() % 3;
+    let groups = digits.as_bytes()[head..]
+        .chunks(3)
+        .map(|group| String::from_utf8_lossy(group).into_owned());
+    let head = (head > 0).then(|| digits[..head].to_owned());
+    head.into_iter().chain(groups).collect::<Vec<_>>().join(",")
+}
+
+fn draw_names(names: &[(String, Color)], area: &Rect, svg: &mut SvgWriter) {
+    let max_names = ((area.height / LINE_HEIGHT) as usize).max(1);
+    for (line, (name, color)) in names.iter().take(max_names).enumerate() {
+        let y = area.y + LINE_HEIGHT * (line as f64 + 0.5);
+        svg.line(&[[area.x, y], [area.x + 16.0, y]], Stroke::new(*color, 3.0));
+        let name = if line + 1 == max_names && names.len() > max_names {
+            format!("and {} more", names.len() - line)
+        } else {
+            fit_text(name, area.width - 22.0, TICK_SIZE, Weight::Regular)
+        };
+        svg.text(
+            [area.x + 22.0, y + 4.0],
+            &name,
+            TextStyle::new(TICK_SIZE, Anchor::Start),
+        );
+    }
+}
+
+/// Draws the color bar, with its label rotated at the right.
+fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, map: fn(f64) -> Color) {
+    const STEPS: u32 = 64;
+    let step = area.height / f64::from(STEPS);
+    for index in 0..STEPS {
+        // Each step reaches under the next one, so that no white gap shows between them.
+        let y = area.bottom() - step * f64::from(index + 1);
+        let part = Rect {
+            x: area.x,
+            y,
+            width: BAR_WIDTH,
+            height: if index == 0 { step } else { step + 0.5 },
+        };
+        svg.rectangle(&part, map((f64::from(index) + 0.5) / f64::from(STEPS)), 1.0);
+    }
+    let middle = [area.right() - 4.0, area.y + area.height / 2.0];
+    let label = fit_text(label, area.height, LABEL_SIZE, Weight::Regular);
+    svg.text(
+        middle,
+        &label,
+        TextStyle::new(LABEL_SIZE, Anchor::Middle).upward(),
+    );
+}
+
+fn draw_tick(area: &Rect, svg: &mut SvgWriter, y: f64, text: &str) {
+    svg.line(
+        &[[area.x + BAR_WIDTH, y], [area.x + BAR_WIDTH + 3.0, y]],
+        Stroke::new(MUTED_COLOR, 1.0),
+    );
+    svg.text(
+        [area.x + BAR_WIDTH + 6.0, y + 4.0],
+        text,
+        TextStyle::new(TICK_SIZE, Anchor::Start).color(MUTED_COLOR),
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of 20 000 the shares 0.01, 0.1, 1 and 10 % are 2, 20, 200 and 2000; 10 % is too close to 12 %.
+    #[test]
+    fn ticks_of_shares_are_round() {
+        let shares = share_ticks(2469, 20_000);
+        assert_eq!(
+            shares
+                .iter()
+                .map(|(_, text)| text.as_str())
+                .collect::<Vec<_>>(),
+            ["0.01 %", "0.1 %", "1 %", "12 %"]
+        );
+        assert!((shares[1].0 - 20.0).abs() < 1e-9 && shares[3].0 == 2469.0);
+    }
+
+    #[test]
+    fn ticks_of_counts_are_round() {
+        let texts = |max_count| {
+            count_ticks(max_count)
+                .into_iter()
+                .map(|(_, text)| text)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(texts(12_345), ["1", "10", "100", "1,000", "12,345"]);
+        assert_eq!(texts(1), ["1"]);
+        assert_eq!(texts(120), ["1", "10", "120"]);
+    }
+}

@@ -1,0 +1,120 @@
+//! Figures for publications: pure functions from data to SVG text and PNG bytes.
+//!
+//! A [`Figure`] is rows of panels on a white page. [`Figure::svg`] returns text that any browser
+//! shows and any editor changes. [`Figure::png`] draws that text with fonts that are part of this
+//! crate, so that the result does not depend on the fonts of the machine. The same data give the
+//! same bytes.
+//!
+//! ```
+//! use seedbed_figure::{Curves, Figure, Panel, Row, Series, color};
+//!
+//! let returns = Series {
+//!     name: "agent 0".to_owned(),
+//!     color: color::categorical_color(0),
+//!     points: vec![[0.0, 12.0], [1.0, 35.0], [2.0, 180.0], [3.0, 200.0]],
+//!     ..Series::default()
+//! };
+//! let curves = Curves {
+//!     title: "Learning curve".to_owned(),
+//!     x_label: "episode".to_owned(),
+//!     y_label: "return".to_owned(),
+//!     series: vec![returns],
+//!     legend: true,
+//!     ..Curves::default()
+//! };
+//! let figure = Figure {
+//!     title: "One agent".to_owned(),
+//!     description: "The return rises from 12 to 200 within four episodes.".to_owned(),
+//!     width: 480.0,
+//!     rows: vec![Row { height: 250.0, panels: vec![Panel::Curves(curves)], key: None }],
+//! };
+//! let path = std::env::temp_dir().join("seedbed-figure-example.svg");
+//! std::fs::write(&path, figure.svg())?;
+//! # assert!(std::fs::read_to_string(&path)?.starts_with("<svg"));
+//! # std::fs::remove_file(&path)?;
+//! # Ok::<(), std::io::Error>(())
+//! ```
+//!
+//! | Panel | Shows |
+//! |---|---|
+//! | [`Curves`] | curves with bands, step and survival curves; [`Figure::from_curves`] arranges several with common axes |
+//! | [`ParallelCoordinates`] | points of many dimensions, as lines or as their density |
+//! | [`Scatter`], [`HeatMap`] | two dimensions, as points or as counts |
+//! | [`Intervals`] | a table of estimates with their intervals |
+//!
+//! Must not depend on the meaning of numbers, on files, or on training.
+
+pub mod color;
+mod curves;
+mod font;
+mod frame;
+mod intervals;
+mod key;
+mod legend;
+mod page;
+mod pair;
+mod parallel;
+mod pixels;
+mod scale;
+mod svg;
+
+pub use color::Color;
+pub use curves::{Curves, Series, Threshold};
+pub use font::font_faces;
+pub use intervals::{IntervalRow, Intervals};
+pub use key::Key;
+pub use pair::{HeatMap, Scatter, ScatterPoint};
+pub use parallel::{DensityImage, ParallelCoordinates, StateLine, States};
+pub use pixels::PngError;
+
+/// One dimension of a panel: its name, its unit, and the range that is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Name of the dimension.
+    pub name: String,
+    /// Unit, such as `m/s`; empty for a pure number.
+    pub unit: String,
+    /// Values at the lower and the upper end. Values outside are drawn at the ends.
+    pub range: [f32; 2],
+}
+
+/// Rows of panels on a white page. Lengths are CSS pixels, 1/96 inch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// Title above all panels and alternative text of the figure; may be empty.
+    pub title: String,
+    /// Description of the content, for readers who cannot see it.
+    pub description: String,
+    /// Width of the page.
+    pub width: f64,
+    /// Rows of panels, from top to bottom.
+    pub rows: Vec<Row>,
+}
+
+/// Panels side by side, of the same width.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Height of the row, including titles.
+    pub height: f64,
+    /// Panels, from left to right.
+    pub panels: Vec<Panel>,
+    /// Key to the colors of these panels, to the right of them.
+    pub key: Option<Key>,
+}
+
+/// One plot, or an empty space.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Panel {
+    /// Curves over a common x axis.
+    Curves(Curves),
+    /// Points of many dimensions across vertical axes.
+    ParallelCoordinates(ParallelCoordinates),
+    /// Points of two dimensions.
+    Scatter(Scatter),
+    /// Counts over two dimensions.
+    HeatMap(HeatMap),
+    /// Estimates with their intervals.
+    Intervals(Intervals),
+    /// An empty space, so that the panels of several rows are aligned.
+    Blank,
+}

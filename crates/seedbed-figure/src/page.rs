@@ -1,0 +1,348 @@
+//! Arranges panels on a page.
+
+use super::font::{Weight, fit_text};
+use super::frame::TITLE_HEIGHT;
+use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
+use super::{
+    Curves, Figure, HeatMap, Intervals, Panel, ParallelCoordinates, PngError, Row, Scatter, pixels,
+};
+
+const HEADING_SIZE: f64 = 15.0;
+const MARGIN: f64 = 8.0;
+const GAP: f64 = 10.0;
+
+impl Figure {
+    /// Height of the page.
+    #[must_use]
+    pub fn height(&self) -> f64 {
+        let gaps = GAP * self.rows.len().saturating_sub(1) as f64;
+        2.0 * MARGIN
+            + self.title_height()
+            + gaps
+            + self.rows.iter().map(|row| row.height).sum::<f64>()
+    }
+
+    /// Sets the size of the page; the rows keep their shares of the height.
+    pub fn fit(&mut self, width: f64, height: f64) {
+        let fixed = self.height() - self.rows.iter().map(|row| row.height).sum::<f64>();
+        let factor = ((height - fixed) / (self.height() - fixed)).max(0.0);
+        self.width = width;
+        self.rows.iter_mut().for_each(|row| row.height *= factor);
+    }
+
+    /// The text of an SVG file.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        let mut svg = SvgWriter::default();
+        let page = Rect {
+            x: 0.0,
+            y: 0.0,
+            width: self.width,
+            height: self.height(),
+        }
+        .inset([MARGIN; 4]);
+        if !self.title.is_empty() {
+            let title = fit_text(&self.title, page.width, HEADING_SIZE, Weight::Medium);
+            svg.text(
+                [page.x, page.y + HEADING_SIZE],
+                &title,
+                TextStyle::new(HEADING_SIZE, Anchor::Start).bold(),
+            );
+        }
+        let mut y = page.y + self.title_height();
+        for row in &self.rows {
+            row.draw(
+                &Rect {
+                    y,
+                    height: row.height,
+                    ..page
+                },
+                &mut svg,
+            );
+            y += row.height + GAP;
+        }
+        svg.into_svg(
+            self.width,
+            self.height(),
+            &self.alt_text(),
+            &self.description,
+        )
+    }
+
+    /// The bytes of a PNG file with `scale` pixels per CSS pixel in each direction.
+    ///
+    /// # Errors
+    /// The page is empty, or too large for memory.
+    pub fn png(&self, scale: f64) -> Result<Vec<u8>, PngError> {
+        pixels::draw(&self.svg(), scale)
+    }
+
+    fn title_height(&self) -> f64 {
+        if self.title.is_empty() { 0.0 } else { 28.0 }
+    }
+
+    /// The title of the figure, or that of the first panel with a title.
+    fn alt_text(&self) -> String {
+        let titles = self
+            .rows
+            .iter()
+            .flat_map(|row| &row.panels)
+            .map(Panel::title);
+        std::iter::once(self.title.as_str())
+            .chain(titles)
+            .find(|title| !title.is_empty())
+            .unwrap_or_default()
+            .to_owned()
+    }
+}
+
+impl Row {
+    fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
+        let beside = self.key.as_ref().map_or(0.0, |key| key.width() + GAP);
+        let panels = area.inset([0.0, beside, 0.0, 0.0]);
+        let count = self.panels.len().max(1) as f64;
+        let width = (panels.width - GAP * (count - 1.0)) / count;
+        let mut x = panels.x;
+        for panel in &self.panels {
+            panel.draw(&Rect { x, width, ..panels }, svg);
+            x += width + GAP;
+        }
+        if let Some(key) = &self.key {
+            let place = Rect {
+                x: panels.right() + GAP,
+                width: key.width(),
+                ..panels
+            };
+            key.draw(&place.inset([TITLE_HEIGHT + 12.0, 0.0, 24.0, 0.0]), svg);
+        }
+    }
+}
+
+impl Panel {
+    fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
+        match self {
+            Self::Curves(curves) => curves.draw(area, svg),
+            Self::ParallelCoordinates(states) => states.draw(area, svg),
+            Self::Scatter(points) => points.draw(area, svg),
+            Self::HeatMap(counts) => counts.draw(area, svg),
+            Self::Intervals(rows) => rows.draw(area, svg),
+            Self::Blank => {}
+        }
+    }
+
+    fn title(&self) -> &str {
+        match self {
+            Self::Curves(Curves { title, .. })
+            | Self::ParallelCoordinates(ParallelCoordinates { title, .. })
+            | Self::Scatter(Scatter { title, .. })
+            | Self::HeatMap(HeatMap { title, .. })
+            | Self::Intervals(Intervals { title, .. }) => title,
+            Self::Blank => "",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{
+        DensityImage, IntervalRow, Key, ScatterPoint, Series, StateLine, States, Threshold,
+    };
+    use super::*;
+    use crate::Axis;
+
+    fn quantity(name: &str) -> Axis {
+        Axis {
+            name: name.to_owned(),
+            unit: "m/s".to_owned(),
+            range: [-1.0, 1.0],
+        }
+    }
+
+    fn curves() -> Curves {
+        let series = Series {
+            name: "agent <0>".to_owned(),
+            points: vec![[0.0, 0.0], [1.0, f64::NAN], [2.0, 4.0], [3.0, 5.0]],
+            band: Some(vec![[0.0, -1.0, 1.0], [3.0, 4.0, 6.0]]),
+            ..Series::default()
+        };
+        let thresholds = vec![Threshold {
+            name: "solved".to_owned(),
+            value: 4.0,
+        }];
+        Curves {
+            title: "returns".to_owned(),
+            series: vec![series],
+            thresholds,
+            legend: true,
+            ..Curves::default()
+        }
+    }
+
+    fn states(states: States) -> Panel {
+        let axes = vec![
+            quantity("x"),
+            quantity("y"),
+            quantity("an angular velocity with a long name"),
+        ];
+        Panel::ParallelCoordinates(ParallelCoordinates {
+            title: "states".to_owned(),
+            axes,
+            states,
+        })
+    }
+
+    /// A figure with one panel of each kind.
+    fn page() -> Figure {
+        let line = StateLine {
+            fractions: vec![0.0, 0.5, 1.0],
+            color: [0; 3],
+        };
+        let density = DensityImage {
+            pixels: vec![0, 1, 5, 9],
+            width: 2,
+            max_count: 9,
+        };
+        let point = ScatterPoint {
+            at: [0.0, 9.0],
+            color: [1, 2, 3],
+        };
+        let (x, y, title) = (quantity("x"), quantity("y"), "pair".to_owned());
+        let heat = HeatMap {
+            title: title.clone(),
+            x: x.clone(),
+            y: y.clone(),
+            counts: vec![0, 1, 2, 3],
+            columns: 2,
+            max_count: 3,
+        };
+        let row = IntervalRow {
+            name: "a".to_owned(),
+            estimate: Some(1.0),
+            interval: Some([0.0, 2.0]),
+            n: 5,
+            color: [0; 3],
+        };
+        let rows: Vec<(Vec<Panel>, Option<Key>)> = vec![
+            (vec![Panel::Curves(curves()), Panel::Blank], None),
+            (
+                vec![
+                    states(States::Lines(vec![line; 3])),
+                    states(States::Density(density)),
+                ],
+                Some(Key::Counts {
+                    label: "states".to_owned(),
+                    max_count: 9,
+                }),
+            ),
+            (
+                vec![
+                    Panel::Scatter(Scatter {
+                        title,
+                        x,
+                        y,
+                        points: vec![point; 4],
+                    }),
+                    Panel::HeatMap(heat),
+                ],
+                Some(Key::Continuous {
+                    label: "episode".to_owned(),
+                    range: [0.0, 50.0],
+                }),
+            ),
+            (
+                vec![Panel::Intervals(Intervals {
+                    rows: vec![row; 2],
+                    ..Intervals::default()
+                })],
+                Some(Key::Categories(vec![("agent 0".to_owned(), [9; 3])])),
+            ),
+        ];
+        let rows = rows
+            .into_iter()
+            .map(|(panels, key)| Row {
+                height: 200.0,
+                panels,
+                key,
+            })
+            .collect();
+        Figure {
+            title: "A & B".to_owned(),
+            description: "All panels".to_owned(),
+            width: 600.0,
+            rows,
+        }
+    }
+
+    #[test]
+    fn a_figure_has_a_title_and_a_description() {
+        let svg = page().svg();
+        assert!(
+            svg.contains("<title>A &amp; B</title>\n<desc>All panels</desc>"),
+            "{svg}"
+        );
+        assert!(svg.contains(">agent &lt;0&gt;</text>"));
+        let untitled = Figure {
+            title: String::new(),
+            ..page()
+        };
+        assert!(untitled.svg().contains("<title>returns</title>"));
+    }
+
+    #[test]
+    fn the_same_data_give_the_same_bytes() {
+        assert_eq!(page().svg(), page().svg());
+        assert_eq!(page().png(1.0).unwrap(), page().png(1.0).unwrap());
+    }
+
+    /// 3 lines of one color; a curve with a gap is a dot and a line; 4 points and 2 estimates are dots
+    /// as well.
+    #[test]
+    fn every_value_is_drawn_once() {
+        let svg = page().svg();
+        let count = |text: &str| svg.matches(text).count();
+        assert_eq!(count("stroke=\"#000000\" stroke-width=\"0.7\""), 3);
+        assert_eq!(count("stroke=\"#000000\" stroke-width=\"1.8\""), 1);
+        assert_eq!(count("<circle"), 1 + 4 + 2);
+        assert_eq!(count("<image"), 2);
+        assert_eq!(count("<svg"), count("</svg>"));
+    }
+
+    /// Bytes 16 to 23 of a PNG file are its width and height.
+    #[test]
+    fn a_png_has_the_chosen_size() {
+        let png = page().png(2.0).unwrap();
+        let number = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
+        assert_eq!((number(16), number(20)), (1200, 2 * page().height() as u32));
+        let mut wide = page();
+        wide.fit(1e6, 100.0);
+        assert!(
+            wide.png(2.0)
+                .unwrap_err()
+                .to_string()
+                .starts_with("cannot draw an image of 2000000 × ")
+        );
+    }
+
+    #[test]
+    fn a_page_can_be_resized() {
+        let mut page = page();
+        page.fit(800.0, 700.0);
+        assert!((page.height() - 700.0).abs() < 1e-9 && page.width == 800.0);
+    }
+
+    /// Two pages that differ in a word differ in pixels: text is drawn whatever fonts the
+    /// machine has.
+    #[test]
+    fn text_is_drawn() {
+        let named = |title: &str| Figure {
+            title: title.to_owned(),
+            rows: Vec::new(),
+            ..page()
+        };
+        assert_ne!(
+            named("σ = 0.1").png(1.0).unwrap(),
+            named("σ = 0.2").png(1.0).unwrap()
+        );
+        assert_ne!(named("σ").png(1.0).unwrap(), named("θ").png(1.0).unwrap());
+    }
+}

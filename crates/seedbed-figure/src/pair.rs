@@ -1,0 +1,104 @@
+//! Plots of two dimensions against each other: as points, or as counts.
+
+use super::color::{Color, count_color};
+use super::frame::{Frame, Plot};
+use super::pixels;
+use super::svg::{Rect, SvgWriter};
+use crate::Axis;
+
+/// Points of two dimensions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scatter {
+    /// Title above the panel.
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// Points; later ones are drawn on top.
+    pub points: Vec<ScatterPoint>,
+}
+
+/// One point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScatterPoint {
+    /// Position (x, y); values outside the axes' ranges are drawn at their ends.
+    pub at: [f32; 2],
+    /// Color.
+    pub color: Color,
+}
+
+/// Counts over the cells of a grid, in the colors of [`Key::Counts`](super::Key::Counts).
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeatMap {
+    /// Title above the panel.
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// Counts row by row from the lowest: `[rows × columns]`.
+    pub counts: Vec<u32>,
+    /// Number of columns.
+    pub columns: usize,
+    /// The count with the darkest color.
+    pub max_count: u32,
+}
+
+impl Scatter {
+    pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
+        let plot = draw_frame(&self.title, &self.x, &self.y, panel, svg);
+        let (radius, opacity) = if self.points.len() > 500 {
+            (1.3, 0.5)
+        } else {
+            (2.2, 0.7)
+        };
+        for point in &self.points {
+            let within = |value: f32, [low, high]: [f32; 2]| f64::from(value.clamp(low, high));
+            let at = plot.at([
+                within(point.at[0], self.x.range),
+                within(point.at[1], self.y.range),
+            ]);
+            svg.dot(at, radius, point.color, opacity);
+        }
+    }
+}
+
+impl HeatMap {
+    pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
+        let plot = draw_frame(&self.title, &self.x, &self.y, panel, svg);
+        let from_the_top = self.counts.chunks(self.columns.max(1)).rev().flatten();
+        let colors: Vec<Color> = from_the_top
+            .map(|&count| count_color(count, self.max_count))
+            .collect();
+        if !colors.is_empty() {
+            svg.image(
+                &plot.area,
+                &pixels::png_of_colors(&colors, self.columns),
+                true,
+            );
+        }
+    }
+}
+
+fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter) -> Plot {
+    let frame = Frame {
+        title,
+        x_label: &axis_label(x),
+        y_label: &axis_label(y),
+        x_range: x.range.map(f64::from),
+        y_range: y.range.map(f64::from),
+        y_logarithmic: false,
+        grid: false,
+    };
+    frame.draw(panel, svg)
+}
+
+/// Name and unit of an axis, such as `angle [rad]`.
+pub(super) fn axis_label(quantity: &Axis) -> String {
+    if quantity.unit.is_empty() {
+        quantity.name.clone()
+    } else {
+        format!("{} [{}]", quantity.name, quantity.unit)
+    }
+}

@@ -1,0 +1,165 @@
+//! Parallel coordinates: one vertical axis per dimension, and one line across all axes per point.
+
+use super::color::{AXIS_COLOR, Color, MUTED_COLOR, count_color};
+use super::font::{Weight, fit_text, text_width};
+use super::frame::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
+use super::pair::axis_label;
+use super::pixels;
+use super::scale::format_number;
+use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
+use crate::Axis;
+
+/// Points of many dimensions across vertical axes. A point is called a state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParallelCoordinates {
+    /// Title above the panel.
+    pub title: String,
+    /// Axes, from left to right.
+    pub axes: Vec<Axis>,
+    /// The points.
+    pub states: States,
+}
+
+/// States as lines, or as their density if there are too many lines to distinguish.
+#[derive(Clone, Debug, PartialEq)]
+pub enum States {
+    /// One line per state; later ones are drawn on top.
+    Lines(Vec<StateLine>),
+    /// Number of lines over each pixel.
+    Density(DensityImage),
+}
+
+/// One state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateLine {
+    /// Position on each axis, from 0 (lower end) to 1 (upper end): `[axes]`.
+    pub fractions: Vec<f32>,
+    /// Color.
+    pub color: Color,
+}
+
+/// Number of lines over each pixel between the first and the last axis, in the colors of
+/// [`Key::Counts`](super::Key::Counts).
+#[derive(Clone, Debug, PartialEq)]
+pub struct DensityImage {
+    /// Counts row by row from the top: `[height × width]`.
+    pub pixels: Vec<u32>,
+    /// Width in pixels.
+    pub width: usize,
+    /// The count with the darkest color.
+    pub max_count: u32,
+}
+
+impl ParallelCoordinates {
+    pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
+        let staggered = self.must_stagger_names(panel);
+        let names = if staggered { 30.0 } else { 15.0 };
+        let side = (0.5 * panel.width / self.axes.len().max(1) as f64).min(46.0);
+        let area = panel.inset([TITLE_HEIGHT + names + 17.0, side, 22.0, side]);
+        draw_title(&self.title, panel, panel.x + 4.0, svg);
+        match &self.states {
+            States::Lines(lines) => draw_lines(lines, &area, svg),
+            States::Density(density) => density.draw(&area, svg),
+        }
+        for (index, axis) in self.axes.iter().enumerate() {
+            let x = self.x(index, &area);
+            let raised = staggered && index % 2 == 1;
+            draw_axis(axis, x, &area, svg);
+            let y = area.y - if raised { 35.0 } else { 20.0 };
+            draw_name(
+                axis,
+                [x, y],
+                panel,
+                self.max_name_width(panel, staggered),
+                svg,
+            );
+        }
+    }
+
+    fn x(&self, axis: usize, area: &Rect) -> f64 {
+        area.x + area.width * axis as f64 / (self.axes.len() - 1).max(1) as f64
+    }
+
+    /// Maximum width of a name.
+    fn max_name_width(&self, panel: &Rect, staggered: bool) -> f64 {
+        let each = panel.width / self.axes.len().max(1) as f64;
+        if staggered {
+            2.0 * each - 6.0
+        } else {
+            each - 4.0
+        }
+    }
+
+    /// Whether names are too wide to be side by side, so that every other one is one line higher.
+    fn must_stagger_names(&self, panel: &Rect) -> bool {
+        let room = self.max_name_width(panel, false);
+        self.axes
+            .iter()
+            .any(|axis| text_width(&axis_label(axis), LABEL_SIZE, Weight::Regular) > room)
+    }
+}
+
+fn draw_lines(lines: &[StateLine], area: &Rect, svg: &mut SvgWriter) {
+    let opacity = match lines.len() {
+        0..50 => 0.9,
+        50..300 => 0.55,
+        _ => 0.35,
+    };
+    for line in lines {
+        let gap = area.width / (line.fractions.len() - 1).max(1) as f64;
+        let place = |(index, fraction): (usize, &f32)| {
+            [
+                area.x + gap * index as f64,
+                area.bottom() - f64::from(*fraction) * area.height,
+            ]
+        };
+        let places: Vec<[f64; 2]> = line.fractions.iter().enumerate().map(place).collect();
+        svg.line(
+            &places,
+            Stroke {
+                opacity,
+                ..Stroke::new(line.color, 0.7)
+            },
+        );
+    }
+}
+
+impl DensityImage {
+    fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
+        let colors: Vec<Color> = self
+            .pixels
+            .iter()
+            .map(|&count| count_color(count, self.max_count))
+            .collect();
+        if !colors.is_empty() {
+            svg.image(area, &pixels::png_of_colors(&colors, self.width), false);
+        }
+    }
+}
+
+/// Draws an axis with the values at its ends.
+fn draw_axis(axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
+    svg.line(
+        &[[x, area.y], [x, area.bottom()]],
+        Stroke::new(AXIS_COLOR, 1.2),
+    );
+    let [low, high] = axis.range.map(|end| format_number(f64::from(end)));
+    let ends = TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR);
+    svg.text([x, area.y - 5.0], &high, ends);
+    svg.text([x, area.bottom() + 14.0], &low, ends);
+}
+
+/// Draws the name of an axis, with its unit if there is space; those of the outer axes are moved into
+/// the panel.
+fn draw_name(axis: &Axis, [x, y]: [f64; 2], panel: &Rect, room: f64, svg: &mut SvgWriter) {
+    let full = axis_label(axis);
+    let name = if text_width(&full, LABEL_SIZE, Weight::Regular) > room {
+        &axis.name
+    } else {
+        &full
+    };
+    let name = fit_text(name, room.min(panel.width), LABEL_SIZE, Weight::Regular);
+    let half = 0.5 * text_width(&name, LABEL_SIZE, Weight::Regular);
+    let x = x.clamp(panel.x + half, (panel.right() - half).max(panel.x + half));
+    svg.text([x, y], &name, TextStyle::new(LABEL_SIZE, Anchor::Middle));
+}

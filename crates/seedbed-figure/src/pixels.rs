@@ -1,0 +1,105 @@
+//! PNG files of figures, and images within figures.
+
+use std::sync::{Arc, LazyLock};
+
+use resvg::tiny_skia::{Color as Paint, Pixmap, Transform};
+use resvg::usvg::fontdb::{Database, Source};
+use resvg::usvg::{Options, Tree};
+
+use super::color::Color;
+use super::font::{MEDIUM, REGULAR};
+
+/// The figure could not be drawn as PNG.
+#[derive(Debug, thiserror::Error)]
+pub enum PngError {
+    /// The page is empty, or has more pixels than memory can hold.
+    #[error("cannot draw an image of {0} × {1} pixels: sides must be between 1 and 20000 pixels")]
+    Size(u32, u32),
+    /// The renderer failed.
+    #[error("cannot draw the figure: {0}")]
+    Drawing(String),
+}
+
+/// Maximum width and height in pixels: a larger image would take gigabytes.
+const MAX_SIDE: f64 = 20_000.0;
+
+static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
+    let mut fonts = Database::new();
+    for data in [REGULAR, MEDIUM] {
+        fonts.load_font_source(Source::Binary(Arc::new(data)));
+    }
+    fonts.set_sans_serif_family("Roboto");
+    Arc::new(fonts)
+});
+
+/// Draws the text of an SVG file with `scale` pixels per CSS pixel.
+pub(super) fn draw(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
+    let options = Options {
+        fontdb: Arc::clone(&FONTS),
+        font_family: "Roboto".to_owned(),
+        ..Options::default()
+    };
+    let tree =
+        Tree::from_str(svg, &options).map_err(|error| PngError::Drawing(error.to_string()))?;
+    let [width, height] =
+        [tree.size().width(), tree.size().height()].map(|side| (f64::from(side) * scale).round());
+    let refused = || PngError::Size(width as u32, height as u32);
+    let drawable = width.max(height) <= MAX_SIDE;
+    let mut pixels = drawable
+        .then(|| Pixmap::new(width as u32, height as u32))
+        .flatten()
+        .ok_or_else(refused)?;
+    pixels.fill(Paint::WHITE);
+    resvg::render(
+        &tree,
+        Transform::from_scale(scale as f32, scale as f32),
+        &mut pixels.as_mut(),
+    );
+    let opaque: Vec<u8> = pixels
+        .pixels()
+        .iter()
+        .flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()])
+        .collect();
+    encode_png(&opaque, [width as u32, height as u32], scale)
+        .map_err(|error| PngError::Drawing(error.to_string()))
+}
+
+/// The bytes of a PNG file without transparency, with the best compression.
+/// `rgb: [height × width × 3]`
+fn encode_png(
+    rgb: &[u8],
+    [width, height]: [u32; 2],
+    scale: f64,
+) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_compression(png::Compression::High);
+    encoder.set_pixel_dims(Some(pixel_dimensions(scale)));
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(rgb)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+/// The resolution, with which programs show and print the figure in its size: a CSS pixel is 1/96
+/// inch.
+fn pixel_dimensions(scale: f64) -> png::PixelDimensions {
+    let per_meter = (scale * 96.0 / 0.0254).round() as u32;
+    png::PixelDimensions {
+        xppu: per_meter,
+        yppu: per_meter,
+        unit: png::Unit::Meter,
+    }
+}
+
+/// The bytes of a PNG file of colors, row by row from the top. `colors: [height × width]`
+pub(super) fn png_of_colors(colors: &[Color], width: usize) -> Vec<u8> {
+    let height = colors.len() / width.max(1);
+    encode_png(
+        &colors[..width * height].concat(),
+        [width as u32, height as u32],
+        1.0,
+    )
+    .expect("pixels in memory can be encode_png")
+}

@@ -1,0 +1,230 @@
+//! Scales of axes: positions of values, ticks, and their labels.
+
+/// Maps an interval of values to an interval of the page.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Scale {
+    values: [f64; 2],
+    positions: [f64; 2],
+    logarithmic: bool,
+}
+
+impl Scale {
+    pub(super) fn new(values: [f64; 2], positions: [f64; 2]) -> Self {
+        Self {
+            values,
+            positions,
+            logarithmic: false,
+        }
+    }
+
+    /// The scale with logarithmic positions; values must be above 0.
+    pub(super) fn logarithmic(self, logarithmic: bool) -> Self {
+        Self {
+            logarithmic,
+            ..self
+        }
+    }
+
+    pub(super) fn at(&self, value: f64) -> f64 {
+        let [from, to] = self.positions;
+        let [value, low, high] = [value, self.values[0], self.values[1]]
+            .map(|value| if self.logarithmic { value.ln() } else { value });
+        from + (value - low) / (high - low) * (to - from)
+    }
+
+    /// About `count` round values, with their labels.
+    pub(super) fn ticks(&self, count: usize) -> Vec<(f64, String)> {
+        let [low, high] = self.values;
+        if self.logarithmic {
+            return powers_of_ten([low, high], count);
+        }
+        let step = round_step((high - low) / count.max(1) as f64);
+        let first = (low / step - 1e-9).ceil() as i64;
+        let last = (high / step + 1e-9).floor() as i64;
+        (first..=last)
+            .map(|index| index as f64 * step)
+            .map(|value| (value, tick_label(value, step, low.abs().max(high.abs()))))
+            .collect()
+    }
+}
+
+/// At most `count` powers of ten, with their labels.
+fn powers_of_ten([low, high]: [f64; 2], count: usize) -> Vec<(f64, String)> {
+    let (first, last) = (
+        (low.log10() - 1e-9).ceil() as i32,
+        (high.log10() + 1e-9).floor() as i32,
+    );
+    let each = ((last - first + 1) as usize).div_ceil(count.max(1)).max(1);
+    (first..=last)
+        .step_by(each)
+        .map(|power| 10_f64.powi(power))
+        .map(|value| (value, format_number(value)))
+        .collect()
+}
+
+/// 1, 2 or 5 times a power of ten, about `wanted`.
+fn round_step(wanted: f64) -> f64 {
+    let power = 10_f64.powf(wanted.log10().floor());
+    let factor = [1.0, 2.0, 5.0]
+        .into_iter()
+        .find(|factor| factor * power >= 0.7 * wanted);
+    factor.unwrap_or(10.0) * power
+}
+
+/// The label of a tick, with as many decimals as the step between ticks needs; large numbers end in
+/// `k` or `M`.
+fn tick_label(value: f64, step: f64, largest: f64) -> String {
+    let (unit, suffix) = match largest {
+        1e6.. => (1e6, "M"),
+        1e4.. => (1e3, "k"),
+        _ => (1.0, ""),
+    };
+    let decimals = (-((step / unit).log10() + 1e-9).floor()).clamp(0.0, 9.0) as usize;
+    if value.abs() < step * 1e-6 {
+        return "0".to_owned();
+    }
+    with_minus_sign(&format!("{:.decimals$}{suffix}", value / unit))
+}
+
+/// Replaces the hyphen by a minus sign.
+pub(super) fn with_minus_sign(number: &str) -> String {
+    number.replace('-', "−")
+}
+
+/// A number with at most four significant digits and no trailing zeros.
+pub(super) fn format_number(value: f64) -> String {
+    format_significant(value, 4)
+}
+
+/// A number with at most `digits` significant digits and no trailing zeros.
+pub(super) fn format_significant(value: f64, digits: i32) -> String {
+    if !value.is_finite() {
+        return "–".to_owned();
+    }
+    let whole_digits = value.abs().max(1e-300).log10().floor() as i32 + 1;
+    let decimals = (digits - whole_digits).clamp(0, 9) as usize;
+    let text = format!("{value:.decimals$}");
+    let text = if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        &text
+    };
+    if text == "-0" {
+        "0".to_owned()
+    } else {
+        with_minus_sign(text)
+    }
+}
+
+/// The range of the finite `values`, widened if it has no extent; 0 to 1 if there are none.
+pub(super) fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let ends =
+        values
+            .filter(|value| value.is_finite())
+            .fold(None, |ends: Option<[f64; 2]>, value| {
+                Some(ends.map_or([value; 2], |[low, high]| [low.min(value), high.max(value)]))
+            });
+    let [low, high] = ends.unwrap_or([0.0, 1.0]);
+    if high > low {
+        [low, high]
+    } else {
+        [
+            low - 0.5_f64.max(low.abs() / 10.0),
+            low + 0.5_f64.max(low.abs() / 10.0),
+        ]
+    }
+}
+
+/// The range with a margin at both ends, but not beyond zero.
+pub(super) fn padded([low, high]: [f64; 2]) -> [f64; 2] {
+    let room = 0.05 * (high - low);
+    let lower = if low >= 0.0 {
+        (low - room).max(0.0)
+    } else {
+        low - room
+    };
+    [
+        lower,
+        if high <= 0.0 {
+            (high + room).min(0.0)
+        } else {
+            high + room
+        },
+    ]
+}
+
+/// The range with a margin at both ends, for a logarithmic scale.
+pub(super) fn padded_ratio([low, high]: [f64; 2]) -> [f64; 2] {
+    let room = (high / low).powf(0.05);
+    [low / room, high * room]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(low: f64, high: f64) -> Vec<String> {
+        Scale::new([low, high], [0.0, 1.0])
+            .ticks(5)
+            .into_iter()
+            .map(|(_, label)| label)
+            .collect()
+    }
+
+    #[test]
+    fn ticks_are_round() {
+        assert_eq!(labels(0.0, 200.0), ["0", "50", "100", "150", "200"]);
+        assert_eq!(labels(-0.21, 0.21), ["−0.2", "−0.1", "0", "0.1", "0.2"]);
+        assert_eq!(labels(0.0, 1.0), ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(
+            labels(0.0, 250_000.0),
+            ["0", "50k", "100k", "150k", "200k", "250k"]
+        );
+        assert_eq!(labels(3.0, 9.5), ["3", "4", "5", "6", "7", "8", "9"]);
+    }
+
+    #[test]
+    fn positions_are_linear() {
+        let scale = Scale::new([0.0, 4.0], [100.0, 20.0]);
+        assert_eq!(
+            (scale.at(0.0), scale.at(1.0), scale.at(4.0)),
+            (100.0, 80.0, 20.0)
+        );
+    }
+
+    /// 1 is one third of the way from 0.1 to 100 in powers of ten.
+    #[test]
+    fn positions_are_logarithmic() {
+        let scale = Scale::new([0.1, 100.0], [0.0, 30.0]).logarithmic(true);
+        assert!((scale.at(1.0) - 10.0).abs() < 1e-9 && scale.at(0.1) == 0.0);
+        let labels = |count| {
+            scale
+                .ticks(count)
+                .into_iter()
+                .map(|(_, label)| label)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (labels(5), labels(2)),
+            (
+                ["0.1", "1", "10", "100"].map(str::to_owned).to_vec(),
+                vec!["0.1".into(), "10".into()]
+            )
+        );
+    }
+
+    #[test]
+    fn numbers_have_four_significant_digits() {
+        let format_number =
+            [0.0, 127.5, -6.0, 0.123_456, 12_345.6, f64::INFINITY].map(format_number);
+        assert_eq!(format_number, ["0", "127.5", "−6", "0.1235", "12346", "–"]);
+    }
+
+    #[test]
+    fn extents_are_never_empty() {
+        assert_eq!(extent([3.0, -1.0, f64::NAN].into_iter()), [-1.0, 3.0]);
+        assert_eq!(extent([2.0].into_iter()), [1.5, 2.5]);
+        assert_eq!(extent([].into_iter()), [0.0, 1.0]);
+        assert_eq!(padded([0.0, 100.0]), [0.0, 105.0]);
+    }
+}

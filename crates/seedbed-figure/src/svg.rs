@@ -1,0 +1,316 @@
+//! Writes the elements of an SVG file.
+
+use std::fmt::Write;
+
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+
+use super::color::{Color, TEXT_COLOR};
+use super::font::{FONT_FAMILY, Weight};
+
+/// A rectangle on the page; y grows downwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rect {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) width: f64,
+    pub(super) height: f64,
+}
+
+impl Rect {
+    pub(super) fn right(&self) -> f64 {
+        self.x + self.width
+    }
+
+    pub(super) fn bottom(&self) -> f64 {
+        self.y + self.height
+    }
+
+    /// The rectangle without margins, in the order of CSS: top, right, bottom, left.
+    pub(super) fn inset(&self, [top, right, bottom, left]: [f64; 4]) -> Self {
+        let (width, height) = (self.width - left - right, self.height - top - bottom);
+        Self {
+            x: self.x + left,
+            y: self.y + top,
+            width: width.max(1.0),
+            height: height.max(1.0),
+        }
+    }
+}
+
+/// Style of a line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stroke {
+    pub(super) color: Color,
+    pub(super) width: f64,
+    pub(super) opacity: f64,
+    pub(super) dashed: bool,
+}
+
+impl Stroke {
+    pub(super) fn new(color: Color, width: f64) -> Self {
+        Self {
+            color,
+            width,
+            opacity: 1.0,
+            dashed: false,
+        }
+    }
+}
+
+/// Which part of a text is at its position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+/// Style of a text.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TextStyle {
+    pub(super) size: f64,
+    pub(super) anchor: Anchor,
+    pub(super) color: Color,
+    pub(super) weight: Weight,
+    /// Whether the text is rotated to read upward.
+    pub(super) upward: bool,
+}
+
+impl TextStyle {
+    pub(super) fn new(size: f64, anchor: Anchor) -> Self {
+        Self {
+            size,
+            anchor,
+            color: TEXT_COLOR,
+            weight: Weight::Regular,
+            upward: false,
+        }
+    }
+
+    pub(super) fn color(self, color: Color) -> Self {
+        Self { color, ..self }
+    }
+
+    pub(super) fn bold(self) -> Self {
+        Self {
+            weight: Weight::Medium,
+            ..self
+        }
+    }
+
+    pub(super) fn upward(self) -> Self {
+        Self {
+            upward: true,
+            ..self
+        }
+    }
+}
+
+/// The elements drawn so far; later ones are on top.
+#[derive(Debug, Default)]
+pub(super) struct SvgWriter {
+    elements: String,
+}
+
+impl SvgWriter {
+    /// The complete SVG file.
+    pub(super) fn into_svg(
+        self,
+        width: f64,
+        height: f64,
+        title: &str,
+        description: &str,
+    ) -> String {
+        let (w, h, title, description) = (
+            format_length(width),
+            format_length(height),
+            escape(title),
+            escape(description),
+        );
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" role=\"img\" \
+             font-family=\"{FONT_FAMILY}\">\n<title>{title}</title>\n<desc>{description}</desc>\n\
+             <rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n{}</svg>\n",
+            self.elements
+        )
+    }
+
+    fn push(&mut self, element: std::fmt::Arguments<'_>) {
+        self.elements
+            .write_fmt(element)
+            .and_then(|()| self.elements.write_char('\n'))
+            .expect("a string takes any text");
+    }
+
+    /// Clips what `draw` draws to `area`.
+    pub(super) fn clipped(&mut self, area: &Rect, draw: impl FnOnce(&mut Self)) {
+        let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(format_length);
+        let view = format!("{x} {y} {width} {height}");
+        // A nested <svg> needs no id, in contrast to a <clipPath>: ids would have to be unique on a page
+        // with several figures.
+        self.push(format_args!(
+            "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" viewBox=\"{view}\" overflow=\"hidden\">"
+        ));
+        draw(self);
+        self.push(format_args!("</svg>"));
+    }
+
+    /// Draws a line through points.
+    pub(super) fn line(&mut self, points: &[[f64; 2]], stroke: Stroke) {
+        let (path, style) = (path(points), style(stroke));
+        self.push(format_args!("<path d=\"{path}\" fill=\"none\" {style}/>"));
+    }
+
+    /// Draws a filled polygon.
+    pub(super) fn fill(&mut self, points: &[[f64; 2]], color: Color, opacity: f64) {
+        let (path, color, opacity) = (path(points), hex(color), format_length(opacity));
+        self.push(format_args!(
+            "<path d=\"{path}Z\" fill=\"{color}\" fill-opacity=\"{opacity}\"/>"
+        ));
+    }
+
+    pub(super) fn rectangle(&mut self, area: &Rect, fill: Color, opacity: f64) {
+        let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(format_length);
+        let (fill, opacity) = (hex(fill), format_length(opacity));
+        self.push(format_args!(
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"{fill}\" fill-opacity=\"{opacity}\"/>"
+        ));
+    }
+
+    pub(super) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, color: Color, opacity: f64) {
+        let [x, y, radius, opacity] = [x, y, radius, opacity].map(format_length);
+        let color = hex(color);
+        self.push(format_args!("<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" fill=\"{color}\" fill-opacity=\"{opacity}\"/>"));
+    }
+
+    /// Draws a text with its base line at a position.
+    pub(super) fn text(&mut self, [x, y]: [f64; 2], text: &str, text_style: TextStyle) {
+        let [x, y, size] = [x, y, text_style.size].map(format_length);
+        let anchor = match text_style.anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        let turn = if text_style.upward {
+            format!(" transform=\"rotate(-90 {x} {y})\"")
+        } else {
+            String::new()
+        };
+        let (weight, color, text) = (
+            text_style.weight.number(),
+            hex(text_style.color),
+            escape(text),
+        );
+        self.push(format_args!(
+            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" font-weight=\"{weight}\" text-anchor=\"{anchor}\" fill=\"{color}\"{turn}>\
+             {text}</text>"
+        ));
+    }
+
+    /// Draws an image made of pixels, stretched over `area`.
+    pub(super) fn image(&mut self, area: &Rect, png: &[u8], sharp: bool) {
+        let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(format_length);
+        let (rendering, data) = (
+            if sharp { "pixelated" } else { "auto" },
+            BASE64_STANDARD.encode(png),
+        );
+        self.push(format_args!(
+            "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
+             style=\"image-rendering:{rendering}\" href=\"data:image/png;base64,{data}\"/>"
+        ));
+    }
+}
+
+fn path(points: &[[f64; 2]]) -> String {
+    let mut path = String::new();
+    for (index, &[x, y]) in points.iter().enumerate() {
+        path.push(if index == 0 { 'M' } else { 'L' });
+        path.push_str(&format_length(x));
+        path.push(' ');
+        path.push_str(&format_length(y));
+    }
+    path
+}
+
+fn style(stroke: Stroke) -> String {
+    let mut style = format!(
+        "stroke=\"{}\" stroke-width=\"{}\"",
+        hex(stroke.color),
+        format_length(stroke.width)
+    );
+    if stroke.opacity < 1.0 {
+        style = format!(
+            "{style} stroke-opacity=\"{}\"",
+            format_length(stroke.opacity)
+        );
+    }
+    style
+        + if stroke.dashed {
+            " stroke-dasharray=\"5 4\""
+        } else {
+            " stroke-linejoin=\"round\""
+        }
+}
+
+fn hex([red, green, blue]: Color) -> String {
+    format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
+/// A length with two decimals: a hundredth of a pixel is not visible.
+fn format_length(value: f64) -> String {
+    let text = format!("{:.2}", if value.is_finite() { value } else { 0.0 });
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" {
+        "0".to_owned()
+    } else {
+        text.to_owned()
+    }
+}
+
+/// Replaces characters that are markup in XML, and removes those that XML does not allow.
+fn escape(text: &str) -> String {
+    let allowed = text.chars().filter(|letter| !letter.is_control());
+    allowed.fold(String::new(), |mut text, letter| {
+        match letter {
+            '&' => text.push_str("&amp;"),
+            '<' => text.push_str("&lt;"),
+            '>' => text.push_str("&gt;"),
+            '"' => text.push_str("&quot;"),
+            letter => text.push(letter),
+        }
+        text
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(
+            [1.0, 0.126, -0.001, 120.5, f64::NAN].map(format_length),
+            ["1", "0.13", "0", "120.5", "0"]
+        );
+    }
+
+    #[test]
+    fn text_is_escaped() {
+        assert_eq!(escape("a < b & \"c\"\u{7}"), "a &lt; b &amp; &quot;c&quot;");
+    }
+
+    #[test]
+    fn a_line_is_a_path() {
+        let mut svg = SvgWriter::default();
+        svg.line(
+            &[[0.0, 1.0], [2.5, 3.0]],
+            Stroke {
+                dashed: true,
+                ..Stroke::new([255, 0, 128], 1.5)
+            },
+        );
+        let wanted = "<path d=\"M0 1L2.5 3\" fill=\"none\" stroke=\"#ff0080\" stroke-width=\"1.5\" stroke-dasharray=\"5 4\"/>\n";
+        assert_eq!(svg.elements, wanted);
+    }
+}

@@ -1,0 +1,86 @@
+//! Golden files for tests: the expected output of each input is a file beside it.
+//!
+//! With the environment variable `UPDATE_EXPECT=1` the outputs are written as they are now, which
+//! `cargo xtask bless` does for all golden files. Read the difference before it is committed.
+
+use std::path::{Path, PathBuf};
+
+use expect_test::expect_file;
+
+/// Compares `output(NAME.ron)` with `NAME.txt` for each `NAME.ron` in a folder. Relative paths are
+/// passed on as they are, because outputs name their inputs.
+///
+/// # Panics
+/// An output differs from its file, or the folder holds no inputs, or a file that is neither an
+/// input nor the expected output of one.
+pub fn check_folder(folder: impl AsRef<Path>, output: impl Fn(&Path) -> String) {
+    let files = files_in(folder.as_ref());
+    let is_input = |path: &Path| path.extension().is_some_and(|found| found == "ron");
+    let (inputs, others): (Vec<_>, Vec<_>) = files.into_iter().partition(|path| is_input(path));
+    assert!(
+        !inputs.is_empty(),
+        "no inputs in {}",
+        folder.as_ref().display()
+    );
+    for path in others {
+        let is_expected = path.extension().is_some_and(|found| found == "txt");
+        assert!(
+            is_expected && inputs.contains(&path.with_extension("ron")),
+            "{} belongs to no input: delete it",
+            path.display()
+        );
+    }
+    for input in inputs {
+        let expected = std::path::absolute(input.with_extension("txt"))
+            .unwrap_or_else(|error| panic!("{}: {error}", input.display()));
+        expect_file![expected].assert_eq(&output(&input));
+    }
+}
+
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder)
+        .unwrap_or_else(|error| panic!("cannot list {}: {error}", folder.display()));
+    let mut files: Vec<PathBuf> = entries
+        .map(|entry| entry.expect("a folder's entries can be read").path())
+        .collect();
+    files.sort();
+    files
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    fn folder_with(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in files {
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        folder
+    }
+
+    fn shouted(input: &Path) -> String {
+        fs::read_to_string(input).unwrap().to_uppercase()
+    }
+
+    #[test]
+    fn an_output_as_expected_passes() {
+        let folder = folder_with(&[("a.ron", "loud"), ("a.txt", "LOUD")]);
+        check_folder(folder.path(), shouted);
+    }
+
+    #[test]
+    #[should_panic(expected = "belongs to no input")]
+    fn an_expectation_without_an_input_fails() {
+        let folder = folder_with(&[("a.ron", "loud"), ("a.txt", "LOUD"), ("b.txt", "LOUD")]);
+        check_folder(folder.path(), shouted);
+    }
+
+    #[test]
+    #[should_panic(expected = "no inputs in")]
+    fn a_folder_without_inputs_fails() {
+        check_folder(folder_with(&[]).path(), shouted);
+    }
+}

@@ -1,0 +1,356 @@
+//! VIME and Seed-VIME: the bonus of a step is the information that it gives about the dynamics
+//! (thesis §4, Alg. 2; Houthooft et al. 2016).
+//!
+//! The dynamics are p(s'|s, a; θ) with a Gaussian q(θ; φ) over the weights of a network, learned by
+//! Bayes by Backprop (Eq. 27, 33). The bonus of a step is KL(q after the step ‖ q before it), to
+//! second order (Eq. 32) or exactly. In Seed-VIME agent k computes bonuses with its own `φ_k`: the
+//! shared φ changed by its seeds `z_k`.
+
+use rand_distr::{Distribution, StandardNormal};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::transitions::{Moments, Rows, Transitions};
+use super::{BonusScale, ModelSharing};
+use crate::agent::AgentContext;
+use crate::experience::Episode;
+use crate::nn::bayesian::{BayesianState, DiagonalGaussian, Draws, Pass};
+use crate::nn::{BayesianNetwork, BayesianSettings};
+use crate::rl::information_gain;
+use seedbed_env::input::numbers::{Count, Positive, known, known_count};
+use seedbed_env::random::{Purpose, Stream, stream};
+
+/// The configuration of VIME and Seed-VIME.
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Vime {
+    /// Whose experience the model learns from.
+    pub model: ModelSharing,
+    /// How an agent's seeds change the model.
+    pub seeds: ModelSeeds,
+    /// How information gain is estimated.
+    pub gain: Gain,
+    /// Size λ of the step whose effect is measured.
+    pub step: Positive,
+    /// How gains become rewards.
+    pub scale: BonusScale,
+    /// What the model is trained on.
+    pub buffer: ModelBuffer,
+    /// Number of gradient steps per update.
+    pub minibatches: Count<100_000>,
+    /// Number of transitions per gradient step.
+    pub minibatch: Count<100_000>,
+    /// Numbers of units of the model's hidden layers.
+    pub hidden: Vec<Count<4096>>,
+    /// Other parameters of the model.
+    pub network: BayesianSettings,
+}
+
+/// How an agent's seeds `z_k`, drawn once, change the model φ = {μ, σ}.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+pub enum ModelSeeds {
+    /// Not at all: all agents give the same bonuses.
+    #[default]
+    Off,
+    /// σ ← σ |z| (thesis Alg. 2, which prints σ z: a deviation cannot be negative).
+    Scale,
+    /// μ ← μ + σ z: Standard-Gaussian seed sampling (thesis §2.3).
+    Shift,
+    /// The draw of weights is always ε = z, one instead of all draws that `gain` asks for.
+    FixedSample,
+}
+
+/// How information gain is estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Gain {
+    /// To second order (Eq. 32) from one draw of weights per episode: fast, biased upwards.
+    #[default]
+    OneDraw,
+    /// To second order from the mean gradient over this many draws per episode.
+    Draws(Count<1000>),
+    /// The exact divergence after the step, from this many draws per episode.
+    ExplicitStep(Count<1000>),
+}
+
+/// What the model is trained on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ModelBuffer {
+    /// At least this many of the team's newest transitions; the prior stays the same.
+    Kept {
+        /// How many.
+        #[serde(default = "default_transitions")]
+        transitions: Count<100_000_000>,
+    },
+    /// Those since the last update only; what was learned becomes the prior.
+    Cleared,
+}
+
+impl Default for Vime {
+    fn default() -> Self {
+        Self {
+            model: ModelSharing::Shared,
+            seeds: ModelSeeds::Off,
+            gain: Gain::OneDraw,
+            step: known(0.01),
+            scale: BonusScale::default(),
+            buffer: ModelBuffer::Kept {
+                transitions: default_transitions(),
+            },
+            minibatches: known_count(60),
+            minibatch: known_count(64),
+            hidden: vec![known_count(32)],
+            network: BayesianSettings::default(),
+        }
+    }
+}
+
+fn default_transitions() -> Count<100_000_000> {
+    known_count(1_000_000)
+}
+
+/// An agent's model, or its replica of the team's.
+pub(crate) struct VimeModel {
+    config: Vime,
+    transitions: Transitions,
+    network: BayesianNetwork,
+    /// `z_k: [P]`
+    seeds: Vec<f32>,
+    work: Workspace,
+}
+
+/// Room that is reused.
+#[derive(Default)]
+struct Workspace {
+    rows: Rows,
+    noise: Vec<f32>,
+    perturbed: DiagonalGaussian,
+    weights: Vec<f32>,
+    coefficients: Vec<f32>,
+    pass: Pass,
+    draws: Draws,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved<S, M> {
+    network: S,
+    moments: M,
+}
+
+impl VimeModel {
+    /// `owner` is whose streams the model draws from; seeds are the member's own.
+    pub(crate) fn new(config: &Vime, owner: u32, member: &AgentContext<'_>) -> Self {
+        let [inputs, outputs] = Transitions::widths(member.spec);
+        let hidden = config.hidden.iter().map(|units| units.get() as usize);
+        let sizes: Vec<usize> = [inputs]
+            .into_iter()
+            .chain(hidden)
+            .chain([outputs])
+            .collect();
+        let mut random = stream(member.run_seed, Purpose::ModelParameters, owner, 0);
+        let network = BayesianNetwork::new(&sizes, &config.network, &mut random);
+        let mut seeds = Vec::new();
+        let count = network.likelihood().weight_count();
+        fill_normal(
+            &mut seeds,
+            count,
+            &mut stream(member.run_seed, Purpose::ModelSeeds, member.agent, 0),
+        );
+        Self {
+            config: config.clone(),
+            transitions: Transitions::new(member.spec),
+            network,
+            seeds,
+            work: Workspace::default(),
+        }
+    }
+
+    /// The information gain of every `stride`-th step of an episode.   `gains: [⌈T/stride⌉]`,
+    /// overwritten
+    pub(crate) fn gains(
+        &mut self,
+        episode: &Episode,
+        stride: usize,
+        random: &mut Stream,
+        gains: &mut Vec<f32>,
+    ) {
+        let count = self.network.likelihood().weight_count();
+        self.transitions
+            .of_episode(episode, stride, &mut self.work.rows);
+        let draws = match self.config.gain {
+            Gain::OneDraw => 1,
+            Gain::Draws(draws) | Gain::ExplicitStep(draws) => draws.get() as usize,
+        };
+        fill_normal(&mut self.work.noise, draws * count, random);
+        self.perturb();
+        gains.clear();
+        gains.resize(episode.length().div_ceil(stride), 0.0);
+        match self.config.gain {
+            Gain::OneDraw => self.one_draw(gains),
+            Gain::Draws(_) => self.several_draws(gains, information_gain::second_order),
+            Gain::ExplicitStep(_) => {
+                self.several_draws(gains, |sigma, mean, deviation, step| {
+                    information_gain::of_explicit_step(sigma, mean, deviation, step) as f32
+                });
+            }
+        }
+    }
+
+    /// `φ_k`, and the noise that a fixed sample replaces.
+    fn perturb(&mut self) {
+        let Workspace {
+            perturbed, noise, ..
+        } = &mut self.work;
+        let posterior = self.network.posterior();
+        match self.config.seeds {
+            ModelSeeds::Off => perturbed.clone_from(posterior),
+            ModelSeeds::Scale => perturbed.copy_scaled(posterior, &self.seeds),
+            ModelSeeds::Shift => perturbed.copy_shifted(posterior, &self.seeds),
+            ModelSeeds::FixedSample => {
+                perturbed.clone_from(posterior);
+                noise.clone_from(&self.seeds);
+            }
+        }
+    }
+
+    fn one_draw(&mut self, gains: &mut [f32]) {
+        let Workspace {
+            rows,
+            noise,
+            perturbed,
+            weights,
+            coefficients,
+            pass,
+            ..
+        } = &mut self.work;
+        perturbed.draw(noise, weights);
+        information_gain::one_draw_coefficients(
+            &perturbed.deviation,
+            noise,
+            self.config.step.get_f32(),
+            coefficients,
+        );
+        self.network.likelihood().weighted_squares(
+            (weights, coefficients),
+            (&rows.inputs, &rows.targets),
+            pass,
+            gains,
+        );
+    }
+
+    fn several_draws(
+        &mut self,
+        gains: &mut [f32],
+        gain: impl Fn(&[f32], &[f32], &[f32], f32) -> f32,
+    ) {
+        let Workspace {
+            rows,
+            noise,
+            perturbed,
+            draws,
+            ..
+        } = &mut self.work;
+        let (step, mut slots) = (self.config.step.get_f32(), gains.iter_mut());
+        let visit = |by_mean: &[f32], by_deviation: &[f32]| {
+            if let Some(slot) = slots.next() {
+                *slot = gain(&perturbed.deviation, by_mean, by_deviation, step);
+            }
+        };
+        self.network.likelihood().expected_gradients(
+            (perturbed, noise),
+            (&rows.inputs, &rows.targets),
+            draws,
+            visit,
+        );
+    }
+
+    /// Trains on minibatches, unless frozen; returns the mean squared error of the mean weights on
+    /// the fresh episodes before that.
+    pub(crate) fn learn(
+        &mut self,
+        kept: &[&Episode],
+        fresh: &[&Episode],
+        frozen: bool,
+        random: &mut Stream,
+    ) -> f32 {
+        let error = self.prediction_error(fresh);
+        for episode in fresh {
+            self.transitions.take_in(episode);
+        }
+        let cleared = self.config.buffer == ModelBuffer::Cleared;
+        let source = if cleared { fresh } else { kept };
+        let total: usize = source.iter().map(|episode| episode.length()).sum();
+        if frozen || total == 0 {
+            return error;
+        }
+        for _ in 0..self.config.minibatches.get() {
+            let Workspace { rows, noise, .. } = &mut self.work;
+            self.transitions
+                .sample(source, self.config.minibatch.get() as usize, random, rows);
+            fill_normal(noise, self.network.likelihood().weight_count(), random);
+            self.network
+                .descend(&rows.inputs, &rows.targets, noise, total);
+        }
+        if cleared {
+            self.network.make_posterior_the_prior();
+        }
+        error
+    }
+
+    fn prediction_error(&mut self, episodes: &[&Episode]) -> f32 {
+        let (mut sum, mut count) = (0.0_f64, 0_usize);
+        for episode in episodes {
+            let Workspace { rows, pass, .. } = &mut self.work;
+            self.transitions.of_episode(episode, 1, rows);
+            let predicted = self.network.likelihood().forward(
+                &self.network.posterior().mean,
+                &rows.inputs,
+                pass,
+            );
+            sum += predicted
+                .iter()
+                .zip(&rows.targets)
+                .map(|(ours, target)| f64::from(ours - target).powi(2))
+                .sum::<f64>();
+            count += rows.targets.len();
+        }
+        (sum / count.max(1) as f64) as f32
+    }
+
+    pub(crate) fn is_finite(&self) -> bool {
+        self.network
+            .posterior()
+            .mean
+            .iter()
+            .all(|mean| mean.is_finite())
+    }
+
+    pub(crate) fn save(&self) -> Vec<u8> {
+        let saved = Saved {
+            network: self.network.state(),
+            moments: self.transitions.moments(),
+        };
+        postcard::to_stdvec(&saved).expect("plain numbers always serialise")
+    }
+
+    pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let saved: Saved<BayesianState, Moments> =
+            postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let (stored, ours) = (
+            saved.network.weight_count(),
+            self.network.likelihood().weight_count(),
+        );
+        if stored != ours {
+            return Err(format!("{stored} weights stored for a model of {ours}"));
+        }
+        self.network.restore(saved.network);
+        self.transitions.restore(saved.moments);
+        Ok(())
+    }
+}
+
+fn fill_normal(numbers: &mut Vec<f32>, count: usize, random: &mut Stream) {
+    numbers.clear();
+    numbers.extend((0..count).map(|_| -> f32 { StandardNormal.sample(random) }));
+}

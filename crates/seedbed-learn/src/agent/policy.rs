@@ -1,0 +1,605 @@
+//! A stochastic policy: a network, and for each component of an action the distribution that its
+//! outputs describe (§1.5.4).
+//!
+//! A discrete component has one logit for each choice. A continuous one has a mean and the
+//! logarithm of a standard deviation, both relative to the action's range: an output of ±1 is an
+//! end of the range. The environment clamps what is sampled beyond.
+
+use rand::{Rng, RngExt};
+use rand_distr::{Distribution as _, StandardNormal};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::network::{Descent, Network};
+use super::{ActScratch, Tensor};
+use crate::nn::Mlp;
+use crate::rl::{categorical, gaussian};
+use seedbed_env::input::numbers::Positive;
+use seedbed_env::{Action, Choice, Spec};
+
+/// How an action is chosen from the policy's distribution.
+#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum ActionSelection {
+    /// Drawn from it.
+    Sampled,
+    /// Drawn from π^{1/τ} / Σ π^{1/τ}, for a Gaussian 𝒩(μ, τσ²); ratios then are relative to that.
+    Tempered {
+        /// τ: below 1 is greedier than the policy, above 1 is more random.
+        temperature: Positive,
+    },
+    /// The likeliest, or the mean.
+    Greedy,
+}
+
+/// A policy over actions of C components.
+pub(crate) struct Policy {
+    network: Network,
+    selection: ActionSelection,
+    components: Vec<Component>,
+    /// Of the latest evaluated trajectory: the network's outputs, logits turned to
+    /// log-probabilities. `[T × outputs]`
+    outputs: Vec<f32>,
+    output_gradient: Vec<f32>,
+}
+
+/// One component of an action.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Component {
+    /// Where its outputs begin in the network's row of outputs.
+    start: usize,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Categorical {
+        choices: usize,
+    },
+    Gaussian {
+        center: f32,
+        half_range: f32,
+        initial_log_deviation: f32,
+    },
+}
+
+/// The logarithm of a relative deviation is held within these: from almost greedy to far beyond the
+/// range.
+const LOG_DEVIATION: [f32; 2] = [-4.0, 1.0];
+
+/// The policy network of a task.
+pub(crate) fn shape(spec: &Spec, hidden: &[usize]) -> Mlp {
+    let outputs = components(spec, 1.0)
+        .last()
+        .map_or(0, |component| component.start + component.width());
+    let sizes: Vec<usize> = [spec.observation_width()]
+        .into_iter()
+        .chain(hidden.iter().copied())
+        .chain([outputs])
+        .collect();
+    Mlp::new(&sizes)
+}
+
+impl Policy {
+    /// A policy over the task's actions; continuous ones spread at first by about
+    /// `initial_deviation` of half their range.
+    pub(crate) fn new(
+        spec: &Spec,
+        network: Network,
+        selection: ActionSelection,
+        initial_deviation: f32,
+    ) -> Self {
+        let components = components(spec, initial_deviation);
+        Self {
+            network,
+            selection,
+            components,
+            outputs: Vec::new(),
+            output_gradient: Vec::new(),
+        }
+    }
+
+    /// Samples an action and its log-probability, component by component.   `action`, `log_prob`:
+    /// `[C]`
+    pub(crate) fn sample(
+        &self,
+        observation: &[f32],
+        random: &mut impl Rng,
+        scratch: &mut ActScratch,
+        action: &mut [f32],
+        log_prob: &mut [f32],
+    ) {
+        let outputs = self.network.mlp().forward(
+            self.network.parameters(),
+            observation,
+            &mut scratch.activations,
+        );
+        scratch.outputs.clear();
+        scratch.outputs.extend_from_slice(outputs);
+        for ((component, action), log_prob) in self.components.iter().zip(action).zip(log_prob) {
+            let outputs = component.slice_mut(&mut scratch.outputs);
+            component.normalize(outputs);
+            (*action, *log_prob) = component.choose(outputs, self.selection, random);
+        }
+    }
+
+    /// log π(aₜ|sₜ) of a trajectory, component by component.   `states: [T × observation width]`,
+    /// `actions: [T × C]` → `log_probs: [T × C]`
+    pub(crate) fn evaluate(&mut self, states: &[f32], actions: &[f32], log_probs: &mut Vec<f32>) {
+        let width = self.network.mlp().outputs();
+        self.outputs.clear();
+        self.outputs.extend_from_slice(self.network.forward(states));
+        log_probs.clear();
+        for (row, actions) in self
+            .outputs
+            .chunks_exact_mut(width)
+            .zip(actions.chunks_exact(self.components.len()))
+        {
+            for (component, &action) in self.components.iter().zip(actions) {
+                let outputs = component.slice_mut(row);
+                component.normalize(outputs);
+                log_probs.push(component.log_prob(outputs, action));
+            }
+        }
+    }
+
+    /// Mean entropy over the latest evaluated rows, nats.
+    pub(crate) fn mean_entropy(&self) -> f32 {
+        let rows = self.outputs.chunks_exact(self.network.mlp().outputs());
+        let count = rows.len().max(1) as f32;
+        let entropy = |row| {
+            self.components
+                .iter()
+                .map(|component| component.entropy(component.slice(row)))
+                .sum::<f32>()
+        };
+        rows.map(entropy).sum::<f32>() / count
+    }
+
+    /// One step along the gradient of (mean loss − `entropy_bonus` · mean entropy), given
+    /// ∂lossₜ/∂log π(a_{t,c}|sₜ) on the latest evaluated rows.   `states: [T × observation width]`,
+    /// `actions`, `slopes`: `[T × C]`
+    pub(crate) fn descend(
+        &mut self,
+        states: &[f32],
+        actions: &[f32],
+        slopes: &[f32],
+        entropy_bonus: f32,
+        descent: &Descent,
+    ) {
+        let (width, count) = (self.network.mlp().outputs(), self.components.len());
+        self.output_gradient.resize(self.outputs.len(), 0.0);
+        let weight = count as f32 / slopes.len() as f32;
+        let rows = self
+            .outputs
+            .chunks_exact(width)
+            .zip(self.output_gradient.chunks_exact_mut(width));
+        for ((outputs, gradient), (actions, slopes)) in
+            rows.zip(actions.chunks_exact(count).zip(slopes.chunks_exact(count)))
+        {
+            for ((component, &action), slope) in self.components.iter().zip(actions).zip(slopes) {
+                let (outputs, gradient) = (component.slice(outputs), component.slice_mut(gradient));
+                component.gradient(outputs, action, weight * slope, gradient);
+                if entropy_bonus > 0.0 {
+                    component.add_entropy_gradient(outputs, -weight * entropy_bonus, gradient);
+                }
+            }
+        }
+        self.network.descend(states, &self.output_gradient, descent);
+    }
+
+    pub(crate) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
+        self.network.tensors("policy")
+    }
+
+    /// C
+    pub(crate) fn components(&self) -> usize {
+        self.components.len()
+    }
+
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
+    }
+
+    pub(crate) fn network_mut(&mut self) -> &mut Network {
+        &mut self.network
+    }
+}
+
+fn components(spec: &Spec, initial_deviation: f32) -> Vec<Component> {
+    let mut start = 0;
+    let component = |action: &Action| {
+        let kind = match &action.choice {
+            Choice::Discrete(values) => Kind::Categorical {
+                choices: values.len(),
+            },
+            Choice::Continuous => {
+                let [low, high] = action.quantity.range;
+                let (center, half_range) = (0.5 * (low + high), 0.5 * (high - low));
+                Kind::Gaussian {
+                    center,
+                    half_range,
+                    initial_log_deviation: initial_deviation.ln(),
+                }
+            }
+        };
+        let component = Component { start, kind };
+        start += component.width();
+        component
+    };
+    spec.actions.iter().map(component).collect()
+}
+
+impl Component {
+    fn width(&self) -> usize {
+        match self.kind {
+            Kind::Categorical { choices } => choices,
+            Kind::Gaussian { .. } => 2,
+        }
+    }
+
+    fn slice<'a>(&self, row: &'a [f32]) -> &'a [f32] {
+        &row[self.start..self.start + self.width()]
+    }
+
+    fn slice_mut<'a>(&self, row: &'a mut [f32]) -> &'a mut [f32] {
+        &mut row[self.start..self.start + self.width()]
+    }
+
+    /// Logits become log-probabilities; a mean and a deviation stay as they are.
+    fn normalize(&self, outputs: &mut [f32]) {
+        if let Kind::Categorical { choices } = self.kind {
+            categorical::log_softmax_in_place(outputs, choices);
+        }
+    }
+
+    /// An action, and its log-probability under what it was drawn from; a greedy action counts as
+    /// certain. `outputs` may be changed.
+    fn choose(
+        &self,
+        outputs: &mut [f32],
+        selection: ActionSelection,
+        random: &mut impl Rng,
+    ) -> (f32, f32) {
+        match self.kind {
+            Kind::Categorical { .. } => choose_category(outputs, selection, random),
+            Kind::Gaussian { .. } => {
+                let (mean, log_deviation) = self.moments(outputs);
+                let log_deviation = match selection {
+                    ActionSelection::Sampled => log_deviation,
+                    ActionSelection::Tempered { temperature } => {
+                        log_deviation + 0.5 * temperature.get_f32().ln()
+                    }
+                    ActionSelection::Greedy => return (mean, 0.0),
+                };
+                let standard: f32 = StandardNormal.sample(random);
+                let action = log_deviation.exp().mul_add(standard, mean);
+                (action, gaussian::log_density(action, mean, log_deviation))
+            }
+        }
+    }
+
+    fn log_prob(&self, outputs: &[f32], action: f32) -> f32 {
+        match self.kind {
+            Kind::Categorical { .. } => outputs[action as usize],
+            Kind::Gaussian { .. } => {
+                let (mean, log_deviation) = self.moments(outputs);
+                gaussian::log_density(action, mean, log_deviation)
+            }
+        }
+    }
+
+    fn entropy(&self, outputs: &[f32]) -> f32 {
+        match self.kind {
+            Kind::Categorical { .. } => categorical::entropy(outputs),
+            Kind::Gaussian { .. } => gaussian::entropy(self.moments(outputs).1),
+        }
+    }
+
+    /// `weight` ∂log π(a)/∂outputs.
+    fn gradient(&self, outputs: &[f32], action: f32, weight: f32, gradient: &mut [f32]) {
+        match self.kind {
+            Kind::Categorical { .. } => {
+                categorical::log_prob_gradient(outputs, action as usize, weight, gradient)
+            }
+            Kind::Gaussian {
+                half_range,
+                initial_log_deviation,
+                ..
+            } => {
+                let (mean, log_deviation) = self.moments(outputs);
+                let [by_mean, by_log_deviation] =
+                    gaussian::log_density_gradient(action, mean, log_deviation);
+                gradient[0] = weight * by_mean * half_range;
+                gradient[1] = if is_free(outputs[1], initial_log_deviation) {
+                    weight * by_log_deviation
+                } else {
+                    0.0
+                };
+            }
+        }
+    }
+
+    /// Adds `weight` ∂H/∂outputs.
+    fn add_entropy_gradient(&self, outputs: &[f32], weight: f32, gradient: &mut [f32]) {
+        match self.kind {
+            Kind::Categorical { .. } => {
+                categorical::add_entropy_gradient(outputs, weight, gradient)
+            }
+            Kind::Gaussian {
+                initial_log_deviation,
+                ..
+            } => {
+                // H = log σ + a constant.
+                gradient[1] += if is_free(outputs[1], initial_log_deviation) {
+                    weight
+                } else {
+                    0.0
+                };
+            }
+        }
+    }
+
+    /// Mean and log-deviation in the action's own unit.
+    fn moments(&self, outputs: &[f32]) -> (f32, f32) {
+        match self.kind {
+            Kind::Categorical { .. } => unreachable!("a categorical component has no moments"),
+            Kind::Gaussian {
+                center,
+                half_range,
+                initial_log_deviation,
+            } => {
+                let relative =
+                    (outputs[1] + initial_log_deviation).clamp(LOG_DEVIATION[0], LOG_DEVIATION[1]);
+                (
+                    half_range.mul_add(outputs[0], center),
+                    relative + half_range.ln(),
+                )
+            }
+        }
+    }
+}
+
+fn choose_category(
+    log_probs: &mut [f32],
+    selection: ActionSelection,
+    random: &mut impl Rng,
+) -> (f32, f32) {
+    match selection {
+        ActionSelection::Sampled => {}
+        ActionSelection::Tempered { temperature } => {
+            categorical::temper(log_probs, temperature.get_f32())
+        }
+        ActionSelection::Greedy => return (categorical::likeliest(log_probs) as f32, 0.0),
+    }
+    let choice = categorical::choose(log_probs, random.random());
+    (choice as f32, log_probs[choice])
+}
+
+/// Whether a log-deviation lies within its bounds, so that it has a gradient.
+fn is_free(output: f32, initial_log_deviation: f32) -> bool {
+    (LOG_DEVIATION[0]..=LOG_DEVIATION[1]).contains(&(output + initial_log_deviation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::{AdamSettings, Initial};
+    use seedbed_env::Quantity;
+    use seedbed_env::input::numbers::known;
+    use seedbed_env::random::{Purpose, stream};
+
+    fn spec(choices: Vec<Choice>) -> Spec {
+        let quantity = |name: &str, range| Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range,
+        };
+        Spec {
+            observations: vec![quantity("x", [-1.0, 1.0]); 3],
+            actions: choices
+                .into_iter()
+                .map(|choice| Action {
+                    quantity: quantity("a", [-2.0, 6.0]),
+                    choice,
+                })
+                .collect(),
+            ..Spec::new("test", Vec::new(), Vec::new())
+        }
+    }
+
+    fn mixed_policy(selection: ActionSelection) -> Policy {
+        let spec = spec(vec![
+            Choice::Discrete(vec![0.0, 1.0, 2.0]),
+            Choice::Continuous,
+            Choice::Continuous,
+        ]);
+        let mlp = shape(&spec, &[8]);
+        assert_eq!(mlp.outputs(), 3 + 2 + 2);
+        let seed = mlp.initial(
+            Initial::Random,
+            &mut stream(3, Purpose::InitialParameters, 0, 0),
+        );
+        Policy::new(
+            &spec,
+            Network::new(mlp, seed, AdamSettings::default()),
+            selection,
+            0.5,
+        )
+    }
+
+    /// The network's parameters are not touched here, so the gradient is with respect to the
+    /// outputs: by central differences.
+    #[test]
+    fn output_gradient_agrees_with_central_differences() {
+        let policy = mixed_policy(ActionSelection::Sampled);
+        let raw = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
+        let actions = [2.0_f32, 3.5, -1.0];
+        let log_prob = |raw: &[f32]| -> f32 {
+            let mut row = raw.to_vec();
+            let each = policy
+                .components
+                .iter()
+                .zip(actions)
+                .map(|(component, action)| {
+                    component.normalize(component.slice_mut(&mut row));
+                    component.log_prob(component.slice(&row), action)
+                });
+            each.sum()
+        };
+        let mut row = raw.to_vec();
+        let mut gradient = [0.0; 7];
+        for (component, action) in policy.components.iter().zip(actions) {
+            component.normalize(component.slice_mut(&mut row));
+            component.gradient(
+                component.slice(&row),
+                action,
+                1.0,
+                component.slice_mut(&mut gradient),
+            );
+        }
+        for index in 0..raw.len() {
+            let (mut above, mut below) = (raw, raw);
+            above[index] += 1e-2;
+            below[index] -= 1e-2;
+            let numeric = (log_prob(&above) - log_prob(&below)) / 2e-2;
+            assert!(
+                (numeric - gradient[index]).abs() < 5e-3,
+                "{index}: {numeric} {}",
+                gradient[index]
+            );
+        }
+    }
+
+    /// The entropy's gradient with respect to the outputs, by central differences.
+    #[test]
+    fn entropy_gradient_agrees_with_central_differences() {
+        let policy = mixed_policy(ActionSelection::Sampled);
+        let raw = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
+        let normalized = |raw: &[f32]| {
+            let mut row = raw.to_vec();
+            policy
+                .components
+                .iter()
+                .for_each(|component| component.normalize(component.slice_mut(&mut row)));
+            row
+        };
+        let entropy = |raw: &[f32]| -> f32 {
+            let row = normalized(raw);
+            policy
+                .components
+                .iter()
+                .map(|component| component.entropy(component.slice(&row)))
+                .sum()
+        };
+        let (row, mut gradient) = (normalized(&raw), [0.0; 7]);
+        for component in &policy.components {
+            component.add_entropy_gradient(
+                component.slice(&row),
+                1.0,
+                component.slice_mut(&mut gradient),
+            );
+        }
+        for index in 0..raw.len() {
+            let (mut above, mut below) = (raw, raw);
+            above[index] += 1e-2;
+            below[index] -= 1e-2;
+            let numeric = (entropy(&above) - entropy(&below)) / 2e-2;
+            assert!(
+                (numeric - gradient[index]).abs() < 5e-3,
+                "{index}: {numeric} {}",
+                gradient[index]
+            );
+        }
+    }
+
+    /// Greedy actions are the likeliest choice and the mean. Tempered ones carry the
+    /// log-probability of what they were drawn from: for the Gaussian at τ = ¼, half the deviation.
+    #[test]
+    fn actions_are_selected_as_asked() {
+        let (state, mut scratch) = ([0.1, -0.4, 0.7], ActScratch::default());
+        let mut acted = |selection| {
+            let (mut action, mut log_prob) = ([0.0; 3], [0.0; 3]);
+            let mut random = stream(5, Purpose::Action, 0, 0);
+            mixed_policy(selection).sample(
+                &state,
+                &mut random,
+                &mut scratch,
+                &mut action,
+                &mut log_prob,
+            );
+            (action, log_prob)
+        };
+        let mut policy = mixed_policy(ActionSelection::Sampled);
+        let (greedy, certain) = acted(ActionSelection::Greedy);
+        policy.evaluate(&state, &greedy, &mut Vec::new());
+        let gaussian = policy.components[1];
+        assert_eq!(
+            greedy[0],
+            categorical::likeliest(&policy.outputs[..3]) as f32
+        );
+        assert_eq!(
+            (greedy[1], certain),
+            (
+                gaussian.moments(gaussian.slice(&policy.outputs)).0,
+                [0.0; 3]
+            )
+        );
+
+        let (sampled, _) = acted(ActionSelection::Sampled);
+        let (tempered, log_prob) = acted(ActionSelection::Tempered {
+            temperature: known(0.25),
+        });
+        assert!(
+            (2.0 * (tempered[1] - greedy[1]) - (sampled[1] - greedy[1])).abs() < 1e-5,
+            "{tempered:?} {sampled:?}"
+        );
+        let (mean, log_deviation) = gaussian.moments(gaussian.slice(&policy.outputs));
+        assert!(
+            (log_prob[1] - gaussian::log_density(tempered[1], mean, log_deviation - 2.0_f32.ln()))
+                .abs()
+                < 1e-4
+        );
+    }
+
+    /// Sampled actions have the likelihoods that evaluation gives them, and the spread that the
+    /// deviation promises.
+    #[test]
+    fn samples_agree_with_evaluation() {
+        let mut policy = mixed_policy(ActionSelection::Sampled);
+        let (state, mut random) = ([0.1, -0.4, 0.7], stream(5, Purpose::Action, 0, 0));
+        let mut scratch = ActScratch::default();
+        let (mut actions, mut log_probs) = (vec![0.0; 3 * 4000], vec![0.0; 3 * 4000]);
+        for (action, log_prob) in actions
+            .chunks_exact_mut(3)
+            .zip(log_probs.chunks_exact_mut(3))
+        {
+            policy.sample(&state, &mut random, &mut scratch, action, log_prob);
+        }
+        let mut evaluated = Vec::new();
+        policy.evaluate(&state.repeat(4000), &actions, &mut evaluated);
+        assert!(
+            evaluated
+                .iter()
+                .zip(&log_probs)
+                .all(|(a, b)| (a - b).abs() < 1e-4)
+        );
+
+        let (mean, log_deviation) =
+            policy.components[1].moments(policy.components[1].slice(&policy.outputs));
+        let second: Vec<f32> = actions.iter().skip(1).step_by(3).copied().collect();
+        let average = second.iter().sum::<f32>() / 4000.0;
+        let deviation = (second.iter().map(|a| (a - average).powi(2)).sum::<f32>() / 4000.0).sqrt();
+        // Standard errors: σ/√4000 = 1.6 % of σ for the mean, 1.1 % for the deviation; four of
+        // them.
+        assert!(
+            (average - mean).abs() < 0.065 * log_deviation.exp(),
+            "{average} {mean}"
+        );
+        assert!(
+            (deviation / log_deviation.exp() - 1.0).abs() < 0.045,
+            "{deviation} {}",
+            log_deviation.exp()
+        );
+    }
+}

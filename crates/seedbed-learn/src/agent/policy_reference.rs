@@ -1,0 +1,149 @@
+//! The whole policies of `tests/gradients/reference.json`, which automatic differentiation made,
+//! against [`Policy`] itself.
+
+use serde::Deserialize;
+
+use super::network::{Descent, Network};
+use super::policy::{ActionSelection, Policy, shape};
+use crate::nn::AdamSettings;
+use crate::rl::policy_loss;
+use seedbed_env::input::numbers::known;
+use seedbed_env::{Action, Choice, Quantity, Spec};
+
+#[derive(Deserialize)]
+struct Reference {
+    policies: Vec<Case>,
+}
+
+#[derive(Deserialize)]
+struct Case {
+    name: String,
+    head: Head,
+    loss: Loss,
+    entropy_bonus: f32,
+    sizes: Vec<usize>,
+    parameters: Vec<f32>,
+    states: Vec<f32>,
+    actions: Vec<f32>,
+    behaviour: Vec<f32>,
+    advantages: Vec<f32>,
+    gradient: Vec<f64>,
+}
+
+#[derive(Deserialize)]
+enum Head {
+    Categorical {
+        choices: usize,
+    },
+    Gaussian {
+        range: [f32; 2],
+        initial_deviation: f32,
+    },
+}
+
+#[derive(Deserialize)]
+enum Loss {
+    Simple,
+    Ppo { clip: f32 },
+    OffPac { cap: Option<f32> },
+}
+
+impl Case {
+    fn policy(&self) -> (Policy, AdamSettings) {
+        let (range, initial_deviation, choice) = match self.head {
+            Head::Categorical { choices } => {
+                ([0.0, 1.0], 1.0, Choice::Discrete(vec![0.0; choices]))
+            }
+            Head::Gaussian {
+                range,
+                initial_deviation,
+            } => (range, initial_deviation, Choice::Continuous),
+        };
+        let quantity = |range| Quantity {
+            name: "x".to_owned(),
+            unit: String::new(),
+            range,
+        };
+        let spec = Spec {
+            observations: vec![quantity([-1.0, 1.0]); self.sizes[0]],
+            actions: vec![Action {
+                quantity: quantity(range),
+                choice,
+            }],
+            ..Spec::new("test", Vec::new(), Vec::new())
+        };
+        let mlp = shape(&spec, &self.sizes[1..self.sizes.len() - 1]);
+        // The first step is α g / (|g| + ε), which is g α/ε where ε is beyond any gradient.
+        let optimiser = AdamSettings {
+            step_size: known(1e8),
+            epsilon: known(1e6),
+            ..AdamSettings::default()
+        };
+        (
+            Policy::new(
+                &spec,
+                Network::new(mlp, self.parameters.clone(), optimiser),
+                ActionSelection::Sampled,
+                initial_deviation,
+            ),
+            optimiser,
+        )
+    }
+
+    /// ∂lossₜ/∂log π(aₜ|sₜ)
+    fn slopes(&self, log_probs: &[f32]) -> Vec<f32> {
+        let steps = log_probs.iter().zip(&self.behaviour).zip(&self.advantages);
+        let slope = |((&log_prob, behaviour), &advantage): ((&f32, &f32), &f32)| {
+            let ratio = (log_prob - behaviour).exp();
+            match self.loss {
+                Loss::Simple => policy_loss::simple(log_prob, advantage).slope,
+                Loss::Ppo { clip } => policy_loss::ppo(ratio, advantage, clip).slope,
+                Loss::OffPac { cap } => policy_loss::off_pac(log_prob, ratio, advantage, cap).slope,
+            }
+        };
+        steps.map(slope).collect()
+    }
+}
+
+/// The gradient is read from one step; f32 loses about 10⁻⁶ of the largest number on the way.
+#[test]
+fn a_step_follows_the_gradient() {
+    let reference: Reference =
+        serde_json::from_str(include_str!("../../tests/gradients/reference.json")).unwrap();
+    assert!(reference.policies.len() >= 8);
+    for case in reference.policies {
+        let (mut policy, optimiser) = case.policy();
+        let mut log_probs = Vec::new();
+        policy.evaluate(&case.states, &case.actions, &mut log_probs);
+        let descent = Descent {
+            regularisation: 0.0,
+            gradient_clip: None,
+            step_size_factor: 1.0,
+        };
+        policy.descend(
+            &case.states,
+            &case.actions,
+            &case.slopes(&log_probs),
+            case.entropy_bonus,
+            &descent,
+        );
+
+        let largest = case
+            .gradient
+            .iter()
+            .fold(0.0, |largest: f64, slope| largest.max(slope.abs()));
+        let scale = optimiser.step_size.get() / optimiser.epsilon.get();
+        assert_eq!(case.gradient.len(), case.parameters.len());
+        for (index, expected) in case.gradient.iter().enumerate() {
+            let moved =
+                f64::from(case.parameters[index]) - f64::from(policy.network().parameters()[index]);
+            let error = (moved / scale - expected).abs() / largest;
+            assert!(
+                error <= 2e-5,
+                "{}[{index}]: {}, by automatic differentiation {expected}",
+                case.name,
+                moved / scale
+            );
+        }
+    }
+}

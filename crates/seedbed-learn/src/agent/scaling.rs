@@ -1,0 +1,161 @@
+//! How observations enter the networks: as they are, by their display range, or by running moments.
+
+use std::borrow::Cow;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Tensor;
+use crate::nn::Standardizer;
+use seedbed_env::Spec;
+
+/// How observations enter the networks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+pub enum ObservationScaling {
+    /// As they are.
+    Raw,
+    /// The display range of each becomes −1 to 1.
+    Range,
+    /// To mean 0 and deviation 1 over all that the agent has learned from. The moments move after
+    /// learning, so that ratios compare policies as they acted.
+    Running,
+}
+
+/// A scaling at work.
+pub(crate) enum Scaling {
+    Raw,
+    /// Centre and half range of each observation.
+    Range(Vec<[f32; 2]>),
+    Running(Standardizer),
+}
+
+impl Scaling {
+    pub(crate) fn new(scaling: ObservationScaling, spec: &Spec) -> Self {
+        match scaling {
+            ObservationScaling::Raw => Self::Raw,
+            ObservationScaling::Range => Self::Range(
+                spec.observations
+                    .iter()
+                    .map(|quantity| middle(quantity.range))
+                    .collect(),
+            ),
+            ObservationScaling::Running => {
+                Self::Running(Standardizer::new(spec.observation_width()))
+            }
+        }
+    }
+
+    /// What the networks see.   `observations: [N × width]` → `scaled: [N × width]`
+    pub(crate) fn apply(&self, observations: &[f32], scaled: &mut Vec<f32>) {
+        scaled.clear();
+        match self {
+            Self::Raw => scaled.extend_from_slice(observations),
+            Self::Range(ranges) => {
+                let scale = |(value, [center, half]): (&f32, &[f32; 2])| (value - center) / half;
+                scaled.extend(
+                    observations
+                        .chunks_exact(ranges.len())
+                        .flat_map(|row| row.iter().zip(ranges).map(scale)),
+                );
+            }
+            Self::Running(standardizer) => standardizer.apply(observations, scaled),
+        }
+    }
+
+    /// Takes in what was learned from.   `observations: [N × width]`
+    pub(crate) fn update(&mut self, observations: &[f32]) {
+        if let Self::Running(standardizer) = self {
+            standardizer.update(observations);
+        }
+    }
+
+    /// The running moments, where there are any.
+    pub(crate) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
+        let moments = self.learned().map(|moments| {
+            let named = |name: &str, values: Vec<f32>| Tensor {
+                name: format!("observations.{name}"),
+                shape: vec![values.len()],
+                values: Cow::Owned(values),
+            };
+            [
+                named("mean", moments.mean().collect()),
+                named("deviation", moments.deviation().collect()),
+            ]
+        });
+        moments.into_iter().flatten()
+    }
+
+    /// What learning changed.
+    pub(crate) fn learned(&self) -> Option<&Standardizer> {
+        match self {
+            Self::Running(standardizer) => Some(standardizer),
+            Self::Raw | Self::Range(_) => None,
+        }
+    }
+
+    pub(crate) fn restore(&mut self, learned: Option<Standardizer>) -> Result<(), String> {
+        match (self, learned) {
+            (Self::Running(ours), Some(learned)) => *ours = learned,
+            (Self::Raw | Self::Range(_), None) => {}
+            _ => return Err("observations are scaled in another way".to_owned()),
+        }
+        Ok(())
+    }
+}
+
+fn middle([low, high]: [f32; 2]) -> [f32; 2] {
+    [0.5 * (low + high), 0.5 * (high - low)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use seedbed_env::Quantity;
+
+    fn spec() -> Spec {
+        let quantity = |name: &str, range| Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range,
+        };
+        Spec {
+            observations: vec![quantity("x", [-8.0, 8.0]), quantity("y", [0.0, 4.0])],
+            ..Spec::new("test", Vec::new(), Vec::new())
+        }
+    }
+
+    fn scaled(scaling: &Scaling, observations: &[f32]) -> Vec<f32> {
+        let mut scaled = vec![f32::NAN];
+        scaling.apply(observations, &mut scaled);
+        scaled
+    }
+
+    #[test]
+    fn a_range_becomes_minus_one_to_one() {
+        let scaling = Scaling::new(ObservationScaling::Range, &spec());
+        assert_eq!(
+            scaled(&scaling, &[-8.0, 4.0, 4.0, 2.0, 0.0, 0.0]),
+            [-1.0, 1.0, 0.5, 0.0, 0.0, -1.0]
+        );
+        assert_eq!(
+            scaled(
+                &Scaling::new(ObservationScaling::Raw, &spec()),
+                &[-8.0, 4.0]
+            ),
+            [-8.0, 4.0]
+        );
+    }
+
+    /// x = 1, 3: mean 2, deviation 1; y = 10, 30: mean 20, deviation 10.
+    #[test]
+    fn running_moments_standardise_what_comes_later() {
+        let mut scaling = Scaling::new(ObservationScaling::Running, &spec());
+        assert_eq!(scaled(&scaling, &[3.0, 7.0]), [3.0, 7.0]);
+        scaling.update(&[1.0, 10.0, 3.0, 30.0]);
+        let later = scaled(&scaling, &[4.0, 15.0]);
+        assert!(
+            (later[0] - 2.0).abs() < 1e-3 && (later[1] + 0.5).abs() < 1e-3,
+            "{later:?}"
+        );
+    }
+}

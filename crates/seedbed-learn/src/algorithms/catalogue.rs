@@ -1,0 +1,260 @@
+//! What can be set, for people: parameters with their meaning, choices and defaults.
+//!
+//! Meanings are the doc comments of the configuration's fields, choices those of its enums, both
+//! read from the JSON schema that `schemars` derives; defaults are the `Default` of the
+//! configuration as RON. So nothing is documented twice.
+
+use ron::extensions::Extensions;
+use ron::ser::PrettyConfig;
+use schemars::{JsonSchema, SchemaGenerator};
+use serde::Serialize;
+use serde_json::Value;
+
+/// An algorithm as a user may choose it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AlgorithmInfo {
+    /// Its name in a scenario.
+    pub name: &'static str,
+    /// What it is for, in a sentence.
+    pub purpose: String,
+    /// What can be set.
+    pub parameters: Vec<Parameter>,
+}
+
+/// One parameter.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Parameter {
+    /// Its name in a file.
+    pub name: String,
+    /// What it means.
+    pub meaning: String,
+    /// What is expected: a range of numbers, or empty.
+    pub expected: String,
+    /// What can be chosen; empty for numbers.
+    pub choices: Vec<Choice>,
+    /// Its default, as one writes it.
+    pub default: String,
+}
+
+/// One value that a parameter can have.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// How it is written, such as `Ppo(clip: …, clipping: Joint | DimensionWise)`.
+    pub form: String,
+    /// What it means.
+    pub meaning: String,
+}
+
+impl AlgorithmInfo {
+    /// The algorithm `name` with the configuration `T`.
+    #[must_use]
+    pub fn of<T: JsonSchema + Default + Serialize>(name: &'static str) -> Self {
+        Self {
+            name,
+            purpose: description(&Schemas::of::<T>().root),
+            parameters: parameters::<T>(&T::default()),
+        }
+    }
+}
+
+/// Every field of a configuration, with the values of `default` as defaults.
+#[must_use]
+pub fn parameters<T: JsonSchema + Serialize>(default: &T) -> Vec<Parameter> {
+    let schemas = Schemas::of::<T>();
+    let config = PrettyConfig::new()
+        .depth_limit(1)
+        .extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
+    let text = ron::ser::to_string_pretty(default, config).unwrap_or_default();
+    let mut all = Vec::new();
+    for line in text.lines() {
+        let Some((name, default)) = line.strip_prefix("    ").and_then(|l| l.split_once(": "))
+        else {
+            continue;
+        };
+        let field = &schemas.root["properties"][name];
+        all.push(Parameter {
+            name: name.to_owned(),
+            meaning: description(field),
+            expected: schemas.expected(field),
+            choices: schemas.choices(field),
+            // RON marks a name of ours that is also one of its own, such as `None`, but reads it
+            // without the mark.
+            default: default.trim_end_matches(',').replace("r#", ""),
+        });
+    }
+    all
+}
+
+/// The variants of an enum, as they are written in a file, with what they mean.
+#[must_use]
+pub fn choices<T: JsonSchema>() -> Vec<Choice> {
+    let schemas = Schemas::of::<T>();
+    schemas.choices(&schemas.root)
+}
+
+/// The schema of a configuration with the definitions that it refers to.
+struct Schemas {
+    root: Value,
+}
+
+impl Schemas {
+    fn of<T: JsonSchema>() -> Self {
+        let schema = SchemaGenerator::default().into_root_schema_for::<T>();
+        Self {
+            root: schema.to_value(),
+        }
+    }
+
+    /// The schema that `schema` refers to, or itself. Of an optional value, that of the value.
+    fn resolve<'a>(&'a self, schema: &'a Value) -> &'a Value {
+        if let Some(reference) = schema["$ref"].as_str() {
+            let name = reference.trim_start_matches("#/$defs/");
+            return self.resolve(&self.root["$defs"][name]);
+        }
+        match schema["anyOf"].as_array().map(Vec::as_slice) {
+            Some([some, null]) if null["type"] == "null" => self.resolve(some),
+            _ => schema,
+        }
+    }
+
+    fn is_optional(schema: &Value) -> bool {
+        let nullable = |kinds: &Vec<Value>| kinds.iter().any(|kind| kind == "null");
+        schema["anyOf"]
+            .as_array()
+            .is_some_and(|either| either.iter().any(|s| s["type"] == "null"))
+            || schema["type"].as_array().is_some_and(nullable)
+    }
+
+    /// The range of a number, or of the items of a list.
+    fn expected(&self, schema: &Value) -> String {
+        let resolved = self.resolve(schema);
+        let expected = resolved["expected"].as_str().unwrap_or_default();
+        if resolved["type"] == "array" {
+            return format!("a list, each {}", self.expected(&resolved["items"]));
+        }
+        if Self::is_optional(schema) && !expected.is_empty() {
+            return format!("None, or Some of {expected}");
+        }
+        expected.to_owned()
+    }
+
+    /// The variants of an enum.
+    fn choices(&self, schema: &Value) -> Vec<Choice> {
+        let resolved = self.resolve(schema);
+        if resolved["type"] == "boolean" {
+            return Vec::new();
+        }
+        let mut choices = Vec::new();
+        for variant in resolved["oneOf"].as_array().into_iter().flatten() {
+            let meaning = description(variant);
+            choices.extend(self.forms(variant).into_iter().map(|form| Choice {
+                form,
+                meaning: meaning.clone(),
+            }));
+        }
+        if choices.is_empty() {
+            let names = resolved["enum"].as_array().into_iter().flatten();
+            choices.extend(names.filter_map(Value::as_str).map(|name| Choice {
+                form: name.to_owned(),
+                meaning: String::new(),
+            }));
+        }
+        choices
+    }
+
+    /// How the values of a variant are written: a name, several names, or a name with fields.
+    fn forms(&self, variant: &Value) -> Vec<String> {
+        if let Some(name) = variant["const"].as_str() {
+            return vec![name.to_owned()];
+        }
+        if let Some(names) = variant["enum"].as_array() {
+            return names
+                .iter()
+                .filter_map(Value::as_str)
+                .map(str::to_owned)
+                .collect();
+        }
+        let properties = variant["properties"].as_object().into_iter().flatten();
+        properties
+            .map(|(name, fields)| format!("{name}({})", self.fields(fields)))
+            .collect()
+    }
+
+    /// The fields of a variant with what they can be.
+    fn fields(&self, schema: &Value) -> String {
+        let resolved = self.resolve(schema);
+        let Some(properties) = resolved["properties"].as_object() else {
+            return self.brief(schema);
+        };
+        let written = properties
+            .iter()
+            .map(|(name, field)| format!("{name}: {}", self.brief(field)));
+        written.collect::<Vec<_>>().join(", ")
+    }
+
+    /// What a field of a variant can be: the names of its own variants, or an ellipsis for a
+    /// number.
+    fn brief(&self, schema: &Value) -> String {
+        let choices = self.choices(schema);
+        if choices.is_empty() {
+            return "…".to_owned();
+        }
+        let names: Vec<&str> = choices
+            .iter()
+            .map(|choice| choice.form.split('(').next().unwrap_or_default())
+            .collect();
+        names.join(" | ")
+    }
+}
+
+/// The first paragraph of a doc comment, on one line.
+fn description(schema: &Value) -> String {
+    let text = schema["description"].as_str().unwrap_or_default();
+    let paragraph = text.split("\n\n").next().unwrap_or_default();
+    paragraph.replace('\n', " ").replace(['[', ']', '`'], "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Algorithm;
+
+    #[test]
+    fn every_parameter_has_a_meaning_and_a_default() {
+        for algorithm in Algorithm::catalogue() {
+            assert!(!algorithm.purpose.is_empty(), "{}", algorithm.name);
+            for parameter in algorithm.parameters {
+                let name = format!("{} of {}", parameter.name, algorithm.name);
+                assert!(parameter.meaning.ends_with('.'), "{name}: {parameter:?}");
+                assert!(!parameter.default.is_empty(), "{name}");
+                for choice in parameter.choices {
+                    assert!(!choice.meaning.is_empty(), "{name}: {choice:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn parameters_derive_from_the_configuration() {
+        let seed_pg = &Algorithm::catalogue()[0];
+        let named = |name: &str| {
+            let mut all = seed_pg.parameters.iter();
+            all.find(|parameter| parameter.name == name).unwrap()
+        };
+        assert_eq!(named("hidden").default.replace(' ', ""), "[32,32]");
+        assert_eq!(named("bonus").default, "None");
+        assert_eq!(named("discount").expected, "a number from 0 to 1");
+        let losses: Vec<&str> = named("policy_loss")
+            .choices
+            .iter()
+            .map(|choice| choice.form.as_str())
+            .collect();
+        assert_eq!(
+            losses,
+            [
+                "Ppo(clip: …, clipping: Joint | DimensionWise)",
+                "SimplePg",
+                "OffPac(ratio_cap: …)"
+            ]
+        );
+    }
+}

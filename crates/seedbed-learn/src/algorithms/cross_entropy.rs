@@ -1,0 +1,403 @@
+//! The cross-entropy method over policies: a rival without gradients.
+//!
+//! The team searches the parameters of one policy. In every round agent k plays with parameters
+//! θ_k ~ 𝒩(μ, σ²) of its own, and μ and σ move to the mean and the standard deviation of the elite,
+//! the agents with the highest mean returns (Rubinstein 1999; for policies Mannor, Rubinstein &
+//! Gat 2003). Noise that falls from round to round keeps σ from collapsing too early (Szita &
+//! Lőrincz 2006). Agents share nothing but returns.
+
+use rand_distr::{Distribution, StandardNormal};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::AlgorithmConfig;
+use crate::agent::network::Network;
+use crate::agent::policy::{self, ActionSelection, Policy};
+use crate::agent::scaling::{ObservationScaling, Scaling};
+use crate::agent::{ActScratch, Tensor, UpdateReport};
+use crate::experience::Episode;
+use crate::nn::{AdamSettings, Mlp};
+use crate::team::{ActionRequest, AgentUpdate, Lesson, Team, TeamContext, Workers};
+use seedbed_env::Spec;
+use seedbed_env::input::numbers::{
+    Count, NonNegative, Positive, PositiveFraction, known, known_count,
+};
+use seedbed_env::random::{Purpose, stream};
+
+/// Cross-entropy method over policies: each agent plays with parameters drawn from one Gaussian,
+/// which moves to the agents with the highest returns. No gradients.
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CrossEntropy {
+    /// Share of the agents that are the elite.
+    pub elite: PositiveFraction,
+    /// Standard deviation σ of each parameter at the start.
+    pub initial_deviation: Positive,
+    /// Standard deviation added to σ in the first round; falls to 0 in a straight line.
+    pub extra_deviation: NonNegative,
+    /// Number of rounds until the added standard deviation is 0.
+    pub extra_rounds: Count,
+    /// Numbers of units of the policy's hidden layers; an empty list is a linear policy.
+    pub hidden: Vec<Count<4096>>,
+    /// How observations enter the policy.
+    pub observations: ObservationScaling,
+    /// How actions are chosen from the policy.
+    pub actions: ActionSelection,
+}
+
+impl Default for CrossEntropy {
+    fn default() -> Self {
+        Self {
+            elite: known(0.25),
+            initial_deviation: known(1.0),
+            extra_deviation: known(0.5),
+            extra_rounds: known_count(20),
+            hidden: Vec::new(),
+            observations: ObservationScaling::Range,
+            actions: ActionSelection::Greedy,
+        }
+    }
+}
+
+impl AlgorithmConfig for CrossEntropy {
+    fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team> {
+        Box::new(CrossEntropyTeam::new(self, context))
+    }
+
+    fn select_actions(&mut self, selection: ActionSelection) {
+        self.actions = selection;
+    }
+
+    fn cost_per_step(&self, _: u32) -> f64 {
+        0.0
+    }
+}
+
+/// Agents that search the parameters of one policy together.
+struct CrossEntropyTeam {
+    config: CrossEntropy,
+    run_seed: u64,
+    spec: Spec,
+    network: Mlp,
+    scaling: Scaling,
+    /// μ: `[P]`
+    mean: Vec<f32>,
+    /// σ: `[P]`
+    deviation: Vec<f32>,
+    /// Parameters of each agent in this round: `[K][P]`.
+    population: Vec<Vec<f32>>,
+    policies: Vec<Policy>,
+    scratch: ActScratch,
+    scaled: Vec<f32>,
+}
+
+/// What a checkpoint holds of a team. The rest derives from the scenario.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    mean: Vec<f32>,
+    deviation: Vec<f32>,
+    observations: Option<crate::nn::Standardizer>,
+}
+
+impl CrossEntropyTeam {
+    fn new(config: &CrossEntropy, context: &TeamContext<'_>) -> Self {
+        let hidden: Vec<usize> = config
+            .hidden
+            .iter()
+            .map(|units| units.get() as usize)
+            .collect();
+        let network = policy::shape(context.spec, &hidden);
+        let parameters = network.parameter_count();
+        Self {
+            run_seed: context.run_seed,
+            spec: context.spec.clone(),
+            scaling: Scaling::new(config.observations, context.spec),
+            mean: vec![0.0; parameters],
+            deviation: vec![config.initial_deviation.get_f32(); parameters],
+            population: vec![Vec::new(); context.config.count.get() as usize],
+            policies: Vec::new(),
+            scratch: ActScratch::default(),
+            scaled: Vec::new(),
+            config: config.clone(),
+            network,
+        }
+    }
+
+    /// The standard deviation that is added to σ in a round.
+    fn extra_deviation(&self, round: u32) -> f32 {
+        let rounds = self.config.extra_rounds.get() as f32;
+        let left = (1.0 - round as f32 / rounds).max(0.0);
+        self.config.extra_deviation.get_f32() * left
+    }
+
+    /// θ_k ~ 𝒩(μ, (σ + extra)²), from a stream of the agent's own.
+    fn draw_population(&mut self, round: u32) {
+        let extra = self.extra_deviation(round);
+        for (agent, parameters) in self.population.iter_mut().enumerate() {
+            // Round 0 of this purpose is what other algorithms start their networks from.
+            let round = round.wrapping_add(1);
+            let purpose = Purpose::InitialParameters;
+            let mut random = stream(self.run_seed, purpose, agent as u32, round);
+            parameters.clear();
+            for (mean, deviation) in self.mean.iter().zip(&self.deviation) {
+                let normal: f32 = StandardNormal.sample(&mut random);
+                parameters.push(mean + (deviation + extra) * normal);
+            }
+        }
+    }
+
+    fn build_policies(&mut self) {
+        self.policies.clear();
+        for parameters in &self.population {
+            let adam = AdamSettings::default();
+            let network = Network::new(self.network.clone(), parameters.clone(), adam);
+            let policy = Policy::new(&self.spec, network, self.config.actions, 0.5);
+            self.policies.push(policy);
+        }
+    }
+
+    /// The agents with the highest mean returns, the lower number first among equals.
+    fn elite(&self, episodes: &[Episode]) -> Vec<usize> {
+        let mut returns = vec![(0.0, 0); self.population.len()];
+        for episode in episodes {
+            let (sum, count) = &mut returns[episode.agent as usize];
+            *sum += episode.total_reward();
+            *count += 1;
+        }
+        let mean = |agent: usize| returns[agent].0 / f64::from(returns[agent].1.max(1));
+        let mut agents: Vec<usize> = (0..self.population.len()).collect();
+        agents.sort_by(|&a, &b| mean(b).total_cmp(&mean(a)));
+        let count = (self.config.elite.get() * agents.len() as f64).ceil() as usize;
+        agents.truncate(count.max(1));
+        agents
+    }
+
+    /// Moves μ and σ to the mean and the standard deviation of the elite's parameters.
+    fn fit(&mut self, elite: &[usize]) {
+        let count = elite.len() as f32;
+        for index in 0..self.mean.len() {
+            let values = || elite.iter().map(|&agent| self.population[agent][index]);
+            let mean = values().sum::<f32>() / count;
+            let variance = values().map(|value| (value - mean).powi(2)).sum::<f32>() / count;
+            self.mean[index] = mean;
+            self.deviation[index] = variance.sqrt();
+        }
+    }
+}
+
+impl Team for CrossEntropyTeam {
+    fn agent_count(&self) -> usize {
+        self.population.len()
+    }
+
+    fn begin_round(&mut self, round: u32) {
+        self.draw_population(round);
+        self.build_policies();
+    }
+
+    fn act(&mut self, request: &mut ActionRequest<'_>) {
+        let observed = self.spec.observation_width();
+        let acted = self.spec.action_width();
+        for (agent, policy) in self.policies.iter().enumerate() {
+            if !request.playing[agent] {
+                continue;
+            }
+            let observation = &request.observations[agent * observed..(agent + 1) * observed];
+            self.scaling.apply(observation, &mut self.scaled);
+            policy.sample(
+                &self.scaled,
+                &mut request.random[agent],
+                &mut self.scratch,
+                &mut request.actions[agent * acted..(agent + 1) * acted],
+                &mut request.log_probs[agent * acted..(agent + 1) * acted],
+            );
+        }
+    }
+
+    fn learn(&mut self, lesson: &Lesson<'_>, _: Workers<'_>) -> Vec<AgentUpdate> {
+        let Some(first) = lesson.learners.first() else {
+            return Vec::new();
+        };
+        let fresh = &lesson.kept[first.first_fresh..];
+        let elite = self.elite(fresh);
+        self.fit(&elite);
+        for episode in fresh {
+            self.scaling.update(episode.states());
+        }
+        let is_finite = self
+            .mean
+            .iter()
+            .chain(&self.deviation)
+            .all(|x| x.is_finite());
+        let update = |agent| AgentUpdate {
+            agent,
+            update: UpdateReport::default().into(),
+            is_finite,
+        };
+        let learners = lesson.learners.iter();
+        learners.map(|learner| update(learner.agent)).collect()
+    }
+
+    fn tensors(&self) -> Vec<Tensor<'_>> {
+        let mut all = Vec::new();
+        for (name, numbers) in [("policy", &self.mean), ("deviation", &self.deviation)] {
+            all.extend(
+                self.network
+                    .tensors(numbers)
+                    .map(|(layer, shape, values)| Tensor {
+                        name: format!("model_0.{name}.{layer}"),
+                        shape,
+                        values: values.into(),
+                    }),
+            );
+        }
+        all.extend(self.scaling.tensors());
+        all
+    }
+
+    fn save(&self) -> Vec<u8> {
+        let saved = Saved {
+            mean: self.mean.clone(),
+            deviation: self.deviation.clone(),
+            observations: self.scaling.learned().cloned(),
+        };
+        postcard::to_stdvec(&saved).expect("plain data always serializes")
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let saved: Saved = postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let count = self.mean.len();
+        if saved.mean.len() != count || saved.deviation.len() != count {
+            return Err(format!(
+                "{} parameters stored for a policy of {count}",
+                saved.mean.len()
+            ));
+        }
+        self.scaling.restore(saved.observations)?;
+        (self.mean, self.deviation) = (saved.mean, saved.deviation);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agent::TeamConfig;
+    use crate::team::{Learner, LearningTiming};
+    use seedbed_env::{Action, Quantity};
+
+    fn spec() -> Spec {
+        let quantity = |name: &str| Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range: [-1.0, 1.0],
+        };
+        let push = Action {
+            quantity: quantity("push"),
+            choice: seedbed_env::Choice::Discrete(vec![-1.0, 1.0]),
+        };
+        Spec::new("line", vec![quantity("x")], vec![push])
+    }
+
+    fn team(agents: u32, config: &CrossEntropy) -> CrossEntropyTeam {
+        let team = TeamConfig {
+            count: known_count(agents),
+            ..TeamConfig::default()
+        };
+        CrossEntropyTeam::new(
+            config,
+            &TeamContext {
+                run_seed: 3,
+                config: &team,
+                spec: &spec(),
+                timing: LearningTiming::AfterEpisodes,
+                record_advantages: false,
+            },
+        )
+    }
+
+    /// An episode of one step with this return.
+    fn episode(agent: usize, total: f32) -> Episode {
+        Episode {
+            observations: vec![0.0; 2],
+            rewards: vec![total],
+            ..Episode::start(agent as u32, 0, 0, &spec())
+        }
+    }
+
+    fn learn(team: &mut CrossEntropyTeam, episodes: &[Episode], round: u32) {
+        let learners: Vec<Learner> = (0..team.agent_count() as u32)
+            .map(|agent| Learner {
+                agent,
+                first_fresh: 0,
+                round,
+            })
+            .collect();
+        let lesson = Lesson {
+            kept: episodes,
+            learners: &learners,
+        };
+        let updates = team.learn(&lesson, Workers::CALLER);
+        assert!(updates.iter().all(|update| update.is_finite));
+    }
+
+    /// Two of four are the elite. With parameters 1, 2, 3, 6 and returns 0, 5, 9, 1 these are the
+    /// second and the third: μ = 2.5, σ = √(½ (0.5² + 0.5²)) = 0.5.
+    #[test]
+    fn the_gaussian_moves_to_the_elite() {
+        let config = CrossEntropy {
+            elite: known(0.5),
+            ..CrossEntropy::default()
+        };
+        let mut team = team(4, &config);
+        for (parameters, value) in team.population.iter_mut().zip([1.0, 2.0, 3.0, 6.0]) {
+            *parameters = vec![value; team.mean.len()];
+        }
+        let returns = [0.0, 5.0, 9.0, 1.0];
+        let episodes: Vec<Episode> = (0..4).map(|agent| episode(agent, returns[agent])).collect();
+        learn(&mut team, &episodes, 0);
+        assert!(team.mean.iter().all(|&mean| mean == 2.5), "{:?}", team.mean);
+        assert!(team.deviation.iter().all(|&deviation| deviation == 0.5));
+    }
+
+    /// The added deviation falls in a straight line: ½, ¼ after half of the rounds, 0 at the end.
+    #[test]
+    fn extra_deviation_falls_to_zero() {
+        let team = team(2, &CrossEntropy::default());
+        let extra = [0, 10, 20, 99].map(|round| team.extra_deviation(round));
+        assert_eq!(extra, [0.5, 0.25, 0.0, 0.0]);
+    }
+
+    /// The return is minus the squared distance from a point: the mean has to go there.
+    #[test]
+    fn the_mean_finds_the_best_parameters() {
+        let mut team = team(40, &CrossEntropy::default());
+        let distance = |parameters: &[f32]| {
+            let squares = parameters.iter().map(|value| (value - 2.0).powi(2));
+            squares.sum::<f32>()
+        };
+        for round in 0..60 {
+            team.begin_round(round);
+            let episodes: Vec<Episode> = team
+                .population
+                .iter()
+                .enumerate()
+                .map(|(agent, parameters)| episode(agent, -distance(parameters)))
+                .collect();
+            learn(&mut team, &episodes, round);
+        }
+        assert!(distance(&team.mean) < 0.01, "{:?}", team.mean);
+    }
+
+    #[test]
+    fn agents_differ_and_rounds_differ() {
+        let mut team = team(3, &CrossEntropy::default());
+        team.begin_round(0);
+        let first = team.population.clone();
+        assert_ne!(first[0], first[1]);
+        team.begin_round(1);
+        assert_ne!(first[0], team.population[0]);
+        team.begin_round(0);
+        assert_eq!(first, team.population);
+    }
+}

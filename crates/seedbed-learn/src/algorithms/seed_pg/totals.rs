@@ -1,0 +1,93 @@
+//! What one update was like, summed sample by sample.
+
+use crate::agent::UpdateReport;
+use crate::experience::Episode;
+use crate::rl::policy_loss::Surrogate;
+
+/// Sums over the samples of one update.
+#[derive(Default)]
+pub(super) struct Totals {
+    value_steps: u64,
+    value_loss: f64,
+    policy_steps: u64,
+    policy_loss: f64,
+    deviation: f64,
+    largest_ratio: f32,
+    entropy: f64,
+    /// Components of actions, and those of them that were clipped.
+    components: u64,
+    clipped: u64,
+    intrinsic_reward: Option<f32>,
+    prediction_error: Option<f32>,
+}
+
+impl Totals {
+    /// Adds one sample's error against its normalized target.
+    pub(super) fn value_sample(&mut self, error: f32) {
+        self.value_steps += 1;
+        self.value_loss += 0.5 * f64::from(error).powi(2);
+    }
+
+    /// Adds the surrogate of so many components of one action.
+    pub(super) fn surrogate(&mut self, surrogate: &Surrogate, components: usize) {
+        self.policy_loss += f64::from(surrogate.loss);
+        self.components += components as u64;
+        self.clipped += if surrogate.clipped {
+            components as u64
+        } else {
+            0
+        };
+    }
+
+    /// Adds the ratios and the mean entropy of a minibatch.
+    pub(super) fn minibatch(&mut self, ratios: &[f32], mean_entropy: f32) {
+        self.policy_steps += ratios.len() as u64;
+        self.deviation += ratios
+            .iter()
+            .map(|ratio| f64::from((ratio - 1.0).abs()))
+            .sum::<f64>();
+        self.largest_ratio = ratios
+            .iter()
+            .fold(self.largest_ratio, |most, ratio| most.max(*ratio));
+        self.entropy += f64::from(mean_entropy) * ratios.len() as f64;
+    }
+
+    /// Notes what curiosity made of the agent's own episodes among the fresh ones.
+    pub(super) fn curiosity(
+        &mut self,
+        agent: u32,
+        fresh: &[Episode],
+        bonuses: &[Vec<f32>],
+        prediction_error: f32,
+    ) {
+        let own = fresh
+            .iter()
+            .zip(bonuses)
+            .filter(|(episode, _)| episode.agent == agent)
+            .flat_map(|(_, bonuses)| bonuses);
+        let (sum, count) = own.fold((0.0, 0_u64), |(sum, count), &bonus| {
+            (sum + f64::from(bonus), count + 1)
+        });
+        self.intrinsic_reward = mean(sum, count);
+        self.prediction_error = Some(prediction_error);
+    }
+
+    pub(super) fn report(&self) -> UpdateReport {
+        UpdateReport {
+            value_loss: mean(self.value_loss, self.value_steps),
+            policy_loss: mean(self.policy_loss, self.policy_steps),
+            ratio_deviation: mean(self.deviation, self.policy_steps).map(|mean| 1.0 + mean),
+            largest_ratio: (self.policy_steps > 0).then_some(self.largest_ratio),
+            clipped_fraction: mean(self.clipped as f64, self.components),
+            entropy: mean(self.entropy, self.policy_steps),
+            intrinsic_reward: self.intrinsic_reward,
+            prediction_error: self.prediction_error,
+            bonus_agreement: None,
+        }
+    }
+}
+
+/// `None` of nothing.
+fn mean(sum: f64, count: u64) -> Option<f32> {
+    (count > 0).then(|| (sum / count as f64) as f32)
+}

@@ -1,0 +1,117 @@
+//! How an action is chosen from the values of all choices (thesis §1.4.2).
+
+use rand::{Rng, RngExt};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::rl::{categorical, q_learning};
+use seedbed_env::input::numbers::{Count, Fraction, Positive};
+
+/// How an action is chosen from values.
+#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Exploration {
+    /// The best action, the first among equals.
+    Greedy,
+    /// The best action, or with probability ε any.
+    EpsilonGreedy {
+        /// Initial ε.
+        from: Fraction,
+        /// Final ε.
+        to: Fraction,
+        /// Number of steps of each agent over which ε changes linearly.
+        steps: Count<1_000_000_000>,
+    },
+    /// Each action with a probability in proportion to exp(Q/τ).
+    Gibbs {
+        /// Temperature τ, in units of Q.
+        temperature: Positive,
+    },
+}
+
+impl Exploration {
+    /// Makes values the policy's log-probabilities after so many steps of each agent.
+    /// `values: [n]`, in place
+    pub(super) fn log_probs(self, steps: u64, values: &mut [f32]) {
+        match self {
+            Self::Greedy => q_learning::epsilon_greedy(values, 0.0),
+            Self::EpsilonGreedy { .. } => q_learning::epsilon_greedy(values, self.epsilon(steps)),
+            Self::Gibbs { temperature } => q_learning::gibbs(values, temperature.get_f32()),
+        }
+    }
+
+    /// Draws a choice; returns it and its log-probability.   `values: [n]`, in place
+    pub(super) fn choose(
+        self,
+        steps: u64,
+        values: &mut [f32],
+        random: &mut impl Rng,
+    ) -> (usize, f32) {
+        self.log_probs(steps, values);
+        let choice = categorical::choose(values, random.random());
+        (choice, values[choice])
+    }
+
+    fn epsilon(self, taken: u64) -> f32 {
+        let Self::EpsilonGreedy { from, to, steps } = self else {
+            return 0.0;
+        };
+        let done = (taken as f64 / f64::from(steps.get())).min(1.0);
+        (from.get() + done * (to.get() - from.get())) as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use seedbed_env::input::numbers::{known, known_count};
+    use seedbed_env::random::{Purpose, stream};
+
+    /// ε from 1 to 0.2 over 100 steps: 1, 0.6, 0.2, 0.2.
+    #[test]
+    fn epsilon_falls_in_a_straight_line() {
+        let exploration = Exploration::EpsilonGreedy {
+            from: known(1.0),
+            to: known(0.2),
+            steps: known_count(100),
+        };
+        let epsilons = [0, 50, 100, 9999].map(|steps| exploration.epsilon(steps));
+        assert!(
+            epsilons
+                .iter()
+                .zip([1.0, 0.6, 0.2, 0.2])
+                .all(|(ours, expected)| (ours - expected).abs() < 1e-6),
+            "{epsilons:?}"
+        );
+    }
+
+    /// Of 4,000 draws, four standard errors are 4 √(4000 p (1 − p)), at most 127.
+    #[test]
+    fn choices_have_the_policy_s_frequencies() {
+        let epsilon = Exploration::EpsilonGreedy {
+            from: known(0.3),
+            to: known(0.3),
+            steps: known_count(1),
+        };
+        let gibbs = Exploration::Gibbs {
+            temperature: known(0.5),
+        };
+        for (exploration, expected) in [
+            (Exploration::Greedy, [0.0, 0.0, 1.0]),
+            (epsilon, [0.1, 0.1, 0.8]),
+            (gibbs, [0.016, 0.117, 0.867]),
+        ] {
+            let (mut random, mut counts) = (stream(1, Purpose::Action, 0, 0), [0.0; 3]);
+            for _ in 0..4000 {
+                let (choice, log_prob) = exploration.choose(7, &mut [0.0, 1.0, 2.0], &mut random);
+                assert!((f64::from(log_prob).exp() - expected[choice]).abs() < 1e-3);
+                counts[choice] += 1.0;
+            }
+            let close = counts
+                .iter()
+                .zip(expected)
+                .all(|(count, share)| (count - 4000.0 * share).abs() < 127.0);
+            assert!(close, "{exploration:?}: {counts:?}");
+        }
+    }
+}

@@ -1,0 +1,328 @@
+//! Values of a chain that is solved by hand, and who follows which model.
+
+use super::config::{Fit, Learning, Models, QLearning, SeedTd, ValueBased};
+use super::*;
+use crate::agent::TeamConfig;
+use crate::agent::scaling::ObservationScaling;
+use crate::seed::SeedDistribution;
+use seedbed_env::input::numbers::{known, known_count};
+use seedbed_env::{Action, Quantity, Status};
+
+/// A chain of three states, seen as one of three numbers: action 0 goes left, action 1 right.
+/// Leaving state 2 to the right ends an episode with a reward of 1; leaving state 0 to the left
+/// ends it with 0.2.
+fn spec() -> Spec {
+    let quantity = |name: &str| Quantity {
+        name: name.to_owned(),
+        unit: String::new(),
+        range: [-1.0, 1.0],
+    };
+    Spec {
+        name: "chain".to_owned(),
+        description: String::new(),
+        observations: ["first", "second", "third"].map(quantity).to_vec(),
+        actions: vec![Action {
+            quantity: quantity("move"),
+            choice: Choice::Discrete(vec![-1.0, 1.0]),
+        }],
+        control_step: 0.1,
+        time_limit: 10,
+        reward_threshold: None,
+    }
+}
+
+fn seen(state: usize) -> [f32; 3] {
+    std::array::from_fn(|index| if index == state { 1.0 } else { 0.0 })
+}
+
+/// One step from `state`; the chain's rule.
+fn step(agent: u32, state: usize, action: usize) -> Episode {
+    let (next, reward, outcome) = match (state, action) {
+        (0, 0) => (0, 0.2, Status::Terminated),
+        (2, 1) => (2, 1.0, Status::Terminated),
+        (state, 0) => (state - 1, 0.0, Status::Running),
+        (state, _) => (state + 1, 0.0, Status::Running),
+    };
+    Episode {
+        observations: [seen(state), seen(next)].concat(),
+        actions: vec![action as f32],
+        rewards: vec![reward],
+        outcome,
+        ..Episode::start(agent, (2 * state + action) as u32, 0, &spec())
+    }
+}
+
+fn learning() -> Learning {
+    Learning {
+        discount: known(0.8),
+        observations: ObservationScaling::Raw,
+        hidden: vec![known_count(16)].into(),
+        minibatch: known_count(6).into(),
+        target_every: known_count(20),
+        ..Learning::default()
+    }
+}
+
+fn team_of(agents: u32, sigma: f64) -> TeamConfig {
+    TeamConfig {
+        count: known_count(agents),
+        seeds: SeedDistribution::Normal {
+            sigma: known(sigma),
+        },
+        ..TeamConfig::default()
+    }
+}
+
+fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
+    let mut team = ValueTeam::new(
+        composition,
+        &TeamContext {
+            run_seed: 3,
+            config: &team_of(agents, sigma),
+            spec: &spec(),
+            timing: LearningTiming::AfterEpisodes,
+            record_advantages: false,
+        },
+    );
+    team.begin_round(0);
+    (0..3).for_each(|state| (0..2).for_each(|action| team.add_transition(&step(0, state, action))));
+    team
+}
+
+fn learn(team: &mut ValueTeam, times: usize) {
+    (0..times).for_each(|_| team.learn_from_replay(Workers::CALLER));
+}
+
+/// Q of all states as an agent's model has it: `[3 × 2]`.
+fn values(team: &mut ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
+    let mut all = Vec::new();
+    for state in 0..3 {
+        let observations: Vec<f32> = (0..agents).flat_map(|_| seen(state)).collect();
+        team.evaluate(&observations, &vec![true; agents]);
+        all.extend_from_slice(&team.buffers.values[2 * agent..2 * agent + 2]);
+    }
+    all
+}
+
+/// By hand, γ = 0.8: Q(2, right) = 1; Q(1, right) = 0.8; Q(0, right) = 0.64, so V = 0.64, 0.8, 1
+/// and Q(0, left) = 0.2, Q(1, left) = 0.8 V(0) = 0.512, Q(2, left) = 0.8 V(1) = 0.64.
+const OPTIMAL: [f32; 6] = [0.2, 0.64, 0.512, 0.8, 0.64, 1.0];
+
+fn assert_optimal(found: &[f32], tolerance: f32) {
+    let largest = found
+        .iter()
+        .zip(OPTIMAL)
+        .map(|(ours, exact)| (ours - exact).abs())
+        .fold(0.0, f32::max);
+    assert!(largest < tolerance, "{found:?} against {OPTIMAL:?}");
+}
+
+#[test]
+fn q_learning_finds_the_exact_values_of_a_chain() {
+    for double in [false, true] {
+        let config = QLearning {
+            double,
+            learning: learning(),
+            ..QLearning::default()
+        };
+        let mut team = team(config.compose(1), 1, 0.0);
+        learn(&mut team, 6000);
+        assert_optimal(&values(&mut team, 0, 1), 0.02);
+    }
+}
+
+/// Ten regressions on the one before: enough for a chain that ends after three steps at best, whose
+/// values have converged to 0.8¹⁰.
+#[test]
+fn least_squares_value_iteration_finds_them_as_well() {
+    let learning = Learning {
+        minibatches: known_count(1000),
+        ..learning()
+    };
+    let fit = Fit::Lsvi {
+        iterations: known_count(10),
+    }
+    .into();
+    let config = SeedTd {
+        fit,
+        prior_scale: known(0.0),
+        learning,
+        ..SeedTd::default()
+    };
+    let mut team = team(config.compose(1), 1, 0.0);
+    learn(&mut team, 1);
+    assert_optimal(&values(&mut team, 0, 1), 0.03);
+}
+
+/// A prior network changes what the learned one has to be, not what both come to together.
+#[test]
+fn a_prior_does_not_change_what_is_learned() {
+    let config = SeedTd {
+        learning: learning(),
+        ..SeedTd::default()
+    };
+    let mut team = team(config.compose(2), 2, 0.0);
+    let before = values(&mut team, 0, 2);
+    assert!(
+        before
+            .iter()
+            .zip(OPTIMAL)
+            .any(|(ours, exact)| (ours - exact).abs() > 0.3),
+        "{before:?}"
+    );
+    learn(&mut team, 6000);
+    (0..2).for_each(|agent| assert_optimal(&values(&mut team, agent, 2), 0.03));
+}
+
+/// Seed TD's own answer is that of the chain with rewards r + z: Q(2, right) = 1 + z, z of its
+/// origin.
+#[test]
+fn seeds_shift_what_is_learned_by_as_much() {
+    let config = SeedTd {
+        learning: learning(),
+        prior_scale: known(0.0),
+        ..SeedTd::default()
+    };
+    let mut team = team(config.compose(2), 2, 0.3);
+    learn(&mut team, 6000);
+    for model in 0..2 {
+        let perturbation = perturbation::Perturbation {
+            run_seed: 3,
+            model,
+            seeds: Some(team_of(2, 0.3).seeds),
+            mask: 1.0,
+        };
+        let z = perturbation.seed(team.replay.get(5).origin);
+        let found = values(&mut team, model as usize, 2)[5];
+        assert!((found - 1.0 - z).abs() < 0.03, "{found} with z = {z}");
+    }
+}
+
+/// ½ λ ‖θ − θ̂‖² with a large λ leaves a model at its start.
+#[test]
+fn regularisation_pulls_a_model_back_to_its_start() {
+    let moved = |regularisation| {
+        let config = SeedTd {
+            learning: learning(),
+            regularisation: known(regularisation),
+            ..SeedTd::default()
+        };
+        let mut team = team(config.compose(1), 1, 0.0);
+        let before = values(&mut team, 0, 1);
+        learn(&mut team, 2000);
+        values(&mut team, 0, 1)
+            .iter()
+            .zip(before)
+            .map(|(after, before)| (after - before).abs())
+            .fold(0.0, f32::max)
+    };
+    assert!(
+        moved(100.0) < 0.1 && moved(0.0) > 0.3,
+        "{} {}",
+        moved(100.0),
+        moved(0.0)
+    );
+}
+
+#[test]
+fn agents_of_an_ensemble_share_its_models() {
+    let models = Models::Ensemble {
+        most: known_count(30),
+    };
+    let config = SeedTd {
+        models,
+        learning: learning(),
+        ..SeedTd::default()
+    };
+    let mut of_many = team(config.compose(70), 70, 0.1);
+    assert_eq!(
+        (of_many.models.len(), of_many.followers[5].as_slice()),
+        (30, &[5, 35, 65][..])
+    );
+    assert_eq!(values(&mut of_many, 5, 70), values(&mut of_many, 65, 70));
+    assert_ne!(values(&mut of_many, 5, 70), values(&mut of_many, 6, 70));
+    assert_eq!(team(config.compose(4), 4, 0.1).models.len(), 4);
+}
+
+/// Whoever else plays: an agent's values are those of its own observation.
+#[test]
+fn values_are_each_player_s_own() {
+    let config = SeedTd {
+        models: Models::Ensemble {
+            most: known_count(2),
+        },
+        learning: learning(),
+        ..SeedTd::default()
+    };
+    let mut team = team(config.compose(5), 5, 0.1);
+    let observations: Vec<f32> = [0, 1, 2, 1, 0].into_iter().flat_map(seen).collect();
+    team.evaluate(&observations, &[false, true, true, true, true]);
+    let together = team.buffers.values.clone();
+    for (agent, state) in [(1, 1), (2, 2), (3, 1), (4, 0)] {
+        let alone = values(&mut team, agent, 5)[2 * state..2 * state + 2].to_vec();
+        assert_eq!(together[2 * agent..2 * agent + 2], alone);
+    }
+}
+
+#[test]
+fn a_drawn_model_changes_from_round_to_round_and_back() {
+    let config = config::BootstrappedDqn {
+        learning: learning(),
+        ..config::BootstrappedDqn::default()
+    };
+    let mut team = team(config.compose(4), 4, 0.0);
+    let mut followed = |round| {
+        team.begin_round(round);
+        team.following.clone()
+    };
+    let rounds: Vec<Vec<usize>> = (0..20).map(&mut followed).collect();
+    assert_eq!(followed(7), rounds[7]);
+    assert!(rounds.iter().any(|following| *following != rounds[0]));
+    assert!(rounds.iter().flatten().all(|&model| model < 10));
+}
+
+#[test]
+fn a_restored_team_goes_on_to_the_same_bits() {
+    let bonus = Bonus::Rnd(crate::agent::curiosity::Rnd::default());
+    for bonus in [Bonus::None, bonus] {
+        let config = SeedTd {
+            learning: learning(),
+            bonus: bonus.into(),
+            ..SeedTd::default()
+        };
+        let [mut original, mut restored] = [0, 1].map(|_| team(config.compose(3), 3, 0.1));
+        learn(&mut original, 30);
+        restored.restore(&original.save()).unwrap();
+        for team in [&mut original, &mut restored] {
+            team.begin_round(1);
+            learn(team, 30);
+        }
+        assert_eq!(original.save(), restored.save());
+        assert!(restored.restore(&[7]).is_err());
+    }
+}
+
+#[test]
+fn only_one_discrete_action_has_values() {
+    let one = spec();
+    assert_eq!(one_choice(&one), Ok(2));
+    let continuous = Spec {
+        actions: vec![Action {
+            choice: Choice::Continuous,
+            ..one.actions[0].clone()
+        }],
+        ..spec()
+    };
+    assert_eq!(
+        one_choice(&continuous),
+        Err("`move` of `chain` is continuous".to_owned())
+    );
+    let two = Spec {
+        actions: vec![one.actions[0].clone(), one.actions[0].clone()],
+        ..spec()
+    };
+    assert_eq!(
+        one_choice(&two),
+        Err("an action of `chain` has 2 components".to_owned())
+    );
+}

@@ -1,0 +1,533 @@
+//! The likelihood p(y|x; w) = 𝒩(y; `f_w`(x), s² I), where f is a network with ReLU between the
+//! layers and a linear output, and the gradients of its logarithm, sample by sample.
+//!
+//! Nothing here changes; passes are scratch space of the caller, so that many may evaluate one
+//! likelihood at once.
+
+use super::gaussian::DiagonalGaussian;
+use crate::nn::kernels;
+use crate::nn::mlp::{Layer, Mlp};
+
+/// The shape of f and the deviation s. Weights come from outside, laid out like those of an
+/// [`Mlp`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Likelihood {
+    mlp: Mlp,
+    deviation: f32,
+}
+
+/// What evaluating one draw of weights on a batch leaves behind. Grows to the largest batch, then
+/// allocates no more.
+#[derive(Clone, Debug, Default)]
+pub struct Pass {
+    /// `[B × size]` of every layer after the input.
+    layers: Vec<Vec<f32>>,
+    /// `[B × size]` of every layer after the input: δ, the derivative with respect to what enters
+    /// the layer's activation.
+    deltas: Vec<Vec<f32>>,
+    /// x² of one layer, and its product with the layer's coefficients.
+    squares: [Vec<f32>; 2],
+    /// Room of the matrix products.
+    scratch: Vec<f32>,
+}
+
+/// Several draws of weights and a pass for each.
+#[derive(Clone, Debug, Default)]
+pub struct Draws {
+    weights: Vec<Vec<f32>>,
+    passes: Vec<Pass>,
+    gradient: Vec<f32>,
+    mean_slope: Vec<f32>,
+    deviation_slope: Vec<f32>,
+}
+
+/// Samples that are evaluated together, so that what lies between layers stays in the fastest
+/// cache.
+const BLOCK: usize = 64;
+
+impl Likelihood {
+    /// A network with these layer sizes, the input first, and s.
+    ///
+    /// # Panics
+    /// With fewer than two layers or an empty one.
+    #[must_use]
+    pub fn new(sizes: &[usize], deviation: f32) -> Self {
+        Self {
+            mlp: Mlp::new(sizes),
+            deviation,
+        }
+    }
+
+    /// Numbers that enter.
+    #[must_use]
+    pub fn inputs(&self) -> usize {
+        self.mlp.inputs()
+    }
+
+    /// P, the number of weights, biases included.
+    #[must_use]
+    pub fn weight_count(&self) -> usize {
+        self.mlp.parameter_count()
+    }
+
+    /// `f_w`(x).   `weights: [P]`, `inputs: [B × in]` → `[B × out]`
+    ///
+    /// # Panics
+    /// If a slice has another shape.
+    pub fn forward<'a>(&self, weights: &[f32], inputs: &[f32], pass: &'a mut Pass) -> &'a [f32] {
+        assert_eq!(
+            (weights.len(), inputs.len() % self.inputs()),
+            (self.weight_count(), 0)
+        );
+        let (batch, last) = (inputs.len() / self.inputs(), self.mlp.layers().len() - 1);
+        pass.layers.resize_with(last + 1, Vec::new);
+        for layer in self.mlp.layers() {
+            let (below, here) = pass.layers.split_at_mut(layer.index);
+            here[0].resize(batch * layer.outputs, 0.0);
+            let x = below.last().map_or(inputs, Vec::as_slice);
+            kernels::affine(
+                layer.weight(weights),
+                layer.bias(weights),
+                x,
+                &mut here[0],
+                &mut pass.scratch,
+            );
+            if layer.index < last {
+                here[0].iter_mut().for_each(|y| *y = y.max(0.0));
+            }
+        }
+        &pass.layers[last]
+    }
+
+    /// Σᵢ cᵢ (∂ log p(y|x; w)/∂wᵢ)² for each sample; no gradient is materialized.
+    /// `weights`, `coefficients`: `[P]`, `inputs: [B × in]`, `targets: [B × out]` → `sums: [B]`
+    ///
+    /// The gradient with respect to the weights of a layer is x δᵀ, so the sum over that layer is
+    /// (x²)ᵀ C δ², where C holds the layer's coefficients and x ends with the 1 that the bias
+    /// multiplies.
+    ///
+    /// # Panics
+    /// If a slice has another shape.
+    pub fn weighted_squares(
+        &self,
+        (weights, coefficients): (&[f32], &[f32]),
+        (inputs, targets): (&[f32], &[f32]),
+        pass: &mut Pass,
+        sums: &mut [f32],
+    ) {
+        assert_eq!(coefficients.len(), weights.len());
+        self.assert_samples(inputs, targets, sums.len());
+        let (wide, high) = (self.mlp.inputs(), self.mlp.outputs());
+        let blocks = inputs
+            .chunks(BLOCK * wide)
+            .zip(targets.chunks(BLOCK * high));
+        for ((inputs, targets), sums) in blocks.zip(sums.chunks_mut(BLOCK)) {
+            self.backward(weights, inputs, targets, 1.0, pass);
+            sums.fill(0.0);
+            for layer in self.mlp.layers() {
+                pass.add_weighted_squares(layer, coefficients, inputs, sums);
+            }
+        }
+    }
+
+    /// For each sample in turn, ∇_μ and ∇_σ of `E_q`[log p(y|x; w)], estimated by the mean over
+    /// draws w = μ + σ ε of ∂ log p/∂w and of ε ∂ log p/∂w.   `noise: [N × P]`, `inputs: [B × in]`,
+    /// `targets: [B × out]` → B times `visit([P], [P])`
+    ///
+    /// # Panics
+    /// If a slice has another shape or there is no draw.
+    pub fn expected_gradients(
+        &self,
+        (gaussian, noise): (&DiagonalGaussian, &[f32]),
+        (inputs, targets): (&[f32], &[f32]),
+        draws: &mut Draws,
+        mut visit: impl FnMut(&[f32], &[f32]),
+    ) {
+        self.assert_samples(inputs, targets, inputs.len() / self.inputs());
+        draws.prepare(gaussian, noise);
+        let (wide, high) = (self.mlp.inputs(), self.mlp.outputs());
+        for (inputs, targets) in inputs
+            .chunks(BLOCK * wide)
+            .zip(targets.chunks(BLOCK * high))
+        {
+            for (weights, pass) in draws.weights.iter().zip(&mut draws.passes) {
+                self.backward(
+                    weights,
+                    inputs,
+                    targets,
+                    1.0 / draws.weights.len() as f32,
+                    pass,
+                );
+            }
+            for (sample, input) in inputs.chunks_exact(wide).enumerate() {
+                draws.add_up_gradients(self.mlp.layers(), noise, sample, input);
+                visit(&draws.mean_slope, &draws.deviation_slope);
+            }
+        }
+    }
+
+    /// Forward, then δ = `scale` ∂ log p/∂a of every layer's pre-activation a; returns Σ log p(y|x;
+    /// w) without `scale`.
+    pub(super) fn backward(
+        &self,
+        weights: &[f32],
+        inputs: &[f32],
+        targets: &[f32],
+        scale: f32,
+        pass: &mut Pass,
+    ) -> f64 {
+        self.forward(weights, inputs, pass);
+        pass.deltas.resize_with(pass.layers.len(), Vec::new);
+        let log_likelihood = self.residuals(targets, scale, pass);
+        for layer in self.mlp.layers().iter().skip(1).rev() {
+            let (below, here) = pass.deltas.split_at_mut(layer.index);
+            let (below, outputs) = (&mut below[layer.index - 1], &pass.layers[layer.index - 1]);
+            below.resize(outputs.len(), 0.0);
+            kernels::input_gradient(
+                layer.weight(weights),
+                &here[0],
+                below,
+                layer.outputs,
+                &mut pass.scratch,
+            );
+            below
+                .iter_mut()
+                .zip(outputs)
+                .for_each(|(delta, y)| *delta = if *y > 0.0 { *delta } else { 0.0 });
+        }
+        log_likelihood
+    }
+
+    /// The gradient with respect to the weights that belongs to the latest
+    /// [`backward`](Self::backward), summed over its batch. `gradient: [P]`, overwritten
+    pub(super) fn gradient(&self, inputs: &[f32], pass: &mut Pass, gradient: &mut [f32]) {
+        let Pass {
+            layers,
+            deltas,
+            scratch,
+            ..
+        } = pass;
+        for layer in self.mlp.layers() {
+            let (by_weight, by_bias) = layer.split_mut(gradient);
+            kernels::parameter_gradient(
+                entering(layer, layers, inputs),
+                &deltas[layer.index],
+                by_weight,
+                by_bias,
+                scratch,
+            );
+        }
+    }
+
+    /// δ of the output layer, `scale` (y − f)/s², and Σ log p = −½ Σ ((y − f)/s)² − n (log s + ½
+    /// log 2π) over n numbers.
+    fn residuals(&self, targets: &[f32], scale: f32, pass: &mut Pass) -> f64 {
+        let last = pass.layers.len() - 1;
+        assert_eq!(pass.layers[last].len(), targets.len());
+        let precision = 1.0 / (self.deviation * self.deviation);
+        let mut squares = 0.0;
+        pass.deltas[last].clear();
+        pass.deltas[last].extend(
+            targets
+                .iter()
+                .zip(&pass.layers[last])
+                .map(|(target, output)| {
+                    let residual = target - output;
+                    squares += residual * residual;
+                    scale * precision * residual
+                }),
+        );
+        let constant = f64::from(self.deviation).ln() + 0.5 * std::f64::consts::TAU.ln();
+        -0.5 * f64::from(squares * precision) - targets.len() as f64 * constant
+    }
+
+    fn assert_samples(&self, inputs: &[f32], targets: &[f32], samples: usize) {
+        assert_eq!(
+            (inputs.len(), targets.len()),
+            (samples * self.mlp.inputs(), samples * self.mlp.outputs())
+        );
+    }
+}
+
+impl Pass {
+    /// Adds (x²)ᵀ C δ² of one layer.   `sums: [B]`
+    fn add_weighted_squares(
+        &mut self,
+        layer: &Layer,
+        coefficients: &[f32],
+        inputs: &[f32],
+        sums: &mut [f32],
+    ) {
+        let Self {
+            layers,
+            deltas,
+            squares: [squares, products],
+            scratch,
+        } = self;
+        squares.clear();
+        squares.extend(entering(layer, layers, inputs).iter().map(|x| x * x));
+        products.resize(sums.len() * layer.outputs, 0.0);
+        kernels::affine(
+            layer.weight(coefficients),
+            layer.bias(coefficients),
+            squares,
+            products,
+            scratch,
+        );
+        let rows = products
+            .chunks_exact(layer.outputs)
+            .zip(deltas[layer.index].chunks_exact(layer.outputs));
+        for (sum, (products, deltas)) in sums.iter_mut().zip(rows) {
+            *sum += products
+                .iter()
+                .zip(deltas)
+                .map(|(product, delta)| product * delta * delta)
+                .sum::<f32>();
+        }
+    }
+}
+
+impl Draws {
+    fn prepare(&mut self, gaussian: &DiagonalGaussian, noise: &[f32]) {
+        let count = gaussian.mean.len();
+        assert!(
+            !noise.is_empty() && noise.len().is_multiple_of(count),
+            "whole draws of {count}"
+        );
+        let draws = noise.len() / count;
+        self.weights.resize_with(draws, Vec::new);
+        self.passes.resize_with(draws, Pass::default);
+        for (weights, noise) in self.weights.iter_mut().zip(noise.chunks_exact(count)) {
+            gaussian.draw(noise, weights);
+        }
+    }
+
+    /// Σ over draws of x δᵀ, and of ε times it, for one sample of the block.
+    fn add_up_gradients(&mut self, layers: &[Layer], noise: &[f32], sample: usize, input: &[f32]) {
+        let Self {
+            weights,
+            passes,
+            gradient,
+            mean_slope,
+            deviation_slope,
+        } = self;
+        let count = weights[0].len();
+        for slope in [&mut *gradient, mean_slope, deviation_slope] {
+            slope.clear();
+            slope.resize(count, 0.0);
+        }
+        for (pass, noise) in passes.iter().zip(noise.chunks_exact(count)) {
+            for layer in layers {
+                let x = if layer.index == 0 {
+                    input
+                } else {
+                    row(&pass.layers[layer.index - 1], layer.inputs, sample)
+                };
+                write_outer(
+                    x,
+                    row(&pass.deltas[layer.index], layer.outputs, sample),
+                    &mut gradient[layer.range()],
+                );
+            }
+            add_draw(gradient, noise, mean_slope, deviation_slope);
+        }
+    }
+}
+
+/// Adds one draw's gradient to those of μ and σ, as ∂w/∂μ = 1 and ∂w/∂σ = ε.   all `[P]`
+pub(super) fn add_draw(
+    gradient: &[f32],
+    noise: &[f32],
+    by_mean: &mut [f32],
+    by_deviation: &mut [f32],
+) {
+    for (((by_mean, by_deviation), slope), noise) in by_mean
+        .iter_mut()
+        .zip(by_deviation)
+        .zip(gradient)
+        .zip(noise)
+    {
+        *by_mean += slope;
+        *by_deviation += noise * slope;
+    }
+}
+
+/// x δᵀ, where x ends with the 1 that the bias multiplies.   `x: [in]`, `delta: [out]` →
+/// `outer: [(in + 1) × out]`
+fn write_outer(x: &[f32], delta: &[f32], outer: &mut [f32]) {
+    for (x, row) in x
+        .iter()
+        .chain(&[1.0])
+        .zip(outer.chunks_exact_mut(delta.len()))
+    {
+        row.iter_mut()
+            .zip(delta)
+            .for_each(|(slot, delta)| *slot = x * delta);
+    }
+}
+
+/// What enters a layer, given what every layer puts out: `[B × in]`.
+fn entering<'a>(layer: &Layer, layers: &'a [Vec<f32>], inputs: &'a [f32]) -> &'a [f32] {
+    if layer.index == 0 {
+        inputs
+    } else {
+        &layers[layer.index - 1]
+    }
+}
+
+fn row(matrix: &[f32], width: usize, index: usize) -> &[f32] {
+    &matrix[index * width..(index + 1) * width]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::reference::{self, normals};
+    use super::*;
+    use proptest::prelude::*;
+
+    const SIZES: [usize; 4] = [3, 7, 5, 2];
+    const COUNT: usize = 4 * 7 + 8 * 5 + 6 * 2;
+
+    fn gaussian(seed: u64) -> DiagonalGaussian {
+        let deviation = normals(seed + 1, COUNT)
+            .iter()
+            .map(|x| 0.05 + 0.3 * x.abs())
+            .collect();
+        DiagonalGaussian {
+            mean: normals(seed, COUNT).iter().map(|x| 0.5 * x).collect(),
+            deviation,
+        }
+    }
+
+    /// 1 → 1 (ReLU) → 1 with weights 2, −1, 3, 0.5: x = 1 gives 3 (2 − 1) + 0.5 = 3.5, x = 0 gives
+    /// 0.5. For y = 4, s = ½, x = 1: log p = −½ (0.5/0.5)² − log ½ − ½ log 2π = −0.7257914.
+    #[test]
+    fn by_hand() {
+        let (likelihood, weights, mut pass) = (
+            Likelihood::new(&[1, 1, 1], 0.5),
+            [2.0, -1.0, 3.0, 0.5],
+            Pass::default(),
+        );
+        assert_eq!(
+            likelihood.forward(&weights, &[1.0, 0.0], &mut pass),
+            [3.5, 0.5]
+        );
+        let log_likelihood = likelihood.backward(&weights, &[1.0], &[4.0], 1.0, &mut pass);
+        assert!((log_likelihood + 0.725_791_4).abs() < 1e-6);
+        // δ₂ = 0.5/0.25 = 2, δ₁ = 2 · 3: gradient 6, 6, 2, 2. With c = 1, 2, 3, 4: 36 + 72 + 12 +
+        // 16.
+        let mut sums = [0.0];
+        likelihood.weighted_squares(
+            (&weights, &[1.0, 2.0, 3.0, 4.0]),
+            (&[1.0], &[4.0]),
+            &mut pass,
+            &mut sums,
+        );
+        assert_eq!(sums, [136.0]);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Sample by sample, from the gradient of one draw by central differences.
+        #[test]
+        fn weighted_squares_agree_with_materialised_gradients(seed in 0..1_000_000_u64, batch in 1..4_usize) {
+            let likelihood = Likelihood::new(&SIZES, 0.7);
+            let (q, noise) = (gaussian(seed), normals(seed + 2, COUNT));
+            let coefficients: Vec<f32> = normals(seed + 3, COUNT).iter().map(|x| x.abs()).collect();
+            let (inputs, targets) = (normals(seed + 4, 3 * batch), normals(seed + 5, 2 * batch));
+            let (mut weights, mut sums) = (Vec::new(), vec![f32::NAN; batch]);
+            q.draw(&noise, &mut weights);
+            likelihood.weighted_squares((&weights, &coefficients), (&inputs, &targets), &mut Pass::default(), &mut sums);
+
+            for ((input, target), sum) in inputs.chunks(3).zip(targets.chunks(2)).zip(sums) {
+                let f = |w: &[f64]| reference::log_likelihood(&SIZES, f64::from(0.7_f32), w, input, target);
+                let slopes = reference::slopes(&reference::draw(&q, &noise), f);
+                let expected: f64 = slopes.iter().zip(&coefficients).map(|(g, &c)| f64::from(c) * g * g).sum();
+                prop_assert!((f64::from(sum) - expected).abs() < 1e-4 * (1.0 + expected), "{sum} {expected}");
+            }
+        }
+
+        /// The derivative of the mean over draws of log p(y|x; μ + σ ε) with respect to μ and σ, by
+        /// central differences.
+        #[test]
+        fn expected_gradients_agree_with_central_differences(seed in 0..1_000_000_u64, draws in 1..4_usize) {
+            let likelihood = Likelihood::new(&SIZES, 0.7);
+            let (q, noise) = (gaussian(seed), normals(seed + 2, draws * COUNT));
+            let (inputs, targets) = (normals(seed + 4, 6), normals(seed + 5, 4));
+            let mut found = Vec::new();
+            let keep = |by_mean: &[f32], by_deviation: &[f32]| found.push([by_mean.to_vec(), by_deviation.to_vec()].concat());
+            likelihood.expected_gradients((&q, &noise), (&inputs, &targets), &mut Draws::default(), keep);
+
+            let moments: Vec<f64> = q.mean.iter().chain(&q.deviation).map(|&x| f64::from(x)).collect();
+            for ((input, target), found) in inputs.chunks(3).zip(targets.chunks(2)).zip(found) {
+                let f = |moments: &[f64]| -> f64 {
+                    let (mean, deviation) = moments.split_at(COUNT);
+                    let each = noise.chunks(COUNT).map(|noise| {
+                        let draw = mean.iter().zip(deviation).zip(noise).map(|((m, d), &e)| m + d * f64::from(e));
+                        reference::log_likelihood(&SIZES, f64::from(0.7_f32), &draw.collect::<Vec<_>>(), input, target)
+                    });
+                    each.sum::<f64>() / draws as f64
+                };
+                let expected = reference::slopes(&moments, f);
+                let scale = expected.iter().map(|g| g.abs()).fold(1.0, f64::max);
+                for (found, expected) in found.iter().zip(expected) {
+                    prop_assert!((f64::from(*found) - expected).abs() < 1e-4 * scale, "{found} {expected}");
+                }
+            }
+        }
+    }
+
+    /// 150 samples are more than two blocks; each alone gives the same.
+    #[test]
+    fn blocks_do_not_matter() {
+        let (likelihood, q, noise) = (Likelihood::new(&SIZES, 1.0), gaussian(1), normals(3, COUNT));
+        let (inputs, targets, mut pass, mut weights) = (
+            normals(4, 450),
+            normals(5, 300),
+            Pass::default(),
+            Vec::new(),
+        );
+        q.draw(&noise, &mut weights);
+        let mut sums = vec![0.0; 150];
+        likelihood.weighted_squares(
+            (&weights, &q.deviation),
+            (&inputs, &targets),
+            &mut pass,
+            &mut sums,
+        );
+        let mut visits = Vec::new();
+        let visit = |by_mean: &[f32], _: &[f32]| {
+            visits.push(
+                by_mean
+                    .iter()
+                    .zip(&q.deviation)
+                    .map(|(g, c)| c * g * g)
+                    .sum::<f32>(),
+            )
+        };
+        likelihood.expected_gradients(
+            (&q, &noise),
+            (&inputs, &targets),
+            &mut Draws::default(),
+            visit,
+        );
+        for (index, (input, target)) in inputs.chunks(3).zip(targets.chunks(2)).enumerate() {
+            let mut alone = [0.0];
+            likelihood.weighted_squares(
+                (&weights, &q.deviation),
+                (input, target),
+                &mut pass,
+                &mut alone,
+            );
+            assert!(
+                (alone[0] - sums[index]).abs() < 1e-4 * (1.0 + alone[0]),
+                "{index}"
+            );
+            assert!(
+                (alone[0] - visits[index]).abs() < 1e-4 * (1.0 + alone[0]),
+                "{index}"
+            );
+        }
+    }
+}

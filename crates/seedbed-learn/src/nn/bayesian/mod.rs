@@ -1,0 +1,479 @@
+//! A Bayesian neural network whose weights are independent Gaussians (thesis §4.2; Blundell et al.
+//! 2015, "Bayes by Backprop").
+//!
+//! The posterior q(w; φ), φ = {μ, ρ}, σ = log(1 + eᵖ), descends KL(q‖prior)/N − `E_q`[log p(y|x;
+//! w)] per datum. Noise comes from outside as standard-normal numbers, so that the caller's streams
+//! decide it.
+
+mod gaussian;
+mod likelihood;
+#[cfg(test)]
+mod reference;
+
+pub use gaussian::DiagonalGaussian;
+pub use likelihood::{Draws, Likelihood, Pass};
+
+use rand::Rng;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use self::gaussian::{softplus, softplus_inverse, softplus_slope};
+use super::{Adam, AdamSettings, Initial, Mlp};
+use seedbed_env::input::numbers::{Positive, known};
+
+/// Parameters of a Bayesian network.
+#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BayesianSettings {
+    /// Initial standard deviation σ of every weight, from 0.000123 to 1.313.
+    pub initial_deviation: Positive,
+    /// Standard deviation of the prior of every weight, whose mean is 0.
+    pub prior_deviation: Positive,
+    /// Fixed standard deviation s of a target around the network's output.
+    pub likelihood_deviation: Positive,
+    /// Optimizer of μ and ρ.
+    pub optimiser: AdamSettings,
+}
+
+impl Default for BayesianSettings {
+    fn default() -> Self {
+        let (initial_deviation, prior_deviation, likelihood_deviation) =
+            (known(0.2), known(0.5), known(1.0));
+        Self {
+            initial_deviation,
+            prior_deviation,
+            likelihood_deviation,
+            optimiser: AdamSettings::default(),
+        }
+    }
+}
+
+/// A network that learns a distribution of its weights.
+#[derive(Clone, Debug)]
+pub struct BayesianNetwork {
+    likelihood: Likelihood,
+    state: BayesianState,
+    /// The state's q in (μ, σ).
+    posterior: DiagonalGaussian,
+    scratch: Scratch,
+}
+
+/// What learning changes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BayesianState {
+    /// `[2P]`: μ, then ρ.
+    parameters: Vec<f32>,
+    prior: DiagonalGaussian,
+    optimiser: Adam,
+}
+
+/// The loss per datum that a step descended, in two parts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BayesianLoss {
+    /// KL(q‖prior), nats, of all weights; the loss has it divided by N.
+    pub divergence: f64,
+    /// −log p(y|x; w), nats, mean over draws and samples.
+    pub negative_log_likelihood: f64,
+}
+
+/// ρ is held within these: σ neither dies out nor runs away from the scale of the weights.
+const RHO: [f32; 2] = [-9.0, 1.0];
+
+#[derive(Clone, Debug, Default)]
+struct Scratch {
+    pass: Pass,
+    weights: Vec<f32>,
+    antithetic_noise: Vec<f32>,
+    weight_gradient: Vec<f32>,
+    /// `[2P]`: ∂L/∂μ, then ∂L/∂ρ.
+    gradient: Vec<f32>,
+}
+
+impl BayesianNetwork {
+    /// A network with these layer sizes, the input first; the means start uniform within
+    /// ±1/√(inputs of the layer).
+    ///
+    /// # Panics
+    /// With fewer than two layers or an empty one.
+    pub fn new(sizes: &[usize], settings: &BayesianSettings, random: &mut impl Rng) -> Self {
+        let mut parameters = Mlp::new(sizes).initial(Initial::Random, random);
+        let count = parameters.len();
+        let rho = softplus_inverse(settings.initial_deviation.get_f32()).clamp(RHO[0], RHO[1]);
+        parameters.resize(2 * count, rho);
+        let prior = DiagonalGaussian::isotropic(count, settings.prior_deviation.get_f32());
+        let state = BayesianState {
+            parameters,
+            prior,
+            optimiser: Adam::new(settings.optimiser, 2 * count),
+        };
+        let likelihood = Likelihood::new(sizes, settings.likelihood_deviation.get_f32());
+        let mut network = Self {
+            likelihood,
+            posterior: state.prior.clone(),
+            state,
+            scratch: Scratch::default(),
+        };
+        network.refresh_posterior();
+        network
+    }
+
+    /// One step of Adam down KL(q‖prior)/N + mean of −log p(y|x; w) over the minibatch and over
+    /// draws w = μ ± σ ε (thesis Eq. 27; Eq. 33 with the mean over draws and the divergence in
+    /// closed form). `inputs: [B × in]`, `targets: [B × out]`, `noise: [n × P]`, `data_count`: N
+    ///
+    /// Each ε serves twice, as ε and −ε (an antithetic pair), which takes the odd part of the noise
+    /// out of the gradient.
+    ///
+    /// # Panics
+    /// If a slice has another shape or is empty.
+    pub fn descend(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        noise: &[f32],
+        data_count: usize,
+    ) -> BayesianLoss {
+        let loss = self.compute_gradient(inputs, targets, noise, data_count);
+        self.state
+            .optimiser
+            .descend(&mut self.state.parameters, &self.scratch.gradient, 1.0);
+        let count = self.likelihood.weight_count();
+        for rho in &mut self.state.parameters[count..] {
+            *rho = rho.clamp(RHO[0], RHO[1]);
+        }
+        self.refresh_posterior();
+        loss
+    }
+
+    /// From now on the prior is the present posterior: what was learned from data stays when the
+    /// data go.
+    pub fn make_posterior_the_prior(&mut self) {
+        self.state.prior.clone_from(&self.posterior);
+    }
+
+    /// q(w; φ) in (μ, σ).
+    #[must_use]
+    pub fn posterior(&self) -> &DiagonalGaussian {
+        &self.posterior
+    }
+
+    /// What the posterior is held to.
+    #[must_use]
+    pub fn prior(&self) -> &DiagonalGaussian {
+        &self.state.prior
+    }
+
+    /// p(y|x; w).
+    #[must_use]
+    pub fn likelihood(&self) -> &Likelihood {
+        &self.likelihood
+    }
+
+    /// What learning has changed, to be stored.
+    #[must_use]
+    pub fn state(&self) -> &BayesianState {
+        &self.state
+    }
+
+    /// Goes on from a stored state.
+    ///
+    /// # Panics
+    /// If it is of a network with another number of weights; see [`BayesianState::weight_count`].
+    pub fn restore(&mut self, state: BayesianState) {
+        assert_eq!(state.weight_count(), self.likelihood.weight_count());
+        self.state = state;
+        self.refresh_posterior();
+    }
+
+    fn compute_gradient(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        noise: &[f32],
+        data_count: usize,
+    ) -> BayesianLoss {
+        let count = self.likelihood.weight_count();
+        let rows = inputs.len() / self.likelihood.inputs();
+        assert!(
+            rows > 0 && data_count > 0 && !noise.is_empty() && noise.len().is_multiple_of(count)
+        );
+        let draws = 2 * (noise.len() / count);
+        self.scratch.gradient.clear();
+        self.scratch.gradient.resize(2 * count, 0.0);
+        let scale = -1.0 / (draws * rows) as f32;
+        let log_likelihood: f64 = noise
+            .chunks_exact(count)
+            .map(|noise| self.add_pair(inputs, targets, noise, scale))
+            .sum();
+        let (by_mean, by_rho) = self.scratch.gradient.split_at_mut(count);
+        self.posterior.add_divergence_gradient(
+            &self.state.prior,
+            1.0 / data_count as f32,
+            by_mean,
+            by_rho,
+        );
+        for (slope, rho) in by_rho.iter_mut().zip(&self.state.parameters[count..]) {
+            *slope *= softplus_slope(*rho);
+        }
+        let negative_log_likelihood = -log_likelihood / (draws * rows) as f64;
+        BayesianLoss {
+            divergence: self.posterior.divergence(&self.state.prior),
+            negative_log_likelihood,
+        }
+    }
+
+    /// Adds `scale` ∂ log p/∂w and ε times it, over the draws with ε and −ε; returns Σ log p.
+    fn add_pair(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], scale: f32) -> f64 {
+        let mut antithetic = std::mem::take(&mut self.scratch.antithetic_noise);
+        antithetic.clear();
+        antithetic.extend(noise.iter().map(|noise| -noise));
+        let sum = self.add_draw(inputs, targets, noise, scale)
+            + self.add_draw(inputs, targets, &antithetic, scale);
+        self.scratch.antithetic_noise = antithetic;
+        sum
+    }
+
+    fn add_draw(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], scale: f32) -> f64 {
+        let Scratch {
+            pass,
+            weights,
+            weight_gradient,
+            gradient,
+            ..
+        } = &mut self.scratch;
+        self.posterior.draw(noise, weights);
+        weight_gradient.resize(noise.len(), 0.0);
+        let log_likelihood = self
+            .likelihood
+            .backward(weights, inputs, targets, scale, pass);
+        self.likelihood.gradient(inputs, pass, weight_gradient);
+        let (by_mean, by_deviation) = gradient.split_at_mut(noise.len());
+        likelihood::add_draw(weight_gradient, noise, by_mean, by_deviation);
+        log_likelihood
+    }
+
+    fn refresh_posterior(&mut self) {
+        let (mean, rho) = self
+            .state
+            .parameters
+            .split_at(self.likelihood.weight_count());
+        self.posterior.mean.copy_from_slice(mean);
+        for (deviation, rho) in self.posterior.deviation.iter_mut().zip(rho) {
+            *deviation = softplus(*rho);
+        }
+    }
+}
+
+impl BayesianState {
+    /// P, the number of weights of the network that this is the state of; 0 if its parts do not fit
+    /// together.
+    #[must_use]
+    pub fn weight_count(&self) -> usize {
+        let count = self.prior.mean.len();
+        if self.parameters.len() == 2 * count && self.prior.deviation.len() == count {
+            count
+        } else {
+            0
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::reference::normals;
+    use super::*;
+    use proptest::prelude::*;
+    use seedbed_env::random::{Purpose, stream};
+
+    fn network(seed: u64, sizes: &[usize], settings: &BayesianSettings) -> BayesianNetwork {
+        BayesianNetwork::new(
+            sizes,
+            settings,
+            &mut stream(seed, Purpose::InitialParameters, 0, 0),
+        )
+    }
+
+    #[test]
+    fn it_starts_as_it_is_told() {
+        let network = network(1, &[3, 8, 2], &BayesianSettings::default());
+        assert_eq!(network.likelihood().weight_count(), 4 * 8 + 9 * 2);
+        assert!(
+            network
+                .posterior()
+                .deviation
+                .iter()
+                .all(|sigma| (sigma - 0.2).abs() < 1e-6)
+        );
+        assert_eq!(*network.prior(), DiagonalGaussian::isotropic(50, 0.5));
+        assert!(
+            network
+                .posterior()
+                .mean
+                .iter()
+                .all(|mean| mean.abs() <= 1.0 / 3.0_f32.sqrt())
+        );
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// The loss as a function of φ = (μ, ρ), naively and in double precision, by central
+        /// differences.
+        #[test]
+        fn gradient_agrees_with_central_differences(seed in 0..1_000_000_u64, pairs in 1..3_usize, batch in 1..3_usize) {
+            let (sizes, deviation) = ([2, 4, 3, 2], 0.6);
+            let settings = BayesianSettings { likelihood_deviation: known(deviation), ..BayesianSettings::default() };
+            let mut network = network(seed, &sizes, &settings);
+            let count = network.likelihood().weight_count();
+            network.state.parameters[count..].iter_mut().zip(normals(seed, count)).for_each(|(rho, z)| *rho += 0.5 * z);
+            network.refresh_posterior();
+            let (inputs, targets) = (normals(seed + 1, 2 * batch), normals(seed + 2, 2 * batch));
+            let noise = normals(seed + 3, pairs * count);
+            let loss = network.compute_gradient(&inputs, &targets, &noise, 5);
+
+            let parts = |phi: &[f64]| -> [f64; 2] {
+                let (mean, rho) = phi.split_at(count);
+                let sigma: Vec<f64> = rho.iter().map(|rho| rho.exp().ln_1p()).collect();
+                let mut nll = 0.0;
+                for (noise, sign) in noise.chunks(count).flat_map(|noise| [(noise, 1.0), (noise, -1.0)]) {
+                    let moments = mean.iter().zip(&sigma).zip(noise);
+                    let weights: Vec<f64> = moments.map(|((mean, sigma), &noise)| mean + sign * sigma * f64::from(noise)).collect();
+                    for (input, target) in inputs.chunks(2).zip(targets.chunks(2)) {
+                        nll -= reference::log_likelihood(&sizes, f64::from(deviation as f32), &weights, input, target);
+                    }
+                }
+                let each = mean.iter().zip(&sigma).map(|(mean, sigma)| 0.5 * ((sigma / 0.5).powi(2) + (mean / 0.5).powi(2) - 1.0) - (sigma / 0.5).ln());
+                [each.sum(), nll / (2 * pairs * batch) as f64]
+            };
+            let phi: Vec<f64> = network.state.parameters.iter().map(|&x| f64::from(x)).collect();
+            let [divergence, nll] = parts(&phi);
+            prop_assert!((loss.divergence - divergence).abs() < 1e-4 * (1.0 + divergence));
+            prop_assert!((loss.negative_log_likelihood - nll).abs() < 1e-4 * (1.0 + nll));
+            let expected = reference::slopes(&phi, |phi| parts(phi)[0] / 5.0 + parts(phi)[1]);
+            let scale = expected.iter().map(|g| g.abs()).fold(1.0, f64::max);
+            for (found, expected) in network.scratch.gradient.iter().zip(expected) {
+                prop_assert!((f64::from(*found) - expected).abs() < 1e-4 * scale, "{found} {expected}");
+            }
+        }
+    }
+
+    /// y = w₁x₁ + w₂x₂ + b, s = ½, prior 𝒩(0, ½²), over the full factorial x ∈ {±1} × {±2}, twice:
+    /// XᵀX = diag(8, 32, 8) is diagonal, so the conjugate posterior is mean-field: Λ = 1/0.25 +
+    /// XᵀX/0.25 = 36, 132, 36, μ = Λ⁻¹ Xᵀy/0.25, σ² = 1/Λ. With y = x₁ − 0.4 x₂ + 0.6: μ = 32/36,
+    /// −0.4·128/132, 0.6·32/36.
+    #[test]
+    fn posterior_of_a_linear_model_is_the_conjugate_one() {
+        let settings = BayesianSettings {
+            likelihood_deviation: known(0.5),
+            ..BayesianSettings::default()
+        };
+        let mut network = network(2, &[2, 1], &settings);
+        let inputs = [1.0, 2.0, 1.0, -2.0, -1.0, 2.0, -1.0, -2.0].repeat(2);
+        let targets: Vec<f32> = inputs.chunks(2).map(|x| x[0] - 0.4 * x[1] + 0.6).collect();
+        let noise = normals(5, 20_000 * 12);
+        let (mut mean, mut deviation) = ([0.0; 3], [0.0; 3]);
+        for (step, noise) in noise.chunks(12).enumerate() {
+            network.descend(&inputs, &targets, noise, 8);
+            // The latter half is averaged over, as Adam goes on to wander about the optimum.
+            if step >= 10_000 {
+                for i in 0..3 {
+                    mean[i] += network.posterior().mean[i] / 10_000.0;
+                    deviation[i] += network.posterior().deviation[i] / 10_000.0;
+                }
+            }
+        }
+        let precision = [36.0_f32, 132.0, 36.0];
+        let expected = [32.0 / 36.0, -0.4 * 128.0 / 132.0, 0.6 * 32.0 / 36.0];
+        for i in 0..3 {
+            assert!(
+                (mean[i] - expected[i]).abs() < 2e-3,
+                "{i}: mean {} {}",
+                mean[i],
+                expected[i]
+            );
+            assert!(
+                (deviation[i] * precision[i].sqrt() - 1.0).abs() < 0.02,
+                "{i}: {} {}",
+                deviation[i],
+                precision[i].sqrt().recip()
+            );
+        }
+    }
+
+    #[test]
+    fn rho_is_held_within_its_bounds() {
+        let fast = AdamSettings {
+            step_size: known(5.0),
+            ..AdamSettings::default()
+        };
+        let mut network = network(
+            3,
+            &[1, 4, 1],
+            &BayesianSettings {
+                optimiser: fast,
+                ..BayesianSettings::default()
+            },
+        );
+        for step in 0..20 {
+            network.descend(&[0.5], &[0.0], &normals(step, 13), 1000);
+            assert!(
+                network.state.parameters[13..]
+                    .iter()
+                    .all(|rho| (-9.0..=1.0).contains(rho))
+            );
+        }
+        assert!(
+            network.state.parameters[13..]
+                .iter()
+                .any(|rho| [-9.0, 1.0].contains(rho)),
+            "no bound was met"
+        );
+    }
+
+    /// The posterior 𝒩 of one data set stays as the prior of none: without it, the same steps go
+    /// back towards 𝒩(0, ½²).
+    #[test]
+    fn a_posterior_kept_as_prior_holds_what_was_learned() {
+        let mut keeps = network(4, &[1, 1], &BayesianSettings::default());
+        let (inputs, targets) = ([1.0, -1.0], [1.5, -1.5]);
+        for step in 0..3000 {
+            keeps.descend(&inputs, &targets, &normals(step, 4), 50);
+        }
+        let learned = keeps.posterior().mean[0];
+        assert!(learned > 1.0, "{learned}");
+        let mut forgets = keeps.clone();
+        keeps.make_posterior_the_prior();
+        assert_eq!(keeps.posterior().divergence(keeps.prior()), 0.0);
+        for step in 0..1000 {
+            // Nothing is known at x = 0 about the slope, so only the prior moves it.
+            keeps.descend(&[0.0], &[0.0], &normals(step, 4), 1);
+            forgets.descend(&[0.0], &[0.0], &normals(step, 4), 1);
+        }
+        assert!(
+            (keeps.posterior().mean[0] - learned).abs() < 0.02,
+            "{} {learned}",
+            keeps.posterior().mean[0]
+        );
+        assert!(
+            forgets.posterior().mean[0] < learned - 0.4,
+            "{} {learned}",
+            forgets.posterior().mean[0]
+        );
+    }
+
+    #[test]
+    fn a_stored_state_goes_on_to_the_same_bits() {
+        let [mut network, mut resumed] =
+            [5, 6].map(|seed| network(seed, &[2, 6, 1], &BayesianSettings::default()));
+        let (inputs, targets) = (normals(1, 8), normals(2, 4));
+        network.descend(&inputs, &targets, &normals(3, 25), 4);
+        network.make_posterior_the_prior();
+        let stored = postcard::to_stdvec(network.state()).unwrap();
+        resumed.restore(postcard::from_bytes(&stored).unwrap());
+        let losses = [&mut network, &mut resumed]
+            .map(|network| network.descend(&inputs, &targets, &normals(4, 50), 4));
+        assert_eq!(losses[0], losses[1]);
+        assert_eq!(network.state(), resumed.state());
+        assert_eq!(network.posterior(), resumed.posterior());
+    }
+}

@@ -1,0 +1,285 @@
+//! Advantages: how much better an action turned out than the state's value (thesis §1.5.1, §3.4).
+//!
+//! Values beyond the last step count as 0. Where a time limit is not to count as an end, the caller
+//! adds γ v(`s_T`) to the last reward.
+
+/// Monte-Carlo with the ratio once: Aₜ = rₜ₊₁ + γ G̃ₜ₊₁ − bₜ, `G̃_T` = 0.   `rewards`, `returns`,
+/// `baseline`: `[T]` → `[T]`
+///
+/// The baseline b is v(sₜ), the trajectory's mean return, or 0 (thesis §1.5.1). The loss multiplies
+/// by ρₜ, so that its expectation is ρₜ Q, where the [printed form](monte_carlo_double) has ρₜ² Q.
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn monte_carlo_single(
+    rewards: &[f32],
+    returns: &[f32],
+    baseline: &[f32],
+    discount: f32,
+    advantages: &mut [f32],
+) {
+    one_step(rewards, returns, baseline, discount, advantages);
+}
+
+/// Monte-Carlo as printed (thesis Eq. 22, 23): Aₜ = G̃ₜ − bₜ.   `returns`, `baseline`: `[T]` →
+/// `[T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn monte_carlo_double(returns: &[f32], baseline: &[f32], advantages: &mut [f32]) {
+    assert_eq!([baseline.len(), advantages.len()], [returns.len(); 2]);
+    for ((advantage, baseline), r#return) in advantages.iter_mut().zip(baseline).zip(returns) {
+        *advantage = r#return - baseline;
+    }
+}
+
+/// δₜ = rₜ₊₁ + γ v(sₜ₊₁) − v(sₜ) (thesis §1.3).   `rewards`, `values`: `[T]` → `[T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn temporal_difference_errors(
+    rewards: &[f32],
+    values: &[f32],
+    discount: f32,
+    errors: &mut [f32],
+) {
+    one_step(rewards, values, values, discount, errors);
+}
+
+/// The sum of TD errors to the end of a segment of Λ steps (thesis Eq. 6): Aₜ = δₜ + γ δₜ₊₁ + … +
+/// γ^{Λ−1−t} `δ_{Λ−1}`, and again from step Λ on; so Aₜ = δₜ + γ Aₜ₊₁ inside a segment.
+/// `rewards`, `values`: `[T]` → `[T]`
+///
+/// # Panics
+/// If the slices differ in length, or `segment` is 0.
+pub fn n_step(
+    rewards: &[f32],
+    values: &[f32],
+    discount: f32,
+    segment: usize,
+    advantages: &mut [f32],
+) {
+    temporal_difference_errors(rewards, values, discount, advantages);
+    for segment in advantages.chunks_mut(segment) {
+        accumulate(segment, |_| discount);
+    }
+}
+
+/// Generalized advantage estimation (Schulman et al. 2016, Eq. 16): Aₜ = δₜ + γλ Aₜ₊₁.   `rewards`,
+/// `values`: `[T]` → `[T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn gae(rewards: &[f32], values: &[f32], discount: f32, lambda: f32, advantages: &mut [f32]) {
+    temporal_difference_errors(rewards, values, discount, advantages);
+    accumulate(advantages, |_| discount * lambda);
+}
+
+/// Off-policy traces cut as Retrace does (Munos et al. 2016, c = λ min(1, ρ)), with v in the place
+/// of Q: Aₜ = δₜ + γ λ min(1, ρₜ₊₁) Aₜ₊₁. Where all ρ are 1 it is [`gae`].   `rewards`, `values`,
+/// `ratios`: `[T]` → `[T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn retrace(
+    rewards: &[f32],
+    values: &[f32],
+    ratios: &[f32],
+    discount: f32,
+    lambda: f32,
+    advantages: &mut [f32],
+) {
+    assert_eq!(ratios.len(), rewards.len());
+    temporal_difference_errors(rewards, values, discount, advantages);
+    accumulate(advantages, |next| discount * lambda * ratios[next].min(1.0));
+}
+
+/// V-trace's advantage (Espeholt et al. 2018, §4.2): Aₜ = rₜ₊₁ + γ vsₜ₊₁ − v(sₜ), with vs the
+/// [targets](super::returns::v_trace).   `rewards`, `targets`, `values`: `[T]` → `[T]`
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn v_trace(
+    rewards: &[f32],
+    targets: &[f32],
+    values: &[f32],
+    discount: f32,
+    advantages: &mut [f32],
+) {
+    monte_carlo_single(rewards, targets, values, discount, advantages);
+}
+
+/// The mean return of a trajectory, as the same baseline at every step (thesis §1.5.1).
+/// `returns: [T]` → `baseline: [T]`
+pub fn mean_baseline(returns: &[f32], baseline: &mut Vec<f32>) {
+    baseline.clear();
+    baseline.resize(returns.len(), mean(returns));
+}
+
+/// A ← (A − mean A) / (deviation of A + 10⁻⁸). A single or constant advantage becomes 0.   `[N]`,
+/// in place
+pub fn standardize(advantages: &mut [f32]) {
+    let center = mean(advantages);
+    for advantage in &mut *advantages {
+        *advantage -= center;
+    }
+    let variance = advantages
+        .iter()
+        .map(|centred| centred * centred)
+        .sum::<f32>()
+        / advantages.len().max(1) as f32;
+    let scale = 1.0 / (variance.sqrt() + 1e-8);
+    for advantage in advantages {
+        *advantage *= scale;
+    }
+}
+
+/// rₜ₊₁ + γ nₜ₊₁ − bₜ, `n_T` = 0.
+fn one_step(
+    rewards: &[f32],
+    next: &[f32],
+    baseline: &[f32],
+    discount: f32,
+    differences: &mut [f32],
+) {
+    assert_eq!(
+        [next.len(), baseline.len(), differences.len()],
+        [rewards.len(); 3]
+    );
+    let next = next[1.min(next.len())..].iter().copied().chain([0.0]);
+    for (((difference, reward), baseline), next) in
+        differences.iter_mut().zip(rewards).zip(baseline).zip(next)
+    {
+        *difference = discount.mul_add(next, *reward) - baseline;
+    }
+}
+
+/// xₜ ← xₜ + dₜ₊₁ xₜ₊₁ from the last step but one to the first.
+fn accumulate(errors: &mut [f32], decay: impl Fn(usize) -> f32) {
+    for step in (0..errors.len().saturating_sub(1)).rev() {
+        errors[step] = decay(step + 1).mul_add(errors[step + 1], errors[step]);
+    }
+}
+
+fn mean(values: &[f32]) -> f32 {
+    values.iter().sum::<f32>() / values.len().max(1) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// γ = ½, r = 1, 2, 4, G̃ = 6, 4, 12, v = 1, 1, 1: A = 1 + 2 − 1, 2 + 6 − 1, 4 − 1.
+    #[test]
+    fn single_by_hand() {
+        let mut advantages = [0.0; 3];
+        monte_carlo_single(
+            &[1.0, 2.0, 4.0],
+            &[6.0, 4.0, 12.0],
+            &[1.0; 3],
+            0.5,
+            &mut advantages,
+        );
+        assert_eq!(advantages, [2.0, 7.0, 3.0]);
+    }
+
+    #[test]
+    fn double_by_hand() {
+        let mut advantages = [0.0; 3];
+        monte_carlo_double(&[6.0, 4.0, 12.0], &[1.0, 2.0, 3.0], &mut advantages);
+        assert_eq!(advantages, [5.0, 2.0, 9.0]);
+    }
+
+    /// γ = ½, r = 1, 2, 4, v = 2, 4, 6: δ = 1 + 2 − 2, 2 + 3 − 4, 4 − 6 = 1, 1, −2.
+    const REWARDS: [f32; 3] = [1.0, 2.0, 4.0];
+    const VALUES: [f32; 3] = [2.0, 4.0, 6.0];
+
+    fn of(estimate: impl Fn(&mut [f32])) -> [f32; 3] {
+        let mut advantages = [f32::NAN; 3];
+        estimate(&mut advantages);
+        advantages
+    }
+
+    #[test]
+    fn temporal_difference_errors_by_hand() {
+        assert_eq!(
+            of(|a| temporal_difference_errors(&REWARDS, &VALUES, 0.5, a)),
+            [1.0, 1.0, -2.0]
+        );
+    }
+
+    /// Λ = 2: A₀ = 1 + ½·1, A₁ = 1, and a new segment: A₂ = −2. Λ = 3: A₁ = 1 − 1 = 0, A₀ = 1 + 0.
+    #[test]
+    fn n_step_by_hand() {
+        assert_eq!(
+            of(|a| n_step(&REWARDS, &VALUES, 0.5, 2, a)),
+            [1.5, 1.0, -2.0]
+        );
+        assert_eq!(
+            of(|a| n_step(&REWARDS, &VALUES, 0.5, 3, a)),
+            [1.0, 0.0, -2.0]
+        );
+        assert_eq!(
+            of(|a| n_step(&REWARDS, &VALUES, 0.5, 100, a)),
+            [1.0, 0.0, -2.0]
+        );
+    }
+
+    /// λ = ½, γλ = ¼: A₂ = −2, A₁ = 1 − ½ = ½, A₀ = 1 + ⅛. λ = 0 gives δ, λ = 1 the return minus v:
+    /// 3 − 2, 4 − 4, 4 − 6.
+    #[test]
+    fn gae_by_hand() {
+        assert_eq!(
+            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a)),
+            [1.125, 0.5, -2.0]
+        );
+        assert_eq!(
+            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.0, a)),
+            [1.0, 1.0, -2.0]
+        );
+        assert_eq!(
+            of(|a| gae(&REWARDS, &VALUES, 0.5, 1.0, a)),
+            [1.0, 0.0, -2.0]
+        );
+    }
+
+    /// λ = ½, ρ = 9, ½, 3: A₂ = −2, A₁ = 1 − ¼·1·2 = ½, A₀ = 1 + ¼·½·½ = 1.0625; ρ₀ has no say.
+    #[test]
+    fn retrace_by_hand() {
+        assert_eq!(
+            of(|a| retrace(&REWARDS, &VALUES, &[9.0, 0.5, 3.0], 0.5, 0.5, a)),
+            [1.0625, 0.5, -2.0]
+        );
+        assert_eq!(
+            of(|a| retrace(&REWARDS, &VALUES, &[1.0; 3], 0.5, 0.5, a)),
+            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a))
+        );
+    }
+
+    /// G = 3, 6: mean 4.5. A = 1, 3, 8 has mean 4 and variance (9 + 1 + 16)/3 = 26/3.
+    #[test]
+    fn means_and_deviations_by_hand() {
+        let mut baseline = vec![];
+        mean_baseline(&[3.0, 6.0], &mut baseline);
+        assert_eq!(baseline, [4.5, 4.5]);
+        let standardized = of(|a| {
+            a.copy_from_slice(&[1.0, 3.0, 8.0]);
+            standardize(a);
+        });
+        let deviation = (26.0_f32 / 3.0).sqrt();
+        assert!(
+            standardized
+                .iter()
+                .zip([-3.0, -1.0, 4.0])
+                .all(|(a, b)| (a - b / deviation).abs() < 1e-6)
+        );
+        assert_eq!(
+            of(|a| {
+                a.fill(7.0);
+                standardize(a);
+            }),
+            [0.0; 3]
+        );
+        standardize(&mut []);
+    }
+}

@@ -1,0 +1,131 @@
+//! Policy losses of one step, each with its derivative with respect to log π(aₜ|sₜ). Advantages are
+//! constants here.
+
+/// A loss and its derivative with respect to log π(a|s).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surrogate {
+    /// The loss.
+    pub loss: f32,
+    /// ∂loss/∂log π
+    pub slope: f32,
+    /// Whether clipping took the gradient away.
+    pub clipped: bool,
+}
+
+/// Simple policy gradient (thesis Eq. 7, 20): −log π(a|s) A.
+#[must_use]
+pub fn simple(log_prob: f32, advantage: f32) -> Surrogate {
+    Surrogate {
+        loss: -log_prob * advantage,
+        slope: -advantage,
+        clipped: false,
+    }
+}
+
+/// PPO's clipped surrogate (thesis Eq. 8, 16, 21, 23): −min(ρ A, clip(ρ, 1−ε, 1+ε) A),
+/// differentiated through ρ.
+///
+/// ρ = π/μ, so that ∂ρ/∂log π = ρ. The gradient is gone where A > 0 and ρ > 1 + ε, or A < 0 and ρ <
+/// 1 − ε.
+#[must_use]
+pub fn ppo(ratio: f32, advantage: f32, clip: f32) -> Surrogate {
+    let free = ratio * advantage;
+    let bounded = ratio.clamp(1.0 - clip, 1.0 + clip) * advantage;
+    let clipped = bounded < free;
+    Surrogate {
+        loss: -free.min(bounded),
+        slope: if clipped { 0.0 } else { -free },
+        clipped,
+    }
+}
+
+/// Off-PAC (thesis Eq. 15, 22): −ρ log π(a|s) A, with ρ held constant and, where `cap` says so,
+/// bounded.
+#[must_use]
+pub fn off_pac(log_prob: f32, ratio: f32, advantage: f32, cap: Option<f32>) -> Surrogate {
+    let weight = ratio.min(cap.unwrap_or(f32::INFINITY));
+    Surrogate {
+        loss: -weight * log_prob * advantage,
+        slope: -weight * advantage,
+        clipped: false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// ε = 0.2: (ρ, A) = (1.5, 2) is clipped at 1.2·2; (0.5, −2) at 0.8·−2; (1.5, −2) and (0.5, 2)
+    /// are not; nor is ρ = 1.
+    #[test]
+    fn ppo_by_hand() {
+        let at = |ratio, advantage| ppo(ratio, advantage, 0.2);
+        assert_eq!((at(1.5, 2.0).slope, at(1.5, 2.0).clipped), (0.0, true));
+        assert!((at(1.5, 2.0).loss + 2.4).abs() < 1e-6);
+        assert!((at(0.5, -2.0).loss - 1.6).abs() < 1e-6);
+        assert!(at(0.5, -2.0).clipped);
+        assert_eq!(
+            at(1.5, -2.0),
+            Surrogate {
+                loss: 3.0,
+                slope: 3.0,
+                clipped: false
+            }
+        );
+        assert_eq!(
+            at(0.5, 2.0),
+            Surrogate {
+                loss: -1.0,
+                slope: -1.0,
+                clipped: false
+            }
+        );
+        assert_eq!(
+            at(1.0, 2.0),
+            Surrogate {
+                loss: -2.0,
+                slope: -2.0,
+                clipped: false
+            }
+        );
+    }
+
+    /// ρ = 4, A = 2, log π = −0.5: slope −8, loss 4; capped at 1: −2 and 1.
+    #[test]
+    fn off_pac_by_hand() {
+        assert_eq!(
+            off_pac(-0.5, 4.0, 2.0, None),
+            Surrogate {
+                loss: 4.0,
+                slope: -8.0,
+                clipped: false
+            }
+        );
+        assert_eq!(
+            off_pac(-0.5, 4.0, 2.0, Some(1.0)),
+            Surrogate {
+                loss: 1.0,
+                slope: -2.0,
+                clipped: false
+            }
+        );
+    }
+
+    proptest! {
+        /// ρ = exp(log π − log μ) with log μ = −0.7; away from the kinks at 1 ± ε.
+        #[test]
+        fn slopes_agree_with_central_differences(log_prob in -3.0_f32..0.0, advantage in -4.0_f32..4.0, clip in 0.05_f32..0.9) {
+            let ratio = |log_prob: f32| (log_prob + 0.7).exp();
+            prop_assume!((ratio(log_prob) - 1.0 - clip).abs() > 0.02 && (ratio(log_prob) - 1.0 + clip).abs() > 0.02);
+            let h = 1e-3;
+            let numeric = |loss: &dyn Fn(f32) -> f32| (loss(log_prob + h) - loss(log_prob - h)) / (2.0 * h);
+            let clipped = ppo(ratio(log_prob), advantage, clip);
+            prop_assert!((numeric(&|x| ppo(ratio(x), advantage, clip).loss) - clipped.slope).abs() < 2e-2);
+            prop_assert!((numeric(&|x| simple(x, advantage).loss) - simple(log_prob, advantage).slope).abs() < 2e-2);
+            let constant = ratio(log_prob);
+            let weighed = off_pac(log_prob, constant, advantage, None).slope;
+            prop_assert!((numeric(&|x| off_pac(x, constant, advantage, None).loss) - weighed).abs() < 5e-2);
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Where work is done that may be done at once.
+
+use rayon::prelude::*;
+
+/// The caller's thread alone, or a pool of threads. Results are in the order of the items and must
+/// not depend on which it is.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Workers<'a> {
+    pool: Option<&'a rayon::ThreadPool>,
+}
+
+impl<'a> Workers<'a> {
+    /// The caller's thread alone.
+    pub const CALLER: Workers<'static> = Workers { pool: None };
+
+    /// The threads of `pool`, or the caller's alone if there is none.
+    #[must_use]
+    pub fn new(pool: Option<&'a rayon::ThreadPool>) -> Self {
+        Self { pool }
+    }
+
+    /// Does `work` on every item.
+    pub fn for_each<T: Send>(self, items: &mut [T], work: impl Fn(&mut T) + Send + Sync) {
+        match self.pool {
+            Some(pool) if items.len() > 1 => pool.install(|| items.par_iter_mut().for_each(work)),
+            _ => items.iter_mut().for_each(work),
+        }
+    }
+
+    /// The results of `work` for all items, in their order.
+    pub fn map<T: Send, R: Send>(
+        self,
+        items: Vec<T>,
+        work: impl Fn(T) -> R + Send + Sync,
+    ) -> Vec<R> {
+        match self.pool {
+            Some(pool) if items.len() > 1 => {
+                pool.install(|| items.into_par_iter().map(work).collect())
+            }
+            _ => items.into_iter().map(work).collect(),
+        }
+    }
+}

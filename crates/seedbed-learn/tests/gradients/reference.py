@@ -1,0 +1,364 @@
+"""Values and gradients that seedbed's hand-written ones are held against, by automatic differentiation in double precision.
+
+`reference.json` beside this file is its output, byte for byte; `crates/seedbed-learn/tests/it/gradients.rs` reads it. To make it again, in a
+virtual environment of its own:
+
+    pip install jax==0.10.2 jaxlib==0.10.2 numpy==2.4.6 optax==0.2.8
+    python crates/seedbed-learn/tests/gradients/reference.py
+    git diff --exit-code crates/seedbed-learn/tests/gradients/reference.json
+
+Only losses are written here, never their derivatives. Densities, softmax and Adam are the libraries'. Every input stands in the
+JSON; those that are not written here are drawn from named streams, as multiples of 1/256, which single precision holds exactly.
+Results are rounded to nine digits: more than single precision has, and few enough to hide how processors differ.
+"""
+
+import json
+import math
+import random
+from importlib.metadata import version
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jax.scipy.stats import norm
+
+jax.config.update("jax_platforms", "cpu")
+jax.config.update("jax_enable_x64", True)
+
+
+def main():
+    reference = {
+        "made_by": {library: version(library) for library in ("jax", "jaxlib", "numpy", "optax")},
+        "networks": [network_case("narrow", [3, 16, 7, 2], 5), network_case("wide", [4, 32, 32, 1], 40)],
+        "categorical": categorical_cases(),
+        "gaussian": gaussian_cases(),
+        "policy_losses": policy_loss_cases(),
+        "policies": policy_cases(),
+        "values": [value_case("unweighted", [1.0] * 7), value_case("weighted", numbers("sample weights", 7, 0.0, 3.0))],
+        "action_values": [action_value_case("plain", False, 0.0, 0.0), action_value_case("double", True, 0.0, 0.0),
+                          action_value_case("seeded, with a prior and a pull", False, 3.0, 0.25)],
+        "adam": adam_cases(),
+        "pop_art": [pop_art_case("slow", 0.125), pop_art_case("fast", 0.75)],
+    }
+    Path(__file__).with_name("reference.json").write_text(text(reference) + "\n", encoding="utf-8")
+
+
+# Networks: tanh between the layers, a linear output. Parameters are flat: layer by layer weight [in × out], then bias [out].
+
+
+def mlp(sizes, parameters, inputs):
+    """[B × in] → [B × out]"""
+    start, x = 0, inputs
+    for layer, (rows, columns) in enumerate(zip(sizes, sizes[1:])):
+        weight = parameters[start : start + rows * columns].reshape(rows, columns)
+        bias = parameters[start + rows * columns : start + (rows + 1) * columns]
+        start += (rows + 1) * columns
+        x = x @ weight + bias
+        x = jnp.tanh(x) if layer < len(sizes) - 2 else x
+    return x
+
+
+def initial(name, sizes):
+    """Uniform within ±2/√(inputs of the layer): wide enough for tanh to bend."""
+    bounds = [2 / math.sqrt(size) for size in sizes]
+    layers = [numbers(f"{name} {layer}", (sizes[layer] + 1) * sizes[layer + 1], -bounds[layer], bounds[layer])
+              for layer in range(len(sizes) - 1)]
+    return [number for layer in layers for number in layer]
+
+
+def network_case(name, sizes, batch):
+    """L = ½ Σ y²"""
+    parameters, inputs = initial(name, sizes), numbers(f"{name} inputs", batch * sizes[0], -2.0, 2.0)
+
+    def loss(parameters):
+        return jnp.sum(mlp(sizes, parameters, rows(inputs, sizes[0])) ** 2) / 2
+
+    outputs = mlp(sizes, array(parameters), rows(inputs, sizes[0]))
+    return {"name": name, "sizes": sizes, "parameters": parameters, "inputs": inputs,
+            "outputs": result(outputs), "gradient": result(jax.grad(loss)(array(parameters)))}
+
+
+# Distributions.
+
+
+def categorical_entropy(logits):
+    log_probs = jax.nn.log_softmax(logits)
+    return -jnp.sum(jnp.exp(log_probs) * log_probs, axis=-1)
+
+
+def gaussian_log_density(action, mean, log_deviation):
+    return norm.logpdf(action, mean, jnp.exp(log_deviation))
+
+
+def gaussian_entropy(mean, log_deviation):
+    """−E log π, by Gauss-Hermite quadrature, which is exact for the parabola that log π is."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(4)
+    actions = mean[..., None] + jnp.exp(log_deviation)[..., None] * nodes
+    density = gaussian_log_density(actions, mean[..., None], log_deviation[..., None])
+    return -jnp.sum(density * weights, axis=-1) / math.sqrt(2 * math.pi)
+
+
+def categorical_cases():
+    several = {f"{choices} choices": numbers(f"{choices} logits", choices, -3.0, 3.0) for choices in (2, 3, 5, 18)}
+    special = {"equal": [0.5] * 4, "nearly certain": [-8.0, 9.0, 1.0], "beyond single precision": [-200.0, 0.0, 100.0]}
+    return [categorical_case(name, logits) for name, logits in (several | special).items()]
+
+
+def categorical_case(name, logits):
+    """Row a of `log_prob_gradients` is ∂log π(a)/∂logits."""
+    x = array(logits)
+    return {"name": name, "logits": logits,
+            "log_probs": result(jax.nn.log_softmax(x)), "entropy": result(categorical_entropy(x)),
+            "log_prob_gradients": result(jax.jacrev(jax.nn.log_softmax)(x)),
+            "entropy_gradient": result(jax.grad(categorical_entropy)(x))}
+
+
+def gaussian_cases():
+    usual = [(0.5, 0.25, 0.0), (-2.0, 1.5, 0.75), (3.0, 1.0, 0.6875), (-0.75, 0.5, -2.5)]
+    special = [(1.0, 1.0, -1.0), (0.125, 0.0, -4.0), (40.0, -8.0, 1.0)]
+    return [gaussian_case(*case) for case in usual + special]
+
+
+def gaussian_case(action, mean, log_deviation):
+    """Gradients are with respect to (μ, log σ)."""
+    x = (array(action), array(mean), array(log_deviation))
+    return {"action": action, "mean": mean, "log_deviation": log_deviation,
+            "log_density": result(gaussian_log_density(*x)),
+            "gradient": result(jax.grad(gaussian_log_density, (1, 2))(*x)),
+            "entropy": result(gaussian_entropy(*x[1:]))}
+
+
+# Policy losses of one step; a loss is named as Rust's enum of the test is written in JSON.
+
+
+def surrogate(loss, log_prob, behaviour, advantage):
+    """The loss at log π(a|s), with log μ(a|s) = `behaviour`."""
+    ratio = jnp.exp(log_prob - behaviour)
+    if loss == "Simple":
+        return -log_prob * advantage
+    if "Ppo" in loss:
+        clip = loss["Ppo"]["clip"]
+        return -jnp.minimum(ratio * advantage, jnp.clip(ratio, 1 - clip, 1 + clip) * advantage)
+    cap = loss["OffPac"]["cap"]
+    weight = jax.lax.stop_gradient(ratio if cap is None else jnp.minimum(ratio, cap))
+    return -weight * log_prob * advantage
+
+
+def policy_loss_cases():
+    """ρ = e^−1, e^−⅛, 1, e^⅛, e^1 against both signs of A: every branch of the clipped surrogate, and both of the cap."""
+    losses = ["Simple", ppo(0.25), ppo(0.625), off_pac(None), off_pac(1.0), off_pac(2.5)]
+    log_ratios, advantages = [-1.0, -0.125, 0.0, 0.125, 1.0], [1.5, -0.75]
+    return [policy_loss_case(loss, -1.25, -1.25 - log_ratio, advantage)
+            for loss in losses for log_ratio in log_ratios for advantage in advantages]
+
+
+def policy_loss_case(loss, log_prob, behaviour, advantage):
+    value, slope = jax.value_and_grad(surrogate, 1)(loss, log_prob, behaviour, advantage)
+    return {"loss": loss, "log_prob": log_prob, "behaviour": behaviour, "advantage": advantage,
+            "value": result(value), "slope": result(slope)}
+
+
+def ppo(clip):
+    return {"Ppo": {"clip": clip}}
+
+
+def off_pac(cap):
+    return {"OffPac": {"cap": cap}}
+
+
+# Whole policies: mean loss − bonus · mean entropy, from the network's parameters on.
+
+CATEGORICAL = {"Categorical": {"choices": 3}}
+# Outputs are relative to the range: μ = center + half-range · y₀, log σ = clip(y₁ + log initial deviation) + log half-range.
+GAUSSIAN = {"Gaussian": {"range": [-2.0, 6.0], "initial_deviation": 4.25}}
+LOG_DEVIATION_BOUNDS = (-4.0, 1.0)
+
+
+def moments(head, outputs):
+    """([B × 2]) → (μ, log σ), each [B]"""
+    low, high = head["Gaussian"]["range"]
+    center, half_range = (low + high) / 2, (high - low) / 2
+    relative = outputs[:, 1] + math.log(head["Gaussian"]["initial_deviation"])
+    return center + half_range * outputs[:, 0], jnp.clip(relative, *LOG_DEVIATION_BOUNDS) + math.log(half_range)
+
+
+def log_probs_and_entropies(head, outputs, actions):
+    """[B × out], [B] → [B], [B]"""
+    if "Categorical" in head:
+        log_probs = jax.nn.log_softmax(outputs)
+        return log_probs[jnp.arange(len(actions)), np.array(actions, dtype=int)], categorical_entropy(outputs)
+    mean, log_deviation = moments(head, outputs)
+    return gaussian_log_density(array(actions), mean, log_deviation), gaussian_entropy(mean, log_deviation)
+
+
+def policy_cases():
+    losses = {"simple": "Simple", "ppo": ppo(0.25), "off-pac": off_pac(None), "capped off-pac": off_pac(1.0)}
+    heads = {"categorical": (CATEGORICAL, [4, 8, 8, 3], [0.0, 2.0, 1.0, 1.0, 0.0, 2.0]),
+             "gaussian": (GAUSSIAN, [4, 8, 8, 2], [14.0, -9.0, 2.0, 21.0, 0.25, -4.0])}
+    return [policy_case(f"{head} {loss}", *heads[head], losses[loss]) for head in heads for loss in losses]
+
+
+def policy_case(name, head, sizes, actions, loss, bonus=0.01):
+    family = name.split()[0]
+    parameters, states = initial(family, sizes), numbers(f"{family} states", len(actions) * sizes[0], -2.0, 2.0)
+    advantages = [1.0, -0.5, 0.75, -2.0, 1.25, -1.5]
+    outputs = mlp(sizes, array(parameters), rows(states, sizes[0]))
+    log_probs, _ = log_probs_and_entropies(head, outputs, actions)
+    # Both sides of the clip with both signs of the advantage, and within it.
+    behaviour = exact(log_probs - array([0.75, 0.5, 0.0625, -0.625, -0.5, -0.125]))
+
+    def objective(parameters):
+        outputs = mlp(sizes, parameters, rows(states, sizes[0]))
+        log_probs, entropies = log_probs_and_entropies(head, outputs, actions)
+        return jnp.mean(surrogate(loss, log_probs, array(behaviour), array(advantages))) - bonus * jnp.mean(entropies)
+
+    keep_off_kinks(head, outputs, log_probs - array(behaviour), loss)
+    value, gradient = jax.value_and_grad(objective)(array(parameters))
+    return {"name": name, "head": head, "loss": loss, "entropy_bonus": bonus, "sizes": sizes, "parameters": parameters,
+            "states": states, "actions": actions, "behaviour": behaviour, "advantages": advantages,
+            "value": result(value), "gradient": result(gradient)}
+
+
+def keep_off_kinks(head, outputs, log_ratios, loss):
+    """Where a loss has no derivative there is nothing to compare; and a bound that nothing passes is not compared either."""
+    if "Ppo" in loss:
+        keep_off(jnp.exp(log_ratios), (1 - loss["Ppo"]["clip"], 1 + loss["Ppo"]["clip"]))
+    if "Gaussian" in head:
+        keep_off(outputs[:, 1] + math.log(head["Gaussian"]["initial_deviation"]), LOG_DEVIATION_BOUNDS[1:])
+
+
+def keep_off(quantities, bounds):
+    for bound in bounds:
+        assert jnp.min(jnp.abs(quantities - bound)) > 0.01, (quantities, bound)
+        assert jnp.any(quantities < bound) and jnp.any(quantities > bound), (quantities, bound)
+
+
+def value_case(name, weights):
+    """½ mean w (Ŷ − Y)², Y being normalised already."""
+    sizes, batch = [4, 8, 8, 1], len(weights)
+    parameters, states = initial("value", sizes), numbers("value states", batch * sizes[0], -2.0, 2.0)
+    targets = numbers("value targets", batch, -2.0, 2.0)
+
+    def objective(parameters):
+        values = mlp(sizes, parameters, rows(states, sizes[0]))[:, 0]
+        return jnp.mean(array(weights) * (values - array(targets)) ** 2) / 2
+
+    value, gradient = jax.value_and_grad(objective)(array(parameters))
+    return {"name": name, "sizes": sizes, "parameters": parameters, "states": states, "targets": targets, "weights": weights,
+            "value": result(value), "gradient": result(gradient)}
+
+
+def action_value_case(name, double, prior_scale, regularisation):
+    """½ mean w (r + z + γ Q'(s', b) − Q(s, a))² + ½ λ ‖θ − θ̂‖², where Q = f + β p and b is the best by Q' or, if double, by Q."""
+    sizes, batch, stream = [3, 8, 8, 4], 7, f"action values {name}"
+    parameters, target, prior, start = (initial(f"{stream} {role}", sizes) for role in ("learned", "target", "prior", "start"))
+    states, next_states = (numbers(f"{stream} {when}", batch * sizes[0], -2.0, 2.0) for when in ("now", "next"))
+    rewards, seeds, weights = (numbers(f"{stream} {what}", batch, -1.0, 2.0) for what in ("rewards", "seeds", "weights"))
+    actions, discounts = [0, 3, 1, 2, 2, 0, 1], [0.875, 0.875, 0.0, 0.875, 0.875, 0.875, 0.0]
+    weights = [abs(weight) for weight in weights]
+
+    def values(parameters, states):
+        return sum(scale * mlp(sizes, array(p), rows(states, sizes[0])) for scale, p in ((1.0, parameters), (prior_scale, prior)))
+
+    def objective(parameters):
+        judged = values(target, next_states)
+        best = jnp.argmax(values(parameters, next_states) if double else judged, axis=1)
+        followed = jax.lax.stop_gradient(judged[jnp.arange(batch), best])
+        targets = array(rewards) + array(seeds) + array(discounts) * followed
+        errors = targets - values(parameters, states)[jnp.arange(batch), jnp.array(actions)]
+        pull = regularisation * jnp.sum((parameters - array(start)) ** 2) / 2
+        return jnp.mean(array(weights) * errors**2) / 2 + pull
+
+    value, gradient = jax.value_and_grad(objective)(array(parameters))
+    return {"name": name, "sizes": sizes, "parameters": parameters, "target": target, "prior": prior, "start": start,
+            "states": states, "next_states": next_states, "actions": actions, "rewards": rewards, "seeds": seeds,
+            "discounts": discounts, "weights": weights, "double": double, "prior_scale": prior_scale,
+            "regularisation": regularisation, "value": result(value), "gradient": result(gradient)}
+
+
+# Adam and Pop-Art.
+
+
+def adam_cases():
+    """A large ε, against which it shows where ε is added: to √v̂, the root of the corrected moment."""
+    usual = {"step_size": 0.125, "beta1": 0.9, "beta2": 0.999, "epsilon": 1e-8}
+    return [adam_case("usual", usual, 1.0), adam_case("large epsilon, half steps", usual | {"epsilon": 0.5}, 0.5),
+            adam_case("short memory", usual | {"beta1": 0.5, "beta2": 0.75, "epsilon": 0.0625}, 1.0)]
+
+
+def adam_case(name, settings, factor):
+    """Row t of `trajectory` is θ after step t, along row t of `gradients`."""
+    count, steps = 5, 3
+    start, gradients = numbers("adam start", count, -1.0, 1.0), numbers("adam gradients", steps * count, -2.0, 2.0)
+    optimiser = optax.adam(factor * settings["step_size"], settings["beta1"], settings["beta2"], settings["epsilon"])
+    parameters, trajectory = array(start), []
+    state = optimiser.init(parameters)
+    for gradient in rows(gradients, count):
+        change, state = optimiser.update(gradient, state)
+        parameters = optax.apply_updates(parameters, change)
+        trajectory.append(parameters)
+    return {"name": name, "settings": settings, "factor": factor, "start": start, "gradients": gradients,
+            "trajectory": result(jnp.stack(trajectory))}
+
+
+def pop_art_case(name, beta):
+    """Moment p is Σ β (1−β)^age mean Yᵖ, and (1−β)^updates of where it starts: 0 and 1. Denormalised outputs do not change."""
+    sizes, batch, updates, count = [3, 8, 1], 6, 3, 4
+    parameters, inputs = initial("pop-art", sizes), numbers("pop-art inputs", batch * sizes[0], -2.0, 2.0)
+    targets = [numbers(f"pop-art targets {update}", count, -20.0, 80.0 + 100.0 * update) for update in range(updates)]
+    means = [moment(1, beta, targets[:update]) for update in range(1, updates + 1)]
+    squares = [moment(2, beta, targets[:update]) + (1 - beta) ** update for update in range(1, updates + 1)]
+    return {"name": name, "beta": beta, "sizes": sizes, "parameters": parameters, "inputs": inputs, "targets": targets,
+            "means": result(means), "deviations": result([math.sqrt(square - mean**2) for square, mean in zip(squares, means)]),
+            "denormalized": result(mlp(sizes, array(parameters), rows(inputs, sizes[0])))}
+
+
+def moment(power, beta, targets):
+    ages = range(len(targets) - 1, -1, -1)
+    return sum(beta * (1 - beta) ** age * np.mean(np.array(y) ** power) for age, y in zip(ages, targets))
+
+
+# Numbers in and out.
+
+
+def numbers(stream, count, low, high):
+    """Uniform multiples of 1/256."""
+    source = random.Random(stream)
+    return exact([low + (high - low) * source.random() for _ in range(count)])
+
+
+def exact(numbers):
+    """Rounded to multiples of 1/256."""
+    return [round(float(number) * 256) / 256 + 0.0 for number in numbers]
+
+
+def array(numbers):
+    return jnp.array(numbers, dtype=jnp.float64)
+
+
+def rows(numbers, width):
+    return array(numbers).reshape(-1, width)
+
+
+def result(numbers):
+    """Nine significant digits and at most thirteen decimals, flat; what rounding errors leave of a zero is zero."""
+    if np.ndim(numbers) == 0:
+        return round(float(f"{float(numbers):.9g}"), 13) + 0.0
+    return [result(number) for number in np.asarray(numbers).ravel()]
+
+
+def text(value, indent=""):
+    """JSON, a line for each field."""
+    inner = indent + "  "
+    if isinstance(value, dict) and any(isinstance(field, (dict, list)) for field in value.values()) and len(value) > 1:
+        fields = [f"{inner}{json.dumps(name)}: {text(field, inner)}" for name, field in value.items()]
+        return "{\n" + ",\n".join(fields) + "\n" + indent + "}"
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return "[\n" + ",\n".join(inner + text(field, inner) for field in value) + "\n" + indent + "]"
+    return json.dumps(value)
+
+
+if __name__ == "__main__":
+    main()

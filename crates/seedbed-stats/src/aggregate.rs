@@ -1,0 +1,139 @@
+//! Many scores as one number (Agarwal et al. 2021, §4.3).
+//!
+//! Medians accept infinite scores, for runs that never reached a goal.
+//!
+//! ```
+//! use seedbed_stats::aggregate::{interquartile_mean, mean, median};
+//!
+//! let scores = [0.0, 2.0, 3.0, 4.0, 100.0];
+//! assert_eq!(mean(&scores), 21.8);
+//! assert_eq!(median(&scores), 3.0);
+//! assert_eq!(interquartile_mean(&scores), 3.0);
+//! ```
+
+/// Arithmetic mean.   `scores: [n]`
+///
+/// # Panics
+/// Without scores.
+#[must_use]
+pub fn mean(scores: &[f64]) -> f64 {
+    assert!(!scores.is_empty());
+    scores.iter().sum::<f64>() / scores.len() as f64
+}
+
+/// Middle score, or the midpoint of the middle two; the midpoint of −∞ and ∞ is 0.
+/// `scores: [n]`
+///
+/// # Panics
+/// Without scores.
+#[must_use]
+pub fn median(scores: &[f64]) -> f64 {
+    let sorted = sorted(scores);
+    let (low, high) = (sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]);
+    if low == -high {
+        // Also of two infinities of opposite sign, whose mean would not be a number.
+        0.0
+    } else {
+        f64::midpoint(low, high)
+    }
+}
+
+/// Interquartile mean (IQM): the mean without the ⌊n/4⌋ lowest and the ⌊n/4⌋ highest scores.
+/// `scores: [n]`
+///
+/// Equals `scipy.stats.trim_mean(scores, 0.25)`. `rliable` applies it to all runs of all tasks at
+/// once: `interquartile_mean(&tasks.concat())`.
+///
+/// # Panics
+/// Without scores.
+#[must_use]
+pub fn interquartile_mean(scores: &[f64]) -> f64 {
+    let sorted = sorted(scores);
+    let cut = sorted.len() / 4;
+    mean(&sorted[cut..sorted.len() - cut])
+}
+
+/// Mean shortfall of the scores below a goal γ: γ − mean(min(x, γ)).   `scores: [n]`
+///
+/// # Panics
+/// Without scores.
+#[must_use]
+pub fn optimality_gap(scores: &[f64], goal: f64) -> f64 {
+    assert!(!scores.is_empty());
+    goal - scores.iter().map(|score| score.min(goal)).sum::<f64>() / scores.len() as f64
+}
+
+/// Mean of the tasks' means, so that each task counts the same.   `tasks: [task][run]`
+///
+/// # Panics
+/// Without tasks, or if one has no runs.
+#[must_use]
+pub fn mean_of_tasks(tasks: &[Vec<f64>]) -> f64 {
+    mean(&means(tasks))
+}
+
+/// Median of the tasks' means, which is what `rliable` calls median; of a single task it is the mean.
+/// `tasks: [task][run]`
+///
+/// # Panics
+/// Without tasks, or if one has no runs.
+#[must_use]
+pub fn median_of_tasks(tasks: &[Vec<f64>]) -> f64 {
+    median(&means(tasks))
+}
+
+fn means(tasks: &[Vec<f64>]) -> Vec<f64> {
+    tasks.iter().map(|runs| mean(runs)).collect()
+}
+
+/// Scores in ascending order.
+pub(super) fn sorted(scores: &[f64]) -> Vec<f64> {
+    assert!(!scores.is_empty());
+    let mut sorted = scores.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_the_middle_score() {
+        assert_eq!(median(&[9.0, 1.0, 2.0]), 2.0);
+        // Halfway between 2 and 5.
+        assert_eq!(median(&[9.0, 1.0, 5.0, 2.0]), 3.5);
+        assert_eq!(median(&[f64::INFINITY, 1.0, 2.0]), 2.0);
+        assert_eq!(
+            median(&[f64::INFINITY, 1.0, f64::INFINITY, 2.0]),
+            f64::INFINITY
+        );
+        assert_eq!(median(&[f64::INFINITY, f64::NEG_INFINITY]), 0.0);
+        assert_eq!(median(&[-3.0, 3.0]), 0.0);
+    }
+
+    /// Of nine scores ⌊9/4⌋ = 2 are cut at each end: (2 + 3 + 4 + 5 + 16) / 5 = 6. Of three none
+    /// is: (1 + 2 + 9) / 3 = 4.
+    #[test]
+    fn the_interquartile_mean_cuts_whole_scores() {
+        assert_eq!(
+            interquartile_mean(&[900.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 16.0, 100.0]),
+            6.0
+        );
+        assert_eq!(interquartile_mean(&[1.0, 9.0, 2.0]), 4.0);
+    }
+
+    /// Short of 1 by 0.5, 0 (it is beyond) and 1.5 (it is at −0.5): 2 / 3.
+    #[test]
+    fn the_gap_does_not_pay_for_going_beyond() {
+        assert!((optimality_gap(&[0.5, 3.0, -0.5], 1.0) - 2.0 / 3.0).abs() < 1e-15);
+    }
+
+    /// The tasks' means are 2, 10 and 3: on average 5, in the middle 3. All five runs at once would
+    /// average 4.2.
+    #[test]
+    fn each_task_counts_the_same() {
+        let tasks = [vec![1.0, 3.0], vec![10.0], vec![2.0, 4.0]];
+        assert_eq!((mean_of_tasks(&tasks), median_of_tasks(&tasks)), (5.0, 3.0));
+    }
+}

@@ -1,0 +1,231 @@
+//! Stratified percentile bootstrap: 95 % intervals of any statistic.
+//!
+//! Runs are resampled with replacement within each stratum (usually a task), never across strata
+//! (Agarwal et al. 2021, §4.1; `rliable.library.StratifiedBootstrap`).
+//!
+//! ```
+//! use seedbed_stats::aggregate::{mean, mean_of_tasks};
+//! use seedbed_stats::bootstrap::{bootstrap_sample, bootstrap_strata};
+//!
+//! // One task, five runs.
+//! let estimate = bootstrap_sample(&[3.0, 1.0, 4.0, 1.0, 5.0], mean);
+//! assert_eq!(estimate.value, 2.8);
+//!
+//! // Two tasks: every resample has as many runs of each task as the data.
+//! let tasks = [vec![0.0; 5], vec![10.0; 5]];
+//! let estimate = bootstrap_strata(&tasks, mean_of_tasks);
+//! assert_eq!(estimate.interval.ends(), Some([5.0, 5.0]));
+//! ```
+
+use rand::RngExt;
+
+use super::{Estimate, Interval, MIN_RUNS};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// Number of resamples, as in `rliable`.
+///
+/// For a normal bootstrap distribution of standard deviation σ, the Monte-Carlo error of an end is
+/// √(0.025 · 0.975 / 50 000) / φ(1.96) σ ≈ 0.012 σ.
+pub const RESAMPLES: usize = 50_000;
+
+/// Shares of resampled values below the two ends.
+const ENDS: (f64, f64) = (0.025, 0.975);
+
+/// A statistic of strata, such as the runs of each task, with its interval.
+/// `strata: [stratum][run]`
+///
+/// To compare two algorithms, pass the strata of both, one after the other, and let `statistic`
+/// compute the difference. The smallest stratum decides whether there are enough runs.
+///
+/// # Panics
+/// If there is no stratum, or one is empty.
+#[must_use]
+pub fn bootstrap_strata(strata: &[Vec<f64>], statistic: impl Fn(&[Vec<f64>]) -> f64) -> Estimate {
+    bootstrap_statistics(strata, 1, |strata, values| values[0] = statistic(strata))[0]
+}
+
+/// A statistic of a single sample, with its interval.   `sample: [run]`
+///
+/// # Panics
+/// If the sample is empty.
+#[must_use]
+pub fn bootstrap_sample(sample: &[f64], statistic: impl Fn(&[f64]) -> f64) -> Estimate {
+    bootstrap_strata(&[sample.to_vec()], |strata| statistic(&strata[0]))
+}
+
+/// Several statistics of the same resampled strata, each with its interval.
+/// `strata: [stratum][run]` → `[count]`
+///
+/// `statistic` fills a slice of `count` values.
+///
+/// # Panics
+/// If there is no stratum, or one is empty.
+#[must_use]
+pub fn bootstrap_statistics(
+    strata: &[Vec<f64>],
+    count: usize,
+    statistic: impl Fn(&[Vec<f64>], &mut [f64]),
+) -> Vec<Estimate> {
+    let runs = strata.iter().map(Vec::len).min().unwrap_or(0);
+    assert!(runs > 0, "a stratum without runs");
+    let mut values = vec![0.0; count];
+    statistic(strata, &mut values);
+    let intervals = if runs < MIN_RUNS {
+        vec![Interval::TooFewRuns { n: runs }; count]
+    } else {
+        resampled_values(strata, count, statistic)
+            .into_iter()
+            .map(percentile_interval)
+            .collect()
+    };
+    values
+        .into_iter()
+        .zip(intervals)
+        .map(|(value, interval)| Estimate { value, interval })
+        .collect()
+}
+
+/// The statistics of all resamples.   → `[count][RESAMPLES]`
+fn resampled_values(
+    strata: &[Vec<f64>],
+    count: usize,
+    statistic: impl Fn(&[Vec<f64>], &mut [f64]),
+) -> Vec<Vec<f64>> {
+    let mut random = resampling_stream();
+    let mut resampled = strata.to_vec();
+    let mut values = vec![0.0; count];
+    let mut all = vec![Vec::with_capacity(RESAMPLES); count];
+    for _ in 0..RESAMPLES {
+        resample(strata, &mut resampled, &mut random);
+        statistic(&resampled, &mut values);
+        for (all, &value) in all.iter_mut().zip(&values) {
+            all.push(value);
+        }
+    }
+    all
+}
+
+/// The random stream of all resampling: equal data give equal intervals. Its key must never change,
+/// because published intervals depend on it.
+fn resampling_stream() -> ChaCha8Rng {
+    let mut key = [0_u8; 32];
+    key[8] = 13;
+    ChaCha8Rng::from_seed(key)
+}
+
+/// As many runs of each stratum as it has, drawn with replacement.
+fn resample(strata: &[Vec<f64>], resampled: &mut [Vec<f64>], random: &mut ChaCha8Rng) {
+    for (runs, resampled) in strata.iter().zip(resampled) {
+        resampled.fill_with(|| runs[random.random_range(0..runs.len())]);
+    }
+}
+
+fn percentile_interval(mut values: Vec<f64>) -> Interval {
+    values.sort_unstable_by(f64::total_cmp);
+    Interval::Known {
+        low: percentile(&values, ENDS.0),
+        high: percentile(&values, ENDS.1),
+    }
+}
+
+/// The percentile of sorted values, with linear interpolation between two of them, as
+/// `numpy.percentile`.
+fn percentile(sorted: &[f64], share: f64) -> f64 {
+    let place = share * (sorted.len() - 1) as f64;
+    let (low, high) = (
+        sorted[place.floor() as usize],
+        sorted[place.ceil() as usize],
+    );
+    // Statistics of runs that never reached a goal may be infinite. ∞ − ∞ is not a number, so
+    // equal neighbors are not interpolated.
+    if low == high {
+        return low;
+    }
+    // From a finite value towards ∞ every point but the value itself is ∞, which interpolation
+    // gives: x + ∞ · fraction.
+    if low.is_finite() {
+        return low + (high - low) * place.fract();
+    }
+    // From −∞ towards a finite value interpolation would give −∞ + ∞: take the nearer neighbor.
+    if place.fract() < 0.5 { low } else { high }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aggregate::{mean, mean_of_tasks, median};
+
+    /// Place 0.025 · 4 = 0.1 lies a tenth of the way from the first to the second value.
+    #[test]
+    fn percentiles_lie_between_values() {
+        assert!((percentile(&[10.0, 20.0, 30.0, 40.0, 50.0], 0.025) - 11.0).abs() < 1e-12);
+        assert_eq!(percentile(&[10.0, 20.0, 30.0, 40.0, 50.0], 0.5), 30.0);
+        assert_eq!(
+            percentile(&[1.0, f64::INFINITY, f64::INFINITY], 0.975),
+            f64::INFINITY
+        );
+        assert_eq!(
+            [0.1, 0.4].map(|share| percentile(&[f64::NEG_INFINITY, 1.0, 2.0], share)),
+            [f64::NEG_INFINITY, 1.0]
+        );
+    }
+
+    #[test]
+    fn few_runs_make_no_interval() {
+        let four = bootstrap_sample(&[1.0, 2.0, 3.0, 4.0], median);
+        assert_eq!(
+            four,
+            Estimate {
+                value: 2.5,
+                interval: Interval::TooFewRuns { n: 4 }
+            }
+        );
+        let one_short_task = bootstrap_strata(&[vec![1.0; 9], vec![2.0; 3]], mean_of_tasks);
+        assert_eq!(one_short_task.interval, Interval::TooFewRuns { n: 3 });
+    }
+
+    #[test]
+    fn equal_data_give_equal_intervals() {
+        let sample = [3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0];
+        assert_eq!(
+            bootstrap_sample(&sample, mean),
+            bootstrap_sample(&sample, mean)
+        );
+    }
+
+    /// Tasks of constant scores 0 and 10 have mean 5 in every resample; across tasks it would
+    /// vary.
+    #[test]
+    fn runs_stay_in_their_task() {
+        let both = bootstrap_strata(&[vec![0.0; 5], vec![10.0; 5]], mean_of_tasks);
+        assert_eq!(
+            both,
+            Estimate {
+                value: 5.0,
+                interval: Interval::Known {
+                    low: 5.0,
+                    high: 5.0
+                }
+            }
+        );
+    }
+
+    /// Five runs, one of them 1 and the others 0: a resampled sum is binomial(5, 0.2), with P(0) =
+    /// 0.8⁵ = 0.328 and P(≤ 2) = 0.942, P(≤ 3) = 0.993. So the 2.5 % point of the mean is 0 and the
+    /// 97.5 % point is 3/5.
+    #[test]
+    fn the_ends_of_a_binomial_are_known() {
+        let one_of_five = bootstrap_sample(&[0.0, 0.0, 1.0, 0.0, 0.0], mean);
+        assert_eq!(
+            one_of_five,
+            Estimate {
+                value: 0.2,
+                interval: Interval::Known {
+                    low: 0.0,
+                    high: 0.6
+                }
+            }
+        );
+    }
+}

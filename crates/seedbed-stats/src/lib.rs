@@ -1,0 +1,77 @@
+#![doc = include_str!("../README.md")]
+
+pub mod aggregate;
+pub mod bootstrap;
+pub mod hypothesis;
+pub mod improvement;
+pub mod paired;
+pub mod profile;
+pub mod survival;
+pub mod verdict;
+
+use statrs::distribution::{ContinuousCDF, Normal};
+
+pub use bootstrap::{bootstrap_sample, bootstrap_strata};
+pub use verdict::{Direction, Verdict, is_smaller_than_claimed, verdict};
+
+/// Minimum number of runs for an interval. With fewer, a bootstrap interval is far too narrow.
+pub const MIN_RUNS: usize = 5;
+
+/// A 95 % confidence interval, or the reason why there is none.
+///
+/// ```
+/// use seedbed_stats::Interval;
+///
+/// let interval = Interval::Known { low: -0.5, high: 1.5 };
+/// assert_eq!(interval.ends(), Some([-0.5, 1.5]));
+/// assert_eq!(Interval::TooFewRuns { n: 3 }.ends(), None);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Interval {
+    /// An interval that includes both ends. An end is infinite where the data do not bound it.
+    Known {
+        /// Lower end.
+        low: f64,
+        /// Upper end.
+        high: f64,
+    },
+    /// Fewer than [`MIN_RUNS`] runs.
+    TooFewRuns {
+        /// Number of runs.
+        n: usize,
+    },
+}
+
+impl Interval {
+    /// Lower and upper end; `None` with too few runs.
+    #[must_use]
+    pub fn ends(self) -> Option<[f64; 2]> {
+        match self {
+            Self::Known { low, high } => Some([low, high]),
+            Self::TooFewRuns { .. } => None,
+        }
+    }
+
+    /// The interval from `low` to `high` if `n` runs are enough for one.
+    fn of_runs(n: usize, low: f64, high: f64) -> Self {
+        if n < MIN_RUNS {
+            Self::TooFewRuns { n }
+        } else {
+            Self::Known { low, high }
+        }
+    }
+}
+
+/// A point estimate with its 95 % confidence interval.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The statistic of the data as they are.
+    pub value: f64,
+    /// Its 95 % confidence interval.
+    pub interval: Interval,
+}
+
+/// Probability that a standard normal variable is at least as far from 0 as `z`, on either side.
+fn two_sided_normal(z: f64) -> f64 {
+    2.0 * Normal::standard().sf(z.abs())
+}

@@ -1,0 +1,342 @@
+//! The static annotations of images of visited states: vertical axes and panels of pairs with their
+//! names, units and ranges, agents' names, and color scales.
+
+use rerun::components::Radius;
+use rerun::log::Chunk;
+use rerun::{LineStrips2D, Points2D};
+
+use super::error::RecordingError;
+use super::rows::{rgb, static_chunk};
+use super::tiles::{CHAR_WIDTH, ColorBar, LabelSpace, Tiles, Viewport};
+use crate::record::visitation::{Axes, Axis, CELLS, HEIGHT, Pairs};
+use seedbed_env::Quantity;
+use seedbed_figure::color::dark::categorical_color;
+
+const AXIS_COLOR: [u8; 3] = [150, 150, 160];
+const NAME_COLOR: [u8; 3] = [235, 235, 240];
+const END_COLOR: [u8; 3] = [165, 165, 175];
+
+/// Space on either side of an image with axis names, in points.
+const SIDE_MARGIN: f32 = 34.0;
+
+/// Maximum number of images in a view with axis names and ranges; with more, only the team's image
+/// has them.
+pub(super) const MAX_LABELED: u32 = 4;
+
+/// The text, position and color of a label.
+pub(super) type Label = (String, [f32; 2], [u8; 3]);
+
+/// The layout of the images that share a view, and the labels around each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PanelLayout {
+    pub(super) tiles: Tiles,
+    /// Whether each image is labeled with its agent.
+    has_agent_labels: bool,
+    /// Whether axes have names and ranges.
+    has_names: bool,
+    /// Whether every other name is one line higher.
+    staggered: bool,
+    /// Number of lines for names and ranges above an image.
+    name_lines: f32,
+}
+
+impl PanelLayout {
+    /// The layout of parallel coordinates: one image per agent, or one of the whole team.
+    pub(super) fn of_axes(axes: &Axes, agents: Option<u32>, viewport: Viewport) -> Self {
+        let size = [axes.width() as f32, HEIGHT as f32];
+        let with_names = |names| {
+            Self::new(
+                agents,
+                size,
+                Viewport {
+                    overhang: overhang(axes),
+                    ..viewport
+                },
+                [names, 8.0],
+                3.3,
+            )
+        };
+        let plain = if agents.unwrap_or(1) <= MAX_LABELED {
+            with_names(2.2)
+        } else {
+            Self::new(agents, size, viewport, [2.2, 8.0], 3.3)
+        };
+        let is_crowded = plain.has_names
+            && (axes.x(1) - axes.x(0)) * plain.tiles.zoom
+                < max_name_width(axes, plain.units_fit(axes));
+        if is_crowded {
+            Self {
+                staggered: true,
+                ..with_names(3.2)
+            }
+        } else {
+            plain
+        }
+    }
+
+    /// The layout of pairs: one row of panels per agent, or one of the whole team.
+    pub(super) fn of_pairs(pairs: &Pairs, agents: Option<u32>, viewport: Viewport) -> Self {
+        Self::new(
+            agents,
+            [pairs.width() as f32, CELLS as f32],
+            viewport,
+            [1.2, 28.0],
+            2.2,
+        )
+    }
+
+    /// `name_lines` lines of labels above each image; images without names are `beside` points
+    /// apart. `scale_lines` lines below the color scale.
+    fn new(
+        agents: Option<u32>,
+        size: [f32; 2],
+        viewport: Viewport,
+        [name_lines, beside]: [f32; 2],
+        scale_lines: f32,
+    ) -> Self {
+        let count = agents.unwrap_or(1);
+        let has_agent_labels = agents.is_some_and(|agents| agents > 1);
+        let has_names = count <= MAX_LABELED;
+        let name_lines = if has_names { name_lines } else { 0.2 };
+        let above = name_lines + if has_agent_labels { 1.0 } else { 0.0 };
+        let labels = LabelSpace {
+            above,
+            below: if has_names { 1.3 } else { 0.4 },
+            beside: if has_names { SIDE_MARGIN } else { beside },
+            scale_lines,
+        };
+        Self {
+            tiles: Tiles::new(count, size, viewport, labels),
+            has_agent_labels,
+            has_names,
+            staggered: false,
+            name_lines,
+        }
+    }
+
+    /// The vertical axes at `entity` and their labels below it.
+    pub(super) fn axes(&self, entity: &str, axes: &Axes) -> Result<[Chunk; 2], RecordingError> {
+        let axis_positions: Vec<f32> = (0..axes.all().len()).map(|axis| axes.x(axis)).collect();
+        let vertical = |[left, top]: [f32; 2]| {
+            axis_positions
+                .iter()
+                .map(move |x| vec![[left + x, top], [left + x, top + HEIGHT as f32]])
+        };
+        let lines: Vec<Vec<[f32; 2]>> = self.tiles.corners().flat_map(vertical).collect();
+        let labels = self
+            .tiles
+            .corners()
+            .flat_map(|corner| self.axis_labels(axes, corner));
+        self.annotation_chunks(entity, &lines, labels.collect())
+    }
+
+    /// The frames of panels at `entity` and their labels below it.
+    pub(super) fn panels(&self, entity: &str, pairs: &Pairs) -> Result<[Chunk; 2], RecordingError> {
+        let side = CELLS as f32;
+        let panel = |[left, top]: [f32; 2], x: f32| {
+            let (left, right, bottom) = (left + x, left + x + side, top + side);
+            vec![
+                [left, top],
+                [right, top],
+                [right, bottom],
+                [left, bottom],
+                [left, top],
+            ]
+        };
+        let row = |corner: [f32; 2]| {
+            (0..pairs.panels().len()).map(move |index| panel(corner, pairs.x(index) as f32))
+        };
+        let lines: Vec<Vec<[f32; 2]>> = self.tiles.corners().flat_map(row).collect();
+        let labels = self
+            .tiles
+            .corners()
+            .flat_map(|corner| self.panel_labels(pairs, corner));
+        self.annotation_chunks(entity, &lines, labels.collect())
+    }
+
+    fn annotation_chunks(
+        &self,
+        entity: &str,
+        lines: &[Vec<[f32; 2]>],
+        mut labels: Vec<Label>,
+    ) -> Result<[Chunk; 2], RecordingError> {
+        if self.has_agent_labels {
+            labels.extend(
+                self.tiles
+                    .corners()
+                    .zip(0..)
+                    .map(|(corner, agent)| self.agent_label(corner, agent)),
+            );
+        }
+        let lines = LineStrips2D::new(lines)
+            .with_colors([rgb(AXIS_COLOR)])
+            .with_radii([Radius::new_ui_points(0.6)]);
+        Ok([
+            static_chunk(entity, &lines.with_draw_order(50.0))?,
+            static_chunk(format!("{entity}/labels"), &label_points(labels))?,
+        ])
+    }
+
+    /// The agent's name, at the upper left corner of its image.
+    fn agent_label(&self, [left, top]: [f32; 2], agent: u32) -> Label {
+        let text = format!("agent {agent}");
+        let half = 0.5 * text.len() as f32 * CHAR_WIDTH / self.tiles.zoom;
+        (
+            text,
+            [
+                left + half,
+                top - (self.name_lines + 0.9) * self.tiles.line(),
+            ],
+            categorical_color(agent),
+        )
+    }
+
+    fn axis_labels(&self, axes: &Axes, [left, top]: [f32; 2]) -> Vec<Label> {
+        let (line, units) = (self.tiles.line(), self.units_fit(axes));
+        let labels = |(index, axis): (usize, &Axis)| {
+            let x = left + axes.x(index);
+            let lines = if self.staggered && index % 2 == 1 {
+                3.1
+            } else {
+                2.1
+            };
+            let [low, high] = axis.quantity.range.map(format_number);
+            let bottom = top + HEIGHT as f32 + 0.05 * line;
+            [
+                (
+                    axis_name(&axis.quantity, units),
+                    [x, top - lines * line],
+                    NAME_COLOR,
+                ),
+                (high, [x, top - 1.05 * line], END_COLOR),
+                (low, [x, bottom], END_COLOR),
+            ]
+        };
+        if self.has_names {
+            axes.all().iter().enumerate().flat_map(labels).collect()
+        } else {
+            Vec::new()
+        }
+    }
+
+    /// Whether units fit beside the names of axes.
+    fn units_fit(&self, axes: &Axes) -> bool {
+        max_name_width(axes, true) <= 2.0 * (axes.x(1) - axes.x(0)) * self.tiles.zoom
+    }
+
+    fn panel_labels(&self, pairs: &Pairs, [left, top]: [f32; 2]) -> Vec<Label> {
+        let (line, side) = (self.tiles.line(), CELLS as f32);
+        let max_chars = (pairs.x(1) as f32 * self.tiles.zoom / CHAR_WIDTH) as usize;
+        let labels = |(index, [horizontal, vertical]): (usize, &[Axis; 2])| {
+            let middle = left + pairs.x(index) as f32 + 0.5 * side;
+            [
+                (
+                    panel_label(&vertical.quantity, "↑", max_chars),
+                    [middle, top - 1.05 * line],
+                    NAME_COLOR,
+                ),
+                (
+                    panel_label(&horizontal.quantity, "→", max_chars),
+                    [middle, top + side + 0.05 * line],
+                    NAME_COLOR,
+                ),
+            ]
+        };
+        if self.has_names {
+            pairs.panels().iter().enumerate().flat_map(labels).collect()
+        } else {
+            Vec::new()
+        }
+    }
+}
+
+/// Width of the longest name, in points.
+fn max_name_width(axes: &Axes, with_units: bool) -> f32 {
+    let chars = axes
+        .all()
+        .iter()
+        .map(|axis| axis_name(&axis.quantity, with_units).chars().count());
+    chars.max().unwrap_or(0) as f32 * CHAR_WIDTH + 8.0
+}
+
+/// How far the last axis' name reaches beyond the space beside an image, in points.
+fn overhang(axes: &Axes) -> f32 {
+    let chars = axes
+        .all()
+        .last()
+        .map_or(0, |axis| axis_name(&axis.quantity, true).chars().count());
+    (0.5 * chars as f32 * CHAR_WIDTH - SIDE_MARGIN).max(0.0)
+}
+
+/// A vertical color bar at `entity`, and its labels below it.
+pub(super) fn color_scale(
+    entity: &str,
+    bar: &ColorBar,
+    color: impl Fn(f32) -> [u8; 3],
+    labels: Vec<Label>,
+) -> Result<[Chunk; 2], RecordingError> {
+    let [left, right] = bar.x;
+    let lines = LineStrips2D::new(bar.steps().map(|(y, _)| [[left, y], [right, y]]));
+    let lines = lines.with_colors(bar.steps().map(|(_, share)| rgb(color(share))));
+    let lines = lines
+        .with_radii([Radius::new_scene_units(bar.half_step())])
+        .with_draw_order(50.0);
+    Ok([
+        static_chunk(entity, &lines)?,
+        static_chunk(format!("{entity}/labels"), &label_points(labels))?,
+    ])
+}
+
+/// Labels above (positive number of lines) or below (negative) a color bar.
+pub(super) fn labels_beside(bar: &ColorBar, texts: &[(&str, f32)]) -> Vec<Label> {
+    texts
+        .iter()
+        .map(|(text, lines)| ((*text).to_owned(), bar.label_position(*lines), NAME_COLOR))
+        .collect()
+}
+
+/// Labels without visible points.
+pub(super) fn label_points(labels: Vec<Label>) -> Points2D {
+    let points = Points2D::new(labels.iter().map(|(_, position, _)| *position));
+    let colored = points.with_colors(labels.iter().map(|(_, _, color)| rgb(*color)));
+    only_labels(colored).with_labels(labels.into_iter().map(|(text, ..)| text))
+}
+
+/// Makes points show their labels only.
+pub(super) fn only_labels(points: Points2D) -> Points2D {
+    points
+        .with_radii([Radius::ZERO])
+        .with_show_labels(true)
+        .with_draw_order(60.0)
+}
+
+/// A number with at most three decimals and no trailing zeros; a small one with two digits.
+pub(super) fn format_number(value: f32) -> String {
+    if value != 0.0 && value.abs() < 0.000_95 {
+        return format!("{value:.1e}");
+    }
+    let text = format!("{value:.3}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+fn axis_name(quantity: &Quantity, with_unit: bool) -> String {
+    if quantity.unit.is_empty() || !with_unit {
+        quantity.name.clone()
+    } else {
+        format!("{} [{}]", quantity.name, quantity.unit)
+    }
+}
+
+/// The name, with its unit and range as far as `max_chars` characters allow.
+fn panel_label(quantity: &Quantity, arrow: &str, max_chars: usize) -> String {
+    let [low, high] = quantity.range.map(format_number);
+    let short = format!("{} {arrow}", quantity.name);
+    let versions = [
+        format!("{}  {low} to {high} {arrow}", axis_name(quantity, true)),
+        format!("{} {arrow}", axis_name(quantity, true)),
+    ];
+    versions
+        .into_iter()
+        .find(|text| text.chars().count() <= max_chars)
+        .unwrap_or(short)
+}

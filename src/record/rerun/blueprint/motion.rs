@@ -1,0 +1,68 @@
+//! The blueprint of a recording about motion: large scenes, played at their own speed.
+
+use rerun::blueprint::components::{LoopMode, PlayState};
+use rerun::blueprint::{
+    Blueprint, ContainerLike, Grid, Tabs, TextDocumentView, TimePanel, TimeSeriesView, Vertical,
+};
+
+use super::{BlueprintConfig, ViewBuilder, blueprint_of_columns};
+use crate::record::rerun::rows::ENV_STEP;
+
+impl ViewBuilder {
+    /// Scenes on the left; visited states, returns and the scenario on the right.
+    pub(super) fn motion_blueprint(&mut self, config: &BlueprintConfig) -> Blueprint {
+        let side_column = Vertical::new([self.visited_states(config), self.returns_and_scenario()]);
+        let columns: Vec<ContainerLike> = self
+            .scenes(config)
+            .into_iter()
+            .chain([side_column.into()])
+            .collect();
+        let time = TimePanel::new()
+            .with_timeline(ENV_STEP)
+            .with_fps(1.0 / config.control_step)
+            .with_loop_mode(LoopMode::All)
+            .with_play_state(PlayState::Playing);
+        blueprint_of_columns(columns, [2.0, 1.0], time)
+    }
+
+    /// The scenes of all agents that have one.
+    pub(super) fn scenes(&mut self, config: &BlueprintConfig) -> Option<ContainerLike> {
+        let mut scenes: Vec<ContainerLike> = config
+            .scenes
+            .iter()
+            .map(|scene| self.scene(scene))
+            .collect();
+        match scenes.len() {
+            0 | 1 => scenes.pop(),
+            count => {
+                let columns = (count as f64).sqrt().ceil() as u32;
+                Some(
+                    Grid::new(scenes)
+                        .with_grid_columns(columns)
+                        .with_name("Motion")
+                        .into(),
+                )
+            }
+        }
+    }
+
+    /// All states so far, of the team and of each agent.
+    fn visited_states(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let agents = self.density(config, false, "density");
+        if config.agents == 1 {
+            return agents;
+        }
+        Tabs::new([self.density(config, true, "density"), agents]).into()
+    }
+
+    fn returns_and_scenario(&mut self) -> ContainerLike {
+        let returns: ContainerLike = TimeSeriesView::new("Return of each episode")
+            .with_origin("/curves/return")
+            .into();
+        self.all_times(&returns);
+        let scenario = TextDocumentView::new("Scenario")
+            .with_origin("/scenario")
+            .into();
+        Tabs::new([returns, scenario]).into()
+    }
+}

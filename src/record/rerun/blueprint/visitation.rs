@@ -1,0 +1,349 @@
+//! The views of visited states, as tabs: the latest episodes, all states so far, pairs of
+//! observations, and mean bonuses.
+
+use rerun::blueprint::{ContainerLike, Horizontal, Spatial2DView, Tabs, Vertical};
+use rerun::datatypes::{Range2D, TimeInt, TimeRange, TimeRangeBoundary, VisibleTimeRange};
+use rerun::external::re_sdk_types::blueprint::archetypes::{VisibleTimeRanges, VisualBounds2D};
+
+use super::super::annotations::PanelLayout;
+use super::super::layouts::{Arrangement, TEAM_SHARE};
+use super::super::rows::{ENV_STEP, EPISODE, ROUND};
+use super::{BlueprintConfig, ViewBuilder};
+use crate::record::Difference;
+
+/// A view of images that share a layout.
+struct ImageViewSpec<'a> {
+    layout: PanelLayout,
+    /// The view's title.
+    title: String,
+    /// `/visitation` or `/pairs`.
+    root: &'a str,
+    /// Whether the view shows the whole team instead of each agent.
+    of_team: bool,
+    /// The entity below each agent or the team.
+    name: &'a str,
+    /// The color scale beside the images.
+    scale: &'a str,
+    /// Whether the rows of the latest episodes are shown on top of each other.
+    accumulates: bool,
+}
+
+impl ViewBuilder {
+    pub(super) fn visitation_tabs(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let mut tabs = vec![self.latest(config), self.so_far(config)];
+        if Arrangement::of(config.agents) == Arrangement::Many {
+            tabs.push(
+                Vertical::new([self.lines(config, false)])
+                    .with_name("Lines")
+                    .into(),
+            );
+        }
+        tabs.push(self.pairs(config));
+        if config.has_bonus {
+            tabs.push(self.bonuses(config));
+        }
+        Tabs::new(tabs).into()
+    }
+
+    fn latest(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let densities = self.density(config, false, "latest");
+        let tab = format!("Latest {} episodes", config.quota.window);
+        match Arrangement::of(config.agents) {
+            Arrangement::Alone => Vertical::new([self.lines(config, false), densities])
+                .with_name(tab)
+                .into(),
+            Arrangement::Few => Horizontal::new([self.lines(config, false), densities])
+                .with_name(tab)
+                .into(),
+            Arrangement::Many => {
+                let team = [
+                    self.density(config, true, "latest"),
+                    self.lines(config, true),
+                ];
+                team_above_agents(Horizontal::new(team).into(), densities, tab)
+            }
+        }
+    }
+
+    fn so_far(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let (densities, tab) = (
+            self.density(config, false, "density"),
+            "All states so far".to_owned(),
+        );
+        let arrangement = Arrangement::of(config.agents);
+        if arrangement == Arrangement::Alone {
+            return Vertical::new([densities]).with_name(tab).into();
+        }
+        let mut team = vec![self.density(config, true, "density")];
+        if let Some(title) = difference_title(&config.difference) {
+            team.push(self.difference(config, &title));
+        }
+        match arrangement {
+            Arrangement::Many => team_above_agents(Horizontal::new(team).into(), densities, tab),
+            _ => Horizontal::new([densities, Vertical::new(team).into()])
+                .with_name(tab)
+                .into(),
+        }
+    }
+
+    fn pairs(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let states = self.pair_views(config, false);
+        self.with_team(config, "Pairs of observations", states, |builder| {
+            builder.pair_views(config, true)
+        })
+    }
+
+    fn bonuses(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let bonuses = self.bonus(config, false);
+        self.with_team(config, "Mean bonus", bonuses, |builder| {
+            builder.bonus(config, true)
+        })
+    }
+
+    fn with_team(
+        &mut self,
+        config: &BlueprintConfig,
+        tab: &str,
+        agents: ContainerLike,
+        team: impl FnOnce(&mut Self) -> ContainerLike,
+    ) -> ContainerLike {
+        match Arrangement::of(config.agents) {
+            Arrangement::Alone => Vertical::new([agents]).with_name(tab.to_owned()).into(),
+            Arrangement::Few => Horizontal::new([agents, team(self)])
+                .with_name(tab.to_owned())
+                .into(),
+            Arrangement::Many => team_above_agents(team(self), agents, tab.to_owned()),
+        }
+    }
+
+    fn lines(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
+        let layout = if of_team {
+            config.layouts.team_axes
+        } else {
+            config.layouts.axes
+        };
+        let title = sample_title(config, of_team);
+        self.image_view(
+            config,
+            &ImageViewSpec {
+                layout,
+                title,
+                root: "visitation",
+                of_team,
+                name: "lines",
+                scale: "lines",
+                accumulates: true,
+            },
+        )
+    }
+
+    pub(super) fn density(
+        &mut self,
+        config: &BlueprintConfig,
+        of_team: bool,
+        name: &str,
+    ) -> ContainerLike {
+        let layout = if of_team {
+            config.layouts.team_axes
+        } else {
+            config.layouts.axes
+        };
+        let span = if name == "latest" {
+            format!("in the latest {}", window_text(config))
+        } else {
+            "so far".to_owned()
+        };
+        let title = format!("{}: all states {span}", subject(config, of_team));
+        self.image_view(
+            config,
+            &ImageViewSpec {
+                layout,
+                title,
+                root: "visitation",
+                of_team,
+                name,
+                scale: "density",
+                accumulates: false,
+            },
+        )
+    }
+
+    fn pair_views(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
+        let layout = if of_team {
+            config.layouts.team_pairs
+        } else {
+            config.layouts.pairs
+        };
+        let title = sample_title(config, of_team);
+        self.image_view(
+            config,
+            &ImageViewSpec {
+                layout,
+                title,
+                root: "pairs",
+                of_team,
+                name: "states",
+                scale: "states",
+                accumulates: true,
+            },
+        )
+    }
+
+    fn bonus(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
+        let layout = if of_team {
+            config.layouts.team_pairs
+        } else {
+            config.layouts.pairs
+        };
+        let title = format!(
+            "{}: mean bonus in the latest {}",
+            subject(config, of_team),
+            window_text(config)
+        );
+        self.image_view(
+            config,
+            &ImageViewSpec {
+                layout,
+                title,
+                root: "pairs",
+                of_team,
+                name: "bonus",
+                scale: "bonus",
+                accumulates: false,
+            },
+        )
+    }
+
+    fn difference(&mut self, config: &BlueprintConfig, title: &str) -> ContainerLike {
+        let contents = [
+            "/visitation/difference/**".to_owned(),
+            "/visitation/team/axes/**".to_owned(),
+        ];
+        self.view(
+            config.layouts.team_axes,
+            title,
+            "visitation",
+            contents.to_vec(),
+        )
+    }
+
+    fn image_view(&mut self, config: &BlueprintConfig, spec: &ImageViewSpec<'_>) -> ContainerLike {
+        let ImageViewSpec {
+            layout,
+            title,
+            root,
+            of_team,
+            name,
+            scale,
+            accumulates,
+        } = spec;
+        let annotations = if *root == "pairs" { "frames" } else { "axes" };
+        let place = if *of_team {
+            format!("/{root}/team")
+        } else {
+            format!("/{root}")
+        };
+        let mut contents: Vec<String> = vec![
+            format!("{place}/{annotations}/**"),
+            format!("{place}/scale/{scale}"),
+            format!("{place}/scale/{scale}/labels"),
+            format!("{place}/scale/{name}/ends"),
+        ];
+        let agents = (0..config.agents).map(|agent| format!("/{root}/agent_{agent}/{name}"));
+        contents.extend(agents.filter(|_| !of_team));
+        contents.extend(of_team.then(|| format!("/{root}/team/{name}")));
+        let view = self.view(*layout, title, root, contents);
+        if *accumulates {
+            self.property(
+                &view,
+                "VisibleTimeRanges",
+                VisibleTimeRanges::new(visible_ranges(config)),
+            );
+        }
+        view
+    }
+
+    fn view(
+        &mut self,
+        layout: PanelLayout,
+        title: &str,
+        root: &str,
+        contents: Vec<String>,
+    ) -> ContainerLike {
+        let view = Spatial2DView::new(title.to_owned()).with_origin(format!("/{root}"));
+        let view: ContainerLike = view.with_contents(contents).into();
+        let [x_range, y_range] = layout.tiles.bounds().map(|ends| ends.map(f64::from));
+        let bounds = Range2D {
+            x_range: x_range.into(),
+            y_range: y_range.into(),
+        };
+        self.property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
+        self.background(&view);
+        view
+    }
+}
+
+fn team_above_agents(team: ContainerLike, agents: ContainerLike, tab: String) -> ContainerLike {
+    Vertical::new([team, agents])
+        .with_row_shares([TEAM_SHARE, 1.0 - TEAM_SHARE])
+        .with_name(tab)
+        .into()
+}
+
+/// None if no agents are compared.
+fn difference_title(difference: &Difference) -> Option<String> {
+    match difference {
+        Difference::Off => None,
+        Difference::MostDifferent => {
+            Some("Difference: the two most different agents (share of states)".to_owned())
+        }
+        Difference::Between(one, other) => Some(format!(
+            "Difference: agent {} − agent {} (share of states)",
+            **one, **other
+        )),
+    }
+}
+
+fn subject(config: &BlueprintConfig, of_team: bool) -> &'static str {
+    match (of_team, config.agents) {
+        (true, _) => "Team",
+        (false, 1) => "Agent 0",
+        _ => "Each agent",
+    }
+}
+
+fn window_text(config: &BlueprintConfig) -> String {
+    if config.window == 1 {
+        "round".to_owned()
+    } else {
+        format!("{} rounds", config.window)
+    }
+}
+
+fn sample_title(config: &BlueprintConfig, of_team: bool) -> String {
+    let window = config.quota.window;
+    format!(
+        "{}: sample of states in the latest {window} episodes, colored by {}",
+        subject(config, of_team),
+        config.colored_by
+    )
+}
+
+/// The latest episodes on each timeline. On the timeline of steps, the range is that of one episode
+/// of maximum length, or of 2 steps per episode if that is longer: an episode has at least two rows,
+/// so that no more than the wanted number of episodes is visible.
+fn visible_ranges(config: &BlueprintConfig) -> [VisibleTimeRange; 3] {
+    let latest = |timeline: &str, length: u32| VisibleTimeRange {
+        timeline: timeline.into(),
+        range: TimeRange {
+            start: TimeRangeBoundary::CursorRelative(TimeInt(1 - i64::from(length))),
+            end: TimeRangeBoundary::CursorRelative(TimeInt(0)),
+        },
+    };
+    let window = config.quota.window;
+    [
+        latest(EPISODE, window),
+        latest(ROUND, window),
+        latest(ENV_STEP, (2 * window).max(config.time_limit + 1)),
+    ]
+}

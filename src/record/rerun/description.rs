@@ -1,0 +1,136 @@
+//! The description of a run in its recording: name, properties, and a page of text.
+
+use std::sync::Arc;
+
+use rerun::external::arrow::array::StringArray;
+use rerun::log::Chunk;
+use rerun::{AnyValues, ComponentIdentifier, EntityPath, RecordingInfo, TextDocument};
+
+use super::RunInfo;
+use super::error::RecordingError;
+use super::rows::static_chunk;
+use crate::record::RecordingSettings;
+use seedbed_env::{Choice, Quantity, Spec};
+
+/// The recording's name, its properties and `/scenario`.
+pub(super) fn chunks(
+    info: &RunInfo<'_>,
+    settings: &RecordingSettings,
+) -> Result<[Chunk; 3], RecordingError> {
+    let name = RecordingInfo::new().with_name(info.name);
+    let properties = run_properties(info, settings);
+    let text = TextDocument::from_markdown(page(info, &properties));
+    Ok([
+        static_chunk(EntityPath::properties(), &name)?,
+        static_chunk(
+            EntityPath::properties().join(&"run".into()),
+            &property_values(properties),
+        )?,
+        static_chunk("scenario", &text)?,
+    ])
+}
+
+/// Properties, by which queries over many recordings can filter.
+fn property_values(properties: Vec<(String, String)>) -> AnyValues {
+    properties
+        .into_iter()
+        .fold(
+            AnyValues::default(),
+            |values, (name, value)| match ComponentIdentifier::try_new(name) {
+                Ok(name) => {
+                    values.with_component_from_data(name, Arc::new(StringArray::from(vec![value])))
+                }
+                Err(_) => values,
+            },
+        )
+}
+
+fn run_properties(info: &RunInfo<'_>, settings: &RecordingSettings) -> Vec<(String, String)> {
+    let own = [
+        ("environment", info.spec.name.clone()),
+        ("agents", info.agents.to_string()),
+        ("seed", info.run_seed.to_string()),
+        ("raw_every", settings.raw_every.get().to_string()),
+        ("seedbed", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    let further = info
+        .properties
+        .iter()
+        .map(|(name, value)| ((*name).to_owned(), value.clone()));
+    own.map(|(name, value)| (name.to_owned(), value))
+        .into_iter()
+        .chain(further)
+        .collect()
+}
+
+fn page(info: &RunInfo<'_>, properties: &[(String, String)]) -> String {
+    let RunInfo {
+        name,
+        spec,
+        agents,
+        scenario,
+        ..
+    } = info;
+    let description = &spec.description;
+    let rows: Vec<String> = properties
+        .iter()
+        .map(|(name, value)| format!("| {name} | {value} |\n"))
+        .collect();
+    let properties = rows.concat();
+    let (observed, done) = (observations(spec), actions(spec));
+    let team = match agents {
+        1 => "One agent learns the task.".to_owned(),
+        _ => format!(
+            "{agents} concurrent agents learn in {agents} copies of one task and share their experience."
+        ),
+    };
+    format!(
+        "# {name}\n\n\
+         {team} {description}\n\n\
+         ## How to read this recording\n\n\
+         - **Latest episodes, all states so far**: parallel coordinates, with one vertical axis per observation and one line across \
+         them per state. Lines are a sample of the states; colored by agent, they are dark at an episode's start and bright at its \
+         end. Densities count the lines of all states: the scale beside them gives the number of states per pixel at the time cursor.\n\
+         - **Difference**: orange where a larger share of the first agent's states passes than of the second agent's, blue where a \
+         smaller share does. Colors follow the square root of the difference (√ scale), so that small differences are visible.\n\
+         - **Pairs of observations**: one observation against another, with one point per state.\n\
+         - **Mean bonus**: the mean intrinsic reward of the steps taken from each cell, for agents with a bonus.\n\
+         - **Returns**: the sum of rewards of each episode. Each agent has the same color in all views.\n\
+         - **Motion**: one episode in one view, from dark (its start) to bright (its end).\n\
+         - **Time** is counted in episodes. Choose `env_step` in the time panel to watch the bodies move: green arrows are \
+         forces of actions, red arrows are contact forces.\n\
+         - **Columns** of `/raw` have the observations and actions of every `raw_every`-th episode of each agent.\n\n\
+         ## Run\n\n| property | value |\n|---|---|\n{properties}\n\
+         ## Observations and actions\n\n| quantity | range | unit |\n|---|---|---|\n{observed}{done}\n\
+         ## Scenario\n\n```ron\n{scenario}\n```\n"
+    )
+}
+
+fn observations(spec: &Spec) -> String {
+    spec.observations
+        .iter()
+        .map(|quantity| row(quantity, &ends(quantity)))
+        .collect::<Vec<_>>()
+        .concat()
+}
+
+fn actions(spec: &Spec) -> String {
+    let range = |choice: &Choice, quantity| match choice {
+        Choice::Discrete(values) => format!("one of {values:?}"),
+        Choice::Continuous => ends(quantity),
+    };
+    let rows = spec
+        .actions
+        .iter()
+        .map(|action| row(&action.quantity, &range(&action.choice, &action.quantity)));
+    rows.collect::<Vec<_>>().concat()
+}
+
+fn ends(quantity: &Quantity) -> String {
+    let [low, high] = quantity.range;
+    format!("{low} to {high}")
+}
+
+fn row(quantity: &Quantity, range: &str) -> String {
+    format!("| {} | {range} | {} |\n", quantity.name, quantity.unit)
+}

@@ -1,0 +1,80 @@
+//! The start of a recording: what it is, and how the viewer shows it.
+
+use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
+use rerun::log::{LogMsg, RowId};
+
+use super::error::RecordingError;
+use super::scene::SceneWriter;
+use super::{APPLICATION, RerunRecorder, RunInfo, blueprint, description, quantities};
+use crate::record::{BodyTrajectory, RecordingSettings};
+
+impl RerunRecorder {
+    /// Writes everything that never changes: properties, names, colors, shapes.
+    pub(super) fn write_header(
+        &mut self,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+    ) -> Result<(), RecordingError> {
+        let source = StoreSource::Other(format!("seedbed {}", env!("CARGO_PKG_VERSION")));
+        self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo {
+            row_id: *RowId::new(),
+            info: StoreInfo::new(self.sink.store().clone(), source),
+        }))?;
+        let mut chunks = description::chunks(info, settings)?.to_vec();
+        chunks.push(quantities::chunk(info.spec, info.bonus)?);
+        chunks.extend(
+            self.layouts
+                .annotations(&self.style, &self.writers.images)?,
+        );
+        chunks.extend(self.writers.styles(&self.style, self.settings.quota)?);
+        self.sink.send_chunks(&chunks)
+    }
+
+    /// Writes how the recording is shown. Scenes are framed by the first recorded episodes.
+    pub(super) fn write_blueprint(
+        &mut self,
+        trajectories: &[BodyTrajectory],
+    ) -> Result<(), RecordingError> {
+        let scales = self.layouts.color_scales(&self.style.coloring)?;
+        self.sink.send_chunks(&scales)?;
+        for message in blueprint::messages(APPLICATION, &self.blueprint_config(trajectories))? {
+            self.sink.send(&message)?;
+        }
+        Ok(())
+    }
+
+    fn blueprint_config(&self, trajectories: &[BodyTrajectory]) -> blueprint::BlueprintConfig {
+        let settings = &self.settings;
+        let scenes = self.writers.scenes.iter();
+        blueprint::BlueprintConfig {
+            agents: self.writers.agents.len() as u32,
+            layouts: self.layouts,
+            quota: settings.quota,
+            window: settings.window,
+            time_limit: settings.spec.time_limit,
+            control_step: settings.spec.control_step,
+            focus: settings.focus,
+            colored_by: self.style.coloring.title(),
+            has_bonus: settings.bonus.exists(),
+            difference: settings.difference.clone(),
+            scenes: scenes
+                .map(|scene| scene_view(scene, trajectories))
+                .collect(),
+        }
+    }
+}
+
+fn scene_view(scene: &SceneWriter, trajectories: &[BodyTrajectory]) -> blueprint::SceneView {
+    let of_agent = trajectories
+        .iter()
+        .find(|trajectory| trajectory.agent == scene.agent());
+    // An agent whose first recorded episode comes later is framed like another one.
+    let bounds = of_agent
+        .or(trajectories.first())
+        .and_then(|trajectory| scene.view(trajectory));
+    blueprint::SceneView {
+        agent: scene.agent(),
+        origin: scene.origin(),
+        bounds,
+    }
+}

@@ -1,0 +1,369 @@
+//! Images of visited states, a new one every few rounds: line densities at
+//! `/visitation/agent_K/density` (all states so far) and `/visitation/agent_K/latest` (the latest
+//! rounds), and the same of the team; the difference between two agents at
+//! `/visitation/difference`; mean bonuses at `/pairs/agent_K/bonus` and `/pairs/team/bonus`. The
+//! images of all agents share one scale; its ends are recorded with the images.
+
+use std::sync::Arc;
+
+use rerun::components::{Colormap, ImageBuffer, ImageFormat, MagnificationFilter};
+use rerun::datatypes::{ChannelDatatype, ColorModel};
+use rerun::external::arrow::array::StringArray;
+use rerun::log::Chunk;
+use rerun::{DepthImage, EntityPath, Image, Points2D};
+
+use super::annotations::{Label, format_number, only_labels};
+use super::error::RecordingError;
+use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
+use super::samples::VisitationStyle;
+use crate::record::Difference;
+use crate::record::visitation::{
+    AgentVisits, Axes, BonusMap, CELLS, HEIGHT, Pairs, first_round, most_different, shade,
+    share_difference,
+};
+use seedbed_figure::color::dark::{diverging_color, sequential_color};
+
+/// Number of images in one chunk.
+const IMAGES_PER_CHUNK: usize = 8;
+
+/// The color of cells without states.
+const EMPTY_COLOR: [u8; 3] = [0, 0, 4];
+
+/// The images of one entity that are not written yet.
+pub(super) struct ImageSeries {
+    entity: EntityPath,
+    kind: ImageKind,
+    moments: Moments,
+    images: Vec<ImageBuffer>,
+}
+
+/// What the bytes of an image are.
+#[derive(Clone, Copy, PartialEq)]
+enum ImageKind {
+    /// One number per pixel, which the viewer maps to a color.
+    Density,
+    /// Red, green and blue of each pixel.
+    Colored,
+}
+
+/// Labels that change with the images and are not written yet.
+pub(super) struct LabelSeries {
+    entity: EntityPath,
+    moments: Moments,
+    texts: Vec<String>,
+    per_row: usize,
+}
+
+/// The images of each agent and of the team, with the ends of their scales.
+pub(super) struct ImageGroup {
+    agents: Vec<ImageSeries>,
+    team: ImageSeries,
+    agents_scale: LabelSeries,
+    team_scale: LabelSeries,
+}
+
+/// All images of a recording.
+pub(super) struct ImageWriter {
+    pub(super) latest: ImageGroup,
+    pub(super) density: ImageGroup,
+    pub(super) bonus: Option<ImageGroup>,
+    difference: ImageSeries,
+    difference_scale: LabelSeries,
+    compared: Difference,
+}
+
+impl ImageWriter {
+    pub(super) fn new(agents: usize, has_bonus: bool, compared: &Difference) -> Self {
+        let density =
+            |name, labels| ImageGroup::new(agents, "visitation", name, ImageKind::Density, labels);
+        let bonus = || ImageGroup::new(agents, "pairs", "bonus", ImageKind::Colored, 2);
+        Self {
+            latest: density("latest", 2),
+            density: density("density", 1),
+            bonus: has_bonus.then(bonus),
+            difference: ImageSeries::new("visitation/difference".into(), ImageKind::Colored),
+            difference_scale: LabelSeries::new("visitation/difference/scale/ends", 4),
+            compared: compared.clone(),
+        }
+    }
+
+    /// Adds images of the states visited up to the end of a round, and in the latest `window`
+    /// rounds.
+    pub(super) fn push(
+        &mut self,
+        visits: &[AgentVisits],
+        VisitationStyle { axes, pairs, .. }: &VisitationStyle,
+        window: u32,
+        at: Moment,
+    ) {
+        let round = at.round as u32;
+        let rounds = format!("rounds {} to {round}", first_round(round, window));
+        let latest: Vec<Vec<u32>> = visits.iter().map(AgentVisits::latest_density).collect();
+        let latest: Vec<&[u32]> = latest.iter().map(Vec::as_slice).collect();
+        self.latest.push_densities(&latest, Some(&rounds), at);
+        let so_far: Vec<&[u32]> = visits.iter().map(|agent| agent.density.pixels()).collect();
+        self.density.push_densities(&so_far, None, at);
+        self.push_difference(&so_far, axes.width(), at);
+        if let Some(group) = &mut self.bonus {
+            let bonuses: Vec<BonusMap> = visits
+                .iter()
+                .filter_map(|agent| agent.latest_bonuses(pairs))
+                .collect();
+            group.push_bonuses(&bonuses, pairs, &rounds, at);
+        }
+    }
+
+    fn push_difference(&mut self, densities: &[&[u32]], width: usize, at: Moment) {
+        let agents = match &self.compared {
+            Difference::Off => None,
+            Difference::Between(one, other) => Some((**one as usize, **other as usize)),
+            Difference::MostDifferent => most_different(densities, width),
+        };
+        let Some((one, other)) = agents else { return };
+        let (differences, max) = share_difference(densities[one], densities[other], width);
+        let pixels: Vec<u8> = differences.into_iter().flat_map(diverging_color).collect();
+        self.difference.push(pixels, at);
+        let end = format!("+{:.2} %", 100.0 * max);
+        let [one, other] = [one, other].map(|agent| format!("agent {agent}"));
+        self.difference_scale
+            .push([one, end.clone(), end, other], at);
+    }
+
+    /// The series with enough images for a chunk, or all that have any.
+    pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
+        let mut chunks = Vec::new();
+        let groups = [&mut self.latest, &mut self.density]
+            .into_iter()
+            .chain(&mut self.bonus);
+        for group in groups {
+            let images = group.agents.iter_mut().chain([&mut group.team]);
+            chunks.extend(images.filter_map(|series| series.take(all)));
+            let labels = [&mut group.agents_scale, &mut group.team_scale];
+            chunks.extend(labels.into_iter().filter_map(|series| series.take(all)));
+        }
+        chunks.extend(self.difference.take(all));
+        chunks.extend(self.difference_scale.take(all));
+        chunks.into_iter().collect()
+    }
+
+    /// The formats of all images, which never change.
+    pub(super) fn styles(&self, axes: &Axes, pairs: &Pairs) -> Result<Vec<Chunk>, RecordingError> {
+        let density_size = [axes.width() as u32, HEIGHT as u32];
+        let bonus_size = [pairs.width() as u32, CELLS as u32];
+        let densities = [&self.latest, &self.density]
+            .into_iter()
+            .flat_map(ImageGroup::all_series)
+            .chain([&self.difference])
+            .map(|series| series.style(density_size));
+        let bonuses = self
+            .bonus
+            .iter()
+            .flat_map(ImageGroup::all_series)
+            .map(|series| series.style(bonus_size));
+        densities.chain(bonuses).collect()
+    }
+
+    /// The positions of the labels of the difference's scale.
+    pub(super) fn difference_label_style(&self, labels: &[Label]) -> Result<Chunk, RecordingError> {
+        self.difference_scale.style(labels)
+    }
+}
+
+impl ImageGroup {
+    fn new(agents: usize, root: &str, name: &str, kind: ImageKind, labels: usize) -> Self {
+        let series = |who: &str| ImageSeries::new(format!("{root}/{who}/{name}").into(), kind);
+        Self {
+            agents: (0..agents)
+                .map(|agent| series(&format!("agent_{agent}")))
+                .collect(),
+            team: series("team"),
+            agents_scale: LabelSeries::new(&format!("{root}/scale/{name}/ends"), labels),
+            team_scale: LabelSeries::new(&format!("{root}/team/scale/{name}/ends"), labels),
+        }
+    }
+
+    /// The positions of the labels of the agents' scale and of the team's scale.
+    pub(super) fn label_styles(
+        &self,
+        [agents, team]: &[Vec<Label>; 2],
+    ) -> Result<[Chunk; 2], RecordingError> {
+        Ok([
+            self.agents_scale.style(agents)?,
+            self.team_scale.style(team)?,
+        ])
+    }
+
+    fn all_series(&self) -> impl Iterator<Item = &ImageSeries> {
+        self.agents.iter().chain([&self.team])
+    }
+
+    /// Adds images of lines per pixel. Both scales get the number of lines on the brightest pixel,
+    /// and the note.
+    fn push_densities(&mut self, agents: &[&[u32]], note: Option<&str>, at: Moment) {
+        let max = agents
+            .iter()
+            .flat_map(|pixels| pixels.iter())
+            .copied()
+            .max()
+            .unwrap_or(0);
+        for (series, pixels) in self.agents.iter_mut().zip(agents) {
+            series.push(shade(pixels, max), at);
+        }
+        let team = sum(agents);
+        let max_of_team = team.iter().copied().max().unwrap_or(0);
+        self.team.push(shade(&team, max_of_team), at);
+        let ends = [max, max_of_team].map(|lines| grouped(u64::from(lines)));
+        self.push_scale_labels(ends, note, at);
+    }
+
+    /// Adds images of mean bonuses. Both scales get the largest mean of a cell, and the note.
+    fn push_bonuses(&mut self, agents: &[BonusMap], pairs: &Pairs, note: &str, at: Moment) {
+        let mut team = BonusMap::new(pairs);
+        for map in agents {
+            team.add_all(map);
+        }
+        let max = agents.iter().map(BonusMap::max_mean).fold(0.0, f64::max);
+        for (series, map) in self.agents.iter_mut().zip(agents) {
+            series.push(bonus_pixels(map, max, pairs), at);
+        }
+        let max_of_team = team.max_mean();
+        self.team.push(bonus_pixels(&team, max_of_team, pairs), at);
+        let ends = [max, max_of_team].map(|mean| format_number(mean as f32));
+        self.push_scale_labels(ends, Some(note), at);
+    }
+
+    fn push_scale_labels(
+        &mut self,
+        [of_agents, of_team]: [String; 2],
+        note: Option<&str>,
+        at: Moment,
+    ) {
+        let texts = |end: String| [end].into_iter().chain(note.map(ToOwned::to_owned));
+        self.agents_scale.push(texts(of_agents), at);
+        self.team_scale.push(texts(of_team), at);
+    }
+}
+
+fn sum(densities: &[&[u32]]) -> Vec<u32> {
+    let mut sum = vec![0_u32; densities.first().map_or(0, |pixels| pixels.len())];
+    for pixels in densities {
+        for (sum, lines) in sum.iter_mut().zip(*pixels) {
+            *sum = sum.saturating_add(*lines);
+        }
+    }
+    sum
+}
+
+/// Mean bonuses as colors from 0, dark, to `max`, bright, with panels side by side.
+fn bonus_pixels(map: &BonusMap, max: f64, pairs: &Pairs) -> Vec<u8> {
+    let (width, scale) = (pairs.width(), if max > 0.0 { max } else { 1.0 });
+    let mut pixels = EMPTY_COLOR.repeat(width * CELLS);
+    for (cell, mean) in map.means().enumerate() {
+        let (panel, row, column) = (cell / (CELLS * CELLS), cell / CELLS % CELLS, cell % CELLS);
+        let pixel = 3 * (row * width + pairs.x(panel) + column);
+        let color = mean.map_or(EMPTY_COLOR, |mean| sequential_color((mean / scale) as f32));
+        pixels[pixel..pixel + 3].copy_from_slice(&color);
+    }
+    pixels
+}
+
+/// A number with a comma for each thousand: 1,234,567.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let groups: Vec<&str> = digits
+        .as_bytes()
+        .rchunks(3)
+        .rev()
+        .filter_map(|group| std::str::from_utf8(group).ok())
+        .collect();
+    groups.join(",")
+}
+
+impl ImageSeries {
+    fn new(entity: EntityPath, kind: ImageKind) -> Self {
+        Self {
+            entity,
+            kind,
+            moments: Moments::default(),
+            images: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, pixels: Vec<u8>, at: Moment) {
+        self.moments.push(at);
+        self.images.push(pixels.into());
+    }
+
+    fn take(&mut self, all: bool) -> Option<Result<Chunk, RecordingError>> {
+        let min_images = if all { 1 } else { IMAGES_PER_CHUNK };
+        (self.images.len() >= min_images).then(|| self.take_chunk())
+    }
+
+    fn take_chunk(&mut self) -> Result<Chunk, RecordingError> {
+        let moments = std::mem::take(&mut self.moments);
+        let images = std::mem::take(&mut self.images);
+        let columns = match self.kind {
+            ImageKind::Density => DepthImage::update_fields()
+                .with_many_buffer(images)
+                .columns_of_unit_batches()
+                .map(Vec::from_iter),
+            ImageKind::Colored => Image::update_fields()
+                .with_many_buffer(images)
+                .columns_of_unit_batches()
+                .map(Vec::from_iter),
+        };
+        moments.into_chunk(&self.entity, columns?)
+    }
+
+    fn style(&self, size: [u32; 2]) -> Result<Chunk, RecordingError> {
+        if self.kind == ImageKind::Colored {
+            let format = ImageFormat::from_color_model(size, ColorModel::RGB, ChannelDatatype::U8);
+            let style = Image::update_fields()
+                .with_format(format)
+                .with_magnification_filter(MagnificationFilter::Nearest);
+            return static_chunk(self.entity.clone(), &style);
+        }
+        let style = DepthImage::update_fields()
+            .with_format(ImageFormat::depth(size, ChannelDatatype::U8))
+            .with_colormap(Colormap::Inferno)
+            .with_depth_range([0.0, 255.0])
+            .with_magnification_filter(MagnificationFilter::Linear);
+        static_chunk(self.entity.clone(), &style)
+    }
+}
+
+impl LabelSeries {
+    fn new(entity: &str, per_row: usize) -> Self {
+        Self {
+            entity: entity.into(),
+            moments: Moments::default(),
+            texts: Vec::new(),
+            per_row,
+        }
+    }
+
+    fn push(&mut self, texts: impl IntoIterator<Item = String>, at: Moment) {
+        self.moments.push(at);
+        self.texts.extend(texts);
+    }
+
+    fn take(&mut self, all: bool) -> Option<Result<Chunk, RecordingError>> {
+        let min_rows = if all { 1 } else { IMAGES_PER_CHUNK };
+        (self.moments.len() >= min_rows).then(|| self.take_chunk())
+    }
+
+    fn take_chunk(&mut self) -> Result<Chunk, RecordingError> {
+        let moments = std::mem::take(&mut self.moments);
+        let texts = StringArray::from(std::mem::take(&mut self.texts));
+        let rows = vec![self.per_row; moments.len()];
+        let column = grouped_column(Points2D::descriptor_labels(), Arc::new(texts), rows);
+        moments.into_chunk(&self.entity, [column])
+    }
+
+    /// The positions and colors of the labels, without their texts.
+    fn style(&self, labels: &[Label]) -> Result<Chunk, RecordingError> {
+        let points = Points2D::new(labels.iter().map(|(_, position, _)| *position));
+        let colored = points.with_colors(labels.iter().map(|(_, _, color)| rgb(*color)));
+        static_chunk(self.entity.clone(), &only_labels(colored))
+    }
+}

@@ -1,0 +1,247 @@
+//! The layouts of all views of visited states, with their annotations: `/visitation/axes`,
+//! `/pairs/frames`, color scales.
+//!
+//! The images of all agents share a view, in which each agent's entity has a position of its own.
+
+use rerun::Transform3D;
+use rerun::log::Chunk;
+
+use super::annotations::{
+    Label, MAX_LABELED, PanelLayout, color_scale, format_number, label_points, labels_beside,
+};
+use super::error::RecordingError;
+use super::images::ImageWriter;
+use super::rows::static_chunk;
+use super::samples::VisitationStyle;
+use super::tiles::{ColorBar, Viewport};
+use crate::record::ColorBy;
+use crate::record::visitation::{Axes, Coloring, MIN_BRIGHTNESS, Pairs, outcome_color};
+use seedbed_figure::color::dark::{density_color, diverging_color, sequential_color};
+
+/// Width and height available to views of visited states, in points, on a screen of 1600 × 1000
+/// points, without tabs and a title.
+const VIEW_SIZE: [f32; 2] = [960.0, 880.0];
+
+/// Height of a view's title, in points.
+const TITLE_HEIGHT: f32 = 28.0;
+
+/// The share of the height for the team's images above those of many agents.
+pub(super) const TEAM_SHARE: f32 = 0.3;
+
+/// Width of the color scale beside images, in points.
+const SCALE_WIDTH: f32 = 120.0;
+
+/// The layouts for images of all agents, and for one image of the team.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Layouts {
+    pub(super) axes: PanelLayout,
+    pub(super) team_axes: PanelLayout,
+    pub(super) pairs: PanelLayout,
+    pub(super) team_pairs: PanelLayout,
+}
+
+/// How the images of a team share the screen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Arrangement {
+    /// One agent: its lines above its density.
+    Alone,
+    /// A few agents: one below the other, with lines beside densities.
+    Few,
+    /// Many agents, below the team's images.
+    Many,
+}
+
+impl Arrangement {
+    pub(super) fn of(agents: u32) -> Self {
+        match agents {
+            0 | 1 => Self::Alone,
+            2..=MAX_LABELED => Self::Few,
+            _ => Self::Many,
+        }
+    }
+}
+
+impl Layouts {
+    pub(super) fn new(agents: u32, axes: &Axes, pairs: &Pairs) -> Self {
+        let [width, height] = VIEW_SIZE;
+        let (half, upper) = (
+            width / 2.0,
+            TEAM_SHARE * (height + TITLE_HEIGHT) - TITLE_HEIGHT,
+        );
+        let lower = height - upper - TITLE_HEIGHT;
+        let [of_axes, of_team, of_pairs, of_team_pairs] = match Arrangement::of(agents) {
+            Arrangement::Alone => [
+                [width, (height - TITLE_HEIGHT) / 2.0],
+                [half, upper],
+                [width, height],
+                [width, upper],
+            ],
+            Arrangement::Few => [
+                [half, height],
+                [half, upper],
+                [half, height],
+                [half, height],
+            ],
+            Arrangement::Many => [
+                [width, lower],
+                [half, upper],
+                [width, lower],
+                [width, upper],
+            ],
+        };
+        let viewport = |size| Viewport {
+            size,
+            scale: SCALE_WIDTH,
+            overhang: 0.0,
+        };
+        Self {
+            axes: PanelLayout::of_axes(axes, Some(agents), viewport(of_axes)),
+            team_axes: PanelLayout::of_axes(axes, None, viewport(of_team)),
+            pairs: PanelLayout::of_pairs(pairs, Some(agents), viewport(of_pairs)),
+            team_pairs: PanelLayout::of_pairs(pairs, None, viewport(of_team_pairs)),
+        }
+    }
+
+    /// Axes, panels, each agent's position, and the scales whose ends are known.
+    pub(super) fn annotations(
+        &self,
+        style: &VisitationStyle,
+        images: &ImageWriter,
+    ) -> Result<Vec<Chunk>, RecordingError> {
+        let mut chunks = self.axes.axes("visitation/axes", &style.axes)?.to_vec();
+        chunks.extend(self.team_axes.axes("visitation/team/axes", &style.axes)?);
+        chunks.extend(self.pairs.panels("pairs/frames", &style.pairs)?);
+        chunks.extend(self.team_pairs.panels("pairs/team/frames", &style.pairs)?);
+        for (root, layout) in [("visitation", self.axes), ("pairs", self.pairs)] {
+            for (agent, [x, y]) in layout.tiles.corners().enumerate() {
+                let position = Transform3D::update_fields().with_translation([x, y, 0.0]);
+                chunks.push(static_chunk(format!("{root}/agent_{agent}"), &position)?);
+            }
+        }
+        chunks.extend(self.image_scales(images)?);
+        Ok(chunks)
+    }
+
+    /// The scales of images; their upper ends are recorded with the images.
+    fn image_scales(&self, images: &ImageWriter) -> Result<Vec<Chunk>, RecordingError> {
+        let [axes, team_axes, pairs, team_pairs] =
+            [self.axes, self.team_axes, self.pairs, self.team_pairs]
+                .map(|layout| layout.tiles.bar());
+        let latest_labels = [axes, team_axes].map(|bar| max_and_note_labels(&bar, -2.15));
+        let mut chunks = images.latest.label_styles(&latest_labels)?.to_vec();
+        let density_labels = [axes, team_axes].map(|bar| max_label(&bar));
+        chunks.extend(images.density.label_styles(&density_labels)?);
+        for (entity, bar) in [
+            ("visitation/scale/density", axes),
+            ("visitation/team/scale/density", team_axes),
+        ] {
+            chunks.extend(color_scale(
+                entity,
+                &bar,
+                line_density_color,
+                labels_beside(
+                    &bar,
+                    &[("states per pixel", 2.1), ("1", -0.05), ("log scale", -1.1)],
+                ),
+            )?);
+        }
+        if let Some(bonus) = &images.bonus {
+            let labels = [pairs, team_pairs].map(|bar| max_and_note_labels(&bar, -1.1));
+            chunks.extend(bonus.label_styles(&labels)?);
+            for (entity, bar) in [
+                ("pairs/scale/bonus", pairs),
+                ("pairs/team/scale/bonus", team_pairs),
+            ] {
+                chunks.extend(color_scale(
+                    entity,
+                    &bar,
+                    sequential_color,
+                    labels_beside(&bar, &[("mean bonus", 2.1), ("0", -0.05)]),
+                )?);
+            }
+        }
+        let sides = labels_beside(
+            &team_axes,
+            &[("", 2.1), ("", 1.05), ("", -0.05), ("", -1.1)],
+        );
+        chunks.push(images.difference_label_style(&sides)?);
+        chunks.extend(color_scale(
+            "visitation/difference/scale",
+            &team_axes,
+            |share| diverging_color(2.0 * share - 1.0),
+            labels_beside(&team_axes, &[("√ scale", 3.15)]),
+        )?);
+        Ok(chunks)
+    }
+
+    /// The color scales of lines and points, whose ends may depend on the first round.
+    pub(super) fn color_scales(&self, coloring: &Coloring) -> Result<Vec<Chunk>, RecordingError> {
+        let layouts = [
+            ("visitation/scale/lines", self.axes),
+            ("visitation/team/scale/lines", self.team_axes),
+            ("pairs/scale/states", self.pairs),
+            ("pairs/team/scale/states", self.team_pairs),
+        ];
+        let scales = layouts
+            .into_iter()
+            .map(|(entity, layout)| state_color_scale(entity, &layout.tiles.bar(), coloring));
+        Ok(scales
+            .collect::<Result<Vec<_>, _>>()?
+            .into_iter()
+            .flatten()
+            .collect())
+    }
+}
+
+/// The position of the label at the upper end of a scale; its text is recorded with the images.
+fn max_label(bar: &ColorBar) -> Vec<Label> {
+    labels_beside(bar, &[("", 1.05)])
+}
+
+/// The positions of the label at the upper end of a scale and of a note below the scale.
+fn max_and_note_labels(bar: &ColorBar, note: f32) -> Vec<Label> {
+    labels_beside(bar, &[("", 1.05), ("", note)])
+}
+
+/// The colors of densities, from one line, which is not black, to the maximum.
+fn line_density_color(share: f32) -> [u8; 3] {
+    let min = f32::from(MIN_BRIGHTNESS) / 255.0;
+    density_color(min + (1.0 - min) * share)
+}
+
+fn state_color_scale(
+    entity: &str,
+    bar: &ColorBar,
+    coloring: &Coloring,
+) -> Result<Vec<Chunk>, RecordingError> {
+    let [low, high] = coloring.range.map(format_number);
+    match coloring.by {
+        ColorBy::Agent => Ok(Vec::new()),
+        ColorBy::Outcome => {
+            let [truncated, terminated] = [false, true].map(outcome_color);
+            let label =
+                |text: &str, lines: f32, color| (text.to_owned(), bar.label_position(lines), color);
+            let labels = vec![
+                label("truncated", 2.1, truncated),
+                label("terminated", 1.05, terminated),
+            ];
+            let entity = format!("{entity}/labels");
+            Ok(vec![static_chunk(entity, &label_points(labels))?])
+        }
+        ColorBy::Return => {
+            let (low, high) = (format!("{low} or less"), format!("{high} or more"));
+            let labels = labels_beside(
+                bar,
+                &[(coloring.title(), 2.1), (&high, 1.05), (&low, -0.05)],
+            );
+            color_scale(entity, bar, sequential_color, labels).map(Vec::from)
+        }
+        ColorBy::Episode | ColorBy::IntrinsicReward => {
+            let labels = labels_beside(
+                bar,
+                &[(coloring.title(), 2.1), (&high, 1.05), (&low, -0.05)],
+            );
+            color_scale(entity, bar, sequential_color, labels).map(Vec::from)
+        }
+    }
+}

@@ -1,0 +1,260 @@
+//! `/visitation/agent_K/lines` and `/pairs/agent_K/states`: a sample of the states of the latest
+//! episodes, as lines in parallel coordinates and as points in plots of pairs. The team's entities
+//! have fewer states of each agent, those of all agents on top of each other.
+
+use std::sync::Arc;
+
+use rerun::components::Radius;
+use rerun::external::arrow::array::{ArrayRef, FixedSizeListArray, Float32Array, UInt32Array};
+use rerun::external::arrow::datatypes::{DataType, Field};
+use rerun::log::Chunk;
+use rerun::{EntityPath, LineStrips2D, Points2D, SerializedComponentColumn};
+
+use super::RunInfo;
+use super::error::RecordingError;
+use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk, strips};
+use crate::record::RecordingSettings;
+use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, pick_states};
+use seedbed_env::random::Stream;
+use seedbed_figure::color::dark::categorical_color;
+use seedbed_learn::experience::Episode;
+
+/// Number of episodes in one chunk.
+const EPISODES_PER_CHUNK: usize = 64;
+
+/// How states are drawn: the axes, the panels, and the colors.
+pub(super) struct VisitationStyle {
+    pub(super) axes: Axes,
+    pub(super) pairs: Pairs,
+    pub(super) coloring: Coloring,
+}
+
+/// The sampled states of one agent or of the team, as lines and as points.
+pub(super) struct SampleWriter {
+    lines: MarkSeries,
+    points: MarkSeries,
+}
+
+/// The lines or points of one entity that are not written yet.
+struct MarkSeries {
+    entity: EntityPath,
+    moments: Moments,
+    coordinates: Vec<f32>,
+    /// One color per line or point; empty if every agent has a color of its own.
+    colors: Vec<u32>,
+    /// Number of states in each row.
+    counts: Vec<usize>,
+}
+
+/// The number of states of an episode that are sampled for its agent and for the team.
+#[derive(Clone, Copy)]
+pub(super) struct SampleCounts {
+    pub(super) of_agent: usize,
+    pub(super) of_team: usize,
+}
+
+impl VisitationStyle {
+    /// The style that a scenario chooses; `color_range` is known after the first round.
+    pub(super) fn of(
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        color_range: Option<[f32; 2]>,
+    ) -> Self {
+        Self {
+            axes: Axes::of(info.spec, &settings.axes, info.bonus),
+            pairs: Pairs::of(info.spec, &settings.pairs),
+            coloring: Coloring {
+                by: *settings.color,
+                range: color_range.unwrap_or([0.0, 1.0]),
+            },
+        }
+    }
+
+    /// Counts all states of an episode in its agent's visits, and picks some for the samples of the
+    /// agent and of the team, which appear at `end`. The team's states are a random part of the
+    /// agent's.
+    pub(super) fn add(
+        &self,
+        episode: &Episode,
+        end: Moment,
+        visits: &mut AgentVisits,
+        [own, team]: [&mut SampleWriter; 2],
+        counts: SampleCounts,
+        random: &mut Stream,
+    ) {
+        let states = episode.length() + usize::from(!self.axes.need_actions());
+        let picked = pick_states(states, counts.of_agent, random);
+        let shared = pick_states(picked.len(), counts.of_team.min(picked.len()), random);
+        let (mut fractions, mut next) = (Vec::new(), picked.iter().enumerate().peekable());
+        for (step, state) in VisitedState::of_episode(episode).take(states).enumerate() {
+            self.axes.project(&state, &mut fractions);
+            visits.add(&fractions, &self.pairs, &state);
+            if let Some((index, _)) = next.next_if(|(_, picked)| **picked == step) {
+                let color = self.coloring.color(episode, &state);
+                own.draw(self, &state, &fractions, color);
+                if shared.binary_search(&index).is_ok() {
+                    team.draw(
+                        self,
+                        &state,
+                        &fractions,
+                        Some(color.unwrap_or_else(|| categorical_color(episode.agent))),
+                    );
+                }
+            }
+        }
+        own.end(picked.len(), end);
+        team.end(shared.len(), end);
+    }
+}
+
+impl SampleWriter {
+    pub(super) fn new(who: &str) -> Self {
+        Self {
+            lines: MarkSeries::new(format!("visitation/{who}/lines")),
+            points: MarkSeries::new(format!("pairs/{who}/states")),
+        }
+    }
+
+    fn draw(
+        &mut self,
+        style: &VisitationStyle,
+        state: &VisitedState<'_>,
+        fractions: &[f32],
+        color: Option<[u8; 3]>,
+    ) {
+        self.lines
+            .coordinates
+            .extend(style.axes.line(fractions).flatten());
+        self.points
+            .coordinates
+            .extend(style.pairs.points(state).flatten());
+        let color = color.map(|color| rgb(color).to_u32());
+        self.lines.colors.extend(color);
+        self.points.colors.extend(
+            color
+                .into_iter()
+                .flat_map(|color| vec![color; style.pairs.panels().len()]),
+        );
+    }
+
+    fn end(&mut self, states: usize, at: Moment) {
+        for marks in [&mut self.lines, &mut self.points] {
+            marks.moments.push(at);
+            marks.counts.push(states);
+        }
+    }
+
+    /// Chunks of lines and points if there are enough, or if any and `all` is set.
+    pub(super) fn take(
+        &mut self,
+        style: &VisitationStyle,
+        all: bool,
+    ) -> Result<Vec<Chunk>, RecordingError> {
+        if !all && self.lines.moments.len() < EPISODES_PER_CHUNK {
+            return Ok(Vec::new());
+        }
+        let (axes, panels) = (style.axes.all().len(), style.pairs.panels().len());
+        let line = |coordinates, states| {
+            (
+                LineStrips2D::descriptor_strips(),
+                strips(coordinates, vec![axes; states]),
+            )
+        };
+        let point = |coordinates, _| (Points2D::descriptor_positions(), positions(coordinates));
+        let lines = self.lines.take(1, LineStrips2D::descriptor_colors(), line);
+        let points = self
+            .points
+            .take(panels, Points2D::descriptor_colors(), point);
+        lines.into_iter().chain(points).collect()
+    }
+
+    /// The sizes of lines and points, which never change, and their colors if every agent has its
+    /// own: from dark, at an episode's start, to bright, at its end.
+    pub(super) fn styles(
+        &self,
+        agent: Option<u32>,
+        states_per_row: u32,
+        panels: usize,
+    ) -> Result<[Chunk; 2], RecordingError> {
+        let states = states_per_row.max(1);
+        let share = |state: u32| 0.35 + 0.65 * (state + 1) as f32 / states as f32;
+        let faded = |agent: u32, state: u32| {
+            categorical_color(agent)
+                .map(|channel| (f32::from(channel) * share(state)).min(255.0) as u8)
+        };
+        let colors: Vec<_> = agent
+            .into_iter()
+            .flat_map(|agent| (0..states).map(move |state| rgb(faded(agent, state))))
+            .collect();
+        let lines = LineStrips2D::update_fields().with_radii([Radius::new_ui_points(0.35)]);
+        let points = Points2D::update_fields().with_radii([Radius::new_ui_points(1.2)]);
+        if colors.is_empty() {
+            return Ok([
+                static_chunk(self.lines.entity.clone(), &lines)?,
+                static_chunk(self.points.entity.clone(), &points)?,
+            ]);
+        }
+        let of_points = colors
+            .iter()
+            .flat_map(|color| vec![*color; panels])
+            .collect::<Vec<_>>();
+        Ok([
+            static_chunk(self.lines.entity.clone(), &lines.with_colors(colors))?,
+            static_chunk(self.points.entity.clone(), &points.with_colors(of_points))?,
+        ])
+    }
+}
+
+impl MarkSeries {
+    fn new(entity: String) -> Self {
+        let (coordinates, colors, counts) = (Vec::new(), Vec::new(), Vec::new());
+        Self {
+            entity: entity.into(),
+            moments: Moments::default(),
+            coordinates,
+            colors,
+            counts,
+        }
+    }
+
+    /// A chunk of the collected lines or points, of which each state has `per_state`.
+    fn take(
+        &mut self,
+        per_state: usize,
+        color: rerun::ComponentDescriptor,
+        shapes: impl FnOnce(Vec<f32>, usize) -> (rerun::ComponentDescriptor, ArrayRef),
+    ) -> Option<Result<Chunk, RecordingError>> {
+        let (moments, colors) = (
+            std::mem::take(&mut self.moments),
+            std::mem::take(&mut self.colors),
+        );
+        let counts: Vec<usize> = std::mem::take(&mut self.counts)
+            .into_iter()
+            .map(|states| states * per_state)
+            .collect();
+        let states = counts.iter().sum::<usize>() / per_state.max(1);
+        let coordinates = std::mem::take(&mut self.coordinates);
+        if coordinates.is_empty() {
+            return None;
+        }
+        let (name, shapes) = shapes(coordinates, states);
+        let colored = (!colors.is_empty())
+            .then(|| grouped_column(color, Arc::new(UInt32Array::from(colors)), counts.clone()));
+        let columns: Vec<SerializedComponentColumn> = [grouped_column(name, shapes, counts)]
+            .into_iter()
+            .chain(colored)
+            .collect();
+        Some(moments.into_chunk(&self.entity, columns))
+    }
+}
+
+/// 2D points, in the layout of the components of points.
+fn positions(coordinates: Vec<f32>) -> ArrayRef {
+    let number = Field::new("item", DataType::Float32, false);
+    Arc::new(FixedSizeListArray::new(
+        number.into(),
+        2,
+        Arc::new(Float32Array::from(coordinates)),
+        None,
+    ))
+}

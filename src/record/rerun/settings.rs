@@ -1,0 +1,46 @@
+//! The parts of the run and of the scenario that a recorder needs throughout.
+
+use super::{Focus, RunInfo};
+use crate::record::visitation::LineQuota;
+use crate::record::{BonusRange, Difference, RecordingSettings};
+use seedbed_env::Spec;
+
+/// What a recorder needs to know of its run. Never changes.
+pub(super) struct Settings {
+    pub(super) focus: Focus,
+    pub(super) spec: Spec,
+    pub(super) bonus: BonusRange,
+    pub(super) max_episodes: u32,
+    pub(super) run_seed: u64,
+    /// How many states become lines and points.
+    pub(super) quota: LineQuota,
+    /// Number of latest rounds in one image.
+    pub(super) window: u32,
+    /// Rounds between two images, before the interval doubles.
+    pub(super) density_every: u32,
+    /// Interval between episodes in the raw table.
+    pub(super) raw_every: u32,
+    /// The agents that are compared; off in a team of one.
+    pub(super) difference: Difference,
+}
+
+impl Settings {
+    pub(super) fn of(info: &RunInfo<'_>, settings: &RecordingSettings) -> Self {
+        Self {
+            focus: info.focus,
+            spec: info.spec.clone(),
+            bonus: info.bonus,
+            max_episodes: info.episodes,
+            run_seed: info.run_seed,
+            quota: LineQuota::of(settings.lines.get(), settings.window.get()),
+            window: settings.window.get(),
+            density_every: settings.density_every.get(),
+            raw_every: settings.raw_every.get(),
+            difference: if info.agents > 1 {
+                settings.difference.clone()
+            } else {
+                Difference::Off
+            },
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! The visited states of one agent, as far as images need them.
+
+use serde::{Deserialize, Serialize};
+
+use super::bonus_map::{CellBonus, sum_by_cell};
+use super::{Axes, BonusMap, Density, DensityDelta, Pairs, RoundWindow, VisitedState};
+
+/// The visited states of one agent, over the whole run and over the latest rounds. Does not grow
+/// with the length of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AgentVisits {
+    /// Density of all states so far.
+    pub density: Density,
+    recent: RoundWindow<DensityDelta>,
+    /// None for agents without a bonus.
+    bonuses: Option<Bonuses>,
+}
+
+/// The bonuses of the latest rounds, by cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Bonuses {
+    /// Bonuses of the current round in the order of steps: the cell of [`BonusMap`] and the bonus.
+    current_round: Vec<(u32, f32)>,
+    recent: RoundWindow<Vec<CellBonus>>,
+}
+
+impl AgentVisits {
+    /// An agent that has not visited any state.
+    #[must_use]
+    pub fn new(axes: &Axes, has_bonus: bool) -> Self {
+        Self {
+            density: Density::new(axes),
+            recent: RoundWindow::default(),
+            bonuses: has_bonus.then(Bonuses::default),
+        }
+    }
+
+    /// Whether this was made for these axes and panels, and for agents with or without a bonus.
+    #[must_use]
+    pub fn fits(&self, axes: &Axes, pairs: &Pairs, has_bonus: bool) -> bool {
+        let cells = BonusMap::new(pairs).cells();
+        let bonus_fits = |bonuses: &Bonuses| {
+            bonuses
+                .recent
+                .all()
+                .flatten()
+                .all(|cell| (cell.cell as usize) < cells)
+        };
+        let bonuses_fit = self.bonuses.as_ref().is_none_or(bonus_fits);
+        let is_drawn =
+            self.density.fits(axes) && self.recent.all().all(|delta| self.density.contains(delta));
+        is_drawn && bonuses_fit && self.bonuses.is_some() == has_bonus
+    }
+
+    /// Adds a state whose projection onto the axes is `fractions`.
+    pub fn add(&mut self, fractions: &[f32], pairs: &Pairs, state: &VisitedState<'_>) {
+        self.density.add(fractions);
+        if let Some(bonuses) = self.bonuses.as_mut().filter(|_| state.has_action()) {
+            bonuses
+                .current_round
+                .extend(BonusMap::cells_of(pairs, state).map(|cell| (cell, state.bonus)));
+        }
+    }
+
+    /// Ends a round, and forgets which states belong to rounds before the latest `window`.
+    pub fn end_round(&mut self, round: u32, window: u32) {
+        self.recent.add(round, self.density.end_round(), window);
+        if let Some(Bonuses {
+            current_round,
+            recent,
+        }) = &mut self.bonuses
+        {
+            recent.add(round, sum_by_cell(std::mem::take(current_round)), window);
+        }
+    }
+
+    /// Lines over each pixel from the latest rounds: `[height × width]`.
+    #[must_use]
+    pub fn latest_density(&self) -> Vec<u32> {
+        self.density.draw_rounds(self.recent.all())
+    }
+
+    /// The bonuses of the latest rounds; none for agents without a bonus.
+    #[must_use]
+    pub fn latest_bonuses(&self, pairs: &Pairs) -> Option<BonusMap> {
+        let bonuses = self.bonuses.as_ref()?;
+        let mut map = BonusMap::new(pairs);
+        bonuses
+            .recent
+            .all()
+            .flatten()
+            .for_each(|cell| map.add(*cell));
+        Some(map)
+    }
+}

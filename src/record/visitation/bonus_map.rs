@@ -1,0 +1,155 @@
+//! Maps of the mean bonus over the cells of each panel.
+
+use serde::{Deserialize, Serialize};
+
+use super::axes::VisitedState;
+use super::pairs::{CELLS, Pairs};
+
+/// Sum and number of bonuses in each cell: `[panels × cells × cells]` each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BonusMap {
+    sums: Vec<f64>,
+    counts: Vec<u32>,
+}
+
+/// The bonuses in one cell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CellBonus {
+    /// Index of the cell: by panel, then by row from the top, then by column.
+    pub cell: u32,
+    /// Number of bonuses.
+    pub count: u32,
+    /// Sum of the bonuses.
+    pub sum: f64,
+}
+
+/// Adds up the bonuses of each cell, in ascending order of cells. Within a cell, bonuses are added
+/// in the order in which they were received, so that sums have the same bits in every run.
+#[must_use]
+pub(super) fn sum_by_cell(mut bonuses: Vec<(u32, f32)>) -> Vec<CellBonus> {
+    bonuses.sort_by_key(|(cell, _)| *cell);
+    let of_cell = |same: &[(u32, f32)]| CellBonus {
+        cell: same[0].0,
+        count: same.len() as u32,
+        sum: same.iter().map(|(_, bonus)| f64::from(*bonus)).sum(),
+    };
+    bonuses
+        .chunk_by(|(one, _), (next, _)| one == next)
+        .map(of_cell)
+        .collect()
+}
+
+impl BonusMap {
+    /// A map without bonuses.
+    #[must_use]
+    pub fn new(pairs: &Pairs) -> Self {
+        let cells = pairs.panels().len() * CELLS * CELLS;
+        Self {
+            sums: vec![0.0; cells],
+            counts: vec![0; cells],
+        }
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.counts.len()
+    }
+
+    /// The cell in which a state is, one per panel.
+    pub fn cells_of(pairs: &Pairs, state: &VisitedState<'_>) -> impl Iterator<Item = u32> {
+        let cell = |(panel, [across, upward]): (usize, [f32; 2])| {
+            (panel * CELLS + row(upward)) * CELLS + column(across)
+        };
+        pairs
+            .project(state)
+            .enumerate()
+            .map(move |place| cell(place) as u32)
+    }
+
+    /// Adds the bonuses of a cell.
+    pub fn add(&mut self, CellBonus { cell, count, sum }: CellBonus) {
+        self.sums[cell as usize] += sum;
+        self.counts[cell as usize] += count;
+    }
+
+    /// Adds the bonuses of another agent.
+    pub fn add_all(&mut self, other: &Self) {
+        self.sums
+            .iter_mut()
+            .zip(&other.sums)
+            .for_each(|(sum, other)| *sum += other);
+        self.counts
+            .iter_mut()
+            .zip(&other.counts)
+            .for_each(|(count, other)| *count += other);
+    }
+
+    /// The mean bonus of each cell, none for cells without states: `[panels × cells × cells]`, from
+    /// the top row down.
+    pub fn means(&self) -> impl Iterator<Item = Option<f64>> {
+        self.sums
+            .iter()
+            .zip(&self.counts)
+            .map(|(sum, &count)| (count > 0).then(|| sum / f64::from(count)))
+    }
+
+    /// The largest mean of a cell; 0 if all cells are empty.
+    #[must_use]
+    pub fn max_mean(&self) -> f64 {
+        self.means().flatten().fold(0.0, f64::max)
+    }
+}
+
+fn column(fraction: f32) -> usize {
+    ((fraction * CELLS as f32) as usize).min(CELLS - 1)
+}
+
+fn row(fraction: f32) -> usize {
+    CELLS - 1 - column(fraction)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::axes::tests::{spec, state_at};
+    use super::*;
+    use crate::record::PairChoice;
+    use seedbed_env::input::numbers::known_count;
+
+    /// Bonuses of 1 and 3 in the lower left cell and of 5 in the upper right one: means of 2 and 5.
+    #[test]
+    fn bonuses_are_averaged_in_their_cells() {
+        let pairs = Pairs::of(&spec(&[[0.0, 1.0]; 2]), &PairChoice::First(known_count(1)));
+        let places: [(f32, &[f32]); 3] =
+            [(1.0, &[0.0, 0.0]), (5.0, &[1.0, 1.0]), (3.0, &[0.01, 0.02])];
+        let bonuses = places.iter().flat_map(|(bonus, place)| {
+            let state = state_at(0, place);
+            BonusMap::cells_of(&pairs, &state)
+                .map(|cell| (cell, *bonus))
+                .collect::<Vec<_>>()
+        });
+        let cell_bonuses = sum_by_cell(bonuses.collect());
+        let (upper_right, lower_left) = (39, 39 * 40);
+        let of = |cell, count, sum| CellBonus { cell, count, sum };
+        assert_eq!(
+            cell_bonuses,
+            [of(upper_right, 1, 5.0), of(lower_left, 2, 4.0)]
+        );
+        let mut map = BonusMap::new(&pairs);
+        for bonus in cell_bonuses {
+            map.add(bonus);
+        }
+        let found = |map: &BonusMap| {
+            map.means()
+                .enumerate()
+                .filter_map(|(cell, mean)| Some((cell as u32, mean?)))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(found(&map), [(upper_right, 5.0), (lower_left, 2.0)]);
+        assert_eq!(map.max_mean(), 5.0);
+        let mut team = map.clone();
+        team.add(of(lower_left, 2, 12.0));
+        team.add_all(&map);
+        assert_eq!(found(&team), [(upper_right, 5.0), (lower_left, 20.0 / 6.0)]);
+    }
+}

@@ -1,0 +1,143 @@
+//! The colors of lines and points of visited states.
+
+use super::axes::VisitedState;
+use super::fraction;
+use crate::record::{BonusRange, ColorBy};
+use seedbed_env::{Spec, Status};
+use seedbed_figure::color::dark::{categorical_color, sequential_color};
+use seedbed_learn::experience::Episode;
+
+/// How states are colored, on one scale throughout a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coloring {
+    /// What the color shows.
+    pub by: ColorBy,
+    /// The values at the ends of the scale; without meaning if there is no scale.
+    pub range: [f32; 2],
+}
+
+impl Coloring {
+    /// The range of the scale for the whole run. `max_episodes` is the maximum number of episodes
+    /// per agent. The range of returns depends on `first`, the episodes of the first round.
+    #[must_use]
+    pub fn range(
+        by: ColorBy,
+        spec: &Spec,
+        max_episodes: u32,
+        bonus: BonusRange,
+        first: &[&Episode],
+    ) -> [f32; 2] {
+        match by {
+            ColorBy::Agent | ColorBy::Outcome => [0.0, 1.0],
+            ColorBy::Episode => [0.0, max_episodes.saturating_sub(1).max(1) as f32],
+            ColorBy::IntrinsicReward => [0.0, bonus.scale_end().unwrap_or(1.0)],
+            ColorBy::Return => returns(first, spec.reward_threshold),
+        }
+    }
+
+    /// The color of a state; none if every agent has a color of its own.
+    #[must_use]
+    pub fn color(&self, episode: &Episode, state: &VisitedState<'_>) -> Option<[u8; 3]> {
+        let scaled = |value: f32| Some(sequential_color(fraction(value, self.range)));
+        match self.by {
+            ColorBy::Agent => None,
+            ColorBy::Episode => scaled(episode.episode as f32),
+            ColorBy::Return => scaled(episode.total_reward() as f32),
+            ColorBy::Outcome => Some(outcome_color(episode.outcome == Status::Terminated)),
+            ColorBy::IntrinsicReward => scaled(state.bonus),
+        }
+    }
+
+    /// The title of the scale.
+    #[must_use]
+    pub fn title(&self) -> &'static str {
+        match self.by {
+            ColorBy::Agent => "agent",
+            ColorBy::Episode => "episode",
+            ColorBy::Return => "return",
+            ColorBy::Outcome => "ended",
+            ColorBy::IntrinsicReward => "bonus",
+        }
+    }
+
+    /// Whether colors stand for values between the ends of a scale.
+    #[must_use]
+    pub fn has_scale(&self) -> bool {
+        !matches!(self.by, ColorBy::Agent | ColorBy::Outcome)
+    }
+}
+
+/// The color of an outcome on a dark background.
+#[must_use]
+pub fn outcome_color(terminated: bool) -> [u8; 3] {
+    categorical_color(if terminated { 5 } else { 1 })
+}
+
+/// From the lowest return of the first round to the reward threshold, or to the highest return if
+/// there is no threshold above the lowest; a range without extent gets an extent of 1.
+fn returns(first: &[&Episode], threshold: Option<f32>) -> [f32; 2] {
+    let totals = || first.iter().map(|episode| episode.total_reward() as f32);
+    let low = totals().fold(f32::INFINITY, f32::min);
+    let high = totals().fold(f32::NEG_INFINITY, f32::max);
+    let low = if low.is_finite() { low } else { 0.0 };
+    let high = threshold
+        .filter(|threshold| *threshold > low)
+        .unwrap_or(high);
+    [low, if high > low { high } else { low + 1.0 }]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::axes::tests::{spec, state_at};
+    use super::*;
+
+    fn episode(reward: f32) -> Episode {
+        Episode {
+            rewards: vec![reward],
+            outcome: Status::Truncated,
+            ..Episode::start(2, 30, 30, &spec(&[[0.0, 1.0]]))
+        }
+    }
+
+    #[test]
+    fn returns_are_scaled_from_the_first_round_to_what_solves_the_task() {
+        let (low, high) = (episode(8.0), episode(20.0));
+        assert_eq!(returns(&[&low, &high], Some(195.0)), [8.0, 195.0]);
+        assert_eq!(returns(&[&low, &high], None), [8.0, 20.0]);
+        assert_eq!(
+            returns(&[&high], Some(10.0)),
+            [20.0, 21.0],
+            "the task was solved at once"
+        );
+        assert_eq!(returns(&[], None), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn each_choice_colors_by_something_else() {
+        let (episode, state) = (
+            episode(8.0),
+            VisitedState {
+                bonus: 0.5,
+                ..state_at(0, &[0.3])
+            },
+        );
+        let color = |by, range| Coloring { by, range }.color(&episode, &state);
+        assert_eq!(color(ColorBy::Agent, [0.0, 1.0]), None);
+        assert_eq!(
+            color(ColorBy::Episode, [0.0, 60.0]),
+            Some(sequential_color(0.5))
+        );
+        assert_eq!(
+            color(ColorBy::Return, [8.0, 195.0]),
+            Some(sequential_color(0.0))
+        );
+        assert_eq!(
+            color(ColorBy::IntrinsicReward, [0.0, 2.0]),
+            Some(sequential_color(0.25))
+        );
+        assert_eq!(
+            color(ColorBy::Outcome, [0.0, 1.0]),
+            Some(outcome_color(false))
+        );
+    }
+}

@@ -1,0 +1,84 @@
+//! Keeps what was counted in each of the latest rounds.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+/// One value for each of the latest rounds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RoundWindow<V> {
+    rounds: VecDeque<(u32, V)>,
+}
+
+impl<V> Default for RoundWindow<V> {
+    fn default() -> Self {
+        Self {
+            rounds: VecDeque::new(),
+        }
+    }
+}
+
+impl<V> RoundWindow<V> {
+    /// Adds the value of `round`, and forgets the rounds before the latest `window`.
+    pub fn add(&mut self, round: u32, value: V, window: u32) {
+        self.rounds.push_back((round, value));
+        while self
+            .rounds
+            .front()
+            .is_some_and(|(oldest, _)| *oldest < first_round(round, window))
+        {
+            self.rounds.pop_front();
+        }
+    }
+
+    /// The values, oldest first.
+    pub fn all(&self) -> impl Iterator<Item = &V> {
+        self.rounds.iter().map(|(_, value)| value)
+    }
+}
+
+/// The first of the `window` rounds that end with `round`; round 0 if there were fewer.
+#[must_use]
+pub fn first_round(round: u32, window: u32) -> u32 {
+    (u64::from(round) + 1).saturating_sub(u64::from(window)) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Round r has the value r; a window of three rounds ends with each of them.
+    #[test]
+    fn a_window_has_as_many_rounds_as_it_says() {
+        let mut values = RoundWindow::default();
+        let mut windows = Vec::new();
+        for round in 0..6 {
+            values.add(round, round, 3);
+            windows.push((
+                first_round(round, 3),
+                values.all().copied().collect::<Vec<_>>(),
+            ));
+        }
+        let expected = [
+            (0, vec![0]),
+            (0, vec![0, 1]),
+            (0, vec![0, 1, 2]),
+            (1, vec![1, 2, 3]),
+            (2, vec![2, 3, 4]),
+            (3, vec![3, 4, 5]),
+        ];
+        assert_eq!(windows, expected);
+    }
+
+    #[test]
+    fn rounds_that_were_not_recorded_count() {
+        let mut values = RoundWindow::default();
+        for (round, value) in [(11, 'a'), (58, 'b'), (61, 'c')] {
+            values.add(round, value, 50);
+        }
+        assert_eq!(
+            (first_round(61, 50), values.all().collect::<String>()),
+            (12, "bc".to_owned())
+        );
+    }
+}

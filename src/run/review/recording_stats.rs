@@ -1,0 +1,246 @@
+//! Statistics of a whole recording, read once: returns, coverage, visitation entropy, overlap, and
+//! the distribution of each observation.
+
+use super::LoadedRun;
+use crate::record::EpisodeRow;
+use crate::record::rerun::read::{ReadError, RecordedEpisode, Recording};
+use crate::run::measures::diversity::Diversity;
+use crate::run::measures::visitation::{Visitation, diversity};
+use seedbed_env::Quantity;
+
+/// Statistics of a recording. Memory grows by one row per episode, not with the number of states.
+#[derive(Clone, Debug)]
+pub struct RecordingStats {
+    /// One row per episode, in (round, agent) order as in `episodes.csv`.
+    pub episodes: Vec<EpisodeRow>,
+    /// Visit counts of each agent: `[K]`.
+    pub visitation: Vec<Visitation>,
+    /// Distribution of each observation's values: `[observations]`.
+    pub distributions: Vec<ValueDistribution>,
+    /// Distribution of intrinsic rewards; `None` without a bonus.
+    pub bonus: Option<ValueDistribution>,
+}
+
+/// Distribution of the values of one quantity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ValueDistribution {
+    /// Name, unit and display range of the quantity.
+    pub quantity: Quantity,
+    /// Smallest value.
+    pub min: f32,
+    /// Largest value.
+    pub max: f32,
+    /// Number of values.
+    pub count: u64,
+    /// Number of values outside the range.
+    pub outside: u64,
+    sum: f64,
+    /// Counts over equal bins of the range; values outside are in the first or last bin.
+    histogram: Vec<u64>,
+}
+
+/// Number of histogram bins: the median is exact to a thousandth of the range.
+const BINS: usize = 1000;
+
+impl RecordingStats {
+    /// Reads a whole recording; calls `on_episode` for each episode.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn of(
+        recording: &Recording,
+        mut on_episode: impl FnMut(&RecordedEpisode),
+    ) -> Result<Self, ReadError> {
+        let observations = recording.observations();
+        let bonus = recording.bonus().max().map(|largest| Quantity {
+            name: "intrinsic reward".to_owned(),
+            unit: String::new(),
+            range: [0.0, if largest > 0.0 { largest } else { 1.0 }],
+        });
+        let mut stats = Self {
+            episodes: Vec::new(),
+            visitation: Vec::new(),
+            distributions: observations.iter().map(ValueDistribution::new).collect(),
+            bonus: bonus.as_ref().map(ValueDistribution::new),
+        };
+        for episode in recording.episodes()? {
+            let episode = episode?;
+            on_episode(&episode);
+            stats.add_episode(observations, &episode);
+        }
+        stats.sort_episodes();
+        Ok(stats)
+    }
+
+    fn add_episode(&mut self, observations: &[Quantity], episode: &RecordedEpisode) {
+        let agent = episode.agent as usize;
+        if self.visitation.len() <= agent {
+            self.visitation
+                .resize(agent + 1, Visitation::of(observations));
+        }
+        self.visitation[agent].visit_states(observations, &episode.observations);
+        for state in episode.states() {
+            self.distributions
+                .iter_mut()
+                .zip(state)
+                .for_each(|(distribution, &value)| distribution.add(value));
+        }
+        if let Some(bonus) = &mut self.bonus {
+            episode
+                .intrinsic_rewards
+                .iter()
+                .for_each(|&value| bonus.add(value));
+        }
+        self.episodes.push(EpisodeRow {
+            agent: episode.agent,
+            episode: episode.episode,
+            round: episode.round,
+            env_steps: 0,
+            r#return: episode.total_reward(),
+            length: episode.length() as u32,
+            outcome: episode.outcome,
+            coverage: self.visitation[agent].coverage(),
+            // Known only at the end of a round, and a recording is not read round by round.
+            visitation_entropy: f64::NAN,
+            team_overlap: f64::NAN,
+            effective_agents: f64::NAN,
+        });
+    }
+
+    /// Sorts episodes as the tables do. A recording stores the episodes of each agent in order; the
+    /// tables store those of all agents round by round.
+    fn sort_episodes(&mut self) {
+        self.episodes
+            .sort_by_key(|row| (row.round, row.agent, row.episode));
+        let mut env_steps = 0;
+        for row in &mut self.episodes {
+            env_steps += u64::from(row.length);
+            row.env_steps = env_steps;
+        }
+    }
+
+    /// Overlap of each pair of agents' visits, 0 to 1: `[K × K]`.
+    #[must_use]
+    pub fn overlaps(&self) -> Vec<f64> {
+        let agents = &self.visitation;
+        let entropy: Vec<f64> = agents.iter().map(Visitation::entropy).collect();
+        let overlap = |one: usize, other: usize| {
+            let pair = [agents[one].clone(), agents[other].clone()];
+            diversity(&pair, &[entropy[one], entropy[other]]).overlap
+        };
+        let mut overlaps = vec![1.0; agents.len() * agents.len()];
+        for one in 0..agents.len() {
+            for other in one + 1..agents.len() {
+                let shared = overlap(one, other);
+                overlaps[one * agents.len() + other] = shared;
+                overlaps[other * agents.len() + one] = shared;
+            }
+        }
+        overlaps
+    }
+
+    /// Diversity of the whole team's visits.
+    #[must_use]
+    pub fn diversity(&self) -> Diversity {
+        let entropy: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
+        diversity(&self.visitation, &entropy)
+    }
+}
+
+impl LoadedRun {
+    /// Computes the statistics of the recording, if there is one. Without tables, the rows of
+    /// episodes are taken from them. Calls `on_episode` for each episode.
+    ///
+    /// # Errors
+    /// The recording cannot be read.
+    pub fn compute_stats(
+        &mut self,
+        on_episode: impl FnMut(&RecordedEpisode),
+    ) -> Result<Option<RecordingStats>, ReadError> {
+        let Some(recording) = &self.recording else {
+            return Ok(None);
+        };
+        let stats = RecordingStats::of(recording, on_episode)?;
+        if self.folder.is_none() {
+            self.episodes.clone_from(&stats.episodes);
+        }
+        Ok(Some(stats))
+    }
+}
+
+impl ValueDistribution {
+    fn new(quantity: &Quantity) -> Self {
+        Self {
+            quantity: quantity.clone(),
+            min: f32::INFINITY,
+            max: f32::NEG_INFINITY,
+            count: 0,
+            outside: 0,
+            sum: 0.0,
+            histogram: vec![0; BINS],
+        }
+    }
+
+    fn add(&mut self, value: f32) {
+        let [low, high] = self.quantity.range;
+        self.min = self.min.min(value);
+        self.max = self.max.max(value);
+        self.count += 1;
+        self.sum += f64::from(value);
+        self.outside += u64::from(value < low || value > high);
+        let bin = (value - low) / (high - low) * BINS as f32;
+        self.histogram[bin.clamp(0.0, BINS as f32 - 1.0) as usize] += 1;
+    }
+
+    /// Mean; `None` without values.
+    #[must_use]
+    pub fn mean(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.sum / self.count as f64)
+    }
+
+    /// Median, exact to a thousandth of the range. A median outside the range is reported at the
+    /// range's end.
+    #[must_use]
+    pub fn median(&self) -> Option<f32> {
+        let mut below = 0;
+        let bin = self.histogram.iter().position(|count| {
+            below += count;
+            2 * below >= self.count && below > 0
+        })?;
+        let [low, high] = self.quantity.range;
+        Some(low + (high - low) * (bin as f32 + 0.5) / BINS as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_counted() {
+        let mut distribution = ValueDistribution::new(&Quantity {
+            name: "x".to_owned(),
+            unit: String::new(),
+            range: [0.0, 1000.0],
+        });
+        assert_eq!((distribution.mean(), distribution.median()), (None, None));
+        for value in [-5.0, 10.2, 20.2, 30.2, 1200.0] {
+            distribution.add(value);
+        }
+        assert_eq!(
+            (
+                distribution.min,
+                distribution.max,
+                distribution.count,
+                distribution.outside
+            ),
+            (-5.0, 1200.0, 5, 2)
+        );
+        assert!(
+            (distribution.median().unwrap() - 20.5).abs() < 1e-3,
+            "the bin from 20 to 21: {:?}",
+            distribution.median()
+        );
+        assert!((distribution.mean().unwrap() - 1255.6 / 5.0).abs() < 1e-4);
+    }
+}

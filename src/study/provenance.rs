@@ -1,0 +1,102 @@
+//! Provenance: which build of seedbed runs, from which commit, and with which versions of the
+//! libraries on which results depend.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use xxhash_rust::xxh64::Xxh64;
+
+/// Hash of an executable: equal for equal executables, and almost certainly different for others.
+pub type BuildId = [u8; 8];
+
+static BUILD_ID: LazyLock<Option<BuildId>> =
+    LazyLock::new(|| hash(File::open(executable()).ok()?).ok());
+
+/// Hash of the running executable, computed once; `None` if it cannot be read.
+#[must_use]
+pub fn build_id() -> Option<BuildId> {
+    *BUILD_ID
+}
+
+/// Build id as text, such as `3f00a91c5e7d2b48`.
+#[must_use]
+pub fn format_build_id(build: Option<BuildId>) -> String {
+    match build {
+        Some(id) => format!("{:016x}", u64::from_be_bytes(id)),
+        None => "unknown".to_owned(),
+    }
+}
+
+/// Commit that seedbed was built from, such as `2b3c86f1a09d`, with `-dirty` appended if files
+/// differed from it; `None` if it was built without version control.
+#[must_use]
+pub fn commit() -> Option<&'static str> {
+    // Set by `build.rs`.
+    option_env!("SEEDBED_COMMIT")
+}
+
+/// Versions of physics, linear algebra and recordings, such as `rapier2d 0.36.1`; empty if they were
+/// not known when seedbed was built.
+#[must_use]
+pub fn dependency_versions() -> Vec<&'static str> {
+    // Set by `build.rs`.
+    let versions = option_env!("SEEDBED_DEPENDENCIES").unwrap_or_default();
+    versions.split_terminator(", ").collect()
+}
+
+/// Path of the running executable, even if the file was replaced since it started.
+fn executable() -> PathBuf {
+    if cfg!(target_os = "linux") {
+        PathBuf::from("/proc/self/exe")
+    } else {
+        std::env::current_exe().unwrap_or_default()
+    }
+}
+
+fn hash(mut file: impl Read) -> io::Result<BuildId> {
+    let mut hash = Xxh64::new(0);
+    let mut buffer = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut buffer) {
+            Ok(0) => return Ok(hash.digest().to_be_bytes()),
+            Ok(count) => hash.update(&buffer[..count]),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// XXH64 of no bytes with seed 0 is 0xEF46DB3751D8E999 (test vectors of xxHash).
+    #[test]
+    fn a_build_id_depends_on_all_bytes() {
+        assert_eq!(format_build_id(hash(&[][..]).ok()), "ef46db3751d8e999");
+        let long = vec![7; (1 << 20) + 1];
+        assert_ne!(hash(&long[..]).unwrap(), hash(&long[1..]).unwrap());
+        assert_eq!(format_build_id(None), "unknown");
+    }
+
+    #[test]
+    fn an_executable_has_a_build_id() {
+        assert!(build_id().is_some() && build_id() == build_id());
+    }
+
+    /// The workspace has its lock file, with one version of each of these.
+    #[test]
+    fn versions_are_those_of_the_lock_file() {
+        let lock = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.lock"));
+        let lock = lock.unwrap();
+        let versions = dependency_versions();
+        assert_eq!(versions.len(), 3, "{versions:?}");
+        for (name, found) in ["rapier2d", "nalgebra", "rerun"].iter().zip(versions) {
+            let version = found.strip_prefix(name).unwrap().trim();
+            let entry = format!("name = \"{name}\"\nversion = \"{version}\"\n");
+            assert!(lock.contains(&entry), "{found}");
+        }
+    }
+}

@@ -1,0 +1,326 @@
+//! Result of one run: what figures and tables need, and nothing that depends on the speed of the
+//! machine.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use super::measure::Curve;
+use crate::run::measures::RoundRows;
+use crate::run::trainer::Trainer;
+use crate::run::{Plan, RunError};
+use seedbed_env::random::{Purpose, Stream, stream};
+use seedbed_learn::experience::Episode;
+
+/// Max number of states kept of each window of episodes.
+pub const STATES: usize = 2000;
+
+/// Smaller regrets are rounding errors.
+const NO_REGRET: f64 = 1e-6;
+
+/// Names the random stream that chooses states, instead of a round: no training has so many.
+const SAMPLING: u32 = u32::MAX;
+
+/// Result of one run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunResult {
+    /// Returns of each agent, episode by episode: `[K][episodes]`.
+    pub returns: Vec<Vec<f32>>,
+    /// Regrets likewise, in tabular tasks; empty in others.
+    pub regrets: Vec<Vec<f32>>,
+    /// Mean return from which the task counts as solved, and over how many episodes of each agent;
+    /// `None` if no threshold is set.
+    pub threshold: Option<(f64, u32)>,
+    /// When the task was solved for the first time.
+    pub solved: Option<Milestone>,
+    /// Number of steps of the team.
+    pub env_steps: u64,
+    /// Episodes of each agent after each round in which any agent learned: `[rounds]`.
+    pub episodes: Vec<u32>,
+    /// One row per curve, in the order of [`Curve::OF_ROUNDS`]: `[curves][rounds]`. Not a number in
+    /// rounds in which it was not measured; empty if it never was.
+    pub curves: Vec<Vec<f32>>,
+    /// Visited states, for each window of episodes that was asked for.
+    pub states: Vec<VisitedStates>,
+}
+
+/// Progress of a run at some moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Milestone {
+    /// Number of episodes of each agent.
+    pub episodes: u32,
+    /// Number of steps of the team.
+    pub env_steps: u64,
+}
+
+/// A uniform sample of the states that a team visited in its first episodes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct VisitedStates {
+    /// Number of first episodes of each agent; larger than all of them for the whole run.
+    pub episodes: u32,
+    /// Number of states that were visited.
+    pub visited: u64,
+    /// Sampled states, row by row: `[at most STATES × observation width]`.
+    pub states: Vec<f32>,
+}
+
+/// When a training run stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopRule {
+    /// When the scenario says so.
+    Scenario,
+    /// After the scenario's max number of episodes, solved or not.
+    MaxEpisodes,
+    /// As soon as the task is solved, and no later than after that number of episodes.
+    Solved,
+}
+
+/// Trains once, on one thread and without a recording. States of the first episodes are kept for
+/// each of `windows`. `None` if interrupted.
+///
+/// # Errors
+/// If the task cannot be built, or if numbers are no longer finite.
+pub fn train(
+    plan: &Plan,
+    stop_rule: StopRule,
+    windows: &[u32],
+    interrupted: &AtomicBool,
+) -> Result<Option<RunResult>, RunError> {
+    let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1)?;
+    let mut result = RunResult::begin(&trainer);
+    let mut reservoir = Reservoir::new(plan.scenario.seed, windows);
+    while !is_done(&trainer, plan, stop_rule) {
+        if interrupted.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let rows = trainer.advance()?.rows;
+        result.add_round(&trainer, &rows);
+        for episode in trainer.newest_episodes() {
+            reservoir.add_episode(episode);
+        }
+    }
+    Ok(Some(RunResult {
+        states: reservoir.states(),
+        ..result
+    }))
+}
+
+fn is_done(trainer: &Trainer, plan: &Plan, stop_rule: StopRule) -> bool {
+    let all = trainer.measures().episodes_per_agent() >= plan.scenario.max_episodes() as usize;
+    match stop_rule {
+        StopRule::Scenario => trainer.is_done(),
+        StopRule::MaxEpisodes => all,
+        StopRule::Solved => all || trainer.is_solved(),
+    }
+}
+
+impl RunResult {
+    fn begin(trainer: &Trainer) -> Self {
+        Self {
+            returns: vec![Vec::new(); trainer.agent_count()],
+            threshold: trainer
+                .threshold()
+                .map(|threshold| (threshold.r#return, threshold.window as u32)),
+            curves: vec![Vec::new(); Curve::OF_ROUNDS.len()],
+            ..Self::default()
+        }
+    }
+
+    fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
+        for row in &rows.episodes {
+            self.returns[row.agent as usize].push(row.r#return as f32);
+        }
+        let now = Milestone {
+            episodes: trainer.measures().episodes_per_agent() as u32,
+            env_steps: trainer.measures().env_steps(),
+        };
+        self.env_steps = now.env_steps;
+        if self.solved.is_none() && trainer.is_solved() {
+            self.solved = Some(now);
+        }
+        if !rows.updates.is_empty() {
+            self.episodes.push(now.episodes);
+            for (values, curve) in self.curves.iter_mut().zip(Curve::OF_ROUNDS) {
+                let value = curve.metric().value_of_round(&rows.updates);
+                values.push(value.map_or(f32::NAN, |value| value as f32));
+            }
+        }
+    }
+
+    /// Number of episodes that every agent has finished.
+    #[must_use]
+    pub fn episodes_per_agent(&self) -> usize {
+        self.returns.iter().map(Vec::len).min().unwrap_or(0)
+    }
+
+    /// Mean over agents of their n-th returns: `[episodes]`.
+    #[must_use]
+    pub fn team_returns(&self) -> Vec<f64> {
+        team_means(&self.returns)
+    }
+
+    /// Whether it is known what a goal is.
+    #[must_use]
+    pub fn has_goal(&self) -> bool {
+        self.threshold.is_some() || !self.regrets.is_empty()
+    }
+
+    /// First episode of each agent, counted from 1, that reached the task's return or, in tabular
+    /// tasks, had no regret; `None` if there was none.   → `[K]`
+    #[must_use]
+    pub fn first_goals(&self) -> Vec<Option<u32>> {
+        match self.threshold {
+            Some((wanted, _)) => first_episodes(&self.returns, |value| value >= wanted),
+            None if !self.regrets.is_empty() => {
+                first_episodes(&self.regrets, |regret| regret < NO_REGRET)
+            }
+            None => vec![None; self.returns.len()],
+        }
+    }
+
+    /// Values of a curve: one per episode for returns and regrets, one for each round in which it was
+    /// measured for all others.
+    #[must_use]
+    pub fn curve(&self, curve: Curve) -> Vec<f64> {
+        match curve {
+            Curve::Return => self.team_returns(),
+            Curve::Regret => team_means(&self.regrets),
+            _ => self
+                .measured_rounds(curve)
+                .map(|(_, value)| value)
+                .collect(),
+        }
+    }
+
+    /// After how many episodes of each agent a curve has its values.
+    #[must_use]
+    pub fn curve_episodes(&self, curve: Curve) -> Vec<u32> {
+        match curve {
+            Curve::Return | Curve::Regret => (1..=self.episodes_per_agent() as u32).collect(),
+            _ => self
+                .measured_rounds(curve)
+                .map(|(episodes, _)| episodes)
+                .collect(),
+        }
+    }
+
+    /// Of each round in which a curve was measured: episodes of each agent so far, and the value.
+    fn measured_rounds(&self, curve: Curve) -> impl Iterator<Item = (u32, f64)> {
+        let index = Curve::OF_ROUNDS.iter().position(|other| *other == curve);
+        let values = index.and_then(|index| self.curves.get(index));
+        let rounds = self.episodes.iter().zip(values.into_iter().flatten());
+        rounds
+            .filter(|(_, value)| !value.is_nan())
+            .map(|(&episodes, &value)| (episodes, f64::from(value)))
+    }
+
+    /// Newest value of a curve when each agent has finished `episode` episodes, or the last value if
+    /// the run was shorter.
+    #[must_use]
+    pub fn curve_at(&self, curve: Curve, episode: u32) -> Option<f64> {
+        let before = self
+            .curve_episodes(curve)
+            .partition_point(|&episodes| episodes <= episode);
+        self.curve(curve).get(before.checked_sub(1)?).copied()
+    }
+
+    /// Coverage of the team at the end.
+    #[must_use]
+    pub fn team_coverage(&self) -> f64 {
+        self.curve(Curve::TeamCoverage)
+            .last()
+            .copied()
+            .unwrap_or(0.0)
+    }
+}
+
+/// Keeps uniform samples of states during a run.
+pub struct Reservoir {
+    /// Each with its own random stream, so that the sample of a window does not depend on which other
+    /// windows there are.
+    kept: Vec<(VisitedStates, Stream)>,
+}
+
+impl Reservoir {
+    /// One sample for each of `windows`: numbers of first episodes.
+    #[must_use]
+    pub fn new(seed: u64, windows: &[u32]) -> Self {
+        let kept = |&episodes: &u32| {
+            let random = stream(seed, Purpose::Recording, episodes, SAMPLING);
+            (
+                VisitedStates {
+                    episodes,
+                    visited: 0,
+                    states: Vec::new(),
+                },
+                random,
+            )
+        };
+        Self {
+            kept: windows.iter().map(kept).collect(),
+        }
+    }
+
+    /// Adds a state that an agent visited in this episode, counted from 0.
+    pub fn add(&mut self, episode: u32, state: &[f32]) {
+        for (kept, random) in self
+            .kept
+            .iter_mut()
+            .filter(|(kept, _)| episode < kept.episodes)
+        {
+            kept.add(state, random);
+        }
+    }
+
+    fn add_episode(&mut self, episode: &Episode) {
+        let width = episode.observations.len() / (episode.length() + 1);
+        for state in episode.states().chunks_exact(width) {
+            self.add(episode.episode, state);
+        }
+    }
+
+    /// The samples.
+    #[must_use]
+    pub fn states(self) -> Vec<VisitedStates> {
+        self.kept.into_iter().map(|(kept, _)| kept).collect()
+    }
+}
+
+impl VisitedStates {
+    /// Reservoir sampling (Vitter 1985, algorithm R): every state of a window is kept with the same
+    /// probability.
+    fn add(&mut self, state: &[f32], random: &mut Stream) {
+        if self.states.len() < STATES * state.len() {
+            self.states.extend_from_slice(state);
+        } else {
+            let place = random.random_range(0..=self.visited) as usize;
+            if place < STATES {
+                self.states[place * state.len()..(place + 1) * state.len()].copy_from_slice(state);
+            }
+        }
+        self.visited += 1;
+    }
+}
+
+/// First episode of each agent, counted from 1, whose value is a goal.   `values: [K][episodes]` →
+/// `[K]`
+fn first_episodes(values: &[Vec<f32>], is_goal: impl Fn(f64) -> bool) -> Vec<Option<u32>> {
+    let mut first = Vec::with_capacity(values.len());
+    for of_agent in values {
+        let index = of_agent.iter().position(|&value| is_goal(value.into()));
+        first.push(index.map(|index| index as u32 + 1));
+    }
+    first
+}
+
+/// Mean over agents of their n-th values: `[K][episodes]` → `[min episodes]`
+fn team_means(values: &[Vec<f32>]) -> Vec<f64> {
+    let episodes = values.iter().map(Vec::len).min().unwrap_or(0);
+    let mut means = Vec::with_capacity(episodes);
+    for episode in 0..episodes {
+        let of_agents = values.iter().map(|values| f64::from(values[episode]));
+        means.push(of_agents.sum::<f64>() / values.len() as f64);
+    }
+    means
+}

@@ -1,0 +1,15 @@
+//! The tests of the whole workbench, in one binary, so that the recording SDK is linked once.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod architecture;
+mod cli;
+mod determinism;
+mod learning;
+mod messages;
+mod recording;
+mod reliability;
+mod review;
+mod study;
+mod tabular;
+mod util;

@@ -1,0 +1,279 @@
+//! A made-up team to record.
+
+use seedbed::record::rerun::{Focus, RunInfo};
+use seedbed::record::{BodyTrajectory, BonusRange, EpisodeRow, Recorder, RoundRecord, RoundRow};
+use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
+use seedbed_learn::experience::Episode;
+
+/// A made-up team whose poles stay up longer and longer.
+pub(super) struct Run {
+    pub(super) agents: u32,
+    pub(super) spec: Spec,
+    pub(super) scene: Scene,
+    pub(super) rounds: Vec<Round>,
+}
+
+pub(super) struct Round {
+    pub(super) round: u32,
+    pub(super) episodes: Vec<Episode>,
+    pub(super) episode_rows: Vec<EpisodeRow>,
+    pub(super) round_rows: Vec<RoundRow>,
+    pub(super) body_trajectories: Vec<BodyTrajectory>,
+}
+
+impl Round {
+    pub(super) fn record(&self, recorder: &mut impl Recorder) {
+        let round = RoundRecord {
+            round: self.round,
+            episodes: &self.episodes.iter().collect::<Vec<_>>(),
+            episode_rows: &self.episode_rows,
+            round_rows: &self.round_rows,
+            body_trajectories: &self.body_trajectories,
+        };
+        recorder
+            .record_round(&round)
+            .expect("the recording can be written");
+    }
+}
+
+impl Run {
+    pub(super) fn new(agents: u32, rounds: u32) -> Self {
+        let mut env_steps = 0;
+        let rounds = (0..rounds)
+            .map(|round| made_up_round(agents, round, rounds, &mut env_steps))
+            .collect();
+        Self {
+            agents,
+            spec: cart_pole(),
+            scene: cart_and_pole(),
+            rounds,
+        }
+    }
+
+    pub(super) fn about(&self) -> RunInfo<'_> {
+        RunInfo {
+            name: "cartpole-made-up",
+            focus: Focus::Learning,
+            spec: &self.spec,
+            scene: Some(&self.scene),
+            agents: self.agents,
+            bonus: BonusRange::UpTo(0.01),
+            episodes: self.rounds.len() as u32,
+            run_seed: 7,
+            scenario: "Scenario(\n    environment: \"cartpole\",\n    agents: (count: 4),\n)",
+            properties: &[],
+        }
+    }
+}
+
+fn cart_pole() -> Spec {
+    let quantity = |name: &str, unit: &str, end: f32| Quantity {
+        name: name.into(),
+        unit: unit.into(),
+        range: [-end, end],
+    };
+    Spec {
+        name: "cartpole".to_owned(),
+        description: "Keep a pole upright on a cart.".to_owned(),
+        observations: vec![
+            quantity("x", "m", 2.4),
+            quantity("x_dot", "m/s", 3.0),
+            quantity("theta", "rad", 0.209),
+            quantity("theta_dot", "rad/s", 3.0),
+        ],
+        actions: vec![Action {
+            quantity: quantity("force", "N", 10.0),
+            choice: Choice::Discrete(vec![-10.0, 10.0]),
+        }],
+        control_step: 0.02,
+        time_limit: 200,
+        reward_threshold: Some(195.0),
+    }
+}
+
+fn cart_and_pole() -> Scene {
+    let body = |name: &str, shapes| SceneBody {
+        name: name.to_owned(),
+        fixed: name == "rail",
+        shapes,
+        hinge: None,
+    };
+    Scene {
+        bodies: vec![
+            body("rail", vec![Shape::Polyline(vec![[-2.4, 0.0], [2.4, 0.0]])]),
+            body(
+                "cart",
+                vec![Shape::Box {
+                    center: [0.0, 0.0],
+                    half_size: [0.25, 0.125],
+                    angle: 0.0,
+                }],
+            ),
+            body(
+                "pole",
+                vec![Shape::Capsule {
+                    from: [0.0, 0.0],
+                    to: [0.0, 1.0],
+                    radius: 0.04,
+                }],
+            ),
+        ],
+        tracked: None,
+    }
+}
+
+fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> Round {
+    let skill = (f64::from(round) / f64::from(rounds)).min(0.9);
+    let played: Vec<(Episode, BodyTrajectory)> = (0..agents)
+        .map(|agent| made_up_episode(agent, round, skill))
+        .collect();
+    let row = |episode: &Episode| {
+        *env_steps += episode.length() as u64;
+        EpisodeRow {
+            agent: episode.agent,
+            episode: round,
+            round,
+            env_steps: *env_steps,
+            r#return: episode.total_reward(),
+            length: episode.length() as u32,
+            outcome: episode.outcome,
+            coverage: skill,
+            visitation_entropy: 0.0,
+            team_overlap: 1.0,
+            effective_agents: 1.0,
+        }
+    };
+    let episodes: Vec<Episode> = played.iter().map(|(episode, _)| episode.clone()).collect();
+    Round {
+        round,
+        episode_rows: episodes.iter().map(row).collect(),
+        round_rows: (0..agents)
+            .map(|agent| made_up_update(agent, round, skill))
+            .collect(),
+        body_trajectories: round
+            .is_multiple_of(10)
+            .then(|| played[0].1.clone())
+            .into_iter()
+            .collect(),
+        episodes,
+    }
+}
+
+fn made_up_update(agent: u32, round: u32, skill: f64) -> RoundRow {
+    let wave = ((round + 9 * agent) as f32 * 0.7).sin() * 0.05;
+    let left = 1.0 - skill as f32;
+    RoundRow {
+        agent,
+        round,
+        value_loss: Some(left * left + wave.abs()),
+        policy_loss: Some(-0.02 * left + 0.1 * wave),
+        ratio_deviation: Some(1.1 + wave),
+        largest_ratio: Some(2.0 + wave),
+        intrinsic_reward: Some(0.01 + wave),
+        prediction_error: Some(0.5 + wave),
+        bonus_agreement: Some(0.3 + wave),
+        clipped_fraction: Some(0.2 + wave),
+        entropy: Some(0.69 * left + wave.abs()),
+        coverage: 0.4 * skill.sqrt() + 0.01 * f64::from(agent),
+        visitation_entropy: 3.0 * skill + 0.01 * f64::from(agent),
+        visitation_evenness: 0.5 * skill,
+        team_coverage: 0.5 * skill.sqrt(),
+        team_overlap: 0.8,
+        effective_agents: 1.0 + f64::from(round),
+    }
+}
+
+/// A pole held up by a controller that heeds its state more often with growing skill.
+fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajectory) {
+    let mut noise = Noise((u64::from(agent) << 32) | (u64::from(round) << 8) | 1);
+    let mut state = [0.0_f64; 4].map(|_| noise.symmetric() * 0.05);
+    let mut episode = Episode {
+        agent,
+        episode: round,
+        round,
+        observations: state.map(|x| x as f32).to_vec(),
+        actions: Vec::new(),
+        rewards: Vec::new(),
+        log_probs: Vec::new(),
+        intrinsic_rewards: Vec::new(),
+        advantages: Vec::new(),
+        outcome: Status::Truncated,
+    };
+    let mut body_trajectories = BodyTrajectory {
+        agent,
+        episode: round,
+        poses: poses(state).to_vec(),
+        ..BodyTrajectory::default()
+    };
+    while episode.length() < 200 {
+        let lean = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5)
+            + 0.1 * state[1]
+            + state[2]
+            + 0.3 * state[3];
+        let heed = noise.symmetric().abs() < skill + 0.1;
+        let push = if heed {
+            lean > 0.0
+        } else {
+            noise.symmetric() > 0.0
+        };
+        state = moved(state, if push { 10.0 } else { -10.0 });
+        episode.actions.push(f32::from(u8::from(push)));
+        episode
+            .intrinsic_rewards
+            .push(0.001 * (episode.length() % 10) as f32);
+        episode.advantages.push(episode.length() as f32 - 30.0);
+        episode.rewards.push(1.0);
+        episode
+            .log_probs
+            .push(-(1.0 + noise.symmetric().abs() as f32).ln());
+        episode.observations.extend(state.map(|x| x as f32));
+        body_trajectories.poses.extend(poses(state));
+        if state[0].abs() > 2.4 || state[2].abs() > 0.209 {
+            episode.outcome = Status::Terminated;
+            break;
+        }
+    }
+    (episode, body_trajectories)
+}
+
+fn poses([x, _, theta, _]: [f64; 4]) -> [Pose; 3] {
+    let cart = Pose {
+        x: x as f32,
+        y: 0.1,
+        angle: 0.0,
+    };
+    [
+        Pose::default(),
+        cart,
+        Pose {
+            angle: -theta as f32,
+            ..cart
+        },
+    ]
+}
+
+fn moved([x, v, theta, omega]: [f64; 4], force: f64) -> [f64; 4] {
+    let push = (force + 0.05 * omega * omega * theta.sin()) / 1.1;
+    let alpha = (9.8 * theta.sin() - theta.cos() * push)
+        / (0.5 * (4.0 / 3.0 - 0.1 * theta.cos().powi(2) / 1.1));
+    let a = push - 0.05 * alpha * theta.cos() / 1.1;
+    [
+        x + 0.02 * v,
+        v + 0.02 * a,
+        theta + 0.02 * omega,
+        omega + 0.02 * alpha,
+    ]
+}
+
+struct Noise(u64);
+
+impl Noise {
+    /// Evenly between −1 and 1.
+    fn symmetric(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+}

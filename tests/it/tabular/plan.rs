@@ -1,0 +1,164 @@
+//! Planning against closed forms and against trying everything.
+
+use approx::assert_relative_eq;
+use proptest::prelude::*;
+use seedbed::tabular::plan::Planner;
+use seedbed_env::input;
+use seedbed_env::tabular::{
+    BipolarChain, DeepSea, MaximumRewardPath, Mdp, Model, Outcome, ParallelChains, Reward,
+    TaskFamily,
+};
+
+fn task(text: &str) -> TaskFamily {
+    input::parse("test", text.to_owned())
+        .unwrap_or_else(|error| panic!("{error}"))
+        .value
+}
+
+fn optimal_value(task: &TaskFamily, seed: u64) -> f64 {
+    let model = task.model(seed);
+    Planner::new(&model).optimal_value(&model, &task.draw(&model, seed))
+}
+
+/// From vertex 50 of 100, the left end is 50 steps away and the right one 49; all but the last cost
+/// 1: 100 − 49 or 100 − 48.
+#[test]
+fn the_best_walk_along_a_bipolar_chain() {
+    let task = TaskFamily::BipolarChain(BipolarChain::default());
+    let model = task.model(0);
+    let value = |sign: f64| {
+        let mdp = Mdp {
+            values: vec![sign],
+            probabilities: vec![1.0; model.outcomes().len()],
+        };
+        Planner::new(&model).optimal_value(&model, &mdp)
+    };
+    assert_eq!((value(-1.0), value(1.0)), (51.0, 52.0));
+    let mut drawn: Vec<f64> = (0..20).map(|seed| optimal_value(&task, seed)).collect();
+    drawn.sort_by(f64::total_cmp);
+    drawn.dedup();
+    assert_eq!(drawn, [51.0, 52.0]);
+}
+
+/// The best of parallel chains is the one with the largest θ.
+#[test]
+fn the_best_of_parallel_chains() {
+    let task = TaskFamily::ParallelChains(ParallelChains::default());
+    for seed in 0..5 {
+        let model = task.model(seed);
+        let truth = task.draw(&model, seed);
+        let largest = truth
+            .values
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        assert_eq!(optimal_value(&task, seed), largest, "seed {seed}");
+    }
+}
+
+/// N moves to the right cost 0.01 in all and find 1; where moves slip with probability p, all N
+/// have to succeed.
+#[test]
+fn the_treasure_of_deep_sea() {
+    for (size, seed) in [(2, 0), (10, 3), (50, 7)] {
+        let task = task(&format!("DeepSea(size: {size})"));
+        assert_relative_eq!(optimal_value(&task, seed), 0.99, max_relative = 1e-12);
+    }
+    // N = 2, p = ½: to the right at the start is (1/2)(−0.005 + V) with V = (1/2)(1 − 0.005) in the
+    // corner; beside it moving is not worth its cost.
+    let slipping = task("DeepSea(size: 2, slip: 0.5)");
+    assert_relative_eq!(
+        optimal_value(&slipping, 0),
+        0.5 * (-0.005 + 0.5 * 0.995),
+        max_relative = 1e-12
+    );
+    assert_eq!(TaskFamily::DeepSea(DeepSea::default()).name(), "DeepSea");
+}
+
+/// What is best within `steps` steps, by trying all paths.
+fn by_trying(model: &Model, mdp: &Mdp, state: u32, steps: u32) -> f64 {
+    let worth = |outcome: usize| {
+        model.mean_reward(outcome, &mdp.values)
+            + by_trying(model, mdp, model.outcomes()[outcome].state, steps - 1)
+    };
+    let value = |pair: usize| {
+        model
+            .outcomes_of(pair)
+            .map(|outcome| mdp.probabilities[outcome] * worth(outcome))
+            .sum::<f64>()
+    };
+    if steps == 0 || model.pairs(state).is_empty() {
+        return 0.0;
+    }
+    model
+        .pairs(state)
+        .map(value)
+        .fold(f64::NEG_INFINITY, f64::max)
+}
+
+#[test]
+fn walks_in_random_graphs_are_the_best_of_all() {
+    let path = MaximumRewardPath {
+        ..MaximumRewardPath::default()
+    };
+    assert_eq!(path.vertices.get(), 100);
+    for seed in 0..5 {
+        let task = task("MaximumRewardPath(vertices: 8, steps: 5)");
+        let model = task.model(seed);
+        let truth = task.draw(&model, seed);
+        assert_relative_eq!(
+            optimal_value(&task, seed),
+            by_trying(&model, &truth, 0, 5),
+            max_relative = 1e-12
+        );
+    }
+}
+
+/// Any three states with two actions of two outcomes each, and a state that ends.
+fn small_mdp() -> impl Strategy<Value = (Model, Mdp)> {
+    let outcome = (0..4_u32, -2.0..2.0);
+    let outcomes = prop::collection::vec(outcome, 12);
+    (outcomes, prop::collection::vec(0.0..1.0, 6)).prop_map(|(outcomes, likelihoods)| {
+        let outcome = |&(state, known): &(u32, f64)| Outcome {
+            state,
+            reward: Reward::known(known),
+        };
+        let pairs: Vec<Vec<Outcome>> = outcomes
+            .chunks(2)
+            .map(|pair| pair.iter().map(outcome).collect())
+            .collect();
+        let actions: Vec<Vec<Vec<Outcome>>> =
+            pairs.chunks(2).map(<[_]>::to_vec).chain([vec![]]).collect();
+        let probabilities = likelihoods.iter().flat_map(|p| [*p, 1.0 - p]).collect();
+        (
+            Model::new(0, 4, &actions),
+            Mdp {
+                values: vec![],
+                probabilities,
+            },
+        )
+    })
+}
+
+proptest! {
+    #[test]
+    fn backward_induction_is_the_best_of_all((model, mdp) in small_mdp()) {
+        let value = Planner::new(&model).optimal_value(&model, &mdp);
+        prop_assert!((value - by_trying(&model, &mdp, 0, 4)).abs() < 1e-9);
+    }
+
+    /// With full optimism the best outcome is sure; with none nothing changes.
+    #[test]
+    fn optimism_only_ever_hopes((model, mdp) in small_mdp(), share in 0.0..1.0) {
+        let value = |optimism: &[f64]| {
+            let mut planner = Planner::new(&model);
+            let mut policy = planner.empty_policy();
+            planner.plan(&model, &mdp, optimism, 0, &mut policy);
+            planner.value(0)
+        };
+        let sober = value(&[]);
+        prop_assert!((value(&[0.0; 12]) - sober).abs() < 1e-12);
+        prop_assert!(value(&[share; 12]) >= sober - 1e-12);
+        prop_assert!(value(&[1.0; 12]) >= value(&[share; 12]) - 1e-12);
+    }
+}
