@@ -30,7 +30,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::record::rerun::{DEFAULT_VIEWER, ServeError, ViewerError};
+use crate::record::LiveError;
+use crate::record::recording::DEFAULT_VIEWER;
 use crate::run::RunError;
 use crate::run::review::LoadRunError;
 use crate::text::pluralize;
@@ -396,18 +397,12 @@ impl From<InputError> for CliError {
     }
 }
 
-impl From<ViewerError> for CliError {
-    fn from(error: ViewerError) -> Self {
+impl From<LiveError> for CliError {
+    fn from(error: LiveError) -> Self {
         match error {
-            ViewerError::Address(_) => Self::Usage(error.to_string()),
-            ViewerError::Absent(_) => Self::Runtime(error.to_string()),
+            LiveError::InvalidAddress(_) | LiveError::Unavailable => Self::Usage(error.to_string()),
+            LiveError::NoViewer(_) | LiveError::Port { .. } => Self::Runtime(error.to_string()),
         }
-    }
-}
-
-impl From<ServeError> for CliError {
-    fn from(error: ServeError) -> Self {
-        Self::Runtime(error.to_string())
     }
 }
 

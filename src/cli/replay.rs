@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::evaluate::{describe_actions, evaluation, print_table};
 use super::progress::episode_bar;
+use super::run::recording;
 use super::{CliError, ReplayArgs, pluralize};
 use crate::run::evaluate;
 use crate::run::folder::RunFolder;
@@ -17,11 +18,8 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
     let bar = episode_bar(args.episodes, "episodes");
     let played = replay::replay(
         &folder,
-        &Replay {
-            evaluation,
-            agents,
-            path: &path,
-        },
+        &Replay { evaluation, agents },
+        recording(&path),
         &mut |episodes| {
             bar.set_position(episodes.into());
         },

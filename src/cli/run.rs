@@ -7,10 +7,12 @@ use std::time::Instant;
 
 use super::progress::{AbortAfter, NoProgress, RunProgress};
 use super::{CliError, RunArgs, pluralize, tabular};
-use crate::record::rerun::{LiveTarget, Server, Viewer};
+use crate::record::RecorderFactory;
+use crate::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
+use crate::record::table::TableFiles;
 use crate::run::folder::{Claim, Contents, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
-use crate::run::{self, Ending, Observer, Options, Plan, RunError};
+use crate::run::{self, Ending, Factories, Observer, Options, Plan, RunError};
 use crate::tabular::scenario::is_meant;
 use crate::text::shell_word;
 
@@ -32,7 +34,6 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
         folder,
         resume: args.resume,
         threads,
-        recording: !args.no_recording,
     };
     if let (Some(LiveTarget::Serve(server)), false) = (&audience, args.quiet) {
         say!(
@@ -45,7 +46,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let ending = run::execute(
         &plan,
         &options,
-        audience,
+        factories(args, &options, audience),
         &mut *observer,
         &interruption("stopping after this round"),
     );
@@ -66,6 +67,28 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
             Ok(())
         }
     }
+}
+
+/// The tables, and the recording unless the user wants none. A resumed run continues with the
+/// recorders that it began with, so it is handed both.
+fn factories(args: &RunArgs, options: &Options, live: Option<LiveTarget>) -> Factories {
+    let folder = &options.folder;
+    let mut factories: Factories = vec![Box::new(TableFiles {
+        folder: folder.path().to_owned(),
+    })];
+    if args.resume || (recording::AVAILABLE && !args.no_recording) {
+        let path = folder.recording();
+        factories.push(Box::new(RecordingFile { path, live }));
+    }
+    factories
+}
+
+/// A recording at `path` that no viewer is shown while it is written.
+pub(super) fn recording(path: &Path) -> Box<dyn RecorderFactory> {
+    Box::new(RecordingFile {
+        path: path.to_owned(),
+        live: None,
+    })
 }
 
 fn observer(args: &RunArgs, plan: &Plan) -> Box<dyn Observer> {
@@ -217,14 +240,16 @@ fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
     say!("return     {final_return:.1} (mean over all agents and the last {last})");
     say!("coverage   {}", coverage(summary));
     say!("results    {}", folder.path().display());
-    let recording = folder.recording();
-    if recording.is_file() {
+    let path = folder.recording();
+    if path.is_file() {
         say!(
             "recording  {} ({}); open it with",
-            recording.display(),
-            size(&recording)
+            path.display(),
+            size(&path)
         );
-        say!("             rerun {}", recording.display());
+        say!("             rerun {}", path.display());
+    } else if !recording::AVAILABLE {
+        say!("recording  none: this build has no feature `rerun`");
     }
 }
 

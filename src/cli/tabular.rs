@@ -10,8 +10,9 @@ use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
 use super::bench::{Columns, Table, format_interval};
-use super::run::claim_output_dir;
+use super::run::{claim_output_dir, recording};
 use super::{BenchArgs, CliError, RunArgs, pluralize};
+use crate::record::recording::AVAILABLE;
 use crate::run::RunError;
 use crate::run::folder::RunFolder;
 use crate::tabular::TabularScenario;
@@ -57,7 +58,7 @@ pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), CliError> 
     let mut film = Film::of(
         &name,
         &scenario,
-        (!args.no_recording).then_some(path.as_path()),
+        (AVAILABLE && !args.no_recording).then(|| recording(&path)),
     )
     .map_err(RunError::from)?;
     let results = play(&name, &scenario, &bar(&scenario, args.quiet), |step| {

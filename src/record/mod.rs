@@ -1,13 +1,20 @@
 //! Recordings: files about a run for people to look at and for tools to read.
 //!
-//! The training loop calls a [`Recorder`]. [`rerun`] writes `run.rrd` and is the sole importer of
-//! the Rerun SDK; [`table`] writes `episodes.csv` and `rounds.csv`, whose columns are the
-//! [`metrics`]. [`visitation`] computes what
-//! images of visited states show. Must not depend on training.
+//! The training loop is handed a [`RecorderFactory`] for each file and calls the [`Recorder`] that
+//! it makes. [`recording`] writes `run.rrd`; with the feature `rerun` it is the module `rerun`, the
+//! sole importer of the Rerun SDK. [`table`] writes `episodes.csv` and `rounds.csv`, whose columns
+//! are the [`metrics`]. [`visitation`] computes what images of visited states show. Must not depend
+//! on training.
 
 mod bonus;
+mod live_error;
 pub mod metrics;
+mod recorded_episode;
+#[cfg(not(feature = "rerun"))]
+pub mod recording;
+#[cfg(feature = "rerun")]
 pub mod rerun;
+mod run_info;
 mod settings;
 pub mod table;
 pub mod visitation;
@@ -16,12 +23,22 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+/// Recordings in the format that this build was made for; without one, a module of the same
+/// interface whose every call says that there is none.
+#[cfg(feature = "rerun")]
+pub use self::rerun as recording;
 pub use bonus::BonusRange;
+pub use live_error::LiveError;
 pub use metrics::RoundRow;
+pub use recorded_episode::{ReadError, RecordedEpisode};
+pub use run_info::{Focus, RunInfo};
 pub use settings::{AxisChoice, ColorBy, Difference, PairChoice, RecordingSettings, SceneSettings};
 
 use seedbed_env::{Force, Pose, Status};
 use seedbed_learn::experience::Episode;
+
+/// What a build without the feature `rerun` says where a recording is asked for.
+pub(crate) const UNAVAILABLE: &str = "this build of seedbed has no recordings: build it with the feature `rerun`, which is on by default";
 
 /// Records rounds as they finish. Must not change what is learned.
 pub trait Recorder {
@@ -48,6 +65,30 @@ pub trait Recorder {
     fn warning(&mut self) -> Option<String> {
         None
     }
+}
+
+/// Makes one recorder of a run, when the run begins or is resumed.
+pub trait RecorderFactory {
+    /// Starts recording a run from its first round.
+    ///
+    /// # Errors
+    /// A file could not be created.
+    fn create(
+        self: Box<Self>,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+    ) -> Result<Box<dyn Recorder>, RecordError>;
+
+    /// Resumes recording a run from where [`Recorder::checkpoint`] returned `checkpoint`.
+    ///
+    /// # Errors
+    /// The checkpoint belongs to another recorder or run, or a file could not be read or written.
+    fn resume(
+        self: Box<Self>,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        checkpoint: &[u8],
+    ) -> Result<Box<dyn Recorder>, RecordError>;
 }
 
 /// One round of the whole team.

@@ -8,7 +8,35 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{Attempt, RecordError, Recorder, RoundRecord};
+use super::{
+    Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
+};
+
+/// The tables that a run will write.
+#[derive(Debug)]
+pub struct TableFiles {
+    /// The folder that will hold both.
+    pub folder: PathBuf,
+}
+
+impl RecorderFactory for TableFiles {
+    fn create(
+        self: Box<Self>,
+        _: &RunInfo<'_>,
+        _: &RecordingSettings,
+    ) -> Result<Box<dyn Recorder>, RecordError> {
+        Ok(Box::new(TableRecorder::create(&self.folder)?))
+    }
+
+    fn resume(
+        self: Box<Self>,
+        _: &RunInfo<'_>,
+        _: &RecordingSettings,
+        checkpoint: &[u8],
+    ) -> Result<Box<dyn Recorder>, RecordError> {
+        Ok(Box::new(TableRecorder::resume(&self.folder, checkpoint)?))
+    }
+}
 
 /// Writes both tables of a run.
 pub struct TableRecorder {

@@ -29,9 +29,7 @@ use self::folder::RunFolder;
 use self::measures::RoundRows;
 use self::summary::{FINAL_WINDOW, Summary};
 use self::trainer::{Diverged, Round, Trainer};
-use crate::record::rerun::{Focus, LiveTarget, RerunRecorder, RunInfo};
-use crate::record::table::TableRecorder;
-use crate::record::{RecordError, Recorder, RoundRecord};
+use crate::record::{Focus, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
 use crate::scenario::{self, Scenario};
 use seedbed_env::TaskDescription;
 use seedbed_env::input::{self, Document, InputError};
@@ -56,11 +54,13 @@ pub struct Options {
     pub folder: RunFolder,
     /// Go on from the folder's checkpoint.
     pub resume: bool,
-    /// Threads for updates; 0 is one a core.
+    /// Threads for updates; 0 is one per core.
     pub threads: usize,
-    /// Whether to write `run.rrd`. A resumed run goes on as it began.
-    pub recording: bool,
 }
+
+/// What makes the recorders of a run. A resumed run is handed those with which it began, in the
+/// same order.
+pub type Factories = Vec<Box<dyn RecorderFactory>>;
 
 /// Told how far a run has come.
 pub trait Observer {
@@ -178,23 +178,24 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
     seedbed_env::build(description, scenario.physics, 1).map(|_| ())
 }
 
-/// Runs a plan to its end, or until `interrupted` is set. An `audience` is shown the recording
-/// while it is made.
+/// Runs a plan to its end, or until `interrupted` is set, and records it with what `factories`
+/// make. A run that is resumed continues with as many recorders as it began with: factories beyond
+/// these are dropped.
 ///
 /// # Errors
 /// Something could not be read or written; what was written before stays readable.
 pub fn execute(
     plan: &Plan,
     options: &Options,
-    audience: Option<LiveTarget>,
+    factories: Factories,
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Ending, RunError> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders = if options.resume {
-        resume(plan, options, audience, &mut trainer)?
+        resume(plan, options, factories, &mut trainer)?
     } else {
-        begin(plan, options, audience, &trainer)?
+        begin(plan, options, factories, &trainer)?
     };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
@@ -254,7 +255,7 @@ fn warn(recorders: &mut Recorders, observer: &mut dyn Observer) {
 fn begin(
     plan: &Plan,
     options: &Options,
-    audience: Option<LiveTarget>,
+    factories: Factories,
     trainer: &Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
@@ -263,30 +264,17 @@ fn begin(
         &folder.task(&plan.description.spec().name),
         plan.environment_text.as_bytes(),
     )?;
-    let mut recorders: Recorders = vec![Box::new(TableRecorder::create(folder.path())?)];
-    if options.recording {
-        let settings = &plan.scenario.recording;
+    with_info(plan, trainer, |info| {
         let create =
-            |about: &RunInfo<'_>| RerunRecorder::create(&folder.recording(), about, settings);
-        recorders.push(Box::new(shown(
-            with_about(plan, trainer, create)?,
-            audience,
-        )));
-    }
-    Ok(recorders)
-}
-
-fn shown(mut recorder: RerunRecorder, audience: Option<LiveTarget>) -> RerunRecorder {
-    if let Some(audience) = audience {
-        recorder.stream_to(audience);
-    }
-    recorder
+            |factory: Box<dyn RecorderFactory>| Ok(factory.create(info, &plan.scenario.recording)?);
+        factories.into_iter().map(create).collect()
+    })
 }
 
 fn resume(
     plan: &Plan,
     options: &Options,
-    audience: Option<LiveTarget>,
+    factories: Factories,
     trainer: &mut Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
@@ -297,30 +285,35 @@ fn resume(
         reason,
     };
     trainer.restore(&checkpoint.trainer).map_err(damaged)?;
-    let [table, recording @ ..] = checkpoint.recorders.as_slice() else {
-        return Err(damaged("holds no tables".to_owned()).into());
-    };
-    if trainer.measures().episodes_per_agent() > plan.scenario.max_episodes() as usize {
-        return Err(RunError::AnotherRun(format!(
-            "the run in {} has {} episodes per agent already; it cannot end after {}",
-            folder.path().display(),
-            trainer.measures().episodes_per_agent(),
-            plan.scenario.max_episodes()
-        )));
+    let (states, most) = (&checkpoint.recorders, factories.len());
+    if states.is_empty() || states.len() > most {
+        let reason = format!(
+            "it has the states of {} recorders; expected 1 to {most}",
+            states.len()
+        );
+        return Err(damaged(reason).into());
     }
+    check_end(plan, options, trainer)?;
     write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
-    let mut recorders: Recorders = vec![Box::new(TableRecorder::resume(folder.path(), table)?)];
-    if let [bytes] = recording {
-        let settings = &plan.scenario.recording;
-        let resume = |about: &RunInfo<'_>| {
-            RerunRecorder::resume(&folder.recording(), about, settings, bytes)
+    with_info(plan, trainer, |info| {
+        let resume = |(factory, state): (Box<dyn RecorderFactory>, &Vec<u8>)| {
+            Ok(factory.resume(info, &plan.scenario.recording, state)?)
         };
-        recorders.push(Box::new(shown(
-            with_about(plan, trainer, resume)?,
-            audience,
-        )));
+        factories.into_iter().zip(states).map(resume).collect()
+    })
+}
+
+/// A resumed run cannot end before the episodes that it has.
+fn check_end(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), RunError> {
+    let episodes = trainer.measures().episodes_per_agent();
+    let max_episodes = plan.scenario.max_episodes();
+    if episodes <= max_episodes as usize {
+        return Ok(());
     }
-    Ok(recorders)
+    Err(RunError::AnotherRun(format!(
+        "the run in {} has {episodes} episodes per agent already; it cannot end after {max_episodes}",
+        options.folder.path().display(),
+    )))
 }
 
 /// A run may be resumed to a later end, but not as another run.
@@ -351,9 +344,10 @@ fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
     }
 }
 
-fn with_about<R>(plan: &Plan, trainer: &Trainer, record: impl FnOnce(&RunInfo<'_>) -> R) -> R {
+/// Calls `f` with what recordings say about the run.
+fn with_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>) -> R) -> R {
     let scenario = plan.scenario.resolved();
-    record(&RunInfo {
+    f(&RunInfo {
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
         focus: Focus::Learning,
         spec: trainer.spec(),

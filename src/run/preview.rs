@@ -1,12 +1,11 @@
 //! Previews: a few episodes of random actions on record, so that the author of a task sees what it
 //! is.
 
-use std::path::Path;
-
 use super::trainer::Trainer;
 use super::{Recorders, RunError, play_round};
-use crate::record::rerun::{Focus, RerunRecorder, RunInfo};
-use crate::record::{BonusRange, EpisodeRow, RecordingSettings, SceneSettings};
+use crate::record::{
+    BonusRange, EpisodeRow, Focus, RecorderFactory, RecordingSettings, RunInfo, SceneSettings,
+};
 use crate::scenario::{Scenario, Schedule, Stop};
 use seedbed_env::Physics;
 use seedbed_env::TaskDescription;
@@ -15,9 +14,9 @@ use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::Algorithm;
 
 /// Plays `episodes` episodes of a task with random actions and records all of them, bodies
-/// included, to `path`.
+/// included, with what `recording` makes.
 ///
-/// Returns one row an episode.
+/// Returns one row per episode.
 ///
 /// # Errors
 /// The task cannot be built with this physics, or the file cannot be written.
@@ -26,12 +25,12 @@ pub fn record(
     physics: Physics,
     episodes: Count,
     seed: u64,
-    path: &Path,
+    recording: Box<dyn RecorderFactory>,
 ) -> Result<Vec<EpisodeRow>, RunError> {
     let scenario = scenario(description, physics, episodes, seed);
     let mut trainer = Trainer::from_scenario(&scenario, description, 1)?;
     let text = scenario.resolved();
-    let about = RunInfo {
+    let info = RunInfo {
         name: &format!("{}-preview", description.spec().name),
         focus: Focus::Motion,
         spec: trainer.spec(),
@@ -43,11 +42,7 @@ pub fn record(
         scenario: &text,
         properties: &[],
     };
-    let mut recorders: Recorders = vec![Box::new(RerunRecorder::create(
-        path,
-        &about,
-        &scenario.recording,
-    )?)];
+    let mut recorders: Recorders = vec![recording.create(&info, &scenario.recording)?];
     let mut all = Vec::new();
     while !trainer.is_done() {
         all.extend(play_round(&mut trainer, &mut recorders)?.episodes);

@@ -1,16 +1,14 @@
 //! Replays: episodes of a run's policies, which no longer learn, on record with the bodies of some
 //! agents.
 
-use std::path::Path;
-
 use super::evaluate::{Evaluation, play, trained};
 use super::folder::RunFolder;
 use super::measures::Measures;
 use super::trainer::Trainer;
 use super::{Plan, RunError};
-use crate::record::rerun::{Focus, RerunRecorder, RunInfo};
 use crate::record::{
-    BonusRange, EpisodeRow, Recorder, RecordingSettings, RoundRecord, SceneSettings,
+    BonusRange, EpisodeRow, Focus, Recorder, RecorderFactory, RecordingSettings, RoundRecord,
+    RunInfo, SceneSettings,
 };
 use seedbed_env::input::InputError;
 use seedbed_env::input::numbers::known_count;
@@ -23,15 +21,13 @@ pub struct Replay<'a> {
     /// Whose bodies are drawn, in every episode; none are those that the scenario draws, or agent
     /// 0.
     pub agents: Option<&'a [u32]>,
-    /// The recording.
-    pub path: &'a Path,
 }
 
-/// Plays the policies of the run in `folder` and records all agents' episodes. They are those that
-/// [`evaluate`](super::evaluate::evaluate) plays with the same seed.   `finished` is told how many
-/// episodes each agent has played
+/// Plays the policies of the run in `folder` and records all agents' episodes with what `recording`
+/// makes. They are the episodes that [`evaluate`](super::evaluate::evaluate) plays with the same
+/// seed. `finished` is called with the number of episodes that each agent has played.
 ///
-/// Returns one row an episode, in (agent, episode) order.
+/// Returns one row per episode, in (agent, episode) order.
 ///
 /// # Errors
 /// The folder holds no run with a checkpoint, an agent is not of its team, or the recording could
@@ -39,11 +35,12 @@ pub struct Replay<'a> {
 pub fn replay(
     folder: &RunFolder,
     replay: &Replay<'_>,
+    recording: Box<dyn RecorderFactory>,
     finished: &mut dyn FnMut(u32),
 ) -> Result<(Plan, Vec<EpisodeRow>), RunError> {
     let (plan, mut trainer) = trained(folder, replay.evaluation.actions)?;
     let settings = settings(&plan, replay.agents)?;
-    let mut recorder = recorder(&plan, &trainer, replay, &settings)?;
+    let mut recorder = recorder(&plan, &trainer, replay, recording, &settings)?;
     let mut measures = Measures::new(trainer.spec(), trainer.agent_count());
     let mut rows = Vec::new();
     for number in 0..replay.evaluation.episodes {
@@ -115,9 +112,10 @@ fn recorder(
     plan: &Plan,
     trainer: &Trainer,
     replay: &Replay<'_>,
+    recording: Box<dyn RecorderFactory>,
     settings: &RecordingSettings,
-) -> Result<RerunRecorder, RunError> {
-    let about = RunInfo {
+) -> Result<Box<dyn Recorder>, RunError> {
+    let info = RunInfo {
         name: &format!("{}-seed-{}-replay", plan.name, plan.scenario.seed),
         focus: Focus::Motion,
         spec: trainer.spec(),
@@ -132,5 +130,5 @@ fn recorder(
             ("replay_seed", replay.evaluation.seed.to_string()),
         ],
     };
-    Ok(RerunRecorder::create(replay.path, &about, settings)?)
+    Ok(recording.create(&info, settings)?)
 }

@@ -1,12 +1,10 @@
 //! Where each agent of a small team was, in the recording that other runs have as well.
 
-use std::path::Path;
-
 use super::scenario::TabularScenario;
 use super::team::Step;
-use crate::record::rerun::{Focus, RerunRecorder, RunInfo};
 use crate::record::{
-    BonusRange, EpisodeRow, RecordError, Recorder, RecordingSettings, RoundRecord,
+    BonusRange, EpisodeRow, Focus, RecordError, Recorder, RecorderFactory, RecordingSettings,
+    RoundRecord, RunInfo,
 };
 use crate::scenario::overrides::Resolve;
 use seedbed_env::tabular::Model;
@@ -18,7 +16,7 @@ pub const MAX_AGENTS: u32 = 64;
 
 /// Takes in steps and writes whole rounds: one episode of each agent.
 pub struct Film {
-    recorder: Option<RerunRecorder>,
+    recorder: Option<Box<dyn Recorder>>,
     model: Model,
     spec: Spec,
     /// Episodes under way, of each agent: `[K]`.
@@ -32,19 +30,19 @@ pub struct Film {
 }
 
 impl Film {
-    /// A film at `path`, or none where there is no path or the team is too large.
+    /// Records with what `recording` makes; records nothing without it or if the team is too large.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn of(
         name: &str,
         scenario: &TabularScenario,
-        path: Option<&Path>,
+        recording: Option<Box<dyn RecorderFactory>>,
     ) -> Result<Self, RecordError> {
         let agents = scenario.agents.count.get();
         let model = scenario.task.model(scenario.seed);
         let spec = spec(scenario, &model);
-        let about = RunInfo {
+        let info = RunInfo {
             name: &format!("{name}-seed-{}", scenario.seed),
             focus: Focus::Learning,
             spec: &spec,
@@ -60,9 +58,9 @@ impl Film {
             scene: None,
             ..RecordingSettings::default()
         };
-        let path = path.filter(|_| agents <= MAX_AGENTS);
-        let recorder = path
-            .map(|path| RerunRecorder::create(path, &about, &settings))
+        let recording = recording.filter(|_| agents <= MAX_AGENTS);
+        let recorder = recording
+            .map(|recording| recording.create(&info, &settings))
             .transpose()?;
         let running = (0..agents)
             .map(|agent| started(&model, &spec, agent, 0))
@@ -180,7 +178,9 @@ impl Film {
     /// # Errors
     /// The file cannot be written.
     pub fn finish(&mut self) -> Result<(), RecordError> {
-        self.recorder.as_mut().map_or(Ok(()), Recorder::finish)
+        self.recorder
+            .as_mut()
+            .map_or(Ok(()), |recorder| recorder.finish())
     }
 }
 

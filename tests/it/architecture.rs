@@ -33,9 +33,14 @@ fn code() -> Vec<(String, String)> {
 
 /// The packages that `package` is built from, itself included; names only.
 fn dependencies(package: &str) -> Vec<String> {
+    dependencies_with(&["--package", package])
+}
+
+fn dependencies_with(selection: &[&str]) -> Vec<String> {
     let output = Command::new(env!("CARGO"))
-        .args(["tree", "--offline", "--edges", "normal", "--prefix", "none"])
-        .args(["--format", "{p}", "--package", package])
+        .args(["tree", "--locked", "--edges", "normal", "--prefix", "none"])
+        .args(["--format", "{p}"])
+        .args(selection)
         .current_dir(REPOSITORY)
         .output()
         .unwrap();
@@ -73,6 +78,25 @@ fn library_crates_stay_small() {
                 "{package} needs {name}"
             );
         }
+    }
+}
+
+/// What the root package must be buildable without, when its feature `rerun` is off.
+#[test]
+fn the_workbench_builds_without_rerun() {
+    let used = dependencies_with(&["--package", "seedbed", "--no-default-features"]);
+    for name in ["rerun", "re_sdk", "re_protos", "arrow", "tonic", "tokio"] {
+        assert!(!used.iter().any(|used| used == name), "needs {name}");
+    }
+}
+
+/// Only the module of recordings may depend on the feature: others use `record::recording`.
+#[test]
+fn only_recordings_ask_for_the_feature_rerun() {
+    for (file, text) in code() {
+        let home = file == "src/record/mod.rs" || file.starts_with("src/record/rerun/");
+        let named = text.contains("record::rerun") || text.contains("feature = \"rerun\"");
+        assert!(home || !named, "{file} names the feature or module `rerun`");
     }
 }
 

@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use seedbed::record::EpisodeRow;
-use seedbed::record::rerun::read::{RecordedEpisode, Recording};
+use seedbed::record::RecordedEpisode;
+use seedbed::record::recording::Recording;
 use seedbed::run::review::LoadedRun;
 
 use super::util::{REPOSITORY, refuse, small_run, stderr, succeed};

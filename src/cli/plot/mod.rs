@@ -12,7 +12,7 @@ use clap::{Args, ValueEnum};
 use self::page::PlotPage;
 use super::progress::ReadCounter;
 use super::{CliError, pluralize};
-use crate::record::rerun::read::Recording;
+use crate::record::recording::Recording;
 use crate::record::visitation::Axes;
 use crate::run::files;
 use crate::run::review::selection::{SelectedStates, StateSelection};

@@ -6,10 +6,10 @@ use rerun::external::arrow::array::StringArray;
 use rerun::log::Chunk;
 use rerun::{AnyValues, ComponentIdentifier, EntityPath, RecordingInfo, TextDocument};
 
-use super::RunInfo;
 use super::error::RecordingError;
 use super::rows::static_chunk;
 use crate::record::RecordingSettings;
+use crate::record::RunInfo;
 use seedbed_env::{Choice, Quantity, Spec};
 
 /// The recording's name, its properties and `/scenario`.

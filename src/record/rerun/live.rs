@@ -16,6 +16,7 @@ use rerun::log::LogMsg;
 use rerun::sink::{GrpcSink, GrpcSinkConnectionState, LogSink};
 
 use super::error::RecordingError;
+use crate::record::LiveError;
 
 /// The address at which a viewer listens by default.
 pub const DEFAULT_VIEWER: &str = rerun::DEFAULT_CONNECT_URL;
@@ -39,17 +40,6 @@ pub struct Viewer {
     sent: Receiver<()>,
 }
 
-/// The viewer cannot be reached.
-#[derive(Debug, thiserror::Error)]
-pub enum ViewerError {
-    /// The text is not an address.
-    #[error("invalid viewer address `{0}`: expected an address such as {DEFAULT_VIEWER}")]
-    Address(String),
-    /// No viewer listens at the address.
-    #[error("no viewer responds at {0}: start one with `rerun`, or omit --live")]
-    Absent(String),
-}
-
 impl Viewer {
     /// Connects to the viewer that listens at `address`.
     ///
@@ -58,10 +48,10 @@ impl Viewer {
     ///
     /// # Panics
     /// If the system refuses to start a thread.
-    pub fn connect(address: &str) -> Result<Self, ViewerError> {
+    pub fn connect(address: &str) -> Result<Self, LiveError> {
         let uri = address
             .parse()
-            .map_err(|_| ViewerError::Address(address.to_owned()))?;
+            .map_err(|_| LiveError::InvalidAddress(address.to_owned()))?;
         let connection = GrpcSink::new(uri);
         let since = Instant::now();
         while matches!(
@@ -74,7 +64,7 @@ impl Viewer {
         if connection.status() != GrpcSinkConnectionState::Connected {
             // Closing a connection that was never established takes seconds.
             thread::spawn(move || drop(connection));
-            return Err(ViewerError::Absent(address.to_owned()));
+            return Err(LiveError::NoViewer(address.to_owned()));
         }
         let (messages, waiting) = sync_channel(CHANNEL_CAPACITY);
         let (done, sent) = sync_channel(0);

@@ -18,7 +18,7 @@ mod layouts;
 mod live;
 mod quantities;
 mod raw;
-pub mod read;
+mod read;
 mod resume;
 mod rounds;
 mod rows;
@@ -39,26 +39,22 @@ use rerun::StoreId;
 
 use self::error::RecordingError;
 use self::layouts::Layouts;
-pub use self::live::{DEFAULT_VIEWER, Viewer, ViewerError};
+pub use self::live::{DEFAULT_VIEWER, Viewer};
+pub use self::read::Recording;
 use self::resume::State;
 use self::samples::VisitationStyle;
-pub use self::serve::{ServeError, Server};
+pub use self::serve::Server;
 use self::settings::Settings;
 use self::sink::{Sink, Storage};
 use self::writers::Writers;
-use super::{Attempt, BonusRange, RecordError, Recorder, RecordingSettings, RoundRecord};
-use seedbed_env::{Scene, Spec};
+use super::{
+    Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
+};
+
+/// Whether this build can write and read recordings: with the feature `rerun` it can.
+pub const AVAILABLE: bool = true;
 
 const APPLICATION: &str = "seedbed";
-
-/// What a recording is about, which decides what the viewer shows first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Focus {
-    /// How a team learned: visited states, returns, updates.
-    Learning,
-    /// How bodies moved: scenes.
-    Motion,
-}
 
 /// Where a recording is shown while it is made.
 #[derive(Debug)]
@@ -69,29 +65,34 @@ pub enum LiveTarget {
     Serve(Server),
 }
 
-/// The run that is recorded.
-#[derive(Clone, Copy, Debug)]
-pub struct RunInfo<'a> {
-    /// Name of the run, shown by the viewer.
-    pub name: &'a str,
-    /// What the recording is about.
-    pub focus: Focus,
-    /// The task.
-    pub spec: &'a Spec,
-    /// The task's bodies, if it has any.
-    pub scene: Option<&'a Scene>,
-    /// Number of agents K.
-    pub agents: u32,
-    /// Whether agents have a bonus, and its range.
-    pub bonus: BonusRange,
-    /// Maximum number of episodes per agent.
-    pub episodes: u32,
-    /// The run seed, from which the choice of drawn states is derived.
-    pub run_seed: u64,
-    /// The resolved scenario, in RON.
-    pub scenario: &'a str,
-    /// Further properties of the run by name, for queries.
-    pub properties: &'a [(&'a str, String)],
+/// A recording that a run will write.
+#[derive(Debug)]
+pub struct RecordingFile {
+    /// Where it will be when it is complete.
+    pub path: PathBuf,
+    /// The viewers that see it while it is written.
+    pub live: Option<LiveTarget>,
+}
+
+impl RecorderFactory for RecordingFile {
+    fn create(
+        self: Box<Self>,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+    ) -> Result<Box<dyn Recorder>, RecordError> {
+        let recorder = RerunRecorder::create(&self.path, info, settings)?;
+        Ok(Box::new(recorder.shown_in(self.live)))
+    }
+
+    fn resume(
+        self: Box<Self>,
+        info: &RunInfo<'_>,
+        settings: &RecordingSettings,
+        checkpoint: &[u8],
+    ) -> Result<Box<dyn Recorder>, RecordError> {
+        let recorder = RerunRecorder::resume(&self.path, info, settings, checkpoint)?;
+        Ok(Box::new(recorder.shown_in(self.live)))
+    }
 }
 
 /// Records into an `.rrd` file.
@@ -149,9 +150,16 @@ impl RerunRecorder {
         resumed.map_err(|error| paths.error(Attempt::Resume, &error))
     }
 
-    /// Shows the recording in viewers, from its beginning and while it is made. Failures become
+    fn shown_in(mut self, live: Option<LiveTarget>) -> Self {
+        if let Some(target) = live {
+            self.stream_to(target);
+        }
+        self
+    }
+
+    /// Shows the recording in viewers, from its beginning and while it is written. Failures become
     /// warnings: the file does not depend on viewers.
-    pub fn stream_to(&mut self, target: LiveTarget) {
+    fn stream_to(&mut self, target: LiveTarget) {
         let streaming = match target {
             LiveTarget::Push(mut viewer) => viewer
                 .catch_up(&self.paths.part)

@@ -15,8 +15,8 @@ use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 
 use super::quantities::{self, Quantities};
 use super::rows::{EPISODE, ROUND};
-use crate::record::BonusRange;
 use crate::record::visitation::Axes;
+use crate::record::{BonusRange, ReadError, RecordedEpisode};
 use seedbed_env::{Quantity, Status};
 
 /// An opened recording: its properties, task and episodes.
@@ -25,51 +25,6 @@ pub struct Recording {
     path: PathBuf,
     properties: BTreeMap<String, String>,
     quantities: Quantities,
-}
-
-/// One episode as it was recorded.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RecordedEpisode {
-    /// The agent.
-    pub agent: u32,
-    /// Number of the agent's episode, from 0.
-    pub episode: u32,
-    /// Number of the round, from 0.
-    pub round: u32,
-    /// Observations: row t is the one before action t, the last row the one at the end.
-    /// `[(T+1) × observation width]`
-    pub observations: Vec<f32>,
-    /// Actions, as values instead of indices: `[T × action width]`
-    pub actions: Vec<f32>,
-    /// Rewards of the environment: `[T]`
-    pub rewards: Vec<f32>,
-    /// Bonuses: `[T]`; empty for agents without a bonus.
-    pub intrinsic_rewards: Vec<f32>,
-    /// How the episode ended.
-    pub outcome: Status,
-}
-
-/// The recording cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ReadError {
-    /// The file cannot be opened or read, is damaged, or was written by another version of Rerun.
-    #[error("cannot read {path}: {reason}")]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// Why it cannot be read.
-        reason: String,
-    },
-    /// Rerun can read the file, but it was not written by this version of seedbed.
-    #[error(
-        "{path} is not a recording that this version of seedbed can read: it has no entity `{missing}`"
-    )]
-    NotARun {
-        /// The file.
-        path: PathBuf,
-        /// The entity that every recording has.
-        missing: String,
-    },
 }
 
 impl Recording {
@@ -199,7 +154,7 @@ impl Episodes {
         let rows = self.columns.rows(chunk);
         let mut step = 0;
         for (row, outcome) in rows.outcomes.iter().enumerate() {
-            let start = || RecordedEpisode::start(agent, rows.episodes[row], rows.rounds[row]);
+            let start = || empty_episode(agent, rows.episodes[row], rows.rounds[row]);
             let episode = self.unfinished.entry(agent).or_insert_with(start);
             episode
                 .observations
@@ -221,45 +176,17 @@ impl Episodes {
     }
 }
 
-impl RecordedEpisode {
-    fn start(agent: u32, episode: u32, round: u32) -> Self {
-        let [observations, actions, rewards, intrinsic_rewards] =
-            std::array::from_fn(|_| Vec::new());
-        Self {
-            agent,
-            episode,
-            round,
-            observations,
-            actions,
-            rewards,
-            intrinsic_rewards,
-            outcome: Status::Running,
-        }
-    }
-
-    /// Number of steps T.
-    #[must_use]
-    pub fn length(&self) -> usize {
-        self.rewards.len()
-    }
-
-    /// Sum of rewards, undiscounted.
-    #[must_use]
-    pub fn total_reward(&self) -> f64 {
-        self.rewards.iter().map(|&reward| f64::from(reward)).sum()
-    }
-
-    /// The observations state by state, including the last one: `[T+1]` of `[observation width]`.
-    pub fn states(&self) -> impl Iterator<Item = &[f32]> {
-        self.observations
-            .chunks_exact((self.observations.len() / (self.length() + 1)).max(1))
-    }
-
-    /// The bonus of step `step`; 0 at the last state, which has no step, and for agents without a
-    /// bonus.
-    #[must_use]
-    pub fn bonus(&self, step: usize) -> f32 {
-        self.intrinsic_rewards.get(step).copied().unwrap_or(0.0)
+fn empty_episode(agent: u32, episode: u32, round: u32) -> RecordedEpisode {
+    let [observations, actions, rewards, intrinsic_rewards] = std::array::from_fn(|_| Vec::new());
+    RecordedEpisode {
+        agent,
+        episode,
+        round,
+        observations,
+        actions,
+        rewards,
+        intrinsic_rewards,
+        outcome: Status::Running,
     }
 }
 

@@ -14,11 +14,11 @@ use rerun::external::re_log_encoding::rrd::DecoderApp;
 use rerun::external::re_log_types::RecordingId;
 use serde::{Deserialize, Serialize};
 
-use super::RunInfo;
 use super::error::RecordingError;
 use super::samples::VisitationStyle;
 use super::sink::Sink;
 use crate::record::RecordingSettings;
+use crate::record::RunInfo;
 use crate::record::visitation::AgentVisits;
 
 /// The format of [`State`], by the order and types of its fields.

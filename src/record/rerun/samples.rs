@@ -10,10 +10,10 @@ use rerun::external::arrow::datatypes::{DataType, Field};
 use rerun::log::Chunk;
 use rerun::{EntityPath, LineStrips2D, Points2D, SerializedComponentColumn};
 
-use super::RunInfo;
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk, strips};
 use crate::record::RecordingSettings;
+use crate::record::RunInfo;
 use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, pick_states};
 use seedbed_env::random::Stream;
 use seedbed_figure::color::dark::categorical_color;

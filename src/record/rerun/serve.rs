@@ -4,7 +4,6 @@
 //! read from the file, so that it takes no memory, and a viewer that connects late or is slow delays
 //! neither the run nor another viewer.
 
-use std::io;
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -30,6 +29,7 @@ use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::error::RecordingError;
+use crate::record::LiveError;
 
 /// Maximum time in which no viewer receives a message after the recording is complete.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(5);
@@ -57,23 +57,13 @@ pub struct Server {
     runtime: Runtime,
 }
 
-/// The port cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "cannot serve viewers at port {port}: {reason}; choose another port with --serve=PORT, or send the run to a viewer at this port with --live"
-)]
-pub struct ServeError {
-    port: u16,
-    reason: io::Error,
-}
-
 impl Server {
     /// Opens `port`, or any free one if it is 0. Viewers can connect from now on; they are served
     /// when there is a recording.
     ///
     /// # Errors
     /// The port is in use or not allowed.
-    pub fn bind(port: u16) -> Result<Self, ServeError> {
+    pub fn bind(port: u16) -> Result<Self, LiveError> {
         let bound = || {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
             listener.set_nonblocking(true)?;
@@ -88,7 +78,7 @@ impl Server {
                 runtime,
             })
         };
-        bound().map_err(|reason| ServeError { port, reason })
+        bound().map_err(|reason| LiveError::Port { port, reason })
     }
 
     /// The address that viewers connect to.

@@ -1,8 +1,8 @@
 //! The parts of the run and of the scenario that a recorder needs throughout.
 
-use super::{Focus, RunInfo};
 use crate::record::visitation::LineQuota;
 use crate::record::{BonusRange, Difference, RecordingSettings};
+use crate::record::{Focus, RunInfo};
 use seedbed_env::Spec;
 
 /// What a recorder needs to know of its run. Never changes.

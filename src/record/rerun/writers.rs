@@ -2,7 +2,6 @@
 
 use rerun::log::Chunk;
 
-use super::RunInfo;
 use super::curves::Curves;
 use super::error::RecordingError;
 use super::images::ImageWriter;
@@ -10,6 +9,7 @@ use super::raw::{RawColumns, RawTable};
 use super::samples::{SampleWriter, VisitationStyle};
 use super::scene::SceneWriter;
 use super::sink::Sink;
+use crate::record::RunInfo;
 use crate::record::visitation::LineQuota;
 use crate::record::{ColorBy, RecordingSettings};
 

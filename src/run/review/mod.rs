@@ -14,7 +14,8 @@ use std::path::{Path, PathBuf};
 use super::evaluate::run_folder;
 use super::folder::RunFolder;
 use super::summary::{FINAL_WINDOW, Summary};
-use crate::record::rerun::read::{ReadError, Recording};
+use crate::record::ReadError;
+use crate::record::recording::Recording;
 use crate::record::table::{self, TableError};
 use crate::record::{EpisodeRow, RoundRow};
 

@@ -3,7 +3,8 @@
 
 use super::LoadedRun;
 use crate::record::EpisodeRow;
-use crate::record::rerun::read::{ReadError, RecordedEpisode, Recording};
+use crate::record::recording::Recording;
+use crate::record::{ReadError, RecordedEpisode};
 use crate::run::measures::diversity::Diversity;
 use crate::run::measures::visitation::{Visitation, diversity};
 use seedbed_env::Quantity;

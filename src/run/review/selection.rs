@@ -4,8 +4,9 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::record::rerun::read::{ReadError, RecordedEpisode, Recording};
+use crate::record::recording::Recording;
 use crate::record::visitation::{Axes, Density, VisitedState};
+use crate::record::{ReadError, RecordedEpisode};
 use seedbed_env::Status;
 
 /// Criteria by which states are selected.

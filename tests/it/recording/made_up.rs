@@ -1,7 +1,7 @@
 //! A made-up team to record.
 
-use seedbed::record::rerun::{Focus, RunInfo};
 use seedbed::record::{BodyTrajectory, BonusRange, EpisodeRow, Recorder, RoundRecord, RoundRow};
+use seedbed::record::{Focus, RunInfo};
 use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
 use seedbed_learn::experience::Episode;
 

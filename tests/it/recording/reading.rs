@@ -3,8 +3,9 @@
 use std::fs::File;
 use std::path::Path;
 
+use seedbed::record::RecordedEpisode;
+use seedbed::record::rerun::Recording;
 use seedbed::record::rerun::RerunRecorder;
-use seedbed::record::rerun::read::{RecordedEpisode, Recording};
 use seedbed::record::visitation::Axes;
 use seedbed::record::{BonusRange, Recorder, RecordingSettings};
 

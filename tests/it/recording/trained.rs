@@ -4,9 +4,11 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use seedbed::record::recording::RecordingFile;
+use seedbed::record::table::TableFiles;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::trainer::Trainer;
-use seedbed::run::{Ending, Observer, Options, Plan, Progress, execute};
+use seedbed::run::{Ending, Factories, Observer, Options, Plan, Progress, execute};
 use seedbed_env::Choice;
 use seedbed_learn::experience::Episode;
 
@@ -43,6 +45,17 @@ fn plan(overrides: &[&str]) -> Plan {
     Plan::load(Path::new("scenarios/cartpole.ron"), &overrides).unwrap()
 }
 
+fn factories(folder: &RunFolder) -> Factories {
+    let tables = TableFiles {
+        folder: folder.path().to_owned(),
+    };
+    let recording = RecordingFile {
+        path: folder.recording(),
+        live: None,
+    };
+    vec![Box::new(tables), Box::new(recording)]
+}
+
 fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
     let folder = RunFolder::new(folder);
     let _claim = folder.claim().unwrap();
@@ -50,9 +63,15 @@ fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
         folder: folder.clone(),
         resume: false,
         threads,
-        recording: true,
     };
-    let ending = execute(plan, &options, None, &mut Nobody, &AtomicBool::new(false)).unwrap();
+    let ending = execute(
+        plan,
+        &options,
+        factories(&folder),
+        &mut Nobody,
+        &AtomicBool::new(false),
+    )
+    .unwrap();
     assert!(matches!(ending, Ending::Finished(_)));
     Contents::of(&folder.recording())
 }

@@ -19,13 +19,13 @@ use rerun::external::re_sdk_types::blueprint::components::{
 use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoint, Timeline};
 
-use super::Focus;
 use super::curves::metrics;
 use super::error::RecordingError;
 use super::framing::Bounds;
 use super::layouts::Layouts;
 use super::rows::{EPISODE, rgb, single_row_chunk};
 use crate::record::Difference;
+use crate::record::Focus;
 use crate::record::metrics::{Metric, Range, Scope};
 use crate::record::visitation::LineQuota;
 

@@ -1,0 +1,152 @@
+//! Stands in for the module `rerun` in builds without the feature `rerun`: every call fails and says
+//! why. Types that only a recording could yield have no values.
+
+use std::collections::BTreeMap;
+use std::iter;
+use std::path::{Path, PathBuf};
+
+use seedbed_env::Quantity;
+
+use super::visitation::Axes;
+use super::{
+    Attempt, BonusRange, LiveError, ReadError, RecordError, RecordedEpisode, Recorder,
+    RecorderFactory, RecordingSettings, RunInfo, UNAVAILABLE,
+};
+
+/// Whether this build can write and read recordings: with the feature `rerun` it can.
+pub const AVAILABLE: bool = false;
+
+/// The address at which a viewer listens by default.
+pub const DEFAULT_VIEWER: &str = "rerun+http://127.0.0.1:9876/proxy";
+
+/// A recording that cannot be written.
+#[derive(Debug)]
+pub struct RecordingFile {
+    /// Where it would be.
+    pub path: PathBuf,
+    /// No viewers.
+    pub live: Option<LiveTarget>,
+}
+
+impl RecordingFile {
+    fn error(self, attempt: Attempt) -> RecordError {
+        let reason = UNAVAILABLE.to_owned();
+        let path = self.path;
+        RecordError {
+            path,
+            attempt,
+            reason,
+        }
+    }
+}
+
+impl RecorderFactory for RecordingFile {
+    fn create(
+        self: Box<Self>,
+        _: &RunInfo<'_>,
+        _: &RecordingSettings,
+    ) -> Result<Box<dyn Recorder>, RecordError> {
+        Err(self.error(Attempt::Write))
+    }
+
+    fn resume(
+        self: Box<Self>,
+        _: &RunInfo<'_>,
+        _: &RecordingSettings,
+        _: &[u8],
+    ) -> Result<Box<dyn Recorder>, RecordError> {
+        Err(self.error(Attempt::Resume))
+    }
+}
+
+/// Where a recording would be shown while it is written.
+#[derive(Debug)]
+pub enum LiveTarget {
+    /// A running viewer.
+    Push(Viewer),
+    /// A server, to which viewers connect.
+    Serve(Server),
+}
+
+/// A running viewer: there is none.
+#[derive(Debug)]
+pub enum Viewer {}
+
+impl Viewer {
+    /// Fails.
+    ///
+    /// # Errors
+    /// Always [`LiveError::Unavailable`].
+    pub fn connect(_: &str) -> Result<Self, LiveError> {
+        Err(LiveError::Unavailable)
+    }
+}
+
+/// A server of recordings: there is none.
+#[derive(Debug)]
+pub enum Server {}
+
+impl Server {
+    /// Fails.
+    ///
+    /// # Errors
+    /// Always [`LiveError::Unavailable`].
+    pub fn bind(_: u16) -> Result<Self, LiveError> {
+        Err(LiveError::Unavailable)
+    }
+
+    /// The address that viewers connect to.
+    #[must_use]
+    pub fn address(&self) -> String {
+        match *self {}
+    }
+}
+
+/// An opened recording: there is none.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Recording {}
+
+impl Recording {
+    /// Fails.
+    ///
+    /// # Errors
+    /// Always [`ReadError::File`].
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        Err(ReadError::File {
+            path: path.to_owned(),
+            reason: UNAVAILABLE.to_owned(),
+        })
+    }
+
+    /// Facts about the run by name.
+    #[must_use]
+    pub fn properties(&self) -> &BTreeMap<String, String> {
+        match *self {}
+    }
+
+    /// The observations of an agent, in order.
+    #[must_use]
+    pub fn observations(&self) -> &[Quantity] {
+        match *self {}
+    }
+
+    /// Range of the intrinsic rewards, if the agents have any.
+    #[must_use]
+    pub fn bonus(&self) -> BonusRange {
+        match *self {}
+    }
+
+    /// The axes of parallel coordinates.
+    #[must_use]
+    pub fn axes(&self) -> Axes {
+        match *self {}
+    }
+
+    /// All episodes.
+    ///
+    /// # Errors
+    /// None.
+    pub fn episodes(&self) -> Result<iter::Empty<Result<RecordedEpisode, ReadError>>, ReadError> {
+        match *self {}
+    }
+}
