@@ -116,12 +116,12 @@ impl Observer for RunProgress {
 
 impl RunProgress {
     fn print_line(&mut self, progress: &Progress, message: &str) {
-        let tenths = 10 * progress.episodes_per_agent / progress.at_most.max(1);
+        let tenths = 10 * progress.episodes_per_agent / progress.max_episodes.max(1);
         if tenths > self.tenths {
             self.tenths = tenths;
             eprintln!(
                 "{}/{} episodes · {message}",
-                progress.episodes_per_agent, progress.at_most
+                progress.episodes_per_agent, progress.max_episodes
             );
         }
     }

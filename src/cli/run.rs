@@ -10,9 +10,9 @@ use super::{CliError, RunArgs, pluralize, tabular};
 use crate::record::RecorderFactory;
 use crate::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
 use crate::record::table::TableFiles;
-use crate::run::folder::{Claim, Contents, RunFolder};
+use crate::run::folder::{Contents, FolderLock, RunFolder};
 use crate::run::summary::{FINAL_WINDOW, Summary};
-use crate::run::{self, Ending, Factories, Observer, Options, Plan, RunError};
+use crate::run::{self, Factories, Observer, Options, Plan, RunError, RunOutcome};
 use crate::tabular::scenario::is_meant;
 use crate::text::shell_word;
 
@@ -28,7 +28,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
         .as_ref()
         .map_or_else(|| plan.default_folder(), RunFolder::new);
     let audience = audience(args)?;
-    let claim = claim_output_dir(args, &folder)?;
+    let lock = lock_output_dir(args, &folder)?;
     let threads = args.threads.map_or(0, usize::from);
     let options = Options {
         folder,
@@ -52,14 +52,13 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     );
     drop(observer);
     match ending.map_err(|error| with_resume_hint(error, args, &options.folder))? {
-        Ending::Interrupted { rounds } => Err(CliError::Runtime(format!(
+        RunOutcome::Interrupted { rounds } => Err(CliError::Runtime(format!(
             "interrupted after {}; resume with\n  {}",
             pluralize(rounds as usize, "round"),
             resume_command(args)
         ))),
-        Ending::Finished(summary) => {
-            claim
-                .release()
+        RunOutcome::Finished(summary) => {
+            lock.release()
                 .map_err(|error| CliError::Runtime(error.to_string()))?;
             if !args.quiet {
                 print(&summary, &options.folder, started.elapsed().as_secs_f64());
@@ -151,8 +150,8 @@ fn resume_command(args: &RunArgs) -> String {
     words.join(" ")
 }
 
-/// Claims the output directory for this process; refuses to overwrite a run without `--overwrite`.
-pub(super) fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Claim, CliError> {
+/// Locks the output directory for this process; refuses to overwrite a run without `--overwrite`.
+pub(super) fn lock_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<FolderLock, CliError> {
     let shown = folder.path().display();
     let before = folder.contents();
     let elsewhere = if args.out.is_some() {
@@ -162,13 +161,13 @@ pub(super) fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Cla
     };
     let choice = format!("{elsewhere} to keep both, or --overwrite to replace it");
     let refusal = match (before, args.resume, args.overwrite) {
-        (Contents::Other, _, _) => Some(format!(
+        (Contents::OtherFiles, _, _) => Some(format!(
             "{shown} is not empty and does not contain a seedbed run; choose {elsewhere}"
         )),
         (Contents::FinishedRun, true, _) => Some(format!(
             "the run in {shown} is finished; there is nothing to resume"
         )),
-        (Contents::Nothing | Contents::BrokenOffRun, true, _) => Some(format!(
+        (Contents::Nothing | Contents::RunWithoutCheckpoint, true, _) => Some(format!(
             "{shown} contains no checkpoint to resume from; start a new run without --resume"
         )),
         (Contents::FinishedRun, false, false) => {
@@ -184,8 +183,8 @@ pub(super) fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Cla
     }
     let write_error =
         |error: std::io::Error| CliError::Runtime(format!("cannot write to {shown}: {error}"));
-    let claim = folder.claim().map_err(write_error)?;
-    let claim = claim.ok_or_else(|| {
+    let lock = folder.lock().map_err(write_error)?;
+    let lock = lock.ok_or_else(|| {
         CliError::Usage(format!(
             "another seedbed process is writing to {shown}; choose {elsewhere}"
         ))
@@ -193,7 +192,7 @@ pub(super) fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Cla
     if !args.resume && before != Contents::Nothing {
         folder.clear().map_err(write_error)?;
     }
-    Ok(claim)
+    Ok(lock)
 }
 
 /// Flag that the first Ctrl-C sets after printing `message`; the second ends the process immediately.

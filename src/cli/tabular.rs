@@ -10,7 +10,7 @@ use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
 use super::bench::{Columns, Table, format_interval};
-use super::run::{claim_output_dir, recording};
+use super::run::{lock_output_dir, recording};
 use super::{BenchArgs, CliError, RunArgs, pluralize};
 use crate::record::recording::AVAILABLE;
 use crate::run::RunError;
@@ -52,7 +52,7 @@ pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), CliError> 
             .clone()
             .unwrap_or_else(|| default_folder(&name, scenario.seed)),
     );
-    let claim = claim_output_dir(args, &folder)?;
+    let lock = lock_output_dir(args, &folder)?;
     let started = Instant::now();
     let path = folder.recording();
     let mut film = Film::of(
@@ -73,7 +73,7 @@ pub(super) fn run(args: &RunArgs, overrides: &[String]) -> Result<(), CliError> 
         ))
     };
     results.write(&scenario, &folder).map_err(write_error)?;
-    claim.release().map_err(write_error)?;
+    lock.release().map_err(write_error)?;
     if !args.quiet {
         print(
             &results.summary,

@@ -1,26 +1,27 @@
-//! Whether agents find the same steps worth a bonus.
+//! Agreement of the agents' intrinsic rewards: whether the same steps have high intrinsic rewards
+//! for all agents.
 
-/// Mean over all pairs of agents of Spearman's rank correlation between their judgements of the
-/// same steps; ties share their mean rank. `judgements: [K][N]`; none for fewer than two agents, or
-/// where an agent finds all steps alike.
+/// Spearman's rank correlation of two agents' intrinsic rewards for the same N steps, averaged over
+/// all pairs of agents. Ties share their mean rank. `rewards: [K][N]`. `None` for fewer than two
+/// agents, or if all rewards of an agent are equal.
 ///
-/// With ranks standardised to z, the mean of z_i·z_j/N over pairs i ≠ j is (‖Σ z‖²/N − K) / (K (K −
-/// 1)), so no pair is looked at.
+/// With ranks standardized to z, the mean of z_i·z_j/N over pairs i ≠ j is (‖Σ z‖²/N − K) / (K (K −
+/// 1)), which takes O(K·N) instead of O(K²·N).
 #[must_use]
-pub(super) fn mean_rank_correlation(judgements: &[Vec<f32>]) -> Option<f64> {
-    let (count, steps) = (judgements.len() as f64, judgements.first()?.len());
+pub(super) fn mean_rank_correlation(rewards: &[Vec<f32>]) -> Option<f64> {
+    let (count, steps) = (rewards.len() as f64, rewards.first()?.len());
     let mut sum = vec![0.0; steps];
-    for judgement in judgements {
-        let standardised = standardised(&ranks(judgement))?;
+    for own in rewards {
+        let standardized = standardized(&ranks(own))?;
         sum.iter_mut()
-            .zip(standardised)
+            .zip(standardized)
             .for_each(|(sum, z)| *sum += z);
     }
     let square = sum.iter().map(|sum| sum * sum).sum::<f64>() / steps as f64;
-    (judgements.len() > 1).then(|| (square - count) / (count * (count - 1.0)))
+    (rewards.len() > 1).then(|| (square - count) / (count * (count - 1.0)))
 }
 
-/// From 1, ties sharing the mean of theirs.   `values: [N]` → `[N]`
+/// Ranks of values, from 1; equal values share the mean of their ranks. `values: [N]` → `[N]`
 fn ranks(values: &[f32]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
@@ -36,7 +37,7 @@ fn ranks(values: &[f32]) -> Vec<f64> {
     ranks
 }
 
-fn standardised(ranks: &[f64]) -> Option<Vec<f64>> {
+fn standardized(ranks: &[f64]) -> Option<Vec<f64>> {
     let count = ranks.len() as f64;
     let mean = ranks.iter().sum::<f64>() / count;
     let deviation = (ranks.iter().map(|rank| (rank - mean).powi(2)).sum::<f64>() / count).sqrt();

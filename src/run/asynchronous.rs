@@ -1,6 +1,6 @@
 //! Asynchronous rollouts (thesis Fig. 5.2): an agent whose episode has ended learns at once from
-//! what has reached it, while the others continue. Time is counted in steps of the environments, so
-//! the schedule is the same on any machine.
+//! all finished episodes, while the others continue. Time is counted in environment steps, so that
+//! the schedule is the same on every machine.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,32 +9,32 @@ use crate::record::SceneSettings;
 use seedbed_env::Environment;
 use seedbed_learn::team::Team;
 
-/// A team in the middle of its episodes.
+/// The state of an asynchronous rollout between two calls of [`AsyncRollout::play`].
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct AsyncRollout {
     clocks: Vec<AgentClock>,
     slots: EpisodeSlots,
 }
 
-/// How far one agent has come.
+/// The schedule of one agent.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct AgentClock {
-    /// Number of episodes begun.
-    begun: u32,
-    /// Number of steps for which it still learns and does not act.
-    learning: u32,
+    /// Number of episodes that it has started.
+    started: u32,
+    /// Number of environment steps until its current update is complete; it does not act meanwhile.
+    steps_until_learned: u32,
     /// Number of the team's episodes that it has learned from.
-    learned: u64,
+    learned_episodes: u64,
 }
 
 /// When agents act and learn.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AsyncConfig<'a> {
     pub(super) run_seed: u64,
-    /// Number of episodes that each agent plays in all.
+    /// Number of episodes per agent in the whole run.
     pub(super) episodes: u32,
-    /// Number of steps of the others that an update takes.
-    pub(super) learning: u32,
+    /// Number of environment steps of the other agents that one update takes.
+    pub(super) steps_per_update: u32,
     pub(super) scene: Option<&'a SceneSettings>,
 }
 
@@ -61,7 +61,7 @@ impl AsyncRollout {
                 self.slots.step(environment, team);
             }
             for clock in &mut self.clocks {
-                clock.learning = clock.learning.saturating_sub(1);
+                clock.steps_until_learned = clock.steps_until_learned.saturating_sub(1);
             }
             for slot in &mut self.slots.slots {
                 if let Some(episode) = slot.observe(environment) {
@@ -73,8 +73,8 @@ impl AsyncRollout {
         ended
     }
 
-    /// Marks that an agent learns now from the team's first `total` episodes; returns how many of
-    /// them it has learned from before, and how often it has learned before.
+    /// Registers that an agent now learns from the team's first `total` episodes. Returns how many of
+    /// them it has learned from before, and the number of its earlier updates.
     pub(super) fn begin_update(
         &mut self,
         agent: u32,
@@ -82,14 +82,14 @@ impl AsyncRollout {
         config: &AsyncConfig<'_>,
     ) -> (u64, u32) {
         let clock = &mut self.clocks[agent as usize];
-        clock.learning = config.learning;
-        let learned = std::mem::replace(&mut clock.learned, total);
-        (learned, clock.begun - 1)
+        clock.steps_until_learned = config.steps_per_update;
+        let learned = std::mem::replace(&mut clock.learned_episodes, total);
+        (learned, clock.started - 1)
     }
 
     /// Number of the team's episodes that every agent has learned from.
     pub(super) fn learned_by_all(&self) -> u64 {
-        let learned = self.clocks.iter().map(|clock| clock.learned);
+        let learned = self.clocks.iter().map(|clock| clock.learned_episodes);
         learned.min().unwrap_or(u64::MAX)
     }
 
@@ -97,17 +97,18 @@ impl AsyncRollout {
         let waiting = self
             .clocks
             .iter()
-            .any(|clock| clock.begun < config.episodes);
+            .any(|clock| clock.started < config.episodes);
         waiting || self.slots.any_playing()
     }
 
     fn begin_episodes(&mut self, environment: &mut dyn Environment, config: &AsyncConfig<'_>) {
         for (agent, clock) in (0..).zip(&mut self.clocks) {
-            let is_free = !self.slots.slots[agent as usize].is_playing() && clock.learning == 0;
-            if is_free && clock.begun < config.episodes {
-                let slot = self.slots.renew(config.run_seed, agent, clock.begun);
-                slot.start(environment, clock.begun, 0, config.scene);
-                clock.begun += 1;
+            let is_free =
+                !self.slots.slots[agent as usize].is_playing() && clock.steps_until_learned == 0;
+            if is_free && clock.started < config.episodes {
+                let slot = self.slots.renew(config.run_seed, agent, clock.started);
+                slot.start(environment, clock.started, 0, config.scene);
+                clock.started += 1;
             }
         }
     }

@@ -1,5 +1,5 @@
-//! Checkpoints: all that a run needs to go on, written so that a crash at any moment leaves the
-//! newest complete one.
+//! Checkpoints: all that is needed to resume a run. A crash at any moment leaves the newest complete
+//! checkpoint.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,18 +8,18 @@ use serde::{Deserialize, Serialize};
 
 use super::files;
 
-/// What `checkpoint/state.bin` holds.
+/// The contents of `checkpoint/state.bin`.
 #[derive(Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// The format, so that a file of another version is refused rather than misread.
+    /// Version of the format; files of other versions are refused.
     version: u32,
-    /// What the [`Trainer`](super::trainer::Trainer) goes on from.
+    /// The state of the [`Trainer`](super::trainer::Trainer).
     pub trainer: Vec<u8>,
-    /// What each recorder goes on from, in their order.
+    /// The states of the recorders, in their order.
     pub recorders: Vec<Vec<u8>>,
 }
 
-/// A checkpoint that cannot be written or read.
+/// A checkpoint could not be written or read.
 #[derive(Debug, thiserror::Error)]
 #[error("checkpoint {path}: {reason}")]
 pub struct CheckpointError {
@@ -45,13 +45,13 @@ impl Checkpoint {
     /// Replaces the checkpoint in a run's folder.
     ///
     /// # Errors
-    /// The file cannot be written; the old one stays.
+    /// The file cannot be written; the old checkpoint stays.
     ///
     /// # Panics
-    /// Never: bytes always serialise.
+    /// Never: bytes always serialize.
     pub fn write(&self, folder: &Path) -> Result<(), CheckpointError> {
         let path = file(folder);
-        let bytes = postcard::to_stdvec(self).expect("bytes always serialise");
+        let bytes = postcard::to_stdvec(self).expect("bytes always serialize");
         files::replace(&path, &bytes).map_err(|error| CheckpointError {
             path,
             reason: error.to_string(),
@@ -61,7 +61,7 @@ impl Checkpoint {
     /// Reads the checkpoint in a run's folder.
     ///
     /// # Errors
-    /// There is none, or it is unreadable.
+    /// The file is missing, damaged, or of another version.
     pub fn read(folder: &Path) -> Result<Self, CheckpointError> {
         let path = file(folder);
         let fault = |reason: String| CheckpointError {
@@ -80,7 +80,7 @@ impl Checkpoint {
     }
 }
 
-/// Where a run's checkpoint lies.
+/// The path of a run's checkpoint.
 #[must_use]
 pub fn file(folder: &Path) -> PathBuf {
     folder.join("checkpoint").join("state.bin")

@@ -1,5 +1,5 @@
-//! Evaluation: what a run's policies reach when they no longer learn, with actions chosen as one
-//! likes.
+//! Evaluation: plays the trained policies of a run without learning, greedily or with sampled
+//! actions.
 
 use std::path::{Path, PathBuf};
 
@@ -13,14 +13,14 @@ use crate::record::SceneSettings;
 use seedbed_learn::agent::policy::ActionSelection;
 use seedbed_learn::experience::Episode;
 
-/// What is evaluated.
+/// How policies are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Evaluation {
-    /// Episodes of each agent.
+    /// Number of episodes per agent.
     pub episodes: u32,
-    /// How actions are chosen; none is as in training.
+    /// How actions are chosen; `None` chooses them as in training.
     pub actions: Option<ActionSelection>,
-    /// Seed of the starts and the actions.
+    /// Seed of the initial states and of the actions.
     pub seed: u64,
 }
 
@@ -35,33 +35,33 @@ pub fn run_folder(path: &Path) -> RunFolder {
     RunFolder::new(folder)
 }
 
-/// Plays the policies of the run in `folder` as its newest checkpoint has them. Episodes are in
-/// (agent, episode) order.
+/// Plays the policies of the newest checkpoint of the run in `folder`. Episodes are in (agent,
+/// episode) order.
 ///
 /// # Errors
-/// The folder holds no run with a checkpoint, or one of another version.
+/// The folder has no checkpoint, or one of another version.
 pub fn evaluate(
     folder: &RunFolder,
     evaluation: &Evaluation,
 ) -> Result<(Plan, Vec<Episode>), RunError> {
-    let (plan, mut trainer) = trained(folder, evaluation.actions)?;
+    let (plan, mut trainer) = load_trained(folder, evaluation.actions)?;
     let rounds =
-        (0..evaluation.episodes).map(|number| play(&mut trainer, evaluation, number, None));
+        (0..evaluation.episodes).map(|number| play_episode(&mut trainer, evaluation, number, None));
     let mut episodes: Vec<Episode> = rounds.flat_map(|played| played.episodes).collect();
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     Ok((plan, episodes))
 }
 
-/// The run in `folder` with its team as the newest checkpoint has it.
+/// Restores the newest checkpoint of the run in `folder`.
 ///
 /// # Errors
-/// The folder holds no run with a checkpoint, or one of another version.
-pub(super) fn trained(
+/// The folder has no checkpoint, or one of another version.
+pub(super) fn load_trained(
     folder: &RunFolder,
     actions: Option<ActionSelection>,
 ) -> Result<(Plan, Trainer), RunError> {
     let mut plan = Plan::load(&folder.scenario(), &[])?;
-    plan.name = name(folder).unwrap_or(plan.name);
+    plan.name = scenario_name(folder).unwrap_or(plan.name);
     if let Some(actions) = actions {
         plan.scenario.algorithm = plan
             .scenario
@@ -80,17 +80,17 @@ pub(super) fn trained(
     Ok((plan, trainer))
 }
 
-/// What the scenario was called when the run was finished; its copy in the folder is called
-/// `scenario`.
-fn name(folder: &RunFolder) -> Option<String> {
+/// The scenario's name, from the summary: the file in the folder is always `scenario.ron`.
+fn scenario_name(folder: &RunFolder) -> Option<String> {
     let summary = std::fs::read(folder.summary()).ok()?;
     serde_json::from_slice::<Summary>(&summary)
         .ok()
         .map(|summary| summary.scenario)
 }
 
-/// Plays episode `number` of every agent. Its streams bear a round that no training reaches.
-pub(super) fn play(
+/// Plays episode `number` of every agent. The random streams are those of a round number that
+/// training never reaches.
+pub(super) fn play_episode(
     trainer: &mut Trainer,
     evaluation: &Evaluation,
     number: u32,

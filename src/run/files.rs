@@ -1,13 +1,13 @@
-//! Files that are either there in full or not at all.
+//! Atomic replacement of files: after a crash a file has either its old or its new content.
 
 use std::fs::{self, File};
 use std::io::{Result, Write};
 use std::path::Path;
 
-/// Replaces the file at `path`, creating its folder where there is none.
+/// Replaces the file at `path`, and creates its folder if necessary.
 ///
 /// # Errors
-/// The system refuses; the old file stays.
+/// The operating system reports an error; the old file stays.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder)?;
@@ -15,11 +15,11 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let part = path.with_added_extension("part");
     let written = write(&part, bytes).and_then(|()| fs::rename(&part, path));
     if written.is_err() {
-        // The error that counts is the first one.
+        // Only the first error is reported.
         let _ = fs::remove_file(&part);
     }
     written?;
-    // The new name has to reach the disk as well.
+    // The renaming is durable only when the folder itself is synced.
     path.parent()
         .filter(|folder| !folder.as_os_str().is_empty())
         .map_or(Ok(()), |folder| File::open(folder)?.sync_all())

@@ -1,5 +1,5 @@
-//! A run's folder: what lies where, whether a run may write there, and that only one does at a
-//! time.
+//! The directory of a run: the paths of its files, what it contains, and a lock that lets only one
+//! process write to it.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -7,78 +7,77 @@ use std::path::{Path, PathBuf};
 
 use super::checkpoint;
 
-/// Where one run leaves everything.
+/// The directory of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunFolder {
     path: PathBuf,
 }
 
-/// What a folder holds already.
+/// What a directory contains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contents {
-    /// Nothing, or no folder.
+    /// No files, or the directory does not exist.
     Nothing,
-    /// A run that reached its end.
+    /// A finished run.
     FinishedRun,
-    /// A run that can go on from its checkpoint.
+    /// A run that can be resumed from its checkpoint.
     UnfinishedRun,
     /// A run that ended before its first checkpoint.
-    BrokenOffRun,
-    /// Files that no run left there.
-    Other,
+    RunWithoutCheckpoint,
+    /// Files that no run wrote.
+    OtherFiles,
 }
 
-/// The right to write into a folder. Given back when dropped, or when the process ends however it
-/// ends.
+/// An exclusive lock of a run's directory. It is released when dropped, and when the process ends.
 #[derive(Debug)]
-pub struct Claim {
+pub struct FolderLock {
     lock: File,
     path: PathBuf,
 }
 
 impl RunFolder {
-    /// The folder at `path`, which need not exist.
+    /// The directory at `path`, which need not exist.
     #[must_use]
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }
     }
 
-    /// What the folder holds now.
+    /// What the directory contains now.
     #[must_use]
     pub fn contents(&self) -> Contents {
         if self.summary().is_file() {
             Contents::FinishedRun
         } else if checkpoint::file(&self.path).is_file() {
             Contents::UnfinishedRun
-        } else if self.lock().is_file() {
-            Contents::BrokenOffRun
+        } else if self.lock_file().is_file() {
+            Contents::RunWithoutCheckpoint
         } else if fs::read_dir(&self.path).is_ok_and(|mut entries| entries.next().is_some()) {
-            Contents::Other
+            Contents::OtherFiles
         } else {
             Contents::Nothing
         }
     }
 
-    /// Claims the folder, creating it where there is none. `None` where another process holds it.
+    /// Locks the directory, and creates it if necessary. `None` if another process has locked it.
     ///
     /// # Errors
-    /// The system refuses.
-    pub fn claim(&self) -> io::Result<Option<Claim>> {
+    /// The operating system reports an error.
+    pub fn lock(&self) -> io::Result<Option<FolderLock>> {
         fs::create_dir_all(&self.path)?;
-        let path = self.lock();
+        let path = self.lock_file();
         let lock = File::options()
             .create(true)
             .truncate(false)
             .write(true)
             .open(&path)?;
         match lock.try_lock() {
-            Ok(()) => Ok(Some(Claim { lock, path })),
+            Ok(()) => Ok(Some(FolderLock { lock, path })),
             Err(TryLockError::WouldBlock) => Ok(None),
             Err(TryLockError::Error(error)) => Err(error),
         }
     }
 
-    /// Removes what a run left here, and nothing else.
+    /// Removes the files of a run and nothing else.
     ///
     /// # Errors
     /// A file cannot be removed.
@@ -101,7 +100,7 @@ impl RunFolder {
         remove(fs::remove_dir_all(self.path.join("checkpoint")))
     }
 
-    /// The folder itself.
+    /// The path of the directory.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -113,7 +112,7 @@ impl RunFolder {
         self.path.join("run.rrd")
     }
 
-    /// The recording of its policies at play, where `seedbed replay` made one.
+    /// The recording that `seedbed replay` writes.
     #[must_use]
     pub fn replay(&self) -> PathBuf {
         self.path.join("replay.rrd")
@@ -125,31 +124,31 @@ impl RunFolder {
         [self.path.join("episodes.csv"), self.path.join("rounds.csv")]
     }
 
-    /// The regret of each episode, where the task is a finite one.
+    /// The regret of each episode of a tabular run.
     #[must_use]
     pub fn regret(&self) -> PathBuf {
         self.path.join("regret.csv")
     }
 
-    /// Who was in which state, where the task is a finite one.
+    /// The number of visits to each state of a tabular run.
     #[must_use]
     pub fn visits(&self) -> PathBuf {
         self.path.join("visits.csv")
     }
 
-    /// The scenario with every default spelled out. It finds the run's own copy of the task.
+    /// The scenario with all defaults. It refers to the copy of the task in this directory.
     #[must_use]
     pub fn scenario(&self) -> PathBuf {
         self.path.join("scenario.ron")
     }
 
-    /// The file of the task `name` as it was.
+    /// The copy of the task `name`.
     #[must_use]
     pub fn task(&self, name: &str) -> PathBuf {
         self.tasks().join(format!("{name}.ron"))
     }
 
-    /// What came of the run; its presence says that the run is finished.
+    /// The summary; its presence marks a finished run.
     #[must_use]
     pub fn summary(&self) -> PathBuf {
         self.path.join("summary.json")
@@ -165,16 +164,16 @@ impl RunFolder {
         self.path.join("envs")
     }
 
-    fn lock(&self) -> PathBuf {
+    fn lock_file(&self) -> PathBuf {
         self.path.join(".lock")
     }
 }
 
-impl Claim {
-    /// Gives the folder back after a finished run, which needs no mark of having begun.
+impl FolderLock {
+    /// Unlocks the directory of a finished run and removes the lock file.
     ///
     /// # Errors
-    /// The mark cannot be removed.
+    /// The lock file cannot be removed.
     pub fn release(self) -> io::Result<()> {
         fs::remove_file(&self.path)?;
         self.lock.unlock()

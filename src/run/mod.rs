@@ -1,10 +1,10 @@
-//! Runs: the loop of concurrent episodes, exchange, updates and records (thesis Alg. 3), and what
-//! surrounds it.
+//! Runs: the training loop of concurrent episodes, shared experience, updates and records (thesis
+//! Alg. 3), and the files of a run.
 //!
-//! [`execute`] is the loop. [`trainer`] holds all that learns, [`rollout`] plays a round
-//! (`asynchronous` one in which nobody waits, `lockstep` one in which shared models learn
-//! meanwhile), [`exchange`] shares its episodes, [`measures`] judges it, [`checkpoint`] and
-//! [`folder`] keep it, [`review`] reads it back. Formulas of learning may not enter.
+//! [`execute`] is the loop. A [`trainer`] holds environment, team and shared buffer; [`rollout`]
+//! plays the episodes of a round (`asynchronous`: without a common start and end); [`measures`]
+//! computes coverage and returns; [`checkpoint`] and [`folder`] store a run, and [`review`] reads
+//! its results. Must not contain formulas of learning.
 
 mod agreement;
 mod asynchronous;
@@ -34,7 +34,7 @@ use crate::scenario::{self, Scenario};
 use seedbed_env::TaskDescription;
 use seedbed_env::input::{self, Document, InputError};
 
-/// A scenario with its task, read and checked: what will run.
+/// A scenario and its task, read and checked: all that determines the results of a run.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The scenario's name: its file's stem.
@@ -47,62 +47,61 @@ pub struct Plan {
     pub environment_text: String,
 }
 
-/// How a plan is run; never what comes of it.
+/// How a plan is run. Options never change its results.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Where results go.
+    /// The directory of the results.
     pub folder: RunFolder,
-    /// Go on from the folder's checkpoint.
+    /// Whether to resume from the folder's checkpoint.
     pub resume: bool,
     /// Threads for updates; 0 is one per core.
     pub threads: usize,
 }
 
-/// What makes the recorders of a run. A resumed run is handed those with which it began, in the
-/// same order.
+/// Factories of a run's recorders. Pass the same ones, in the same order, to resume a run.
 pub type Factories = Vec<Box<dyn RecorderFactory>>;
 
-/// Told how far a run has come.
+/// Receives the progress of a run.
 pub trait Observer {
-    /// The first round begins; a resumed run has come some way already.
+    /// Called before the first round of this process. The progress of a resumed run is not zero.
     fn begun(&mut self, progress: &Progress);
 
-    /// A round is finished.
+    /// Called after each round.
     fn round_finished(&mut self, progress: &Progress);
 
-    /// Something happened that people should know, though nothing is lost.
+    /// Called with a message that users should see although no data is lost.
     fn warn(&mut self, _warning: &str) {}
 }
 
-/// How far a run has come.
+/// The progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Episodes of each agent.
+    /// Number of finished episodes per agent.
     pub episodes_per_agent: usize,
-    /// Episodes of each agent after which the run ends at the latest.
-    pub at_most: usize,
-    /// The team's mean return over the last episodes.
+    /// Maximum number of episodes per agent.
+    pub max_episodes: usize,
+    /// Mean return over all agents and their latest episodes; 0 before the first episode ends.
     pub recent_return: f64,
-    /// Steps of the whole team.
+    /// Number of environment steps of the whole team.
     pub env_steps: u64,
 }
 
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Ending {
-    /// It reached the scenario's end.
+pub enum RunOutcome {
+    /// The scenario's `stop` was reached.
     Finished(Box<Summary>),
-    /// It was asked to stop, and can be resumed.
+    /// The user interrupted it; it can be resumed.
     Interrupted {
-        /// Rounds finished.
+        /// Number of finished rounds.
         rounds: u32,
     },
 }
 
-/// What keeps a run from going on.
+/// Why a run failed.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// What the user wrote is wrong.
+    /// A scenario, task or option is invalid.
     #[error(transparent)]
     Input(#[from] InputError),
     /// A recording or table could not be written.
@@ -119,10 +118,10 @@ pub enum RunError {
         /// What the system said.
         error: std::io::Error,
     },
-    /// The folder holds another run than the one to resume.
+    /// The folder contains a different run from the one to resume.
     #[error("{0}")]
     AnotherRun(String),
-    /// Numbers ceased to be finite.
+    /// An observation, reward or network parameter is not finite.
     #[error(transparent)]
     Diverged(#[from] Diverged),
 }
@@ -131,15 +130,15 @@ impl Plan {
     /// Reads and checks a scenario and its task.
     ///
     /// # Errors
-    /// Whatever is wrong with either, with its place.
+    /// A mistake in either file, with its location.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
         Self::of(scenario::load(path, overrides)?, path)
     }
 
-    /// Checks a scenario that stands at `path`, and reads its task.
+    /// Checks the scenario that was read from `path`, and reads its task.
     ///
     /// # Errors
-    /// Whatever is wrong with either, with its place.
+    /// A mistake in either file, with its location.
     pub fn of(document: Document<Scenario>, path: &Path) -> Result<Self, InputError> {
         let environment = scenario::environment_path(&document, path)?;
         let (description, environment_text) = seedbed_env::load_with_text(&environment)?;
@@ -154,7 +153,7 @@ impl Plan {
         })
     }
 
-    /// The default folder of its results.
+    /// The default directory of the results, `recordings/NAME/seed-SEED`.
     #[must_use]
     pub fn default_folder(&self) -> RunFolder {
         RunFolder::new(
@@ -165,7 +164,7 @@ impl Plan {
     }
 }
 
-/// What can only be said of a scenario and its task together, or of several fields.
+/// Checks what depends on several fields, or on the scenario and its task together.
 fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result<(), InputError> {
     let scenario = &document.value;
     scenario.check().map_err(|error| document.locate(error))?;
@@ -178,29 +177,30 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
     seedbed_env::build(description, scenario.physics, 1).map(|_| ())
 }
 
-/// Runs a plan to its end, or until `interrupted` is set, and records it with what `factories`
-/// make. A run that is resumed continues with as many recorders as it began with: factories beyond
-/// these are dropped.
+/// Trains until the scenario's `stop` is reached or `interrupted` is set. `factories` make the
+/// recorders; a resumed run continues with the recorders that it began with, and further factories
+/// are dropped.
 ///
 /// # Errors
-/// Something could not be read or written; what was written before stays readable.
+/// A file could not be read or written, or a number is not finite. Files that were written before
+/// stay readable.
 pub fn execute(
     plan: &Plan,
     options: &Options,
     factories: Factories,
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
-) -> Result<Ending, RunError> {
+) -> Result<RunOutcome, RunError> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders = if options.resume {
-        resume(plan, options, factories, &mut trainer)?
+        resume_run(plan, options, factories, &mut trainer)?
     } else {
-        begin(plan, options, factories, &trainer)?
+        create_recorders(plan, options, factories, &trainer)?
     };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
         play_round(&mut trainer, &mut recorders)?;
-        warn(&mut recorders, observer);
+        report_warnings(&mut recorders, observer);
         observer.round_finished(&progress(plan, &trainer));
         let interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
         if interrupted
@@ -211,19 +211,19 @@ pub fn execute(
             write_checkpoint(options, &trainer, &mut recorders)?;
         }
         if interrupted {
-            return Ok(Ending::Interrupted {
+            return Ok(RunOutcome::Interrupted {
                 rounds: trainer.rounds(),
             });
         }
     }
     let ending = finish(plan, options, &trainer, &mut recorders);
-    warn(&mut recorders, observer);
+    report_warnings(&mut recorders, observer);
     ending
 }
 
 type Recorders = Vec<Box<dyn Recorder>>;
 
-/// Plays a round, learns from it, and records it.
+/// Plays one round, updates the team, and records the round.
 fn play_round(
     trainer: &mut Trainer,
     recorders: &mut [Box<dyn Recorder>],
@@ -245,14 +245,14 @@ fn play_round(
     Ok(rows)
 }
 
-fn warn(recorders: &mut Recorders, observer: &mut dyn Observer) {
+fn report_warnings(recorders: &mut Recorders, observer: &mut dyn Observer) {
     recorders
         .iter_mut()
         .filter_map(|recorder| recorder.warning())
         .for_each(|warning| observer.warn(&warning));
 }
 
-fn begin(
+fn create_recorders(
     plan: &Plan,
     options: &Options,
     factories: Factories,
@@ -271,14 +271,14 @@ fn begin(
     })
 }
 
-fn resume(
+fn resume_run(
     plan: &Plan,
     options: &Options,
     factories: Factories,
     trainer: &mut Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
-    same_run(plan, options)?;
+    check_same_run(plan, options)?;
     let checkpoint = Checkpoint::read(folder.path())?;
     let damaged = |reason| CheckpointError {
         path: checkpoint::file(folder.path()),
@@ -316,8 +316,9 @@ fn check_end(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), Ru
     )))
 }
 
-/// A run may be resumed to a later end, but not as another run.
-fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
+/// Checks that the folder holds the run of this plan. `stop` may differ, so that a run can be
+/// extended.
+fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
     let path = options.folder.scenario();
     let mut stored: Document<Scenario> = input::read(&path)?;
     stored.value.stop = plan.scenario.stop.clone();
@@ -326,7 +327,7 @@ fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
         .lines()
         .zip(wanted.lines())
         .find(|(stored, wanted)| stored != wanted);
-    let task = input::read_text(&options.folder.task(&plan.description.spec().name))?
+    let task_changed = input::read_text(&options.folder.task(&plan.description.spec().name))?
         != plan.environment_text;
     match differs {
         Some((stored, wanted)) => Err(RunError::AnotherRun(format!(
@@ -335,7 +336,7 @@ fn same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
             stored.trim().trim_end_matches(','),
             wanted.trim().trim_end_matches(',')
         ))),
-        None if task => Err(RunError::AnotherRun(format!(
+        None if task_changed => Err(RunError::AnotherRun(format!(
             "the task `{}` has changed since the run in {} began",
             plan.description.spec().name,
             options.folder.path().display()
@@ -373,14 +374,14 @@ fn write_checkpoint(
     Ok(Checkpoint::new(trainer.save(), states?).write(options.folder.path())?)
 }
 
-/// Writes what only a finished run has; the summary comes last, because it says that the rest is
-/// there.
+/// Completes the files of a finished run. The summary is written last, because its presence marks a
+/// finished run.
 fn finish(
     plan: &Plan,
     options: &Options,
     trainer: &Trainer,
     recorders: &mut Recorders,
-) -> Result<Ending, RunError> {
+) -> Result<RunOutcome, RunError> {
     write_checkpoint(options, trainer, recorders)?;
     recorders
         .iter_mut()
@@ -398,7 +399,7 @@ fn finish(
         error,
     })?;
     write(&path, format!("{text}\n").as_bytes())?;
-    Ok(Ending::Finished(Box::new(summary)))
+    Ok(RunOutcome::Finished(Box::new(summary)))
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
@@ -411,7 +412,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 fn progress(plan: &Plan, trainer: &Trainer) -> Progress {
     Progress {
         episodes_per_agent: trainer.measures().episodes_per_agent(),
-        at_most: plan.scenario.max_episodes() as usize,
+        max_episodes: plan.scenario.max_episodes() as usize,
         recent_return: trainer
             .measures()
             .recent_return(FINAL_WINDOW)

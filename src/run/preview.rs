@@ -1,5 +1,4 @@
-//! Previews: a few episodes of random actions on record, so that the author of a task sees what it
-//! is.
+//! Previews: records a few episodes with random actions, so that the author of a task sees it move.
 
 use super::trainer::Trainer;
 use super::{Recorders, RunError, play_round};
@@ -53,7 +52,7 @@ pub fn record(
     Ok(all)
 }
 
-/// One random agent, every episode of which is filmed.
+/// A scenario with one random agent, whose bodies are drawn in every episode.
 fn scenario(
     description: &TaskDescription,
     physics: Physics,

@@ -1,7 +1,7 @@
-//! Replays: episodes of a run's policies, which no longer learn, on record with the bodies of some
-//! agents.
+//! Replays: records episodes of trained policies, which no longer learn, with the moving bodies of
+//! chosen agents.
 
-use super::evaluate::{Evaluation, play, trained};
+use super::evaluate::{Evaluation, load_trained, play_episode};
 use super::folder::RunFolder;
 use super::measures::Measures;
 use super::trainer::Trainer;
@@ -13,13 +13,13 @@ use crate::record::{
 use seedbed_env::input::InputError;
 use seedbed_env::input::numbers::known_count;
 
-/// What is replayed.
+/// What a replay shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Replay<'a> {
     /// How many episodes, and how actions are chosen.
     pub evaluation: Evaluation,
-    /// Whose bodies are drawn, in every episode; none are those that the scenario draws, or agent
-    /// 0.
+    /// The agents whose bodies are drawn in every episode; `None` chooses those of the scenario, or
+    /// agent 0.
     pub agents: Option<&'a [u32]>,
 }
 
@@ -30,21 +30,20 @@ pub struct Replay<'a> {
 /// Returns one row per episode, in (agent, episode) order.
 ///
 /// # Errors
-/// The folder holds no run with a checkpoint, an agent is not of its team, or the recording could
-/// not be written.
+/// The folder has no checkpoint, the team has no such agent, or the recording could not be written.
 pub fn replay(
     folder: &RunFolder,
     replay: &Replay<'_>,
     recording: Box<dyn RecorderFactory>,
     finished: &mut dyn FnMut(u32),
 ) -> Result<(Plan, Vec<EpisodeRow>), RunError> {
-    let (plan, mut trainer) = trained(folder, replay.evaluation.actions)?;
+    let (plan, mut trainer) = load_trained(folder, replay.evaluation.actions)?;
     let settings = settings(&plan, replay.agents)?;
     let mut recorder = recorder(&plan, &trainer, replay, recording, &settings)?;
     let mut measures = Measures::new(trainer.spec(), trainer.agent_count());
     let mut rows = Vec::new();
     for number in 0..replay.evaluation.episodes {
-        let played = play(
+        let played = play_episode(
             &mut trainer,
             &replay.evaluation,
             number,
@@ -52,7 +51,7 @@ pub fn replay(
         );
         let episodes: Vec<_> = played.episodes.iter().collect();
         let measured = measures
-            .take_in(trainer.spec(), number, &episodes, &[])
+            .add_round(trainer.spec(), number, &episodes, &[])
             .episodes;
         recorder.record_round(&RoundRecord {
             round: number,
@@ -69,8 +68,8 @@ pub fn replay(
     Ok((plan, rows))
 }
 
-/// As the scenario has them, but every episode in full; nobody learns, and so nobody estimates
-/// advantages.
+/// The scenario's settings, except that every episode is recorded in full. There are no advantages,
+/// because no agent learns.
 fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, InputError> {
     let count = plan.scenario.agents.count.get();
     if let Some(agent) = agents
@@ -92,14 +91,14 @@ fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, In
         });
     }
     let mut settings = plan.scenario.recording.clone().without_advantages();
-    let mut filmed: Vec<u32> = match (agents, &settings.scene) {
+    let mut drawn_agents: Vec<u32> = match (agents, &settings.scene) {
         (Some(agents), _) => agents.to_vec(),
         (None, Some(scene)) => scene.agents.iter().map(|agent| **agent).collect(),
         (None, None) => vec![0],
     };
-    filmed.sort_unstable();
-    filmed.dedup();
-    let agents: Vec<_> = filmed.into_iter().map(Into::into).collect();
+    drawn_agents.sort_unstable();
+    drawn_agents.dedup();
+    let agents: Vec<_> = drawn_agents.into_iter().map(Into::into).collect();
     settings.scene = Some(SceneSettings {
         agents: agents.into(),
         every: known_count(1),

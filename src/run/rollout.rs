@@ -1,8 +1,8 @@
 //! Rollouts: every agent acts in its own copy of the environment, all copies one step at a time
 //! (thesis Alg. 3).
 //!
-//! [`play`] plays a round that begins and ends for all agents at once. What one agent does in its
-//! copy is its [`EpisodeSlot`], which asynchronous rollouts use as well.
+//! [`play`] plays a round that starts and ends for all agents together. An [`EpisodeSlot`] holds the
+//! current episode of one agent; asynchronous rollouts use it as well.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ use seedbed_env::{Environment, Pose, Status};
 use seedbed_learn::experience::Episode;
 use seedbed_learn::team::{ActionRequest, Team, Workers};
 
-/// A round about to be played.
+/// Settings of one round.
 #[derive(Clone, Copy, Debug)]
 pub struct RoundPlan<'a> {
     /// The run seed.
@@ -35,7 +35,7 @@ pub struct Played {
 }
 
 /// Plays one round. Agent k acts in copy k; a copy that has played its episodes waits for the
-/// others. With `learning`, the team takes in every transition and may learn from them meanwhile.
+/// others. With `learning`, the team receives every transition and may learn between steps.
 pub fn play(
     environment: &mut dyn Environment,
     team: &mut dyn Team,
@@ -124,7 +124,7 @@ impl EpisodeSlots {
         self.slots.iter().any(EpisodeSlot::is_playing)
     }
 
-    /// Every agent that plays acts, and the environments make a step.
+    /// All playing agents act, and all environments advance by one step.
     pub(super) fn step(&mut self, environment: &mut dyn Environment, team: &mut dyn Team) {
         let width = environment.spec().action_width();
         let buffers = &mut self.buffers;
@@ -200,7 +200,7 @@ impl EpisodeSlot {
         self.record_bodies(environment);
     }
 
-    /// Takes in the result of the step just made; returns the episode if it has ended.
+    /// Adds the result of the latest step to the episode; returns the episode if it has ended.
     pub(super) fn observe(&mut self, environment: &dyn Environment) -> Option<Episode> {
         let mut episode = self.playing.take()?;
         let copy = self.agent as usize;

@@ -1,56 +1,57 @@
-//! What came of a run, in a few numbers: `summary.json`.
+//! The results of a run in a few numbers: `summary.json`.
 
 use serde::{Deserialize, Serialize};
 
 use super::trainer::Trainer;
 
-/// What came of a run.
+/// The results of a run in a few numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// The scenario's name.
     pub scenario: String,
     /// The task's name.
     pub environment: String,
-    /// The run's seed.
+    /// The run seed.
     pub seed: u64,
-    /// K.
+    /// Number of agents K.
     pub agents: usize,
-    /// Rounds played.
+    /// Number of rounds.
     pub rounds: u32,
-    /// Episodes of each agent.
+    /// Number of episodes per agent.
     pub episodes_per_agent: usize,
-    /// Steps of the whole team.
+    /// Number of environment steps of the whole team.
     pub env_steps: u64,
-    /// When the task counts as solved, if anything says so.
+    /// The threshold at which the task counts as solved, if there is one.
     pub solved_at: Option<SolvedAt>,
-    /// Episodes of each agent until then; none if it was not reached.
+    /// Number of episodes per agent until the threshold was reached; `None` if it was not.
     pub episodes_until_solved: Option<usize>,
     /// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each.
     pub final_return: f64,
-    /// Part of the state space that each agent visited, 0 to 1: `[K]`.
+    /// Share of the state space that each agent visited, 0 to 1: `[K]`.
     pub coverage: Vec<f64>,
-    /// Part of the state space that the team visited, 0 to 1.
+    /// Share of the state space that the team visited, 0 to 1.
     pub team_coverage: f64,
     /// Entropy of each agent's visits, nats: `[K]`.
     pub visitation_entropy: Vec<f64>,
     /// That entropy as a share of the largest one, 0 to 1: `[K]`.
     pub visitation_evenness: Vec<f64>,
-    /// How alike the agents' visits are, 0 to 1.
+    /// Overlap of the agents' visited states, 0 to 1.
     pub team_overlap: f64,
-    /// How many agents, none of whose visits overlap, would differ as much, 1 to K.
+    /// Effective number of agents: the number of agents without any overlap that would be as diverse,
+    /// 1 to K.
     pub effective_agents: f64,
 }
 
-/// When a task counts as solved.
+/// The threshold at which a task counts as solved.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolvedAt {
-    /// Mean return over agents and over the window.
+    /// Mean return over all agents and the window.
     pub r#return: f64,
-    /// Episodes of each agent.
+    /// Number of episodes per agent.
     pub window: usize,
 }
 
-/// Episodes of each agent over which the final return is averaged.
+/// Number of episodes per agent over which the final return is averaged.
 pub const FINAL_WINDOW: usize = 25;
 
 impl Summary {

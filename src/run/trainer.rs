@@ -21,7 +21,7 @@ use seedbed_learn::team::{
     AgentUpdate, Learner, LearningTiming, Lesson, Team, TeamContext, Workers,
 };
 
-/// Everything of a run that learns or is learned from.
+/// The environments, team, shared buffer and measures of a run.
 pub struct Trainer {
     settings: TrainingSettings,
     environment: Box<dyn Environment>,
@@ -29,7 +29,7 @@ pub struct Trainer {
     buffer: SharedBuffer,
     /// Number of the team's episodes before the newest round.
     recorded: u64,
-    /// Only of asynchronous schedules, from the first round on.
+    /// `None` in other schedules than `Asynchronous`, and before the first round.
     rollout: Option<AsyncRollout>,
     measures: Measures,
     round: u32,
@@ -51,8 +51,8 @@ pub struct TrainingSettings {
     pub scene: Option<SceneSettings>,
     /// Number of the team's transitions that are kept after all have learned from them.
     pub transitions_kept: u64,
-    /// Whether the team has curiosity, whose agreement is measured.
-    pub is_curious: bool,
+    /// Whether the agents have intrinsic rewards, whose agreement between agents is measured.
+    pub has_intrinsic_rewards: bool,
     /// Number of threads for updates; 0 is the number of cores. The bits do not depend on it.
     pub threads: usize,
 }
@@ -65,7 +65,7 @@ impl Default for TrainingSettings {
             stop: Stop::default(),
             scene: None,
             transitions_kept: 0,
-            is_curious: false,
+            has_intrinsic_rewards: false,
             threads: 1,
         }
     }
@@ -74,7 +74,7 @@ impl Default for TrainingSettings {
 /// The result of a round.
 #[derive(Debug)]
 pub struct Round {
-    /// What it adds to the tables.
+    /// The rows that it adds to the tables.
     pub rows: RoundRows,
     /// The recorded bodies.
     pub body_trajectories: Vec<BodyTrajectory>,
@@ -93,20 +93,20 @@ struct Saved<B, R, M> {
     measures: M,
 }
 
-/// Numbers that are no longer finite: nothing that follows would mean anything.
+/// Training cannot continue because a number is not finite.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Diverged {
-    /// In the simulation.
+    /// An observation or a reward is not finite.
     #[error("non-finite {what} (agent {agent}, episode {episode}): check the task's parameters")]
     Simulation {
-        /// The agent in whose copy it happened.
+        /// The agent.
         agent: u32,
-        /// The agent's own count, from 0.
+        /// Number of the agent's episode, from 0.
         episode: u32,
-        /// An observation's name, or the reward.
+        /// The name of the observation, or `reward`.
         what: String,
     },
-    /// In learning.
+    /// A parameter of a network is not finite.
     #[error(
         "non-finite network parameters (agent {agent}, round {round}): the algorithm's step sizes \
          or the deviation of `agents.seeds` are too large"
@@ -170,7 +170,7 @@ impl Trainer {
             stop: scenario.stop.clone(),
             scene: scenario.recording.scene.clone(),
             transitions_kept: scenario.algorithm.transitions_kept(),
-            is_curious: scenario.algorithm.largest_intrinsic_reward().is_some(),
+            has_intrinsic_rewards: scenario.algorithm.largest_intrinsic_reward().is_some(),
             threads,
         };
         Ok(Self::new(environment, team, settings))
@@ -179,7 +179,7 @@ impl Trainer {
     /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
     /// the result.
     ///
-    /// An asynchronous round is over when as many episodes have ended as there are agents.
+    /// An asynchronous round ends when as many episodes have ended as there are agents.
     ///
     /// # Errors
     /// An observation, a reward or a network's parameters are not finite.
@@ -197,7 +197,9 @@ impl Trainer {
         }
         let episodes = newest_episodes(&self.buffer, self.recorded);
         let spec = self.environment.spec();
-        let rows = self.measures.take_in(spec, self.round, &episodes, &reports);
+        let rows = self
+            .measures
+            .add_round(spec, self.round, &episodes, &reports);
         self.round += 1;
         Ok(Round {
             rows,
@@ -205,7 +207,7 @@ impl Trainer {
         })
     }
 
-    /// Episodes that all have learned from are forgotten, but for the transitions to keep.
+    /// Removes episodes that all agents have learned from, except for the transitions to keep.
     fn forget_old_episodes(&mut self) {
         let learned = self.rollout.as_ref();
         let learned = learned.map_or(u64::MAX, AsyncRollout::learned_by_all);
@@ -213,7 +215,7 @@ impl Trainer {
         self.buffer.forget(learned.min(kept));
     }
 
-    /// Every agent plays `episodes`, then all learn.
+    /// Every agent plays `episodes` episodes; then all agents learn.
     fn advance_together(&mut self, episodes: u32) -> Result<Advance, Diverged> {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
@@ -231,13 +233,13 @@ impl Trainer {
         Ok((reports, played.body_trajectories))
     }
 
-    /// Agents whose episodes end learn while the others play.
-    fn advance_each(&mut self, learning: u32) -> Result<Advance, Diverged> {
+    /// Agents whose episodes have ended learn while the others continue to play.
+    fn advance_each(&mut self, steps_per_update: u32) -> Result<Advance, Diverged> {
         let scene = self.settings.scene.clone();
         let config = AsyncConfig {
             run_seed: self.settings.run_seed,
             episodes: self.settings.stop.max_episodes(),
-            learning,
+            steps_per_update,
             scene: scene.as_ref(),
         };
         let count = self.team.agent_count();
@@ -264,7 +266,7 @@ impl Trainer {
         Ok((reports, body_trajectories))
     }
 
-    /// Adds episodes that ended at one moment to the buffer of all agents.
+    /// Adds episodes that ended in the same step to the shared buffer.
     fn share(&mut self, mut episodes: Vec<Episode>) -> Result<(), Diverged> {
         for episode in &mut episodes {
             check_episode(self.environment.spec(), episode)?;
@@ -323,7 +325,7 @@ impl Trainer {
         reports
     }
 
-    /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode)
+    /// Plays a round without learning and without measuring it. Episodes are in (agent, episode)
     /// order.
     pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> Played {
         rollout::play(&mut *self.environment, &mut *self.team, plan, None)
@@ -331,7 +333,7 @@ impl Trainer {
 
     /// How far agents agree about the bonuses of the round's first episode.
     fn bonus_agreement(&mut self) -> Option<f64> {
-        if !self.settings.is_curious {
+        if !self.settings.has_intrinsic_rewards {
             return None;
         }
         let probe = self.buffer.since(self.recorded).first()?;
@@ -425,7 +427,7 @@ impl Trainer {
     /// Continues from what [`save`](Self::save) wrote, to the same bits.
     ///
     /// # Errors
-    /// What is wrong if the bytes are of another run.
+    /// The bytes are damaged or belong to another scenario.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let saved: Saved<SharedBuffer, Option<AsyncRollout>, Measures> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
@@ -440,11 +442,10 @@ impl Trainer {
     }
 }
 
-/// What an agent's update was like.
+/// An agent and the report of its update.
 type Report = (u32, UpdateReport);
 
-/// What the updates of a round were like, in the order in which agents learned, and the recorded
-/// bodies.
+/// The reports of a round's updates, in the order in which agents learned, and the recorded bodies.
 type Advance = (Vec<Report>, Vec<BodyTrajectory>);
 
 fn thread_pool(threads: usize) -> ThreadPool {

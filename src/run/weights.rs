@@ -1,5 +1,5 @@
-//! The weights of a team's networks as safetensors, named `agent_3.policy.layer_0.weight` and the
-//! like.
+//! Writes the weights of a team's networks as safetensors, with names such as
+//! `agent_3.policy.layer_0.weight`.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use safetensors::{Dtype, SafeTensorError};
 use super::files;
 use seedbed_learn::agent::Tensor;
 
-/// Writes tensors. Weights are `[in × out]`, biases `[out]`, little-endian f32.
+/// Writes tensors to a safetensors file. Weights are `[in × out]`, biases `[out]`, little-endian f32.
 ///
 /// # Errors
 /// The file cannot be written.

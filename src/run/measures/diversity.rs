@@ -1,13 +1,12 @@
-//! How evenly one agent visited the cells of a grid, and how far a team's agents differ: formulas
-//! on visit counts.
+//! Entropy of one agent's visit counts, and diversity of a team: formulas.
 //!
-//! Entropies are in nats. A cell that nobody visited contributes nothing, as p ln p → 0.
+//! Entropies are in nats. A cell without visits contributes nothing, as p ln p → 0.
 
 /// Shannon entropy of visit counts, H = −Σ p ln p with p = count / total, written as ln N − (Σ c ln
 /// c) / N.
 ///
-/// `counts: [cells]` → nats, from 0 (one cell) to ln cells (all alike). 0 where nothing was
-/// visited.
+/// `counts: [cells]` → nats, from 0 (one visited cell) to ln cells (all counts equal). 0 without
+/// visits.
 #[must_use]
 pub fn entropy(counts: &[u32]) -> f64 {
     let mut total = 0.0;
@@ -51,7 +50,7 @@ pub fn distribution_entropy(probabilities: &[f64]) -> f64 {
         .sum::<f64>()
 }
 
-/// Generalised Jensen–Shannon divergence of equally weighted agents, JS = H(mean of pₖ) − mean of
+/// Generalized Jensen–Shannon divergence of equally weighted agents, JS = H(mean of pₖ) − mean of
 /// H(pₖ), nats, from their visit counts.
 ///
 /// `agents: K × [cells]`, at least one, each with a visit
@@ -65,7 +64,7 @@ pub fn divergence<'a>(agents: impl ExactSizeIterator<Item = &'a [u32]> + Clone) 
     distribution_entropy(&mixture) - share * agents.map(entropy).sum::<f64>()
 }
 
-/// How far the agents of a team differ in where they went.
+/// How different the visited states of a team's agents are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Diversity {
     /// 1 − JS / ln K: 1 where all agents went to the same cells alike, 0 where no two share a cell.
@@ -76,7 +75,7 @@ pub struct Diversity {
 }
 
 impl Diversity {
-    /// From the generalised Jensen–Shannon divergence JS = H(mean of pₖ) − mean of H(pₖ), from 0 to
+    /// From the generalized Jensen–Shannon divergence JS = H(mean of pₖ) − mean of H(pₖ), from 0 to
     /// ln K, of `agents` equally weighted agents (Lin 1991, "Divergence measures based on the
     /// Shannon entropy", eq. 5.1).
     ///

@@ -1,5 +1,4 @@
-//! What is measured while a run goes on: returns, visits of the state space, and whether the task
-//! counts as solved.
+//! Measures of a run: returns, visited states, and whether the task counts as solved.
 
 pub mod diversity;
 pub mod visitation;
@@ -22,37 +21,37 @@ pub struct Measures {
     env_steps: u64,
     /// `[K]`
     visitation: Vec<Visitation>,
-    /// Entry n is the mean over agents of their n-th return.
+    /// Entry n is the mean over agents of the return of their n-th episode.
     team_returns: Vec<f64>,
-    /// Of each agent, returns that wait for the other agents' of the same number.
-    waiting: Vec<VecDeque<f64>>,
+    /// For each agent, the returns of episodes that not all agents have finished: `[K]`
+    unmatched_returns: Vec<VecDeque<f64>>,
 }
 
 /// The rows that a round adds to the tables.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RoundRows {
-    /// One row an episode, in (agent, episode) order.
+    /// One row per episode, in (agent, episode) order.
     pub episodes: Vec<EpisodeRow>,
-    /// One row an agent.
+    /// One row per update, in the order in which agents learned.
     pub updates: Vec<RoundRow>,
 }
 
-/// Where a team has been so far.
+/// Statistics of the states that a team has visited so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Visits {
-    /// Entropy of each agent's visits over the grids of [`Visitation`], nats: `[K]`.
+    /// Entropy of each agent's visited states on the grids of [`Visitation`], nats: `[K]`
     pub entropy: Vec<f64>,
     /// That entropy as a share of the largest one, 0 to 1 (Pielou's evenness): `[K]`.
     pub evenness: Vec<f64>,
-    /// Visited by any agent, 0 to 1.
+    /// Share of cells that at least one agent has visited, 0 to 1.
     pub team_coverage: f64,
-    /// How far the agents differ.
+    /// How different the agents' visited states are.
     pub diversity: Diversity,
 }
 
 impl Visits {
-    /// Writes into an episode's row what is known at the end of its round.
-    fn tell(&self, row: &mut EpisodeRow) {
+    /// Fills in the columns of an episode's row that are known only at the end of its round.
+    fn complete(&self, row: &mut EpisodeRow) {
         row.visitation_entropy = self.entropy[row.agent as usize];
         row.team_overlap = self.diversity.overlap;
         row.effective_agents = self.diversity.effective_agents;
@@ -60,20 +59,20 @@ impl Visits {
 }
 
 impl Measures {
-    /// Nothing measured yet, for a team of `agents`.
+    /// Measures of a team of `agents` agents before its first episode.
     #[must_use]
     pub fn new(spec: &Spec, agents: usize) -> Self {
         Self {
             env_steps: 0,
             visitation: vec![Visitation::new(spec); agents],
             team_returns: Vec::new(),
-            waiting: vec![VecDeque::new(); agents],
+            unmatched_returns: vec![VecDeque::new(); agents],
         }
     }
 
-    /// Takes in a finished round.   `episodes` in (agent, episode) order; `reports` tell who
-    /// learned, in the order in which they did.
-    pub fn take_in(
+    /// Adds a finished round and returns its rows. `episodes` are in (agent, episode) order, `reports`
+    /// in the order in which agents learned.
+    pub fn add_round(
         &mut self,
         spec: &Spec,
         round: u32,
@@ -82,12 +81,12 @@ impl Measures {
     ) -> RoundRows {
         let mut episode_rows: Vec<EpisodeRow> = episodes
             .iter()
-            .map(|episode| self.take_in_episode(spec, episode))
+            .map(|episode| self.add_episode(spec, episode))
             .collect();
         self.extend_team_returns(episodes);
         let visits = self.visits();
         for row in &mut episode_rows {
-            visits.tell(row);
+            visits.complete(row);
         }
         let updates = reports.iter().map(|&(agent, report)| RoundRow {
             agent,
@@ -114,27 +113,27 @@ impl Measures {
         }
     }
 
-    /// Steps of the whole team.
+    /// Number of environment steps of the whole team.
     #[must_use]
     pub fn env_steps(&self) -> u64 {
         self.env_steps
     }
 
-    /// Episodes that every agent has finished.
+    /// Number of episodes that every agent has finished.
     #[must_use]
     pub fn episodes_per_agent(&self) -> usize {
         self.team_returns.len()
     }
 
-    /// The team's mean return over the last `window` episodes per agent, or over fewer where there
-    /// are fewer.
+    /// Mean return over all agents and their last `window` episodes, or over all episodes if there are
+    /// fewer. `None` before every agent has finished an episode.
     #[must_use]
     pub fn recent_return(&self, window: usize) -> Option<f64> {
         let recent = &self.team_returns[self.team_returns.len().saturating_sub(window)..];
         (!recent.is_empty()).then(|| mean(recent))
     }
 
-    /// Whether the newest full window reaches the threshold.
+    /// Whether the mean return over the latest full window reaches the threshold.
     #[must_use]
     pub fn reaches(&self, threshold: Threshold) -> bool {
         let full = self.team_returns.len() >= threshold.window;
@@ -143,7 +142,8 @@ impl Measures {
             .is_some_and(|mean| mean >= threshold.r#return)
     }
 
-    /// Episodes per agent after which the trailing window first reached the threshold.
+    /// Number of episodes per agent after which the mean return over the trailing window first reached
+    /// the threshold.
     #[must_use]
     pub fn episodes_until(&self, threshold: Threshold) -> Option<usize> {
         let windows = self.team_returns.windows(threshold.window);
@@ -153,18 +153,18 @@ impl Measures {
             .map(|(_, episodes)| episodes)
     }
 
-    /// Each agent's coverage, from 0 to 1: `[K]`.
+    /// Share of cells that each agent has visited, from 0 to 1: `[K]`
     pub fn coverage(&self) -> impl Iterator<Item = f64> {
         self.visitation.iter().map(Visitation::coverage)
     }
 
-    /// The coverage of all agents together, from 0 to 1.
+    /// Share of cells that at least one agent has visited, from 0 to 1.
     #[must_use]
     pub fn team_coverage(&self) -> f64 {
-        visitation::united_coverage(&self.visitation)
+        visitation::team_coverage(&self.visitation)
     }
 
-    /// Where the team has been so far.
+    /// Statistics of the states that the team has visited so far.
     #[must_use]
     pub fn visits(&self) -> Visits {
         let entropy: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
@@ -172,7 +172,7 @@ impl Measures {
             .visitation
             .iter()
             .zip(&entropy)
-            .map(|(own, entropy)| entropy / own.largest_entropy());
+            .map(|(own, entropy)| entropy / own.max_entropy());
         Visits {
             evenness: evenness.collect(),
             team_coverage: self.team_coverage(),
@@ -181,7 +181,7 @@ impl Measures {
         }
     }
 
-    fn take_in_episode(&mut self, spec: &Spec, episode: &Episode) -> EpisodeRow {
+    fn add_episode(&mut self, spec: &Spec, episode: &Episode) -> EpisodeRow {
         let visitation = &mut self.visitation[episode.agent as usize];
         visitation.visit(spec, &episode.observations);
         self.env_steps += episode.length() as u64;
@@ -194,7 +194,7 @@ impl Measures {
             length: episode.length() as u32,
             outcome: episode.outcome,
             coverage: visitation.coverage(),
-            // Known at the end of the round.
+            // Placeholders: `Visits::complete` replaces them at the end of the round.
             visitation_entropy: 0.0,
             team_overlap: 1.0,
             effective_agents: 1.0,
@@ -203,11 +203,15 @@ impl Measures {
 
     fn extend_team_returns(&mut self, episodes: &[&Episode]) {
         for episode in episodes {
-            self.waiting[episode.agent as usize].push_back(episode.total_reward());
+            self.unmatched_returns[episode.agent as usize].push_back(episode.total_reward());
         }
-        while self.waiting.iter().all(|returns| !returns.is_empty()) {
+        while self
+            .unmatched_returns
+            .iter()
+            .all(|returns| !returns.is_empty())
+        {
             let returns: Vec<f64> = self
-                .waiting
+                .unmatched_returns
                 .iter_mut()
                 .filter_map(VecDeque::pop_front)
                 .collect();
@@ -257,7 +261,7 @@ mod tests {
                 episode(0, round as u32, &[a]),
                 episode(1, round as u32, &[b]),
             ];
-            measures.take_in(&spec(2), round as u32, &episodes.each_ref(), &[]);
+            measures.add_round(&spec(2), round as u32, &episodes.each_ref(), &[]);
         }
         assert_eq!(
             measures.episodes_until(Threshold {
@@ -288,16 +292,16 @@ mod tests {
     #[test]
     fn a_team_return_waits_for_every_agent() {
         let mut measures = Measures::new(&spec(2), 2);
-        let mut take_in = |episodes: &[Episode]| {
-            measures.take_in(&spec(2), 0, &episodes.iter().collect::<Vec<_>>(), &[]);
+        let mut add_round = |episodes: &[Episode]| {
+            measures.add_round(&spec(2), 0, &episodes.iter().collect::<Vec<_>>(), &[]);
             (measures.episodes_per_agent(), measures.recent_return(1))
         };
         assert_eq!(
-            take_in(&[episode(0, 0, &[2.0]), episode(0, 0, &[8.0])]),
+            add_round(&[episode(0, 0, &[2.0]), episode(0, 0, &[8.0])]),
             (0, None)
         );
-        assert_eq!(take_in(&[episode(1, 0, &[4.0])]), (1, Some(3.0)));
-        assert_eq!(take_in(&[episode(1, 0, &[0.0])]), (2, Some(4.0)));
+        assert_eq!(add_round(&[episode(1, 0, &[4.0])]), (1, Some(3.0)));
+        assert_eq!(add_round(&[episode(1, 0, &[0.0])]), (2, Some(4.0)));
     }
 
     /// Agent 0 saw (0, 0), agent 1 saw (1, 1): one cell each of 400, two together.
@@ -305,7 +309,7 @@ mod tests {
     fn team_coverage_is_the_union() {
         let mut measures = Measures::new(&spec(2), 2);
         let episodes = [episode(0, 0, &[1.0, 1.0]), episode(1, 0, &[1.0])];
-        let rows = measures.take_in(
+        let rows = measures.add_round(
             &spec(2),
             0,
             &episodes.each_ref(),

@@ -1,65 +1,66 @@
-//! Which part of the state space was visited, and how often.
+//! Counts of visited states on grids over the state space.
 
 use serde::{Deserialize, Serialize};
 
 use super::diversity::{Diversity, distribution_entropy, entropy, mix};
 use seedbed_env::{Quantity, Spec};
 
-/// Cells along one axis.
+/// Number of cells along one axis.
 const CELLS: usize = 20;
 
-/// More observations than these are features.
+/// Tasks with more observations than this have one cell per observation instead of grids.
 const MAX_AXES: usize = 30;
 
 /// How often each cell of the state space was visited.
 ///
 /// For each pair of observations, a fixed grid of 20 × 20 cells spans their display ranges; values
-/// beyond count in the outermost cells. All measures are averaged over pairs, so they mean the same
-/// in any dimension. A single observation has a grid of 20 cells. More observations than 30 are no
-/// axes but features, such as one for each cell of a maze: each has one cell, and a state counts in
-/// that of its largest observation.
+/// beyond a range count in its outermost cell. All measures are averaged over pairs, so they mean the same
+/// in any dimension. A single observation has a grid of 20 cells. Tasks with more than 30 observations,
+/// such as a one-hot vector, have one cell per observation instead: a state counts in the cell of
+/// its largest observation.
 ///
-/// Counts take four bytes a cell and agent: 9.6 kB an agent for four observations, 218 kB for
-/// seventeen. A count stops at 2³² − 1.
+/// Counts take four bytes per cell and agent: 9.6 kB per agent for four observations, 218 kB for
+/// seventeen. A count saturates at 2³² − 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Visitation {
     /// `[grids × cells of a grid]`
     #[serde(with = "sparse")]
     counts: Vec<u32>,
-    cells_of_grid: usize,
-    /// Cells visited at least once.
+    cells_per_grid: usize,
+    /// Number of cells visited at least once.
     visited: usize,
 }
 
 impl Visitation {
-    /// Nothing visited yet.
+    /// Counts of zero for the observations of a task.
     #[must_use]
     pub fn new(spec: &Spec) -> Self {
         Self::of(&spec.observations)
     }
 
-    /// Likewise, where only what is observed is known.
+    /// Counts of zero for the given observations.
     #[must_use]
     pub fn of(observations: &[Quantity]) -> Self {
         let axes = observations.len();
-        let (grids, cells_of_grid) = match axes {
+        let (grids, cells_per_grid) = match axes {
             1 => (1, CELLS),
             2..=MAX_AXES => (axes * (axes - 1) / 2, CELLS * CELLS),
             _ => (1, axes),
         };
         Self {
-            counts: vec![0; grids * cells_of_grid],
-            cells_of_grid,
+            counts: vec![0; grids * cells_per_grid],
+            cells_per_grid,
             visited: 0,
         }
     }
 
-    /// Visits states.   `observations: [N × observation width]`
+    /// Counts N visited states. `observations: [N × observation width]`
     pub fn visit(&mut self, spec: &Spec, observations: &[f32]) {
         self.visit_states(&spec.observations, observations);
     }
 
-    /// Likewise, where only what is observed is known.   `states: [N × quantities]`
+    /// Counts N visited states, given the observations that they consist of.
+    /// `states: [N × quantities]`
     pub fn visit_states(&mut self, quantities: &[Quantity], states: &[f32]) {
         if quantities.len() > MAX_AXES {
             return states
@@ -73,11 +74,11 @@ impl Visitation {
                 *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0)
                     as usize;
             }
-            self.mark(&bins);
+            self.count_in_grids(&bins);
         }
     }
 
-    /// Observations that are all 0 are no state of their own, as after the end of a finite task.
+    /// Skips states whose observations are all 0: tabular tasks have them after the end of an episode.
     fn count_largest(&mut self, observations: &[f32]) {
         let largest = observations
             .iter()
@@ -88,7 +89,7 @@ impl Visitation {
         }
     }
 
-    fn mark(&mut self, bins: &[usize]) {
+    fn count_in_grids(&mut self, bins: &[usize]) {
         if let [bin] = bins {
             self.count(*bin);
         }
@@ -112,71 +113,70 @@ impl Visitation {
         self.visited as f64 / self.counts.len() as f64
     }
 
-    /// Entropy of the visits, in nats, from 0 to [`largest_entropy`](Self::largest_entropy).
+    /// Entropy of the visited states, averaged over grids, in nats, from 0 to [`max_entropy`](Self::max_entropy).
     #[must_use]
     pub fn entropy(&self) -> f64 {
         self.grids().map(entropy).sum::<f64>() / self.grids().len() as f64
     }
 
-    /// The entropy of visits that are alike in all cells: ln 400, or ln 20 for a single
-    /// observation.
+    /// The entropy if all cells were visited equally often: ln 400, or ln 20 for a single observation.
     #[must_use]
-    pub fn largest_entropy(&self) -> f64 {
-        (self.cells_of_grid as f64).ln()
+    pub fn max_entropy(&self) -> f64 {
+        (self.cells_per_grid as f64).ln()
     }
 
     fn grids(&self) -> std::slice::ChunksExact<'_, u32> {
-        self.counts.chunks_exact(self.cells_of_grid)
+        self.counts.chunks_exact(self.cells_per_grid)
     }
 }
 
-/// The share of cells that any of the agents visited, from 0 to 1.   `agents: [K]`, at least one
+/// The share of cells that at least one agent has visited, from 0 to 1. `agents: [K]`, at least one.
 #[must_use]
-pub fn united_coverage(agents: &[Visitation]) -> f64 {
+pub fn team_coverage(agents: &[Visitation]) -> f64 {
     let visited = |cell: &usize| agents.iter().any(|agent| agent.counts[*cell] > 0);
     let cells = agents[0].counts.len();
     (0..cells).filter(visited).count() as f64 / cells as f64
 }
 
-/// How far the agents that have visited anything differ, each of them weighing the same.
-/// `agents: [K]`; `entropies: [K]`
+/// How different the visited states of the agents are; agents without visits do not count, the
+/// others have equal weights. `agents: [K]`; `entropies: [K]`
 ///
-/// O(K · cells): the divergence of all from their mixture, not of each pair.
+/// Takes O(K · cells): it is the divergence of the agents from their mixture, not of each pair.
 #[must_use]
 pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
-    let moved = || {
+    let with_visits = || {
         agents
             .iter()
             .zip(entropies)
             .filter(|(agent, _)| agent.visited > 0)
     };
-    let count = moved().count();
+    let count = with_visits().count();
     if count < 2 {
         return Diversity::of(0.0, count);
     }
     let share = 1.0 / count as f64;
     let grids = agents[0].grids().len();
-    let mut mixture = vec![0.0; agents[0].cells_of_grid];
+    let mut mixture = vec![0.0; agents[0].cells_per_grid];
     let mut mixed = 0.0;
     for grid in 0..grids {
         let cells = grid * mixture.len()..(grid + 1) * mixture.len();
         mixture.fill(0.0);
-        moved().for_each(|(agent, _)| mix(&agent.counts[cells.clone()], share, &mut mixture));
+        with_visits().for_each(|(agent, _)| mix(&agent.counts[cells.clone()], share, &mut mixture));
         mixed += distribution_entropy(&mixture);
     }
     Diversity::of(
-        mixed / grids as f64 - share * moved().map(|(_, entropy)| entropy).sum::<f64>(),
+        mixed / grids as f64 - share * with_visits().map(|(_, entropy)| entropy).sum::<f64>(),
         count,
     )
 }
 
-/// Counts in checkpoints: the number of cells, then for each visited cell its distance from the one
-/// before, and its count.
+/// The format of counts in checkpoints: the number of cells, then for each visited cell the number of
+/// unvisited cells before it and its count.
 mod sparse {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    /// Far beyond any task: a damaged file must not claim all memory.
+    /// More cells than any task has: a damaged file must not make the process allocate all memory.
     const MAX_CELLS: u64 = 1 << 28;
 
     pub(super) fn serialize<S: Serializer>(
@@ -244,7 +244,7 @@ mod tests {
     fn one_axis_has_twenty_cells() {
         let visitation = visited(1, &[0.5, 0.6, 7.0, -3.0]);
         assert!((visitation.coverage() - 2.0 / 20.0).abs() < 1e-12);
-        assert_eq!(visitation.largest_entropy(), 20_f64.ln());
+        assert_eq!(visitation.max_entropy(), 20_f64.ln());
     }
 
     /// The same states: in the first grid both are in one cell, 0 nats; in the two others in two
@@ -257,12 +257,12 @@ mod tests {
             .flat_map(|cell| [(cell / 20) as f32, (cell % 20) as f32])
             .collect();
         let visitation = visited(2, &everywhere);
-        assert!((visitation.entropy() - visitation.largest_entropy()).abs() < 1e-12);
+        assert!((visitation.entropy() - visitation.max_entropy()).abs() < 1e-12);
     }
 
-    /// Of 40 features the states have 3, 3 and 7 largest; a row of zeros is no state.
+    /// Of 40 features the states have 3, 3 and 7 largest; a row of zeros does not count.
     #[test]
-    fn many_observations_are_features() {
+    fn more_than_thirty_observations_have_one_cell_each() {
         let mut rows = vec![0.0; 4 * 40];
         (rows[3], rows[40 + 3], rows[80 + 7]) = (1.0, 1.0, 1.0);
         let visitation = visited(40, &rows);
@@ -272,7 +272,7 @@ mod tests {
             (visitation.entropy() - (3_f64.ln() - 2.0 / 3.0 * std::f64::consts::LN_2)).abs()
                 < 1e-12
         );
-        assert_eq!(visitation.largest_entropy(), 40_f64.ln());
+        assert_eq!(visitation.max_entropy(), 40_f64.ln());
     }
 
     fn diversity_of(agents: &[Visitation]) -> Diversity {
@@ -302,16 +302,16 @@ mod tests {
     }
 
     #[test]
-    fn a_large_team_of_disjoint_agents_counts_fully() {
+    fn agents_without_overlap_count_fully() {
         let agents: Vec<Visitation> = (0..256)
             .map(|agent| visited(2, &[(agent / 20) as f32, (agent % 20) as f32]))
             .collect();
         assert!((diversity_of(&agents).effective_agents - 256.0).abs() < 1e-9);
-        assert!((united_coverage(&agents) - 256.0 / 400.0).abs() < 1e-12);
+        assert!((team_coverage(&agents) - 256.0 / 400.0).abs() < 1e-12);
     }
 
     #[test]
-    fn a_checkpoint_holds_the_visited_cells_alone() {
+    fn checkpoints_store_visited_cells_only() {
         let visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
         let bytes = postcard::to_stdvec(&visitation).unwrap();
         assert!(

@@ -8,7 +8,7 @@ use seedbed::record::recording::RecordingFile;
 use seedbed::record::table::TableFiles;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::trainer::Trainer;
-use seedbed::run::{Ending, Factories, Observer, Options, Plan, Progress, execute};
+use seedbed::run::{Factories, Observer, Options, Plan, Progress, RunOutcome, execute};
 use seedbed_env::Choice;
 use seedbed_learn::experience::Episode;
 
@@ -58,7 +58,7 @@ fn factories(folder: &RunFolder) -> Factories {
 
 fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
     let folder = RunFolder::new(folder);
-    let _claim = folder.claim().unwrap();
+    let _lock = folder.lock().unwrap();
     let options = Options {
         folder: folder.clone(),
         resume: false,
@@ -72,7 +72,7 @@ fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
         &AtomicBool::new(false),
     )
     .unwrap();
-    assert!(matches!(ending, Ending::Finished(_)));
+    assert!(matches!(ending, RunOutcome::Finished(_)));
     Contents::of(&folder.recording())
 }
 
