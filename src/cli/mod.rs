@@ -22,7 +22,6 @@ mod report;
 mod run;
 mod sparkline;
 mod study;
-mod tabular;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -33,6 +32,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::record::rerun::{DEFAULT_VIEWER, ServeError, ViewerError};
 use crate::run::RunError;
 use crate::run::review::LoadRunError;
+use crate::study::experiment::LoadError;
 use crate::text::pluralize;
 use seedbed_env::input::InputError;
 
@@ -393,6 +393,12 @@ fn say_line(line: std::fmt::Arguments<'_>) {
 impl From<InputError> for CliError {
     fn from(error: InputError) -> Self {
         Self::Usage(error.to_string())
+    }
+}
+
+impl From<LoadError> for CliError {
+    fn from(error: LoadError) -> Self {
+        error.error.into()
     }
 }
 

@@ -6,32 +6,25 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use super::progress::{AbortAfter, NoProgress, RunProgress};
-use super::{CliError, RunArgs, pluralize, tabular};
+use super::{CliError, RunArgs, pluralize};
 use crate::record::rerun::{LiveTarget, Server, Viewer};
 use crate::run::folder::{Claim, Contents, RunFolder};
-use crate::run::summary::{FINAL_WINDOW, Summary};
-use crate::run::{self, Ending, Observer, Options, Plan, RunError};
-use crate::tabular::scenario::is_meant;
+use crate::run::{Observer, Options, RunError};
+use crate::study::experiment::{self, Experiment, RunEnding, RunReport};
 use crate::text::shell_word;
 
 pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let mut overrides = args.overrides.clone();
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
-    if is_meant(&args.scenario) {
-        return tabular::run(args, &overrides);
-    }
-    let plan = Plan::load(&args.scenario, &overrides)?;
-    let folder = args
-        .out
-        .as_ref()
-        .map_or_else(|| plan.default_folder(), RunFolder::new);
-    let audience = audience(args)?;
+    let experiment = experiment::load(&args.scenario, &overrides)?;
+    let folder = args.out.clone();
+    let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
+    let audience = audience(args, &*experiment)?;
     let claim = claim_output_dir(args, &folder)?;
-    let threads = args.threads.map_or(0, usize::from);
     let options = Options {
         folder,
         resume: args.resume,
-        threads,
+        threads: args.threads.map_or(0, usize::from),
         recording: !args.no_recording,
     };
     if let (Some(LiveTarget::Serve(server)), false) = (&audience, args.quiet) {
@@ -41,38 +34,32 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
         );
     }
     let started = Instant::now();
-    let mut observer = observer(args, &plan);
-    let ending = run::execute(
-        &plan,
-        &options,
-        audience,
-        &mut *observer,
-        &interruption("stopping after this round"),
-    );
+    let mut observer = observer(args, experiment.name());
+    let interrupted = interruption("stopping, at the latest after this round");
+    let ending = experiment.run_in_folder(&options, audience, &mut *observer, &interrupted);
     drop(observer);
     match ending.map_err(|error| with_resume_hint(error, args, &options.folder))? {
-        Ending::Interrupted { rounds } => Err(CliError::Runtime(format!(
-            "interrupted after {}; resume with\n  {}",
-            pluralize(rounds as usize, "round"),
-            resume_command(args)
-        ))),
-        Ending::Finished(summary) => {
+        RunEnding::Interrupted { after, can_resume } => {
+            Err(interruption_error(&after, can_resume, args))
+        }
+        RunEnding::Finished(report) => {
             claim
                 .release()
                 .map_err(|error| CliError::Runtime(error.to_string()))?;
             if !args.quiet {
-                print(&summary, &options.folder, started.elapsed().as_secs_f64());
+                let seconds = started.elapsed().as_secs_f64();
+                print(&*experiment, &report, &options, seconds);
             }
             Ok(())
         }
     }
 }
 
-fn observer(args: &RunArgs, plan: &Plan) -> Box<dyn Observer> {
+fn observer(args: &RunArgs, name: &str) -> Box<dyn Observer> {
     let shown: Box<dyn Observer> = if args.quiet {
         Box::new(NoProgress)
     } else {
-        Box::new(RunProgress::new(plan))
+        Box::new(RunProgress::new(name))
     };
     match args.abort_after_rounds {
         Some(rounds) => Box::new(AbortAfter::new(rounds, shown)),
@@ -81,19 +68,35 @@ fn observer(args: &RunArgs, plan: &Plan) -> Box<dyn Observer> {
 }
 
 /// The viewer or server that shows the recording during the run.
-fn audience(args: &RunArgs) -> Result<Option<LiveTarget>, CliError> {
+fn audience(args: &RunArgs, experiment: &dyn Experiment) -> Result<Option<LiveTarget>, CliError> {
+    let is_shown = args.live.is_some() || args.serve.is_some();
+    if let (true, Some(obstacle)) = (is_shown, experiment.recording_obstacle()) {
+        let scenario = args.scenario.display();
+        return Err(CliError::Usage(format!(
+            "cannot show {scenario} in a viewer: {obstacle}"
+        )));
+    }
     let viewer = args
         .live
         .as_deref()
         .map(Viewer::connect)
         .transpose()?
         .map(LiveTarget::Push);
-    let visitors = args
+    let server = args
         .serve
         .map(Server::bind)
         .transpose()?
         .map(LiveTarget::Serve);
-    Ok(viewer.or(visitors))
+    Ok(viewer.or(server))
+}
+
+fn interruption_error(after: &str, can_resume: bool, args: &RunArgs) -> CliError {
+    CliError::Runtime(if can_resume {
+        let command = resume_command(args);
+        format!("interrupted after {after}; resume with\n  {command}")
+    } else {
+        format!("interrupted after {after}; this run cannot be resumed, start it again")
+    })
 }
 
 /// The error, with the command that resumes from the newest checkpoint if writing failed and there
@@ -129,7 +132,7 @@ fn resume_command(args: &RunArgs) -> String {
 }
 
 /// Claims the output directory for this process; refuses to overwrite a run without `--overwrite`.
-pub(super) fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Claim, CliError> {
+fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Claim, CliError> {
     let shown = folder.path().display();
     let before = folder.contents();
     let elsewhere = if args.out.is_some() {
@@ -196,28 +199,19 @@ pub(super) fn interruption(message: &'static str) -> Arc<AtomicBool> {
     Arc::clone(interrupted)
 }
 
-fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
-    let Summary {
-        agents,
-        episodes_per_agent,
-        env_steps,
-        final_return,
-        ..
-    } = summary;
-    let rate = *env_steps as f64 / seconds;
+fn print(experiment: &dyn Experiment, report: &RunReport, options: &Options, seconds: f64) {
     let (episodes, team) = (
-        pluralize(*episodes_per_agent, "episode"),
-        pluralize(*agents, "agent"),
+        pluralize(report.episodes_per_agent, "episode"),
+        pluralize(experiment.agents() as usize, "agent"),
     );
+    let (steps, rate) = (report.env_steps, report.env_steps as f64 / seconds);
     say!(
-        "finished   {episodes} per agent, {team}, {env_steps} env steps in {seconds:.1} s ({rate:.0} per second)"
+        "finished   {episodes} per agent, {team}, {steps} env steps in {seconds:.1} s ({rate:.0} per second)"
     );
-    say!("solved     {}", solved(summary));
-    let last = pluralize(FINAL_WINDOW.min(*episodes_per_agent), "episode");
-    say!("return     {final_return:.1} (mean over all agents and the last {last})");
-    say!("coverage   {}", coverage(summary));
-    say!("results    {}", folder.path().display());
-    let recording = folder.recording();
+    for (label, text) in &report.lines {
+        say!("{label:<10} {text}");
+    }
+    let recording = options.folder.recording();
     if recording.is_file() {
         say!(
             "recording  {} ({}); open it with",
@@ -225,51 +219,9 @@ fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
             size(&recording)
         );
         say!("             rerun {}", recording.display());
+    } else if let (true, Some(obstacle)) = (options.recording, experiment.recording_obstacle()) {
+        say!("recording  none: {obstacle}");
     }
-}
-
-/// Printed for tasks without a threshold.
-pub(super) const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: Solved`)";
-
-fn solved(summary: &Summary) -> String {
-    // Thresholds are stored in single precision; as f64 they would print spurious digits.
-    let shown = |threshold: f64| threshold as f32;
-    match (summary.solved_at, summary.episodes_until_solved) {
-        (None, _) => NO_THRESHOLD.to_owned(),
-        (Some(at), Some(episodes)) => {
-            let (episodes, window) = (
-                pluralize(episodes, "episode"),
-                pluralize(at.window, "episode"),
-            );
-            format!(
-                "after {episodes} per agent: mean return over {window} reached {}",
-                shown(at.r#return)
-            )
-        }
-        (Some(at), None) => {
-            let window = pluralize(at.window, "episode");
-            format!(
-                "no: mean return over {window} did not reach {}",
-                shown(at.r#return)
-            )
-        }
-    }
-}
-
-fn coverage(summary: &Summary) -> String {
-    const SHOWN: usize = 8;
-    let percent = |fraction: &f64| format!("{:.1} %", 100.0 * fraction);
-    let agents: Vec<String> = summary.coverage.iter().take(SHOWN).map(percent).collect();
-    let more = if summary.coverage.len() > SHOWN {
-        " …"
-    } else {
-        ""
-    };
-    format!(
-        "{}{more} of the state space per agent; {} for the whole team",
-        agents.join(", "),
-        percent(&summary.team_coverage)
-    )
 }
 
 fn size(path: &Path) -> String {

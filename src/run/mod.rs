@@ -67,7 +67,7 @@ pub trait Observer {
     /// The first round begins; a resumed run has come some way already.
     fn begun(&mut self, progress: &Progress);
 
-    /// A round is finished.
+    /// A round is finished; in tabular runs, which have no rounds, an episode.
     fn round_finished(&mut self, progress: &Progress);
 
     /// Something happened that people should know, though nothing is lost.
@@ -77,10 +77,10 @@ pub trait Observer {
 /// How far a run has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Episodes of each agent.
-    pub episodes_per_agent: usize,
-    /// Episodes of each agent after which the run ends at the latest.
-    pub at_most: usize,
+    /// Number of finished episodes: per agent in training, of the whole team in tabular runs.
+    pub episodes: usize,
+    /// Max number of episodes, counted likewise.
+    pub max_episodes: usize,
     /// The team's mean return over the last episodes.
     pub recent_return: f64,
     /// Steps of the whole team.
@@ -152,16 +152,6 @@ impl Plan {
             scenario: document.value,
             description,
         })
-    }
-
-    /// The default folder of its results.
-    #[must_use]
-    pub fn default_folder(&self) -> RunFolder {
-        RunFolder::new(
-            Path::new("recordings")
-                .join(&self.name)
-                .join(format!("seed-{}", self.scenario.seed)),
-        )
     }
 }
 
@@ -416,8 +406,8 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 
 fn progress(plan: &Plan, trainer: &Trainer) -> Progress {
     Progress {
-        episodes_per_agent: trainer.measures().episodes_per_agent(),
-        at_most: plan.scenario.max_episodes() as usize,
+        episodes: trainer.measures().episodes_per_agent(),
+        max_episodes: plan.scenario.max_episodes() as usize,
         recent_return: trainer
             .measures()
             .recent_return(FINAL_WINDOW)

@@ -12,6 +12,7 @@ pub mod belief;
 pub mod plan;
 pub mod recording;
 pub mod results;
+pub mod run;
 pub mod scenario;
 pub mod seed;
 mod shelf;
@@ -19,4 +20,5 @@ pub mod team;
 mod turn;
 
 pub use algorithm::Algorithm;
+pub use run::TabularPlan;
 pub use scenario::TabularScenario;

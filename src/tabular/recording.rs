@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::scenario::TabularScenario;
 use super::team::Step;
-use crate::record::rerun::{Focus, RerunRecorder, RunInfo};
+use crate::record::rerun::{Focus, LiveTarget, RerunRecorder, RunInfo};
 use crate::record::{
     BonusRange, EpisodeRow, RecordError, Recorder, RecordingSettings, RoundRecord,
 };
@@ -32,7 +32,8 @@ pub struct Film {
 }
 
 impl Film {
-    /// A film at `path`, or none where there is no path or the team is too large.
+    /// A film at `path`, or none where there is no path or the team is too large. An `audience` is
+    /// shown the recording during the run.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -40,6 +41,7 @@ impl Film {
         name: &str,
         scenario: &TabularScenario,
         path: Option<&Path>,
+        audience: Option<LiveTarget>,
     ) -> Result<Self, RecordError> {
         let agents = scenario.agents.count.get();
         let model = scenario.task.model(scenario.seed);
@@ -61,9 +63,12 @@ impl Film {
             ..RecordingSettings::default()
         };
         let path = path.filter(|_| agents <= MAX_AGENTS);
-        let recorder = path
+        let mut recorder = path
             .map(|path| RerunRecorder::create(path, &about, &settings))
             .transpose()?;
+        if let (Some(recorder), Some(audience)) = (&mut recorder, audience) {
+            recorder.stream_to(audience);
+        }
         let running = (0..agents)
             .map(|agent| started(&model, &spec, agent, 0))
             .collect();
@@ -173,6 +178,11 @@ impl Film {
             team_overlap: f64::NAN,
             effective_agents: f64::NAN,
         }
+    }
+
+    /// A warning about a viewer, if there is one.
+    pub fn warning(&mut self) -> Option<String> {
+        self.recorder.as_mut().and_then(Recorder::warning)
     }
 
     /// Completes the file.

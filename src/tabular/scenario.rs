@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Algorithm;
 use crate::scenario::overrides::{self, Resolve};
 use seedbed_env::input::numbers::{Count, NonNegative, known, known_count};
-use seedbed_env::input::{self, Document, FileKind, InputError};
+use seedbed_env::input::{self, Document, InputError};
 use seedbed_env::tabular::TaskFamily;
 
 /// A scenario of a team that knows its task's tables.
@@ -78,14 +78,6 @@ fn default_gap() -> NonNegative {
 
 fn one() -> Count<100_000> {
     known_count(1)
-}
-
-/// Whether a file says that it is a tabular scenario.
-#[must_use]
-pub fn is_meant(path: &Path) -> bool {
-    let kind = input::read_text(path)
-        .and_then(|text| input::file_kind(&path.display().to_string(), &text));
-    matches!(kind, Ok(FileKind::TabularScenario))
 }
 
 /// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.

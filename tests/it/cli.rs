@@ -130,7 +130,8 @@ fn tabular_scenarios_are_compared_by_regret() {
     assert_eq!(mixed.status.code(), Some(2));
     assert_eq!(
         stderr(&mixed),
-        "error: cannot compare tabular with other scenarios: scenarios/cartpole.ron is not a tabular scenario\n"
+        "error: cannot compare scenarios/tabular/parallel_chains.ron, which is measured by regret, with \
+         scenarios/cartpole.ron, which is measured by episodes until solved\n"
     );
 }
 
