@@ -113,7 +113,7 @@ fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path, usize)) {
             here.display()
         );
     }
-    for found in folders.iter().map(|found| scenario::shortened(found)) {
+    for found in folders.iter().map(|found| scenario::relative_path(found)) {
         say!("{title} ({})", found.join("").display());
         let files = ron_files(&found);
         let longest = files

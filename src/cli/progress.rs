@@ -148,7 +148,7 @@ pub(super) struct StudyProgress {
 }
 
 impl StudyProgress {
-    pub(super) fn new(name: &str, tasks: &[PlannedRun<'_>]) -> Self {
+    pub(super) fn new(name: &str, planned: &[PlannedRun<'_>]) -> Self {
         let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         let drawn = std::io::stderr().is_terminal().then(|| {
@@ -156,10 +156,10 @@ impl StudyProgress {
                 .with_prefix(name.to_owned())
                 .with_style(style)
         });
-        let cost = tasks.iter().map(|task| task.cell.experiment.cost()).sum();
+        let cost = planned.iter().map(|run| run.cell.experiment.cost()).sum();
         let bar = Self {
             drawn,
-            runs: tasks.len(),
+            runs: planned.len(),
             finished: 0,
             cost,
             done: 0.0,
@@ -170,9 +170,9 @@ impl StudyProgress {
         bar
     }
 
-    pub(super) fn finished(&mut self, task: &PlannedRun<'_>) {
+    pub(super) fn finished(&mut self, run: &PlannedRun<'_>) {
         self.finished += 1;
-        self.done += task.cell.experiment.cost();
+        self.done += run.cell.experiment.cost();
         self.show();
         let tenths = (10.0 * self.share() + 1e-9) as usize;
         if self.drawn.is_none() && tenths > self.tenths {

@@ -8,7 +8,7 @@ use std::time::Instant;
 use super::progress::{AbortAfter, NoProgress, RunProgress};
 use super::{CliError, RunArgs, pluralize};
 use crate::record::rerun::{LiveTarget, Server, Viewer};
-use crate::run::folder::{Claim, Contents, RunFolder};
+use crate::run::folder::{Contents, RunFolder, RunLock};
 use crate::run::{Observer, Options, RunError};
 use crate::study::experiment::{self, Experiment, RunEnding, RunReport};
 use crate::text::shell_word;
@@ -20,7 +20,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let folder = args.out.clone();
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
     let audience = audience(args, &*experiment)?;
-    let claim = claim_output_dir(args, &folder)?;
+    let lock = lock_output_dir(args, &folder)?;
     let options = Options {
         folder,
         resume: args.resume,
@@ -43,8 +43,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
             Err(interruption_error(&after, can_resume, args))
         }
         RunEnding::Finished(report) => {
-            claim
-                .release()
+            lock.release()
                 .map_err(|error| CliError::Runtime(error.to_string()))?;
             if !args.quiet {
                 let seconds = started.elapsed().as_secs_f64();
@@ -131,17 +130,37 @@ fn resume_command(args: &RunArgs) -> String {
     words.join(" ")
 }
 
-/// Claims the output directory for this process; refuses to overwrite a run without `--overwrite`.
-fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Claim, CliError> {
+/// Locks the output directory for this process, and clears it unless the run is resumed. Refuses to
+/// overwrite a run without `--overwrite`.
+fn lock_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<RunLock, CliError> {
     let shown = folder.path().display();
-    let before = folder.contents();
     let elsewhere = if args.out.is_some() {
         "another --out"
     } else {
         "another --seed or --out"
     };
+    let before = folder.contents();
+    if let Some(refusal) = refusal(args, before, &shown.to_string(), elsewhere) {
+        return Err(CliError::Usage(refusal));
+    }
+    let write_error =
+        |error: std::io::Error| CliError::Runtime(format!("cannot write to {shown}: {error}"));
+    let lock = folder.lock().map_err(write_error)?;
+    let lock = lock.ok_or_else(|| {
+        CliError::Usage(format!(
+            "another seedbed process is writing to {shown}; choose {elsewhere}"
+        ))
+    })?;
+    if !args.resume && before != Contents::Nothing {
+        folder.clear().map_err(write_error)?;
+    }
+    Ok(lock)
+}
+
+/// Why a run must not write to a directory with these contents.
+fn refusal(args: &RunArgs, before: Contents, shown: &str, elsewhere: &str) -> Option<String> {
     let choice = format!("{elsewhere} to keep both, or --overwrite to replace it");
-    let refusal = match (before, args.resume, args.overwrite) {
+    match (before, args.resume, args.overwrite) {
         (Contents::Other, _, _) => Some(format!(
             "{shown} is not empty and does not contain a seedbed run; choose {elsewhere}"
         )),
@@ -158,22 +177,7 @@ fn claim_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Claim, CliErro
             "{shown} contains an interrupted run; choose --resume to continue it, {choice}"
         )),
         _ => None,
-    };
-    if let Some(refusal) = refusal {
-        return Err(CliError::Usage(refusal));
     }
-    let write_error =
-        |error: std::io::Error| CliError::Runtime(format!("cannot write to {shown}: {error}"));
-    let claim = folder.claim().map_err(write_error)?;
-    let claim = claim.ok_or_else(|| {
-        CliError::Usage(format!(
-            "another seedbed process is writing to {shown}; choose {elsewhere}"
-        ))
-    })?;
-    if !args.resume && before != Contents::Nothing {
-        folder.clear().map_err(write_error)?;
-    }
-    Ok(claim)
 }
 
 /// Flag that the first Ctrl-C sets after printing `message`; the second ends the process immediately.

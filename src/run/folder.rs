@@ -1,5 +1,5 @@
-//! A run's folder: what lies where, whether a run may write there, and that only one does at a
-//! time.
+//! Run directories: paths of their files, what they contain, and a lock so that one process at a time
+//! writes there.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -7,50 +7,49 @@ use std::path::{Path, PathBuf};
 
 use super::checkpoint;
 
-/// Where one run leaves everything.
+/// Directory with all results of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunFolder {
     path: PathBuf,
 }
 
-/// What a folder holds already.
+/// What a directory contains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contents {
-    /// Nothing, or no folder.
+    /// Nothing, or there is no directory.
     Nothing,
-    /// A run that reached its end.
+    /// A finished run.
     FinishedRun,
-    /// A run that can go on from its checkpoint.
+    /// A run that can be resumed from its checkpoint.
     UnfinishedRun,
-    /// A run that ended before its first checkpoint.
+    /// A run that was stopped before its first checkpoint.
     BrokenOffRun,
-    /// Files that no run left there.
+    /// Files of something else than a run.
     Other,
 }
 
-/// The right to write into a folder. Given back when dropped, or when the process ends however it
-/// ends.
+/// Exclusive lock on a run directory, released when dropped and when the process ends.
 #[derive(Debug)]
-pub struct Claim {
-    lock: File,
+pub struct RunLock {
+    file: File,
     path: PathBuf,
 }
 
 impl RunFolder {
-    /// The folder at `path`, which need not exist.
+    /// The run directory at `path`, which need not exist.
     #[must_use]
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }
     }
 
-    /// What the folder holds now.
+    /// What the directory contains now.
     #[must_use]
     pub fn contents(&self) -> Contents {
         if self.summary().is_file() {
             Contents::FinishedRun
         } else if checkpoint::file(&self.path).is_file() {
             Contents::UnfinishedRun
-        } else if self.lock().is_file() {
+        } else if self.lock_path().is_file() {
             Contents::BrokenOffRun
         } else if fs::read_dir(&self.path).is_ok_and(|mut entries| entries.next().is_some()) {
             Contents::Other
@@ -59,29 +58,29 @@ impl RunFolder {
         }
     }
 
-    /// Claims the folder, creating it where there is none. `None` where another process holds it.
+    /// Creates the directory if there is none, and locks it. `None` if another process has locked it.
     ///
     /// # Errors
-    /// The system refuses.
-    pub fn claim(&self) -> io::Result<Option<Claim>> {
+    /// If the directory or the lock file cannot be created.
+    pub fn lock(&self) -> io::Result<Option<RunLock>> {
         fs::create_dir_all(&self.path)?;
-        let path = self.lock();
-        let lock = File::options()
+        let path = self.lock_path();
+        let file = File::options()
             .create(true)
             .truncate(false)
             .write(true)
             .open(&path)?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Some(Claim { lock, path })),
+        match file.try_lock() {
+            Ok(()) => Ok(Some(RunLock { file, path })),
             Err(TryLockError::WouldBlock) => Ok(None),
             Err(TryLockError::Error(error)) => Err(error),
         }
     }
 
-    /// Removes what a run left here, and nothing else.
+    /// Removes all files of a run, and no others.
     ///
     /// # Errors
-    /// A file cannot be removed.
+    /// If a file cannot be removed.
     pub fn clear(&self) -> io::Result<()> {
         let recording = self.recording();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
@@ -101,7 +100,7 @@ impl RunFolder {
         remove(fs::remove_dir_all(self.path.join("checkpoint")))
     }
 
-    /// The folder itself.
+    /// Path of the directory.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -113,7 +112,7 @@ impl RunFolder {
         self.path.join("run.rrd")
     }
 
-    /// The recording of its policies at play, where `seedbed replay` made one.
+    /// The recording that `seedbed replay` writes.
     #[must_use]
     pub fn replay(&self) -> PathBuf {
         self.path.join("replay.rrd")
@@ -125,31 +124,31 @@ impl RunFolder {
         [self.path.join("episodes.csv"), self.path.join("rounds.csv")]
     }
 
-    /// The regret of each episode, where the task is a finite one.
+    /// Regret of each episode of a tabular run.
     #[must_use]
     pub fn regret(&self) -> PathBuf {
         self.path.join("regret.csv")
     }
 
-    /// Who was in which state, where the task is a finite one.
+    /// Visited states of a tabular run.
     #[must_use]
     pub fn visits(&self) -> PathBuf {
         self.path.join("visits.csv")
     }
 
-    /// The scenario with every default spelled out. It finds the run's own copy of the task.
+    /// The resolved scenario. Its task is looked up in the run directory's own `envs/`.
     #[must_use]
     pub fn scenario(&self) -> PathBuf {
         self.path.join("scenario.ron")
     }
 
-    /// The file of the task `name` as it was.
+    /// Copy of the task file `name` from the start of the run.
     #[must_use]
     pub fn task(&self, name: &str) -> PathBuf {
         self.tasks().join(format!("{name}.ron"))
     }
 
-    /// What came of the run; its presence says that the run is finished.
+    /// Summary of the results, which marks a run as finished.
     #[must_use]
     pub fn summary(&self) -> PathBuf {
         self.path.join("summary.json")
@@ -165,19 +164,20 @@ impl RunFolder {
         self.path.join("envs")
     }
 
-    fn lock(&self) -> PathBuf {
+    fn lock_path(&self) -> PathBuf {
         self.path.join(".lock")
     }
 }
 
-impl Claim {
-    /// Gives the folder back after a finished run, which needs no mark of having begun.
+impl RunLock {
+    /// Releases the lock after a finished run and removes the lock file, which would mark a run that
+    /// was broken off.
     ///
     /// # Errors
-    /// The mark cannot be removed.
+    /// If the file cannot be removed.
     pub fn release(self) -> io::Result<()> {
         fs::remove_file(&self.path)?;
-        self.lock.unlock()
+        self.file.unlock()
     }
 }
 

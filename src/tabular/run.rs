@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::recording::{Film, spec};
+use super::recording::{TabularRecorder, spec};
 use super::results::{Results, Summary};
 use super::scenario::TabularScenario;
 use super::team::{Episode, TabularTeam};
@@ -26,7 +26,7 @@ pub struct TabularPlan {
 /// How a tabular run ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Ending {
-    /// All agents have played all episodes.
+    /// All agents have finished all episodes.
     Finished(Box<Summary>),
     /// It was interrupted, and cannot be resumed.
     Interrupted {
@@ -74,15 +74,15 @@ pub fn execute(
         )));
     }
     let path = options.recording.then(|| folder.recording());
-    let mut film = Film::of(&plan.name, &plan.scenario, path.as_deref(), audience)?;
+    let mut recorder = TabularRecorder::new(&plan.name, &plan.scenario, path.as_deref(), audience)?;
     let mut team = TabularTeam::new(&plan.scenario);
     let mut episodes = Vec::new();
     observer.begun(&progress(plan, &team, &episodes));
     while let Some(step) = team.advance() {
-        film.take_in(&step)?;
+        recorder.record_step(&step)?;
         if let Some(episode) = step.ended {
             episodes.push(episode);
-            warn(&mut film, observer);
+            warn(&mut recorder, observer);
             observer.round_finished(&progress(plan, &team, &episodes));
         }
         if interrupted.load(Ordering::Relaxed) && episodes.len() < plan.team_episodes() {
@@ -91,8 +91,8 @@ pub fn execute(
             });
         }
     }
-    film.finish()?;
-    warn(&mut film, observer);
+    recorder.finish()?;
+    warn(&mut recorder, observer);
     let results = Results::of(&plan.name, &plan.scenario, &team, episodes);
     let written = results.write(&plan.scenario, folder);
     written.map_err(|error| RunError::File {
@@ -102,8 +102,8 @@ pub fn execute(
     Ok(Ending::Finished(Box::new(results.summary)))
 }
 
-fn warn(film: &mut Film, observer: &mut dyn Observer) {
-    if let Some(warning) = film.warning() {
+fn warn(recorder: &mut TabularRecorder, observer: &mut dyn Observer) {
+    if let Some(warning) = recorder.warning() {
         observer.warn(&warning);
     }
 }

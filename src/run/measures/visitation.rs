@@ -77,7 +77,7 @@ impl Visitation {
         }
     }
 
-    /// Observations that are all 0 are no state of their own, as after the end of a finite task.
+    /// Observations that are all 0 are no state of their own, as after the end of a tabular task.
     fn count_largest(&mut self, observations: &[f32]) {
         let largest = observations
             .iter()

@@ -45,7 +45,7 @@ fn plan(overrides: &[&str]) -> Plan {
 
 fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
     let folder = RunFolder::new(folder);
-    let _claim = folder.claim().unwrap();
+    let _lock = folder.lock().unwrap();
     let options = Options {
         folder: folder.clone(),
         resume: false,
