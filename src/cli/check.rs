@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{CliError, pluralize, tabular};
+use super::{CliError, pluralize};
 use crate::run::Plan;
 use crate::study::plan::StudyPlan;
+use crate::tabular;
 use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_env::{self, Choice, Spec};
 
@@ -37,8 +38,9 @@ fn check_file(path: &Path) -> Result<String, InputError> {
             "environment; {}",
             describe_spaces(seedbed_env::load(path)?.spec())
         )),
-        FileKind::TabularScenario => tabular::describe(path)
-            .map(|description| format!("tabular scenario with {description}")),
+        FileKind::TabularScenario => {
+            describe_tabular(path).map(|description| format!("tabular scenario with {description}"))
+        }
         FileKind::Scenario => {
             let plan = Plan::load(path, &[])?;
             let agents = pluralize(plan.scenario.agents.count.get() as usize, "agent");
@@ -61,6 +63,17 @@ fn check_file(path: &Path) -> Result<String, InputError> {
             ))
         }
     }
+}
+
+/// Description of a tabular scenario, e.g. `100 agents in BipolarChain, SeedSampling`.
+pub(super) fn describe_tabular(path: &Path) -> Result<String, InputError> {
+    let scenario = tabular::scenario::load(path, &[])?.value;
+    let agents = pluralize(scenario.agents.count.get() as usize, "agent");
+    Ok(format!(
+        "{agents} in {}, {}",
+        scenario.task.name(),
+        scenario.algorithm.name()
+    ))
 }
 
 fn describe_spaces(spec: &Spec) -> String {

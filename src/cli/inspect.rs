@@ -8,13 +8,13 @@ use console::{Style, Term};
 use indicatif::HumanBytes;
 
 use super::progress::ReadCounter;
-use super::run::NO_THRESHOLD;
 use super::sparkline::sparkline;
 use super::{CliError, pluralize};
 use crate::record::RoundRow;
 use crate::run::review::recording_stats::{RecordingStats, ValueDistribution};
 use crate::run::review::{LoadRunError, LoadedRun, final_mean};
 use crate::run::summary::FINAL_WINDOW;
+use crate::study::experiment::NO_THRESHOLD;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -219,7 +219,7 @@ impl Page<'_> {
         let counted = self
             .stats
             .and_then(|stats| stats.visitation.get(agent as usize));
-        let counted = counted.map(|visitation| visitation.entropy() / visitation.largest_entropy());
+        let counted = counted.map(|visitation| visitation.entropy() / visitation.max_entropy());
         counted.or(update.map(|row| row.visitation_evenness))
     }
 

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::check::{MAX_NAMED_OBSERVATIONS, format_actions};
-use super::{Listed, pluralize, tabular};
+use super::check::{MAX_NAMED_OBSERVATIONS, describe_tabular, format_actions};
+use super::{Listed, pluralize};
 use crate::run::Plan;
 use crate::scenario::{self, Scenario};
 use crate::study::plan::StudyPlan;
+use crate::tabular::Algorithm as TabularAlgorithm;
 use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_learn::algorithms::Algorithm;
 use seedbed_learn::algorithms::catalogue::Parameter;
@@ -77,7 +78,7 @@ fn scenarios() {
 fn describe(path: &Path) -> Result<String, InputError> {
     match input::file_kind(&path.display().to_string(), &input::read_text(path)?)? {
         FileKind::Study => Ok(describe_study(&StudyPlan::load(path, false)?)),
-        FileKind::TabularScenario => tabular::describe(path),
+        FileKind::TabularScenario => describe_tabular(path),
         FileKind::Scenario | FileKind::Environment | FileKind::TabularEnvironment => {
             Ok(describe_scenario(&Plan::load(path, &[])?))
         }
@@ -112,7 +113,7 @@ fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path, usize)) {
             here.display()
         );
     }
-    for found in folders.iter().map(|found| scenario::shortened(found)) {
+    for found in folders.iter().map(|found| scenario::relative_path(found)) {
         say!("{title} ({})", found.join("").display());
         let files = ron_files(&found);
         let longest = files
@@ -136,7 +137,7 @@ fn algorithms() {
         }
     }
     say!("\nTabular algorithms (`algorithm:` in a tabular scenario)");
-    for choice in crate::tabular::Algorithm::catalogue() {
+    for choice in TabularAlgorithm::catalogue() {
         say!("  {}", choice.form);
         print_wrapped(&choice.meaning, "      ");
     }

@@ -22,7 +22,6 @@ mod report;
 mod run;
 mod sparkline;
 mod study;
-mod tabular;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -34,6 +33,7 @@ use crate::record::LiveError;
 use crate::record::recording::DEFAULT_VIEWER;
 use crate::run::RunError;
 use crate::run::review::LoadRunError;
+use crate::study::experiment::LoadError;
 use crate::text::pluralize;
 use seedbed_env::input::InputError;
 
@@ -394,6 +394,12 @@ fn say_line(line: std::fmt::Arguments<'_>) {
 impl From<InputError> for CliError {
     fn from(error: InputError) -> Self {
         Self::Usage(error.to_string())
+    }
+}
+
+impl From<LoadError> for CliError {
+    fn from(error: LoadError) -> Self {
+        error.error.into()
     }
 }
 

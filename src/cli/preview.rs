@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::run::recording;
+use super::run::recording_at;
 use super::{CliError, PreviewArgs, pluralize};
 use crate::run::preview;
 use crate::scenario;
@@ -28,7 +28,13 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
             CliError::Runtime(format!("cannot create {}: {error}", folder.display()))
         })?;
     }
-    let rows = preview::record(&description, physics, episodes, args.seed, recording(&path))?;
+    let rows = preview::record(
+        &description,
+        physics,
+        episodes,
+        args.seed,
+        recording_at(&path),
+    )?;
     for row in rows {
         let outcome = format!("{:?}", row.outcome).to_lowercase();
         say!(

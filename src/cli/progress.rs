@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 
-use crate::run::{Observer, Plan, Progress};
+use crate::run::{Observer, Progress};
 use crate::study::plan::PlannedRun;
 
 /// Prints warnings only.
@@ -65,15 +65,13 @@ pub(super) struct RunProgress {
 }
 
 impl RunProgress {
-    pub(super) fn new(plan: &Plan) -> Self {
+    pub(super) fn new(name: &str) -> Self {
         let style = ProgressStyle::with_template(
             "{prefix} {bar:32} {pos}/{len} episodes · {msg} · {eta} left",
         );
         let drawn = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(u64::from(plan.scenario.max_episodes()))
-                .with_prefix(plan.name.clone());
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            bar
+            let bar = ProgressBar::no_length().with_prefix(name.to_owned());
+            bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
         });
         Self {
             drawn,
@@ -87,6 +85,9 @@ impl RunProgress {
 impl Observer for RunProgress {
     fn begun(&mut self, progress: &Progress) {
         (self.started, self.first_steps) = (Instant::now(), progress.env_steps);
+        if let Some(bar) = &self.drawn {
+            bar.set_length(progress.max_episodes as u64);
+        }
     }
 
     fn round_finished(&mut self, progress: &Progress) {
@@ -99,7 +100,7 @@ impl Observer for RunProgress {
         );
         match &self.drawn {
             Some(bar) => {
-                bar.set_position(progress.episodes_per_agent as u64);
+                bar.set_position(progress.episodes as u64);
                 bar.set_message(message);
             }
             None => self.print_line(progress, &message),
@@ -116,12 +117,12 @@ impl Observer for RunProgress {
 
 impl RunProgress {
     fn print_line(&mut self, progress: &Progress, message: &str) {
-        let tenths = 10 * progress.episodes_per_agent / progress.max_episodes.max(1);
+        let tenths = 10 * progress.episodes / progress.max_episodes.max(1);
         if tenths > self.tenths {
             self.tenths = tenths;
             eprintln!(
                 "{}/{} episodes · {message}",
-                progress.episodes_per_agent, progress.max_episodes
+                progress.episodes, progress.max_episodes
             );
         }
     }
@@ -147,7 +148,7 @@ pub(super) struct StudyProgress {
 }
 
 impl StudyProgress {
-    pub(super) fn new(name: &str, tasks: &[PlannedRun<'_>]) -> Self {
+    pub(super) fn new(name: &str, planned: &[PlannedRun<'_>]) -> Self {
         let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         let drawn = std::io::stderr().is_terminal().then(|| {
@@ -155,10 +156,10 @@ impl StudyProgress {
                 .with_prefix(name.to_owned())
                 .with_style(style)
         });
-        let cost = tasks.iter().map(|task| task.cell.experiment.cost()).sum();
+        let cost = planned.iter().map(|run| run.cell.experiment.cost()).sum();
         let bar = Self {
             drawn,
-            runs: tasks.len(),
+            runs: planned.len(),
             finished: 0,
             cost,
             done: 0.0,
@@ -169,9 +170,9 @@ impl StudyProgress {
         bar
     }
 
-    pub(super) fn finished(&mut self, task: &PlannedRun<'_>) {
+    pub(super) fn finished(&mut self, run: &PlannedRun<'_>) {
         self.finished += 1;
-        self.done += task.cell.experiment.cost();
+        self.done += run.cell.experiment.cost();
         self.show();
         let tenths = (10.0 * self.share() + 1e-9) as usize;
         if self.drawn.is_none() && tenths > self.tenths {

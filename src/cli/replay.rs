@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::evaluate::{describe_actions, evaluation, print_table};
 use super::progress::episode_bar;
-use super::run::recording;
+use super::run::recording_at;
 use super::{CliError, ReplayArgs, pluralize};
 use crate::run::evaluate;
 use crate::run::folder::RunFolder;
@@ -19,7 +19,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
     let played = replay::replay(
         &folder,
         &Replay { evaluation, agents },
-        recording(&path),
+        recording_at(&path),
         &mut |episodes| {
             bar.set_position(episodes.into());
         },

@@ -6,95 +6,80 @@ use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use super::progress::{AbortAfter, NoProgress, RunProgress};
-use super::{CliError, RunArgs, pluralize, tabular};
+use super::{CliError, RunArgs, pluralize};
 use crate::record::RecorderFactory;
 use crate::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
-use crate::record::table::TableFiles;
 use crate::run::folder::{Contents, FolderLock, RunFolder};
-use crate::run::summary::{FINAL_WINDOW, Summary};
-use crate::run::{self, Factories, Observer, Options, Plan, RunError, RunOutcome};
-use crate::tabular::scenario::is_meant;
+use crate::run::{Observer, Options, RunError};
+use crate::study::experiment::{self, Experiment, RunEnding, RunReport};
 use crate::text::shell_word;
 
 pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let mut overrides = args.overrides.clone();
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
-    if is_meant(&args.scenario) {
-        return tabular::run(args, &overrides);
-    }
-    let plan = Plan::load(&args.scenario, &overrides)?;
-    let folder = args
-        .out
-        .as_ref()
-        .map_or_else(|| plan.default_folder(), RunFolder::new);
-    let audience = audience(args)?;
+    let experiment = experiment::load(&args.scenario, &overrides)?;
+    let folder = args.out.clone();
+    let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
+    let live = live_target(args, &*experiment)?;
     let lock = lock_output_dir(args, &folder)?;
-    let threads = args.threads.map_or(0, usize::from);
     let options = Options {
         folder,
         resume: args.resume,
-        threads,
+        threads: args.threads.map_or(0, usize::from),
     };
-    if let (Some(LiveTarget::Serve(server)), false) = (&audience, args.quiet) {
+    if let (Some(LiveTarget::Serve(server)), false) = (&live, args.quiet) {
         say!(
             "serving    {0}; connect a viewer with: rerun --connect {0}",
             server.address()
         );
     }
     let started = Instant::now();
-    let mut observer = observer(args, &plan);
-    let ending = run::execute(
-        &plan,
-        &options,
-        factories(args, &options, audience),
-        &mut *observer,
-        &interruption("stopping after this round"),
-    );
+    let mut observer = observer(args, experiment.name());
+    let interrupted = interruption("stopping, at the latest after this round");
+    let recording = recording_of_run(args, &options.folder, live);
+    let ending = experiment.run_in_folder(&options, recording, &mut *observer, &interrupted);
     drop(observer);
     match ending.map_err(|error| with_resume_hint(error, args, &options.folder))? {
-        RunOutcome::Interrupted { rounds } => Err(CliError::Runtime(format!(
-            "interrupted after {}; resume with\n  {}",
-            pluralize(rounds as usize, "round"),
-            resume_command(args)
-        ))),
-        RunOutcome::Finished(summary) => {
+        RunEnding::Interrupted { after, can_resume } => {
+            Err(interruption_error(&after, can_resume, args))
+        }
+        RunEnding::Finished(report) => {
             lock.release()
                 .map_err(|error| CliError::Runtime(error.to_string()))?;
             if !args.quiet {
-                print(&summary, &options.folder, started.elapsed().as_secs_f64());
+                let seconds = started.elapsed().as_secs_f64();
+                print(args, &*experiment, &report, &options, seconds);
             }
             Ok(())
         }
     }
 }
 
-/// The tables, and the recording unless the user wants none. A resumed run continues with the
-/// recorders that it began with, so it is handed both.
-fn factories(args: &RunArgs, options: &Options, live: Option<LiveTarget>) -> Factories {
-    let folder = &options.folder;
-    let mut factories: Factories = vec![Box::new(TableFiles {
-        folder: folder.path().to_owned(),
-    })];
-    if args.resume || (recording::AVAILABLE && !args.no_recording) {
-        let path = folder.recording();
-        factories.push(Box::new(RecordingFile { path, live }));
-    }
-    factories
+/// The recording, unless the user or the build wants none. A resumed run continues with the
+/// recorders that it began with, so it is handed one in any case.
+fn recording_of_run(
+    args: &RunArgs,
+    folder: &RunFolder,
+    live: Option<LiveTarget>,
+) -> Option<Box<dyn RecorderFactory>> {
+    let path = folder.recording();
+    let is_recorded = args.resume || (recording::AVAILABLE && !args.no_recording);
+    is_recorded.then(|| Box::new(RecordingFile { path, live }) as Box<dyn RecorderFactory>)
 }
 
 /// A recording at `path` that no viewer is shown while it is written.
-pub(super) fn recording(path: &Path) -> Box<dyn RecorderFactory> {
+pub(super) fn recording_at(path: &Path) -> Box<dyn RecorderFactory> {
     Box::new(RecordingFile {
         path: path.to_owned(),
         live: None,
     })
 }
 
-fn observer(args: &RunArgs, plan: &Plan) -> Box<dyn Observer> {
+fn observer(args: &RunArgs, name: &str) -> Box<dyn Observer> {
     let shown: Box<dyn Observer> = if args.quiet {
         Box::new(NoProgress)
     } else {
-        Box::new(RunProgress::new(plan))
+        Box::new(RunProgress::new(name))
     };
     match args.abort_after_rounds {
         Some(rounds) => Box::new(AbortAfter::new(rounds, shown)),
@@ -103,19 +88,38 @@ fn observer(args: &RunArgs, plan: &Plan) -> Box<dyn Observer> {
 }
 
 /// The viewer or server that shows the recording during the run.
-fn audience(args: &RunArgs) -> Result<Option<LiveTarget>, CliError> {
+fn live_target(
+    args: &RunArgs,
+    experiment: &dyn Experiment,
+) -> Result<Option<LiveTarget>, CliError> {
+    let is_shown = args.live.is_some() || args.serve.is_some();
+    if let (true, Some(obstacle)) = (is_shown, experiment.recording_obstacle()) {
+        let scenario = args.scenario.display();
+        return Err(CliError::Usage(format!(
+            "cannot show {scenario} in a viewer: {obstacle}"
+        )));
+    }
     let viewer = args
         .live
         .as_deref()
         .map(Viewer::connect)
         .transpose()?
         .map(LiveTarget::Push);
-    let visitors = args
+    let server = args
         .serve
         .map(Server::bind)
         .transpose()?
         .map(LiveTarget::Serve);
-    Ok(viewer.or(visitors))
+    Ok(viewer.or(server))
+}
+
+fn interruption_error(after: &str, can_resume: bool, args: &RunArgs) -> CliError {
+    CliError::Runtime(if can_resume {
+        let command = resume_command(args);
+        format!("interrupted after {after}; resume with\n  {command}")
+    } else {
+        format!("interrupted after {after}; this run cannot be resumed, start it again")
+    })
 }
 
 /// The error, with the command that resumes from the newest checkpoint if writing failed and there
@@ -150,17 +154,37 @@ fn resume_command(args: &RunArgs) -> String {
     words.join(" ")
 }
 
-/// Locks the output directory for this process; refuses to overwrite a run without `--overwrite`.
-pub(super) fn lock_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<FolderLock, CliError> {
+/// Locks the output directory for this process, and clears it unless the run is resumed. Refuses to
+/// overwrite a run without `--overwrite`.
+fn lock_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<FolderLock, CliError> {
     let shown = folder.path().display();
-    let before = folder.contents();
     let elsewhere = if args.out.is_some() {
         "another --out"
     } else {
         "another --seed or --out"
     };
+    let before = folder.contents();
+    if let Some(refusal) = refusal(args, before, &shown.to_string(), elsewhere) {
+        return Err(CliError::Usage(refusal));
+    }
+    let write_error =
+        |error: std::io::Error| CliError::Runtime(format!("cannot write to {shown}: {error}"));
+    let lock = folder.lock().map_err(write_error)?;
+    let lock = lock.ok_or_else(|| {
+        CliError::Usage(format!(
+            "another seedbed process is writing to {shown}; choose {elsewhere}"
+        ))
+    })?;
+    if !args.resume && before != Contents::Nothing {
+        folder.clear().map_err(write_error)?;
+    }
+    Ok(lock)
+}
+
+/// Why a run must not write to a directory with these contents.
+fn refusal(args: &RunArgs, before: Contents, shown: &str, elsewhere: &str) -> Option<String> {
     let choice = format!("{elsewhere} to keep both, or --overwrite to replace it");
-    let refusal = match (before, args.resume, args.overwrite) {
+    match (before, args.resume, args.overwrite) {
         (Contents::OtherFiles, _, _) => Some(format!(
             "{shown} is not empty and does not contain a seedbed run; choose {elsewhere}"
         )),
@@ -177,22 +201,7 @@ pub(super) fn lock_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<Fold
             "{shown} contains an interrupted run; choose --resume to continue it, {choice}"
         )),
         _ => None,
-    };
-    if let Some(refusal) = refusal {
-        return Err(CliError::Usage(refusal));
     }
-    let write_error =
-        |error: std::io::Error| CliError::Runtime(format!("cannot write to {shown}: {error}"));
-    let lock = folder.lock().map_err(write_error)?;
-    let lock = lock.ok_or_else(|| {
-        CliError::Usage(format!(
-            "another seedbed process is writing to {shown}; choose {elsewhere}"
-        ))
-    })?;
-    if !args.resume && before != Contents::Nothing {
-        folder.clear().map_err(write_error)?;
-    }
-    Ok(lock)
 }
 
 /// Flag that the first Ctrl-C sets after printing `message`; the second ends the process immediately.
@@ -218,28 +227,25 @@ pub(super) fn interruption(message: &'static str) -> Arc<AtomicBool> {
     Arc::clone(interrupted)
 }
 
-fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
-    let Summary {
-        agents,
-        episodes_per_agent,
-        env_steps,
-        final_return,
-        ..
-    } = summary;
-    let rate = *env_steps as f64 / seconds;
+fn print(
+    args: &RunArgs,
+    experiment: &dyn Experiment,
+    report: &RunReport,
+    options: &Options,
+    seconds: f64,
+) {
     let (episodes, team) = (
-        pluralize(*episodes_per_agent, "episode"),
-        pluralize(*agents, "agent"),
+        pluralize(report.episodes_per_agent, "episode"),
+        pluralize(experiment.agents() as usize, "agent"),
     );
+    let (steps, rate) = (report.env_steps, report.env_steps as f64 / seconds);
     say!(
-        "finished   {episodes} per agent, {team}, {env_steps} env steps in {seconds:.1} s ({rate:.0} per second)"
+        "finished   {episodes} per agent, {team}, {steps} env steps in {seconds:.1} s ({rate:.0} per second)"
     );
-    say!("solved     {}", solved(summary));
-    let last = pluralize(FINAL_WINDOW.min(*episodes_per_agent), "episode");
-    say!("return     {final_return:.1} (mean over all agents and the last {last})");
-    say!("coverage   {}", coverage(summary));
-    say!("results    {}", folder.path().display());
-    let path = folder.recording();
+    for (label, text) in &report.lines {
+        say!("{label:<10} {text}");
+    }
+    let path = options.folder.recording();
     if path.is_file() {
         say!(
             "recording  {} ({}); open it with",
@@ -247,53 +253,20 @@ fn print(summary: &Summary, folder: &RunFolder, seconds: f64) {
             size(&path)
         );
         say!("             rerun {}", path.display());
-    } else if !recording::AVAILABLE {
-        say!("recording  none: this build has no feature `rerun`");
+    } else if let Some(obstacle) = recording_obstacle(args, experiment) {
+        say!("recording  none: {obstacle}");
     }
 }
 
-/// Printed for tasks without a threshold.
-pub(super) const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: Solved`)";
-
-fn solved(summary: &Summary) -> String {
-    // Thresholds are stored in single precision; as f64 they would print spurious digits.
-    let shown = |threshold: f64| threshold as f32;
-    match (summary.solved_at, summary.episodes_until_solved) {
-        (None, _) => NO_THRESHOLD.to_owned(),
-        (Some(at), Some(episodes)) => {
-            let (episodes, window) = (
-                pluralize(episodes, "episode"),
-                pluralize(at.window, "episode"),
-            );
-            format!(
-                "after {episodes} per agent: mean return over {window} reached {}",
-                shown(at.r#return)
-            )
-        }
-        (Some(at), None) => {
-            let window = pluralize(at.window, "episode");
-            format!(
-                "no: mean return over {window} did not reach {}",
-                shown(at.r#return)
-            )
-        }
-    }
-}
-
-fn coverage(summary: &Summary) -> String {
-    const SHOWN: usize = 8;
-    let percent = |fraction: &f64| format!("{:.1} %", 100.0 * fraction);
-    let agents: Vec<String> = summary.coverage.iter().take(SHOWN).map(percent).collect();
-    let more = if summary.coverage.len() > SHOWN {
-        " …"
+/// Why a run that the user wants to record is not recorded.
+fn recording_obstacle(args: &RunArgs, experiment: &dyn Experiment) -> Option<String> {
+    if args.no_recording {
+        None
+    } else if recording::AVAILABLE {
+        experiment.recording_obstacle()
     } else {
-        ""
-    };
-    format!(
-        "{}{more} of the state space per agent; {} for the whole team",
-        agents.join(", "),
-        percent(&summary.team_coverage)
-    )
+        Some("this build has no feature `rerun`".to_owned())
+    }
 }
 
 fn size(path: &Path) -> String {

@@ -68,33 +68,37 @@ fn check_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
 
 /// Refuses a directory that belongs to another study, or to this study with another value of `--quick`.
 fn check_owner(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
-    let Ok(noted) = folder.manifest() else {
+    let Ok(manifest) = folder.manifest() else {
         return Ok(());
     };
-    if (noted.name.as_str(), noted.quick) == (plan.name.as_str(), plan.quick) {
+    if (manifest.name.as_str(), manifest.quick) == (plan.name.as_str(), plan.quick) {
         return Ok(());
     }
-    let kind = if noted.quick { "quick study" } else { "study" };
+    let kind = if manifest.quick {
+        "quick study"
+    } else {
+        "study"
+    };
     let path = folder.path().display();
     Err(CliError::Usage(format!(
         "{path} contains the {kind} `{}`; choose another directory with --out",
-        noted.name
+        manifest.name
     )))
 }
 
 /// Prints all runs with their indices and states.
 fn list(plan: &StudyPlan, folder: &StudyFolder) -> usize {
-    for task in plan.runs() {
-        let state = match folder.stored_run(&task).map(|stored| stored.outcome) {
+    for run in plan.runs() {
+        let state = match folder.stored_run(&run).map(|stored| stored.outcome) {
             Some(Ok(_)) => "finished",
             Some(Err(_)) => "failed",
             None => "to run",
         };
         say!(
             "{:>6}  {state:<8}  run seed {:<6}  {}",
-            task.index,
-            task.seed,
-            task.cell.name
+            run.index,
+            run.seed,
+            run.cell.name
         );
     }
     0
@@ -107,11 +111,11 @@ fn run_one(
     folder: &StudyFolder,
     index: usize,
 ) -> Result<usize, CliError> {
-    let tasks = plan.runs();
-    let Some(task) = tasks.get(index) else {
+    let runs = plan.runs();
+    let Some(run) = runs.get(index) else {
         let message = format!(
             "--index {index}: expected an index from 0 to {}; --list shows all",
-            tasks.len() - 1
+            runs.len() - 1
         );
         return Err(CliError::Usage(message));
     };
@@ -120,14 +124,14 @@ fn run_one(
     folder
         .write_manifest(plan)
         .map_err(|error| CliError::Runtime(error.to_string()))?;
-    let file = folder.file(&task.cell.digest, task.seed);
+    let file = folder.file(&run.cell.digest, run.seed);
     let before = folder
-        .stored_run(task)
+        .stored_run(run)
         .filter(|stored| keeps_result(args, stored));
     if before.is_none() {
-        print_failures(&run_missing(args, &[*task], folder, &plan.name)?);
+        print_failures(&run_missing(args, &[*run], folder, &plan.name)?);
     }
-    let Some(stored) = folder.stored_run(task) else {
+    let Some(stored) = folder.stored_run(run) else {
         return Err(interruption_error(&plan.name));
     };
     let status = if before.is_some() {
@@ -137,10 +141,10 @@ fn run_one(
     };
     say!(
         "{}",
-        describe_run(task, &format!("{status}{}", file.display()))
+        describe_run(run, &format!("{status}{}", file.display()))
     );
     if let (Some(_), Err(reason)) = (&before, &stored.outcome) {
-        print_failures(&[describe_run(task, reason)]);
+        print_failures(&[describe_run(run, reason)]);
     }
     Ok(usize::from(stored.outcome.is_err()))
 }
@@ -151,17 +155,13 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
     folder
         .write_manifest(plan)
         .map_err(|error| CliError::Runtime(error.to_string()))?;
-    let tasks = plan.distinct_runs();
-    let is_there = |task: &&PlannedRun<'_>| {
+    let runs = plan.distinct_runs();
+    let is_there = |run: &&PlannedRun<'_>| {
         folder
-            .stored_run(task)
+            .stored_run(run)
             .is_some_and(|stored| keeps_result(args, &stored))
     };
-    let missing: Vec<PlannedRun<'_>> = tasks
-        .iter()
-        .filter(|task| !is_there(task))
-        .copied()
-        .collect();
+    let missing: Vec<PlannedRun<'_>> = runs.iter().filter(|run| !is_there(run)).copied().collect();
     let (cells, runs) = (
         pluralize(plan.cells.len(), "cell"),
         pluralize(plan.repeats() as usize, "run"),
@@ -198,7 +198,7 @@ fn verify(
     let stored: Vec<PlannedRun<'_>> = plan
         .distinct_runs()
         .into_iter()
-        .filter(|task| folder.stored_run(task).is_some())
+        .filter(|run| folder.stored_run(run).is_some())
         .collect();
     if stored.is_empty() {
         return Err(CliError::Usage(format!(
@@ -210,15 +210,15 @@ fn verify(
     let stop = interruption("stopping; stored results are unchanged");
     let bar = Mutex::new(StudyProgress::new(&plan.name, &chosen));
     let others = Mutex::new(Vec::new());
-    runner::verify(&chosen, folder, jobs(args), &stop, &|task, is_same| {
+    runner::verify(&chosen, folder, jobs(args), &stop, &|run, is_same| {
         bar.lock()
             .expect("no thread fails while it holds the lock")
-            .finished(task);
+            .finished(run);
         if !is_same {
             others
                 .lock()
                 .expect("no thread fails while it holds the lock")
-                .push(*task);
+                .push(*run);
         }
     });
     drop(bar);
@@ -247,12 +247,12 @@ fn print_verification(
         pluralize(stored, "run")
     );
     let mut others: Vec<&PlannedRun<'_>> = others.iter().collect();
-    others.sort_by_key(|task| task.index);
-    for task in &others {
-        let file = folder.file(&task.cell.digest, task.seed);
+    others.sort_by_key(|run| run.index);
+    for run in &others {
+        let file = folder.file(&run.cell.digest, run.seed);
         eprintln!(
             "differs    {}",
-            describe_run(task, &file.display().to_string())
+            describe_run(run, &file.display().to_string())
         );
     }
     if !others.is_empty() {
@@ -264,10 +264,10 @@ fn print_verification(
 }
 
 /// At most `max` runs, evenly spaced over the study.
-fn evenly_spaced<'a>(tasks: &[PlannedRun<'a>], max: usize) -> Vec<PlannedRun<'a>> {
-    let count = max.min(tasks.len());
+fn evenly_spaced<'a>(runs: &[PlannedRun<'a>], max: usize) -> Vec<PlannedRun<'a>> {
+    let count = max.min(runs.len());
     (0..count)
-        .map(|number| tasks[number * tasks.len() / count])
+        .map(|number| runs[number * runs.len() / count])
         .collect()
 }
 
@@ -276,16 +276,16 @@ fn keeps_result(args: &StudyArgs, stored: &StoredRun) -> bool {
     !(args.retry && stored.outcome.is_err())
 }
 
-/// Runs `tasks`; returns the failures as `cell, run seed N: reason`.
+/// Runs `runs`; returns the failures as `cell, run seed N: reason`.
 fn run_missing(
     args: &StudyArgs,
-    tasks: &[PlannedRun<'_>],
+    runs: &[PlannedRun<'_>],
     folder: &StudyFolder,
     name: &str,
 ) -> Result<Vec<String>, CliError> {
     let stop =
         interruption("stopping; finished runs are kept, and the same command resumes the study");
-    let bar = Mutex::new(StudyProgress::new(name, tasks));
+    let bar = Mutex::new(StudyProgress::new(name, runs));
     let failures = Mutex::new(Vec::new());
     let finished_runs = AtomicUsize::new(0);
     let report_finished = |finished: &runner::Finished<'_>| {
@@ -302,7 +302,7 @@ fn run_missing(
             std::process::abort();
         }
     };
-    let result = runner::run(tasks, folder, jobs(args), &stop, &report_finished);
+    let result = runner::run(runs, folder, jobs(args), &stop, &report_finished);
     drop(bar);
     result.map_err(|error| CliError::Runtime(format!("cannot write {error}")))?;
     if stop.load(Ordering::Relaxed) {
@@ -326,8 +326,8 @@ fn print_failures(failures: &[String]) {
 }
 
 /// A run with a message, e.g. `σ 0.1, run seed 1000: message`.
-fn describe_run(task: &PlannedRun<'_>, message: &str) -> String {
-    format!("{}, run seed {}: {message}", task.cell.name, task.seed)
+fn describe_run(run: &PlannedRun<'_>, message: &str) -> String {
+    format!("{}, run seed {}: {message}", run.cell.name, run.seed)
 }
 
 fn interruption_error(name: &str) -> CliError {

@@ -80,7 +80,7 @@ impl RunFolder {
     /// Removes the files of a run and nothing else.
     ///
     /// # Errors
-    /// A file cannot be removed.
+    /// If a file cannot be removed.
     pub fn clear(&self) -> io::Result<()> {
         let recording = self.recording();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));

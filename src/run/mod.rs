@@ -66,7 +66,7 @@ pub trait Observer {
     /// Called before the first round of this process. The progress of a resumed run is not zero.
     fn begun(&mut self, progress: &Progress);
 
-    /// Called after each round.
+    /// Called after each round; in tabular runs, which have no rounds, after each episode.
     fn round_finished(&mut self, progress: &Progress);
 
     /// Called with a message that users should see although no data is lost.
@@ -76,9 +76,9 @@ pub trait Observer {
 /// The progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Number of finished episodes per agent.
-    pub episodes_per_agent: usize,
-    /// Maximum number of episodes per agent.
+    /// Number of finished episodes: per agent in training, of the whole team in tabular runs.
+    pub episodes: usize,
+    /// Maximum number of episodes, counted likewise.
     pub max_episodes: usize,
     /// Mean return over all agents and their latest episodes; 0 before the first episode ends.
     pub recent_return: f64,
@@ -151,16 +151,6 @@ impl Plan {
             scenario: document.value,
             description,
         })
-    }
-
-    /// The default directory of the results, `recordings/NAME/seed-SEED`.
-    #[must_use]
-    pub fn default_folder(&self) -> RunFolder {
-        RunFolder::new(
-            Path::new("recordings")
-                .join(&self.name)
-                .join(format!("seed-{}", self.scenario.seed)),
-        )
     }
 }
 
@@ -411,7 +401,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 
 fn progress(plan: &Plan, trainer: &Trainer) -> Progress {
     Progress {
-        episodes_per_agent: trainer.measures().episodes_per_agent(),
+        episodes: trainer.measures().episodes_per_agent(),
         max_episodes: plan.scenario.max_episodes() as usize,
         recent_return: trainer
             .measures()

@@ -1,25 +1,25 @@
-//! What a scenario can set besides its algorithm, for people.
+//! Documentation of the fields of a scenario, for `seedbed list`.
 
 use super::Scenario;
 use crate::record::RecordingSettings;
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::catalogue::{Parameter, parameters};
 
-/// Fields that are documented field by field, or elsewhere.
+/// Fields whose own fields are listed, or that are documented elsewhere.
 const NESTED: [&str; 4] = ["environment", "agents", "algorithm", "recording"];
 
 impl Scenario {
-    /// The parameters of a scenario, those of its team and its recording included, with their
-    /// defaults.
+    /// Parameters of a scenario besides its algorithm's, with their defaults; includes those of its
+    /// team and its recording.
     #[must_use]
     pub fn catalogue() -> Vec<Parameter> {
-        let mut all = of_field("agents", parameters(&TeamConfig::default()));
-        let own = parameters(&Self::shortest());
+        let mut all = fields_of("agents", parameters(&TeamConfig::default()));
+        let own = parameters(&Self::with_defaults());
         all.extend(
             own.into_iter()
                 .filter(|own| !NESTED.contains(&own.name.as_str())),
         );
-        all.extend(of_field(
+        all.extend(fields_of(
             "recording",
             parameters(&RecordingSettings::default()),
         ));
@@ -27,13 +27,12 @@ impl Scenario {
     }
 }
 
-/// The parameters of a struct that is the field `name` of a scenario.
-fn of_field(name: &str, parameters: Vec<Parameter>) -> Vec<Parameter> {
-    let named = |parameter: Parameter| Parameter {
-        name: format!("{name}.{}", parameter.name),
-        ..parameter
-    };
-    parameters.into_iter().map(named).collect()
+/// Parameters of the field `name` of a scenario, with its name as prefix.
+fn fields_of(name: &str, mut parameters: Vec<Parameter>) -> Vec<Parameter> {
+    for parameter in &mut parameters {
+        parameter.name = format!("{name}.{}", parameter.name);
+    }
+    parameters
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
-//! Scenarios: which environment, which team, which algorithm, for how long. The RON that a
-//! researcher writes.
+//! Scenario files: environment, team, algorithm, schedule and end of a training run.
 //!
-//! [`load`] reads a file and applies overrides; [`Scenario::resolved`] writes a scenario with every
-//! default spelled out. Building and running may not enter.
+//! [`load`] reads a file and applies overrides; [`Scenario::resolved`] prints a scenario with all
+//! defaults. Must not depend on how scenarios are run.
 
 mod catalogue;
 pub mod overrides;
@@ -13,6 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::record::RecordingSettings;
+use seedbed_env::input::edit::to_ron_string;
 use seedbed_env::input::numbers::{Count, FiniteNumber, known_count};
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
 use seedbed_env::{Physics, Spec};
@@ -23,20 +23,20 @@ use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    /// The task: the stem of a file in `envs/`, or the path of a file.
+    /// The task: name of a file in `envs/`, without `.ron`, or path of a file.
     pub environment: Located<String>,
-    /// Rigid bodies, or the analytic model of a task that has one.
+    /// Physics engine: rigid bodies, or the task's analytic model if it has one.
     #[serde(default)]
     pub physics: Physics,
-    /// How many agents, and how they differ.
+    /// Number of agents, and how they differ.
     #[serde(default)]
     #[schemars(skip)]
     pub agents: TeamConfig,
-    /// How they learn.
+    /// How the agents learn.
     #[serde(default = "default_algorithm")]
     #[schemars(skip)]
     pub algorithm: Located<Algorithm>,
-    /// When agents learn.
+    /// When the agents learn.
     #[serde(default)]
     pub schedule: Schedule,
     /// When the run ends.
@@ -46,10 +46,10 @@ pub struct Scenario {
     #[serde(default)]
     #[schemars(skip)]
     pub recording: RecordingSettings,
-    /// Rounds between two checkpoints.
+    /// Number of rounds between two checkpoints.
     #[serde(default = "default_checkpoint_every")]
     pub checkpoint_every: Count,
-    /// The run's seed, from which every random number derives.
+    /// Run seed, from which all random numbers are derived.
     #[serde(default)]
     pub seed: u64,
 }
@@ -58,35 +58,33 @@ pub struct Scenario {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Schedule {
-    /// In rounds: when every agent has finished its episodes, all learn at once.
+    /// In rounds: all agents learn when every agent has finished its episodes.
     Synchronous {
-        /// Episodes of each agent in a round.
+        /// Number of episodes per agent and round.
         #[serde(default = "one")]
         episodes: Count<10_000>,
     },
-    /// An agent whose episode has ended learns at once from all that has reached it, while the
-    /// others go on (thesis Fig. 5.2).
+    /// Each agent learns when its episode ends, from all episodes that it has received, while the
+    /// others continue (thesis Fig. 5.2).
     Asynchronous {
-        /// How long learning takes.
+        /// Duration of learning.
         #[serde(default)]
         training: Training,
     },
-    /// All agents step at once, and after every so many steps all learn from the newest
-    /// transitions, in the middle of their episodes: for value-based learners. A round is an
-    /// episode of each.
+    /// All agents act step by step, and learn from the newest transitions during their episodes: for
+    /// value-based learners. A round is one episode per agent.
     Lockstep {
-        /// Steps of each agent between two times of learning.
+        /// Number of steps per agent between two updates.
         #[serde(default = "default_learn_every")]
         learn_every: Count,
     },
 }
 
-/// How long an update takes in the time of the environments, so that a schedule is the same on any
-/// machine.
+/// Duration of an update in simulated time, so that a schedule is the same on all machines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Training {
-    /// Steps that the others make meanwhile.
+    /// Number of steps that other agents make during an update.
     pub env_steps: u32,
 }
 
@@ -94,22 +92,22 @@ pub struct Training {
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Stop {
-    /// After so many episodes of each agent.
+    /// After this number of episodes per agent.
     Episodes(Count),
     /// When the mean over agents and over a full trailing window of episodes reaches a return.
     Solved {
-        /// The return to reach.
+        /// Mean return to reach.
         r#return: FiniteNumber,
-        /// Episodes of each agent in the window.
+        /// Number of episodes per agent in the window.
         #[serde(default = "default_window")]
         window: Located<Count>,
-        /// Episodes of each agent after which the run ends even so.
+        /// Max number of episodes per agent, after which the run ends in any case.
         at_most: Count,
     },
 }
 
 impl Schedule {
-    /// Which of the kinds it is.
+    /// Kind of schedule.
     #[must_use]
     pub fn kind(self) -> ScheduleKind {
         match self {
@@ -121,7 +119,7 @@ impl Schedule {
 }
 
 impl Stop {
-    /// Maximal number of episodes of each agent.
+    /// Max number of episodes per agent.
     #[must_use]
     pub fn max_episodes(&self) -> u32 {
         match self {
@@ -129,7 +127,8 @@ impl Stop {
         }
     }
 
-    /// When a task counts as solved: as this says, or else as the task does, over 25 episodes.
+    /// When a task counts as solved: as set here, otherwise at the threshold of the task's file over a
+    /// window of 25 episodes. `None` if neither is set.
     #[must_use]
     pub fn threshold(&self, task: &Spec) -> Option<Threshold> {
         match self {
@@ -151,13 +150,13 @@ impl Stop {
 /// reaches a return.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Threshold {
-    /// The return to reach.
+    /// Mean return to reach.
     pub r#return: f64,
-    /// Number of episodes of each agent in the window.
+    /// Number of episodes per agent in the window.
     pub window: usize,
 }
 
-/// Number of episodes of each agent over which a task has to be solved, if nothing else is said.
+/// Default window, in episodes per agent.
 const DEFAULT_WINDOW: u32 = 25;
 
 impl Default for Schedule {
@@ -195,17 +194,17 @@ fn one() -> Count<10_000> {
 /// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.
 ///
 /// # Errors
-/// The file or an override is wrong.
+/// If the file or an override is invalid.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, InputError> {
     overrides::apply_all(input::read(path)?, overrides)
 }
 
-/// The file that a scenario's `environment` names: a path, taken from the scenario's folder, or the
-/// stem of a file in the nearest folder `envs` on the way up from the scenario or from the working
-/// directory.
+/// Path of the file that a scenario's `environment` names. A name is looked up in the nearest
+/// directory `envs` above the scenario or else above the working directory; a path is relative to
+/// the scenario.
 ///
 /// # Errors
-/// There is no such file; says where it was looked for and what there is.
+/// If there is no such file, with the names that exist.
 pub fn environment_path(
     scenario: &Document<Scenario>,
     scenario_path: &Path,
@@ -228,24 +227,24 @@ pub fn environment_path(
     })
 }
 
-/// The file of the task `name` in the nearest folder `envs` on the way up from the first of
-/// `starts` that has it.
+/// Path of the file of the task `name` in the nearest directory `envs` that has it, in or above one
+/// of `starts`, which are searched in order.
 ///
 /// # Errors
-/// The names of all tasks that were found instead.
+/// The names of all tasks in these directories, if there is no such file.
 pub fn task_file(name: &str, starts: &[PathBuf]) -> Result<PathBuf, Vec<String>> {
     let file = format!("{name}.ron");
     let found = starts
         .iter()
         .find_map(|start| input::find_upwards(start, "envs", &file));
     found
-        .map(|path| shortened(&path))
+        .map(|path| relative_path(&path))
         .ok_or_else(|| known_environments(starts))
 }
 
 impl Scenario {
-    /// A scenario of nothing but defaults, in a task without a name.
-    fn shortest() -> Self {
+    /// A scenario with all defaults and an unnamed task.
+    fn with_defaults() -> Self {
         Self {
             environment: String::new().into(),
             physics: Physics::default(),
@@ -259,10 +258,10 @@ impl Scenario {
         }
     }
 
-    /// What no single field can tell.
+    /// Checks fields against each other.
     ///
     /// # Errors
-    /// The field to blame, and why.
+    /// The first contradiction, with the field that is to be changed.
     pub fn check(&self) -> Result<(), ValidationError> {
         self.algorithm.config().check()?;
         self.check_schedule()?;
@@ -276,15 +275,15 @@ impl Scenario {
                 at_most.get()
             )));
         }
-        let curious = self.algorithm.largest_intrinsic_reward().is_some();
+        let has_intrinsic_reward = self.algorithm.largest_intrinsic_reward().is_some();
         self.recording.check(
             self.agents.count.get(),
-            curious,
+            has_intrinsic_reward,
             self.algorithm.config().estimates_advantages(),
         )
     }
 
-    /// Checks whether the algorithm can learn when the schedule says.
+    /// Checks whether the algorithm supports the schedule.
     fn check_schedule(&self) -> Result<(), ValidationError> {
         let checked = self.algorithm.config().check_schedule(self.schedule.kind());
         checked.map_err(|error| match error {
@@ -293,13 +292,13 @@ impl Scenario {
         })
     }
 
-    /// The scenario as a file with every default spelled out.
+    /// Text of the scenario's file with all defaults.
     #[must_use]
     pub fn resolved(&self) -> String {
-        overrides::spelled_out("Scenario", self)
+        to_ron_string("Scenario", self)
     }
 
-    /// Maximal number of episodes of each agent.
+    /// Max number of episodes per agent.
     #[must_use]
     pub fn max_episodes(&self) -> u32 {
         self.stop.max_episodes()
@@ -312,32 +311,31 @@ impl overrides::Resolve for Scenario {
     }
 }
 
-/// The stems of all files in the `envs` folders that would be searched.
+/// Names of all tasks in the directories `envs` in or above `starts`.
 fn known_environments(starts: &[PathBuf]) -> Vec<String> {
     let folders = starts
         .iter()
         .flat_map(|start| input::folders_upwards(start, "envs"));
-    let entries = folders
-        .filter_map(|folder| std::fs::read_dir(folder).ok())
-        .flatten()
-        .flatten()
-        .map(|entry| entry.path());
-    let files = entries.filter(|path| path.extension().is_some_and(|extension| extension == "ron"));
-    let mut stems: Vec<String> = files
-        .filter_map(|path| path.file_stem()?.to_str().map(str::to_owned))
-        .collect();
-    stems.sort();
-    stems.dedup();
-    stems
+    let mut names = Vec::new();
+    for entries in folders.filter_map(|folder| std::fs::read_dir(folder).ok()) {
+        for path in entries.flatten().map(|entry| entry.path()) {
+            let is_ron = path.extension().is_some_and(|extension| extension == "ron");
+            let stem = path.file_stem().and_then(|stem| stem.to_str());
+            names.extend(stem.filter(|_| is_ron).map(str::to_owned));
+        }
+    }
+    names.sort();
+    names.dedup();
+    names
 }
 
-/// The path from the working directory, where it lies below.
+/// The path relative to the working directory, if it is inside; otherwise as it is.
 #[must_use]
-pub fn shortened(path: &Path) -> PathBuf {
-    let below = std::env::current_dir()
-        .ok()
-        .and_then(|here| path.strip_prefix(here).ok().map(Path::to_owned));
-    below.unwrap_or_else(|| path.to_owned())
+pub fn relative_path(path: &Path) -> PathBuf {
+    let working_directory = std::env::current_dir().unwrap_or_default();
+    path.strip_prefix(working_directory)
+        .unwrap_or(path)
+        .to_owned()
 }
 
 #[cfg(test)]

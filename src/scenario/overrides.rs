@@ -1,42 +1,20 @@
-//! Overrides such as `agents.count=16`: one value of the resolved scenario replaced by another
-//! text.
-//!
-//! The resolved text comes from our own printer: one field a line, four spaces a level. So a field
-//! is found by its level.
+//! Overrides such as `agents.count=16`: values of a resolved scenario that are replaced.
 
-use ron::extensions::Extensions;
-use ron::ser::PrettyConfig;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use seedbed_env::input::edit::{UnknownField, replace_value};
 use seedbed_env::input::{self, Document, InputError, nearest_name, quoted_list};
 
-/// A file that can be written with every default spelled out.
+/// A file that can be written with all defaults.
 pub trait Resolve: DeserializeOwned {
-    /// The file's text with every default spelled out.
+    /// Text of the file with all defaults.
     fn resolved(&self) -> String;
-}
-
-/// `value` in RON, one field a line, as a file that opens with `kind`.
-///
-/// # Panics
-/// If it does not serialise.
-#[must_use]
-pub fn spelled_out(kind: &str, value: &impl Serialize) -> String {
-    let config = PrettyConfig::new()
-        .compact_arrays(true)
-        .extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
-    let text = ron::ser::to_string_pretty(value, config).expect("a file always serialises");
-    let body = text
-        .split_once("\n(")
-        .map_or(text.as_str(), |(_, body)| body);
-    format!("{kind}({body}\n")
 }
 
 /// The file with values replaced, each by `path.to.field=value`.
 ///
 /// # Errors
-/// An assignment is wrong.
+/// If an assignment is invalid.
 pub fn apply_all<T: Resolve>(
     mut document: Document<T>,
     assignments: &[String],
@@ -50,134 +28,55 @@ pub fn apply_all<T: Resolve>(
 /// The file with one value replaced.
 ///
 /// # Errors
-/// The assignment is wrong.
+/// If the assignment is invalid.
 pub fn apply<T: Resolve>(
     document: &Document<T>,
     assignment: &str,
 ) -> Result<Document<T>, InputError> {
-    let fault = |field: &str, message: String, help: Option<String>| InputError {
+    let invalid = |field: &str, message: String, help: Option<String>| InputError {
         origin: format!("--set {assignment}"),
         position: None,
         field: field.to_owned(),
         message,
         help,
     };
-    let (path, value) = assignment.split_once('=').ok_or_else(|| {
-        fault(
-            "",
-            "expected PATH=VALUE, such as agents.count=16".to_owned(),
-            None,
-        )
-    })?;
+    let Some((path, value)) = assignment.split_once('=') else {
+        let message = "expected PATH=VALUE, such as agents.count=16";
+        return Err(invalid("", message.to_owned(), None));
+    };
     let (path, value) = (path.trim(), value.trim());
     input::is_ron_value(value).map_err(|reason| {
-        fault(
-            path,
-            format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}"),
-            None,
-        )
+        let expected = "expected one value, such as 16 or Normal(sigma: 0.1)";
+        invalid(path, format!("{expected}: {reason}"), None)
     })?;
-    let text = replace(&document.value.resolved(), path, value).map_err(|unknown| {
-        let names = unknown.valid.iter().map(String::as_str);
-        let help = nearest_name(&unknown.name, names.clone())
-            .map(|name| format!("did you mean `{name}`?"));
-        fault(
-            path,
-            format!(
-                "there is no field `{}` here, expected one of {}",
-                unknown.name,
-                quoted_list(names)
-            ),
-            help,
-        )
+    let text = replace_value(&document.value.resolved(), path, value).map_err(|unknown| {
+        let (message, help) = explain(&unknown);
+        invalid(path, message, help)
     })?;
-    let read = input::parse::<T>(&document.origin, text);
-    let scenario = read
-        .map_err(|error| fault(path, error.message, error.help))?
+    let value = input::parse::<T>(&document.origin, text)
+        .map_err(|error| invalid(path, error.message, error.help))?
         .value;
+    // Read again, so that later errors show lines of the resolved scenario.
     let origin = format!(
         "{} with --set",
         document.origin.trim_end_matches(" with --set")
     );
-    input::parse(&origin, scenario.resolved())
+    input::parse(&origin, value.resolved())
 }
 
-/// A name that is no field at its level, and those that are.
-#[derive(Debug, PartialEq)]
-struct UnknownField {
-    name: String,
-    valid: Vec<String>,
-}
-
-/// Replaces the value at `path` in a resolved text. The names of enum variants may be part of the
-/// path or left out.
-fn replace(text: &str, path: &str, value: &str) -> Result<String, UnknownField> {
-    let lines: Vec<&str> = text.lines().collect();
-    let mut block = 0..lines.len();
-    for (depth, segment) in segments(path, &lines).iter().enumerate() {
-        let indent = " ".repeat(4 * (depth + 1));
-        let fields = block
-            .clone()
-            .filter_map(|index| Some((index, field_name(lines[index].strip_prefix(&indent)?)?)));
-        let fields: Vec<(usize, &str)> = fields.collect();
-        let Some(&(start, _)) = fields.iter().find(|(_, name)| name == segment) else {
-            let valid = fields.iter().map(|(_, name)| (*name).to_owned()).collect();
-            return Err(UnknownField {
-                name: (*segment).to_owned(),
-                valid,
-            });
-        };
-        block = start..end_of_block(&lines, start, &indent);
-    }
-    let (key, _) = lines[block.start]
-        .split_once(':')
-        .unwrap_or((lines[block.start], ""));
-    let replaced = format!("{key}: {value},");
-    let (before, after) = (&lines[..block.start], &lines[block.end..]);
-    Ok(before
-        .iter()
-        .copied()
-        .chain([replaced.as_str()])
-        .chain(after.iter().copied())
-        .collect::<Vec<_>>()
-        .join("\n"))
-}
-
-/// The path's names without those of enum variants, which stand behind a field's name on its line.
-fn segments<'a>(path: &'a str, lines: &[&str]) -> Vec<&'a str> {
-    let is_variant = |parent: &str, name: &str| {
-        lines
-            .iter()
-            .any(|line| line.trim() == format!("{parent}: {name}("))
-    };
-    let names: Vec<&str> = path.split('.').collect();
-    let kept = names
-        .iter()
-        .enumerate()
-        .filter(|&(index, name)| index == 0 || !is_variant(names[index - 1], name));
-    kept.map(|(_, name)| *name).collect()
-}
-
-fn field_name(line: &str) -> Option<&str> {
-    let (name, _) = line.split_once(':')?;
-    let is_name = !name.is_empty()
-        && name
-            .chars()
-            .all(|c| c.is_alphanumeric() || c == '_' || c == '#');
-    is_name.then(|| name.trim_start_matches("r#"))
-}
-
-/// The line after the value that starts on line `start`.
-fn end_of_block(lines: &[&str], start: usize, indent: &str) -> usize {
-    if !lines[start].ends_with(['(', '[', '{']) {
-        return start + 1;
-    }
-    let closes = |line: &&str| {
-        line.strip_prefix(indent)
-            .is_some_and(|rest| rest.starts_with([')', ']', '}']))
-    };
-    let rest = lines[start + 1..].iter().position(closes);
-    rest.map_or(lines.len(), |offset| start + offset + 2)
+/// Message and help for a name that is not a field.
+fn explain(unknown: &UnknownField) -> (String, Option<String>) {
+    let known = || unknown.known.iter().map(String::as_str);
+    let message = format!(
+        "there is no field `{}` here, expected one of {}",
+        unknown.name,
+        quoted_list(known())
+    );
+    let nearest = nearest_name(&unknown.name, known());
+    (
+        message,
+        nearest.map(|name| format!("did you mean `{name}`?")),
+    )
 }
 
 #[cfg(test)]

@@ -4,14 +4,15 @@
 //! [`runner`] runs what is still missing, and the [`store`] keeps each result. [`comparison`] and
 //! [`claims`] evaluate the [`results`], and the [`report`] presents them. The unit of all statistics
 //! is a run of the whole team: agents and episodes of one run depend on each other, so they are not
-//! independent repetitions. Must not depend on how agents learn.
+//! independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a study file. Must not
+//! depend on how agents learn.
 
+pub mod bench;
 pub mod claims;
 pub mod comparison;
 pub mod experiment;
 pub mod figure;
 pub mod file;
-pub mod finite;
 pub mod measure;
 pub mod plan;
 pub mod provenance;

@@ -2,8 +2,9 @@
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use super::experiment::{Experiment, Override};
+use super::experiment::{self, Experiment, LoadError, LoadStep};
 use super::figure::{EpisodeWindow, Figure};
 use super::file::{Axis, NamedCell, Study};
 use super::measure::Measure;
@@ -34,7 +35,7 @@ pub struct Cell {
     /// Values that are replaced in the scenario, each as `path=value`.
     pub overrides: Vec<String>,
     /// Experiment to run.
-    pub experiment: Experiment,
+    pub experiment: Arc<dyn Experiment>,
     /// Hash of all that runs of this cell depend on, besides their seeds.
     pub digest: String,
     /// Numbers of first episodes of which the first run keeps states, in ascending order.
@@ -144,7 +145,10 @@ impl PlannedRun<'_> {
     }
 }
 
-/// A cell before its scenario is read. Values keep their places in the file, for errors.
+/// A value that is replaced in a scenario, as `path=value`, and its place in the study, for errors.
+type Override<'a> = (&'a Located<String>, String);
+
+/// A cell before its scenario is read.
 #[derive(Clone, Default)]
 struct Draft<'a> {
     name_parts: Vec<String>,
@@ -347,12 +351,18 @@ impl<'a> Draft<'a> {
             ));
         };
         let path = folder.join(scenario);
+        let (places, overrides): (Vec<&Located<String>>, Vec<String>) =
+            self.overrides.into_iter().unzip();
         let experiment =
-            Experiment::load(&path, place, &self.overrides, error_place.unwrap_or(place))?;
-        let (name, overrides) = (
-            self.name_parts.join(", "),
-            self.overrides.into_iter().map(|(_, text)| text).collect(),
-        );
+            experiment::load(&path, &overrides).map_err(|LoadError { step, error }| {
+                let place = match step {
+                    LoadStep::Read => *place,
+                    LoadStep::Override(index) => places[index],
+                    LoadStep::Check => error_place.unwrap_or(place),
+                };
+                error_at(place, &error)
+            })?;
+        let name = self.name_parts.join(", ");
         Ok(Cell {
             digest: experiment.digest(),
             windows: windows(figures, &name),
@@ -361,6 +371,20 @@ impl<'a> Draft<'a> {
             experiment,
             name,
         })
+    }
+}
+
+/// An error of a scenario, reported at a place of the study.
+fn error_at(place: &Located<String>, error: &InputError) -> ValidationError {
+    let without_place = InputError {
+        position: None,
+        help: None,
+        ..error.clone()
+    };
+    let moved = place.error(without_place.to_string());
+    match &error.help {
+        Some(help) => moved.with_help(help.clone()),
+        None => moved,
     }
 }
 

@@ -1,15 +1,12 @@
 //! Result of one run: what figures and tables need, and nothing that depends on the speed of the
 //! machine.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::measure::Curve;
 use crate::run::measures::RoundRows;
 use crate::run::trainer::Trainer;
-use crate::run::{Plan, RunError};
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_learn::experience::Episode;
 
@@ -65,58 +62,9 @@ pub struct VisitedStates {
     pub states: Vec<f32>,
 }
 
-/// When a training run stops.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StopRule {
-    /// When the scenario says so.
-    Scenario,
-    /// After the scenario's max number of episodes, solved or not.
-    MaxEpisodes,
-    /// As soon as the task is solved, and no later than after that number of episodes.
-    Solved,
-}
-
-/// Trains once, on one thread and without a recording. States of the first episodes are kept for
-/// each of `windows`. `None` if interrupted.
-///
-/// # Errors
-/// If the task cannot be built, or if numbers are no longer finite.
-pub fn train(
-    plan: &Plan,
-    stop_rule: StopRule,
-    windows: &[u32],
-    interrupted: &AtomicBool,
-) -> Result<Option<RunResult>, RunError> {
-    let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1)?;
-    let mut result = RunResult::begin(&trainer);
-    let mut reservoir = Reservoir::new(plan.scenario.seed, windows);
-    while !is_done(&trainer, plan, stop_rule) {
-        if interrupted.load(Ordering::Relaxed) {
-            return Ok(None);
-        }
-        let rows = trainer.advance()?.rows;
-        result.add_round(&trainer, &rows);
-        for episode in trainer.newest_episodes() {
-            reservoir.add_episode(episode);
-        }
-    }
-    Ok(Some(RunResult {
-        states: reservoir.states(),
-        ..result
-    }))
-}
-
-fn is_done(trainer: &Trainer, plan: &Plan, stop_rule: StopRule) -> bool {
-    let all = trainer.measures().episodes_per_agent() >= plan.scenario.max_episodes() as usize;
-    match stop_rule {
-        StopRule::Scenario => trainer.is_done(),
-        StopRule::MaxEpisodes => all,
-        StopRule::Solved => all || trainer.is_solved(),
-    }
-}
-
 impl RunResult {
-    fn begin(trainer: &Trainer) -> Self {
+    /// The result of a training run that begins.
+    pub(super) fn begin(trainer: &Trainer) -> Self {
         Self {
             returns: vec![Vec::new(); trainer.agent_count()],
             threshold: trainer
@@ -127,7 +75,8 @@ impl RunResult {
         }
     }
 
-    fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
+    /// Adds a round that the trainer has just finished.
+    pub(super) fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
         for row in &rows.episodes {
             self.returns[row.agent as usize].push(row.r#return as f32);
         }
@@ -146,6 +95,14 @@ impl RunResult {
                 values.push(value.map_or(f32::NAN, |value| value as f32));
             }
         }
+    }
+
+    /// Share of episodes without regret, over all agents; `None` if regrets are not known.
+    #[must_use]
+    pub fn share_without_regret(&self) -> Option<f64> {
+        let all = || self.regrets.iter().flatten();
+        let without = all().filter(|&&regret| f64::from(regret) < NO_REGRET);
+        (all().count() > 0).then(|| without.count() as f64 / all().count() as f64)
     }
 
     /// Number of episodes that every agent has finished.
@@ -273,7 +230,8 @@ impl Reservoir {
         }
     }
 
-    fn add_episode(&mut self, episode: &Episode) {
+    /// Adds the states of an episode.
+    pub(super) fn add_episode(&mut self, episode: &Episode) {
         let width = episode.observations.len() / (episode.length() + 1);
         for state in episode.states().chunks_exact(width) {
             self.add(episode.episode, state);

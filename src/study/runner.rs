@@ -7,6 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use super::experiment::StopRule;
 use super::plan::PlannedRun;
 use super::run_result::RunResult;
 use super::store::{StoreError, StudyFolder};
@@ -115,7 +116,7 @@ fn execute(
     interrupted: &AtomicBool,
 ) -> Option<Result<RunResult, String>> {
     let experiment = &run.cell.experiment;
-    let execute = || experiment.run(run.seed, windows, interrupted);
+    let execute = || experiment.measure_once(run.seed, StopRule::Scenario, windows, interrupted);
     match catch_unwind(AssertUnwindSafe(execute)) {
         Ok(Ok(None)) => None,
         Ok(Ok(Some(result))) => Some(Ok(result)),

@@ -297,10 +297,11 @@ impl Manifest {
             overrides: cell.overrides.clone(),
             agents: cell.experiment.agents(),
             max_episodes: cell.experiment.max_episodes(),
-            task: cell.experiment.task().to_owned(),
+            task: cell.experiment.spec().name.clone(),
             observations: cell
                 .experiment
-                .observations()
+                .spec()
+                .observations
                 .iter()
                 .map(observation)
                 .collect(),

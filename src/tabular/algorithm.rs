@@ -1,5 +1,4 @@
-//! What an agent takes for the truth before it acts: seed sampling, and controls that each lack
-//! something of it.
+//! Tabular algorithms: seed sampling, and controls that each lack one of its properties.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,37 +7,38 @@ use super::seed::RewardSeeds;
 use seedbed_env::input::numbers::{Fraction, NonNegative, known};
 use seedbed_learn::algorithms::catalogue::{Choice, choices};
 
-/// How agents explore.
+/// How the agents of a tabular scenario explore.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Algorithm {
-    /// Each agent's own fixed seed makes an MDP of the latest belief: adaptive, committed, diverse.
+    /// Each agent plans in the MDP that its own fixed seed samples from the latest belief: adaptive,
+    /// committed, diverse.
     SeedSampling {
-        /// How seeds turn beliefs about rewards into numbers.
+        /// How seeds sample rewards from the belief.
         #[serde(default)]
         rewards: RewardSeeds,
     },
-    /// Each agent draws an MDP from the latest belief before every action: without commitment.
+    /// Each agent samples a new MDP from the latest belief before every action: without commitment.
     ThompsonResampling,
     /// All agents have the same seed: without diversity.
     SharedSeed {
-        /// How the seed turns beliefs about rewards into numbers.
+        /// How the seed samples rewards from the belief.
         #[serde(default)]
         rewards: RewardSeeds,
     },
-    /// Each agent draws an MDP from the belief when its episode begins, and keeps it to the end
-    /// (PSRL): without adaptivity.
+    /// Each agent samples an MDP from the belief when its episode begins, and keeps it until the
+    /// episode ends (PSRL): without adaptivity.
     SampleOnce,
-    /// All agents take the best MDP that is likely enough, before every action (concurrent UCRL):
-    /// without diversity.
+    /// All agents plan in the best MDP within a confidence interval, before every action (concurrent
+    /// UCRL): without diversity.
     Ucrl {
-        /// How many standard deviations count as likely enough.
+        /// Half-width of the confidence interval, in standard deviations of the belief.
         #[serde(default = "default_width")]
         width: NonNegative,
     },
-    /// All agents take the mean of the belief for the truth, but act at random now and then.
+    /// All agents plan in the mean of the belief, and sometimes choose a random action.
     EpsilonGreedy {
-        /// How often an action is random.
+        /// Probability of a random action.
         #[serde(default = "default_epsilon")]
         epsilon: Fraction,
     },
@@ -55,13 +55,13 @@ impl Default for Algorithm {
 }
 
 impl Algorithm {
-    /// Every algorithm as it is written, with what it is for.
+    /// Every algorithm as it is written in scenarios, with its description.
     #[must_use]
     pub fn catalogue() -> Vec<Choice> {
         choices::<Self>()
     }
 
-    /// Its name in files.
+    /// Name in scenarios and result files.
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {

@@ -1,37 +1,38 @@
-//! What a team believes of a task after all that its agents have seen: conjugate posteriors, one a
-//! parameter and one a pair.
+//! A team's posterior over the unknown parts of its task, given all observations of its agents:
+//! conjugate posteriors, one per parameter of the rewards and one per pair.
 
 use seedbed_env::tabular::{Model, Prior};
 
-/// The posterior of all that is not known.
+/// Posterior of a team over everything unknown in a task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Belief {
+    /// `[parameters]`
     posteriors: Vec<Posterior>,
-    /// Observations of each parameter: `[parameters]`.
-    sightings: Vec<u32>,
-    /// Observations of each outcome: `[outcomes]`.
-    counts: Vec<u32>,
+    /// Number of observations of each parameter: `[parameters]`.
+    parameter_counts: Vec<u32>,
+    /// Number of observations of each outcome: `[outcomes]`.
+    outcome_counts: Vec<u32>,
     version: u64,
 }
 
-/// What is believed of a parameter θ.
+/// Posterior of a parameter θ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Posterior {
-    /// −1 or 1, as likely as not.
+    /// −1 or 1 with equal probability.
     UnknownSign,
-    /// θ was seen.
+    /// θ was observed exactly.
     Known(f64),
     /// θ, or ln θ where the prior is log-normal, is N(mean, variance).
     Gaussian {
-        /// μ.
+        /// Mean μ.
         mean: f64,
-        /// σ².
+        /// Variance σ².
         variance: f64,
     },
 }
 
 impl Belief {
-    /// The prior.
+    /// The prior of a model.
     #[must_use]
     pub fn new(model: &Model) -> Self {
         Self {
@@ -40,60 +41,62 @@ impl Belief {
                 .iter()
                 .map(|&prior| Posterior::of(prior))
                 .collect(),
-            sightings: vec![0; model.parameters.len()],
-            counts: vec![0; model.outcomes().len()],
+            parameter_counts: vec![0; model.parameters.len()],
+            outcome_counts: vec![0; model.outcomes().len()],
             version: 0,
         }
     }
 
-    /// Takes in that a pair had this outcome, which showed `seen` of its parameter, if it has one.
-    pub fn take_in(&mut self, model: &Model, pair: usize, outcome: usize, seen: f64) {
+    /// Updates the posteriors after a pair had an outcome, whose reward shows `observation` of the
+    /// parameter that it depends on, if any.
+    pub fn update(&mut self, model: &Model, pair: usize, outcome: usize, observation: f64) {
         if let Some((parameter, _)) = model.outcomes()[outcome].reward.unknown {
             let parameter = parameter as usize;
             let before = self.posteriors[parameter];
-            self.posteriors[parameter] = before.after(model.parameters[parameter], seen);
-            self.sightings[parameter] += 1;
+            self.posteriors[parameter] = before.updated(model.parameters[parameter], observation);
+            self.parameter_counts[parameter] += 1;
             self.version += u64::from(before != self.posteriors[parameter]);
         }
         if model.outcomes_of(pair).len() > 1 {
-            self.counts[outcome] += 1;
+            self.outcome_counts[outcome] += 1;
             self.version += 1;
         }
     }
 
-    /// What is believed of a parameter.
+    /// Posterior of a parameter.
     #[must_use]
     pub fn posterior(&self, parameter: usize) -> Posterior {
         self.posteriors[parameter]
     }
 
-    /// How often a parameter was seen.
+    /// Number of observations of a parameter.
     #[must_use]
-    pub fn sightings(&self, parameter: usize) -> u32 {
-        self.sightings[parameter]
+    pub fn parameter_count(&self, parameter: usize) -> u32 {
+        self.parameter_counts[parameter]
     }
 
-    /// How often an outcome was seen.
+    /// Number of observations of an outcome.
     #[must_use]
-    pub fn count(&self, outcome: usize) -> u32 {
-        self.counts[outcome]
+    pub fn outcome_count(&self, outcome: usize) -> u32 {
+        self.outcome_counts[outcome]
     }
 
-    /// Grows whenever the belief changes.
+    /// A number that increases whenever the belief changes.
     #[must_use]
     pub fn version(&self) -> u64 {
         self.version
     }
 
-    /// Mean and standard deviation of an outcome's probability: those of a Dirichlet's component, μ
-    /// = α / Σα and σ² = μ (1 − μ) / (Σα + 1).
+    /// Posterior mean and standard deviation of an outcome's probability: those of a component of a
+    /// Dirichlet distribution, μ = α / Σα and σ² = μ (1 − μ) / (Σα + 1).
     #[must_use]
-    pub fn likelihood(&self, model: &Model, pair: usize, outcome: usize) -> (f64, f64) {
+    pub fn outcome_probability(&self, model: &Model, pair: usize, outcome: usize) -> (f64, f64) {
         let outcomes = model.outcomes_of(pair);
         if outcomes.len() == 1 {
             return (1.0, 0.0);
         }
-        let weight = |outcome: usize| model.outcome_weight + f64::from(self.counts[outcome]);
+        let weight =
+            |outcome: usize| model.outcome_weight + f64::from(self.outcome_counts[outcome]);
         let total: f64 = outcomes.map(weight).sum();
         let mean = weight(outcome) / total;
         (mean, (mean * (1.0 - mean) / (total + 1.0)).sqrt())
@@ -116,16 +119,17 @@ impl Posterior {
         }
     }
 
-    /// After one more observation y of variance s²: 1/σ² ← 1/σ² + 1/s² and μ/σ² ← μ/σ² + y/s².
-    fn after(self, prior: Prior, seen: f64) -> Self {
+    /// The posterior after one more observation y with variance s²: 1/σ² ← 1/σ² + 1/s² and
+    /// μ/σ² ← μ/σ² + y/s².
+    fn updated(self, prior: Prior, observation: f64) -> Self {
         let (y, noise) = match prior {
-            Prior::Sign => return Self::Known(seen),
+            Prior::Sign => return Self::Known(observation),
             Prior::Normal { noise, .. } | Prior::LogNormal { noise, .. } if noise == 0.0 => {
-                return Self::Known(seen);
+                return Self::Known(observation);
             }
-            Prior::Normal { noise, .. } => (seen, noise * noise),
+            Prior::Normal { noise, .. } => (observation, noise * noise),
             Prior::LogNormal { noise, .. } => {
-                (libm::log(seen) + 0.5 * noise * noise, noise * noise)
+                (libm::log(observation) + 0.5 * noise * noise, noise * noise)
             }
         };
         let Self::Gaussian { mean, variance } = self else {
@@ -138,18 +142,20 @@ impl Posterior {
         }
     }
 
-    /// θ at the quantile where a standard normal number is `normal`: distributed as the posterior
-    /// if that is.
+    /// The quantile of θ that corresponds to the standard normal quantile `normal`. If `normal` is
+    /// drawn from N(0, 1), the result is distributed as the posterior.
     #[must_use]
     pub fn quantile(self, prior: Prior, normal: f64) -> f64 {
         match self {
             Self::UnknownSign => normal.signum(),
             Self::Known(value) => value,
-            Self::Gaussian { mean, variance } => from_scale(prior, mean + variance.sqrt() * normal),
+            Self::Gaussian { mean, variance } => {
+                from_gaussian_scale(prior, mean + variance.sqrt() * normal)
+            }
         }
     }
 
-    /// The mean of θ.
+    /// Posterior mean of θ.
     #[must_use]
     pub fn mean(self, prior: Prior) -> f64 {
         match (self, prior) {
@@ -163,8 +169,9 @@ impl Posterior {
     }
 }
 
-/// θ of a number on the scale of its prior's Gaussian.
-pub(super) fn from_scale(prior: Prior, number: f64) -> f64 {
+/// θ for a number on the scale on which its prior is Gaussian: the logarithmic scale if the prior is
+/// log-normal.
+pub(super) fn from_gaussian_scale(prior: Prior, number: f64) -> f64 {
     if matches!(prior, Prior::LogNormal { .. }) {
         libm::exp(number)
     } else {

@@ -1,4 +1,4 @@
-//! Where each agent of a small team was, in the recording that other runs have as well.
+//! The recording of a tabular run: the states that each agent of a small team visited.
 
 use super::scenario::TabularScenario;
 use super::team::Step;
@@ -11,30 +11,33 @@ use seedbed_env::tabular::Model;
 use seedbed_env::{Action, Choice, Quantity, Spec, Status};
 use seedbed_learn::experience::Episode;
 
-/// Larger teams are not recorded.
+/// Max number of agents of a team that is recorded.
 pub const MAX_AGENTS: u32 = 64;
 
-/// Takes in steps and writes whole rounds: one episode of each agent.
-pub struct Film {
+/// Records a tabular run round by round. Round n has the n-th episode of each agent.
+pub struct TabularRecorder {
     recorder: Option<Box<dyn Recorder>>,
     model: Model,
     spec: Spec,
-    /// Episodes under way, of each agent: `[K]`.
-    running: Vec<Episode>,
-    /// Episodes that ended, of rounds that did not.
-    ended: Vec<Episode>,
-    /// Whether an agent was in a state: `[K][states]`.
-    been: Vec<Vec<bool>>,
+    /// Current episode of each agent: `[K]`.
+    current: Vec<Episode>,
+    /// Finished episodes of rounds that are not complete.
+    finished: Vec<Episode>,
+    /// Whether each agent visited each state: `[K][states]`; empty if nothing is recorded.
+    visited: Vec<Vec<bool>>,
+    /// Number of recorded rounds.
     round: u32,
-    steps: u64,
+    /// Number of recorded environment steps.
+    env_steps: u64,
 }
 
-impl Film {
-    /// Records with what `recording` makes; records nothing without it or if the team is too large.
+impl TabularRecorder {
+    /// Starts recording with what `recording` makes. Records nothing without it, or if the team is too
+    /// large.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub fn of(
+    /// If the file cannot be written.
+    pub fn new(
         name: &str,
         scenario: &TabularScenario,
         recording: Option<Box<dyn RecorderFactory>>,
@@ -62,84 +65,81 @@ impl Film {
         let recorder = recording
             .map(|recording| recording.create(&info, &settings))
             .transpose()?;
-        let running = (0..agents)
-            .map(|agent| started(&model, &spec, agent, 0))
+        let recorded_agents = if recorder.is_some() { agents } else { 0 };
+        let current = (0..recorded_agents)
+            .map(|agent| first_state(&model, &spec, agent, 0))
             .collect();
-        let been = vec![
-            vec![false; model.states()];
-            if recorder.is_some() {
-                agents as usize
-            } else {
-                0
-            }
-        ];
+        let visited = vec![vec![false; model.states()]; recorded_agents as usize];
         Ok(Self {
             recorder,
             model,
             spec,
-            running,
-            ended: Vec::new(),
-            been,
+            current,
+            finished: Vec::new(),
+            visited,
             round: 0,
-            steps: 0,
+            env_steps: 0,
         })
     }
 
-    /// Takes in one step.
+    /// Records a step of the team.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub fn take_in(&mut self, step: &Step) -> Result<(), RecordError> {
+    /// If the file cannot be written.
+    pub fn record_step(&mut self, step: &Step) -> Result<(), RecordError> {
         if self.recorder.is_none() {
             return Ok(());
         }
-        let (running, been) = (
-            &mut self.running[step.agent as usize],
-            &mut self.been[step.agent as usize],
-        );
-        (been[step.from as usize], been[step.to as usize]) = (true, true);
-        running
+        let agent = step.agent as usize;
+        self.visited[agent][step.from as usize] = true;
+        self.visited[agent][step.to as usize] = true;
+        let episode = &mut self.current[agent];
+        episode
             .observations
             .extend_from_slice(self.model.place(step.to));
-        running.actions.push(step.action as f32);
-        running.rewards.push(step.reward as f32);
-        running.log_probs.push(0.0);
-        if step.ended.is_some() {
-            let next = started(&self.model, &self.spec, step.agent, step.episode + 1);
-            let mut ended = std::mem::replace(running, next);
-            let left = !self.model.pairs(step.to).is_empty();
-            ended.outcome = if left {
-                Status::Truncated
-            } else {
-                Status::Terminated
-            };
-            self.ended.push(ended);
-            self.write_whole_rounds()?;
+        episode.actions.push(step.action as f32);
+        episode.rewards.push(step.reward as f32);
+        episode.log_probs.push(0.0);
+        if step.ended.is_none() {
+            return Ok(());
         }
-        Ok(())
+        let next = first_state(&self.model, &self.spec, step.agent, step.episode + 1);
+        let mut finished = std::mem::replace(episode, next);
+        finished.outcome = if self.model.pairs(step.to).is_empty() {
+            Status::Terminated
+        } else {
+            Status::Truncated
+        };
+        self.finished.push(finished);
+        self.record_complete_rounds()
     }
 
-    /// An agent may be rounds ahead of others.
-    fn write_whole_rounds(&mut self) -> Result<(), RecordError> {
-        while self
-            .ended
-            .iter()
-            .filter(|episode| episode.round == self.round)
-            .count()
-            == self.running.len()
-        {
-            let (mut whole, rest): (Vec<Episode>, _) = std::mem::take(&mut self.ended)
-                .into_iter()
-                .partition(|episode| episode.round == self.round);
-            self.ended = rest;
-            whole.sort_by_key(|episode| episode.agent);
-            self.write_round(&whole)?;
+    /// Records every round of which all agents have finished their episode. Some agents may be rounds
+    /// ahead of others.
+    fn record_complete_rounds(&mut self) -> Result<(), RecordError> {
+        loop {
+            let round = self.round;
+            let in_round = |episode: &Episode| episode.round == round;
+            let count = self
+                .finished
+                .iter()
+                .filter(|&episode| in_round(episode))
+                .count();
+            if count < self.current.len() {
+                return Ok(());
+            }
+            let (mut complete, later): (Vec<Episode>, Vec<Episode>) =
+                std::mem::take(&mut self.finished)
+                    .into_iter()
+                    .partition(in_round);
+            self.finished = later;
+            complete.sort_by_key(|episode| episode.agent);
+            self.record_round(&complete)?;
             self.round += 1;
         }
-        Ok(())
     }
 
-    fn write_round(&mut self, episodes: &[Episode]) -> Result<(), RecordError> {
+    fn record_round(&mut self, episodes: &[Episode]) -> Result<(), RecordError> {
         let rows: Vec<EpisodeRow> = episodes.iter().map(|episode| self.row(episode)).collect();
         let episodes: Vec<&Episode> = episodes.iter().collect();
         let record = RoundRecord {
@@ -155,28 +155,36 @@ impl Film {
     }
 
     fn row(&mut self, episode: &Episode) -> EpisodeRow {
-        self.steps += episode.length() as u64;
-        let been = &self.been[episode.agent as usize];
+        self.env_steps += episode.length() as u64;
+        let visited = &self.visited[episode.agent as usize];
+        let visited_states = visited.iter().filter(|visited| **visited).count();
         EpisodeRow {
             agent: episode.agent,
             episode: episode.episode,
             round: episode.round,
-            env_steps: self.steps,
+            env_steps: self.env_steps,
             r#return: episode.total_reward(),
             length: episode.length() as u32,
             outcome: episode.outcome,
-            coverage: been.iter().filter(|been| **been).count() as f64 / been.len() as f64,
-            // Visits are counted by state, in `visits.csv`.
+            coverage: visited_states as f64 / visited.len() as f64,
+            // These measures are not computed during tabular runs.
             visitation_entropy: f64::NAN,
             team_overlap: f64::NAN,
             effective_agents: f64::NAN,
         }
     }
 
+    /// A warning about a viewer, if there is one.
+    pub fn warning(&mut self) -> Option<String> {
+        self.recorder
+            .as_mut()
+            .and_then(|recorder| recorder.warning())
+    }
+
     /// Completes the file.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// If the file cannot be written.
     pub fn finish(&mut self) -> Result<(), RecordError> {
         self.recorder
             .as_mut()
@@ -184,16 +192,17 @@ impl Film {
     }
 }
 
-/// An agent's episode at the task's start.
-fn started(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode {
-    let mut started = Episode::start(agent, episode, episode, spec);
+/// An episode that has only its first state.
+fn first_state(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode {
+    let round = episode;
+    let mut started = Episode::start(agent, episode, round, spec);
     started
         .observations
         .extend_from_slice(model.place(model.start));
     started
 }
 
-/// A finite task as the recording and the report describe it.
+/// The task of a tabular scenario, as recordings and reports describe it.
 #[must_use]
 pub fn spec(scenario: &TabularScenario, model: &Model) -> Spec {
     let quantity = |name: &str, range| Quantity {

@@ -1,4 +1,4 @@
-//! What a run in a finite task came to, and the files that say so.
+//! Results of a tabular run, and their files.
 
 use serde::Serialize;
 
@@ -8,66 +8,66 @@ use crate::run::files;
 use crate::run::folder::RunFolder;
 use crate::scenario::overrides::Resolve;
 
-/// A finished run.
+/// Results of a finished run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Results {
-    /// What it came to.
+    /// Summary.
     pub summary: Summary,
-    /// In the order in which they ended.
+    /// Episodes in the order in which they ended.
     pub episodes: Vec<Episode>,
-    /// Who was where.
+    /// Visited states.
     pub visits: Vec<VisitRow>,
 }
 
 /// `summary.json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// The scenario's name.
+    /// Name of the scenario.
     pub scenario: String,
-    /// The run's seed.
+    /// Run seed.
     pub seed: u64,
-    /// The family of tasks.
+    /// Name of the task family.
     pub task: &'static str,
-    /// How agents explored.
+    /// Name of the algorithm.
     pub algorithm: &'static str,
-    /// K.
+    /// Number of agents K.
     pub agents: u32,
-    /// Of each agent.
+    /// Number of episodes per agent.
     pub episodes_per_agent: u32,
-    /// Actions of the whole team.
+    /// Number of actions of the whole team.
     pub env_steps: u64,
-    /// What the best policy earns in an episode on average.
+    /// Expected return of an episode under the optimal policy.
     pub optimal_value: f64,
-    /// Mean over agents of the regret of all their episodes.
+    /// Regret of all episodes of an agent, mean over agents.
     pub regret_per_agent: f64,
-    /// Sum over agents.
+    /// Regret of all episodes of all agents.
     pub cumulative_regret: f64,
     /// Share of episodes without regret.
     pub episodes_without_regret: f64,
-    /// States in which any agent was, and all that there are.
+    /// Number of states that the team visited.
     pub states_visited: usize,
-    /// All that there are.
+    /// Number of states.
     pub states: usize,
 }
 
-/// One row of `visits.csv`: a state where somebody was.
+/// One row of `visits.csv`: a state that the team visited.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VisitRow {
-    /// The state's number.
+    /// Index of the state.
     pub state: u32,
-    /// Where it is, such as `row 3, column 1`.
+    /// Coordinates of the state, e.g. `row 3, column 1`.
     pub place: String,
-    /// How often the team was there.
+    /// Number of visits by the whole team.
     pub visits: u64,
-    /// How many agents were there at least once.
+    /// Number of agents that visited it at least once.
     pub agents: u32,
 }
 
-/// Regrets below this are rounding.
-const ROUNDING: f64 = 1e-9;
+/// Smaller regrets are rounding errors.
+const NO_REGRET: f64 = 1e-9;
 
 impl Results {
-    /// What a team came to that ended these episodes.
+    /// Results of a team that has finished `episodes`.
     #[must_use]
     pub fn of(
         name: &str,
@@ -78,7 +78,7 @@ impl Results {
         let cumulative: f64 = episodes.iter().map(|episode| episode.regret).sum();
         let without = episodes
             .iter()
-            .filter(|episode| episode.regret < ROUNDING)
+            .filter(|episode| episode.regret < NO_REGRET)
             .count();
         let agents = scenario.agents.count.get();
         let summary = Summary {
@@ -103,48 +103,45 @@ impl Results {
         }
     }
 
-    /// Writes `scenario.ron`, `regret.csv`, `visits.csv` and, last of all, `summary.json` into
-    /// `folder`.
+    /// Writes `scenario.ron`, `regret.csv` and `visits.csv`, and finally `summary.json`, which marks
+    /// the run as finished.
     ///
     /// # Errors
-    /// The system refuses.
+    /// If a file cannot be written.
     pub fn write(&self, scenario: &TabularScenario, folder: &RunFolder) -> std::io::Result<()> {
         files::replace(&folder.scenario(), scenario.resolved().as_bytes())?;
-        files::replace(&folder.regret(), &table(&self.episodes)?)?;
-        files::replace(&folder.visits(), &table(&self.visits)?)?;
+        files::replace(&folder.regret(), &to_csv(&self.episodes)?)?;
+        files::replace(&folder.visits(), &to_csv(&self.visits)?)?;
         let summary = serde_json::to_string_pretty(&self.summary).map_err(std::io::Error::other)?;
         files::replace(&folder.summary(), format!("{summary}\n").as_bytes())
     }
 }
 
 fn visit_rows(team: &TabularTeam) -> Vec<VisitRow> {
-    let place = |state: u32| {
-        let named = team
-            .model()
-            .coordinates
-            .iter()
-            .zip(team.model().place(state));
-        named
-            .map(|(coordinate, value)| format!("{} {value}", coordinate.name))
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
-    let visited = team
-        .visits()
-        .iter()
-        .zip(0..)
-        .filter(|(visits, _)| visits.agents > 0);
-    visited
-        .map(|(visits, state)| VisitRow {
-            state,
-            place: place(state),
-            visits: visits.visits,
-            agents: visits.agents,
-        })
-        .collect()
+    let mut rows = Vec::new();
+    for (state, visits) in (0..).zip(team.visits()) {
+        if visits.agents > 0 {
+            rows.push(VisitRow {
+                state,
+                place: format_place(team, state),
+                visits: visits.visits,
+                agents: visits.agents,
+            });
+        }
+    }
+    rows
 }
 
-fn table(rows: &[impl Serialize]) -> std::io::Result<Vec<u8>> {
+fn format_place(team: &TabularTeam, state: u32) -> String {
+    let coordinates = team.model().coordinates.iter();
+    coordinates
+        .zip(team.model().place(state))
+        .map(|(coordinate, value)| format!("{} {value}", coordinate.name))
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+fn to_csv(rows: &[impl Serialize]) -> std::io::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     rows.iter()
         .try_for_each(|row| writer.serialize(row))

@@ -1,4 +1,4 @@
-//! The RON of a run in a finite task: `TabularScenario(…)` in `scenarios/tabular/`.
+//! Tabular scenario files: `TabularScenario(…)` in `scenarios/tabular/`.
 
 use std::path::Path;
 
@@ -6,48 +6,49 @@ use serde::{Deserialize, Serialize};
 
 use super::Algorithm;
 use crate::scenario::overrides::{self, Resolve};
+use seedbed_env::input::edit::to_ron_string;
 use seedbed_env::input::numbers::{Count, NonNegative, known, known_count};
-use seedbed_env::input::{self, Document, FileKind, InputError};
+use seedbed_env::input::{self, Document, InputError};
 use seedbed_env::tabular::TaskFamily;
 
-/// A scenario of a team that knows its task's tables.
+/// A scenario of a team that knows the states and actions of its task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TabularScenario {
-    /// The family of tasks, one of which the run draws.
+    /// Family of tasks, from which the run draws one.
     pub task: TaskFamily,
-    /// How many agents, and when they begin.
+    /// Number of agents, and when they begin.
     #[serde(default)]
     pub agents: Agents,
-    /// How they explore.
+    /// How the agents explore.
     #[serde(default)]
     pub algorithm: Algorithm,
-    /// Episodes of each agent, one after the other.
+    /// Number of episodes per agent, one after the other.
     #[serde(default = "one")]
     pub episodes: Count<100_000>,
-    /// The run's seed, from which every random number derives.
+    /// Run seed, from which all random numbers are derived.
     #[serde(default)]
     pub seed: u64,
 }
 
-/// How many agents, and when they begin.
+/// Number of agents, and when they begin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Agents {
-    /// K.
+    /// Number of agents K.
     pub count: Count<100_000>,
-    /// When they begin.
+    /// When the agents begin.
     pub starts: Starts,
 }
 
-/// When agents begin. Between two actions of an agent passes a time of mean 1, exponentially
-/// distributed.
+/// When agents begin. The time between two actions of an agent is exponentially distributed with mean
+/// 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Starts {
-    /// One after the other: between two of them passes an exponentially distributed time.
+    /// One after the other; the time between two agents is exponentially distributed.
     OneByOne {
-        /// Its mean.
+        /// Mean of that time.
         #[serde(default = "default_gap")]
         mean_gap: NonNegative,
     },
@@ -80,25 +81,17 @@ fn one() -> Count<100_000> {
     known_count(1)
 }
 
-/// Whether a file says that it is a tabular scenario.
-#[must_use]
-pub fn is_meant(path: &Path) -> bool {
-    let kind = input::read_text(path)
-        .and_then(|text| input::file_kind(&path.display().to_string(), &text));
-    matches!(kind, Ok(FileKind::TabularScenario))
-}
-
 /// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.
 ///
 /// # Errors
-/// The file or an override is wrong.
+/// If the file or an override is invalid.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<TabularScenario>, InputError> {
     overrides::apply_all(input::read(path)?, overrides)
 }
 
 impl Resolve for TabularScenario {
     fn resolved(&self) -> String {
-        overrides::spelled_out("TabularScenario", self)
+        to_ron_string("TabularScenario", self)
     }
 }
 

@@ -1,70 +1,71 @@
-//! An agent's seed: numbers drawn once, by which it makes of any belief one MDP (arXiv 1802.01282
+//! An agent's seed: random numbers, drawn once, that turn any belief into one MDP (arXiv 1802.01282
 //! §3).
 //!
-//! The MDP is a deterministic function of (belief, seed). So an agent adapts to what anybody sees,
-//! keeps its intent while nothing is seen, and differs from others; over seeds, the MDP is
-//! distributed as the posterior.
+//! The MDP is a deterministic function of (belief, seed). So an agent adapts to the observations of
+//! all agents, keeps its plan as long as the belief does not change, and differs from other agents.
+//! Over seeds, the MDP is distributed as the posterior.
 
 use rand::RngExt;
 use rand_distr::{Distribution, Gamma, StandardNormal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::belief::{Belief, Posterior, from_scale};
+use super::belief::{Belief, Posterior, from_gaussian_scale};
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::tabular::{Mdp, Model, Prior};
 
-/// How seeds turn a Gaussian belief into one number.
+/// How a seed samples a parameter from a Gaussian posterior.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum RewardSeeds {
     /// Standard-Gaussian: θ̂ = μ + σ z, with z ~ N(0, 1) drawn once.
     #[default]
     StandardGaussian,
-    /// Martingalean-Gaussian: θ̂ is what the belief's mean would be if the prior mean were θ̂₀ ~
-    /// N(μ₀, σ₀²) and each observation n bore the agent's own noise wₙ ~ N(0, s²).
+    /// Martingalean-Gaussian: θ̂ is what the posterior mean would be if the prior mean were θ̂₀ ~
+    /// N(μ₀, σ₀²) and the agent's own noise wₙ ~ N(0, s²) were added to each observation n.
     MartingaleGaussian,
 }
 
-/// One agent's seed.
+/// Seed of one agent.
 #[derive(Clone, Debug)]
-pub struct Seed {
-    run: u64,
+pub struct AgentSeed {
+    run_seed: u64,
     agent: u32,
-    /// z of each parameter: `[parameters]`.
+    /// Standard normal number z of each parameter: `[parameters]`.
     normals: Vec<f64>,
-    /// Σ of the first n own noises of each parameter, in units of s: `[parameters]`.
-    walks: Vec<Sum>,
-    /// Σ of the first n own exponentials of each outcome, and what stands for its prior weight:
-    /// `[outcomes]`.
-    weights: Vec<Sum>,
+    /// Sum of the first n noises wₙ / s of each parameter: `[parameters]`.
+    noise_sums: Vec<StreamSum>,
+    /// Gamma-distributed number for the prior of each outcome, plus the sum of its first n
+    /// exponential numbers: `[outcomes]`; empty if transitions are deterministic.
+    weights: Vec<StreamSum>,
 }
 
-/// A sum over the first `count` numbers of a stream.
+/// Sum of the first `count` numbers of a random stream. Since sums only grow, a sum is extended
+/// without drawing the numbers before it again.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sum {
+struct StreamSum {
     count: u32,
     total: f64,
 }
 
-/// Where in an outcome's stream its exponentials begin, in words; before that stands what its prior
-/// weight draws.
+/// Position in an outcome's random stream at which its exponential numbers begin, in words. The
+/// Gamma-distributed number before them takes an unknown number of words, but far fewer than this.
 const FIRST_EXPONENTIAL: u128 = 1 << 20;
 
-impl Seed {
-    /// The seed of an agent.
+impl AgentSeed {
+    /// Draws the seed of an agent.
     #[must_use]
     pub fn new(model: &Model, run_seed: u64, agent: u32) -> Self {
         let random = stream(run_seed, Purpose::TabularSeeds, agent, 0);
-        let certain = model.outcomes().len() == model.pair_count();
+        let is_deterministic = model.outcomes().len() == model.pair_count();
         Self {
-            run: run_seed,
+            run_seed,
             agent,
             normals: StandardNormal
                 .sample_iter(random)
                 .take(model.parameters.len())
                 .collect(),
-            walks: vec![Sum::default(); model.parameters.len()],
-            weights: if certain {
+            noise_sums: vec![StreamSum::default(); model.parameters.len()],
+            weights: if is_deterministic {
                 Vec::new()
             } else {
                 prior_weights(model, run_seed, agent)
@@ -72,15 +73,16 @@ impl Seed {
         }
     }
 
-    /// The agent's MDP where its team believes `belief`.
+    /// Sets `mdp` to the MDP that this seed samples from `belief`.
     pub fn sample(&mut self, model: &Model, belief: &Belief, rewards: RewardSeeds, mdp: &mut Mdp) {
         for parameter in 0..model.parameters.len() {
             let (prior, posterior) = (model.parameters[parameter], belief.posterior(parameter));
             mdp.values[parameter] = match (rewards, posterior) {
                 (RewardSeeds::MartingaleGaussian, Posterior::Gaussian { mean, variance }) => {
-                    from_scale(
+                    from_gaussian_scale(
                         prior,
-                        mean + variance * self.pull(parameter, prior, belief.sightings(parameter)),
+                        mean + variance
+                            * self.martingale(parameter, prior, belief.parameter_count(parameter)),
                     )
                 }
                 _ => posterior.quantile(prior, self.normals[parameter]),
@@ -91,9 +93,9 @@ impl Seed {
         }
     }
 
-    /// How far the seed pulls a martingale from the posterior mean, in units of its variance: (θ̂₀
-    /// − μ₀) / σ₀² + Σ wₙ / s².
-    fn pull(&mut self, parameter: usize, prior: Prior, sightings: u32) -> f64 {
+    /// Distance of the martingale from the posterior mean after `count` observations, divided by the
+    /// posterior variance: (θ̂₀ − μ₀) / σ₀² + Σ wₙ / s².
+    fn martingale(&mut self, parameter: usize, prior: Prior, count: u32) -> f64 {
         let (Prior::Normal {
             deviation, noise, ..
         }
@@ -103,68 +105,66 @@ impl Seed {
         else {
             return 0.0;
         };
-        let (start, walk) = (
-            self.normals[parameter] / deviation,
-            &mut self.walks[parameter],
-        );
-        if sightings == 0 {
+        let start = self.normals[parameter] / deviation;
+        if count == 0 {
+            // The noise may be 0.
             return start;
         }
-        if walk.count < sightings {
+        let sum = &mut self.noise_sums[parameter];
+        if sum.count < count {
             let mut random = stream(
-                self.run,
+                self.run_seed,
                 Purpose::TabularNoise,
                 self.agent,
                 parameter as u32,
             );
-            random.set_word_pos(u128::from(walk.count) * 4);
-            walk.extend(sightings, || box_muller(&mut random));
+            random.set_word_pos(u128::from(sum.count) * WORDS_OF_NORMAL);
+            sum.extend(count, || box_muller(&mut random));
         }
-        start + walk.total / noise
+        start + sum.total / noise
     }
 
-    /// Exponential-Dirichlet: p̂ of an outcome seen n times is the share of its Gamma(α₀) + Σ of
-    /// its first n exponentials. A sum of n exponentials is Gamma(n), and shares of Gammas are
-    /// Dirichlet, as the posterior is.
+    /// Exponential-Dirichlet: the weight of an outcome that was observed n times is a Gamma(α₀)
+    /// number plus the sum of its first n exponential numbers, and p̂ is its share of the weights of
+    /// its pair. A sum of n exponential numbers is Gamma(n), and shares of Gamma-distributed weights
+    /// are Dirichlet-distributed, as the posterior is.
     fn sample_transitions(&mut self, model: &Model, belief: &Belief, mdp: &mut Mdp) {
         for pair in 0..model.pair_count() {
-            let outcomes = model.outcomes_of(pair);
-            outcomes
-                .clone()
-                .for_each(|outcome| self.weigh(outcome, belief.count(outcome)));
-            let weights = self.weights[outcomes.clone()].iter().map(|sum| sum.total);
-            mdp.probabilities[outcomes]
-                .iter_mut()
-                .zip(weights)
-                .for_each(|(probability, weight)| *probability = weight);
+            for outcome in model.outcomes_of(pair) {
+                mdp.probabilities[outcome] = self.weight(outcome, belief.outcome_count(outcome));
+            }
         }
-        normalise(model, mdp);
+        normalize(model, mdp);
     }
 
-    fn weigh(&mut self, outcome: usize, count: u32) {
+    /// Weight of an outcome after `count` observations.
+    fn weight(&mut self, outcome: usize, count: u32) -> f64 {
         let sum = &mut self.weights[outcome];
         if sum.count < count {
             let mut random = stream(
-                self.run,
+                self.run_seed,
                 Purpose::TabularTransitions,
                 self.agent,
                 outcome as u32,
             );
-            random.set_word_pos(FIRST_EXPONENTIAL + u128::from(sum.count) * 2);
+            random.set_word_pos(FIRST_EXPONENTIAL + u128::from(sum.count) * WORDS_OF_UNIFORM);
             sum.extend(count, || -libm::log(uniform(&mut random)));
         }
+        sum.total
     }
 }
 
-impl Sum {
-    /// Goes on to the first `count` numbers.
+impl StreamSum {
+    /// Adds numbers up to the first `count`.
     fn extend(&mut self, count: u32, mut next: impl FnMut() -> f64) {
-        (self.count..count).for_each(|_| self.total += next());
+        for _ in self.count..count {
+            self.total += next();
+        }
         self.count = count;
     }
 }
 
-fn prior_weights(model: &Model, run_seed: u64, agent: u32) -> Vec<Sum> {
+fn prior_weights(model: &Model, run_seed: u64, agent: u32) -> Vec<StreamSum> {
     let gamma = gamma(model.outcome_weight);
     let weight = |outcome| {
         gamma.sample(&mut stream(
@@ -175,7 +175,7 @@ fn prior_weights(model: &Model, run_seed: u64, agent: u32) -> Vec<Sum> {
         ))
     };
     (0..model.outcomes().len())
-        .map(|outcome| Sum {
+        .map(|outcome| StreamSum {
             count: 0,
             total: weight(outcome),
         })
@@ -183,11 +183,11 @@ fn prior_weights(model: &Model, run_seed: u64, agent: u32) -> Vec<Sum> {
 }
 
 fn gamma(shape: f64) -> Gamma<f64> {
-    Gamma::new(shape, 1.0).expect("weights are above 0")
+    Gamma::new(shape, 1.0).expect("the shape is above 0")
 }
 
-/// An MDP drawn from the belief, independent of all that was drawn before.
-pub fn draw_posterior(model: &Model, belief: &Belief, random: &mut Stream, mdp: &mut Mdp) {
+/// Sets `mdp` to an independent sample of the belief.
+pub fn sample_posterior(model: &Model, belief: &Belief, random: &mut Stream, mdp: &mut Mdp) {
     for parameter in 0..model.parameters.len() {
         let normal = StandardNormal.sample(random);
         mdp.values[parameter] = belief
@@ -197,14 +197,16 @@ pub fn draw_posterior(model: &Model, belief: &Belief, random: &mut Stream, mdp: 
     if model.outcomes().len() > model.pair_count() {
         for outcome in 0..model.outcomes().len() {
             mdp.probabilities[outcome] =
-                gamma(model.outcome_weight + f64::from(belief.count(outcome))).sample(random);
+                gamma(model.outcome_weight + f64::from(belief.outcome_count(outcome)))
+                    .sample(random);
         }
-        normalise(model, mdp);
+        normalize(model, mdp);
     }
 }
 
-/// Makes of weights probabilities, pair by pair; equal ones where all weights are 0.
-fn normalise(model: &Model, mdp: &mut Mdp) {
+/// Divides the weights of each pair's outcomes by their sum. If all are 0, the outcomes get equal
+/// probabilities.
+fn normalize(model: &Model, mdp: &mut Mdp) {
     for pair in 0..model.pair_count() {
         let weights = &mut mdp.probabilities[model.outcomes_of(pair)];
         let (total, equal) = (weights.iter().sum::<f64>(), 1.0 / weights.len() as f64);
@@ -214,12 +216,19 @@ fn normalise(model: &Model, mdp: &mut Mdp) {
     }
 }
 
-/// Above 0 and at most 1; takes two words of the stream.
+/// Number of words of a stream that [`uniform`] takes.
+const WORDS_OF_UNIFORM: u128 = 2;
+
+/// Number of words of a stream that [`box_muller`] takes.
+const WORDS_OF_NORMAL: u128 = 2 * WORDS_OF_UNIFORM;
+
+/// A number above 0 and at most 1.
 fn uniform(random: &mut Stream) -> f64 {
     1.0 - random.random::<f64>()
 }
 
-/// A standard normal number of exactly four words, so that the n-th of a stream can be found.
+/// A standard normal number. Unlike faster methods, Box and Muller's takes the same number of words
+/// each time, so that the position of the n-th number in a stream is known.
 fn box_muller(random: &mut Stream) -> f64 {
     let radius = (-2.0 * libm::log(uniform(random))).sqrt();
     radius * libm::cos(std::f64::consts::TAU * uniform(random))

@@ -1,10 +1,10 @@
-//! A team at work in one finite task: agents act at times of their own, and each transition reaches
-//! the belief of all at once.
+//! A team in one tabular task: agents act at random times, and each transition updates the shared
+//! belief immediately.
 //!
-//! The next action is always that of the agent whose time comes first, so that each sees all that
-//! happened before. A run is one sequence of actions and needs one thread; many runs need as many.
+//! The next action is always that of the agent with the earliest time, so that each agent knows
+//! everything that happened before. A run is one sequence of actions, on one thread.
 
-mod imagination;
+mod sample_mdp;
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -13,28 +13,29 @@ use rand::RngExt;
 
 use super::Algorithm;
 use super::belief::Belief;
-use super::plan::{Planner, Policy};
+use super::plan_cache::PlanCache;
+use super::planner::{Planner, Policy};
 use super::scenario::TabularScenario;
-use super::seed::Seed;
-use super::shelf::Shelf;
+use super::seed::AgentSeed;
 use super::turn::{Turn, first_turns};
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::tabular::{Mdp, Model};
 
-/// A team in one drawn task.
+/// A team in a task that was drawn from the family of the scenario.
 pub struct TabularTeam {
     scenario: TabularScenario,
     model: Model,
-    truth: Mdp,
+    /// The drawn task.
+    true_mdp: Mdp,
     optimal_value: f64,
     belief: Belief,
     planner: Planner,
     agents: Vec<Agent>,
     queue: BinaryHeap<Reverse<Turn>>,
-    shelf: Shelf,
-    /// What the agent at work takes for the truth.
-    imagined: Mdp,
-    /// Of outcomes, where the algorithm is optimistic.
+    plan_cache: PlanCache,
+    /// The MDP in which the acting agent plans.
+    mdp: Mdp,
+    /// Optimism about each outcome, see [`Planner::plan`]: `[outcomes]`, or empty.
     optimism: Vec<f64>,
     visits: Vec<Visits>,
     steps: u64,
@@ -42,100 +43,104 @@ pub struct TabularTeam {
 
 /// One agent.
 struct Agent {
-    seed: Option<Seed>,
-    /// Where its time between actions, and what becomes of these, are drawn from.
+    seed: Option<AgentSeed>,
+    /// Random stream of the times between its actions.
     clock: Stream,
+    /// Random stream of the outcomes of its actions, and of its random actions.
     outcomes: Stream,
     plan: Plan,
-    /// Room for a policy of its own.
+    /// The policy of [`Plan::Own`].
     policy: Policy,
-    /// The belief that the plan was made of.
+    /// Version of the belief that the plan is based on.
     version: u64,
-    /// The step from which on it was made.
+    /// First step that the plan covers.
     planned_from: u32,
     state: u32,
+    /// Number of actions in this episode.
     step: u32,
-    /// Actions in all episodes.
+    /// Number of actions in all episodes.
     actions: u32,
     episode: Episode,
-    been: Vec<bool>,
+    /// Whether it visited each state: `[states]`.
+    visited: Vec<bool>,
 }
 
-/// What an agent follows.
+/// Which policy an agent follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Plan {
-    /// Nothing yet.
+    /// None yet.
     None,
-    /// A plan on the shelf.
-    Shared(usize),
-    /// Its own policy.
+    /// The policy with this index in the plan cache.
+    Cached(usize),
+    /// A policy of its own.
     Own,
 }
 
-/// One action of one agent, and what came of it.
+/// One action of one agent, with its result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Who acted.
+    /// Index of the agent.
     pub agent: u32,
-    /// Which of the agent's episodes.
+    /// Index of the episode among the agent's episodes.
     pub episode: u32,
-    /// The state before.
+    /// State before the action.
     pub from: u32,
-    /// Which action of that state.
+    /// Index of the action among the actions of that state.
     pub action: u32,
-    /// What it earned.
+    /// Reward.
     pub reward: f64,
-    /// The state after.
+    /// State after the action.
     pub to: u32,
-    /// The episode, if it ended with that.
+    /// The episode, if it ended with this step.
     pub ended: Option<Episode>,
 }
 
-/// An episode of one agent.
+/// An episode of one agent: a row of `regret.csv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Episode {
-    /// Who acted.
+    /// Index of the agent.
     pub agent: u32,
-    /// The agent's own count, from 0.
+    /// Index of the episode among the agent's episodes.
     pub episode: u32,
-    /// When the agent began; between two of its actions passes 1 on average.
+    /// Time at which the episode began, in units of the mean time between two actions of an agent.
     pub begun: f64,
-    /// When it made its last step.
+    /// Time of its last action.
     pub ended: f64,
-    /// Steps.
+    /// Number of steps.
     pub length: u32,
     /// Sum of rewards.
     pub r#return: f64,
-    /// What the best policy earns on average, less the mean rewards of what was done.
+    /// Expected return of the optimal policy, minus the mean rewards of the transitions that
+    /// happened.
     pub regret: f64,
 }
 
-/// How often a state was visited.
+/// Visits of one state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Visits {
-    /// By the whole team.
+    /// Number of visits by the whole team.
     pub visits: u64,
-    /// Agents that were there at least once.
+    /// Number of agents that visited it at least once.
     pub agents: u32,
 }
 
 impl TabularTeam {
-    /// A team at its seeds, in the task that the scenario's seed draws.
+    /// A team before its first action, in the task that is drawn with the scenario's run seed.
     #[must_use]
     pub fn new(scenario: &TabularScenario) -> Self {
         let model = scenario.task.model(scenario.seed);
-        let truth = scenario.task.draw(&model, scenario.seed);
+        let true_mdp = scenario.task.draw(&model, scenario.seed);
         let mut planner = Planner::new(&model);
         let agents: Vec<Agent> = (0..scenario.agents.count.get())
             .map(|agent| Agent::new(scenario, &model, agent))
             .collect();
         let mut team = Self {
-            optimal_value: planner.optimal_value(&model, &truth),
+            optimal_value: planner.optimal_value(&model, &true_mdp),
             belief: Belief::new(&model),
             queue: BinaryHeap::new(),
             agents,
-            shelf: Shelf::new(&model),
-            imagined: Mdp {
+            plan_cache: PlanCache::new(&model),
+            mdp: Mdp {
                 values: vec![0.0; model.parameters.len()],
                 probabilities: vec![1.0; model.outcomes().len()],
             },
@@ -144,24 +149,24 @@ impl TabularTeam {
             steps: 0,
             scenario: scenario.clone(),
             model,
-            truth,
+            true_mdp,
             planner,
         };
         team.queue = first_turns(scenario)
             .into_iter()
-            .map(|turn| Reverse(team.begin(turn, 0)))
+            .map(|turn| Reverse(team.begin_episode(turn, 0)))
             .collect();
         team
     }
 
-    /// The next action, of whoever's turn it is. `None` when all have finished.
+    /// Executes the next action of the team. `None` if all agents have finished all episodes.
     pub fn advance(&mut self) -> Option<Step> {
         let Reverse(turn) = self.queue.pop()?;
-        let pair = self.choose(turn.agent);
-        let mut step = self.act(turn, pair);
+        let pair = self.choose_pair(turn.agent);
+        let mut step = self.execute(turn, pair);
         let agent = &mut self.agents[turn.agent as usize];
-        let over = agent.step >= self.model.horizon || self.model.pairs(agent.state).is_empty();
-        if !over {
+        let is_over = agent.step >= self.model.horizon || self.model.pairs(agent.state).is_empty();
+        if !is_over {
             self.queue.push(Reverse(turn.next(&mut agent.clock)));
             return Some(step);
         }
@@ -170,16 +175,16 @@ impl TabularTeam {
             ..agent.episode
         });
         if step.episode + 1 < self.scenario.episodes.get() {
-            let begun = self.begin(turn, step.episode + 1);
-            self.queue.push(Reverse(begun));
+            let first_turn = self.begin_episode(turn, step.episode + 1);
+            self.queue.push(Reverse(first_turn));
         } else {
-            agent.retire();
+            agent.free_memory();
         }
         Some(step)
     }
 
-    /// Starts an episode at the time of `turn`; the turn of its first action.
-    fn begin(&mut self, turn: Turn, episode: u32) -> Turn {
+    /// Begins an episode at the time of `turn`, and returns the turn of its first action.
+    fn begin_episode(&mut self, turn: Turn, episode: u32) -> Turn {
         let agent = &mut self.agents[turn.agent as usize];
         agent.state = self.model.start;
         agent.step = 0;
@@ -191,36 +196,37 @@ impl TabularTeam {
             ..Episode::default()
         };
         let next = turn.next(&mut agent.clock);
-        self.visit(turn.agent);
+        self.count_visit(turn.agent);
         next
     }
 
-    fn visit(&mut self, agent: u32) {
+    /// Counts a visit of the agent's state.
+    fn count_visit(&mut self, agent: u32) {
         let agent = &mut self.agents[agent as usize];
         let visits = &mut self.visits[agent.state as usize];
-        let first = !std::mem::replace(&mut agent.been[agent.state as usize], true);
+        let is_first = !std::mem::replace(&mut agent.visited[agent.state as usize], true);
         visits.visits += 1;
-        visits.agents += u32::from(first);
+        visits.agents += u32::from(is_first);
     }
 
-    /// Does what a pair does in the truth, and lets all know.
-    fn act(&mut self, turn: Turn, pair: usize) -> Step {
+    /// Executes an action, a pair of the agent's state, in the true MDP, and updates the belief.
+    fn execute(&mut self, turn: Turn, pair: usize) -> Step {
         let agent = &mut self.agents[turn.agent as usize];
-        let outcome = self.model.sample(&self.truth, pair, &mut agent.outcomes);
-        let seen = self
+        let outcome = self.model.sample(&self.true_mdp, pair, &mut agent.outcomes);
+        let observation = self
             .model
-            .observe(&self.truth, outcome, &mut agent.outcomes);
+            .observe(&self.true_mdp, outcome, &mut agent.outcomes);
         let (from, to) = (agent.state, self.model.outcomes()[outcome].state);
-        let reward = self.model.reward(outcome, seen);
-        agent.take(
+        let reward = self.model.reward(outcome, observation);
+        agent.enter(
             to,
             reward,
-            self.model.mean_reward(outcome, &self.truth.values),
+            self.model.mean_reward(outcome, &self.true_mdp.values),
         );
         let episode = agent.episode.episode;
         self.steps += 1;
-        self.belief.take_in(&self.model, pair, outcome, seen);
-        self.visit(turn.agent);
+        self.belief.update(&self.model, pair, outcome, observation);
+        self.count_visit(turn.agent);
         let action = (pair - self.model.pairs(from).start) as u32;
         Step {
             agent: turn.agent,
@@ -233,8 +239,8 @@ impl TabularTeam {
         }
     }
 
-    /// What an agent does now: a pair of its state.
-    fn choose(&mut self, agent: u32) -> usize {
+    /// Chooses the next action of an agent: a pair of its state.
+    fn choose_pair(&mut self, agent: u32) -> usize {
         let pairs = self.model.pairs(self.agents[agent as usize].state);
         let epsilon = match self.scenario.algorithm {
             Algorithm::Random => 1.0,
@@ -248,42 +254,43 @@ impl TabularTeam {
         pairs.start + self.planned_action(agent)
     }
 
-    fn planned_action(&mut self, number: u32) -> usize {
-        if !self.is_up_to_date(&self.agents[number as usize]) {
-            self.make_plan(number);
+    /// Index of the planned action among the actions of the agent's state.
+    fn planned_action(&mut self, agent_index: u32) -> usize {
+        if !self.is_up_to_date(&self.agents[agent_index as usize]) {
+            self.plan(agent_index);
         }
-        let agent = &self.agents[number as usize];
+        let agent = &self.agents[agent_index as usize];
         let policy = match agent.plan {
-            Plan::Shared(slot) => self.shelf.plans[slot]
+            Plan::Cached(index) => self.plan_cache.policies[index]
                 .as_ref()
-                .expect("a plan on the shelf was made"),
+                .expect("the agent's policy is in the cache"),
             Plan::Own | Plan::None => &agent.policy,
         };
         self.planner.action(policy, agent.step, agent.state)
     }
 
-    /// Whether nothing has happened that would change an agent's plan.
+    /// Whether an agent's plan is still the one that it would make now.
     fn is_up_to_date(&self, agent: &Agent) -> bool {
-        let planned = agent.plan != Plan::None && agent.planned_from <= agent.step;
+        let has_plan = agent.plan != Plan::None && agent.planned_from <= agent.step;
         match self.scenario.algorithm {
             Algorithm::ThompsonResampling => false,
-            Algorithm::SampleOnce => planned && agent.step > 0,
-            _ => planned && agent.version == self.belief.version(),
+            Algorithm::SampleOnce => has_plan && agent.step > 0,
+            _ => has_plan && agent.version == self.belief.version(),
         }
     }
 
-    fn make_plan(&mut self, number: u32) {
-        self.imagine(number);
-        let slot = self.shelf.slot(&self.imagined);
-        let agent = &mut self.agents[number as usize];
+    /// Plans the remaining steps of an agent's episode.
+    fn plan(&mut self, agent_index: u32) {
+        self.sample_mdp(agent_index);
+        let cached = self.plan_cache.index(&self.mdp);
+        let agent = &mut self.agents[agent_index as usize];
         (agent.version, agent.planned_from) = (self.belief.version(), agent.step);
-        if let Some(slot) = slot {
-            agent.plan = Plan::Shared(slot);
-            let plan = &mut self.shelf.plans[slot];
-            if plan.is_none() {
-                let policy = plan.insert(self.planner.empty_policy());
-                self.planner
-                    .plan(&self.model, &self.imagined, &[], 0, policy);
+        if let Some(index) = cached {
+            agent.plan = Plan::Cached(index);
+            let entry = &mut self.plan_cache.policies[index];
+            if entry.is_none() {
+                let policy = entry.insert(self.planner.empty_policy());
+                self.planner.plan(&self.model, &self.mdp, &[], 0, policy);
             }
             return;
         }
@@ -291,32 +298,32 @@ impl TabularTeam {
         agent.policy.resize(self.planner.policy_length(), 0);
         self.planner.plan(
             &self.model,
-            &self.imagined,
+            &self.mdp,
             &self.optimism,
             agent.step,
             &mut agent.policy,
         );
     }
 
-    /// What the best policy earns in an episode on average.
+    /// Expected return of an episode under the optimal policy.
     #[must_use]
     pub fn optimal_value(&self) -> f64 {
         self.optimal_value
     }
 
-    /// The task's tables.
+    /// States, actions and transitions of the task.
     #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Who was where how often: `[states]`.
+    /// Visits of each state: `[states]`.
     #[must_use]
     pub fn visits(&self) -> &[Visits] {
         &self.visits
     }
 
-    /// States in which any agent was.
+    /// Number of states that the team visited.
     #[must_use]
     pub fn states_visited(&self) -> usize {
         self.visits
@@ -325,7 +332,7 @@ impl TabularTeam {
             .count()
     }
 
-    /// Actions of the whole team.
+    /// Number of actions of the whole team.
     #[must_use]
     pub fn steps(&self) -> u64 {
         self.steps
@@ -336,8 +343,8 @@ impl Agent {
     fn new(scenario: &TabularScenario, model: &Model, agent: u32) -> Self {
         let named = |purpose| stream(scenario.seed, purpose, agent, 0);
         let seed = match scenario.algorithm {
-            Algorithm::SeedSampling { .. } => Some(Seed::new(model, scenario.seed, agent)),
-            Algorithm::SharedSeed { .. } => Some(Seed::new(model, scenario.seed, 0)),
+            Algorithm::SeedSampling { .. } => Some(AgentSeed::new(model, scenario.seed, agent)),
+            Algorithm::SharedSeed { .. } => Some(AgentSeed::new(model, scenario.seed, 0)),
             _ => None,
         };
         Self {
@@ -352,12 +359,12 @@ impl Agent {
             step: 0,
             actions: 0,
             episode: Episode::default(),
-            been: vec![false; model.states()],
+            visited: vec![false; model.states()],
         }
     }
 
-    /// Goes on to a state, having earned `reward`, whose mean is `mean`.
-    fn take(&mut self, to: u32, reward: f64, mean: f64) {
+    /// Moves to a state, with a reward whose mean is `mean`.
+    fn enter(&mut self, to: u32, reward: f64, mean: f64) {
         self.episode.r#return += reward;
         self.episode.regret -= mean;
         self.episode.length += 1;
@@ -366,8 +373,8 @@ impl Agent {
         self.actions += 1;
     }
 
-    /// Gives back what it will not need.
-    fn retire(&mut self) {
+    /// Frees memory after the last episode.
+    fn free_memory(&mut self) {
         (self.seed, self.policy) = (None, Policy::new());
     }
 }

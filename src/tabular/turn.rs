@@ -1,4 +1,4 @@
-//! Whose turn it is: agents begin and act at random times.
+//! The order in which agents act: they begin and act at random times.
 
 use std::cmp::Ordering;
 
@@ -7,17 +7,17 @@ use rand_distr::{Distribution, Exp1};
 use super::scenario::{Starts, TabularScenario};
 use seedbed_env::random::{Purpose, Stream, stream};
 
-/// An agent's time to act. Of equal times, the lower agent's comes first.
+/// Time of an agent's next action. Turns are ordered by time, then by agent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turn {
     /// In units of the mean time between two actions of an agent.
     pub(super) time: f64,
-    /// Whose.
+    /// Index of the agent.
     pub(super) agent: u32,
 }
 
 impl Turn {
-    /// The same agent's next turn.
+    /// The next turn of the same agent.
     pub(super) fn next(self, clock: &mut Stream) -> Self {
         let pause: f64 = Exp1.sample(clock);
         Self {
@@ -27,18 +27,18 @@ impl Turn {
     }
 }
 
-/// When each agent begins.
+/// The time at which each agent begins: `[K]`.
 pub(super) fn first_turns(scenario: &TabularScenario) -> Vec<Turn> {
     let mut arrivals = stream(scenario.seed, Purpose::TabularArrivals, 0, 0);
-    let mut time = 0.0;
-    let mut turn = |agent| {
+    let (mut turns, mut time) = (Vec::new(), 0.0);
+    for agent in 0..scenario.agents.count.get() {
         if let Starts::OneByOne { mean_gap } = scenario.agents.starts {
             let gap: f64 = Exp1.sample(&mut arrivals);
             time += mean_gap.get() * gap;
         }
-        Turn { time, agent }
-    };
-    (0..scenario.agents.count.get()).map(&mut turn).collect()
+        turns.push(Turn { time, agent });
+    }
+    turns
 }
 
 impl Eq for Turn {}

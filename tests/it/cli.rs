@@ -1,4 +1,4 @@
-//! The command line as a user meets it: messages, exit codes, and what is left on disk.
+//! The command line: messages, exit statuses, and files that are written.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -8,7 +8,7 @@ use super::util::{
 };
 
 #[test]
-fn good_files_pass() {
+fn valid_files_pass() {
     let output = seedbed(&["check", "scenarios/cartpole.ron", "envs/cartpole.ron"]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(
@@ -19,7 +19,7 @@ fn good_files_pass() {
 }
 
 #[test]
-fn every_file_that_comes_along_passes() {
+fn every_file_of_the_repository_passes() {
     let mut files = Vec::new();
     for folder in ["envs", "scenarios"] {
         files.extend(files_below(&Path::new(REPOSITORY).join(folder), "ron"));
@@ -36,7 +36,7 @@ fn every_file_that_comes_along_passes() {
             "{answer}"
         );
     }
-    // One file of each kind, so that a kind that is no longer looked for is noticed.
+    // One file of each kind, in case the files of a kind are no longer found.
     for known in [
         "/envs/cartpole.ron: environment",
         "/envs/deep_sea.ron: environment",
@@ -49,10 +49,10 @@ fn every_file_that_comes_along_passes() {
     }
 }
 
-/// Regrets are in `regret.csv` and `summary.json`; a second run into the same folder is refused,
-/// `--overwrite` repeats it to the bit.
+/// Regrets are in `regret.csv` and `summary.json`; a second run into the same directory is refused,
+/// and `--overwrite` repeats it to the bit.
 #[test]
-fn a_tabular_run_leaves_what_is_promised() {
+fn a_tabular_run_writes_its_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let run = |more: &[&str]| {
@@ -105,6 +105,82 @@ fn a_tabular_run_leaves_what_is_promised() {
     );
 }
 
+/// Of 20 agents with one episode each: progress is printed per tenth of all episodes.
+#[test]
+fn a_tabular_run_prints_progress_and_results() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let output = seedbed(&[
+        "run",
+        "scenarios/tabular/bipolar_chain.ron",
+        "--set",
+        "agents.count=20",
+        "--out",
+        path.to_str().unwrap(),
+    ]);
+    let progress = stderr(&output);
+    assert_eq!(progress.lines().count(), 10, "{progress}");
+    assert!(
+        progress.starts_with("2/20 episodes · mean return "),
+        "{progress}"
+    );
+    let printed = stdout(&output);
+    let labels: Vec<&str> = printed.lines().map(|line| line[..10].trim()).collect();
+    assert_eq!(
+        labels,
+        [
+            "finished",
+            "optimal",
+            "regret",
+            "no regret",
+            "visited",
+            "results",
+            "recording",
+            ""
+        ]
+    );
+}
+
+/// A team that is too large for a recording cannot be shown in a viewer, and a tabular run has no
+/// checkpoint from which it could be resumed, not even that of another run.
+#[test]
+fn tabular_runs_without_recording_or_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = |more: &[&str]| {
+        let base = [
+            "run",
+            "scenarios/tabular/bipolar_chain.ron",
+            "--set",
+            "agents.count=65",
+            "--out",
+            path.to_str().unwrap(),
+        ];
+        seedbed(&[&base, more].concat())
+    };
+    let served = run(&["--serve=0"]);
+    assert_eq!(served.status.code(), Some(2));
+    assert_eq!(
+        stderr(&served),
+        "error: cannot show scenarios/tabular/bipolar_chain.ron in a viewer: only teams of at most 64 agents are recorded\n"
+    );
+    let output = run(&[]);
+    assert!(
+        stdout(&output)
+            .ends_with("recording  none: only teams of at most 64 agents are recorded\n"),
+        "{output:?}"
+    );
+    std::fs::remove_file(path.join("summary.json")).unwrap();
+    std::fs::create_dir(path.join("checkpoint")).unwrap();
+    std::fs::write(path.join("checkpoint/state.bin"), "of another run").unwrap();
+    let resumed = run(&["--resume"]);
+    assert_eq!(resumed.status.code(), Some(2));
+    assert!(
+        stderr(&resumed).contains("tabular runs have no checkpoints"),
+        "{resumed:?}"
+    );
+}
+
 #[test]
 fn tabular_scenarios_are_compared_by_regret() {
     let files = [
@@ -130,17 +206,18 @@ fn tabular_scenarios_are_compared_by_regret() {
     assert_eq!(mixed.status.code(), Some(2));
     assert_eq!(
         stderr(&mixed),
-        "error: cannot compare tabular with other scenarios: scenarios/cartpole.ron is not a tabular scenario\n"
+        "error: cannot compare scenarios/tabular/parallel_chains.ron, which is measured by regret, with \
+         scenarios/cartpole.ron, which is measured by episodes until solved\n"
     );
 }
 
 #[test]
-fn a_run_leaves_what_is_promised() {
+fn a_run_writes_its_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let output = small_run(&path, &[]);
     assert!(output.status.success(), "{}", stderr(&output));
-    let promised = [
+    let expected = [
         "checkpoint",
         "envs",
         "episodes.csv",
@@ -150,7 +227,7 @@ fn a_run_leaves_what_is_promised() {
         "scenario.ron",
         "summary.json",
     ];
-    assert_eq!(names_in(&path), promised);
+    assert_eq!(names_in(&path), expected);
 
     let episodes = std::fs::read_to_string(path.join("episodes.csv")).unwrap();
     assert_eq!(
@@ -181,7 +258,7 @@ fn a_run_leaves_what_is_promised() {
         "agents × (networks × layers × (weight, bias) + moments)"
     );
 
-    let said = stdout(&output);
+    let printed = stdout(&output);
     for word in [
         "finished",
         "solved",
@@ -190,24 +267,24 @@ fn a_run_leaves_what_is_promised() {
         "results",
         "recording",
     ] {
-        assert!(said.contains(word), "{word} in {said}");
+        assert!(printed.contains(word), "{word} in {printed}");
     }
 }
 
-/// The speed counts the first round as well, which here is the only one.
+/// The speed includes the first round, which here is the only one.
 #[test]
-fn a_run_of_one_round_tells_its_speed() {
+fn a_run_of_one_round_prints_its_speed() {
     let folder = tempfile::tempdir().unwrap();
     let one_round = [
         "--no-recording",
         "--set",
         "schedule=Synchronous(episodes: 6)",
     ];
-    let said = stderr(&small_run(&folder.path().join("run"), &one_round));
-    let line = said
+    let printed = stderr(&small_run(&folder.path().join("run"), &one_round));
+    let line = printed
         .lines()
         .find(|line| line.starts_with("6/6 episodes"))
-        .unwrap_or_else(|| panic!("{said}"));
+        .unwrap_or_else(|| panic!("{printed}"));
     let rate: u64 = line
         .rsplit(" · ")
         .next()
@@ -219,8 +296,7 @@ fn a_run_of_one_round_tells_its_speed() {
     assert!(rate > 0, "{line}");
 }
 
-/// The resolved scenario, run again, gives the same episodes, whatever has become of the task's
-/// file since.
+/// A run of the resolved scenario has the same episodes, even if the task's file was changed since.
 #[test]
 fn the_resolved_scenario_repeats_the_run() {
     let folder = tempfile::tempdir().unwrap();
@@ -267,7 +343,7 @@ fn the_resolved_scenario_repeats_the_run() {
 }
 
 #[test]
-fn nothing_is_overwritten_unasked() {
+fn nothing_is_overwritten_without_overwrite() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     assert!(
@@ -303,7 +379,7 @@ fn nothing_is_overwritten_unasked() {
 }
 
 #[test]
-fn a_folder_of_other_files_is_left_alone() {
+fn a_directory_with_other_files_is_not_touched() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("thesis.tex"), "precious").unwrap();
     for more in [&[][..], &["--overwrite"], &["--resume"]] {
@@ -339,7 +415,7 @@ fn overrides_are_explained() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_one_error() {
+fn a_directory_that_cannot_be_written_is_one_error() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "in the way").unwrap();
@@ -354,10 +430,10 @@ fn a_folder_that_cannot_be_written_is_one_error() {
 }
 
 #[test]
-fn list_shows_what_there_is() {
+fn list_prints_environments_scenarios_and_algorithms() {
     let output = seedbed(&["list"]);
     assert!(output.status.success());
-    let said = stdout(&output);
+    let printed = stdout(&output);
     for word in [
         "cartpole",
         "theta_dot",
@@ -367,13 +443,13 @@ fn list_shows_what_there_is() {
         "0.99",
         "Random",
     ] {
-        assert!(said.contains(word), "{word} in {said}");
+        assert!(printed.contains(word), "{word} in {printed}");
     }
 }
 
-/// Names of tasks are looked for here and further up, and so is what is listed.
+/// Files are listed from where names are looked up: the working directory and its parents.
 #[test]
-fn list_looks_upwards() {
+fn list_searches_parent_directories() {
     let lab = tempfile::tempdir().unwrap();
     let (deep, lab) = (
         lab.path().join("notes/today"),
@@ -421,7 +497,7 @@ fn list_looks_upwards() {
     assert_eq!(
         list("scenarios"),
         expected,
-        "the words begin after the longest path"
+        "descriptions begin after the longest path"
     );
 }
 
@@ -457,7 +533,7 @@ fn preview_records_a_task_without_training() {
 }
 
 #[test]
-fn numbers_that_cease_to_be_finite_end_the_run() {
+fn non_finite_numbers_end_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let exploding = [
         "--set",
@@ -497,10 +573,10 @@ fn numbers_that_cease_to_be_finite_end_the_run() {
 }
 
 #[test]
-fn one_run_at_a_time_writes_to_a_folder() {
+fn one_run_at_a_time_writes_to_a_directory() {
     let folder = tempfile::tempdir().unwrap();
-    let claim = seedbed::run::folder::RunFolder::new(folder.path().join("run"))
-        .claim()
+    let lock = seedbed::run::folder::RunFolder::new(folder.path().join("run"))
+        .lock()
         .unwrap();
     let output = small_run(&folder.path().join("run"), &["--overwrite"]);
     assert_eq!(output.status.code(), Some(2));
@@ -509,9 +585,9 @@ fn one_run_at_a_time_writes_to_a_folder() {
         "{}",
         stderr(&output)
     );
-    drop(claim);
-    // A process that another test is just starting may hold a copy of the lock for a moment.
-    wait_until("a run that broke off is in nobody's way", || {
+    drop(lock);
+    // A process that another test is starting may have a copy of the lock for a moment.
+    wait_until("a run that was broken off does not prevent another", || {
         small_run(&folder.path().join("run"), &["--no-recording"])
             .status
             .success()
@@ -519,8 +595,8 @@ fn one_run_at_a_time_writes_to_a_folder() {
 }
 
 #[test]
-fn settings_that_contradict_each_other_are_refused() {
-    for (setting, said) in [
+fn contradicting_settings_are_refused() {
+    for (setting, expected) in [
         (
             "algorithm.policy_loss=SimplePg",
             "`SimplePg` is sound only with",
@@ -557,15 +633,15 @@ fn settings_that_contradict_each_other_are_refused() {
             stderr(&output)
         );
         assert!(
-            stderr(&output).contains(said),
+            stderr(&output).contains(expected),
             "{setting}: {}",
             stderr(&output)
         );
     }
 }
 
-/// A trained policy keeps the pole up longer when it is greedy than when it is nearly random; the
-/// same seed plays the same episodes.
+/// A trained policy keeps the pole up longer with greedy than with nearly random actions; the same run
+/// seed plays the same episodes.
 #[test]
 fn a_run_is_evaluated() {
     let folder = tempfile::tempdir().unwrap();
@@ -585,13 +661,16 @@ fn a_run_is_evaluated() {
     let team_mean = |more: &[&str]| -> f64 {
         let output = seedbed(&[&["evaluate", run, "--episodes", "5"], more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
-        let said = String::from_utf8(output.stdout).unwrap();
+        let printed = String::from_utf8(output.stdout).unwrap();
         assert_eq!(
-            said.lines().filter(|line| line.starts_with("| ")).count(),
+            printed
+                .lines()
+                .filter(|line| line.starts_with("| "))
+                .count(),
             1 + 16 + 1,
-            "{said}"
+            "{printed}"
         );
-        let team = said
+        let team = printed
             .lines()
             .find(|line| line.starts_with("| team"))
             .unwrap();
@@ -623,7 +702,7 @@ fn a_run_is_evaluated() {
     );
 }
 
-/// A replay plays what an evaluation counts, and films the agents that were asked for.
+/// A replay plays the episodes of an evaluation, and records the bodies of the selected agents.
 #[test]
 fn a_run_is_replayed() {
     let folder = tempfile::tempdir().unwrap();
@@ -673,7 +752,7 @@ fn a_run_is_replayed() {
     };
     assert!(holds("/scene/agent_1") && !holds("/scene/agent_0") && holds("/raw/agent_0"));
 
-    for (more, said) in [
+    for (more, expected) in [
         (
             &["--agents", "0,2"][..],
             "error: --agents: there is no agent 2; the team of `cartpole` has agents 0 to 1\n"
@@ -691,12 +770,15 @@ fn a_run_is_replayed() {
         ),
     ] {
         let refused = seedbed(&[&["replay", run], more].concat());
-        assert_eq!((refused.status.code(), stderr(&refused)), (Some(2), said));
+        assert_eq!(
+            (refused.status.code(), stderr(&refused)),
+            (Some(2), expected)
+        );
     }
 }
 
 #[test]
-fn a_reader_who_has_seen_enough_is_no_error() {
+fn a_closed_pipe_is_no_error() {
     let command = format!("{} list | head -1", env!("CARGO_BIN_EXE_seedbed"));
     let output = Command::new("sh")
         .args(["-c", &command])
@@ -708,30 +790,30 @@ fn a_reader_who_has_seen_enough_is_no_error() {
 }
 
 #[test]
-fn an_unknown_environment_is_answered_with_those_there_are() {
+fn an_unknown_environment_is_reported_with_known_names() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wrong.ron");
     std::fs::write(&path, "Scenario(\n    environment: \"cartpol\",\n)").unwrap();
     let output = seedbed(&["check", path.to_str().unwrap()]);
-    let said = stderr(&output);
+    let printed = stderr(&output);
     let place = format!(
         "error: {}:2:19: in `environment`: no environment is named `cartpol`, expected one of ",
         path.display()
     );
     assert!(
         output.status.code() == Some(2)
-            && said.starts_with(&place)
-            && said.contains("`cartpole`, "),
-        "{said}"
+            && printed.starts_with(&place)
+            && printed.contains("`cartpole`, "),
+        "{printed}"
     );
     assert!(
-        said.ends_with("\n  = help: did you mean `cartpole`?\n"),
-        "{said}"
+        printed.ends_with("\n  = help: did you mean `cartpole`?\n"),
+        "{printed}"
     );
 }
 
-/// The benchmark's lines but for speeds, which no two computers share. Random actions keep the pole
-/// up for about 20 steps.
+/// Lines of a benchmark without speeds, which differ between machines. Random actions keep the pole up
+/// for about 20 steps.
 fn bench_of_two(seeds: &str) -> Vec<String> {
     let easy = [
         "--set",
@@ -762,7 +844,7 @@ fn bench_of_two(seeds: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_benchmark_compares_scenarios_to_the_same_numbers() {
+fn a_benchmark_is_reproducible() {
     let lines = bench_of_two("6");
     assert_eq!(lines, bench_of_two("6"));
     let rows: Vec<&String> = lines
@@ -772,7 +854,7 @@ fn a_benchmark_compares_scenarios_to_the_same_numbers() {
     assert_eq!(
         rows.len(),
         2 + 1,
-        "a row each, and the second against the first: {lines:#?}"
+        "one row per scenario, and one comparison: {lines:#?}"
     );
     assert!(
         rows[0].contains("/6 |") && rows[2].starts_with("| cartpole   |"),

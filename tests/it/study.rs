@@ -1,4 +1,4 @@
-//! Studies as a user runs them: what is run, what is kept, and what the report says of it.
+//! Studies on the command line: runs, stored results, claims and reports.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,8 +7,8 @@ use std::process::{Command, Output, Stdio};
 
 use super::util::{REPOSITORY, command, crash, files_below, seedbed, stderr, stdout, wait_until};
 
-/// A study of two agents and few episodes: two cells that differ, and one that is the first under
-/// another name.
+/// A study of two agents and few episodes: two cells that differ, and a third with the settings of the
+/// first.
 fn text(repeats: u32, more: &str) -> String {
     let scenario = Path::new(REPOSITORY).join("scenarios/cartpole.ron");
     format!(
@@ -27,8 +27,8 @@ fn text(repeats: u32, more: &str) -> String {
     )
 }
 
-/// A folder with a study in it, and where its results go.
-fn lab(text: &str) -> (tempfile::TempDir, String, PathBuf) {
+/// A temporary directory, the path of a study file in it, and a path for its results.
+fn study_in_folder(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("small.ron");
     fs::write(&study, text).unwrap();
@@ -43,10 +43,10 @@ fn run(study: &str, out: &Path, more: &[&str]) -> Output {
     seedbed(&[&["study", study, "--out", out.to_str().unwrap()], more].concat())
 }
 
-/// The bytes of the mark of a build at the end of a result file.
-const MARK: usize = 8;
+/// Number of bytes of the build's hash at the end of a result file.
+const BUILD_HASH: usize = 8;
 
-/// Result files by their names.
+/// Contents of the result files, by file name.
 fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let named = |path: PathBuf| {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
@@ -60,16 +60,16 @@ fn result_files(out: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn results_depend_neither_on_jobs_nor_on_who_runs_them() {
-    let (_folder, study, out) = lab(&text(2, ""));
+fn results_depend_neither_on_jobs_nor_on_processes() {
+    let (_folder, study, out) = study_in_folder(&text(2, ""));
     assert!(run(&study, &out, &["--jobs", "2"]).status.success());
     let whole = results(&out);
     assert_eq!(whole.len(), 6);
-    let (_folder, _, alone) = lab("");
+    let (_folder, _, alone) = study_in_folder("");
     assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
     assert_eq!(results(&alone), whole);
 
-    let (_folder, _, single) = lab("");
+    let (_folder, _, single) = study_in_folder("");
     for index in ["4", "0", "5", "1", "2", "3"] {
         assert!(run(&study, &single, &["--index", index]).status.success());
     }
@@ -86,10 +86,10 @@ fn results_depend_neither_on_jobs_nor_on_who_runs_them() {
     assert_eq!(listed.lines().count(), 6);
 }
 
-/// Crashed when two of twelve runs were finished.
+/// The study crashes when two of twelve runs are finished.
 #[test]
-fn a_crashed_study_runs_what_it_lacks() {
-    let (_folder, study, out) = lab(&text(4, ""));
+fn a_crashed_study_runs_its_missing_runs() {
+    let (_folder, study, out) = study_in_folder(&text(4, ""));
     let path = out.to_str().unwrap();
     let arguments = ["study", &study, "--out", path, "--jobs", "1"];
     crash(command(
@@ -103,18 +103,19 @@ fn a_crashed_study_runs_what_it_lacks() {
         stdout(&output).starts_with("study      small: 3 cells, 4 runs each, 10 to run\n"),
         "{output:?}"
     );
-    let (_folder, _, undisturbed) = lab("");
-    assert!(run(&study, &undisturbed, &[]).status.success());
-    assert_eq!(results(&out), results(&undisturbed));
+    let (_folder, _, without_crash) = study_in_folder("");
+    assert!(run(&study, &without_crash, &[]).status.success());
+    assert_eq!(results(&out), results(&without_crash));
 }
 
-/// Two names for the same settings: run once, shown twice, with the states that either is to show.
+/// Two cells with equal settings are run once and reported twice, with the states that either of them
+/// needs.
 #[test]
-fn cells_of_the_same_settings_share_their_runs() {
+fn cells_with_equal_settings_share_their_runs() {
     let text = text(1, "")
         .replace("TwoPoint(sigma: 0)", "Normal(sigma: 0.0)")
         .replace(r#"cells: ["σ 9"]"#, r#"cells: ["σ 0 again"]"#);
-    let (_folder, study, out) = lab(&text);
+    let (_folder, study, out) = study_in_folder(&text);
     let output = stdout(&run(&study, &out, &[]));
     assert!(
         output.starts_with("study      small: 3 cells, 1 run each, 2 to run\n"),
@@ -129,10 +130,10 @@ fn cells_of_the_same_settings_share_their_runs() {
     assert_eq!(table.lines().count(), 1 + 3, "{table}");
 }
 
-/// A result of one cell under another's name stands for what other code would have made.
+/// Changed bytes of a stored result stand for results of other code.
 #[test]
-fn verifying_tells_runs_that_no_longer_come_out_the_same() {
-    let (_folder, study, out) = lab(&text(2, ""));
+fn verify_finds_runs_that_are_not_reproduced() {
+    let (_folder, study, out) = study_in_folder(&text(2, ""));
     let empty = run(&study, &out, &["--verify"]);
     let expected = format!(
         "error: {} contains no runs of this study to verify\n",
@@ -155,8 +156,8 @@ fn verifying_tells_runs_that_no_longer_come_out_the_same() {
     };
     for name in results_of(1001) {
         let mut bytes = before[name].clone();
-        // Before the mark of the build come the curves: the sign of one value.
-        let last = bytes.len() - MARK - 2;
+        // The curves are stored before the build's hash: this changes the sign of one value.
+        let last = bytes.len() - BUILD_HASH - 2;
         bytes[last] ^= 0x80;
         fs::write(out.join("runs").join(name), bytes).unwrap();
     }
@@ -177,11 +178,11 @@ fn verifying_tells_runs_that_no_longer_come_out_the_same() {
     );
 }
 
-/// A result without the mark of its build is of an older version; one with another mark of another
+/// A result without a build's hash is from an older version, one with another hash from another
 /// build.
 #[test]
-fn a_report_tells_which_builds_ran_it() {
-    let (_folder, study, out) = lab(&text(1, ""));
+fn a_report_names_the_builds_of_its_runs() {
+    let (_folder, study, out) = study_in_folder(&text(1, ""));
     assert!(run(&study, &out, &[]).status.success());
     let page = || fs::read_to_string(out.join("report.html")).unwrap();
     assert!(
@@ -201,7 +202,7 @@ fn a_report_tells_which_builds_ran_it() {
             "{output}"
         );
     };
-    change(0, |bytes| bytes.truncate(bytes.len() - MARK));
+    change(0, |bytes| bytes.truncate(bytes.len() - BUILD_HASH));
     assert!(
         page().contains("The runs were made by 2 builds of seedbed (unknown, "),
         "{}",
@@ -215,11 +216,11 @@ fn a_report_tells_which_builds_ran_it() {
     assert!(run(&study, &out, &["--verify"]).status.success());
 }
 
-/// Ctrl-C reaches whichever of several studies is under way.
+/// Ctrl-C interrupts the study that is in progress.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_the_second_of_two_studies() {
-    let (folder, study, _) = lab(&text(1, ""));
+    let (folder, study, _) = study_in_folder(&text(1, ""));
     let long = folder.path().join("long.ron");
     fs::write(&long, text(30, "").replace("Episodes(8)", "Episodes(100)")).unwrap();
     let mut command = command(&["study", &study, long.to_str().unwrap(), "--jobs", "1"]);
@@ -229,7 +230,7 @@ fn ctrl_c_ends_the_second_of_two_studies() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // One of its 90 runs is finished, so another is under way.
+    // One of its 90 runs is finished, so another is in progress.
     let runs = folder.path().join("recordings/studies/long/runs");
     wait_until("the second study's first run is finished", || {
         assert_eq!(child.try_wait().unwrap(), None, "the studies ended early");
@@ -259,15 +260,16 @@ fn ctrl_c_ends_the_second_of_two_studies() {
 }
 
 #[test]
-fn a_changed_study_runs_what_its_change_concerns() {
-    let (_folder, study, out) = lab(&text(2, ""));
+fn a_changed_study_repeats_affected_runs_only() {
+    let (_folder, study, out) = study_in_folder(&text(2, ""));
     assert!(run(&study, &out, &[]).status.success());
     let to_run = |text: &str| {
         fs::write(&study, text).unwrap();
         let output = run(&study, &out, &[]);
         assert!(output.status.success(), "{output:?}");
-        let said = stdout(&output);
-        said.lines()
+        let printed = stdout(&output);
+        printed
+            .lines()
             .next()
             .unwrap()
             .rsplit(", ")
@@ -281,7 +283,7 @@ fn a_changed_study_runs_what_its_change_concerns() {
         to_run(&text(3, "").replace("sigma: 9", "sigma: 8")),
         "3 to run"
     );
-    // States are kept of the first run alone, so that alone lacks those of another window.
+    // States are kept of the first run of a cell only, so only that run is repeated.
     assert_eq!(
         to_run(&text(3, "").replace("First(2)", "First(3)")),
         "1 to run"
@@ -289,8 +291,8 @@ fn a_changed_study_runs_what_its_change_concerns() {
 }
 
 #[test]
-fn a_failed_run_is_kept_apart() {
-    let (_folder, study, out) = lab(&text(5, "").replace("sigma: 9", "sigma: 1e30"));
+fn a_failed_run_is_reported() {
+    let (_folder, study, out) = study_in_folder(&text(5, "").replace("sigma: 9", "sigma: 1e30"));
     for to_run in ["15 to run", "0 to run"] {
         let output = run(&study, &out, &[]);
         assert_eq!(output.status.code(), Some(1), "{output:?}");
@@ -307,22 +309,22 @@ fn a_failed_run_is_kept_apart() {
     assert!(
         page.contains("σ 9, seed 1000: non-finite network parameters (agent")
             && page.contains("5 runs failed."),
-        "no reason on the page"
+        "the page gives the reason"
     );
     assert!(stdout(&run(&study, &out, &["--retry"])).contains("5 to run"));
 }
 
-/// One row of `results.csv` by its columns.
+/// Rows of `results.csv`, by column.
 fn rows(out: &Path) -> Vec<BTreeMap<String, String>> {
     let mut reader = csv::Reader::from_path(out.join("results.csv")).unwrap();
     reader.deserialize().map(|row| row.unwrap()).collect()
 }
 
-/// Each run is repeated by `seedbed run`, and its numbers are worked out from `episodes.csv` and
+/// Each run is repeated by `seedbed run`, and its numbers are computed from `episodes.csv` and
 /// `summary.json`.
 #[test]
-fn the_reports_numbers_are_those_of_single_runs() {
-    let (folder, study, out) = lab(&text(5, ""));
+fn a_report_has_the_numbers_of_single_runs() {
+    let (folder, study, out) = study_in_folder(&text(5, ""));
     assert!(run(&study, &out, &[]).status.success());
     let rows = rows(&out);
     assert_eq!(rows.len(), 15);
@@ -384,12 +386,12 @@ fn the_reports_numbers_are_those_of_single_runs() {
     );
 }
 
-/// Two finite tasks, two algorithms; pictures pool the tasks.
-fn finite_text() -> String {
+/// A study of two tabular tasks and two algorithms; figures pool the tasks.
+fn tabular_text() -> String {
     let folder = Path::new(REPOSITORY).join("scenarios/tabular");
     format!(
         r#"Study(
-            title: "Finite",
+            title: "Tabular",
             grid: [
                 (scenario: "{}/{{}}.ron", values: ["deep_sea", "bipolar_chain"], with: [["episodes=40"], ["agents.starts=Together"]]),
                 (set: ["algorithm={{}}"], values: ["SeedSampling()", "Random"], labels: ["seeds", "random"]),
@@ -415,10 +417,10 @@ fn finite_text() -> String {
     )
 }
 
-/// Regret and coverage are those that `seedbed run` prints of the same scenario and seed.
+/// Regret and coverage are those of `seedbed run` with the same scenario and run seed.
 #[test]
-fn finite_tasks_are_studied_likewise() {
-    let (folder, study, out) = lab(&finite_text());
+fn tabular_scenarios_are_studied() {
+    let (folder, study, out) = study_in_folder(&tabular_text());
     let output = run(&study, &out, &[]);
     assert!(
         stdout(&output).contains("3 of 3 claims replicated, 1 of them smaller than claimed\n"),
@@ -444,12 +446,12 @@ fn finite_tasks_are_studied_likewise() {
     assert_pairs_of_one_task(&out);
     assert_smaller_than_claimed(&out);
     assert_figures(&out);
-    let alone = lab("").2;
+    let alone = study_in_folder("").2;
     assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
     assert_eq!(results(&alone), results(&out));
 }
 
-/// The row's numbers are those of `seedbed run` with its seed.
+/// Asserts that a row has the numbers of `seedbed run` with its run seed.
 fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
     let single = folder.join(&row["seed"]);
     let arguments = [
@@ -482,7 +484,7 @@ fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
     );
 }
 
-/// Thirty runs in pairs: each task's first cell is what its second is compared with.
+/// The second cell of each task is compared with the first.
 fn assert_pairs_of_one_task(out: &Path) {
     let tables = fs::read_to_string(out.join("tables.md")).unwrap();
     let titles: Vec<&str> = tables
@@ -507,7 +509,7 @@ fn assert_pairs_of_one_task(out: &Path) {
 
 fn assert_smaller_than_claimed(out: &Path) {
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    // All of six pairs of one sign: 2/2⁶, and three claims.
+    // All six pairs have the same sign: p = 2/2⁶, times three claims.
     let row = table.lines().nth(2).unwrap();
     let (head, tail) = (
         "| less regret | regret per agent: deep_sea, seeds − deep_sea, random, claimed below 0, by 5 | −",
@@ -542,7 +544,7 @@ fn assert_figures(out: &Path) {
     let panels = fs::read_to_string(out.join("figures/2-visitation.svg")).unwrap();
     assert!(
         panels.contains(">seeds: first 5 episodes, "),
-        "what all panels have in common is left out"
+        "titles leave out what all panels have in common"
     );
     let pooled = fs::read_to_string(out.join("figures/4-intervals.svg")).unwrap();
     for words in [">seeds<", "n = 12", ">crowd<", "n = 6"] {
@@ -550,27 +552,27 @@ fn assert_figures(out: &Path) {
     }
 }
 
-/// `σ 0` and `σ 0 again` are the same to the bit: no claim of a difference may hold, and six pairs
-/// do not show that there is none.
+/// `σ 0` and `σ 0 again` are bit-identical: no claim of a difference may be replicated, and six pairs
+/// are too few to show that there is none.
 #[test]
-fn a_claim_of_nothing_is_not_replicated() {
+fn a_claim_without_an_effect_is_not_replicated() {
     let claim = |direction: &str| {
         format!(
             r#"(text: "{direction}", compare: ("σ 0 again", "σ 0"), direction: {direction}, size: 5)"#
         )
     };
     let claims = ["More", "Less", "Same"].map(claim).join(", ");
-    let (_folder, study, out) = lab(&text(6, &format!("claims: [{claims}],")));
-    let said = stdout(&run(&study, &out, &[]));
+    let (_folder, study, out) = study_in_folder(&text(6, &format!("claims: [{claims}],")));
+    let printed = stdout(&run(&study, &out, &[]));
     for line in [
         "not replicated   More",
         "not replicated   Less",
         "inconclusive     Same",
         "0 of 3 claims replicated",
     ] {
-        assert!(said.contains(line), "{line} in {said}");
+        assert!(printed.contains(line), "{line} in {printed}");
     }
-    // No difference at all has p = 1, which is no evidence that there is none.
+    // Without any difference p is 1, which is no evidence that there is none.
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
     let p: Vec<&str> = table
         .lines()
@@ -600,8 +602,8 @@ fn a_claim_of_nothing_is_not_replicated() {
 }
 
 #[test]
-fn a_report_tells_what_is_there() {
-    let (_folder, study, out) = lab(&text(
+fn a_report_of_an_unfinished_study_says_what_is_missing() {
+    let (_folder, study, out) = study_in_folder(&text(
         6,
         r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#,
     ));
@@ -648,9 +650,9 @@ fn a_report_tells_what_is_there() {
     );
 }
 
-/// Nothing is solved in eight episodes: which cell is the faster nobody knows.
+/// No run solves its task in eight episodes, so it is unknown which cell is faster.
 #[test]
-fn what_was_never_reached_decides_nothing() {
+fn claims_about_unsolved_runs_are_inconclusive() {
     let claim = |direction: &str, test: &str| {
         format!(
             r#"(text: "{direction} {test}", compare: ("σ 9", "σ 0"), measure: EpisodesToSolve, direction: {direction}, size: 5, test: {test})"#
@@ -662,7 +664,7 @@ fn what_was_never_reached_decides_nothing() {
         claim("Same", "Paired"),
     ]
     .join(", ");
-    let (_folder, study, out) = lab(&text(30, &format!("claims: [{claims}],")));
+    let (_folder, study, out) = study_in_folder(&text(30, &format!("claims: [{claims}],")));
     let output = run(&study, &out, &[]);
     assert_eq!(
         stdout(&output).matches("inconclusive     ").count(),
@@ -677,7 +679,7 @@ fn what_was_never_reached_decides_nothing() {
 }
 
 #[test]
-fn a_claim_that_comes_after_its_runs_is_said_to_be_late() {
+fn a_claim_that_was_written_after_its_runs_is_late() {
     let claim = |size: u32| {
         format!(r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: {size})],"#)
     };
@@ -693,19 +695,19 @@ fn a_claim_that_comes_after_its_runs_is_said_to_be_late() {
         );
         page.contains(", claimed late</p>")
     };
-    let (_folder, study, out) = lab("");
+    let (_folder, study, out) = study_in_folder("");
     assert_eq!(
         [5, 5, 6, 6, 5].map(|size| verdict(size, &out, &study)),
         [false, false, true, true, true]
     );
 }
 
-/// An older version noted no earlier repeats.
+/// Older versions did not store earlier numbers of runs.
 #[test]
-fn changed_repeats_are_told() {
-    let (_folder, study, out) = lab("");
+fn changed_repeats_are_reported() {
+    let (_folder, study, out) = study_in_folder("");
     let claim = r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#;
-    let told = |repeats: u32| {
+    let reported = |repeats: u32| {
         fs::write(&study, text(repeats, claim)).unwrap();
         assert!(run(&study, &out, &[]).status.success());
         let [page, table] =
@@ -722,14 +724,14 @@ fn changed_repeats_are_told() {
         assert!(page.contains(&words));
         words
     };
-    assert_eq!([told(5), told(5)], ["", ""]);
-    // Without runs there is nothing that could have been looked at.
+    assert_eq!([reported(5), reported(5)], ["", ""]);
+    // Without runs there were no results that could have motivated the change.
     fs::remove_dir_all(out.join("runs")).unwrap();
-    assert_eq!(told(1), "");
-    let noted = fs::read_to_string(out.join("study.json")).unwrap();
+    assert_eq!(reported(1), "");
+    let stored = fs::read_to_string(out.join("study.json")).unwrap();
     fs::write(
         out.join("study.json"),
-        noted.replace(",\n  \"earlier_repeats\": []", ""),
+        stored.replace(",\n  \"earlier_repeats\": []", ""),
     )
     .unwrap();
     assert!(
@@ -738,26 +740,26 @@ fn changed_repeats_are_told() {
             .contains("earlier_repeats")
     );
     assert_eq!(
-        told(2),
+        reported(2),
         "The number of runs per cell was extended from 1 to 2 after some of them had been run."
     );
     assert_eq!(
-        told(2),
+        reported(2),
         "The number of runs per cell was extended from 1 to 2 after some of them had been run."
     );
     assert_eq!(
-        told(3),
+        reported(3),
         "The number of runs per cell was extended from 1 to 2 to 3 after some of them had been run."
     );
     assert_eq!(
-        told(2),
+        reported(2),
         "The number of runs per cell was changed from 1 to 2 to 3 to 2 after some of them had been run."
     );
 }
 
 #[test]
-fn a_folder_holds_one_study() {
-    let (folder, study, out) = lab(&text(2, ""));
+fn a_directory_has_one_study() {
+    let (folder, study, out) = study_in_folder(&text(2, ""));
     assert!(run(&study, &out, &[]).status.success());
     let refused = |output: Output| {
         assert_eq!(output.status.code(), Some(2), "{output:?}");
@@ -772,9 +774,9 @@ fn a_folder_holds_one_study() {
     fs::copy(&study, &other).unwrap();
     assert_eq!(refused(run(other.to_str().unwrap(), &out, &[])), holds);
     fs::create_dir(folder.path().join("b")).unwrap();
-    let twin = folder.path().join("b/small.ron");
-    fs::copy(&study, &twin).unwrap();
-    let both = refused(seedbed(&["study", &study, twin.to_str().unwrap()]));
+    let same_name = folder.path().join("b/small.ron");
+    fs::copy(&study, &same_name).unwrap();
+    let both = refused(seedbed(&["study", &study, same_name.to_str().unwrap()]));
     assert!(
         both.starts_with(
             "error: two studies are named `small` and would both write to recordings/studies/small"
@@ -783,11 +785,11 @@ fn a_folder_holds_one_study() {
     );
 }
 
-/// Figures of an earlier report go; what others put there stays. A column for each measure of the
-/// study.
+/// Figures of an earlier report are removed, other files are kept. Each measure of the study has a
+/// column.
 #[test]
-fn a_report_replaces_the_one_before() {
-    let (_folder, study, out) = lab(&text(2, ""));
+fn a_report_replaces_the_report_before() {
+    let (_folder, study, out) = study_in_folder(&text(2, ""));
     assert!(run(&study, &out, &[]).status.success());
     fs::write(out.join("figures/9-agents.svg"), "").unwrap();
     fs::write(out.join("figures/notes.svg"), "").unwrap();
@@ -805,8 +807,8 @@ fn a_report_replaces_the_one_before() {
 }
 
 #[test]
-fn tuning_seeds_are_told_apart() {
-    let (_folder, study, out) = lab(&text(2, "first_seed: 0,"));
+fn tuning_seeds_are_marked() {
+    let (_folder, study, out) = study_in_folder(&text(2, "first_seed: 0,"));
     assert!(run(&study, &out, &[]).status.success());
     assert!(
         fs::read_to_string(out.join("report.html"))

@@ -1,6 +1,5 @@
-//! Finite tasks, and teams that know their tables: what tasks are, what agents believe, and how
-//! they explore.
+//! Tabular runs: beliefs and agent seeds, planning, and the exploration of teams.
 
 mod belief;
-mod plan;
+mod planner;
 mod team;

@@ -1,4 +1,4 @@
-//! Teams at work: the same bits, and regret as derived by hand and as published.
+//! Tabular runs: reproducible to the bit, with regret as derived by hand and as published.
 
 use seedbed::scenario::overrides::Resolve;
 use seedbed::tabular::TabularScenario;
@@ -66,11 +66,11 @@ fn the_same_seed_gives_the_same_bits() {
     }
 }
 
-/// A single agent with a seed goes straight to one end. The right one is without regret, the wrong
-/// one costs 2N, and one step more or less: from 10 of 20, regret is 0, or 9 − 1 + 20 + 20 = 11 +
-/// 29 = 40 ± 1.
+/// A single agent with a seed goes straight to one end. At the better end its regret is 0; at the
+/// other end the return is lower by 2N = 40 for the reward of the ends, and the way is one step longer
+/// or shorter, so regret is 40 ± 1.
 #[test]
-fn one_agent_finds_the_treasure_half_the_time() {
+fn one_agent_chooses_the_better_end_half_the_time() {
     let text = "task: BipolarChain(vertices: 20), agents: (count: 1)";
     let regrets: Vec<f64> = (0..60)
         .map(|seed| {
@@ -95,10 +95,10 @@ fn one_agent_finds_the_treasure_half_the_time() {
     );
 }
 
-/// As published: seed sampling's regret falls with the number of agents; without commitment nobody
-/// gets anywhere; where all hope for the same there is less to learn from.
+/// As published: seed sampling's regret falls with the number of agents, and without commitment it
+/// remains high.
 #[test]
-fn seeds_pay_on_the_bipolar_chain() {
+fn seed_sampling_has_the_least_regret_on_the_bipolar_chain() {
     let regret = |algorithm: &str, agents: u32| {
         let text = format!(
             "task: BipolarChain(vertices: 40), agents: (count: {agents}), algorithm: {algorithm}"
@@ -117,9 +117,9 @@ fn seeds_pay_on_the_bipolar_chain() {
     );
 }
 
-/// All that a team without its own beliefs does is random; that is worst.
+/// A team that does not learn has the most regret.
 #[test]
-fn whoever_learns_is_better_than_chance() {
+fn every_algorithm_has_less_regret_than_random_actions() {
     let regret = |algorithm: &str| {
         let text = format!("task: ParallelChains(), agents: (count: 50), algorithm: {algorithm}");
         regret(&text, 20)
@@ -141,7 +141,7 @@ fn whoever_learns_is_better_than_chance() {
     }
 }
 
-/// Ten episodes of four agents: rows add up to the summary, in the order of their ends.
+/// Ten episodes of four agents: rows add up to the summary and are in the order of their ends.
 #[test]
 fn results_add_up() {
     let scenario =
@@ -160,7 +160,7 @@ fn results_add_up() {
             .iter()
             .all(|episode| (episode.r#return + episode.regret - 0.99).abs() < 1e-12)
     );
-    // Every step ends in a state, and every episode begins in one.
+    // One visit at the start of each episode and one after each step.
     assert_eq!(visits.iter().map(|row| row.visits).sum::<u64>(), 160 + 40);
     assert_eq!(
         (visits[0].place.as_str(), visits[0].visits, visits[0].agents),

@@ -15,6 +15,7 @@
 //! error's message, and the deserializer reports that failure with position and field path like any
 //! other. This costs nothing unless there is an error, and a value costs four bytes.
 
+pub mod edit;
 mod explanation;
 pub mod numbers;
 

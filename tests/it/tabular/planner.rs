@@ -1,8 +1,8 @@
-//! Planning against closed forms and against trying everything.
+//! Planning compared with closed forms and with exhaustive search.
 
 use approx::assert_relative_eq;
 use proptest::prelude::*;
-use seedbed::tabular::plan::Planner;
+use seedbed::tabular::planner::Planner;
 use seedbed_env::input;
 use seedbed_env::tabular::{
     BipolarChain, DeepSea, MaximumRewardPath, Mdp, Model, Outcome, ParallelChains, Reward,
@@ -23,7 +23,7 @@ fn optimal_value(task: &TaskFamily, seed: u64) -> f64 {
 /// From vertex 50 of 100, the left end is 50 steps away and the right one 49; all but the last cost
 /// 1: 100 − 49 or 100 − 48.
 #[test]
-fn the_best_walk_along_a_bipolar_chain() {
+fn optimal_value_of_a_bipolar_chain() {
     let task = TaskFamily::BipolarChain(BipolarChain::default());
     let model = task.model(0);
     let value = |sign: f64| {
@@ -40,9 +40,9 @@ fn the_best_walk_along_a_bipolar_chain() {
     assert_eq!(drawn, [51.0, 52.0]);
 }
 
-/// The best of parallel chains is the one with the largest θ.
+/// The optimal value of parallel chains is the largest θ.
 #[test]
-fn the_best_of_parallel_chains() {
+fn optimal_value_of_parallel_chains() {
     let task = TaskFamily::ParallelChains(ParallelChains::default());
     for seed in 0..5 {
         let model = task.model(seed);
@@ -56,16 +56,16 @@ fn the_best_of_parallel_chains() {
     }
 }
 
-/// N moves to the right cost 0.01 in all and find 1; where moves slip with probability p, all N
-/// have to succeed.
+/// N moves to the right cost 0.01 in total and earn 1. If moves slip with probability p, all N have to
+/// succeed.
 #[test]
-fn the_treasure_of_deep_sea() {
+fn optimal_value_of_deep_sea() {
     for (size, seed) in [(2, 0), (10, 3), (50, 7)] {
         let task = task(&format!("DeepSea(size: {size})"));
         assert_relative_eq!(optimal_value(&task, seed), 0.99, max_relative = 1e-12);
     }
-    // N = 2, p = ½: to the right at the start is (1/2)(−0.005 + V) with V = (1/2)(1 − 0.005) in the
-    // corner; beside it moving is not worth its cost.
+    // N = 2, p = ½: moving right at the start has the value (1/2)(−0.005 + V), where V = (1/2)(1 −
+    // 0.005) is the value of the corner; in the other state of that row, moving right only costs.
     let slipping = task("DeepSea(size: 2, slip: 0.5)");
     assert_relative_eq!(
         optimal_value(&slipping, 0),
@@ -75,16 +75,16 @@ fn the_treasure_of_deep_sea() {
     assert_eq!(TaskFamily::DeepSea(DeepSea::default()).name(), "DeepSea");
 }
 
-/// What is best within `steps` steps, by trying all paths.
-fn by_trying(model: &Model, mdp: &Mdp, state: u32, steps: u32) -> f64 {
-    let worth = |outcome: usize| {
+/// Optimal value of `state` with `steps` remaining steps, by trying all paths.
+fn exhaustive_value(model: &Model, mdp: &Mdp, state: u32, steps: u32) -> f64 {
+    let outcome_value = |outcome: usize| {
         model.mean_reward(outcome, &mdp.values)
-            + by_trying(model, mdp, model.outcomes()[outcome].state, steps - 1)
+            + exhaustive_value(model, mdp, model.outcomes()[outcome].state, steps - 1)
     };
     let value = |pair: usize| {
         model
             .outcomes_of(pair)
-            .map(|outcome| mdp.probabilities[outcome] * worth(outcome))
+            .map(|outcome| mdp.probabilities[outcome] * outcome_value(outcome))
             .sum::<f64>()
     };
     if steps == 0 || model.pairs(state).is_empty() {
@@ -97,7 +97,7 @@ fn by_trying(model: &Model, mdp: &Mdp, state: u32, steps: u32) -> f64 {
 }
 
 #[test]
-fn walks_in_random_graphs_are_the_best_of_all() {
+fn paths_in_random_graphs_are_optimal() {
     let path = MaximumRewardPath {
         ..MaximumRewardPath::default()
     };
@@ -108,17 +108,17 @@ fn walks_in_random_graphs_are_the_best_of_all() {
         let truth = task.draw(&model, seed);
         assert_relative_eq!(
             optimal_value(&task, seed),
-            by_trying(&model, &truth, 0, 5),
+            exhaustive_value(&model, &truth, 0, 5),
             max_relative = 1e-12
         );
     }
 }
 
-/// Any three states with two actions of two outcomes each, and a state that ends.
+/// Any three states with two actions of two outcomes each, and one terminal state.
 fn small_mdp() -> impl Strategy<Value = (Model, Mdp)> {
     let outcome = (0..4_u32, -2.0..2.0);
     let outcomes = prop::collection::vec(outcome, 12);
-    (outcomes, prop::collection::vec(0.0..1.0, 6)).prop_map(|(outcomes, likelihoods)| {
+    (outcomes, prop::collection::vec(0.0..1.0, 6)).prop_map(|(outcomes, firsts)| {
         let outcome = |&(state, known): &(u32, f64)| Outcome {
             state,
             reward: Reward::known(known),
@@ -129,7 +129,7 @@ fn small_mdp() -> impl Strategy<Value = (Model, Mdp)> {
             .collect();
         let actions: Vec<Vec<Vec<Outcome>>> =
             pairs.chunks(2).map(<[_]>::to_vec).chain([vec![]]).collect();
-        let probabilities = likelihoods.iter().flat_map(|p| [*p, 1.0 - p]).collect();
+        let probabilities = firsts.iter().flat_map(|p| [*p, 1.0 - p]).collect();
         (
             Model::new(0, 4, &actions),
             Mdp {
@@ -142,23 +142,23 @@ fn small_mdp() -> impl Strategy<Value = (Model, Mdp)> {
 
 proptest! {
     #[test]
-    fn backward_induction_is_the_best_of_all((model, mdp) in small_mdp()) {
+    fn backward_induction_is_optimal((model, mdp) in small_mdp()) {
         let value = Planner::new(&model).optimal_value(&model, &mdp);
-        prop_assert!((value - by_trying(&model, &mdp, 0, 4)).abs() < 1e-9);
+        prop_assert!((value - exhaustive_value(&model, &mdp, 0, 4)).abs() < 1e-9);
     }
 
-    /// With full optimism the best outcome is sure; with none nothing changes.
+    /// Without optimism nothing changes; with full optimism the best outcome is certain.
     #[test]
-    fn optimism_only_ever_hopes((model, mdp) in small_mdp(), share in 0.0..1.0) {
+    fn optimism_never_lowers_a_value((model, mdp) in small_mdp(), share in 0.0..1.0) {
         let value = |optimism: &[f64]| {
             let mut planner = Planner::new(&model);
             let mut policy = planner.empty_policy();
             planner.plan(&model, &mdp, optimism, 0, &mut policy);
             planner.value(0)
         };
-        let sober = value(&[]);
-        prop_assert!((value(&[0.0; 12]) - sober).abs() < 1e-12);
-        prop_assert!(value(&[share; 12]) >= sober - 1e-12);
+        let neutral = value(&[]);
+        prop_assert!((value(&[0.0; 12]) - neutral).abs() < 1e-12);
+        prop_assert!(value(&[share; 12]) >= neutral - 1e-12);
         prop_assert!(value(&[1.0; 12]) >= value(&[share; 12]) - 1e-12);
     }
 }

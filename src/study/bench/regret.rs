@@ -1,0 +1,121 @@
+//! Regret of tabular runs.
+
+use super::{Bench, BenchReport, BenchTable, Column, format_interval, format_p};
+use seedbed_stats::aggregate::mean;
+use seedbed_stats::bootstrap_sample;
+use seedbed_stats::hypothesis::holm_correction;
+use seedbed_stats::paired::{differences, signed_rank_test};
+
+/// Compares tabular scenarios by their regret.
+#[derive(Clone, Copy, Debug)]
+pub struct RegretReport;
+
+const REGRET: [Column; 7] = [
+    ("agents", 6),
+    ("regret", 8),
+    ("95 % interval", 18),
+    ("min", 8),
+    ("max", 8),
+    ("no regret", 9),
+    ("steps/s", 9),
+];
+
+const PAIRED: [Column; 3] = [("difference", 10), ("95 % interval", 20), ("p (Holm)", 12)];
+
+impl BenchReport for RegretReport {
+    fn measure(&self) -> &'static str {
+        "regret"
+    }
+
+    fn introduction(&self, seeds: &str) -> Vec<String> {
+        vec![
+            format!("Regret per agent over {seeds}: mean with 95 % interval, min and max."),
+            "no regret: share of episodes without regret; steps/s: on one thread. Each run seed draws its own task."
+                .to_owned(),
+        ]
+    }
+
+    fn columns(&self) -> &'static [Column] {
+        &REGRET
+    }
+
+    fn cells(&self, bench: &Bench) -> Vec<String> {
+        let regrets = regrets(bench);
+        let regret = bootstrap_sample(&regrets, mean);
+        let mut shares = Vec::with_capacity(bench.outcomes.len());
+        for outcome in &bench.outcomes {
+            shares.push(outcome.share_without_regret);
+        }
+        vec![
+            bench.agents.to_string(),
+            format_regret(regret.value),
+            format_interval(regret.interval, format_regret),
+            format_regret(regrets.iter().copied().fold(f64::INFINITY, f64::min)),
+            format_regret(regrets.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
+            format!("{:.0} %", 100.0 * mean(&shares)),
+            format!("{:.0}", bench.speed()),
+        ]
+    }
+
+    /// Compares scenarios with the same task as the first: equal run seeds draw equal tasks.
+    fn comparison(&self, benches: &[Bench]) -> Option<BenchTable> {
+        let (first, others) = benches.split_first()?;
+        let mut others: Vec<&Bench> = others.iter().collect();
+        others.retain(|other| other.task_definition == first.task_definition);
+        if others.is_empty() {
+            return None;
+        }
+        Some(BenchTable {
+            above: vec![
+                format!(
+                    "Compared with {}, paired by run seed: mean difference in regret (below 0: better), and p value of",
+                    first.name
+                ),
+                "Wilcoxon's signed-rank test, corrected by Holm's method.".to_owned(),
+            ],
+            columns: &PAIRED,
+            rows: comparison_rows(first, &others),
+            below: Vec::new(),
+        })
+    }
+}
+
+/// Regret per agent of each run.
+fn regrets(bench: &Bench) -> Vec<f64> {
+    bench
+        .outcomes
+        .iter()
+        .map(|outcome| outcome.regret)
+        .collect()
+}
+
+fn comparison_rows(first: &Bench, others: &[&Bench]) -> Vec<(String, Vec<String>)> {
+    let mut paired: Vec<Vec<f64>> = Vec::with_capacity(others.len());
+    for other in others {
+        paired.push(differences(&regrets(other), &regrets(first)));
+    }
+    let p_values: Vec<f64> = paired
+        .iter()
+        .map(|pairs| signed_rank_test(pairs).p)
+        .collect();
+    let mut rows = Vec::with_capacity(others.len());
+    for ((other, pairs), p) in others.iter().zip(&paired).zip(holm_correction(&p_values)) {
+        let difference = bootstrap_sample(pairs, mean);
+        let cells = vec![
+            format_regret(difference.value),
+            format_interval(difference.interval, format_regret),
+            format_p(p),
+        ];
+        rows.push((other.name.clone(), cells));
+    }
+    rows
+}
+
+/// Three decimals for values below 10, otherwise one.
+fn format_regret(value: f64) -> String {
+    if value.abs() < 10.0 {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.1}")
+    }
+}

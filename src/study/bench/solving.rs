@@ -1,0 +1,342 @@
+//! Episodes until training solves its task.
+
+use super::{Bench, BenchReport, BenchTable, Column, Outcome, format_interval, format_p};
+use crate::study::comparison::{Comparison, Score, compare, times_to_event};
+use crate::study::file::Test;
+use seedbed_stats::aggregate::median;
+use seedbed_stats::hypothesis::holm_correction;
+use seedbed_stats::survival::kaplan_meier;
+
+/// Compares scenarios by the episodes until their task is solved. Unsolved runs are censored: they
+/// would take longer than the episodes that they were given.
+#[derive(Clone, Copy, Debug)]
+pub struct SolvingReport;
+
+const SOLVING: [Column; 8] = [
+    ("agents", 6),
+    ("solved", 7),
+    ("median", 7),
+    ("95 % interval", 15),
+    ("min", 6),
+    ("max", 6),
+    ("env steps", 10),
+    ("steps/s", 8),
+];
+
+const EXPLORATION: [Column; 4] = [
+    ("agents", 8),
+    ("reached", 9),
+    ("in episode", 10),
+    ("coverage", 8),
+];
+
+const PAIRED: [Column; 5] = [
+    ("difference", 10),
+    ("95 % interval", 17),
+    ("P(faster)", 9),
+    ("95 % interval", 13),
+    ("p (Holm)", 12),
+];
+
+impl BenchReport for SolvingReport {
+    fn measure(&self) -> &'static str {
+        "episodes until solved"
+    }
+
+    fn introduction(&self, seeds: &str) -> Vec<String> {
+        vec![
+            format!(
+                "Episodes per agent until solved, over {seeds}: Kaplan–Meier median with 95 % interval, min, max."
+            ),
+            "env steps: median number of steps of the whole team until solved; steps/s: on one thread."
+                .to_owned(),
+        ]
+    }
+
+    fn columns(&self) -> &'static [Column] {
+        &SOLVING
+    }
+
+    fn cells(&self, bench: &Bench) -> Vec<String> {
+        let outcomes = &bench.outcomes;
+        let curve = kaplan_meier(&times_to_event(&scores(outcomes, episodes)));
+        let env_steps = kaplan_meier(&times_to_event(&scores(outcomes, |outcome| {
+            outcome.until.env_steps
+        })));
+        let solved: Vec<f64> = outcomes
+            .iter()
+            .filter(|outcome| outcome.solved)
+            .map(|outcome| f64::from(outcome.until.episodes))
+            .collect();
+        let all_solved = solved.len() == outcomes.len();
+        let slowest = if all_solved { 0.0 } else { f64::INFINITY };
+        let format = |episodes| format_episodes(episodes, bench);
+        vec![
+            bench.agents.to_string(),
+            format!("{}/{}", solved.len(), outcomes.len()),
+            curve
+                .median()
+                .map_or(format(f64::INFINITY), |median| format!("{median:.1}")),
+            format_interval(curve.median_interval(), format),
+            format(solved.iter().copied().fold(f64::INFINITY, f64::min)),
+            format(solved.iter().copied().fold(slowest, f64::max)),
+            env_steps
+                .median()
+                .map_or("unknown".to_owned(), |median| format!("{median:.0}")),
+            format!("{:.0}", bench.speed()),
+        ]
+    }
+
+    fn exploration(&self, benches: &[Bench]) -> Option<BenchTable> {
+        let mut rows = Vec::with_capacity(benches.len());
+        for bench in benches {
+            rows.push((bench.name.clone(), exploration_cells(bench)));
+        }
+        Some(BenchTable {
+            above: vec![
+                "Agents with an episode of their own that reached the threshold, the median number of that episode, and"
+                    .to_owned(),
+                "the mean share of the state space that the team visited.".to_owned(),
+            ],
+            columns: &EXPLORATION,
+            rows,
+            below: Vec::new(),
+        })
+    }
+
+    fn comparison(&self, benches: &[Bench]) -> Option<BenchTable> {
+        let (first, others) = benches.split_first()?;
+        if others.is_empty() {
+            return None;
+        }
+        let mut outcomes = benches.iter().flat_map(|bench| &bench.outcomes);
+        let below: &[&str] = if outcomes.all(|outcome| outcome.solved) {
+            &[]
+        } else {
+            &[
+                "Two scenarios are compared up to the episode at which the first unsolved run of either ended. Runs that were",
+                "not solved by then count as infinitely slow; the difference between two such runs is unknown.",
+            ]
+        };
+        Some(BenchTable {
+            above: vec![
+                format!(
+                    "Compared with {}, paired by run seed: median difference in episodes (below 0: faster), probability",
+                    first.name
+                ),
+                "that a run is faster, and p value of Wilcoxon's signed-rank test, corrected by Holm's method."
+                    .to_owned(),
+            ],
+            columns: &PAIRED,
+            rows: comparison_rows(first, others),
+            below: below.iter().map(|&line| line.to_owned()).collect(),
+        })
+    }
+}
+
+fn episodes(outcome: &Outcome) -> u64 {
+    outcome.until.episodes.into()
+}
+
+/// Times of runs, in the order of their run seeds.
+fn scores(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<Score> {
+    (0..)
+        .zip(outcomes)
+        .map(|(seed, outcome)| score(outcome, seed, time(outcome) as f64))
+        .collect()
+}
+
+fn score(outcome: &Outcome, seed: u64, time: f64) -> Score {
+    let (value, observed_until) = if outcome.solved {
+        (time, f64::INFINITY)
+    } else {
+        (f64::INFINITY, time)
+    };
+    Score {
+        seed,
+        value,
+        observed_until,
+    }
+}
+
+fn format_episodes(episodes: f64, bench: &Bench) -> String {
+    if episodes.is_finite() {
+        format!("{episodes}")
+    } else {
+        format!("> {}", bench.max_episodes)
+    }
+}
+
+/// Agents that never reached the threshold count as slower than all that did.
+fn exploration_cells(bench: &Bench) -> Vec<String> {
+    let (mut reached, mut first_goals, mut coverage) = (0, Vec::new(), 0.0);
+    for outcome in &bench.outcomes {
+        coverage += outcome.coverage;
+        for goal in &outcome.first_goals {
+            reached += usize::from(goal.is_some());
+            first_goals.push(goal.map_or(f64::INFINITY, f64::from));
+        }
+    }
+    let median = median(&first_goals);
+    vec![
+        first_goals.len().to_string(),
+        reached.to_string(),
+        if median.is_finite() {
+            format!("{median:.1}")
+        } else {
+            format!("> {}", bench.max_episodes)
+        },
+        format!("{:.0} %", 100.0 * coverage / bench.outcomes.len() as f64),
+    ]
+}
+
+fn comparison_rows(first: &Bench, others: &[Bench]) -> Vec<(String, Vec<String>)> {
+    let mut comparisons = Vec::with_capacity(others.len());
+    for other in others {
+        comparisons.push(comparison(&other.outcomes, &first.outcomes));
+    }
+    let p_values: Vec<f64> = comparisons.iter().map(|comparison| comparison.p).collect();
+    let mut rows = Vec::with_capacity(others.len());
+    for ((other, comparison), p) in others
+        .iter()
+        .zip(&comparisons)
+        .zip(holm_correction(&p_values))
+    {
+        rows.push((other.name.clone(), comparison_cells(comparison, p)));
+    }
+    rows
+}
+
+/// Compares the runs of one scenario with those of another.
+fn comparison(outcomes: &[Outcome], reference: &[Outcome]) -> Comparison {
+    compare(
+        &scores(outcomes, episodes),
+        &scores(reference, episodes),
+        true,
+        Test::Paired,
+    )
+    .expect("both have the same run seeds")
+}
+
+fn comparison_cells(comparison: &Comparison, p: f64) -> Vec<String> {
+    let share = |value: f64| format!("{value:.2}");
+    vec![
+        format_difference(comparison.effect.value),
+        format_interval(comparison.effect.interval, format_difference),
+        share(comparison.probability_below.value),
+        format_interval(comparison.probability_below.interval, share),
+        format_p(p),
+    ]
+}
+
+fn format_difference(episodes: f64) -> String {
+    if episodes.is_nan() {
+        "unknown".to_owned()
+    } else if episodes.is_finite() {
+        format!("{episodes:.1}")
+    } else {
+        format!("{episodes}").replace("inf", "∞")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::run_result::Milestone;
+
+    /// Outcomes from numbers of episodes; `+` marks an unsolved run. Each run took one second and 10
+    /// environment steps per episode.
+    fn outcomes(words: &str) -> Vec<Outcome> {
+        let outcome = |word: &str| {
+            let episodes: u32 = word.trim_end_matches('+').parse().unwrap();
+            let (solved, env_steps) = (!word.ends_with('+'), 10 * u64::from(episodes));
+            Outcome {
+                solved,
+                until: Milestone {
+                    episodes,
+                    env_steps,
+                },
+                first_goals: vec![solved.then_some(episodes / 10), None],
+                coverage: 0.25,
+                regret: f64::NAN,
+                share_without_regret: f64::NAN,
+                env_steps,
+                seconds: 1.0,
+            }
+        };
+        words.split_whitespace().map(outcome).collect()
+    }
+
+    fn bench(agents: u32, max_episodes: u32, words: &str) -> Bench {
+        Bench {
+            name: "x".to_owned(),
+            task_definition: String::new(),
+            agents,
+            max_episodes,
+            outcomes: outcomes(words),
+        }
+    }
+
+    fn row(max_episodes: u32, words: &str) -> Vec<String> {
+        SolvingReport.cells(&bench(4, max_episodes, words))
+    }
+
+    /// The interval is that of `lifelines` for these data, which are in
+    /// `crates/seedbed-stats/tests/reference/reference.json`: seven of ten solved.
+    #[test]
+    fn unsolved_runs_are_censored() {
+        let cells = row(600, "299 410 512 600+ 480 333 600+ 345 600+ 391");
+        assert_eq!(
+            cells[..7],
+            ["4", "7/10", "445.0", "299 to > 600", "299", "> 600", "4450"]
+        );
+    }
+
+    /// Two agents per run; the first reached the threshold after a tenth of the episodes if its run
+    /// was solved: 3, 4, 5 and three never.
+    #[test]
+    fn agents_that_never_reached_the_threshold_come_last() {
+        assert_eq!(
+            exploration_cells(&bench(2, 60, "30 40 50")),
+            ["6", "3", "> 60", "25 %"]
+        );
+        assert_eq!(
+            exploration_cells(&bench(2, 60, "30 40 60+")),
+            ["6", "2", "> 60", "25 %"]
+        );
+    }
+
+    #[test]
+    fn unsolved_scenarios_have_no_median() {
+        assert_eq!(
+            row(60, "60+ 60+ 60+ 60+ 60+")[1..7],
+            ["0/5", "> 60", "> 60", "> 60", "> 60", "unknown"]
+        );
+        assert_eq!(
+            row(60, "40 50 60+")[1..7],
+            ["2/3", "50.0", "none (n = 3)", "40", "> 60", "500"]
+        );
+    }
+
+    /// Four of five pairs are faster by an unknown amount. Nothing is known of the fifth, which may
+    /// be drawn several times in a bootstrap sample.
+    #[test]
+    fn comparisons_are_formatted() {
+        let faster = comparison(
+            &outcomes("30 30 30 30 80"),
+            &outcomes("50+ 50+ 50+ 50+ 50+"),
+        );
+        assert_eq!(
+            comparison_cells(&faster, faster.p)[..3],
+            ["-∞", "-∞ to ∞", "0.90"]
+        );
+        let unknown = comparison(
+            &outcomes("80 80 80 80 80"),
+            &outcomes("50+ 50+ 50+ 50+ 50+"),
+        );
+        assert_eq!(
+            comparison_cells(&unknown, unknown.p)[..3],
+            ["unknown", "-∞ to ∞", "0.50"]
+        );
+    }
+}

@@ -1,0 +1,76 @@
+//! Loads the experiment of a scenario file, of either kind.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::Experiment;
+use crate::run::Plan;
+use crate::scenario::Scenario;
+use crate::scenario::overrides::{self, Resolve};
+use crate::tabular::{TabularPlan, TabularScenario};
+use seedbed_env::input::{self, Document, FileKind, InputError};
+
+/// An input error, and the step of loading in which it was found.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{error}")]
+pub struct LoadError {
+    /// Failed step.
+    pub step: LoadStep,
+    /// What is wrong, and where.
+    pub error: InputError,
+}
+
+/// A step of loading an experiment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoadStep {
+    /// Reading the scenario file.
+    Read,
+    /// Applying the override with this index.
+    Override(usize),
+    /// Checking the scenario with its overrides and its task.
+    Check,
+}
+
+impl LoadStep {
+    /// An error of this step.
+    fn failed(self, error: InputError) -> LoadError {
+        LoadError { step: self, error }
+    }
+}
+
+/// Reads the scenario at `path`, replaces values, each as `path.to.field=value`, and checks the
+/// result together with its task.
+///
+/// # Errors
+/// If the file, an override or the task's file is invalid.
+pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, LoadError> {
+    let origin = path.display().to_string();
+    let text = input::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
+    match input::file_kind(&origin, &text) {
+        Ok(FileKind::TabularScenario) => {
+            let document: Document<TabularScenario> = read(&origin, text, overrides)?;
+            Ok(Arc::new(TabularPlan::new(path, document.value)))
+        }
+        // Files of any other kind are refused with the errors of a `Scenario`.
+        _ => {
+            let document: Document<Scenario> = read(&origin, text, overrides)?;
+            let plan = Plan::of(document, path);
+            Ok(Arc::new(
+                plan.map_err(|error| LoadStep::Check.failed(error))?,
+            ))
+        }
+    }
+}
+
+fn read<T: Resolve>(
+    origin: &str,
+    text: String,
+    overrides: &[String],
+) -> Result<Document<T>, LoadError> {
+    let mut document = input::parse(origin, text).map_err(|error| LoadStep::Read.failed(error))?;
+    for (index, assignment) in overrides.iter().enumerate() {
+        document = overrides::apply(&document, assignment)
+            .map_err(|error| LoadStep::Override(index).failed(error))?;
+    }
+    Ok(document)
+}

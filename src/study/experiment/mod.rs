@@ -1,0 +1,137 @@
+//! Experiments: what `run`, `bench` and studies run. An [`Experiment`] is the plan of a training or
+//! of a tabular run; [`load()`] is the only place that distinguishes them.
+
+mod load;
+mod tabular;
+mod training;
+
+use std::fmt::Debug;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+pub use self::load::{LoadError, LoadStep, load};
+pub use self::training::NO_THRESHOLD;
+use super::bench::BenchReport;
+use super::measure::Measure;
+use super::run_result::RunResult;
+use crate::record::RecorderFactory;
+use crate::run::{Observer, Options, RunError};
+use seedbed_env::Spec;
+
+/// A scenario that was read and checked, and can be run with any run seed.
+pub trait Experiment: Debug + Send + Sync {
+    /// Name of the scenario: the stem of its file.
+    fn name(&self) -> &str;
+
+    /// Run seed of the scenario.
+    fn run_seed(&self) -> u64;
+
+    /// The task: name, observations, actions, time limit.
+    fn spec(&self) -> &Spec;
+
+    /// Everything that defines the task, as text: experiments with equal texts have the same task.
+    fn task_definition(&self) -> String;
+
+    /// Number of agents K.
+    fn agents(&self) -> u32;
+
+    /// Max number of episodes per agent.
+    fn max_episodes(&self) -> u32;
+
+    /// Hash, 16 hexadecimal digits, of all that runs depend on besides their seeds: the resolved
+    /// scenario and the text of the task's file. Stored runs of studies are named by it.
+    fn digest(&self) -> String;
+
+    /// Work of learning per environment step, in units of the work of acting: a rough estimate.
+    fn learning_cost(&self) -> f64;
+
+    /// Why its runs do not have `measure`, and what to use instead; `None` if they have it.
+    fn lacks(&self, measure: Measure) -> Option<(&'static str, &'static str)>;
+
+    /// Why its runs are not recorded; `None` if they are.
+    fn recording_obstacle(&self) -> Option<String> {
+        None
+    }
+
+    /// Runs once with this run seed, on one thread and without writing files. Of each of `windows`,
+    /// numbers of first episodes, a sample of the visited states is kept. `None` if interrupted.
+    ///
+    /// # Errors
+    /// If the task cannot be built, or if numbers are no longer finite.
+    fn measure_once(
+        &self,
+        run_seed: u64,
+        stop_rule: StopRule,
+        windows: &[u32],
+        interrupted: &AtomicBool,
+    ) -> Result<Option<RunResult>, RunError>;
+
+    /// Runs once with the scenario's run seed and writes all results into a run directory, with a
+    /// recorder that `recording` makes beside the tables.
+    ///
+    /// # Errors
+    /// If something cannot be read or written, or if numbers are no longer finite. Files that were
+    /// written before remain readable.
+    fn run_in_folder(
+        &self,
+        options: &Options,
+        recording: Option<Box<dyn RecorderFactory>>,
+        observer: &mut dyn Observer,
+        interrupted: &AtomicBool,
+    ) -> Result<RunEnding, RunError>;
+
+    /// What `seedbed bench` prints about its runs.
+    fn bench_report(&self) -> &'static dyn BenchReport;
+
+    /// Rough estimate of the work of a run, in environment steps of a random agent: used to order
+    /// runs and to estimate the remaining time.
+    fn cost(&self) -> f64 {
+        let steps = f64::from(self.max_episodes())
+            * f64::from(self.spec().time_limit)
+            * f64::from(self.agents());
+        steps * (1.0 + self.learning_cost())
+    }
+
+    /// Default run directory: `recordings/NAME/seed-N`.
+    fn default_folder(&self) -> PathBuf {
+        Path::new("recordings")
+            .join(self.name())
+            .join(format!("seed-{}", self.run_seed()))
+    }
+}
+
+/// When a run in memory stops. Tabular runs always play all episodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StopRule {
+    /// When the scenario says so.
+    Scenario,
+    /// After the scenario's max number of episodes, solved or not.
+    MaxEpisodes,
+    /// When the task is solved, or after the scenario's max number of episodes.
+    Solved,
+}
+
+/// How a run in a run directory ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RunEnding {
+    /// It reached its end.
+    Finished(RunReport),
+    /// It was interrupted.
+    Interrupted {
+        /// How far it came, e.g. `3 rounds`.
+        after: String,
+        /// Whether it can be resumed from a checkpoint.
+        can_resume: bool,
+    },
+}
+
+/// Results of a finished run, to be printed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunReport {
+    /// Number of episodes per agent.
+    pub episodes_per_agent: usize,
+    /// Number of environment steps of the team.
+    pub env_steps: u64,
+    /// Results of this kind of run: a label of one word, and a text.
+    pub lines: Vec<(&'static str, String)>,
+}

@@ -1,0 +1,250 @@
+//! Training as an experiment: a team that learns in rounds.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use xxhash_rust::xxh64::Xxh64;
+
+use super::{Experiment, RunEnding, RunReport, StopRule};
+use crate::record::table::TableFiles;
+use crate::record::{RecorderFactory, RecordingSettings};
+use crate::run::summary::{FINAL_WINDOW, Summary};
+use crate::run::trainer::Trainer;
+use crate::run::{self, Factories, Observer, Options, Plan, RunError, RunOutcome};
+use crate::scenario::Scenario;
+use crate::study::bench::{BenchReport, SolvingReport};
+use crate::study::measure::{Measure, Needs};
+use crate::study::run_result::{Reservoir, RunResult};
+use crate::text::pluralize;
+use seedbed_env::Spec;
+use seedbed_env::input::numbers::known_count;
+
+impl Experiment for Plan {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn run_seed(&self) -> u64 {
+        self.scenario.seed
+    }
+
+    fn spec(&self) -> &Spec {
+        self.description.spec()
+    }
+
+    fn task_definition(&self) -> String {
+        self.environment_text.clone()
+    }
+
+    fn agents(&self) -> u32 {
+        self.scenario.agents.count.get()
+    }
+
+    fn max_episodes(&self) -> u32 {
+        self.scenario.max_episodes()
+    }
+
+    fn digest(&self) -> String {
+        let scenario = learning_settings(self.scenario.clone(), 0);
+        let mut hash = Xxh64::new(0);
+        hash.update(text_without_window(&scenario).as_bytes());
+        hash.update(&[0]);
+        hash.update(self.environment_text.as_bytes());
+        format!("{:016x}", hash.digest())
+    }
+
+    fn learning_cost(&self) -> f64 {
+        let config = self.scenario.algorithm.config();
+        config.cost_per_step(self.scenario.agents.count.get())
+    }
+
+    fn lacks(&self, measure: Measure) -> Option<(&'static str, &'static str)> {
+        let has_threshold = self.scenario.stop.threshold(self.spec()).is_some();
+        match measure.needs() {
+            Needs::Tables => Some((
+                "the regret of training is not known",
+                "expected another measure, or a tabular scenario",
+            )),
+            Needs::Threshold | Needs::Goal if !has_threshold => Some((
+                "nothing says when its task counts as solved",
+                "expected another measure, or `stop: Solved(return: …, at_most: …)` in its scenario",
+            )),
+            _ => None,
+        }
+    }
+
+    fn measure_once(
+        &self,
+        run_seed: u64,
+        stop_rule: StopRule,
+        windows: &[u32],
+        interrupted: &AtomicBool,
+    ) -> Result<Option<RunResult>, RunError> {
+        let scenario = learning_settings(self.scenario.clone(), run_seed);
+        let mut trainer = Trainer::from_scenario(&scenario, &self.description, 1)?;
+        let mut result = RunResult::begin(&trainer);
+        let mut reservoir = Reservoir::new(run_seed, windows);
+        while !is_done(&trainer, &scenario, stop_rule) {
+            if interrupted.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let rows = trainer.advance()?.rows;
+            result.add_round(&trainer, &rows);
+            for episode in trainer.newest_episodes() {
+                reservoir.add_episode(episode);
+            }
+        }
+        Ok(Some(RunResult {
+            states: reservoir.states(),
+            ..result
+        }))
+    }
+
+    fn run_in_folder(
+        &self,
+        options: &Options,
+        recording: Option<Box<dyn RecorderFactory>>,
+        observer: &mut dyn Observer,
+        interrupted: &AtomicBool,
+    ) -> Result<RunEnding, RunError> {
+        let mut factories: Factories = vec![Box::new(TableFiles {
+            folder: options.folder.path().to_owned(),
+        })];
+        factories.extend(recording);
+        let ending = run::execute(self, options, factories, observer, interrupted)?;
+        Ok(match ending {
+            RunOutcome::Finished(summary) => RunEnding::Finished(report(&summary, options)),
+            RunOutcome::Interrupted { rounds } => RunEnding::Interrupted {
+                after: pluralize(rounds as usize, "round"),
+                can_resume: true,
+            },
+        })
+    }
+
+    fn bench_report(&self) -> &'static dyn BenchReport {
+        &SolvingReport
+    }
+}
+
+fn is_done(trainer: &Trainer, scenario: &Scenario, stop_rule: StopRule) -> bool {
+    let all = trainer.measures().episodes_per_agent() >= scenario.max_episodes() as usize;
+    match stop_rule {
+        StopRule::Scenario => trainer.is_done(),
+        StopRule::MaxEpisodes => all,
+        StopRule::Solved => all || trainer.is_solved(),
+    }
+}
+
+/// The scenario with another run seed, and with defaults for everything that learning does not
+/// depend on.
+fn learning_settings(mut scenario: Scenario, run_seed: u64) -> Scenario {
+    scenario.recording = RecordingSettings {
+        scene: None,
+        ..RecordingSettings::default()
+    };
+    scenario.checkpoint_every = known_count(1);
+    scenario.seed = run_seed;
+    scenario
+}
+
+/// The resolved scenario without `recording.window`, which did not exist yet when the first studies
+/// were stored: their digests must not change.
+fn text_without_window(scenario: &Scenario) -> String {
+    let window = format!("        window: {},\n", scenario.recording.window.get());
+    let text = scenario.resolved();
+    match text.split_once("\n    recording: (\n") {
+        Some((before, rest)) => format!(
+            "{before}\n    recording: (\n{}",
+            rest.replacen(&window, "", 1)
+        ),
+        None => text,
+    }
+}
+
+/// Printed for tasks without a threshold.
+pub const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: Solved`)";
+
+fn report(summary: &Summary, options: &Options) -> RunReport {
+    let last = pluralize(FINAL_WINDOW.min(summary.episodes_per_agent), "episode");
+    let final_return = summary.final_return;
+    RunReport {
+        episodes_per_agent: summary.episodes_per_agent,
+        env_steps: summary.env_steps,
+        lines: vec![
+            ("solved", solved(summary)),
+            (
+                "return",
+                format!("{final_return:.1} (mean over all agents and the last {last})"),
+            ),
+            ("coverage", coverage(summary)),
+            ("results", options.folder.path().display().to_string()),
+        ],
+    }
+}
+
+fn solved(summary: &Summary) -> String {
+    let Some(at) = summary.solved_at else {
+        return NO_THRESHOLD.to_owned();
+    };
+    // Thresholds are stored in single precision; as f64 they would print spurious digits.
+    let (threshold, window) = (at.r#return as f32, pluralize(at.window, "episode"));
+    match summary.episodes_until_solved {
+        Some(episodes) => {
+            let episodes = pluralize(episodes, "episode");
+            format!("after {episodes} per agent: mean return over {window} reached {threshold}")
+        }
+        None => format!("no: mean return over {window} did not reach {threshold}"),
+    }
+}
+
+fn coverage(summary: &Summary) -> String {
+    const SHOWN: usize = 8;
+    let percent = |fraction: &f64| format!("{:.1} %", 100.0 * fraction);
+    let agents: Vec<String> = summary.coverage.iter().take(SHOWN).map(percent).collect();
+    let more = if summary.coverage.len() > SHOWN {
+        " …"
+    } else {
+        ""
+    };
+    format!(
+        "{}{more} of the state space per agent; {} for the whole team",
+        agents.join(", "),
+        percent(&summary.team_coverage)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::study::experiment::load;
+
+    fn digest(overrides: &[&str]) -> String {
+        let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+        load(Path::new("scenarios/cartpole.ron"), &overrides)
+            .expect("a valid scenario")
+            .digest()
+    }
+
+    /// Stored runs are found by their digests. This one names the runs of a study of `cartpole.ron`
+    /// and nothing else, in files such as `runs/eb5eb0b70768f8e1-1000.run`; it changes with the
+    /// scenario's text, its defaults, and `envs/cartpole.ron`.
+    #[test]
+    fn what_a_recording_shows_is_not_in_the_digest() {
+        assert_eq!(digest(&[]), "eb5eb0b70768f8e1");
+        assert_eq!(digest(&["seed=7", "checkpoint_every=3"]), digest(&[]));
+        assert_eq!(
+            digest(&[
+                "recording.window=7",
+                "recording.lines=10",
+                "recording.scene=None"
+            ]),
+            digest(&[])
+        );
+        assert_ne!(digest(&["agents.count=5"]), digest(&[]));
+        // `stop` has a window as well, of 50 episodes, which does matter.
+        assert_ne!(
+            digest(&["stop=Solved(return: 1, window: 50, at_most: 99)"]),
+            digest(&["stop=Solved(return: 1, window: 51, at_most: 99)"])
+        );
+    }
+}

@@ -1,0 +1,120 @@
+//! A tabular run: the loop of single actions, its recording and its result files.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::recording::{TabularRecorder, spec};
+use super::results::{Results, Summary};
+use super::scenario::TabularScenario;
+use super::team::{Episode, TabularTeam};
+use crate::record::RecorderFactory;
+use crate::run::summary::FINAL_WINDOW;
+use crate::run::{Observer, Options, Progress, RunError};
+use seedbed_env::Spec;
+
+/// A tabular scenario that can be run.
+#[derive(Clone, Debug)]
+pub struct TabularPlan {
+    /// Name of the scenario: the stem of its file.
+    pub name: String,
+    /// The scenario.
+    pub scenario: TabularScenario,
+    /// The task, as recordings and reports describe it.
+    pub spec: Spec,
+}
+
+/// How a tabular run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ending {
+    /// All agents have finished all episodes.
+    Finished(Box<Summary>),
+    /// It was interrupted, and cannot be resumed.
+    Interrupted {
+        /// Number of episodes that the team has finished.
+        episodes: usize,
+    },
+}
+
+impl TabularPlan {
+    /// The plan of a scenario that was read from `path`.
+    #[must_use]
+    pub fn new(path: &Path, scenario: TabularScenario) -> Self {
+        let stem = path.file_stem();
+        Self {
+            name: stem.map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned()),
+            // All tasks that a family draws have the same states and actions.
+            spec: spec(&scenario, &scenario.task.model(0)),
+            scenario,
+        }
+    }
+
+    /// Number of episodes of the whole team.
+    fn team_episodes(&self) -> usize {
+        self.scenario.agents.count.get() as usize * self.scenario.episodes.get() as usize
+    }
+}
+
+/// Runs a plan until all episodes are finished, or until `interrupted` is set, and writes all
+/// results into the run directory. `recording` makes a recorder, if there shall be one.
+///
+/// # Errors
+/// If a file cannot be written, or if an interrupted run is to be resumed.
+pub fn execute(
+    plan: &TabularPlan,
+    options: &Options,
+    recording: Option<Box<dyn RecorderFactory>>,
+    observer: &mut dyn Observer,
+    interrupted: &AtomicBool,
+) -> Result<Ending, RunError> {
+    let folder = &options.folder;
+    if options.resume {
+        return Err(RunError::AnotherRun(format!(
+            "the run in {} cannot be resumed as this one: tabular runs have no checkpoints",
+            folder.path().display()
+        )));
+    }
+    let mut recorder = TabularRecorder::new(&plan.name, &plan.scenario, recording)?;
+    let mut team = TabularTeam::new(&plan.scenario);
+    let mut episodes = Vec::new();
+    observer.begun(&progress(plan, &team, &episodes));
+    while let Some(step) = team.advance() {
+        recorder.record_step(&step)?;
+        if let Some(episode) = step.ended {
+            episodes.push(episode);
+            warn(&mut recorder, observer);
+            observer.round_finished(&progress(plan, &team, &episodes));
+        }
+        if interrupted.load(Ordering::Relaxed) && episodes.len() < plan.team_episodes() {
+            return Ok(Ending::Interrupted {
+                episodes: episodes.len(),
+            });
+        }
+    }
+    recorder.finish()?;
+    warn(&mut recorder, observer);
+    let results = Results::of(&plan.name, &plan.scenario, &team, episodes);
+    let written = results.write(&plan.scenario, folder);
+    written.map_err(|error| RunError::File {
+        path: folder.path().to_owned(),
+        error,
+    })?;
+    Ok(Ending::Finished(Box::new(results.summary)))
+}
+
+fn warn(recorder: &mut TabularRecorder, observer: &mut dyn Observer) {
+    if let Some(warning) = recorder.warning() {
+        observer.warn(&warning);
+    }
+}
+
+/// Agents act at times of their own, so progress counts the episodes of the whole team.
+fn progress(plan: &TabularPlan, team: &TabularTeam, episodes: &[Episode]) -> Progress {
+    let recent = &episodes[episodes.len().saturating_sub(FINAL_WINDOW)..];
+    let sum: f64 = recent.iter().map(|episode| episode.r#return).sum();
+    Progress {
+        episodes: episodes.len(),
+        max_episodes: plan.team_episodes(),
+        recent_return: sum / recent.len().max(1) as f64,
+        env_steps: team.steps(),
+    }
+}
