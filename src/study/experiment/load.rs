@@ -46,20 +46,17 @@ impl LoadStep {
 pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, LoadError> {
     let origin = path.display().to_string();
     let text = input::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
-    match input::file_kind(&origin, &text) {
-        Ok(FileKind::TabularScenario) => {
-            let document: Document<TabularScenario> = read(&origin, text, overrides)?;
-            Ok(Arc::new(TabularPlan::new(path, document.value)))
-        }
-        // Files of any other kind are refused with the errors of a `Scenario`.
-        _ => {
-            let document: Document<Scenario> = read(&origin, text, overrides)?;
-            let plan = Plan::of(document, path);
-            Ok(Arc::new(
-                plan.map_err(|error| LoadStep::Check.failed(error))?,
-            ))
-        }
+    let kind = input::file_kind(&origin, &text);
+    if matches!(kind, Ok(FileKind::TabularScenario)) {
+        let document: Document<TabularScenario> = read(&origin, text, overrides)?;
+        return Ok(Arc::new(TabularPlan::new(path, document.value)));
     }
+    // Files of any other kind are refused with the errors of a `Scenario`.
+    let document: Document<Scenario> = read(&origin, text, overrides)?;
+    let plan = Plan::of(document, path);
+    Ok(Arc::new(
+        plan.map_err(|error| LoadStep::Check.failed(error))?,
+    ))
 }
 
 fn read<T: Resolve>(
