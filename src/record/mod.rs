@@ -21,7 +21,7 @@ pub use metrics::RoundRow;
 pub use settings::{AxisChoice, ColorBy, Difference, PairChoice, RecordingSettings, SceneSettings};
 
 use seedbed_env::{Force, Pose, Status};
-use seedbed_learn::experience::Episode;
+use seedbed_learn::experience::{Episode, StepData};
 
 /// Records rounds as they finish. Must not change what is learned.
 pub trait Recorder {
@@ -61,8 +61,22 @@ pub struct RoundRecord<'a> {
     pub episode_rows: &'a [EpisodeRow],
     /// One row per update, in the order in which agents learned.
     pub round_rows: &'a [RoundRow],
+    /// What updates computed for the steps of episodes, in (agent, episode) order; none of episodes
+    /// that nothing was computed for.
+    pub step_data: &'a [StepData],
     /// The bodies' trajectories in those episodes of this round whose scene is recorded.
     pub body_trajectories: &'a [BodyTrajectory],
+}
+
+impl RoundRecord<'_> {
+    /// What updates computed for the steps of an episode, if anything.
+    #[must_use]
+    pub fn steps_of(&self, episode: &Episode) -> Option<&StepData> {
+        let key = (episode.agent, episode.episode);
+        let data_key = |data: &StepData| (data.agent, data.episode);
+        let index = self.step_data.binary_search_by_key(&key, data_key).ok()?;
+        Some(&self.step_data[index])
+    }
 }
 
 /// The poses of all bodies in each state of an episode, and the forces on them.

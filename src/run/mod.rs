@@ -229,6 +229,7 @@ fn play_round(
 ) -> Result<RoundRows, RunError> {
     let Round {
         rows,
+        step_data,
         body_trajectories,
     } = trainer.advance()?;
     let round = RoundRecord {
@@ -236,6 +237,7 @@ fn play_round(
         episodes: &trainer.newest_episodes(),
         episode_rows: &rows.episodes,
         round_rows: &rows.updates,
+        step_data: &step_data,
         body_trajectories: &body_trajectories,
     };
     recorders

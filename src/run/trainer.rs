@@ -16,7 +16,7 @@ use seedbed_env::TaskDescription;
 use seedbed_env::input::InputError;
 use seedbed_env::{Environment, Spec, build};
 use seedbed_learn::agent::{Tensor, UpdateReport};
-use seedbed_learn::experience::{Episode, SharedBuffer};
+use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
 use seedbed_learn::team::{
     AgentUpdate, Learner, LearningTiming, Lesson, Team, TeamContext, Workers,
 };
@@ -76,6 +76,9 @@ impl Default for TrainingSettings {
 pub struct Round {
     /// What it adds to the tables.
     pub rows: RoundRows,
+    /// What updates computed for the steps of the round's episodes, in (agent, episode) order.
+    /// Episodes for which nothing was computed may be missing.
+    pub step_data: Vec<StepData>,
     /// The recorded bodies.
     pub body_trajectories: Vec<BodyTrajectory>,
 }
@@ -186,21 +189,29 @@ impl Trainer {
     pub fn advance(&mut self) -> Result<Round, Diverged> {
         self.forget_old_episodes();
         self.recorded = self.buffer.total();
-        let (mut reports, body_trajectories) = match self.settings.schedule {
+        let (updates, body_trajectories) = match self.settings.schedule {
             Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
             Schedule::Lockstep { .. } => self.advance_together(1)?,
             Schedule::Asynchronous { training } => self.advance_each(training.env_steps)?,
         };
-        let agreement = self.bonus_agreement();
-        for (_, report) in &mut reports {
-            report.bonus_agreement = agreement.map(|agreement| agreement as f32);
+        let bonus_agreement = self.bonus_agreement().map(|agreement| agreement as f32);
+        let (mut reports, mut step_data) = (Vec::new(), Vec::new());
+        for AgentUpdate { agent, update, .. } in updates {
+            let report = UpdateReport {
+                bonus_agreement,
+                ..update.report
+            };
+            reports.push((agent, report));
+            step_data.extend(update.step_data);
         }
+        step_data.sort_by_key(|data| (data.agent, data.episode));
         let episodes = newest_episodes(&self.buffer, self.recorded);
         let spec = self.environment.spec();
         let rows = self.measures.take_in(spec, self.round, &episodes, &reports);
         self.round += 1;
         Ok(Round {
             rows,
+            step_data,
             body_trajectories,
         })
     }
@@ -227,8 +238,8 @@ impl Trainer {
         let fresh = self.buffer.total();
         self.share(played.episodes)?;
         let learners = (0..self.team.agent_count() as u32).map(|agent| (agent, fresh, self.round));
-        let reports = self.learn(&learners.collect::<Vec<_>>())?;
-        Ok((reports, played.body_trajectories))
+        let updates = self.learn(&learners.collect::<Vec<_>>())?;
+        Ok((updates, played.body_trajectories))
     }
 
     /// Agents whose episodes end learn while the others play.
@@ -243,7 +254,7 @@ impl Trainer {
         let count = self.team.agent_count();
         let rollout = self.rollout.take();
         let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
-        let (mut reports, mut body_trajectories) = (Vec::new(), Vec::new());
+        let (mut updates, mut body_trajectories) = (Vec::new(), Vec::new());
         while self.buffer.total() < self.recorded + count as u64 {
             let ended = rollout.play(&mut *self.environment, &mut *self.team, &config);
             if ended.episodes.is_empty() {
@@ -258,10 +269,10 @@ impl Trainer {
                 let (fresh, round) = rollout.begin_update(agent, total, &config);
                 learners.push((agent, fresh, round));
             }
-            reports.extend(self.learn(&learners)?);
+            updates.extend(self.learn(&learners)?);
         }
         self.rollout = Some(rollout);
-        Ok((reports, body_trajectories))
+        Ok((updates, body_trajectories))
     }
 
     /// Adds episodes that ended at one moment to the buffer of all agents.
@@ -276,7 +287,7 @@ impl Trainer {
 
     /// Some agents learn at once.   `learners`: (agent, number of the team's episodes that it has
     /// learned from before, how often it has learned), in agent order
-    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<Report>, Diverged> {
+    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<AgentUpdate>, Diverged> {
         let kept = self.buffer.since(0);
         let forgotten = self.buffer.total() - kept.len() as u64;
         let learners: Vec<Learner> = learners
@@ -297,30 +308,7 @@ impl Trainer {
             let (agent, round) = (lost.agent, self.round);
             return Err(Diverged::Learning { agent, round });
         }
-        Ok(self.note_steps(&learners, forgotten, updates))
-    }
-
-    /// Keeps what agents computed for their own steps, for the recording.
-    fn note_steps(
-        &mut self,
-        learners: &[Learner],
-        forgotten: u64,
-        updates: Vec<AgentUpdate>,
-    ) -> Vec<Report> {
-        let mut reports = Vec::with_capacity(updates.len());
-        for (learner, AgentUpdate { agent, update, .. }) in learners.iter().zip(updates) {
-            let fresh = forgotten + learner.first_fresh as u64;
-            self.buffer
-                .note(agent, fresh, &update.intrinsic_rewards, |episode| {
-                    &mut episode.intrinsic_rewards
-                });
-            self.buffer
-                .note(agent, fresh, &update.advantages, |episode| {
-                    &mut episode.advantages
-                });
-            reports.push((agent, update.report));
-        }
-        reports
+        Ok(updates)
     }
 
     /// Plays a round that nobody learns from and nothing measures. Episodes are in (agent, episode)
@@ -440,12 +428,8 @@ impl Trainer {
     }
 }
 
-/// What an agent's update was like.
-type Report = (u32, UpdateReport);
-
-/// What the updates of a round were like, in the order in which agents learned, and the recorded
-/// bodies.
-type Advance = (Vec<Report>, Vec<BodyTrajectory>);
+/// The updates of a round in the order in which agents learned, and the recorded bodies.
+type Advance = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
 
 fn thread_pool(threads: usize) -> ThreadPool {
     ThreadPoolBuilder::new()

@@ -149,6 +149,7 @@ impl Film {
             episodes: &episodes,
             episode_rows: &rows,
             round_rows: &[],
+            step_data: &[],
             body_trajectories: &[],
         };
         self.recorder

@@ -29,13 +29,6 @@ pub struct Episode {
     /// `[T × action width]`: log π(aₜ|sₜ) under the policy that acted, for each component of the
     /// action; the sum is the action's.
     pub log_probs: Vec<f32>,
-    /// `[T]`: the bonus that the agent's curiosity gave to each step, once it has learned from the
-    /// episode; empty without curiosity.
-    pub intrinsic_rewards: Vec<f32>,
-    /// `[T]`: what the agent took each action's advantage for when it began to learn from the
-    /// episode; empty where nothing shows it. Not stored, for nothing is learned from it.
-    #[serde(skip)]
-    pub advantages: Vec<f32>,
     /// How it ended: [`Status::Terminated`] or [`Status::Truncated`].
     pub outcome: Status,
 }
@@ -53,8 +46,6 @@ impl Episode {
             actions: Vec::with_capacity(steps * spec.action_width()),
             rewards: Vec::with_capacity(steps),
             log_probs: Vec::with_capacity(steps * spec.action_width()),
-            intrinsic_rewards: Vec::new(),
-            advantages: Vec::new(),
             outcome: Status::Running,
         }
     }
@@ -90,6 +81,33 @@ impl Episode {
     pub fn states(&self) -> &[f32] {
         let width = self.observations.len() / (self.length() + 1);
         &self.observations[..self.length() * width]
+    }
+}
+
+/// What an update computed for each of the T steps of one episode. Nothing is learned from it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepData {
+    /// Number of the agent whose episode it is, from 0.
+    pub agent: u32,
+    /// Number of the agent's episode, from 0.
+    pub episode: u32,
+    /// Intrinsic reward of each step; empty if the agent has no bonus: `[T]`.
+    pub intrinsic_rewards: Vec<f32>,
+    /// Advantage of each action under the policy and the value function before the update, not
+    /// standardized; empty if advantages are not recorded, or if the algorithm estimates none:
+    /// `[T]`.
+    pub advantages: Vec<f32>,
+}
+
+impl StepData {
+    /// Data of `episode` without intrinsic rewards and advantages.
+    #[must_use]
+    pub fn of(episode: &Episode) -> Self {
+        Self {
+            agent: episode.agent,
+            episode: episode.episode,
+            ..Self::default()
+        }
     }
 }
 
@@ -138,26 +156,6 @@ impl SharedBuffer {
         &self.episodes[total.saturating_sub(self.forgotten) as usize..]
     }
 
-    /// Notes what an agent made of its own episodes after the first `total`, in the `column` that
-    /// is for it.   `values`: step by step, one episode after the other
-    pub fn note(
-        &mut self,
-        agent: u32,
-        total: u64,
-        mut values: &[f32],
-        column: fn(&mut Episode) -> &mut Vec<f32>,
-    ) {
-        let from = total.saturating_sub(self.forgotten) as usize;
-        for episode in self.episodes[from..]
-            .iter_mut()
-            .filter(|episode| episode.agent == agent)
-        {
-            let (own, rest) = values.split_at(episode.length().min(values.len()));
-            *column(episode) = own.to_vec();
-            values = rest;
-        }
-    }
-
     /// How many of the team's episodes lie before the newest ones that hold at least `transitions`
     /// together.
     #[must_use]
@@ -187,39 +185,6 @@ mod tests {
 
     fn episode(agent: u32) -> Episode {
         Episode::start(agent, 0, 0, &Spec::new("test", Vec::new(), Vec::new()))
-    }
-
-    /// Agent 0 has episodes of 2 and 1 steps among the fresh ones, agent 1 has one of 4.
-    #[test]
-    fn what_is_noted_finds_its_steps() {
-        let mut buffer = SharedBuffer::default();
-        let of_length = |agent, length| Episode {
-            rewards: vec![0.0; length],
-            ..episode(agent)
-        };
-        buffer.push(vec![of_length(0, 5)]);
-        buffer.push(vec![of_length(0, 2), of_length(0, 1), of_length(1, 4)]);
-        buffer.note(0, 1, &[7.0, 8.0, 9.0], |episode| {
-            &mut episode.intrinsic_rewards
-        });
-        buffer.note(1, 1, &[1.0, 2.0, 3.0, 4.0], |episode| {
-            &mut episode.advantages
-        });
-        let noted = |column: fn(&Episode) -> &Vec<f32>| {
-            buffer
-                .since(0)
-                .iter()
-                .map(|episode| column(episode).clone())
-                .collect::<Vec<_>>()
-        };
-        assert_eq!(
-            noted(|episode| &episode.intrinsic_rewards),
-            [&[][..], &[7.0, 8.0], &[9.0], &[]]
-        );
-        assert_eq!(
-            noted(|episode| &episode.advantages),
-            [&[][..], &[], &[], &[1.0, 2.0, 3.0, 4.0]]
-        );
     }
 
     /// Episodes of 0, 3, 2 steps: 2 transitions need the last one, 3 the last two, 0 none.

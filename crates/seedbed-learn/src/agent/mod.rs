@@ -16,7 +16,7 @@ use std::borrow::Cow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::experience::{Episode, Experience};
+use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Activations, Initial};
 use crate::seed::SeedDistribution;
 use seedbed_env::Spec;
@@ -98,7 +98,7 @@ pub struct AgentContext<'a> {
     pub team: &'a TeamConfig,
     /// The task.
     pub spec: &'a Spec,
-    /// Whether [`Update::advantages`] are wanted. What is learned is the same.
+    /// Whether updates return [advantages](StepData::advantages). What is learned is the same.
     pub record_advantages: bool,
 }
 
@@ -115,13 +115,9 @@ pub struct ActScratch {
 pub struct Update {
     /// What it was like.
     pub report: UpdateReport,
-    /// Bonuses given to the steps of the agent's own fresh episodes, one episode after the other;
-    /// empty without curiosity.
-    pub intrinsic_rewards: Vec<f32>,
-    /// Advantage of each step of the agent's own fresh episodes, one episode after the other: under
-    /// the policy and the value function before this update, not standardized. Empty unless
-    /// [`AgentContext::record_advantages`], or if the algorithm estimates none.
-    pub advantages: Vec<f32>,
+    /// What it computed for the steps of the agent's own fresh episodes; episodes for which it
+    /// computed nothing may be missing.
+    pub step_data: Vec<StepData>,
 }
 
 impl From<UpdateReport> for Update {

@@ -9,7 +9,7 @@ mod independent;
 mod workers;
 
 use crate::agent::{AgentContext, TeamConfig, Tensor, Update};
-use crate::experience::Episode;
+use crate::experience::{Episode, StepData};
 use seedbed_env::Spec;
 use seedbed_env::random::Stream;
 
@@ -122,7 +122,7 @@ pub struct TeamContext<'a> {
     pub spec: &'a Spec,
     /// When the team learns.
     pub timing: LearningTiming,
-    /// Whether [`Update::advantages`] are wanted. What is learned is the same.
+    /// Whether updates return [advantages](StepData::advantages). What is learned is the same.
     pub record_advantages: bool,
 }
 

@@ -125,9 +125,8 @@ pub(crate) struct Curiosity {
     scale: BonusScale,
     medians: MedianScale,
     model: Model,
+    /// Gains of the agent's own steps in the latest update.
     own_gains: Vec<f32>,
-    /// Of the latest update: the bonuses of the agent's own steps.
-    own_bonuses: Vec<f32>,
 }
 
 enum Model {
@@ -164,7 +163,6 @@ impl Curiosity {
             medians,
             model,
             own_gains: Vec::new(),
-            own_bonuses: Vec::new(),
         })
     }
 
@@ -220,18 +218,13 @@ impl Curiosity {
         bonuses.resize_with(experience.fresh.len().max(bonuses.len()), Vec::new);
         bonuses.iter_mut().for_each(Vec::clear);
         self.own_gains.clear();
-        self.own_bonuses.clear();
         for &place in chosen {
             let (episode, bonuses) = (&experience.fresh[place], &mut bonuses[place]);
             self.gains(episode, 1, &mut random, bonuses);
-            let own = is_own(episode);
-            if own {
+            if is_own(episode) {
                 self.own_gains.extend_from_slice(bonuses);
             }
             self.scale_gains(bonuses);
-            if own {
-                self.own_bonuses.extend_from_slice(bonuses);
-            }
         }
         self.medians.update(&mut self.own_gains);
     }
@@ -262,11 +255,6 @@ impl Curiosity {
             &mut gains,
         );
         gains
-    }
-
-    /// Bonuses of the agent's own steps in the latest update.
-    pub(crate) fn own_bonuses(&self) -> &[f32] {
-        &self.own_bonuses
     }
 
     /// The model learns, where it does; returns its mean squared error on the fresh episodes before

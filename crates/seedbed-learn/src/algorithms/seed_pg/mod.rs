@@ -30,7 +30,7 @@ use crate::agent::network::{Descent, Learned, Network};
 use crate::agent::policy::{self, Policy};
 use crate::agent::scaling::Scaling;
 use crate::agent::{ActScratch, Agent, AgentContext, Tensor, Update};
-use crate::experience::{Episode, Experience};
+use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Mlp, PopArt, Standardizer};
 use crate::rl::advantage;
 use crate::rl::policy_loss::{self, Surrogate};
@@ -51,8 +51,8 @@ pub struct SeedPgAgent {
     value: Network,
     normalizer: PopArt,
     curiosity: Option<Curiosity>,
-    /// Of the latest update, where they are wanted: see [`Update::advantages`].
-    recorded_advantages: Option<Vec<f32>>,
+    /// Whether updates return [advantages](StepData::advantages).
+    record_advantages: bool,
     work: Workspace,
 }
 
@@ -150,7 +150,7 @@ impl SeedPgAgent {
                 ReturnNormalisation::Raw => PopArt::identity(),
             },
             curiosity: Curiosity::new(&config.bonus, member),
-            recorded_advantages: record_advantages.then(Vec::new),
+            record_advantages,
             config: config.clone(),
             work: Workspace::default(),
         }
@@ -185,21 +185,31 @@ impl SeedPgAgent {
         work.order.sort_unstable();
     }
 
-    /// Notes what the agent takes the advantages of its own steps for. Estimates draw nothing and
-    /// leave only what the next one replaces, so that learning continues to the same bits.
-    fn record_own_advantages(&mut self, fresh: &[Episode]) {
-        let Some(mut recorded_advantages) = self.recorded_advantages.take() else {
-            return;
-        };
-        recorded_advantages.clear();
+    /// Intrinsic rewards and, if they are recorded, advantages of the agent's own steps, before it
+    /// learns from them. Estimates draw no random numbers and change only what the next estimate
+    /// overwrites, so learning continues with the same bits.
+    fn own_step_data(&mut self, fresh: &[Episode]) -> Vec<StepData> {
+        let mut step_data = Vec::new();
+        if self.curiosity.is_none() && !self.record_advantages {
+            return step_data;
+        }
         for index in 0..self.work.order.len() {
             let place = self.work.order[index];
-            if fresh[place].agent == self.agent {
-                self.estimate(&fresh[place], place);
-                recorded_advantages.extend(&self.work.samples.advantages);
+            let episode = &fresh[place];
+            if episode.agent != self.agent {
+                continue;
             }
+            let mut data = StepData::of(episode);
+            if let Some(bonuses) = self.work.bonuses.get(place) {
+                data.intrinsic_rewards.clone_from(bonuses);
+            }
+            if self.record_advantages {
+                self.estimate(episode, place);
+                data.advantages.clone_from(&self.work.samples.advantages);
+            }
+            step_data.push(data);
         }
-        self.recorded_advantages = Some(recorded_advantages);
+        step_data
     }
 
     /// Whether the value function and the policy learn from an episode.
@@ -563,7 +573,7 @@ impl Agent for SeedPgAgent {
                 curiosity.learn(experience),
             );
         }
-        self.record_own_advantages(fresh);
+        let step_data = self.own_step_data(fresh);
         for _ in 0..self.config.epochs.get() {
             match self.config.minibatch {
                 Minibatch::Trajectory => {
@@ -591,11 +601,7 @@ impl Agent for SeedPgAgent {
             .for_each(|&index| self.scaling.update(fresh[index].states()));
         Update {
             report: totals.report(),
-            intrinsic_rewards: self
-                .curiosity
-                .as_ref()
-                .map_or_else(Vec::new, |curiosity| curiosity.own_bonuses().to_vec()),
-            advantages: self.recorded_advantages.clone().unwrap_or_default(),
+            step_data,
         }
     }
 

@@ -267,7 +267,7 @@ fn advantages_of_ones_own_steps_are_noted() {
         rewards: rewards.to_vec(),
         ..episode(agent)
     };
-    let mut learner = noting(agent(&config, 1, 0.0));
+    let mut learner = with_recorded_advantages(agent(&config, 1, 0.0));
     let first = update_on(
         &mut learner,
         &[
@@ -278,9 +278,9 @@ fn advantages_of_ones_own_steps_are_noted() {
         ],
         0,
     );
-    assert_eq!(first.advantages, [7.0, 6.0, 8.0, 1.0]);
+    assert_eq!(advantages(&first), [7.0, 6.0, 8.0, 1.0]);
     let second = update_on(&mut learner, &[rewarded(1, &[5.0])], 1);
-    assert_eq!(second.advantages, [5.0]);
+    assert_eq!(advantages(&second), [5.0]);
 }
 
 /// Recorded advantages are what the agent estimated before it learned, and it learns the same as
@@ -307,7 +307,10 @@ fn noting_advantages_changes_nothing() {
         },
     ];
     for config in variants {
-        let (mut with, mut without) = (noting(agent(&config, 1, 0.5)), agent(&config, 1, 0.5));
+        let (mut with, mut without) = (
+            with_recorded_advantages(agent(&config, 1, 0.5)),
+            agent(&config, 1, 0.5),
+        );
         for round in 0..3 {
             let mut before = agent(&config, 1, 0.5);
             before.restore(&without.save()).unwrap();
@@ -315,20 +318,26 @@ fn noting_advantages_changes_nothing() {
             let [ours, theirs] =
                 [&mut with, &mut without].map(|learner| update(learner, 0..3, round));
             assert_eq!((ours.report, with.save()), (theirs.report, without.save()));
-            assert_eq!(
-                ours.advantages, before.work.samples.advantages,
-                "{config:?}"
-            );
-            assert!(theirs.advantages.is_empty());
+            let expected = &before.work.samples.advantages;
+            assert_eq!(&advantages(&ours), expected, "{config:?}");
+            assert!(theirs.step_data.is_empty());
         }
     }
 }
 
-fn noting(agent: SeedPgAgent) -> SeedPgAgent {
+fn with_recorded_advantages(agent: SeedPgAgent) -> SeedPgAgent {
     SeedPgAgent {
-        recorded_advantages: Some(Vec::new()),
+        record_advantages: true,
         ..agent
     }
+}
+
+/// The advantages of all own episodes, one episode after the other.
+fn advantages(update: &Update) -> Vec<f32> {
+    let step_data = update.step_data.iter();
+    step_data
+        .flat_map(|data| data.advantages.iter().copied())
+        .collect()
 }
 
 /// Every estimator, loss and minibatch that goes with the agent's own data makes a rewarded action

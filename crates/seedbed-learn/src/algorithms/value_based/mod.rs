@@ -24,7 +24,7 @@ use crate::agent::curiosity::Bonus;
 use crate::agent::scaling::Scaling;
 use crate::agent::{Tensor, Update, UpdateReport};
 use crate::experience::replay::Replay;
-use crate::experience::{Episode, Experience};
+use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Mlp, Standardizer};
 use crate::team::{ActionRequest, AgentUpdate, LearningTiming, Lesson, Team, TeamContext, Workers};
 use seedbed_env::random::{Purpose, stream};
@@ -48,8 +48,9 @@ pub struct ValueTeam {
     steps_of_round: u32,
     timing: LearningTiming,
     buffers: ActionBuffers,
-    /// Of the latest round, the bonuses of each agent's own steps: `[K]`; empty without curiosity.
-    own_bonuses: Vec<Vec<f32>>,
+    /// Bonuses of each agent's own steps in the latest round, by episode: `[K]`; empty if the team
+    /// has no bonus.
+    own_bonuses: Vec<Vec<StepData>>,
 }
 
 /// Memory for the actions of a whole team, reused from step to step.
@@ -182,25 +183,26 @@ impl ValueTeam {
         for (place, episode) in experience.fresh.iter().enumerate() {
             let agent = episode.agent as usize;
             let of_model = &bonuses[self.following[agent]];
-            self.own_bonuses[agent].extend(of_model.get(place).into_iter().flatten());
+            self.own_bonuses[agent].push(StepData {
+                intrinsic_rewards: of_model.get(place).cloned().unwrap_or_default(),
+                ..StepData::of(episode)
+            });
         }
     }
 
     /// The result of the round for one agent.
     fn update_of(&self, agent: usize) -> AgentUpdate {
         let model = &self.models[self.following[agent]];
-        let own = self.own_bonuses.get(agent).cloned().unwrap_or_default();
+        let step_data = self.own_bonuses.get(agent).cloned().unwrap_or_default();
+        let bonuses = || step_data.iter().flat_map(|data| &data.intrinsic_rewards);
+        let (steps, sum) = (bonuses().count(), bonuses().sum::<f32>());
         let report = UpdateReport {
-            intrinsic_reward: (!own.is_empty()).then(|| own.iter().sum::<f32>() / own.len() as f32),
+            intrinsic_reward: (steps > 0).then(|| sum / steps as f32),
             ..model.report()
         };
         AgentUpdate {
             agent: agent as u32,
-            update: Update {
-                report,
-                intrinsic_rewards: own,
-                advantages: Vec::new(),
-            },
+            update: Update { report, step_data },
             is_finite: model.is_finite(),
         }
     }
