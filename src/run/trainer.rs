@@ -18,7 +18,7 @@ use seedbed_env::{Environment, Spec, build};
 use seedbed_learn::agent::{Tensor, UpdateReport};
 use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
 use seedbed_learn::team::{
-    AgentUpdate, Learner, LearningTiming, Lesson, Team, TeamContext, Workers,
+    AgentUpdate, Learner, LearningRequest, LearningTiming, Team, TeamContext, Workers,
 };
 
 /// Everything of a run that learns or is learned from.
@@ -187,7 +187,7 @@ impl Trainer {
     /// # Errors
     /// An observation, a reward or a network's parameters are not finite.
     pub fn advance(&mut self) -> Result<Round, Diverged> {
-        self.forget_old_episodes();
+        self.remove_old_episodes();
         self.recorded = self.buffer.total();
         let (updates, body_trajectories) = match self.settings.schedule {
             Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
@@ -216,12 +216,14 @@ impl Trainer {
         })
     }
 
-    /// Episodes that all have learned from are forgotten, but for the transitions to keep.
-    fn forget_old_episodes(&mut self) {
+    /// Removes episodes that all agents have learned from, except for the transitions to keep.
+    fn remove_old_episodes(&mut self) {
         let learned = self.rollout.as_ref();
         let learned = learned.map_or(u64::MAX, AsyncRollout::learned_by_all);
-        let kept = self.buffer.before(self.settings.transitions_kept);
-        self.buffer.forget(learned.min(kept));
+        let kept = self
+            .buffer
+            .count_before_newest(self.settings.transitions_kept);
+        self.buffer.remove_first(learned.min(kept));
     }
 
     /// Every agent plays `episodes`, then all learn.
@@ -288,22 +290,22 @@ impl Trainer {
     /// Some agents learn at once.   `learners`: (agent, number of the team's episodes that it has
     /// learned from before, how often it has learned), in agent order
     fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<AgentUpdate>, Diverged> {
-        let kept = self.buffer.since(0);
-        let forgotten = self.buffer.total() - kept.len() as u64;
+        let kept = self.buffer.after(0);
+        let removed = self.buffer.total() - kept.len() as u64;
         let learners: Vec<Learner> = learners
             .iter()
             .map(|&(agent, fresh, round)| Learner {
                 agent,
-                first_fresh: fresh.saturating_sub(forgotten) as usize,
+                first_fresh: fresh.saturating_sub(removed) as usize,
                 round,
             })
             .collect();
-        let lesson = Lesson {
+        let request = LearningRequest {
             kept,
             learners: &learners,
         };
         let workers = Workers::new(self.pool.as_ref());
-        let updates = self.team.learn(&lesson, workers);
+        let updates = self.team.learn(&request, workers);
         if let Some(lost) = updates.iter().find(|update| !update.is_finite) {
             let (agent, round) = (lost.agent, self.round);
             return Err(Diverged::Learning { agent, round });
@@ -322,7 +324,7 @@ impl Trainer {
         if !self.settings.is_curious {
             return None;
         }
-        let probe = self.buffer.since(self.recorded).first()?;
+        let probe = self.buffer.after(self.recorded).first()?;
         let bonuses = self.team.probe_bonuses(probe, self.round);
         agreement::mean_rank_correlation(&bonuses)
     }
@@ -468,7 +470,7 @@ fn check_episode(spec: &Spec, episode: &Episode) -> Result<(), Diverged> {
 
 /// The episodes after the first `recorded`, in (agent, episode) order.
 fn newest_episodes(buffer: &SharedBuffer, recorded: u64) -> Vec<&Episode> {
-    let mut episodes: Vec<&Episode> = buffer.since(recorded).iter().collect();
+    let mut episodes: Vec<&Episode> = buffer.after(recorded).iter().collect();
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     episodes
 }

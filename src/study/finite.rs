@@ -75,7 +75,8 @@ impl Played {
         {
             *count += 1;
         }
-        self.reservoir.add(step.episode, team.model().place(state));
+        self.reservoir
+            .add(step.episode, team.model().coordinates_of(state));
     }
 
     fn finish(mut self, team: &TabularTeam) -> RunResult {

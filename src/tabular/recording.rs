@@ -102,7 +102,7 @@ impl Film {
         (been[step.from as usize], been[step.to as usize]) = (true, true);
         running
             .observations
-            .extend_from_slice(self.model.place(step.to));
+            .extend_from_slice(self.model.coordinates_of(step.to));
         running.actions.push(step.action as f32);
         running.rewards.push(step.reward as f32);
         running.log_probs.push(0.0);
@@ -190,7 +190,7 @@ fn started(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode {
     let mut started = Episode::start(agent, episode, episode, spec);
     started
         .observations
-        .extend_from_slice(model.place(model.start));
+        .extend_from_slice(model.coordinates_of(model.start));
     started
 }
 

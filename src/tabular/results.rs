@@ -123,7 +123,7 @@ fn visit_rows(team: &TabularTeam) -> Vec<VisitRow> {
             .model()
             .coordinates
             .iter()
-            .zip(team.model().place(state));
+            .zip(team.model().coordinates_of(state));
         named
             .map(|(coordinate, value)| format!("{} {value}", coordinate.name))
             .collect::<Vec<_>>()

@@ -239,7 +239,7 @@ impl SourceFile {
         input::file_kind(&self.origin, &self.text)
     }
 
-    /// What `extends` names.
+    /// The name in the field `extends`.
     fn base_name(&self, extends: &Field) -> Result<String, InputError> {
         let value = &self.text[extends.value.clone()];
         let name = input::parse::<Option<String>>("", value.to_owned());
@@ -425,7 +425,7 @@ Environment(
             "{}",
             folder.error("second.ron")
         );
-        // The sensors are gone, and the base's observation is the first to miss one.
+        // The base's observation refers to a sensor that was replaced.
         assert!(
             folder
                 .error("third.ron")
@@ -443,7 +443,7 @@ Environment(
     }
 
     #[test]
-    fn what_cannot_be_extended_is_an_error() {
+    fn files_that_cannot_be_extended_are_errors() {
         let folder = Folder::new(
             "impossible",
             &[

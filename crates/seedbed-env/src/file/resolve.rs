@@ -1,5 +1,5 @@
-//! From what a file says to what it means: names become indices, formulas programs, and omitted
-//! fields their defaults.
+//! Resolves a task file: replaces names by indices, formulas by programs, and omitted fields by
+//! their defaults.
 
 use super::actuators::action;
 use super::surfaces::{self, shape};
@@ -16,8 +16,8 @@ use crate::{Quantity, Scene, SceneBody, Shape, Spec, physics};
 /// The name of the body that does not move, to which joints without a parent body are attached.
 const WORLD: &str = "world";
 
-/// Finds what the names of a task file refer to. Its methods are spread over the files of this
-/// folder by what they resolve.
+/// Resolves the names of a task file. Methods for actuators, joints, sensors and surfaces are in
+/// the files of this folder.
 pub(super) struct Resolver<'a> {
     pub(super) file: &'a TaskFile,
     pub(super) columns: ColumnLayout,

@@ -40,7 +40,7 @@ pub struct RigidBodies {
     columns: CoordinateColumns,
 }
 
-/// What all copies of a task have in common.
+/// Data that all copies of a task share.
 struct CopyTemplate {
     /// Number of bodies per copy.
     bodies: usize,
@@ -334,10 +334,10 @@ mod tests {
         description.bodies().unwrap().clone()
     }
 
-    /// Bodies are where the joint coordinates put them, with the velocities that these imply:
-    /// reading inverts placing.
+    /// Placing bodies at given joint coordinates and reading the coordinates back gives the same
+    /// positions and velocities.
     #[test]
-    fn joint_coordinates_survive_the_way_through_the_bodies() {
+    fn coordinates_of_placed_bodies_are_read_back() {
         for file in [
             "envs/cartpole.ron",
             "crates/seedbed-env/tests/envs/crane.ron",
@@ -404,7 +404,7 @@ mod tests {
 
     /// If this fails, Rapier has changed `min_color_joints`: set [`MIN_JOINTS_FOR_SIMD`] to it.
     #[test]
-    fn fewer_joints_than_simd_lanes_need_are_solved_one_by_one() {
+    fn few_joints_are_not_solved_in_simd_lanes() {
         let task = slope();
         let alone = bits(&task, MIN_JOINTS_FOR_SIMD, 1);
         assert_eq!(

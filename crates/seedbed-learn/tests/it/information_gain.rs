@@ -161,7 +161,7 @@ fn the_explicit_step_agrees_as_it_shrinks() {
     );
     let difference = |draws: usize, step: f32| {
         let exact =
-            |d: &[f32], m: &[f32], s: &[f32]| information_gain::of_explicit_step(d, m, s, step);
+            |d: &[f32], m: &[f32], s: &[f32]| information_gain::explicit_step(d, m, s, step);
         let [exact, second] = [
             gains(&network, &data, draws, exact),
             gains(&network, &data, draws, second_order(step)),
