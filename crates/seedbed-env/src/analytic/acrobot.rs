@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! A α̈ + K cos δ β̈ − K sin δ β̇² = Q₁ + weight of link 1 and of m₂ at the elbow      A = I₁ + m₁
-//! c₁² + m₂ e² K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + weight of link 2                            
+//! c₁² + m₂ e² K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + weight of link 2
 //! B = I₂ + m₂ c₂² ```
 //!
 //! with K = m₂ |e| |c₂| and δ the angle from e to c₂ (from T = ½ A α̇² + ½ B β̇² + K cos δ α̇ β̇).

@@ -278,7 +278,10 @@ fn of_file(file: usize, fields: Vec<Field>) -> Vec<FieldOfFile> {
 
 /// A path if the name ends in `.ron`, else a file in the same folder.
 fn base_path(folder: &Path, name: &str) -> PathBuf {
-    if name.ends_with(".ron") {
+    if Path::new(name)
+        .extension()
+        .is_some_and(|extension| extension == "ron")
+    {
         folder.join(name)
     } else {
         folder.join(format!("{name}.ron"))

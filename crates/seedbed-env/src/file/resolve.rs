@@ -9,7 +9,7 @@ use super::{
 use crate::analytic;
 use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
 use crate::expression::{Program, Type, Variable, compile};
-use crate::input::numbers::FiniteNumber;
+use crate::input::numbers::{FiniteNumber, Positive};
 use crate::input::{Located, ValidationError};
 use crate::{Quantity, Scene, SceneBody, Shape, Spec, physics};
 
@@ -454,7 +454,7 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
     let of_shapes = physics::inertial(mass, shapes);
     let given_com = body.com.map(super::Vector::get);
     let com = given_com.or(of_shapes.map(|shapes| shapes.com));
-    let given_inertia = body.inertia.map(|inertia| inertia.get());
+    let given_inertia = body.inertia.map(Positive::get);
     let Some(inertia) = given_inertia.or(of_shapes.map(|shapes| shapes.inertia)) else {
         return Err(body.name.error(format!(
             "body `{}` has neither an `inertia` nor a shape with an area: add one of them",

@@ -327,10 +327,10 @@ mod tests {
 
     fn task(file: &str) -> BodyTask {
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        bodies(load(&repository.join(file)).unwrap())
+        bodies(&load(&repository.join(file)).unwrap())
     }
 
-    fn bodies(description: TaskDescription) -> BodyTask {
+    fn bodies(description: &TaskDescription) -> BodyTask {
         description.bodies().unwrap().clone()
     }
 
@@ -399,7 +399,7 @@ mod tests {
             observations: [(name: "x", range: (-1.0, 1.0))],
             reward: "0",
         )"#;
-        bodies(parse("slope", "slope", text.to_owned()).unwrap())
+        bodies(&parse("slope", "slope", text.to_owned()).unwrap())
     }
 
     /// If this fails, Rapier has changed `min_color_joints`: set [`MIN_JOINTS_FOR_SIMD`] to it.

@@ -307,7 +307,7 @@ impl Component {
     fn gradient(&self, outputs: &[f32], action: f32, weight: f32, gradient: &mut [f32]) {
         match self.distribution {
             ComponentDistribution::Categorical { .. } => {
-                categorical::log_prob_gradient(outputs, action as usize, weight, gradient)
+                categorical::log_prob_gradient(outputs, action as usize, weight, gradient);
             }
             ComponentDistribution::Gaussian {
                 half_range,
@@ -331,7 +331,7 @@ impl Component {
     fn add_entropy_gradient(&self, outputs: &[f32], weight: f32, gradient: &mut [f32]) {
         match self.distribution {
             ComponentDistribution::Categorical { .. } => {
-                categorical::add_entropy_gradient(outputs, weight, gradient)
+                categorical::add_entropy_gradient(outputs, weight, gradient);
             }
             ComponentDistribution::Gaussian {
                 initial_log_deviation,
@@ -377,7 +377,7 @@ fn choose_category(
     match selection {
         ActionSelection::Sampled => {}
         ActionSelection::Tempered { temperature } => {
-            categorical::temper(log_probs, temperature.get_f32())
+            categorical::temper(log_probs, temperature.get_f32());
         }
         ActionSelection::Greedy => return (categorical::most_likely(log_probs) as f32, 0.0),
     }

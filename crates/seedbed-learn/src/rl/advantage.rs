@@ -3,7 +3,7 @@
 //! Values after the last step are taken as 0. If a time limit does not count as an end, the caller
 //! adds γ v(`s_T`) to the last reward.
 
-/// Monte-Carlo advantage with a single importance ratio: Aₜ = rₜ₊₁ + γ G̃ₜ₊₁ − bₜ, `G̃_T` = 0.  
+/// Monte-Carlo advantage with a single importance ratio: Aₜ = rₜ₊₁ + γ G̃ₜ₊₁ − bₜ, `G̃_T` = 0.
 /// `rewards`, `returns`, `baseline`: `[T]` → `[T]`
 ///
 /// The baseline b is v(sₜ), the trajectory's mean return, or 0 (thesis §1.5.1). The loss multiplies

@@ -89,7 +89,7 @@ fn gains(
     );
     let mut found = Vec::new();
     let visit = |by_mean: &[f32], by_deviation: &[f32]| {
-        found.push(form(&network.posterior().deviation, by_mean, by_deviation))
+        found.push(form(&network.posterior().deviation, by_mean, by_deviation));
     };
     let data = (&data.inputs[..], &data.targets[..]);
     network.likelihood().expected_gradients(

@@ -81,7 +81,7 @@ fn a_rolling_car_keeps_its_energy() {
     for physics in [Physics::Rapier, Physics::Analytic] {
         let (mut all, from) = (Vec::new(), f64::from(-0.9_f32));
         drive(physics, from, &|_, _| 0.0, &mut |state| {
-            all.push(energy(state))
+            all.push(energy(state));
         });
         let before = energy([from, 0.0]);
         assert!(

@@ -178,10 +178,10 @@ impl Encoding {
     fn push(&self, action: f32, row: &mut Vec<f32>) {
         match *self {
             Self::OneHot { choices } => {
-                row.extend((0..choices).map(|choice| f32::from(choice == action as usize)))
+                row.extend((0..choices).map(|choice| f32::from(choice == action as usize)));
             }
             Self::Scaled { center, half_range } => {
-                row.push(((action - center) / half_range).clamp(-1.0, 1.0))
+                row.push(((action - center) / half_range).clamp(-1.0, 1.0));
             }
         }
     }

@@ -95,7 +95,9 @@ impl Likelihood {
                 &mut pass.scratch,
             );
             if layer.index < last {
-                outputs.iter_mut().for_each(|y| *y = y.max(0.0));
+                for y in outputs {
+                    *y = y.max(0.0);
+                }
             }
         }
         &pass.layers[last]
@@ -508,7 +510,7 @@ mod tests {
                     .zip(&q.deviation)
                     .map(|(g, c)| c * g * g)
                     .sum::<f32>(),
-            )
+            );
         };
         likelihood.expected_gradients(
             (&q, &noise),
