@@ -220,7 +220,8 @@ impl MergedText {
             let source = &self.files[file];
             error.origin.clone_from(&source.origin);
             position.line = line + 1;
-            position.text = source.text.lines().nth(line).unwrap_or_default().to_owned();
+            let text = source.text.lines().nth(line).unwrap_or_default();
+            text.clone_into(&mut position.text);
         }
         error
     }
