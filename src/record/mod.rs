@@ -35,7 +35,7 @@ pub use run_info::{Focus, RunInfo};
 pub use settings::{AxisChoice, ColorBy, Difference, PairChoice, RecordingSettings, SceneSettings};
 
 use seedbed_env::{Force, Pose, Status};
-use seedbed_learn::experience::Episode;
+use seedbed_learn::experience::{Episode, StepData};
 
 /// What a build without the feature `rerun` says where a recording is asked for.
 pub(crate) const UNAVAILABLE: &str = "this build of seedbed has no recordings: build it with the feature `rerun`, which is on by default";
@@ -102,8 +102,22 @@ pub struct RoundRecord<'a> {
     pub episode_rows: &'a [EpisodeRow],
     /// One row per update, in the order in which agents learned.
     pub round_rows: &'a [RoundRow],
+    /// What updates computed for the steps of episodes, in (agent, episode) order; none of episodes
+    /// that nothing was computed for.
+    pub step_data: &'a [StepData],
     /// The bodies' trajectories in those episodes of this round whose scene is recorded.
     pub body_trajectories: &'a [BodyTrajectory],
+}
+
+impl RoundRecord<'_> {
+    /// What updates computed for the steps of an episode, if anything.
+    #[must_use]
+    pub fn steps_of(&self, episode: &Episode) -> Option<&StepData> {
+        let key = (episode.agent, episode.episode);
+        let data_key = |data: &StepData| (data.agent, data.episode);
+        let index = self.step_data.binary_search_by_key(&key, data_key).ok()?;
+        Some(&self.step_data[index])
+    }
 }
 
 /// The poses of all bodies in each state of an episode, and the forces on them.

@@ -29,7 +29,7 @@ pub struct CheckpointError {
     pub reason: String,
 }
 
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 impl Checkpoint {
     /// A checkpoint of this version.

@@ -220,6 +220,7 @@ fn play_round(
 ) -> Result<RoundRows, RunError> {
     let Round {
         rows,
+        step_data,
         body_trajectories,
     } = trainer.advance()?;
     let round = RoundRecord {
@@ -227,6 +228,7 @@ fn play_round(
         episodes: &trainer.newest_episodes(),
         episode_rows: &rows.episodes,
         round_rows: &rows.updates,
+        step_data: &step_data,
         body_trajectories: &body_trajectories,
     };
     recorders

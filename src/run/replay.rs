@@ -58,6 +58,7 @@ pub fn replay(
             episodes: &episodes,
             episode_rows: &measured,
             round_rows: &[],
+            step_data: &[],
             body_trajectories: &played.body_trajectories,
         })?;
         rows.extend(measured);

@@ -16,9 +16,9 @@ use seedbed_env::TaskDescription;
 use seedbed_env::input::InputError;
 use seedbed_env::{Environment, Spec, build};
 use seedbed_learn::agent::{Tensor, UpdateReport};
-use seedbed_learn::experience::{Episode, SharedBuffer};
+use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
 use seedbed_learn::team::{
-    AgentUpdate, Learner, LearningTiming, Lesson, Team, TeamContext, Workers,
+    AgentUpdate, Learner, LearningRequest, LearningTiming, Team, TeamContext, Workers,
 };
 
 /// The environments, team, shared buffer and measures of a run.
@@ -76,6 +76,9 @@ impl Default for TrainingSettings {
 pub struct Round {
     /// The rows that it adds to the tables.
     pub rows: RoundRows,
+    /// What updates computed for the steps of the round's episodes, in (agent, episode) order.
+    /// Episodes for which nothing was computed may be missing.
+    pub step_data: Vec<StepData>,
     /// The recorded bodies.
     pub body_trajectories: Vec<BodyTrajectory>,
 }
@@ -184,17 +187,24 @@ impl Trainer {
     /// # Errors
     /// An observation, a reward or a network's parameters are not finite.
     pub fn advance(&mut self) -> Result<Round, Diverged> {
-        self.forget_old_episodes();
+        self.remove_old_episodes();
         self.recorded = self.buffer.total();
-        let (mut reports, body_trajectories) = match self.settings.schedule {
+        let (updates, body_trajectories) = match self.settings.schedule {
             Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
             Schedule::Lockstep { .. } => self.advance_together(1)?,
             Schedule::Asynchronous { training } => self.advance_each(training.env_steps)?,
         };
-        let agreement = self.bonus_agreement();
-        for (_, report) in &mut reports {
-            report.bonus_agreement = agreement.map(|agreement| agreement as f32);
+        let bonus_agreement = self.bonus_agreement().map(|agreement| agreement as f32);
+        let (mut reports, mut step_data) = (Vec::new(), Vec::new());
+        for AgentUpdate { agent, update, .. } in updates {
+            let report = UpdateReport {
+                bonus_agreement,
+                ..update.report
+            };
+            reports.push((agent, report));
+            step_data.extend(update.step_data);
         }
+        step_data.sort_by_key(|data| (data.agent, data.episode));
         let episodes = newest_episodes(&self.buffer, self.recorded);
         let spec = self.environment.spec();
         let rows = self
@@ -203,16 +213,19 @@ impl Trainer {
         self.round += 1;
         Ok(Round {
             rows,
+            step_data,
             body_trajectories,
         })
     }
 
     /// Removes episodes that all agents have learned from, except for the transitions to keep.
-    fn forget_old_episodes(&mut self) {
+    fn remove_old_episodes(&mut self) {
         let learned = self.rollout.as_ref();
         let learned = learned.map_or(u64::MAX, AsyncRollout::learned_by_all);
-        let kept = self.buffer.before(self.settings.transitions_kept);
-        self.buffer.forget(learned.min(kept));
+        let kept = self
+            .buffer
+            .count_before_newest(self.settings.transitions_kept);
+        self.buffer.remove_first(learned.min(kept));
     }
 
     /// Every agent plays `episodes` episodes; then all agents learn.
@@ -229,8 +242,8 @@ impl Trainer {
         let fresh = self.buffer.total();
         self.share(played.episodes)?;
         let learners = (0..self.team.agent_count() as u32).map(|agent| (agent, fresh, self.round));
-        let reports = self.learn(&learners.collect::<Vec<_>>())?;
-        Ok((reports, played.body_trajectories))
+        let updates = self.learn(&learners.collect::<Vec<_>>())?;
+        Ok((updates, played.body_trajectories))
     }
 
     /// Agents whose episodes have ended learn while the others continue to play.
@@ -245,7 +258,7 @@ impl Trainer {
         let count = self.team.agent_count();
         let rollout = self.rollout.take();
         let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
-        let (mut reports, mut body_trajectories) = (Vec::new(), Vec::new());
+        let (mut updates, mut body_trajectories) = (Vec::new(), Vec::new());
         while self.buffer.total() < self.recorded + count as u64 {
             let ended = rollout.play(&mut *self.environment, &mut *self.team, &config);
             if ended.episodes.is_empty() {
@@ -260,10 +273,10 @@ impl Trainer {
                 let (fresh, round) = rollout.begin_update(agent, total, &config);
                 learners.push((agent, fresh, round));
             }
-            reports.extend(self.learn(&learners)?);
+            updates.extend(self.learn(&learners)?);
         }
         self.rollout = Some(rollout);
-        Ok((reports, body_trajectories))
+        Ok((updates, body_trajectories))
     }
 
     /// Adds episodes that ended in the same step to the shared buffer.
@@ -278,51 +291,28 @@ impl Trainer {
 
     /// Some agents learn at once.   `learners`: (agent, number of the team's episodes that it has
     /// learned from before, how often it has learned), in agent order
-    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<Report>, Diverged> {
-        let kept = self.buffer.since(0);
-        let forgotten = self.buffer.total() - kept.len() as u64;
+    fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<AgentUpdate>, Diverged> {
+        let kept = self.buffer.after(0);
+        let removed = self.buffer.total() - kept.len() as u64;
         let learners: Vec<Learner> = learners
             .iter()
             .map(|&(agent, fresh, round)| Learner {
                 agent,
-                first_fresh: fresh.saturating_sub(forgotten) as usize,
+                first_fresh: fresh.saturating_sub(removed) as usize,
                 round,
             })
             .collect();
-        let lesson = Lesson {
+        let request = LearningRequest {
             kept,
             learners: &learners,
         };
         let workers = Workers::new(self.pool.as_ref());
-        let updates = self.team.learn(&lesson, workers);
+        let updates = self.team.learn(&request, workers);
         if let Some(lost) = updates.iter().find(|update| !update.is_finite) {
             let (agent, round) = (lost.agent, self.round);
             return Err(Diverged::Learning { agent, round });
         }
-        Ok(self.note_steps(&learners, forgotten, updates))
-    }
-
-    /// Keeps what agents computed for their own steps, for the recording.
-    fn note_steps(
-        &mut self,
-        learners: &[Learner],
-        forgotten: u64,
-        updates: Vec<AgentUpdate>,
-    ) -> Vec<Report> {
-        let mut reports = Vec::with_capacity(updates.len());
-        for (learner, AgentUpdate { agent, update, .. }) in learners.iter().zip(updates) {
-            let fresh = forgotten + learner.first_fresh as u64;
-            self.buffer
-                .note(agent, fresh, &update.intrinsic_rewards, |episode| {
-                    &mut episode.intrinsic_rewards
-                });
-            self.buffer
-                .note(agent, fresh, &update.advantages, |episode| {
-                    &mut episode.advantages
-                });
-            reports.push((agent, update.report));
-        }
-        reports
+        Ok(updates)
     }
 
     /// Plays a round without learning and without measuring it. Episodes are in (agent, episode)
@@ -336,7 +326,7 @@ impl Trainer {
         if !self.settings.has_intrinsic_rewards {
             return None;
         }
-        let probe = self.buffer.since(self.recorded).first()?;
+        let probe = self.buffer.after(self.recorded).first()?;
         let bonuses = self.team.probe_bonuses(probe, self.round);
         agreement::mean_rank_correlation(&bonuses)
     }
@@ -442,11 +432,8 @@ impl Trainer {
     }
 }
 
-/// An agent and the report of its update.
-type Report = (u32, UpdateReport);
-
-/// The reports of a round's updates, in the order in which agents learned, and the recorded bodies.
-type Advance = (Vec<Report>, Vec<BodyTrajectory>);
+/// The updates of a round in the order in which agents learned, and the recorded bodies.
+type Advance = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
 
 fn thread_pool(threads: usize) -> ThreadPool {
     ThreadPoolBuilder::new()
@@ -485,7 +472,7 @@ fn check_episode(spec: &Spec, episode: &Episode) -> Result<(), Diverged> {
 
 /// The episodes after the first `recorded`, in (agent, episode) order.
 fn newest_episodes(buffer: &SharedBuffer, recorded: u64) -> Vec<&Episode> {
-    let mut episodes: Vec<&Episode> = buffer.since(recorded).iter().collect();
+    let mut episodes: Vec<&Episode> = buffer.after(recorded).iter().collect();
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     episodes
 }

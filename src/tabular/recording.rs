@@ -96,7 +96,7 @@ impl TabularRecorder {
         let episode = &mut self.current[agent];
         episode
             .observations
-            .extend_from_slice(self.model.place(step.to));
+            .extend_from_slice(self.model.coordinates_of(step.to));
         episode.actions.push(step.action as f32);
         episode.rewards.push(step.reward as f32);
         episode.log_probs.push(0.0);
@@ -147,6 +147,7 @@ impl TabularRecorder {
             episodes: &episodes,
             episode_rows: &rows,
             round_rows: &[],
+            step_data: &[],
             body_trajectories: &[],
         };
         self.recorder
@@ -198,7 +199,7 @@ fn first_state(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode 
     let mut started = Episode::start(agent, episode, round, spec);
     started
         .observations
-        .extend_from_slice(model.place(model.start));
+        .extend_from_slice(model.coordinates_of(model.start));
     started
 }
 

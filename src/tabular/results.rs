@@ -135,7 +135,7 @@ fn visit_rows(team: &TabularTeam) -> Vec<VisitRow> {
 fn format_place(team: &TabularTeam, state: u32) -> String {
     let coordinates = team.model().coordinates.iter();
     coordinates
-        .zip(team.model().place(state))
+        .zip(team.model().coordinates_of(state))
         .map(|(coordinate, value)| format!("{} {value}", coordinate.name))
         .collect::<Vec<_>>()
         .join(", ")

@@ -599,9 +599,9 @@ fn contradicting_settings_are_refused() {
     for (setting, expected) in [
         (
             "algorithm.policy_loss=SimplePg",
-            "`SimplePg` is sound only with",
+            "`SimplePg` is correct only with",
         ),
-        ("algorithm.hidden=[]", "names no layer"),
+        ("algorithm.hidden=[]", "has no layer"),
         (
             "stop=Solved(return: 195, window: 25, at_most: 10)",
             "expected a window of at most the 10 episodes",

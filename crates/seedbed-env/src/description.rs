@@ -276,7 +276,7 @@ impl TaskDescription {
         }
     }
 
-    /// The same, to be changed before building.
+    /// The task as an agent sees it, to be changed before building.
     pub fn spec_mut(&mut self) -> &mut Spec {
         match self {
             Self::Bodies(task) => &mut task.spec,
@@ -364,8 +364,8 @@ impl BodyTask {
             .iter()
             .map(|actuator| actuator.drive)
             .chain(self.formula_forces.iter().map(|force| force.drive));
-        let pushes_body = |drive| matches!(drive, Drive::BodyForce { .. });
-        drives.into_iter().any(pushes_body)
+        let acts_on_body = |drive| matches!(drive, Drive::BodyForce { .. });
+        drives.into_iter().any(acts_on_body)
             || !self.colliders.is_empty()
             || !self.free_bodies.is_empty()
     }

@@ -152,11 +152,11 @@ impl ValueTable {
         &mut self.values
     }
 
-    /// Copies the columns `from` to the columns that begin with `to`.
-    pub fn copy_columns(&mut self, from: Range<usize>, to: usize) {
+    /// Copies the columns `source` to the columns that begin with `target`.
+    pub fn copy_columns(&mut self, source: Range<usize>, target: usize) {
         self.values.copy_within(
-            from.start * self.copies..from.end * self.copies,
-            to * self.copies,
+            source.start * self.copies..source.end * self.copies,
+            target * self.copies,
         );
     }
 
@@ -177,13 +177,13 @@ impl ValueTable {
 
     /// The columns before `index`, and column `index`.
     pub fn split_at(&mut self, index: usize) -> (ValueTableView<'_>, &mut [f32]) {
-        let (before, from) = self.values.split_at_mut(index * self.copies);
+        let (before, rest) = self.values.split_at_mut(index * self.copies);
         (
             ValueTableView {
                 copies: self.copies,
                 values: before,
             },
-            &mut from[..self.copies],
+            &mut rest[..self.copies],
         )
     }
 }
@@ -244,12 +244,12 @@ mod tests {
             table.column_mut(column).fill(value);
         }
         let mut formula = Evaluator::new(&program, 3);
-        let all = formula.evaluate(table.view(), 0..3).to_vec();
+        let values = formula.evaluate(table.view(), 0..3).to_vec();
         assert_eq!(
-            all[1].to_bits(),
+            values[1].to_bits(),
             formula.evaluate(table.view(), 1..2)[0].to_bits()
         );
-        all[1]
+        values[1]
     }
 
     fn number(text: &str, x: f32) -> f32 {
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn arithmetic_follows_rust() {
+    fn arithmetic_is_that_of_rust() {
         assert_eq!(number("1 + 2 * x", 3.0), 7.0);
         assert_eq!(number("(1 + 2) * x", 3.0), 9.0);
         assert_eq!(number("-x - -1.5e0", 3.0), -1.5);
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn logic_follows_rust() {
+    fn logic_is_that_of_rust() {
         assert_eq!(boolean("x > 1 || x < -1", 2.0), 1.0);
         assert_eq!(boolean("x > 1 && x < -1", 2.0), 0.0);
         assert_eq!(boolean("!(x >= 1) && true", 0.5), 1.0);
@@ -328,105 +328,92 @@ mod tests {
 
     #[test]
     fn a_formula_without_names_is_a_constant() {
-        let folded = |text| compile(text, Type::Number, &variables()).unwrap();
-        assert_eq!(folded("1").constant(), Some(1.0));
+        let compiled = |text| compile(text, Type::Number, &variables()).unwrap();
+        assert_eq!(compiled("1").constant(), Some(1.0));
         assert_eq!(
-            folded("max(2 * 3, 5) - if 1 < 2 { 1 } else { 0 }").constant(),
+            compiled("max(2 * 3, 5) - if 1 < 2 { 1 } else { 0 }").constant(),
             Some(5.0)
         );
-        assert_eq!(folded("x").constant(), None);
-        assert_eq!(folded("x * (2 + 3)").instructions.len(), 1);
-        assert!(folded("x").reads(&(0..1)) && !folded("x").reads(&(1..5)));
+        assert_eq!(compiled("x").constant(), None);
+        assert_eq!(compiled("x * (2 + 3)").instructions.len(), 1);
+        assert!(compiled("x").reads(&(0..1)) && !compiled("x").reads(&(1..5)));
     }
 
     #[test]
-    fn errors_point_at_their_place() {
-        let unknown = error("x + tehta", Type::Number);
-        assert_eq!(unknown.0, 4);
+    fn an_unknown_name_lists_the_known_ones_and_suggests_the_nearest() {
+        let (column, message, help) = error("x + tehta", Type::Number);
+        assert_eq!(column, 4);
         assert_eq!(
-            unknown.1,
+            message,
             "no variable is named `tehta`, expected one of `x`, `x_dot`, `theta`, `pi`, `degree`"
         );
-        assert_eq!(unknown.2.as_deref(), Some("did you mean `theta`?"));
-        let wrong = |text: &str, kind: Type, column: usize, message: &str| {
+        assert_eq!(help.as_deref(), Some("did you mean `theta`?"));
+    }
+
+    /// Checks column and message of the error of each formula.
+    fn assert_errors(kind: Type, expected: &[(&str, usize, &str)]) {
+        for &(text, column, message) in expected {
             let found = error(text, kind);
             assert_eq!((found.0, found.1.as_str()), (column, message), "{text}");
-        };
-        wrong(
-            "abs(x, 1)",
+        }
+    }
+
+    #[test]
+    fn type_errors_are_located() {
+        let number = "expected a number, found true or false";
+        let boolean = "expected true or false, found a number";
+        assert_errors(
             Type::Number,
-            0,
-            "`abs` takes 1 argument, found 2",
+            &[
+                ("x + (x < 1)", 4, number),
+                ("if x { 1 } else { 2 }", 3, boolean),
+                ("abs(x, 1)", 0, "`abs` takes 1 argument, found 2"),
+                ("if x > 0 { 1 }", 0, "`if` needs an `else { … }`"),
+            ],
         );
-        wrong(
-            "x + (x < 1)",
+        assert_errors(Type::Boolean, &[("x", 0, boolean)]);
+    }
+
+    #[test]
+    fn syntax_errors_are_located() {
+        let end = "unexpected end of input, expected an expression";
+        let suffix = "a number takes no suffix, found `f32`";
+        let chained = "comparison operators cannot be chained";
+        assert_errors(
             Type::Number,
-            4,
-            "expected a number, found true or false",
+            &[
+                ("x +", 3, end),
+                ("", 0, end),
+                ("\"x\"", 0, NOT_A_FORMULA),
+                ("x.abs()", 0, NOT_A_FORMULA),
+                ("2f32 * x", 0, suffix),
+            ],
         );
-        wrong(
-            "x",
+        assert_errors(
             Type::Boolean,
-            0,
-            "expected true or false, found a number",
+            &[("x = 2", 0, NOT_A_FORMULA), ("1 < x < 2", 6, chained)],
         );
-        wrong(
-            "if x { 1 } else { 2 }",
+    }
+
+    #[test]
+    fn previous_takes_names_that_have_a_value_before_the_step() {
+        let not_a_name = "`previous` takes the name of an observation or a sensor";
+        let unavailable = "`previous(theta)` is not available here: only `reward` and \
+                           `terminated` can read values before the step, of observations and \
+                           sensors";
+        assert_errors(
             Type::Number,
-            3,
-            "expected true or false, found a number",
-        );
-        wrong(
-            "if x > 0 { 1 }",
-            Type::Number,
-            0,
-            "`if` needs an `else { … }`",
-        );
-        wrong(
-            "1 < x < 2",
-            Type::Boolean,
-            6,
-            "comparison operators cannot be chained",
-        );
-        wrong("x = 2", Type::Boolean, 0, NOT_A_FORMULA);
-        wrong(
-            "previous(1 + x)",
-            Type::Number,
-            9,
-            "`previous` takes the name of an observation or a sensor",
-        );
-        wrong(
-            "previous(theta)",
-            Type::Number,
-            9,
-            "`previous(theta)` is not available here: only `reward` and `terminated` can read values before the step, of observations and sensors",
-        );
-        wrong(
-            "x +",
-            Type::Number,
-            3,
-            "unexpected end of input, expected an expression",
-        );
-        wrong(
-            "",
-            Type::Number,
-            0,
-            "unexpected end of input, expected an expression",
-        );
-        wrong("\"x\"", Type::Number, 0, NOT_A_FORMULA);
-        wrong("x.abs()", Type::Number, 0, NOT_A_FORMULA);
-        wrong(
-            "2f32 * x",
-            Type::Number,
-            0,
-            "a number takes no suffix, found `f32`",
+            &[
+                ("previous(1 + x)", 9, not_a_name),
+                ("previous(theta)", 9, unavailable),
+            ],
         );
     }
 
     proptest! {
-        /// `evaluate` gives each copy the bits that it would have alone.
+        /// The value of a copy has the same bits whether it is computed alone or among others.
         #[test]
-        fn copies_do_not_mix(xs in prop::collection::vec(-1e3_f32..1e3, 1..40)) {
+        fn copies_are_independent(xs in prop::collection::vec(-1e3_f32..1e3, 1..40)) {
             let text = "clamp(sin(x) * 3 + x / 7, -2, 2) - if x > 1 || abs(x) < 0.5 { x % 3 } else { exp(-x * x) }";
             let program = compile(text, Type::Number, &variables()).unwrap();
             let mut table = ValueTable::new(5, xs.len());
@@ -441,9 +428,9 @@ mod tests {
     }
 
     #[test]
-    fn formulas_that_are_too_long_are_refused_before_parsing() {
-        let deep = format!("{}1{}", "(".repeat(100_000), ")".repeat(100_000));
-        let error = compile(&deep, Type::Number, &[]).unwrap_err();
+    fn too_long_formulas_are_rejected_before_parsing() {
+        let deeply_nested = format!("{}1{}", "(".repeat(100_000), ")".repeat(100_000));
+        let error = compile(&deeply_nested, Type::Number, &[]).unwrap_err();
         assert_eq!(
             error.message,
             "a formula can have at most 1000 characters, this one has 200001"

@@ -15,7 +15,7 @@ pub type Stream = ChaCha8Rng;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Purpose {
-    /// An agent's initial parameters φ̂ and θ̂.
+    /// The initial parameters φ̂ and θ̂ of an agent.
     InitialParameters = 1,
     /// An agent's reward seeds `z_1 … z_T`, drawn once.
     RewardSeeds = 2,
@@ -27,13 +27,13 @@ pub enum Purpose {
     Shuffle = 5,
     /// Subsampling for the recording. It never affects learning.
     Recording = 6,
-    /// Random behaviour in previews and benchmarks.
+    /// Random actions in previews and benchmarks.
     Preview = 7,
-    /// The initial parameters of a model of the dynamics.
+    /// The initial parameters of a bonus model.
     ModelParameters = 8,
-    /// An agent's seeds of such a model, drawn once.
+    /// An agent's seeds of its bonus model, drawn once.
     ModelSeeds = 9,
-    /// Minibatches and sampled weights for a model's training in one round.
+    /// Minibatches and sampled weights for training a bonus model in one round.
     ModelTraining = 10,
     /// Sampled weights for an agent's bonuses in one round.
     BonusNoise = 11,
@@ -50,7 +50,7 @@ pub enum Purpose {
     TransitionSeeds = 22,
     /// Which transitions a value model learns from, with [`transition_stream`].
     TransitionMasks = 23,
-    /// Which value model an agent follows in one round.
+    /// Which value model an agent acts by in one round.
     ModelChoice = 24,
     /// An agent's seed for the rewards of a tabular task, drawn once.
     TabularSeeds = 41,
@@ -62,11 +62,11 @@ pub enum Purpose {
     TabularTransitions = 43,
     /// An MDP that an agent samples before an action, whose index takes the place of the round.
     TabularResampling = 44,
-    /// When agents of a tabular task act.
+    /// The times at which agents of a tabular task act.
     TabularClock = 45,
     /// The outcomes of an agent's actions in a tabular task.
     TabularOutcomes = 46,
-    /// When agents of a tabular task begin.
+    /// The times at which agents of a tabular task begin.
     TabularArrivals = 47,
 }
 
@@ -85,7 +85,7 @@ pub fn stream(run_seed: u64, purpose: Purpose, agent: u32, round: u32) -> Stream
 }
 
 /// The stream of one transition for one value model, whose name is (run seed, purpose, model,
-/// source agent, episode, step).
+/// acting agent, episode, step).
 ///
 /// The first four are the key of [`stream`], the episode is ChaCha's nonce, and each step has a
 /// block of its own.
@@ -109,7 +109,7 @@ mod tests {
     use rand::RngExt;
 
     #[test]
-    fn every_part_of_the_name_matters() {
+    fn streams_differ_in_every_part_of_the_name() {
         let first =
             |seed, purpose, agent, round| stream(seed, purpose, agent, round).random::<u64>();
         let base = first(1, Purpose::Action, 2, 3);
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn every_part_of_a_transition_matters() {
+    fn transition_streams_differ_in_every_part_of_the_name() {
         let first = |model, agent, episode, step| {
             transition_stream(1, Purpose::TransitionSeeds, model, (agent, episode, step))
                 .random::<u64>()

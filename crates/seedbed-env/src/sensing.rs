@@ -63,13 +63,13 @@ impl SensorReader {
             let column = &mut table.column_mut(column)[copies.clone()];
             match measurement {
                 Measurement::JointPosition(coordinate) => {
-                    column.copy_from_slice(&columns.positions(*coordinate)[copies.clone()])
+                    column.copy_from_slice(&columns.positions(*coordinate)[copies.clone()]);
                 }
                 Measurement::WrappedJointPosition(coordinate) => {
-                    wrap(column, &columns.positions(*coordinate)[copies.clone()])
+                    wrap(column, &columns.positions(*coordinate)[copies.clone()]);
                 }
                 Measurement::JointVelocity(coordinate) => {
-                    column.copy_from_slice(&columns.velocities(*coordinate)[copies.clone()])
+                    column.copy_from_slice(&columns.velocities(*coordinate)[copies.clone()]);
                 }
                 _ => {}
             }

@@ -1,7 +1,7 @@
-//! What agents experienced: episodes, and the buffer in which a team shares them.
+//! Experience of agents: episodes, and the buffer in which a team shares them.
 //!
-//! Order is by simulated time and agent, never by what a thread did first. Agents that learn
-//! from single transitions share them in a [`replay`] buffer. Nothing here learns.
+//! Episodes are ordered by simulated time and agent and never depend on the timing of threads.
+//! Agents that learn from single transitions share them in a [`replay`] buffer.
 
 pub mod replay;
 
@@ -9,39 +9,32 @@ use serde::{Deserialize, Serialize};
 
 use seedbed_env::{Spec, Status};
 
-/// One finished episode of T steps (thesis §5.1): what the agent saw, did, how likely that was, and
-/// what it got.
+/// One episode of T steps (thesis §5.1): observations, actions with their log-probabilities, and
+/// rewards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Episode {
-    /// Who acted.
+    /// Number of the agent, from 0.
     pub agent: u32,
-    /// The agent's own count of episodes, from 0.
+    /// Number of the agent's episode, from 0.
     pub episode: u32,
-    /// The round in which the episode was played, from 0.
+    /// Number of the round in which it was played, from 0.
     pub round: u32,
-    /// Row t is what was seen before action t; the last row is what was seen at the end.
-    /// `[(T+1) × observation width]`
+    /// Row t is the observation before action t; the last row is the observation at the end:
+    /// `[(T+1) × observation width]`.
     pub observations: Vec<f32>,
-    /// `[T × action width]`
+    /// Row t is action t; a discrete action is the index of its value: `[T × action width]`.
     pub actions: Vec<f32>,
-    /// `[T]`: entry t is `R_{t+1}`, the environment's own, without seeds or bonus.
+    /// Entry t is `R_{t+1}`, the reward of the environment, without seeds and bonuses: `[T]`.
     pub rewards: Vec<f32>,
-    /// `[T × action width]`: log π(aₜ|sₜ) under the policy that acted, for each component of the
-    /// action; the sum is the action's.
+    /// log π(aₜ|sₜ) of each component of each action, under the policy that acted; their sum is the
+    /// log-probability of the action: `[T × action width]`.
     pub log_probs: Vec<f32>,
-    /// `[T]`: the bonus that the agent's curiosity gave to each step, once it has learned from the
-    /// episode; empty without curiosity.
-    pub intrinsic_rewards: Vec<f32>,
-    /// `[T]`: what the agent took each action's advantage for when it began to learn from the
-    /// episode; empty where nothing shows it. Not stored, for nothing is learned from it.
-    #[serde(skip)]
-    pub advantages: Vec<f32>,
-    /// How it ended: [`Status::Terminated`] or [`Status::Truncated`].
+    /// How it ended: [`Status::Terminated`] or [`Status::Truncated`]; [`Status::Running`] before.
     pub outcome: Status,
 }
 
 impl Episode {
-    /// An episode about to be played, with room for the task's longest.
+    /// An empty episode, with memory for as many steps as the task's time limit (at most 10,000).
     #[must_use]
     pub fn start(agent: u32, episode: u32, round: u32, spec: &Spec) -> Self {
         let steps = spec.time_limit.min(10_000) as usize;
@@ -53,25 +46,23 @@ impl Episode {
             actions: Vec::with_capacity(steps * spec.action_width()),
             rewards: Vec::with_capacity(steps),
             log_probs: Vec::with_capacity(steps * spec.action_width()),
-            intrinsic_rewards: Vec::new(),
-            advantages: Vec::new(),
             outcome: Status::Running,
         }
     }
 
-    /// T, the number of steps.
+    /// Number of steps T.
     #[must_use]
     pub fn length(&self) -> usize {
         self.rewards.len()
     }
 
-    /// Sum of rewards, undiscounted.
+    /// Undiscounted sum of the rewards.
     #[must_use]
     pub fn total_reward(&self) -> f64 {
         self.rewards.iter().map(|&reward| f64::from(reward)).sum()
     }
 
-    /// log π(aₜ|sₜ) of whole actions: `[T]`.
+    /// log π(aₜ|sₜ) of each action: `[T]`.
     pub fn action_log_probs(&self) -> impl Iterator<Item = f32> {
         let width = self.log_probs.len() / self.length().max(1);
         self.log_probs
@@ -79,13 +70,13 @@ impl Episode {
             .map(|components| components.iter().sum())
     }
 
-    /// What was seen at the end: `[observation width]`.
+    /// The observation at the end: `[observation width]`.
     #[must_use]
     pub fn last_observation(&self) -> &[f32] {
         &self.observations[self.states().len()..]
     }
 
-    /// The observations before each action: `[T × observation width]`, without the last row.
+    /// The observation before each action, without the last one: `[T × observation width]`.
     #[must_use]
     pub fn states(&self) -> &[f32] {
         let width = self.observations.len() / (self.length() + 1);
@@ -93,91 +84,98 @@ impl Episode {
     }
 }
 
-/// The team's shared experience: episodes in the order in which they were finished, those of one
-/// moment in agent order.
+/// Results of an update for each of the T steps of one episode, for recordings. Agents do not learn
+/// from them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepData {
+    /// Number of the agent whose episode it is, from 0.
+    pub agent: u32,
+    /// Number of the agent's episode, from 0.
+    pub episode: u32,
+    /// Intrinsic reward of each step; empty if the agent has no bonus: `[T]`.
+    pub intrinsic_rewards: Vec<f32>,
+    /// Advantage of each action under the policy and the value function before the update, not
+    /// standardized; empty if advantages are not recorded, or if the algorithm estimates none:
+    /// `[T]`.
+    pub advantages: Vec<f32>,
+}
+
+impl StepData {
+    /// Data of `episode` without intrinsic rewards and advantages.
+    #[must_use]
+    pub fn of(episode: &Episode) -> Self {
+        Self {
+            agent: episode.agent,
+            episode: episode.episode,
+            ..Self::default()
+        }
+    }
+}
+
+/// The team's shared episodes in the order in which they ended; those that ended at the same time
+/// are in agent order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SharedBuffer {
-    /// Episodes that were forgotten.
-    forgotten: u64,
+    /// Number of episodes that were removed.
+    removed: u64,
     episodes: Vec<Episode>,
 }
 
-/// What an agent learns from at one time.
+/// The episodes that an agent learns from in one update.
 #[derive(Clone, Copy, Debug)]
 pub struct Experience<'a> {
-    /// The team's episodes that this agent has not learned from before, its own among them.
+    /// The team's episodes that this agent has not learned from before, including its own.
     pub fresh: &'a [Episode],
-    /// The newest episodes of the team that are kept, the fresh ones last.
+    /// All episodes of the team that are still in the buffer; the fresh ones are the last.
     pub kept: &'a [Episode],
-    /// How often this agent has learned before.
+    /// Number of this agent's earlier updates.
     pub round: u32,
 }
 
 impl SharedBuffer {
-    /// Adds episodes that were finished at one moment.
+    /// Adds episodes that ended at the same time.
     ///
     /// # Panics
     /// If they are not in agent order.
     pub fn push(&mut self, episodes: Vec<Episode>) {
         assert!(
             episodes.is_sorted_by_key(|episode| episode.agent),
-            "episodes come in agent order"
+            "episodes must be in agent order"
         );
         self.episodes.extend(episodes);
     }
 
-    /// Episodes added so far, forgotten ones included.
+    /// Number of episodes added so far, including removed ones.
     #[must_use]
     pub fn total(&self) -> u64 {
-        self.forgotten + self.episodes.len() as u64
+        self.removed + self.episodes.len() as u64
     }
 
-    /// The episodes after the first `total`, as far as they are kept.
+    /// The episodes after the first `count`, except removed ones.
     #[must_use]
-    pub fn since(&self, total: u64) -> &[Episode] {
-        &self.episodes[total.saturating_sub(self.forgotten) as usize..]
+    pub fn after(&self, count: u64) -> &[Episode] {
+        &self.episodes[count.saturating_sub(self.removed) as usize..]
     }
 
-    /// Notes what an agent made of its own episodes after the first `total`, in the `column` that
-    /// is for it.   `values`: step by step, one episode after the other
-    pub fn note(
-        &mut self,
-        agent: u32,
-        total: u64,
-        mut values: &[f32],
-        column: fn(&mut Episode) -> &mut Vec<f32>,
-    ) {
-        let from = total.saturating_sub(self.forgotten) as usize;
-        for episode in self.episodes[from..]
-            .iter_mut()
-            .filter(|episode| episode.agent == agent)
-        {
-            let (own, rest) = values.split_at(episode.length().min(values.len()));
-            *column(episode) = own.to_vec();
-            values = rest;
-        }
-    }
-
-    /// How many of the team's episodes lie before the newest ones that hold at least `transitions`
-    /// together.
+    /// Number of episodes before the newest ones that together have at least `transitions`
+    /// transitions.
     #[must_use]
-    pub fn before(&self, transitions: u64) -> u64 {
-        let mut held = 0;
-        let needed = self.episodes.iter().rev().take_while(|episode| {
-            let needed = held < transitions;
-            held += episode.length() as u64;
-            needed
+    pub fn count_before_newest(&self, transitions: u64) -> u64 {
+        let mut newest_transitions = 0;
+        let newest = self.episodes.iter().rev().take_while(|episode| {
+            let is_needed = newest_transitions < transitions;
+            newest_transitions += episode.length() as u64;
+            is_needed
         });
-        self.total() - needed.count() as u64
+        self.total() - newest.count() as u64
     }
 
-    /// Forgets the first `total` episodes.
-    pub fn forget(&mut self, total: u64) {
-        let count = total
-            .saturating_sub(self.forgotten)
-            .min(self.episodes.len() as u64);
-        self.episodes.drain(..count as usize);
-        self.forgotten += count;
+    /// Removes the first `count` of all episodes added so far, as far as they are still there.
+    pub fn remove_first(&mut self, count: u64) {
+        let present = self.episodes.len() as u64;
+        let removable = count.saturating_sub(self.removed).min(present);
+        self.episodes.drain(..removable as usize);
+        self.removed += removable;
     }
 }
 
@@ -189,42 +187,9 @@ mod tests {
         Episode::start(agent, 0, 0, &Spec::new("test", Vec::new(), Vec::new()))
     }
 
-    /// Agent 0 has episodes of 2 and 1 steps among the fresh ones, agent 1 has one of 4.
+    /// Of episodes with 0, 3, 2 steps, 2 transitions need the last episode, 3 the last two, 0 none.
     #[test]
-    fn what_is_noted_finds_its_steps() {
-        let mut buffer = SharedBuffer::default();
-        let of_length = |agent, length| Episode {
-            rewards: vec![0.0; length],
-            ..episode(agent)
-        };
-        buffer.push(vec![of_length(0, 5)]);
-        buffer.push(vec![of_length(0, 2), of_length(0, 1), of_length(1, 4)]);
-        buffer.note(0, 1, &[7.0, 8.0, 9.0], |episode| {
-            &mut episode.intrinsic_rewards
-        });
-        buffer.note(1, 1, &[1.0, 2.0, 3.0, 4.0], |episode| {
-            &mut episode.advantages
-        });
-        let noted = |column: fn(&Episode) -> &Vec<f32>| {
-            buffer
-                .since(0)
-                .iter()
-                .map(|episode| column(episode).clone())
-                .collect::<Vec<_>>()
-        };
-        assert_eq!(
-            noted(|episode| &episode.intrinsic_rewards),
-            [&[][..], &[7.0, 8.0], &[9.0], &[]]
-        );
-        assert_eq!(
-            noted(|episode| &episode.advantages),
-            [&[][..], &[], &[], &[1.0, 2.0, 3.0, 4.0]]
-        );
-    }
-
-    /// Episodes of 0, 3, 2 steps: 2 transitions need the last one, 3 the last two, 0 none.
-    #[test]
-    fn the_newest_transitions_are_kept() {
+    fn episodes_before_the_newest_transitions_are_counted() {
         let mut buffer = SharedBuffer::default();
         let of_length = |length| Episode {
             rewards: vec![0.0; length],
@@ -232,20 +197,20 @@ mod tests {
         };
         buffer.push(vec![of_length(0), of_length(3), of_length(2)]);
         assert_eq!(
-            [0, 2, 3, 100].map(|transitions| buffer.before(transitions)),
+            [0, 2, 3, 100].map(|transitions| buffer.count_before_newest(transitions)),
             [3, 2, 1, 0]
         );
     }
 
     #[test]
-    fn what_is_forgotten_still_counts() {
+    fn removed_episodes_are_counted() {
         let mut buffer = SharedBuffer::default();
         buffer.push(vec![episode(0), episode(1)]);
         buffer.push(vec![episode(0), episode(2)]);
-        buffer.forget(1);
-        let agents = |total| {
+        buffer.remove_first(1);
+        let agents = |count| {
             buffer
-                .since(total)
+                .after(count)
                 .iter()
                 .map(|episode| episode.agent)
                 .collect::<Vec<_>>()
@@ -255,7 +220,7 @@ mod tests {
             (vec![1, 0, 2], vec![0, 2], vec![])
         );
         assert_eq!(buffer.total(), 4);
-        buffer.forget(9);
-        assert_eq!((buffer.total(), buffer.since(0).len()), (4, 0));
+        buffer.remove_first(9);
+        assert_eq!((buffer.total(), buffer.after(0).len()), (4, 0));
     }
 }

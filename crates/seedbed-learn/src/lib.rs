@@ -1,12 +1,11 @@
-//! What learns: networks, formulas of reinforcement learning, agent seeds, shared experience,
-//! agents and teams.
+//! Reinforcement learning: networks, formulas, agent seeds, shared experience, agents and teams.
 //!
-//! [`Team`](team::Team) is what a training loop sees: K agents that act at once and learn from
-//! shared experience. [`algorithms`] are the teams that a scenario can name. They are put together
-//! from [`agent`] (policies, curiosity), [`nn`] (networks), [`rl`] (formulas), [`seed`] (what an
-//! agent keeps for its whole life) and [`experience`] (episodes and the replay buffer).
+//! [`Team`](team::Team) is the interface for training loops: K agents that act concurrently and
+//! learn from shared experience. [`algorithms`] has the teams that a scenario can name. Their parts
+//! are in [`agent`] (policies, exploration bonuses), [`nn`] (networks), [`rl`] (formulas), [`seed`]
+//! (fixed perturbations of an agent) and [`experience`] (episodes and the replay buffer).
 //!
-//! Nothing here opens a file, decides how many threads there are, reads a clock, or records.
+//! This crate does not open files, choose the number of threads, read clocks, or write recordings.
 
 pub mod agent;
 pub mod algorithms;

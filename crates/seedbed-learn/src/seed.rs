@@ -1,7 +1,5 @@
-//! An agent's seed ω_k = (φ̂_k, θ̂_k, `z_{k,1}` … `z_{k,T}`) (thesis §3.4): drawn at instantiation,
-//! the same for its whole training.
-//!
-//! Everything derives from (run seed, agent); nothing may be drawn twice.
+//! An agent's seed ω_k = (φ̂_k, θ̂_k, `z_{k,1}` … `z_{k,T}`) (thesis §3.4), which is drawn once and
+//! stays the same during training. It is a deterministic function of the run seed and the agent.
 
 use rand::RngExt;
 use rand_distr::{Distribution, Exp1, StandardNormal};
@@ -12,29 +10,30 @@ use crate::nn::{Initial, Mlp};
 use seedbed_env::input::numbers::NonNegative;
 use seedbed_env::random::{Purpose, Stream, stream};
 
-/// Distribution of the numbers `z_{k,j}`: mean 0, standard deviation σ in units of reward. With σ =
-/// 0 rewards are not perturbed.
+/// Distribution of the reward seeds `z_{k,j}`, with mean 0 and standard deviation σ in units of
+/// reward. With σ = 0 rewards are not perturbed.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum SeedDistribution {
-    /// Normal, 𝒩(0, σ²).
+    /// Normal distribution 𝒩(0, σ²).
     Normal {
-        /// Standard deviation.
+        /// Standard deviation σ.
         sigma: NonNegative,
     },
-    /// Uniform within ±√3 σ.
+    /// Uniform distribution within ±√3 σ.
     Uniform {
-        /// Standard deviation.
+        /// Standard deviation σ.
         sigma: NonNegative,
     },
-    /// Two-sided exponential of scale σ/√2: mostly small, sometimes large.
+    /// Laplace (two-sided exponential) distribution of scale σ/√2: mostly small numbers, sometimes
+    /// large ones.
     Laplace {
-        /// Standard deviation.
+        /// Standard deviation σ.
         sigma: NonNegative,
     },
-    /// −σ or σ, equally likely.
+    /// −σ or σ with equal probability.
     TwoPoint {
-        /// Standard deviation.
+        /// Standard deviation σ.
         sigma: NonNegative,
     },
 }
@@ -42,12 +41,12 @@ pub enum SeedDistribution {
 /// One agent's seed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seed {
-    /// `[T]`: entry t is `z_{k,t+1}`, added to the reward that follows step t, whoever's trajectory
-    /// it is.
+    /// Reward seeds: entry t is `z_{k,t+1}`, which agent k adds to the reward after step t of any
+    /// agent's trajectory: `[T]`.
     pub reward: Vec<f32>,
-    /// θ̂_k, the policy's initial parameters.
+    /// Initial parameters θ̂_k of the policy.
     pub policy: Vec<f32>,
-    /// φ̂_k, the value function's initial parameters.
+    /// Initial parameters φ̂_k of the value function.
     pub value: Vec<f32>,
 }
 
@@ -74,8 +73,8 @@ impl Seed {
 }
 
 impl SeedDistribution {
-    /// `[T]` draws for one agent. σ scales the same draws, so that runs with different σ are
-    /// paired.
+    /// The reward seeds of one agent: `[T]`. Seeds with different σ are multiples of the same
+    /// draws, so that runs can be compared in pairs.
     fn draw(self, run_seed: u64, agent: u32, time_limit: u32) -> Vec<f32> {
         let mut random = stream(run_seed, Purpose::RewardSeeds, agent, 0);
         (0..time_limit)
@@ -83,7 +82,7 @@ impl SeedDistribution {
             .collect()
     }
 
-    /// One draw: `z` of whatever `random` is the stream of.
+    /// Draws one number.
     pub fn draw_one(self, random: &mut Stream) -> f64 {
         let sign = |random: &mut Stream| if random.random() { 1.0 } else { -1.0 };
         match self {
@@ -123,9 +122,9 @@ mod tests {
         )
     }
 
-    /// Of 2,000 draws with deviation 0.1 the mean's standard error is 0.0022, bounded at 4 of them.
-    /// That of the deviation is σ √((κ − 1)/4n) with kurtosis κ = 3, 1.8, 6, 1: at most 0.0025
-    /// (Laplace).
+    /// With 2,000 draws of deviation 0.1, the standard error of the mean is 0.0022; that of the
+    /// deviation is σ √((κ − 1)/4n) with kurtosis κ = 3, 1.8, 6, 1, so at most 0.0025 (Laplace).
+    /// Tolerances are four standard errors.
     #[test]
     fn seeds_have_the_given_deviation() {
         let sigma = known(0.1);
@@ -145,15 +144,15 @@ mod tests {
         }
     }
 
-    /// What tells the distributions apart: their largest draws in units of σ.
+    /// Distributions differ in their largest draws, in units of σ.
     #[test]
-    fn distributions_have_their_shape() {
+    fn largest_draws_match_the_distribution() {
         let sigma = known(1.0);
         let largest = |distribution: SeedDistribution| {
             distribution
                 .draw(7, 0, 2000)
                 .iter()
-                .fold(0.0_f32, |most, z| most.max(z.abs()))
+                .fold(0.0_f32, |largest, z| largest.max(z.abs()))
         };
         assert_eq!(largest(SeedDistribution::TwoPoint { sigma }), 1.0);
         assert!((1.7..=1.733).contains(&largest(SeedDistribution::Uniform { sigma })));
@@ -162,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn agents_differ_and_stay_committed() {
+    fn seeds_depend_on_agent_and_run_seed_only() {
         assert_eq!(seed(7, 0, 0.1), seed(7, 0, 0.1));
         assert_ne!(seed(7, 0, 0.1).reward, seed(7, 1, 0.1).reward);
         assert_ne!(seed(7, 0, 0.1).policy, seed(7, 1, 0.1).policy);

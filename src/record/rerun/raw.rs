@@ -14,7 +14,7 @@ use rerun::{
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, unit_column};
 use seedbed_env::{Choice, Spec, Status};
-use seedbed_learn::experience::Episode;
+use seedbed_learn::experience::{Episode, StepData};
 
 /// Number of rows in one chunk: enough that the chunk's header is small beside its data, and few
 /// enough that columns compress well.
@@ -121,7 +121,7 @@ impl RawTable {
     }
 
     /// Adds an episode whose first row is at `first`.
-    pub(super) fn add(&mut self, episode: &Episode, first: Moment) {
+    pub(super) fn add(&mut self, episode: &Episode, step_data: Option<&StepData>, first: Moment) {
         let steps = episode.length();
         let Rows {
             moments,
@@ -145,11 +145,11 @@ impl RawTable {
         outcomes.push(outcome(episode.outcome));
         is_last.resize(is_last.len() + steps, false);
         is_last.push(true);
-        self.add_late_columns(episode);
+        self.add_step_data(step_data);
     }
 
-    /// What the agent made of its steps only afterwards.
-    fn add_late_columns(&mut self, episode: &Episode) {
+    /// Adds what an update computed for the steps of the newest episode; 0 for every other row.
+    fn add_step_data(&mut self, step_data: Option<&StepData>) {
         let Rows {
             rewards,
             intrinsic_rewards,
@@ -157,11 +157,11 @@ impl RawTable {
             ..
         } = &mut self.rows;
         if self.columns.intrinsic_reward.is_some() {
-            intrinsic_rewards.extend(&episode.intrinsic_rewards);
+            intrinsic_rewards.extend(step_data.iter().flat_map(|data| &data.intrinsic_rewards));
             intrinsic_rewards.resize(rewards.len(), 0.0);
         }
         if self.columns.advantage.is_some() {
-            advantages.extend(&episode.advantages);
+            advantages.extend(step_data.iter().flat_map(|data| &data.advantages));
             advantages.resize(rewards.len(), 0.0);
         }
     }

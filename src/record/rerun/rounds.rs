@@ -82,12 +82,13 @@ impl RerunRecorder {
                 of_team: of_agent.div_ceil(self.writers.agents.len()),
             };
             let (first, end) = self.episode_moments(episode);
+            let step_data = round.steps_of(episode);
             let writers = &mut self.writers.agents[agent];
             if episode.episode.is_multiple_of(self.settings.raw_every) {
-                writers.raw.add(episode, first);
+                writers.raw.add(episode, step_data, first);
             }
             self.style.add(
-                episode,
+                (episode, step_data),
                 end,
                 &mut self.state.visits[agent],
                 [&mut writers.sample, &mut self.writers.team],

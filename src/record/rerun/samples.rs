@@ -17,7 +17,7 @@ use crate::record::RunInfo;
 use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, pick_states};
 use seedbed_env::random::Stream;
 use seedbed_figure::color::dark::categorical_color;
-use seedbed_learn::experience::Episode;
+use seedbed_learn::experience::{Episode, StepData};
 
 /// Number of episodes in one chunk.
 const EPISODES_PER_CHUNK: usize = 64;
@@ -75,7 +75,7 @@ impl VisitationStyle {
     /// agent's.
     pub(super) fn add(
         &self,
-        episode: &Episode,
+        (episode, step_data): (&Episode, Option<&StepData>),
         end: Moment,
         visits: &mut AgentVisits,
         [own, team]: [&mut SampleWriter; 2],
@@ -86,7 +86,8 @@ impl VisitationStyle {
         let picked = pick_states(states, counts.of_agent, random);
         let shared = pick_states(picked.len(), counts.of_team.min(picked.len()), random);
         let (mut fractions, mut next) = (Vec::new(), picked.iter().enumerate().peekable());
-        for (step, state) in VisitedState::of_episode(episode).take(states).enumerate() {
+        let visited = VisitedState::of_episode(episode, step_data).take(states);
+        for (step, state) in visited.enumerate() {
             self.axes.project(&state, &mut fractions);
             visits.add(&fractions, &self.pairs, &state);
             if let Some((index, _)) = next.next_if(|(_, picked)| **picked == step) {

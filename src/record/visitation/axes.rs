@@ -3,7 +3,7 @@
 use super::{BINS, fraction};
 use crate::record::{AxisChoice, BonusRange};
 use seedbed_env::{Choice, Quantity, Spec};
-use seedbed_learn::experience::Episode;
+use seedbed_learn::experience::{Episode, StepData};
 
 /// Height of the axes in pixels: one per bin.
 pub const HEIGHT: usize = BINS;
@@ -54,8 +54,14 @@ pub struct VisitedState<'a> {
 }
 
 impl<'a> VisitedState<'a> {
-    /// All states of an episode in order: `[T + 1]`.
-    pub fn of_episode(episode: &'a Episode) -> impl Iterator<Item = Self> {
+    /// All states of an episode in order, with the advantage and the bonus of each step if an update
+    /// computed them: `[T + 1]`.
+    pub fn of_episode(
+        episode: &'a Episode,
+        step_data: Option<&'a StepData>,
+    ) -> impl Iterator<Item = Self> {
+        let advantages = step_data.map_or(&[][..], |data| &data.advantages);
+        let bonuses = step_data.map_or(&[][..], |data| &data.intrinsic_rewards);
         let steps = episode.length();
         let (observed, acted) = (
             episode.observations.len() / (steps + 1),
@@ -69,8 +75,8 @@ impl<'a> VisitedState<'a> {
                 .get(step * acted..(step + 1) * acted)
                 .filter(|_| step < steps),
             reward: episode.rewards.get(step).copied().unwrap_or(0.0),
-            advantage: episode.advantages.get(step).copied().unwrap_or(0.0),
-            bonus: episode.intrinsic_rewards.get(step).copied().unwrap_or(0.0),
+            advantage: advantages.get(step).copied().unwrap_or(0.0),
+            bonus: bonuses.get(step).copied().unwrap_or(0.0),
         })
     }
 
@@ -429,7 +435,7 @@ pub(super) mod tests {
         episode.actions = vec![1.0, 0.0];
         episode.rewards = vec![1.0, -5.0];
         episode.outcome = Status::Truncated;
-        let states: Vec<Vec<f32>> = VisitedState::of_episode(&episode)
+        let states: Vec<Vec<f32>> = VisitedState::of_episode(&episode, None)
             .filter(VisitedState::has_action)
             .map(|state| projected(&axes, &state))
             .collect();
@@ -456,8 +462,12 @@ pub(super) mod tests {
         );
         let mut episode = Episode::start(0, 0, 0, &spec(&[[0.0, 1.0]]));
         (episode.observations, episode.actions) = (vec![0.5; 3], vec![1.0, 0.0]);
-        (episode.rewards, episode.advantages) = (vec![1.0; 2], vec![2.0, -5.0]);
-        let states: Vec<Vec<f32>> = VisitedState::of_episode(&episode)
+        episode.rewards = vec![1.0; 2];
+        let step_data = StepData {
+            advantages: vec![2.0, -5.0],
+            ..StepData::of(&episode)
+        };
+        let states: Vec<Vec<f32>> = VisitedState::of_episode(&episode, Some(&step_data))
             .filter(VisitedState::has_action)
             .map(|state| projected(&axes, &state))
             .collect();

@@ -210,7 +210,8 @@ impl TabularMeasures {
         if let Some(count) = self.counts.get_mut(index) {
             *count += 1;
         }
-        self.reservoir.add(step.episode, team.model().place(state));
+        self.reservoir
+            .add(step.episode, team.model().coordinates_of(state));
     }
 
     fn finish(mut self, team: &TabularTeam) -> RunResult {

@@ -3,7 +3,7 @@
 use seedbed::record::{BodyTrajectory, BonusRange, EpisodeRow, Recorder, RoundRecord, RoundRow};
 use seedbed::record::{Focus, RunInfo};
 use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
-use seedbed_learn::experience::Episode;
+use seedbed_learn::experience::{Episode, StepData};
 
 /// A made-up team whose poles stay up longer and longer.
 pub(super) struct Run {
@@ -18,6 +18,7 @@ pub(super) struct Round {
     pub(super) episodes: Vec<Episode>,
     pub(super) episode_rows: Vec<EpisodeRow>,
     pub(super) round_rows: Vec<RoundRow>,
+    pub(super) step_data: Vec<StepData>,
     pub(super) body_trajectories: Vec<BodyTrajectory>,
 }
 
@@ -28,6 +29,7 @@ impl Round {
             episodes: &self.episodes.iter().collect::<Vec<_>>(),
             episode_rows: &self.episode_rows,
             round_rows: &self.round_rows,
+            step_data: &self.step_data,
             body_trajectories: &self.body_trajectories,
         };
         recorder
@@ -147,6 +149,7 @@ fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> R
     Round {
         round,
         episode_rows: episodes.iter().map(row).collect(),
+        step_data: episodes.iter().map(made_up_step_data).collect(),
         round_rows: (0..agents)
             .map(|agent| made_up_update(agent, round, skill))
             .collect(),
@@ -195,8 +198,6 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajecto
         actions: Vec::new(),
         rewards: Vec::new(),
         log_probs: Vec::new(),
-        intrinsic_rewards: Vec::new(),
-        advantages: Vec::new(),
         outcome: Status::Truncated,
     };
     let mut body_trajectories = BodyTrajectory {
@@ -218,10 +219,6 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajecto
         };
         state = moved(state, if push { 10.0 } else { -10.0 });
         episode.actions.push(f32::from(u8::from(push)));
-        episode
-            .intrinsic_rewards
-            .push(0.001 * (episode.length() % 10) as f32);
-        episode.advantages.push(episode.length() as f32 - 30.0);
         episode.rewards.push(1.0);
         episode
             .log_probs
@@ -234,6 +231,15 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajecto
         }
     }
     (episode, body_trajectories)
+}
+
+fn made_up_step_data(episode: &Episode) -> StepData {
+    let steps = 0..episode.length();
+    StepData {
+        intrinsic_rewards: steps.clone().map(|t| 0.001 * (t % 10) as f32).collect(),
+        advantages: steps.map(|t| t as f32 - 30.0).collect(),
+        ..StepData::of(episode)
+    }
 }
 
 fn poses([x, _, theta, _]: [f64; 4]) -> [Pose; 3] {

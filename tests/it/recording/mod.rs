@@ -50,6 +50,11 @@ fn compare_raw(run: &Run, contents: &Contents) {
         let entity = format!("/raw/agent_{agent}");
         compare_times(&episodes, contents, &entity);
         compare_numbers(&episodes, contents, &entity);
+        let bonuses = run.rounds.iter().map(|round| &round.step_data[agent]);
+        let bonuses: Vec<f32> = bonuses
+            .flat_map(|data| data.intrinsic_rewards.iter().copied())
+            .collect();
+        assert_eq!(contents.numbers(&entity, "State:intrinsic_reward"), bonuses);
         compare_outcomes(&episodes, contents, &entity);
     }
 }
@@ -106,10 +111,6 @@ fn compare_numbers(episodes: &[&Episode], contents: &Contents, entity: &str) {
     assert_eq!(column("force"), forces.collect::<Vec<f32>>());
     assert_eq!(column("reward"), joined(|episode| &episode.rewards));
     assert_eq!(column("log_prob"), joined(|episode| &episode.log_probs));
-    assert_eq!(
-        column("intrinsic_reward"),
-        joined(|episode| &episode.intrinsic_rewards)
-    );
 }
 
 /// The last row of each episode has an outcome, and every other row has an action.

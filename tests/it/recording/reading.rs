@@ -119,11 +119,12 @@ fn read_back(path: &Path) -> Vec<RecordedEpisode> {
 }
 
 fn played(run: &Run, rounds: usize) -> Vec<RecordedEpisode> {
-    let all = run.rounds[..rounds]
-        .iter()
-        .flat_map(|round| round.episodes.clone());
+    let all = run.rounds[..rounds].iter().flat_map(|round| {
+        let step_data = round.step_data.clone();
+        round.episodes.clone().into_iter().zip(step_data)
+    });
     let mut played: Vec<RecordedEpisode> = all
-        .map(|episode| RecordedEpisode {
+        .map(|(episode, step_data)| RecordedEpisode {
             agent: episode.agent,
             episode: episode.episode,
             round: episode.round,
@@ -134,7 +135,7 @@ fn played(run: &Run, rounds: usize) -> Vec<RecordedEpisode> {
                 .map(|&action| if action == 0.0 { -10.0 } else { 10.0 })
                 .collect(),
             rewards: episode.rewards,
-            intrinsic_rewards: episode.intrinsic_rewards,
+            intrinsic_rewards: step_data.intrinsic_rewards,
             outcome: episode.outcome,
         })
         .collect();

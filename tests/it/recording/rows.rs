@@ -124,7 +124,7 @@ fn advantages_are_on_record_where_an_axis_tells_them() {
     let given: Vec<f32> = run
         .rounds
         .iter()
-        .flat_map(|round| &round.episodes[1].advantages)
+        .flat_map(|round| &round.step_data[1].advantages)
         .copied()
         .collect();
     assert_eq!(with.numbers("/raw/agent_1", "State:advantage"), given);
@@ -175,6 +175,7 @@ fn the_column_holds_what_agents_estimated() {
                 episodes: &episodes,
                 episode_rows,
                 round_rows,
+                step_data: &round.step_data,
                 body_trajectories: &[],
             })
             .unwrap();

@@ -10,7 +10,7 @@ use seedbed::run::folder::RunFolder;
 use seedbed::run::trainer::Trainer;
 use seedbed::run::{Factories, Observer, Options, Plan, Progress, RunOutcome, execute};
 use seedbed_env::Choice;
-use seedbed_learn::experience::Episode;
+use seedbed_learn::experience::{Episode, StepData};
 
 use super::contents::Contents;
 use super::{compare_times, outcome_word};
@@ -76,16 +76,27 @@ fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
     Contents::of(&folder.recording())
 }
 
-/// The episodes of each agent, from the team itself.
-fn played(plan: &Plan) -> Vec<Vec<Episode>> {
+/// What one agent played and learned.
+#[derive(Clone, Default)]
+struct AgentHistory {
+    episodes: Vec<Episode>,
+    step_data: Vec<StepData>,
+}
+
+/// The history of each agent, from the team itself.
+fn played(plan: &Plan) -> Vec<AgentHistory> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1).unwrap();
-    let mut agents = vec![Vec::new(); trainer.agent_count()];
+    let mut agents = vec![AgentHistory::default(); trainer.agent_count()];
     while !trainer.is_done() {
-        trainer.advance().unwrap();
-        trainer
-            .newest_episodes()
-            .into_iter()
-            .for_each(|episode| agents[episode.agent as usize].push(episode.clone()));
+        let round = trainer.advance().unwrap();
+        for episode in trainer.newest_episodes() {
+            agents[episode.agent as usize]
+                .episodes
+                .push(episode.clone());
+        }
+        for data in round.step_data {
+            agents[data.agent as usize].step_data.push(data);
+        }
     }
     agents
 }
@@ -96,21 +107,29 @@ fn a_recording_holds_what_the_agents_saw_and_did() {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
         let (contents, agents) = (recorded(&plan, folder.path(), 2), played(&plan));
         assert_ne!(
-            agents[0][0].observations, agents[1][0].observations,
+            agents[0].episodes[0].observations, agents[1].episodes[0].observations,
             "agents that do the same could be mistaken"
         );
-        for (agent, episodes) in agents.iter().enumerate() {
-            assert_eq!(episodes.len(), plan.scenario.max_episodes() as usize);
-            compare(&plan, &contents, &format!("/raw/agent_{agent}"), episodes);
+        for (agent, history) in agents.iter().enumerate() {
+            assert_eq!(
+                history.episodes.len(),
+                plan.scenario.max_episodes() as usize
+            );
+            compare(&plan, &contents, &format!("/raw/agent_{agent}"), history);
         }
     }
 }
 
 /// Every number of every episode, in order; an episode's end has a last observation and nothing
 /// else.
-fn compare(plan: &Plan, contents: &Contents, entity: &str, episodes: &[Episode]) {
+fn compare(plan: &Plan, contents: &Contents, entity: &str, history: &AgentHistory) {
+    let AgentHistory {
+        episodes,
+        step_data,
+    } = history;
     compare_observations_and_actions(plan, contents, entity, episodes);
     compare_rewards(plan, contents, entity, episodes);
+    compare_step_data(plan, contents, entity, step_data);
     let episodes: Vec<&Episode> = episodes.iter().collect();
     compare_times(&episodes, contents, entity);
     let outcomes: Vec<&str> = episodes
@@ -121,9 +140,9 @@ fn compare(plan: &Plan, contents: &Contents, entity: &str, episodes: &[Episode])
 }
 
 /// Component `index` of the values of each step, of which each step has `width`.
-fn component(
-    episodes: &[Episode],
-    values: fn(&Episode) -> &Vec<f32>,
+fn component<T>(
+    episodes: &[T],
+    values: fn(&T) -> &Vec<f32>,
     index: usize,
     width: usize,
 ) -> Vec<f32> {
@@ -172,13 +191,20 @@ fn compare_rewards(plan: &Plan, contents: &Contents, entity: &str, episodes: &[E
             .map(|parts| parts.iter().sum())
             .collect::<Vec<f32>>()
     );
-    if plan.scenario.algorithm.largest_intrinsic_reward().is_some() {
-        assert_eq!(
-            column("intrinsic_reward"),
-            joined(|episode| &episode.intrinsic_rewards)
-        );
-        assert_eq!(column("advantage"), joined(|episode| &episode.advantages));
+}
+
+fn compare_step_data(plan: &Plan, contents: &Contents, entity: &str, step_data: &[StepData]) {
+    if plan.scenario.algorithm.largest_intrinsic_reward().is_none() {
+        assert!(step_data.is_empty());
+        return;
     }
+    let column = |name: &str| contents.numbers(entity, &format!("State:{name}"));
+    let joined = |values| component(step_data, values, 0, 1);
+    assert_eq!(
+        column("intrinsic_reward"),
+        joined(|data| &data.intrinsic_rewards)
+    );
+    assert_eq!(column("advantage"), joined(|data| &data.advantages));
 }
 
 #[test]

@@ -6,9 +6,9 @@
 //! equations are
 //!
 //! ```text
-//! A α̈ + K cos δ β̈ − K sin δ β̇² = Q₁ + weight of link 1 and of m₂ at the elbow      A = I₁ + m₁ c₁² + m₂ e²
-//! K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + weight of link 2                             B = I₂ + m₂ c₂²
-//! ```
+//! A α̈ + K cos δ β̈ − K sin δ β̇² = Q₁ + weight of link 1 and of m₂ at the elbow      A = I₁ + m₁
+//! c₁² + m₂ e² K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + weight of link 2
+//! B = I₂ + m₂ c₂² ```
 //!
 //! with K = m₂ |e| |c₂| and δ the angle from e to c₂ (from T = ½ A α̇² + ½ B β̇² + K cos δ α̇ β̇).
 //! The shoulder's torque τ₁ turns the upper link, the elbow's τ₂ the lower link and its reaction
@@ -33,11 +33,11 @@ pub struct Acrobot {
     pub lower_moment: [f64; 2],
     /// Gravity to the right and upwards, m/s².
     pub gravity: [f64; 2],
-    /// δ where both frames are parallel.
+    /// δ when both frames are parallel.
     offset: f64,
     /// α and β − α at coordinates 0.
     reference: [f64; 2],
-    /// +1 where a coordinate grows counter-clockwise, else −1; shoulder, elbow.
+    /// For shoulder and elbow: +1 if the coordinate grows counter-clockwise, else −1.
     signs: [f64; 2],
     /// Index of the shoulder: 0 or 1.
     shoulder: usize,
@@ -52,10 +52,10 @@ impl Acrobot {
     /// Takes the parameters from the bodies of a task with this analytic model.
     ///
     /// # Errors
-    /// Says what an acrobot requires of the bodies.
+    /// The bodies are not those of an acrobot; the message says what is required.
     pub fn of(task: &BodyTask) -> Result<Self, String> {
         let Some(AnalyticModel::Acrobot { shoulder, elbow }) = task.analytic_model else {
-            return Err("the task has no analytic model of a acrobot".to_owned());
+            return Err("the task has no analytic model of an acrobot".to_owned());
         };
         require_only_gravity(task)?;
         let (first, second) = (&task.joints[shoulder], &task.joints[elbow]);
@@ -121,36 +121,42 @@ impl Acrobot {
         [shoulder, elbow]: [f64; 2],
     ) -> [f64; 2] {
         let (sine, cosine) = libm::sincos(beta - alpha + self.offset);
-        let (couple, twist) = (self.coupling * cosine, self.coupling * sine);
+        // K cos δ and K sin δ.
+        let (inertial_coupling, rate_coupling) = (self.coupling * cosine, self.coupling * sine);
         let upper = shoulder - elbow
             + self.weight(self.upper_moment, alpha)
-            + twist * beta_rate * beta_rate;
-        let lower = elbow + self.weight(self.lower_moment, beta) - twist * alpha_rate * alpha_rate;
-        let determinant = self.upper_inertia * self.lower_inertia - couple * couple;
+            + rate_coupling * beta_rate * beta_rate;
+        let lower =
+            elbow + self.weight(self.lower_moment, beta) - rate_coupling * alpha_rate * alpha_rate;
+        let determinant =
+            self.upper_inertia * self.lower_inertia - inertial_coupling * inertial_coupling;
         [
-            (self.lower_inertia * upper - couple * lower) / determinant,
-            (self.upper_inertia * lower - couple * upper) / determinant,
+            (self.lower_inertia * upper - inertial_coupling * lower) / determinant,
+            (self.upper_inertia * lower - inertial_coupling * upper) / determinant,
         ]
     }
 
-    /// Torque of gravity on a moment of mass that has turned by an angle.
+    /// Torque of gravity on a moment of mass in a frame that is turned by `angle`, N m.
     fn weight(&self, moment: [f64; 2], angle: f64) -> f64 {
         let [x, y] = Frame::at([0.0; 2], angle).point(moment);
         x * self.gravity[1] - y * self.gravity[0]
     }
 
-    /// T + V, J, of the state α, β, α̇, β̇.
+    /// Total energy T + V of the state α, β, α̇, β̇, J.
     #[must_use]
     pub fn energy(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> f64 {
-        let height = |moment, angle| dot(Frame::at([0.0; 2], angle).point(moment), self.gravity);
+        let work_of_gravity =
+            |moment, angle| dot(Frame::at([0.0; 2], angle).point(moment), self.gravity);
         let coupled = self.coupling * (beta - alpha + self.offset).cos() * alpha_rate * beta_rate;
         let kinetic = 0.5
             * (self.upper_inertia * alpha_rate.powi(2) + self.lower_inertia * beta_rate.powi(2))
             + coupled;
-        kinetic - height(self.upper_moment, alpha) - height(self.lower_moment, beta)
+        kinetic
+            - work_of_gravity(self.upper_moment, alpha)
+            - work_of_gravity(self.lower_moment, beta)
     }
 
-    /// α, β, α̇, β̇ after one Runge–Kutta step of `duration` s.
+    /// The state α, β, α̇, β̇ after one Runge–Kutta step of `duration`, s.
     #[must_use]
     pub fn runge_kutta(&self, state: [f64; 4], torques: [f64; 2], duration: f64) -> [f64; 4] {
         runge_kutta(state, duration, |state| {
@@ -159,30 +165,20 @@ impl Acrobot {
         })
     }
 
-    /// α, β, α̇, β̇ of joint coordinates: positions, then velocities.
+    /// The state α, β, α̇, β̇ for joint coordinates: positions, then velocities.
     #[must_use]
-    pub fn physical(&self, joints: &[f64]) -> [f64; 4] {
-        let of = |joint: usize, first: usize| {
-            self.signs[joint]
-                * joints[first
-                    + if joint == 0 {
-                        self.shoulder
-                    } else {
-                        1 - self.shoulder
-                    }]
-        };
-        let (alpha, alpha_rate) = (self.reference[0] + of(0, 0), of(0, 2));
-        [
-            alpha,
-            alpha + self.reference[1] + of(1, 0),
-            alpha_rate,
-            alpha_rate + of(1, 2),
-        ]
+    pub fn state_of_joints(&self, joints: &[f64]) -> [f64; 4] {
+        let elbow = 1 - self.shoulder;
+        let alpha = self.reference[0] + self.signs[0] * joints[self.shoulder];
+        let alpha_rate = self.signs[0] * joints[2 + self.shoulder];
+        let beta = alpha + self.reference[1] + self.signs[1] * joints[elbow];
+        let beta_rate = alpha_rate + self.signs[1] * joints[2 + elbow];
+        [alpha, beta, alpha_rate, beta_rate]
     }
 
-    /// The inverse of [`physical`](Self::physical).
+    /// The inverse of [`state_of_joints`](Self::state_of_joints).
     #[must_use]
-    pub fn joints(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> [f64; 4] {
+    pub fn joints_of_state(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> [f64; 4] {
         let shoulder = self.signs[0] * (alpha - self.reference[0]);
         let elbow = self.signs[1] * (beta - alpha - self.reference[1]);
         let rates = [
@@ -204,10 +200,10 @@ impl EquationsOfMotion for Acrobot {
             self.signs[1] * forces[1 - self.shoulder],
         ];
         let duration = self.control_step / f64::from(self.substeps);
-        let start = self.physical(joints);
+        let start = self.state_of_joints(joints);
         let end =
             (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, torques, duration));
-        joints.copy_from_slice(&self.joints(end));
+        joints.copy_from_slice(&self.joints_of_state(end));
     }
 }
 

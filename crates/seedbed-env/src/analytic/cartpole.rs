@@ -2,7 +2,7 @@
 //!
 //! With x the cart's position, α the clockwise angle of the pole's center of mass from straight up,
 //! M and m the masses of cart and pole, l the distance from hinge to center of mass, I the inertia
-//! about that center, F and τ the generalised forces, Lagrange's equations of T = ½ (M + m) ẋ² + m
+//! about that center, F and τ the generalized forces, Lagrange's equations of T = ½ (M + m) ẋ² + m
 //! l cos α ẋ α̇ + ½ (I + m l²) α̇² and V = m g l cos α are
 //!
 //! ```text
@@ -48,7 +48,7 @@ impl CartPole {
     /// Takes the parameters from the bodies of a task with this analytic model.
     ///
     /// # Errors
-    /// Says what a cart-pole requires of the bodies.
+    /// The bodies are not those of a cart-pole; the message says what is required.
     pub fn of(task: &BodyTask) -> Result<Self, String> {
         let Some(AnalyticModel::CartPole { slider, hinge }) = task.analytic_model else {
             return Err("the task has no analytic model of a cart-pole".to_owned());
@@ -122,8 +122,8 @@ impl CartPole {
         Self { substeps, ..self }
     }
 
-    /// ẍ and α̈ at angle α and rate α̇, under force F (N) on the cart and torque τ (N m) on the
-    /// hinge.
+    /// Accelerations ẍ and α̈ at angle α and rate α̇, under force F (N) on the cart and torque τ (N
+    /// m) on the hinge.
     #[must_use]
     pub fn accelerations(&self, angle: f64, rate: f64, force: f64, torque: f64) -> [f64; 2] {
         let (sine, cosine) = libm::sincos(angle);
@@ -137,7 +137,7 @@ impl CartPole {
         ]
     }
 
-    /// T + V, J, of the state x, α, ẋ, α̇.
+    /// Total energy T + V of the state x, α, ẋ, α̇, J.
     #[must_use]
     pub fn energy(&self, [_, angle, speed, rate]: [f64; 4]) -> f64 {
         let (linear, angular) = (self.total_mass * speed * speed, self.inertia * rate * rate);
@@ -145,7 +145,7 @@ impl CartPole {
         0.5 * (linear + angular) + coupling + self.moment * self.gravity * angle.cos()
     }
 
-    /// x, α, ẋ, α̇ after one fourth-order Runge–Kutta step of `duration` s.
+    /// The state x, α, ẋ, α̇ after one fourth-order Runge–Kutta step of `duration`, s.
     #[must_use]
     pub fn runge_kutta(&self, state: [f64; 4], force: f64, torque: f64, duration: f64) -> [f64; 4] {
         runge_kutta(state, duration, |[_, angle, speed, rate]| {
@@ -154,8 +154,8 @@ impl CartPole {
         })
     }
 
-    /// x, α, ẋ, α̇ after one step of Gym's explicit Euler integration: all rates are those before
-    /// the step.
+    /// The state x, α, ẋ, α̇ after one step of Gym's explicit Euler integration: all rates are
+    /// those before the step.
     ///
     /// Source: `CartPoleEnv.step` with `kinematics_integrator == "euler"`,
     /// `gymnasium/envs/classic_control/cartpole.py`, whose `temp` and `thetaacc` are the equations
@@ -176,8 +176,8 @@ impl CartPole {
         ]
     }
 
-    /// x, α, ẋ, α̇ of joint coordinates: positions, then velocities.
-    fn physical(&self, joints: &[f64]) -> [f64; 4] {
+    /// The state x, α, ẋ, α̇ for joint coordinates: positions, then velocities.
+    fn state_of_joints(&self, joints: &[f64]) -> [f64; 4] {
         let (slider, hinge) = (self.slider, 1 - self.slider);
         let angle = self.upright + self.hinge_sign * joints[hinge];
         let (speed, rate) = (
@@ -187,8 +187,8 @@ impl CartPole {
         [self.slider_sign * joints[slider], angle, speed, rate]
     }
 
-    /// The inverse of [`physical`](Self::physical).
-    fn joints(&self, [position, angle, speed, rate]: [f64; 4]) -> [f64; 4] {
+    /// The inverse of [`state_of_joints`](Self::state_of_joints).
+    fn joints_of_state(&self, [position, angle, speed, rate]: [f64; 4]) -> [f64; 4] {
         let mut joints = [0.0; 4];
         let (slider, hinge) = (self.slider, 1 - self.slider);
         joints[slider] = self.slider_sign * position;
@@ -204,10 +204,10 @@ impl EquationsOfMotion for CartPole {
         let force = self.slider_sign * forces[self.slider];
         let torque = self.hinge_sign * forces[1 - self.slider];
         let duration = self.control_step / f64::from(self.substeps);
-        let start = self.physical(joints);
+        let start = self.state_of_joints(joints);
         let end = (0..self.substeps).fold(start, |state, _| {
             self.runge_kutta(state, force, torque, duration)
         });
-        joints.copy_from_slice(&self.joints(end));
+        joints.copy_from_slice(&self.joints_of_state(end));
     }
 }

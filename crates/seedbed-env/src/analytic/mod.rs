@@ -20,7 +20,7 @@ use mountain_car::MountainCar;
 use pendulum::Pendulum;
 use serde::{Deserialize, Serialize};
 
-/// EquationsOfMotion of motion of some joints.
+/// The equations of motion of all joints of a task.
 pub(crate) trait EquationsOfMotion: Send {
     /// Advances `state`, the positions of the joints and then their velocities, by one control step
     /// under constant joint forces. `state`: `[2 × joints]`; `forces`: `[joints]`
@@ -34,7 +34,7 @@ struct AnalyticDynamics<E> {
     tree: KinematicTree,
     state: State,
     columns: CoordinateColumns,
-    /// Forces on the joints of the copy that is being moved: `[joints]`.
+    /// Forces on the joints of the copy that is being advanced: `[joints]`.
     forces: Vec<f64>,
 }
 
@@ -44,8 +44,10 @@ struct JointForce {
     gear: f64,
 }
 
+/// The state of all copies, which a checkpoint stores.
 #[derive(Clone, Serialize, Deserialize)]
 struct State {
+    /// Whether each copy is live: `[copies]`.
     live: Vec<bool>,
     /// Positions, then velocities of all joints, one row per copy: `[copies × 2 joints]`.
     rows: Vec<f64>,
@@ -71,7 +73,7 @@ fn boxed<E: EquationsOfMotion + 'static>(
     Box::new(AnalyticDynamics::new(equations, task, copies))
 }
 
-/// Checks that the task's analytic model, if it has one, moves as its bodies do.
+/// Checks that the task's analytic model, if it has one, describes the motion of its bodies.
 ///
 /// # Errors
 /// Says what the model requires of the bodies.
@@ -85,8 +87,9 @@ pub(crate) fn check(task: &BodyTask) -> Result<(), String> {
     }
 }
 
-/// What all analytic models require: nothing resists their motion, and actuators are forces.
-fn require_unresisted(task: &BodyTask) -> Result<(), String> {
+/// Checks what all analytic models require: no resistance to motion, and no actuators except joint
+/// forces.
+fn require_no_resistance(task: &BodyTask) -> Result<(), String> {
     require(
         !task.needs_own_worlds(),
         "an analytic model cannot have free bodies, colliders, or forces on bodies",
@@ -105,13 +108,14 @@ fn require_unresisted(task: &BodyTask) -> Result<(), String> {
         .all(|actuator| matches!(actuator.drive, Drive::JointForce(_)));
     require(
         forces,
-        "an analytic model can have no other actuators than `JointForce`",
+        "an analytic model can only have actuators of type `JointForce`",
     )
 }
 
-/// [`require_unresisted`], and no ranges and no forces but gravity.
+/// Like [`require_no_resistance`], and checks that there are no ranges and no forces except
+/// gravity.
 fn require_only_gravity(task: &BodyTask) -> Result<(), String> {
-    require_unresisted(task)?;
+    require_no_resistance(task)?;
     require(
         task.formula_forces.is_empty(),
         "this analytic model cannot have a joint `force`",
@@ -122,11 +126,12 @@ fn require_only_gravity(task: &BodyTask) -> Result<(), String> {
     )
 }
 
-fn require(condition: bool, otherwise: &str) -> Result<(), String> {
+/// An error with this message unless the condition holds.
+fn require(condition: bool, message: &str) -> Result<(), String> {
     if condition {
         Ok(())
     } else {
-        Err(otherwise.to_owned())
+        Err(message.to_owned())
     }
 }
 
@@ -137,11 +142,12 @@ fn runge_kutta<const N: usize>(
     duration: f64,
     derivative: impl Fn([f64; N]) -> [f64; N],
 ) -> [f64; N] {
-    let ahead = |by: f64, rate: [f64; N]| std::array::from_fn(|i| state[i] + by * rate[i]);
+    let extrapolate =
+        |time: f64, rate: [f64; N]| std::array::from_fn(|i| state[i] + time * rate[i]);
     let k1 = derivative(state);
-    let k2 = derivative(ahead(0.5 * duration, k1));
-    let k3 = derivative(ahead(0.5 * duration, k2));
-    let k4 = derivative(ahead(duration, k3));
+    let k2 = derivative(extrapolate(0.5 * duration, k1));
+    let k3 = derivative(extrapolate(0.5 * duration, k2));
+    let k4 = derivative(extrapolate(duration, k3));
     std::array::from_fn(|i| state[i] + duration / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
 }
 
@@ -153,17 +159,17 @@ fn substeps(control_step: f64, max_step: f64) -> u32 {
 impl<E: EquationsOfMotion> AnalyticDynamics<E> {
     fn new(equations: E, task: &BodyTask, copies: usize) -> Self {
         let joints = task.joints.len();
-        let fields = task
+        let formula_forces = task
             .formula_forces
             .iter()
-            .filter_map(|field| JointForce::new(field.drive, 1.0));
+            .filter_map(|force| JointForce::new(force.drive, 1.0));
         Self {
             equations,
             joint_forces: task
                 .actuators
                 .iter()
                 .filter_map(|actuator| JointForce::new(actuator.drive, actuator.gear))
-                .chain(fields)
+                .chain(formula_forces)
                 .collect(),
             tree: KinematicTree::new(task),
             state: State {
@@ -180,6 +186,7 @@ impl<E: EquationsOfMotion> AnalyticDynamics<E> {
         2 * self.forces.len()
     }
 
+    /// Advances one copy by one control step.
     fn advance(&mut self, copy: usize, controls: &[f32]) {
         self.forces.fill(0.0);
         for (index, joint_force) in self.joint_forces.iter().enumerate() {
@@ -192,6 +199,7 @@ impl<E: EquationsOfMotion> AnalyticDynamics<E> {
         self.update_columns(copy);
     }
 
+    /// Writes the state of one copy to the coordinate columns.
     fn update_columns(&mut self, copy: usize) {
         let width = self.width();
         let (positions, velocities) = self.state.rows[copy * width..][..width].split_at(width / 2);

@@ -10,7 +10,7 @@
 //!
 //! The map is symplectic: for F = −V′(x) the energy ½ m v² + V(x) oscillates but does not drift.
 
-use super::{EquationsOfMotion, require, require_unresisted};
+use super::{EquationsOfMotion, require, require_no_resistance};
 use crate::description::{AnalyticModel, BodyTask};
 use crate::kinematics::{KinematicTree, Motion};
 
@@ -29,12 +29,12 @@ impl MountainCar {
     /// Takes the parameters from the body of a task with this analytic model.
     ///
     /// # Errors
-    /// Says what a mountain car requires of the body.
+    /// The bodies are not those of a mountain car; the message says what is required.
     pub fn of(task: &BodyTask) -> Result<Self, String> {
         let Some(AnalyticModel::MountainCar { slider }) = task.analytic_model else {
-            return Err("the task has no analytic model of a mountain-car".to_owned());
+            return Err("the task has no analytic model of a mountain car".to_owned());
         };
-        require_unresisted(task)?;
+        require_no_resistance(task)?;
         let joint = &task.joints[slider];
         require(
             task.joints.len() == 1,
@@ -65,9 +65,9 @@ impl MountainCar {
         })
     }
 
-    /// x, v after one control step under the force F, N.
+    /// The state x, v after one control step under the force F, N.
     #[must_use]
-    pub fn next(&self, [position, velocity]: [f64; 2], force: f64) -> [f64; 2] {
+    pub fn next_state(&self, [position, velocity]: [f64; 2], force: f64) -> [f64; 2] {
         let velocity = velocity + self.control_step * force / self.mass;
         let position = position + self.control_step * velocity;
         let [low, high] = self.walls;
@@ -81,7 +81,7 @@ impl MountainCar {
 
 impl EquationsOfMotion for MountainCar {
     fn advance(&self, state: &mut [f64], forces: &[f64]) {
-        let end = self.next([state[0], state[1]], forces[0]);
+        let end = self.next_state([state[0], state[1]], forces[0]);
         state.copy_from_slice(&end);
     }
 }

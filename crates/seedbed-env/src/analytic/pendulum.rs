@@ -36,7 +36,7 @@ impl Pendulum {
     /// Takes the parameters from the body of a task with this analytic model.
     ///
     /// # Errors
-    /// Says what a pendulum requires of the body.
+    /// The bodies are not those of a pendulum; the message says what is required.
     pub fn of(task: &BodyTask) -> Result<Self, String> {
         let Some(AnalyticModel::Pendulum { hinge }) = task.analytic_model else {
             return Err("the task has no analytic model of a pendulum".to_owned());
@@ -73,7 +73,7 @@ impl Pendulum {
         })
     }
 
-    /// q̈ at coordinate q under torque τ (N m) along it.
+    /// Acceleration q̈ at coordinate q under torque τ (N m) along it.
     #[must_use]
     pub fn acceleration(&self, position: f64, torque: f64) -> f64 {
         let (sine, cosine) = libm::sincos(self.reference + self.sign * position);
@@ -81,7 +81,7 @@ impl Pendulum {
         (torque + self.sign * weight) / self.inertia
     }
 
-    /// T + V, J, of the state q, q̇.
+    /// Total energy T + V of the state q, q̇, J.
     #[must_use]
     pub fn energy(&self, [position, velocity]: [f64; 2]) -> f64 {
         let (sine, cosine) = libm::sincos(self.reference + self.sign * position);
@@ -89,7 +89,7 @@ impl Pendulum {
             - self.moment * (self.gravity[0] * cosine + self.gravity[1] * sine)
     }
 
-    /// q, q̇ after one Runge–Kutta step of `duration` s.
+    /// The state q, q̇ after one Runge–Kutta step of `duration`, s.
     #[must_use]
     pub fn runge_kutta(&self, state: [f64; 2], torque: f64, duration: f64) -> [f64; 2] {
         runge_kutta(state, duration, |[position, velocity]| {

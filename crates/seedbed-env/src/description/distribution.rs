@@ -57,10 +57,10 @@ mod tests {
         )
     }
 
-    /// Standard errors of 10,000 draws are about 1 % of the deviation; a uniform one's deviation is
-    /// its width / √12.
+    /// Standard errors of 10,000 draws are about 1 % of the deviation. The deviation of a uniform
+    /// distribution is its width / √12.
     #[test]
-    fn draws_are_distributed_as_described() {
+    fn draws_have_the_moments_of_the_distribution() {
         assert_eq!(moments(Distribution::Constant(2.5)), (2.5, 0.0));
         for (distribution, expected) in [
             (
@@ -78,14 +78,14 @@ mod tests {
                 (-2.0, 0.5),
             ),
         ] {
-            let found = moments(distribution);
+            let (mean, deviation) = moments(distribution);
             assert!(
-                (found.0 - expected.0).abs() < 0.04 * expected.1,
-                "{distribution:?}: {found:?}"
+                (mean - expected.0).abs() < 0.04 * expected.1,
+                "{distribution:?}: {mean}"
             );
             assert!(
-                (found.1 / expected.1 - 1.0).abs() < 0.03,
-                "{distribution:?}: {found:?}"
+                (deviation / expected.1 - 1.0).abs() < 0.03,
+                "{distribution:?}: {deviation}"
             );
         }
     }

@@ -1,5 +1,5 @@
-//! From a formula's text to its program: parse (with `syn`, the parser of Rust's own syntax),
-//! check, fold constants, flatten.
+//! Compiles the text of a formula to a program: parses it (with `syn`, a parser of Rust syntax),
+//! checks it, computes constant parts, and lists the remaining operations as instructions.
 
 use proc_macro2::Span;
 use syn::{BinOp, Block, Expr, ExprBinary, ExprCall, ExprIf, ExprLit, ExprUnary, Lit, Stmt, UnOp};
@@ -86,13 +86,13 @@ enum Value {
     Result(usize),
 }
 
-/// A part of a formula has a value and a type.
+/// Value and type of a part of a formula.
 type TypedValue = Result<(Value, Type), ExpressionError>;
 
 impl Compiler<'_> {
     /// The part's value, if its type is the expected one.
     fn typed(&mut self, expression: &Expr, expected: Type) -> Result<Value, ExpressionError> {
-        match self.part(expression)? {
+        match self.compile_part(expression)? {
             (value, found) if found == expected => Ok(value),
             (_, found) => {
                 let error = error(
@@ -110,10 +110,11 @@ impl Compiler<'_> {
         }
     }
 
-    fn part(&mut self, expression: &Expr) -> TypedValue {
+    /// Compiles a part of a formula.
+    fn compile_part(&mut self, expression: &Expr) -> TypedValue {
         match expression {
             Expr::Lit(literal) => literal_value(literal),
-            Expr::Paren(inner) => self.part(&inner.expr),
+            Expr::Paren(inner) => self.compile_part(&inner.expr),
             Expr::Path(path) => match path.path.get_ident() {
                 Some(name) => self.name(&name.to_string(), name.span()),
                 None => Err(not_a_formula(expression)),
@@ -243,7 +244,7 @@ impl Compiler<'_> {
 
     fn block(&mut self, block: &Block) -> TypedValue {
         match &block.stmts[..] {
-            [Stmt::Expr(expression, None)] => self.part(expression),
+            [Stmt::Expr(expression, None)] => self.compile_part(expression),
             _ => Err(error(
                 block.brace_token.span.open(),
                 "expected a single expression between the braces",
@@ -409,15 +410,15 @@ fn not_a_formula(expression: &Expr) -> ExpressionError {
     }
 }
 
-/// The parser's message if brackets do not match or a character cannot begin a token. It does not
-/// say where, so that [`tokenization_error`] looks for it.
+/// The parser's message if brackets do not match or a character cannot begin a token. It has no
+/// position, which [`tokenization_error`] finds.
 const TOKENIZER_MESSAGE: &str = "cannot parse string into token stream";
 
 fn syntax_error(text: &str, parse_error: &syn::Error) -> ExpressionError {
     let found = error(parse_error.span(), parse_error.to_string());
     if found.message == TOKENIZER_MESSAGE {
-        let unknown = || error(parse_error.span(), "this is not a formula");
-        return tokenization_error(text).unwrap_or_else(unknown);
+        let other_error = || error(parse_error.span(), "this is not a formula");
+        return tokenization_error(text).unwrap_or_else(other_error);
     }
     if found.message.starts_with("unexpected end of input") {
         let (line, last) = text.lines().enumerate().last().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Finds why a text cannot be split into tokens, which the parser does not say.
+//! Finds why a text cannot be split into tokens, which the parser's error does not include.
 
 use super::compile::ExpressionError;
 
@@ -22,32 +22,32 @@ pub(super) fn tokenization_error(text: &str) -> Option<ExpressionError> {
 
 fn unbalanced(text: &str) -> Option<ExpressionError> {
     let mut open: Vec<(LocatedChar, char)> = Vec::new();
-    for placed in characters(text) {
-        if let Some((_, closer)) = PAIRS.iter().find(|(opener, _)| *opener == placed.2) {
-            open.push((placed, *closer));
-        } else if PAIRS.iter().any(|(_, closer)| *closer == placed.2) {
+    for located in characters(text) {
+        if let Some((_, closer)) = PAIRS.iter().find(|(opener, _)| *opener == located.2) {
+            open.push((located, *closer));
+        } else if PAIRS.iter().any(|(_, closer)| *closer == located.2) {
             match open.pop() {
                 None => {
                     return Some(error(
-                        placed,
-                        format!("this `{}` has no opening bracket", placed.2),
+                        located,
+                        format!("this `{}` has no opening bracket", located.2),
                     ));
                 }
-                Some((_, closer)) if closer == placed.2 => (),
+                Some((_, closer)) if closer == located.2 => (),
                 Some(((_, _, opener), closer)) => {
                     let message = format!(
                         "expected `{closer}` to close the last `{opener}`, found `{}`",
-                        placed.2
+                        located.2
                     );
-                    return Some(error(placed, message));
+                    return Some(error(located, message));
                 }
             }
         }
     }
-    open.pop().map(|(placed, closer)| {
+    open.pop().map(|(located, closer)| {
         error(
-            placed,
-            format!("this `{}` has no closing `{closer}`", placed.2),
+            located,
+            format!("this `{}` has no closing `{closer}`", located.2),
         )
     })
 }
@@ -66,10 +66,10 @@ fn is_bracket(found: char) -> bool {
         .any(|&(opener, closer)| found == opener || found == closer)
 }
 
-fn not_a_formula(placed: LocatedChar) -> ExpressionError {
+fn not_a_formula(located: LocatedChar) -> ExpressionError {
     error(
-        placed,
-        format!("`{}` is not allowed in a formula", placed.2.escape_debug()),
+        located,
+        format!("`{}` is not allowed in a formula", located.2.escape_debug()),
     )
 }
 
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_error_is_found_at_its_place() {
+    fn errors_are_located() {
         for (text, line, column, part) in [
             ("(x", 0, 0, "this `(` has no closing `)`"),
             ("max(x, (1)", 0, 3, "has no closing"),
@@ -105,7 +105,7 @@ mod tests {
             ("θ + x²", 0, 5, "`²` is not allowed"),
             ("1 + `x`", 0, 4, "is not allowed"),
         ] {
-            let error = tokenization_error(text).expect("it is broken");
+            let error = tokenization_error(text).expect("the formula is invalid");
             assert_eq!(
                 (error.line, error.column),
                 (line, column),

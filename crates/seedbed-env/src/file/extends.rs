@@ -220,7 +220,8 @@ impl MergedText {
             let source = &self.files[file];
             error.origin.clone_from(&source.origin);
             position.line = line + 1;
-            position.text = source.text.lines().nth(line).unwrap_or_default().to_owned();
+            let text = source.text.lines().nth(line).unwrap_or_default();
+            text.clone_into(&mut position.text);
         }
         error
     }
@@ -239,7 +240,7 @@ impl SourceFile {
         input::file_kind(&self.origin, &self.text)
     }
 
-    /// What `extends` names.
+    /// The name in the field `extends`.
     fn base_name(&self, extends: &Field) -> Result<String, InputError> {
         let value = &self.text[extends.value.clone()];
         let name = input::parse::<Option<String>>("", value.to_owned());
@@ -278,7 +279,10 @@ fn of_file(file: usize, fields: Vec<Field>) -> Vec<FieldOfFile> {
 
 /// A path if the name ends in `.ron`, else a file in the same folder.
 fn base_path(folder: &Path, name: &str) -> PathBuf {
-    if name.ends_with(".ron") {
+    if Path::new(name)
+        .extension()
+        .is_some_and(|extension| extension == "ron")
+    {
         folder.join(name)
     } else {
         folder.join(format!("{name}.ron"))
@@ -425,7 +429,7 @@ Environment(
             "{}",
             folder.error("second.ron")
         );
-        // The sensors are gone, and the base's observation is the first to miss one.
+        // The base's observation refers to a sensor that was replaced.
         assert!(
             folder
                 .error("third.ron")
@@ -443,7 +447,7 @@ Environment(
     }
 
     #[test]
-    fn what_cannot_be_extended_is_an_error() {
+    fn files_that_cannot_be_extended_are_errors() {
         let folder = Folder::new(
             "impossible",
             &[

@@ -1,5 +1,4 @@
-//! What joints do besides holding bodies: ranges, passive forces, formula forces, and where their
-//! coordinates start.
+//! Further properties of joints: ranges, passive forces, formula forces, and start coordinates.
 
 use std::f64::consts::TAU;
 

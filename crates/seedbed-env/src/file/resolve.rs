@@ -1,5 +1,5 @@
-//! From what a file says to what it means: names become indices, formulas programs, and omitted
-//! fields their defaults.
+//! Resolves a task file: replaces names by indices, formulas by programs, and omitted fields by
+//! their defaults.
 
 use super::actuators::action;
 use super::surfaces::{self, shape};
@@ -9,15 +9,15 @@ use super::{
 use crate::analytic;
 use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
 use crate::expression::{Program, Type, Variable, compile};
-use crate::input::numbers::FiniteNumber;
+use crate::input::numbers::{FiniteNumber, Positive};
 use crate::input::{Located, ValidationError};
 use crate::{Quantity, Scene, SceneBody, Shape, Spec, physics};
 
 /// The name of the body that does not move, to which joints without a parent body are attached.
 const WORLD: &str = "world";
 
-/// Finds what the names of a task file refer to. Its methods are spread over the files of this
-/// folder by what they resolve.
+/// Resolves the names of a task file. Methods for actuators, joints, sensors and surfaces are in
+/// the files of this folder.
 pub(super) struct Resolver<'a> {
     pub(super) file: &'a TaskFile,
     pub(super) columns: ColumnLayout,
@@ -454,7 +454,7 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
     let of_shapes = physics::inertial(mass, shapes);
     let given_com = body.com.map(super::Vector::get);
     let com = given_com.or(of_shapes.map(|shapes| shapes.com));
-    let given_inertia = body.inertia.map(|inertia| inertia.get());
+    let given_inertia = body.inertia.map(Positive::get);
     let Some(inertia) = given_inertia.or(of_shapes.map(|shapes| shapes.inertia)) else {
         return Err(body.name.error(format!(
             "body `{}` has neither an `inertia` nor a shape with an area: add one of them",

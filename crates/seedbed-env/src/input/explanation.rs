@@ -1,8 +1,8 @@
-//! The errors of the RON parser, in the words of people who write files.
+//! Explains errors of the RON parser to people who write files.
 
 use super::{FileKind, Position, nearest_name, quoted_list};
 
-/// The message (what is wrong and what was expected) and what may have been meant.
+/// The message (what is wrong and what was expected), and a hint at what may have been meant.
 pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
     let message = match error {
         ron::Error::NoSuchStructField {

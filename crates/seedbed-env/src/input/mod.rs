@@ -874,6 +874,6 @@ Team(
         let lines: Vec<_> = shown.lines().collect();
         let caret = lines[2].find('^').unwrap();
         assert!(lines[1].len() <= 104, "{shown}");
-        assert!(lines[1][..=caret].ends_with("c"), "{shown}");
+        assert!(lines[1][..=caret].ends_with('c'), "{shown}");
     }
 }

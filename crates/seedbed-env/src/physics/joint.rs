@@ -29,14 +29,14 @@ enum Representation {
     Rail {
         axis: Vector,
         origin: f32,
-        /// Where inelastic walls are.
+        /// Coordinates of the inelastic walls.
         walls: Option<[f32; 2]>,
     },
     /// A prismatic joint along a unit vector in the parent's frame.
     Slide { axis: Vector },
     /// A revolute joint, counter-clockwise (+1) or clockwise (−1).
     Hinge { sign: f32 },
-    /// A weld to the world: no joint either, but a body whose motions are disabled.
+    /// A weld to the world: no joint, but a body whose motions are disabled.
     Fixed,
     /// A weld to another body.
     Weld,
@@ -44,7 +44,7 @@ enum Representation {
 
 impl RapierJoint {
     /// `walls`: the range of a joint whose child is no joint's parent. On a rail it needs no
-    /// constraint: the body is stopped by hand.
+    /// constraint: the body is stopped directly.
     pub(super) fn new(link: &Link, walls: Option<[f64; 2]>) -> Self {
         let reference = Rotation::new(link.angle as f32);
         let (anchor_in_parent, anchor_in_child) =
@@ -92,7 +92,7 @@ impl RapierJoint {
         matches!(self.representation, Representation::Hinge { .. })
     }
 
-    /// Whether the child is stopped by hand at the ends of its range.
+    /// Whether the child is stopped directly, without a constraint, at the ends of its range.
     pub(super) fn has_walls(&self) -> bool {
         matches!(
             self.representation,
@@ -145,7 +145,7 @@ impl RapierJoint {
         [Pose::from_parts(self.anchor_in_parent, turned), in_child]
     }
 
-    /// Whether `body` may move in x and in y, if a rail joints it.
+    /// Whether `body` may move in x and whether in y, if it is on a rail.
     pub(super) fn rail_of(&self, body: usize) -> Option<[bool; 2]> {
         match self.representation {
             Representation::Rail { axis, .. } if self.child == body => {

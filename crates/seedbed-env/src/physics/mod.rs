@@ -40,7 +40,7 @@ pub struct RigidBodies {
     columns: CoordinateColumns,
 }
 
-/// What all copies of a task have in common.
+/// Data that all copies of a task share.
 struct CopyTemplate {
     /// Number of bodies per copy.
     bodies: usize,
@@ -327,17 +327,17 @@ mod tests {
 
     fn task(file: &str) -> BodyTask {
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        bodies(load(&repository.join(file)).unwrap())
+        bodies(&load(&repository.join(file)).unwrap())
     }
 
-    fn bodies(description: TaskDescription) -> BodyTask {
+    fn bodies(description: &TaskDescription) -> BodyTask {
         description.bodies().unwrap().clone()
     }
 
-    /// Bodies are where the joint coordinates put them, with the velocities that these imply:
-    /// reading inverts placing.
+    /// Placing bodies at given joint coordinates and reading the coordinates back gives the same
+    /// positions and velocities.
     #[test]
-    fn joint_coordinates_survive_the_way_through_the_bodies() {
+    fn coordinates_of_placed_bodies_are_read_back() {
         for file in [
             "envs/cartpole.ron",
             "crates/seedbed-env/tests/envs/crane.ron",
@@ -399,12 +399,12 @@ mod tests {
             observations: [(name: "x", range: (-1.0, 1.0))],
             reward: "0",
         )"#;
-        bodies(parse("slope", "slope", text.to_owned()).unwrap())
+        bodies(&parse("slope", "slope", text.to_owned()).unwrap())
     }
 
     /// If this fails, Rapier has changed `min_color_joints`: set [`MIN_JOINTS_FOR_SIMD`] to it.
     #[test]
-    fn fewer_joints_than_simd_lanes_need_are_solved_one_by_one() {
+    fn few_joints_are_not_solved_in_simd_lanes() {
         let task = slope();
         let alone = bits(&task, MIN_JOINTS_FOR_SIMD, 1);
         assert_eq!(

@@ -62,7 +62,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     #[test]
-    fn a_rectangle_has_m_over_three_of_its_half_sides_squared() {
+    fn inertia_of_a_rectangle_by_hand() {
         let shape = Shape::Box {
             center: [1.0, -2.0],
             half_size: [0.3, 0.4],
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn two_discs_follow_the_parallel_axis_theorem() {
+    fn inertia_of_two_discs_by_hand() {
         let disc = |x: f32| Shape::Ball {
             center: [x, 0.0],
             radius: 0.5,
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_weighs_nothing() {
+    fn a_line_has_no_mass() {
         assert_eq!(
             inertial(1.0, &[Shape::Polyline(vec![[0.0, 0.0], [1.0, 0.0]])]),
             None

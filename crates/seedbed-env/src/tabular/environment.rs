@@ -26,7 +26,7 @@ pub struct TabularTask {
     pub origin: String,
     /// The task as an agent sees it.
     pub spec: Spec,
-    /// What the whole family has in common.
+    /// The known part of the family's MDPs.
     pub model: Model,
     /// The MDP that was drawn from the family.
     pub truth: Mdp,
@@ -84,7 +84,7 @@ impl StateEncoding {
                 }
             }
             Self::Place => {
-                let coordinates = model.coordinates.iter().zip(model.place(state));
+                let coordinates = model.coordinates.iter().zip(model.coordinates_of(state));
                 for (observed, (coordinate, value)) in observed.iter_mut().zip(coordinates) {
                     *observed = value / coordinate.max;
                 }
@@ -99,7 +99,7 @@ fn states_with_actions(model: &Model) -> impl Iterator<Item = u32> {
 
 /// For example `row_3_column_1`.
 fn state_name(model: &Model, state: u32) -> String {
-    let coordinates = model.coordinates.iter().zip(model.place(state));
+    let coordinates = model.coordinates.iter().zip(model.coordinates_of(state));
     coordinates
         .map(|(coordinate, value)| format!("{}_{value}", coordinate.name))
         .collect::<Vec<_>>()

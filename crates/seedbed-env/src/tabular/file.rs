@@ -23,7 +23,7 @@ pub(crate) struct TabularTaskFile {
     /// How a state is observed.
     #[serde(default)]
     pub observation: StateEncoding,
-    /// Seed with which the MDP is drawn from its family, the same for every run.
+    /// Random number seed with which the MDP is drawn from its family, the same for every run.
     #[serde(default, rename = "drawn_with")]
     pub mdp_seed: u64,
     /// Mean return at which the task counts as solved.

@@ -39,7 +39,7 @@ pub enum TaskFamily {
 }
 
 impl TaskFamily {
-    /// What all tasks of the family have in common, for the run with this seed.
+    /// The known part of the family's tasks, for the run with this run seed.
     #[must_use]
     pub fn model(&self, run_seed: u64) -> Model {
         match self {
@@ -50,7 +50,7 @@ impl TaskFamily {
         }
     }
 
-    /// The MDP of the run with this seed, drawn from the prior.
+    /// The MDP of the run with this run seed, drawn from the prior.
     #[must_use]
     pub fn draw(&self, model: &Model, run_seed: u64) -> Mdp {
         let random = &mut task_stream(run_seed, 1);

@@ -1,12 +1,12 @@
-//! The tables of a task: which actions a state has, to which states they lead, with which rewards,
-//! and what of this is known.
+//! The tables of a task: the actions of each state, their next states and rewards, and the prior
+//! over those that are unknown.
 
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::random::Stream;
 
-/// What is known of a task: its tables, and the prior over what is not known.
+/// The known part of a task: its tables, and the prior over the unknown parameters.
 ///
 /// A *pair* is a state with one of its actions, an *outcome* a pair with one of its possible next
 /// states. States without actions are terminal.
@@ -85,7 +85,8 @@ pub enum Prior {
     },
 }
 
-/// What a [`Model`] leaves open: the values of the true MDP, or of one that an agent has sampled.
+/// Values of the unknown parameters of a [`Model`]: those of the true MDP, or of one that an agent
+/// has sampled.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mdp {
     /// Value of each parameter θ: `[parameters]`.
@@ -154,7 +155,7 @@ impl Model {
 
     /// The coordinates of a state: `[coordinates]`.
     #[must_use]
-    pub fn place(&self, state: u32) -> &[f32] {
+    pub fn coordinates_of(&self, state: u32) -> &[f32] {
         let width = self.coordinates.len();
         &self.places[state as usize * width..][..width]
     }
@@ -282,7 +283,8 @@ impl Prior {
     }
 }
 
-/// Where each group begins in a sequence of groups of these lengths, and where the last one ends.
+/// The start index of each group in a sequence of groups of these lengths, then the end of the last
+/// one.
 fn starts(lengths: impl Iterator<Item = usize>) -> Vec<u32> {
     let mut end = 0;
     let ends = lengths.map(|length| {

@@ -1,10 +1,10 @@
-//! Agents: what acts in one copy of an environment and learns from the team's shared experience.
+//! Agents, which act in one copy of an environment and learn from the team's shared experience.
 //!
-//! [`Agent`] is the trait; the other modules are what agents are made of: policies, networks,
-//! the scaling of observations, curiosity. Which agents there are is in
-//! [`algorithms`](crate::algorithms). Must not depend on files, threads or recordings.
+//! [`Agent`] is the trait. The modules are the parts of agents: policies, networks, the scaling of
+//! observations, exploration bonuses. Implementations are in [`algorithms`](crate::algorithms).
+//! Must not depend on files, threads or recordings.
 
-pub mod curiosity;
+pub mod bonus;
 pub(crate) mod network;
 pub mod policy;
 #[cfg(test)]
@@ -16,17 +16,17 @@ use std::borrow::Cow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::experience::{Episode, Experience};
+use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Activations, Initial};
 use crate::seed::SeedDistribution;
 use seedbed_env::Spec;
 use seedbed_env::input::numbers::{Count, known, known_count};
 use seedbed_env::random::Stream;
 
-/// One of K agents. `act` takes `&self` and `update` takes an `&Experience`: agents may act at
-/// once, and may learn at once from episodes that nobody changes meanwhile.
+/// One of K agents. `act` takes `&self` and `update` takes an `&Experience`, so that agents can act
+/// in parallel, and can learn in parallel from the same episodes.
 pub trait Agent: Send + Sync {
-    /// Chooses an action, and says how likely each of its components was.
+    /// Chooses an action, and writes the log-probability of each of its components.
     /// `observation: [observation width]` → `action`, `log_prob`: `[action width]`
     fn act(
         &self,
@@ -37,11 +37,11 @@ pub trait Agent: Send + Sync {
         log_prob: &mut [f32],
     );
 
-    /// Learns from what the team has experienced.
+    /// Learns from the team's episodes.
     fn update(&mut self, experience: &Experience<'_>) -> Update;
 
-    /// Unscaled bonuses of at most [`PROBE_STEPS`] steps of an episode, as the agent's curiosity
-    /// gives them now; empty without curiosity.
+    /// Unscaled bonuses of at most [`PROBE_STEPS`] steps of an episode under the agent's present
+    /// bonus model; empty if the agent has no bonus.
     fn probe_bonuses(&mut self, _episode: &Episode, _round: u32) -> Vec<f32> {
         Vec::new()
     }
@@ -49,7 +49,7 @@ pub trait Agent: Send + Sync {
     /// Whether every learned number is finite.
     fn is_finite(&self) -> bool;
 
-    /// The parameters of the agent's networks, named.
+    /// The parameters of the agent's networks, such as `policy.layer_0.weight`.
     fn tensors(&self) -> Vec<Tensor<'_>>;
 
     /// Everything that learning changed, as bytes.
@@ -62,18 +62,18 @@ pub trait Agent: Send + Sync {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
 }
 
-/// Maximal number of steps of an episode for which agents compute bonuses to compare them.
+/// Maximal number of steps of an episode for which the bonuses of agents are compared.
 pub const PROBE_STEPS: usize = 64;
 
-/// The team: how many agents, and how they differ from the start.
+/// The number of agents, and how they differ from each other at the start.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TeamConfig {
     /// Number of agents K.
     pub count: Count<10_000>,
-    /// Distribution of each agent's own perturbations of rewards, drawn once.
+    /// Distribution of each agent's fixed perturbations of rewards, drawn once per run.
     pub seeds: SeedDistribution,
-    /// Initial parameters of networks.
+    /// How networks are initialized.
     pub initial: Initial,
 }
 
@@ -87,22 +87,23 @@ impl Default for TeamConfig {
     }
 }
 
-/// Who is being built: one agent of a team in one run.
+/// What an agent of a team is built from.
 #[derive(Clone, Copy, Debug)]
 pub struct AgentContext<'a> {
-    /// The run's seed.
+    /// The run seed.
     pub run_seed: u64,
     /// The agent's number, from 0.
     pub agent: u32,
-    /// The team it belongs to.
+    /// The configuration of its team.
     pub team: &'a TeamConfig,
     /// The task.
     pub spec: &'a Spec,
-    /// Whether [`Update::advantages`] are wanted. What is learned is the same.
+    /// Whether updates return [advantages](crate::experience::StepData::advantages). Must not
+    /// change what is learned.
     pub record_advantages: bool,
 }
 
-/// Room for one forward pass at a time; one for each thread that acts.
+/// Buffers for one forward pass, reused from step to step; one per thread that acts.
 #[derive(Debug, Default)]
 pub struct ActScratch {
     pub(crate) state: Vec<f32>,
@@ -113,15 +114,11 @@ pub struct ActScratch {
 /// The result of one agent's update.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Update {
-    /// What it was like.
+    /// Statistics of the update.
     pub report: UpdateReport,
-    /// Bonuses given to the steps of the agent's own fresh episodes, one episode after the other;
-    /// empty without curiosity.
-    pub intrinsic_rewards: Vec<f32>,
-    /// Advantage of each step of the agent's own fresh episodes, one episode after the other: under
-    /// the policy and the value function before this update, not standardized. Empty unless
-    /// [`AgentContext::record_advantages`], or if the algorithm estimates none.
-    pub advantages: Vec<f32>,
+    /// Intrinsic rewards and advantages of the steps of the agent's own fresh episodes. Episodes
+    /// that have neither may be missing.
+    pub step_data: Vec<StepData>,
 }
 
 impl From<UpdateReport> for Update {
@@ -133,39 +130,38 @@ impl From<UpdateReport> for Update {
     }
 }
 
-/// What one update was like: means over all that was trained on. `None` is what the algorithm does
-/// not have, or what this update trained nothing of.
+/// Statistics of one update: means over all samples that were trained on. `None` if the algorithm
+/// does not have the quantity, or if the update trained on no sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct UpdateReport {
-    /// ½ mean squared error against the normalized target.
+    /// ½ mean squared error of the value function against its normalized targets.
     pub value_loss: Option<f32>,
-    /// Mean surrogate loss.
+    /// Mean surrogate loss of the policy.
     pub policy_loss: Option<f32>,
-    /// Mean |ρ − 1| + 1.
+    /// Mean deviation of importance ratios from 1, plus 1: mean |ρ − 1| + 1.
     pub ratio_deviation: Option<f32>,
-    /// The largest ρ.
+    /// The largest importance ratio ρ.
     pub largest_ratio: Option<f32>,
-    /// Share of samples whose policy gradient clipping took away.
+    /// Share of samples whose policy gradient is 0 because of clipping.
     pub clipped_fraction: Option<f32>,
-    /// Mean entropy, nats.
+    /// Mean entropy of the policy, nats.
     pub entropy: Option<f32>,
-    /// Mean bonus per step of the agent's own.
+    /// Mean bonus per step of the agent's own episodes.
     pub intrinsic_reward: Option<f32>,
-    /// Mean squared error of the model of the dynamics on fresh episodes, before it learned from
-    /// them.
+    /// Mean squared error of the bonus model on fresh episodes, before it learned from them.
     pub prediction_error: Option<f32>,
-    /// The team's: mean rank correlation between agents' judgements of the same steps. None where
-    /// no two of them give bonuses.
+    /// Mean rank correlation between the bonuses that pairs of agents compute for the same steps;
+    /// the same for the whole team. None if fewer than two agents compute bonuses.
     pub bonus_agreement: Option<f32>,
 }
 
-/// A named block of parameters.
+/// A named array of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor<'a> {
-    /// Such as `policy.layer_0.weight`.
+    /// The name, such as `policy.layer_0.weight`.
     pub name: String,
-    /// Row-major.
+    /// Size of each dimension.
     pub shape: Vec<usize>,
-    /// The numbers.
+    /// The numbers in row-major order.
     pub values: Cow<'a, [f32]>,
 }

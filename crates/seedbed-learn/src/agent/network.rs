@@ -1,5 +1,5 @@
-//! A network that learns: its shape, parameters, optimizer, and the seed that it may be pulled back
-//! to.
+//! A trainable network: shape, parameters, optimizer, and the initial parameters (seed) towards
+//! which training may be regularized.
 
 use std::borrow::Cow;
 
@@ -9,40 +9,40 @@ use super::Tensor;
 
 use crate::nn::{Activations, Adam, AdamSettings, Mlp};
 
-/// A network with everything that one gradient step needs.
+/// A network with all that a gradient step needs.
 pub(crate) struct Network {
     mlp: Mlp,
-    /// Parameters at instantiation: θ̂ or φ̂.
+    /// Initial parameters θ̂ or φ̂, the seed of the network.
     seed: Vec<f32>,
     learned: Learned,
     activations: Activations,
     gradient: Vec<f32>,
 }
 
-/// What learning changes.
+/// The state of a network that training changes.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Learned {
     parameters: Vec<f32>,
-    optimiser: Adam,
+    optimizer: Adam,
 }
 
-/// How a gradient becomes a step.
+/// How a gradient step is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Descent {
-    /// λ
-    pub(crate) regularisation: f32,
-    /// A bound on the gradient's Euclidean norm.
+    /// Weight λ of the regularization towards the seed.
+    pub(crate) regularization: f32,
+    /// Maximal Euclidean norm of the gradient.
     pub(crate) gradient_clip: Option<f32>,
-    /// On the optimizer's step size.
+    /// Factor on the optimizer's step size.
     pub(crate) step_size_factor: f64,
 }
 
 impl Network {
-    /// A network that starts at `seed`: `[parameter count]`.
-    pub(crate) fn new(mlp: Mlp, seed: Vec<f32>, optimiser: AdamSettings) -> Self {
+    /// A network with the initial parameters `seed`: `[P]`.
+    pub(crate) fn new(mlp: Mlp, seed: Vec<f32>, optimizer: AdamSettings) -> Self {
         let learned = Learned {
             parameters: seed.clone(),
-            optimiser: Adam::new(optimiser, seed.len()),
+            optimizer: Adam::new(optimizer, seed.len()),
         };
         Self {
             mlp,
@@ -61,16 +61,18 @@ impl Network {
         &self.learned.parameters
     }
 
-    /// `inputs: [B × in]` → `[B × out]`, kept for [`descend`](Self::descend).
+    /// Evaluates the network and keeps the activations for [`descend`](Self::descend).
+    /// `inputs: [B × in]` → `[B × out]`
     pub(crate) fn forward(&mut self, inputs: &[f32]) -> &[f32] {
         self.mlp
             .forward(&self.learned.parameters, inputs, &mut self.activations)
     }
 
-    /// One step of Adam along ∇L + λ (θ − θ̂), the seed regulariser being ψ = ½‖θ − θ̂‖² (thesis
-    /// §3.4.3).
+    /// One step of Adam along ∇L + λ (θ − θ̂): the regularization term is λψ with ψ = ½‖θ − θ̂‖²
+    /// (thesis §3.4.3).
     ///
-    /// `output_gradient: [B × out]` belongs to the latest forward pass, of these `inputs`.
+    /// `output_gradient: [B × out]` is the gradient of L with respect to the outputs of the latest
+    /// forward pass, which must have had the same `inputs`.
     pub(crate) fn descend(&mut self, inputs: &[f32], output_gradient: &[f32], descent: &Descent) {
         let parameters = &mut self.learned.parameters;
         self.mlp.backward(
@@ -80,21 +82,21 @@ impl Network {
             output_gradient,
             &mut self.gradient,
         );
-        if descent.regularisation > 0.0 {
+        if descent.regularization > 0.0 {
             for ((slope, parameter), seed) in self
                 .gradient
                 .iter_mut()
                 .zip(parameters.iter())
                 .zip(&self.seed)
             {
-                *slope += descent.regularisation * (parameter - seed);
+                *slope += descent.regularization * (parameter - seed);
             }
         }
-        if let Some(most) = descent.gradient_clip {
-            clip_norm(&mut self.gradient, most);
+        if let Some(max_norm) = descent.gradient_clip {
+            clip_norm(&mut self.gradient, max_norm);
         }
         self.learned
-            .optimiser
+            .optimizer
             .descend(parameters, &self.gradient, descent.step_size_factor);
     }
 
@@ -124,15 +126,15 @@ impl Network {
         &self.learned
     }
 
-    /// Goes back to where it once stood.
-    pub(crate) fn restart(&mut self, learned: &Learned) {
+    /// Returns to an earlier state.
+    pub(crate) fn reset_to(&mut self, learned: &Learned) {
         self.learned.clone_from(learned);
     }
 
     pub(crate) fn restore(&mut self, learned: Learned) -> Result<(), String> {
         if learned.parameters.len() != self.seed.len() {
             return Err(format!(
-                "{} parameters stored for a network of {}",
+                "the checkpoint has {} parameters of a network; expected {}",
                 learned.parameters.len(),
                 self.seed.len()
             ));
@@ -142,16 +144,16 @@ impl Network {
     }
 }
 
-/// g ← g min(1, c / ‖g‖).
-fn clip_norm(gradient: &mut [f32], most: f32) {
+/// Scales a gradient down to the norm c = `max_norm` if it is longer: g ← g min(1, c / ‖g‖).
+fn clip_norm(gradient: &mut [f32], max_norm: f32) {
     let norm = gradient
         .iter()
         .map(|slope| f64::from(*slope).powi(2))
         .sum::<f64>()
         .sqrt() as f32;
-    if norm > most {
+    if norm > max_norm {
         for slope in gradient {
-            *slope *= most / norm;
+            *slope *= max_norm / norm;
         }
     }
 }
@@ -160,18 +162,18 @@ fn clip_norm(gradient: &mut [f32], most: f32) {
 mod tests {
     use super::*;
 
-    /// ‖(3, 4)‖ = 5: bounded by 2.5 it is halved, bounded by 6 it stays.
+    /// ‖(3, 4)‖ = 5: a maximal norm of 2.5 halves it, one of 6 leaves it unchanged.
     #[test]
     fn norms_are_clipped() {
-        let clipped = |most| {
+        let clipped = |max_norm| {
             let mut gradient = [3.0, 4.0];
-            clip_norm(&mut gradient, most);
+            clip_norm(&mut gradient, max_norm);
             gradient
         };
         assert_eq!((clipped(2.5), clipped(6.0)), ([1.5, 2.0], [3.0, 4.0]));
     }
 
-    /// Adam's first step is α wherever the gradient points, so a factor on α shows.
+    /// The length of Adam's first step is α for any gradient, so a factor on α is visible.
     #[test]
     fn the_step_size_factor_scales_a_step() {
         let moved = |step_size_factor| {
@@ -182,7 +184,7 @@ mod tests {
                 &[1.0],
                 &[1.0],
                 &Descent {
-                    regularisation: 0.0,
+                    regularization: 0.0,
                     gradient_clip: None,
                     step_size_factor,
                 },

@@ -1,9 +1,9 @@
-//! A stochastic policy: a network, and for each component of an action the distribution that its
-//! outputs describe (§1.5.4).
+//! Stochastic policies: a network whose outputs are the parameters of one distribution per
+//! component of an action (thesis §1.5.4).
 //!
-//! A discrete component has one logit for each choice. A continuous one has a mean and the
+//! A discrete component has one logit per choice. A continuous component has a mean and the
 //! logarithm of a standard deviation, both relative to the action's range: an output of ±1 is an
-//! end of the range. The environment clamps what is sampled beyond.
+//! end of the range. The environment clamps samples beyond the range.
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution as _, StandardNormal};
@@ -21,14 +21,15 @@ use seedbed_env::{Action, Choice, Spec};
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ActionSelection {
-    /// Drawn from it.
+    /// Sampled from the policy's distribution.
     Sampled,
-    /// Drawn from π^{1/τ} / Σ π^{1/τ}, for a Gaussian 𝒩(μ, τσ²); ratios then are relative to that.
+    /// Sampled from π^{1/τ} / Σ π^{1/τ}, which is 𝒩(μ, τσ²) for a Gaussian. Importance ratios are
+    /// relative to this distribution.
     Tempered {
-        /// τ: below 1 is greedier than the policy, above 1 is more random.
+        /// Temperature τ: below 1 is greedier than the policy, above 1 is more random.
         temperature: Positive,
     },
-    /// The likeliest, or the mean.
+    /// The most likely discrete action, or the mean of a continuous one.
     Greedy,
 }
 
@@ -37,8 +38,8 @@ pub(crate) struct Policy {
     network: Network,
     selection: ActionSelection,
     components: Vec<Component>,
-    /// Of the latest evaluated trajectory: the network's outputs, logits turned to
-    /// log-probabilities. `[T × outputs]`
+    /// Outputs of the network for the latest evaluated rows, with log-probabilities in place of
+    /// logits: `[N × outputs]`.
     outputs: Vec<f32>,
     output_gradient: Vec<f32>,
 }
@@ -46,13 +47,14 @@ pub(crate) struct Policy {
 /// One component of an action.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Component {
-    /// Where its outputs begin in the network's row of outputs.
+    /// Index of its first output in a row of the network's outputs.
     start: usize,
-    kind: Kind,
+    distribution: ComponentDistribution,
 }
 
+/// The distribution of one component of an action.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum ComponentDistribution {
     Categorical {
         choices: usize,
     },
@@ -63,12 +65,12 @@ enum Kind {
     },
 }
 
-/// The logarithm of a relative deviation is held within these: from almost greedy to far beyond the
+/// Bounds of the logarithm of a relative standard deviation: from almost greedy to far beyond the
 /// range.
-const LOG_DEVIATION: [f32; 2] = [-4.0, 1.0];
+const LOG_DEVIATION_BOUNDS: [f32; 2] = [-4.0, 1.0];
 
-/// The policy network of a task.
-pub(crate) fn shape(spec: &Spec, hidden: &[usize]) -> Mlp {
+/// The shape of a policy network for a task, with `hidden` layers.
+pub(crate) fn network_shape(spec: &Spec, hidden: &[usize]) -> Mlp {
     let outputs = components(spec, 1.0)
         .last()
         .map_or(0, |component| component.start + component.width());
@@ -81,8 +83,8 @@ pub(crate) fn shape(spec: &Spec, hidden: &[usize]) -> Mlp {
 }
 
 impl Policy {
-    /// A policy over the task's actions; continuous ones spread at first by about
-    /// `initial_deviation` of half their range.
+    /// A policy over the task's actions. The standard deviation of continuous actions is initially
+    /// about `initial_deviation`, as a share of half their range.
     pub(crate) fn new(
         spec: &Spec,
         network: Network,
@@ -99,8 +101,8 @@ impl Policy {
         }
     }
 
-    /// Samples an action and its log-probability, component by component.   `action`, `log_prob`:
-    /// `[C]`
+    /// Chooses an action, and writes the log-probability of each of its components.
+    /// `observation: [observation width]` → `action`, `log_prob`: `[C]`
     pub(crate) fn sample(
         &self,
         observation: &[f32],
@@ -123,8 +125,8 @@ impl Policy {
         }
     }
 
-    /// log π(aₜ|sₜ) of a trajectory, component by component.   `states: [T × observation width]`,
-    /// `actions: [T × C]` → `log_probs: [T × C]`
+    /// log π(aₜ|sₜ) of each component of each action.   `states: [N × observation width]`,
+    /// `actions: [N × C]` → `log_probs: [N × C]`
     pub(crate) fn evaluate(&mut self, states: &[f32], actions: &[f32], log_probs: &mut Vec<f32>) {
         let width = self.network.mlp().outputs();
         self.outputs.clear();
@@ -156,9 +158,9 @@ impl Policy {
         rows.map(entropy).sum::<f32>() / count
     }
 
-    /// One step along the gradient of (mean loss − `entropy_bonus` · mean entropy), given
-    /// ∂lossₜ/∂log π(a_{t,c}|sₜ) on the latest evaluated rows.   `states: [T × observation width]`,
-    /// `actions`, `slopes`: `[T × C]`
+    /// One gradient step on (mean loss − `entropy_bonus` · mean entropy) of the latest evaluated
+    /// rows. `slopes` are ∂lossₜ/∂log π(a_{t,c}|sₜ).   `states: [N × observation width]`,
+    /// `actions`, `slopes`: `[N × C]`
     pub(crate) fn descend(
         &mut self,
         states: &[f32],
@@ -192,7 +194,7 @@ impl Policy {
         self.network.tensors("policy")
     }
 
-    /// C
+    /// Number of components C of an action.
     pub(crate) fn components(&self) -> usize {
         self.components.len()
     }
@@ -209,21 +211,24 @@ impl Policy {
 fn components(spec: &Spec, initial_deviation: f32) -> Vec<Component> {
     let mut start = 0;
     let component = |action: &Action| {
-        let kind = match &action.choice {
-            Choice::Discrete(values) => Kind::Categorical {
+        let distribution = match &action.choice {
+            Choice::Discrete(values) => ComponentDistribution::Categorical {
                 choices: values.len(),
             },
             Choice::Continuous => {
                 let [low, high] = action.quantity.range;
                 let (center, half_range) = (0.5 * (low + high), 0.5 * (high - low));
-                Kind::Gaussian {
+                ComponentDistribution::Gaussian {
                     center,
                     half_range,
                     initial_log_deviation: initial_deviation.ln(),
                 }
             }
         };
-        let component = Component { start, kind };
+        let component = Component {
+            start,
+            distribution,
+        };
         start += component.width();
         component
     };
@@ -232,9 +237,9 @@ fn components(spec: &Spec, initial_deviation: f32) -> Vec<Component> {
 
 impl Component {
     fn width(&self) -> usize {
-        match self.kind {
-            Kind::Categorical { choices } => choices,
-            Kind::Gaussian { .. } => 2,
+        match self.distribution {
+            ComponentDistribution::Categorical { choices } => choices,
+            ComponentDistribution::Gaussian { .. } => 2,
         }
     }
 
@@ -246,24 +251,26 @@ impl Component {
         &mut row[self.start..self.start + self.width()]
     }
 
-    /// Logits become log-probabilities; a mean and a deviation stay as they are.
+    /// Replaces logits by log-probabilities; leaves a mean and a deviation unchanged.
     fn normalize(&self, outputs: &mut [f32]) {
-        if let Kind::Categorical { choices } = self.kind {
+        if let ComponentDistribution::Categorical { choices } = self.distribution {
             categorical::log_softmax_in_place(outputs, choices);
         }
     }
 
-    /// An action, and its log-probability under what it was drawn from; a greedy action counts as
-    /// certain. `outputs` may be changed.
+    /// Returns an action and its log-probability under the distribution that it was sampled from;
+    /// the probability of a greedy action is taken as 1. May change `outputs`.
     fn choose(
         &self,
         outputs: &mut [f32],
         selection: ActionSelection,
         random: &mut impl Rng,
     ) -> (f32, f32) {
-        match self.kind {
-            Kind::Categorical { .. } => choose_category(outputs, selection, random),
-            Kind::Gaussian { .. } => {
+        match self.distribution {
+            ComponentDistribution::Categorical { .. } => {
+                choose_category(outputs, selection, random)
+            }
+            ComponentDistribution::Gaussian { .. } => {
                 let (mean, log_deviation) = self.moments(outputs);
                 let log_deviation = match selection {
                     ActionSelection::Sampled => log_deviation,
@@ -280,9 +287,9 @@ impl Component {
     }
 
     fn log_prob(&self, outputs: &[f32], action: f32) -> f32 {
-        match self.kind {
-            Kind::Categorical { .. } => outputs[action as usize],
-            Kind::Gaussian { .. } => {
+        match self.distribution {
+            ComponentDistribution::Categorical { .. } => outputs[action as usize],
+            ComponentDistribution::Gaussian { .. } => {
                 let (mean, log_deviation) = self.moments(outputs);
                 gaussian::log_density(action, mean, log_deviation)
             }
@@ -290,19 +297,19 @@ impl Component {
     }
 
     fn entropy(&self, outputs: &[f32]) -> f32 {
-        match self.kind {
-            Kind::Categorical { .. } => categorical::entropy(outputs),
-            Kind::Gaussian { .. } => gaussian::entropy(self.moments(outputs).1),
+        match self.distribution {
+            ComponentDistribution::Categorical { .. } => categorical::entropy(outputs),
+            ComponentDistribution::Gaussian { .. } => gaussian::entropy(self.moments(outputs).1),
         }
     }
 
-    /// `weight` ∂log π(a)/∂outputs.
+    /// Writes `weight` · ∂log π(a)/∂outputs to `gradient`.
     fn gradient(&self, outputs: &[f32], action: f32, weight: f32, gradient: &mut [f32]) {
-        match self.kind {
-            Kind::Categorical { .. } => {
-                categorical::log_prob_gradient(outputs, action as usize, weight, gradient)
+        match self.distribution {
+            ComponentDistribution::Categorical { .. } => {
+                categorical::log_prob_gradient(outputs, action as usize, weight, gradient);
             }
-            Kind::Gaussian {
+            ComponentDistribution::Gaussian {
                 half_range,
                 initial_log_deviation,
                 ..
@@ -311,7 +318,7 @@ impl Component {
                 let [by_mean, by_log_deviation] =
                     gaussian::log_density_gradient(action, mean, log_deviation);
                 gradient[0] = weight * by_mean * half_range;
-                gradient[1] = if is_free(outputs[1], initial_log_deviation) {
+                gradient[1] = if has_deviation_gradient(outputs[1], initial_log_deviation) {
                     weight * by_log_deviation
                 } else {
                     0.0
@@ -320,18 +327,18 @@ impl Component {
         }
     }
 
-    /// Adds `weight` ∂H/∂outputs.
+    /// Adds `weight` · ∂H/∂outputs to `gradient`, where H is the entropy.
     fn add_entropy_gradient(&self, outputs: &[f32], weight: f32, gradient: &mut [f32]) {
-        match self.kind {
-            Kind::Categorical { .. } => {
-                categorical::add_entropy_gradient(outputs, weight, gradient)
+        match self.distribution {
+            ComponentDistribution::Categorical { .. } => {
+                categorical::add_entropy_gradient(outputs, weight, gradient);
             }
-            Kind::Gaussian {
+            ComponentDistribution::Gaussian {
                 initial_log_deviation,
                 ..
             } => {
-                // H = log σ + a constant.
-                gradient[1] += if is_free(outputs[1], initial_log_deviation) {
+                // H is log σ plus a constant.
+                gradient[1] += if has_deviation_gradient(outputs[1], initial_log_deviation) {
                     weight
                 } else {
                     0.0
@@ -340,17 +347,19 @@ impl Component {
         }
     }
 
-    /// Mean and log-deviation in the action's own unit.
+    /// Mean and logarithm of the standard deviation, in the action's unit.
     fn moments(&self, outputs: &[f32]) -> (f32, f32) {
-        match self.kind {
-            Kind::Categorical { .. } => unreachable!("a categorical component has no moments"),
-            Kind::Gaussian {
+        match self.distribution {
+            ComponentDistribution::Categorical { .. } => {
+                unreachable!("a categorical component has no moments")
+            }
+            ComponentDistribution::Gaussian {
                 center,
                 half_range,
                 initial_log_deviation,
             } => {
-                let relative =
-                    (outputs[1] + initial_log_deviation).clamp(LOG_DEVIATION[0], LOG_DEVIATION[1]);
+                let relative = (outputs[1] + initial_log_deviation)
+                    .clamp(LOG_DEVIATION_BOUNDS[0], LOG_DEVIATION_BOUNDS[1]);
                 (
                     half_range.mul_add(outputs[0], center),
                     relative + half_range.ln(),
@@ -368,17 +377,17 @@ fn choose_category(
     match selection {
         ActionSelection::Sampled => {}
         ActionSelection::Tempered { temperature } => {
-            categorical::temper(log_probs, temperature.get_f32())
+            categorical::temper(log_probs, temperature.get_f32());
         }
-        ActionSelection::Greedy => return (categorical::likeliest(log_probs) as f32, 0.0),
+        ActionSelection::Greedy => return (categorical::most_likely(log_probs) as f32, 0.0),
     }
     let choice = categorical::choose(log_probs, random.random());
     (choice as f32, log_probs[choice])
 }
 
-/// Whether a log-deviation lies within its bounds, so that it has a gradient.
-fn is_free(output: f32, initial_log_deviation: f32) -> bool {
-    (LOG_DEVIATION[0]..=LOG_DEVIATION[1]).contains(&(output + initial_log_deviation))
+/// Whether a log-deviation is within its bounds; outside of them it has no gradient.
+fn has_deviation_gradient(output: f32, initial_log_deviation: f32) -> bool {
+    (LOG_DEVIATION_BOUNDS[0]..=LOG_DEVIATION_BOUNDS[1]).contains(&(output + initial_log_deviation))
 }
 
 #[cfg(test)]
@@ -414,7 +423,7 @@ mod tests {
             Choice::Continuous,
             Choice::Continuous,
         ]);
-        let mlp = shape(&spec, &[8]);
+        let mlp = network_shape(&spec, &[8]);
         assert_eq!(mlp.outputs(), 3 + 2 + 2);
         let seed = mlp.initial(
             Initial::Random,
@@ -428,8 +437,7 @@ mod tests {
         )
     }
 
-    /// The network's parameters are not touched here, so the gradient is with respect to the
-    /// outputs: by central differences.
+    /// The gradient with respect to the outputs, by central differences.
     #[test]
     fn output_gradient_agrees_with_central_differences() {
         let policy = mixed_policy(ActionSelection::Sampled);
@@ -513,12 +521,13 @@ mod tests {
         }
     }
 
-    /// Greedy actions are the likeliest choice and the mean. Tempered ones carry the
-    /// log-probability of what they were drawn from: for the Gaussian at τ = ¼, half the deviation.
+    /// Greedy actions are the most likely choice and the mean. Tempered actions have the
+    /// log-probability under the distribution that they were sampled from: for the Gaussian at τ =
+    /// ¼, half the deviation.
     #[test]
-    fn actions_are_selected_as_asked() {
+    fn actions_are_selected_as_configured() {
         let (state, mut scratch) = ([0.1, -0.4, 0.7], ActScratch::default());
-        let mut acted = |selection| {
+        let mut sample = |selection| {
             let (mut action, mut log_prob) = ([0.0; 3], [0.0; 3]);
             let mut random = stream(5, Purpose::Action, 0, 0);
             mixed_policy(selection).sample(
@@ -531,23 +540,23 @@ mod tests {
             (action, log_prob)
         };
         let mut policy = mixed_policy(ActionSelection::Sampled);
-        let (greedy, certain) = acted(ActionSelection::Greedy);
+        let (greedy, greedy_log_prob) = sample(ActionSelection::Greedy);
         policy.evaluate(&state, &greedy, &mut Vec::new());
         let gaussian = policy.components[1];
         assert_eq!(
             greedy[0],
-            categorical::likeliest(&policy.outputs[..3]) as f32
+            categorical::most_likely(&policy.outputs[..3]) as f32
         );
         assert_eq!(
-            (greedy[1], certain),
+            (greedy[1], greedy_log_prob),
             (
                 gaussian.moments(gaussian.slice(&policy.outputs)).0,
                 [0.0; 3]
             )
         );
 
-        let (sampled, _) = acted(ActionSelection::Sampled);
-        let (tempered, log_prob) = acted(ActionSelection::Tempered {
+        let (sampled, _) = sample(ActionSelection::Sampled);
+        let (tempered, log_prob) = sample(ActionSelection::Tempered {
             temperature: known(0.25),
         });
         assert!(
@@ -562,8 +571,8 @@ mod tests {
         );
     }
 
-    /// Sampled actions have the likelihoods that evaluation gives them, and the spread that the
-    /// deviation promises.
+    /// Sampled actions have the log-probabilities that `evaluate` computes, and the mean and the
+    /// standard deviation of the distribution.
     #[test]
     fn samples_agree_with_evaluation() {
         let mut policy = mixed_policy(ActionSelection::Sampled);
@@ -590,8 +599,8 @@ mod tests {
         let second: Vec<f32> = actions.iter().skip(1).step_by(3).copied().collect();
         let average = second.iter().sum::<f32>() / 4000.0;
         let deviation = (second.iter().map(|a| (a - average).powi(2)).sum::<f32>() / 4000.0).sqrt();
-        // Standard errors: σ/√4000 = 1.6 % of σ for the mean, 1.1 % for the deviation; four of
-        // them.
+        // Tolerances are four standard errors: σ/√4000 = 1.6 % of σ for the mean, 1.1 % for the
+        // deviation.
         assert!(
             (average - mean).abs() < 0.065 * log_deviation.exp(),
             "{average} {mean}"

@@ -1,10 +1,10 @@
-//! The whole policies of `tests/gradients/reference.json`, which automatic differentiation made,
-//! against [`Policy`] itself.
+//! Tests the gradients of [`Policy`] against those of `tests/gradients/reference.json`, which were
+//! computed by automatic differentiation.
 
 use serde::Deserialize;
 
 use super::network::{Descent, Network};
-use super::policy::{ActionSelection, Policy, shape};
+use super::policy::{ActionSelection, Policy, network_shape};
 use crate::nn::AdamSettings;
 use crate::rl::policy_loss;
 use seedbed_env::input::numbers::known;
@@ -72,8 +72,9 @@ impl Case {
             }],
             ..Spec::new("test", Vec::new(), Vec::new())
         };
-        let mlp = shape(&spec, &self.sizes[1..self.sizes.len() - 1]);
-        // The first step is α g / (|g| + ε), which is g α/ε where ε is beyond any gradient.
+        let mlp = network_shape(&spec, &self.sizes[1..self.sizes.len() - 1]);
+        // Adam's first step is α g / (|g| + ε), which is g α/ε if ε is much larger than any
+        // gradient.
         let optimiser = AdamSettings {
             step_size: known(1e8),
             epsilon: known(1e6),
@@ -105,9 +106,10 @@ impl Case {
     }
 }
 
-/// The gradient is read from one step; f32 loses about 10⁻⁶ of the largest number on the way.
+/// The gradient is computed from one step of Adam; rounding to f32 adds an error of about 10⁻⁶ of
+/// the largest number.
 #[test]
-fn a_step_follows_the_gradient() {
+fn a_step_follows_the_reference_gradient() {
     let reference: Reference =
         serde_json::from_str(include_str!("../../tests/gradients/reference.json")).unwrap();
     assert!(reference.policies.len() >= 8);
@@ -116,7 +118,7 @@ fn a_step_follows_the_gradient() {
         let mut log_probs = Vec::new();
         policy.evaluate(&case.states, &case.actions, &mut log_probs);
         let descent = Descent {
-            regularisation: 0.0,
+            regularization: 0.0,
             gradient_clip: None,
             step_size_factor: 1.0,
         };

@@ -1,4 +1,4 @@
-//! How observations enter the networks: as they are, by their display range, or by running moments.
+//! Scaling of observations for networks: none, by display range, or by running moments.
 
 use std::borrow::Cow;
 
@@ -9,22 +9,23 @@ use super::Tensor;
 use crate::nn::Standardizer;
 use seedbed_env::Spec;
 
-/// How observations enter the networks.
+/// How observations are scaled for networks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum ObservationScaling {
-    /// As they are.
+    /// Not at all.
     Raw,
-    /// The display range of each becomes −1 to 1.
+    /// The display range of each observation is scaled to −1 to 1.
     Range,
-    /// To mean 0 and deviation 1 over all that the agent has learned from. The moments move after
-    /// learning, so that ratios compare policies as they acted.
+    /// To mean 0 and standard deviation 1 over all observations that the agent has learned from.
+    /// The moments are updated after learning, so that importance ratios compare policies as they
+    /// acted.
     Running,
 }
 
-/// A scaling at work.
+/// The scaling of observations, with the state that it needs.
 pub(crate) enum Scaling {
     Raw,
-    /// Centre and half range of each observation.
+    /// Center and half the range of each observation.
     Range(Vec<[f32; 2]>),
     Running(Standardizer),
 }
@@ -36,7 +37,7 @@ impl Scaling {
             ObservationScaling::Range => Self::Range(
                 spec.observations
                     .iter()
-                    .map(|quantity| middle(quantity.range))
+                    .map(|quantity| center_and_half_range(quantity.range))
                     .collect(),
             ),
             ObservationScaling::Running => {
@@ -45,7 +46,7 @@ impl Scaling {
         }
     }
 
-    /// What the networks see.   `observations: [N × width]` → `scaled: [N × width]`
+    /// Scales observations for a network.   `observations: [N × width]` → `scaled: [N × width]`
     pub(crate) fn apply(&self, observations: &[f32], scaled: &mut Vec<f32>) {
         scaled.clear();
         match self {
@@ -62,14 +63,14 @@ impl Scaling {
         }
     }
 
-    /// Takes in what was learned from.   `observations: [N × width]`
+    /// Updates running moments with observations that were learned from.   `[N × width]`
     pub(crate) fn update(&mut self, observations: &[f32]) {
         if let Self::Running(standardizer) = self {
             standardizer.update(observations);
         }
     }
 
-    /// The running moments, where there are any.
+    /// The running moments, if there are any.
     pub(crate) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
         let moments = self.learned().map(|moments| {
             let named = |name: &str, values: Vec<f32>| Tensor {
@@ -85,7 +86,7 @@ impl Scaling {
         moments.into_iter().flatten()
     }
 
-    /// What learning changed.
+    /// The state that learning changes, if any.
     pub(crate) fn learned(&self) -> Option<&Standardizer> {
         match self {
             Self::Running(standardizer) => Some(standardizer),
@@ -95,15 +96,19 @@ impl Scaling {
 
     pub(crate) fn restore(&mut self, learned: Option<Standardizer>) -> Result<(), String> {
         match (self, learned) {
-            (Self::Running(ours), Some(learned)) => *ours = learned,
+            (Self::Running(standardizer), Some(learned)) => *standardizer = learned,
             (Self::Raw | Self::Range(_), None) => {}
-            _ => return Err("observations are scaled in another way".to_owned()),
+            _ => {
+                return Err(
+                    "the checkpoint has observations that are scaled in another way".to_owned(),
+                );
+            }
         }
         Ok(())
     }
 }
 
-fn middle([low, high]: [f32; 2]) -> [f32; 2] {
+fn center_and_half_range([low, high]: [f32; 2]) -> [f32; 2] {
     [0.5 * (low + high), 0.5 * (high - low)]
 }
 
@@ -131,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_range_becomes_minus_one_to_one() {
+    fn ranges_are_scaled_to_minus_one_to_one() {
         let scaling = Scaling::new(ObservationScaling::Range, &spec());
         assert_eq!(
             scaled(&scaling, &[-8.0, 4.0, 4.0, 2.0, 0.0, 0.0]),
@@ -148,7 +153,7 @@ mod tests {
 
     /// x = 1, 3: mean 2, deviation 1; y = 10, 30: mean 20, deviation 10.
     #[test]
-    fn running_moments_standardise_what_comes_later() {
+    fn running_moments_standardize_later_observations() {
         let mut scaling = Scaling::new(ObservationScaling::Running, &spec());
         assert_eq!(scaled(&scaling, &[3.0, 7.0]), [3.0, 7.0]);
         scaling.update(&[1.0, 10.0, 3.0, 30.0]);

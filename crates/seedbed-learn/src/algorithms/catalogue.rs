@@ -1,7 +1,7 @@
-//! What can be set, for people: parameters with their meaning, choices and defaults.
+//! Documentation of algorithms for users: parameters with their meaning, choices and defaults.
 //!
-//! Meanings are the doc comments of the configuration's fields, choices those of its enums, both
-//! read from the JSON schema that `schemars` derives; defaults are the `Default` of the
+//! Meanings are the doc comments of the configuration's fields, and choices those of its enums;
+//! both are read from the JSON schema that `schemars` derives. Defaults are the `Default` of the
 //! configuration as RON. So nothing is documented twice.
 
 use ron::extensions::Extensions;
@@ -10,33 +10,33 @@ use schemars::{JsonSchema, SchemaGenerator};
 use serde::Serialize;
 use serde_json::Value;
 
-/// An algorithm as a user may choose it.
+/// Documentation of one algorithm.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AlgorithmInfo {
     /// Its name in a scenario.
     pub name: &'static str,
-    /// What it is for, in a sentence.
+    /// What it does, in a sentence.
     pub purpose: String,
-    /// What can be set.
+    /// Its parameters.
     pub parameters: Vec<Parameter>,
 }
 
-/// One parameter.
+/// Documentation of one parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameter {
-    /// Its name in a file.
+    /// Its name in a scenario.
     pub name: String,
     /// What it means.
     pub meaning: String,
-    /// What is expected: a range of numbers, or empty.
+    /// The expected range of numbers; empty if the parameter is not a number.
     pub expected: String,
-    /// What can be chosen; empty for numbers.
+    /// The values to choose from; empty for numbers.
     pub choices: Vec<Choice>,
-    /// Its default, as one writes it.
+    /// Its default, as written in a scenario.
     pub default: String,
 }
 
-/// One value that a parameter can have.
+/// One of the values of a parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Choice {
     /// How it is written, such as `Ppo(clip: …, clipping: Joint | DimensionWise)`.
@@ -46,7 +46,7 @@ pub struct Choice {
 }
 
 impl AlgorithmInfo {
-    /// The algorithm `name` with the configuration `T`.
+    /// Documentation of the algorithm `name`, which has the configuration `T`.
     #[must_use]
     pub fn of<T: JsonSchema + Default + Serialize>(name: &'static str) -> Self {
         Self {
@@ -65,27 +65,26 @@ pub fn parameters<T: JsonSchema + Serialize>(default: &T) -> Vec<Parameter> {
         .depth_limit(1)
         .extensions(Extensions::UNWRAP_VARIANT_NEWTYPES);
     let text = ron::ser::to_string_pretty(default, config).unwrap_or_default();
-    let mut all = Vec::new();
+    let mut parameters = Vec::new();
     for line in text.lines() {
-        let Some((name, default)) = line.strip_prefix("    ").and_then(|l| l.split_once(": "))
-        else {
+        let field = line.strip_prefix("    ");
+        let Some((name, default)) = field.and_then(|field| field.split_once(": ")) else {
             continue;
         };
         let field = &schemas.root["properties"][name];
-        all.push(Parameter {
+        parameters.push(Parameter {
             name: name.to_owned(),
             meaning: description(field),
             expected: schemas.expected(field),
             choices: schemas.choices(field),
-            // RON marks a name of ours that is also one of its own, such as `None`, but reads it
-            // without the mark.
+            // RON writes `r#None` for a variant that is called `None`, but reads `None` as well.
             default: default.trim_end_matches(',').replace("r#", ""),
         });
     }
-    all
+    parameters
 }
 
-/// The variants of an enum, as they are written in a file, with what they mean.
+/// The variants of an enum, as they are written in a scenario, with their meanings.
 #[must_use]
 pub fn choices<T: JsonSchema>() -> Vec<Choice> {
     let schemas = Schemas::of::<T>();
@@ -105,7 +104,8 @@ impl Schemas {
         }
     }
 
-    /// The schema that `schema` refers to, or itself. Of an optional value, that of the value.
+    /// Follows references: the schema that `schema` refers to, or `schema` itself. For an optional
+    /// value, the schema of the value.
     fn resolve<'a>(&'a self, schema: &'a Value) -> &'a Value {
         if let Some(reference) = schema["$ref"].as_str() {
             let name = reference.trim_start_matches("#/$defs/");
@@ -117,15 +117,17 @@ impl Schemas {
         }
     }
 
+    /// Whether a value may be `None`.
     fn is_optional(schema: &Value) -> bool {
-        let nullable = |kinds: &Vec<Value>| kinds.iter().any(|kind| kind == "null");
-        schema["anyOf"]
-            .as_array()
-            .is_some_and(|either| either.iter().any(|s| s["type"] == "null"))
-            || schema["type"].as_array().is_some_and(nullable)
+        let alternatives = schema["anyOf"].as_array().into_iter().flatten();
+        let types = schema["type"].as_array().into_iter().flatten();
+        alternatives
+            .map(|alternative| &alternative["type"])
+            .chain(types)
+            .any(|name| name == "null")
     }
 
-    /// The range of a number, or of the items of a list.
+    /// The expected range of a number, or of the items of a list.
     fn expected(&self, schema: &Value) -> String {
         let resolved = self.resolve(schema);
         let expected = resolved["expected"].as_str().unwrap_or_default();
@@ -162,7 +164,8 @@ impl Schemas {
         choices
     }
 
-    /// How the values of a variant are written: a name, several names, or a name with fields.
+    /// How a variant is written: a name, or a name with fields. A schema may combine several
+    /// variants that have no fields.
     fn forms(&self, variant: &Value) -> Vec<String> {
         if let Some(name) = variant["const"].as_str() {
             return vec![name.to_owned()];
@@ -180,21 +183,21 @@ impl Schemas {
             .collect()
     }
 
-    /// The fields of a variant with what they can be.
+    /// The fields of a variant with their possible values.
     fn fields(&self, schema: &Value) -> String {
         let resolved = self.resolve(schema);
         let Some(properties) = resolved["properties"].as_object() else {
-            return self.brief(schema);
+            return self.possible_values(schema);
         };
         let written = properties
             .iter()
-            .map(|(name, field)| format!("{name}: {}", self.brief(field)));
+            .map(|(name, field)| format!("{name}: {}", self.possible_values(field)));
         written.collect::<Vec<_>>().join(", ")
     }
 
-    /// What a field of a variant can be: the names of its own variants, or an ellipsis for a
+    /// The possible values of a field of a variant: the names of its own variants, or `…` for a
     /// number.
-    fn brief(&self, schema: &Value) -> String {
+    fn possible_values(&self, schema: &Value) -> String {
         let choices = self.choices(schema);
         if choices.is_empty() {
             return "…".to_owned();
@@ -236,14 +239,14 @@ mod tests {
     #[test]
     fn parameters_derive_from_the_configuration() {
         let seed_pg = &Algorithm::catalogue()[0];
-        let named = |name: &str| {
-            let mut all = seed_pg.parameters.iter();
-            all.find(|parameter| parameter.name == name).unwrap()
+        let parameter = |name: &str| {
+            let mut parameters = seed_pg.parameters.iter();
+            parameters.find(|other| other.name == name).unwrap()
         };
-        assert_eq!(named("hidden").default.replace(' ', ""), "[32,32]");
-        assert_eq!(named("bonus").default, "None");
-        assert_eq!(named("discount").expected, "a number from 0 to 1");
-        let losses: Vec<&str> = named("policy_loss")
+        assert_eq!(parameter("hidden").default.replace(' ', ""), "[32,32]");
+        assert_eq!(parameter("bonus").default, "None");
+        assert_eq!(parameter("discount").expected, "a number from 0 to 1");
+        let losses: Vec<&str> = parameter("policy_loss")
             .choices
             .iter()
             .map(|choice| choice.form.as_str())

@@ -1,10 +1,10 @@
-//! The cross-entropy method over policies: a rival without gradients.
+//! The cross-entropy method over policies: a baseline without gradients.
 //!
 //! The team searches the parameters of one policy. In every round agent k plays with parameters
 //! θ_k ~ 𝒩(μ, σ²) of its own, and μ and σ move to the mean and the standard deviation of the elite,
 //! the agents with the highest mean returns (Rubinstein 1999; for policies Mannor, Rubinstein &
-//! Gat 2003). Noise that falls from round to round keeps σ from collapsing too early (Szita &
-//! Lőrincz 2006). Agents share nothing but returns.
+//! Gat 2003). Noise that decreases from round to round keeps σ from collapsing too early
+//! (Szita & Lőrincz 2006). Agents share only their returns.
 
 use rand_distr::{Distribution, StandardNormal};
 use schemars::JsonSchema;
@@ -17,31 +17,31 @@ use crate::agent::scaling::{ObservationScaling, Scaling};
 use crate::agent::{ActScratch, Tensor, UpdateReport};
 use crate::experience::Episode;
 use crate::nn::{AdamSettings, Mlp};
-use crate::team::{ActionRequest, AgentUpdate, Lesson, Team, TeamContext, Workers};
+use crate::team::{ActionRequest, AgentUpdate, LearningRequest, Team, TeamContext, Workers};
 use seedbed_env::Spec;
 use seedbed_env::input::numbers::{
     Count, NonNegative, Positive, PositiveFraction, known, known_count,
 };
 use seedbed_env::random::{Purpose, stream};
 
-/// Cross-entropy method over policies: each agent plays with parameters drawn from one Gaussian,
-/// which moves to the agents with the highest returns. No gradients.
+/// The cross-entropy method over policies: each agent plays with parameters drawn from one
+/// Gaussian, which is then fitted to the agents with the highest returns. No gradients.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CrossEntropy {
-    /// Share of the agents that are the elite.
+    /// Share of the agents that the Gaussian is fitted to: those with the highest returns.
     pub elite: PositiveFraction,
-    /// Standard deviation σ of each parameter at the start.
+    /// Initial standard deviation σ of each parameter.
     pub initial_deviation: Positive,
-    /// Standard deviation added to σ in the first round; falls to 0 in a straight line.
+    /// Standard deviation that is added to σ in the first round, and decreases linearly to 0.
     pub extra_deviation: NonNegative,
     /// Number of rounds until the added standard deviation is 0.
     pub extra_rounds: Count,
-    /// Numbers of units of the policy's hidden layers; an empty list is a linear policy.
+    /// Number of units of each hidden layer of the policy; an empty list makes a linear policy.
     pub hidden: Vec<Count<4096>>,
-    /// How observations enter the policy.
+    /// How observations are scaled for the policy.
     pub observations: ObservationScaling,
-    /// How actions are chosen from the policy.
+    /// How actions are chosen from the policy's distribution.
     pub actions: ActionSelection,
 }
 
@@ -73,7 +73,7 @@ impl AlgorithmConfig for CrossEntropy {
     }
 }
 
-/// Agents that search the parameters of one policy together.
+/// A team whose agents search together for the parameters of one policy.
 struct CrossEntropyTeam {
     config: CrossEntropy,
     run_seed: u64,
@@ -106,7 +106,7 @@ impl CrossEntropyTeam {
             .iter()
             .map(|units| units.get() as usize)
             .collect();
-        let network = policy::shape(context.spec, &hidden);
+        let network = policy::network_shape(context.spec, &hidden);
         let parameters = network.parameter_count();
         Self {
             run_seed: context.run_seed,
@@ -126,15 +126,15 @@ impl CrossEntropyTeam {
     /// The standard deviation that is added to σ in a round.
     fn extra_deviation(&self, round: u32) -> f32 {
         let rounds = self.config.extra_rounds.get() as f32;
-        let left = (1.0 - round as f32 / rounds).max(0.0);
-        self.config.extra_deviation.get_f32() * left
+        let remaining_share = (1.0 - round as f32 / rounds).max(0.0);
+        self.config.extra_deviation.get_f32() * remaining_share
     }
 
-    /// θ_k ~ 𝒩(μ, (σ + extra)²), from a stream of the agent's own.
+    /// Draws θ_k ~ 𝒩(μ, (σ + extra deviation)²) for each agent k, from the agent's own stream.
     fn draw_population(&mut self, round: u32) {
         let extra = self.extra_deviation(round);
         for (agent, parameters) in self.population.iter_mut().enumerate() {
-            // Round 0 of this purpose is what other algorithms start their networks from.
+            // Other algorithms draw their initial networks from round 0 of this purpose.
             let round = round.wrapping_add(1);
             let purpose = Purpose::InitialParameters;
             let mut random = stream(self.run_seed, purpose, agent as u32, round);
@@ -146,6 +146,7 @@ impl CrossEntropyTeam {
         }
     }
 
+    /// Builds the policy of each agent from its parameters.
     fn build_policies(&mut self) {
         self.policies.clear();
         for parameters in &self.population {
@@ -156,7 +157,8 @@ impl CrossEntropyTeam {
         }
     }
 
-    /// The agents with the highest mean returns, the lower number first among equals.
+    /// The agents with the highest mean returns; of agents with equal returns, the one with the
+    /// lower number comes first.
     fn elite(&self, episodes: &[Episode]) -> Vec<usize> {
         let mut returns = vec![(0.0, 0); self.population.len()];
         for episode in episodes {
@@ -196,29 +198,31 @@ impl Team for CrossEntropyTeam {
     }
 
     fn act(&mut self, request: &mut ActionRequest<'_>) {
-        let observed = self.spec.observation_width();
-        let acted = self.spec.action_width();
+        let observation_width = self.spec.observation_width();
+        let action_width = self.spec.action_width();
         for (agent, policy) in self.policies.iter().enumerate() {
             if !request.playing[agent] {
                 continue;
             }
-            let observation = &request.observations[agent * observed..(agent + 1) * observed];
-            self.scaling.apply(observation, &mut self.scaled);
+            let observation = agent * observation_width..(agent + 1) * observation_width;
+            let action = agent * action_width..(agent + 1) * action_width;
+            self.scaling
+                .apply(&request.observations[observation], &mut self.scaled);
             policy.sample(
                 &self.scaled,
                 &mut request.random[agent],
                 &mut self.scratch,
-                &mut request.actions[agent * acted..(agent + 1) * acted],
-                &mut request.log_probs[agent * acted..(agent + 1) * acted],
+                &mut request.actions[action.clone()],
+                &mut request.log_probs[action],
             );
         }
     }
 
-    fn learn(&mut self, lesson: &Lesson<'_>, _: Workers<'_>) -> Vec<AgentUpdate> {
-        let Some(first) = lesson.learners.first() else {
+    fn learn(&mut self, request: &LearningRequest<'_>, _: Workers<'_>) -> Vec<AgentUpdate> {
+        let Some(first) = request.learners.first() else {
             return Vec::new();
         };
-        let fresh = &lesson.kept[first.first_fresh..];
+        let fresh = &request.kept[first.first_fresh..];
         let elite = self.elite(fresh);
         self.fit(&elite);
         for episode in fresh {
@@ -234,14 +238,14 @@ impl Team for CrossEntropyTeam {
             update: UpdateReport::default().into(),
             is_finite,
         };
-        let learners = lesson.learners.iter();
+        let learners = request.learners.iter();
         learners.map(|learner| update(learner.agent)).collect()
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let mut all = Vec::new();
+        let mut tensors = Vec::new();
         for (name, numbers) in [("policy", &self.mean), ("deviation", &self.deviation)] {
-            all.extend(
+            tensors.extend(
                 self.network
                     .tensors(numbers)
                     .map(|(layer, shape, values)| Tensor {
@@ -251,8 +255,8 @@ impl Team for CrossEntropyTeam {
                     }),
             );
         }
-        all.extend(self.scaling.tensors());
-        all
+        tensors.extend(self.scaling.tensors());
+        tensors
     }
 
     fn save(&self) -> Vec<u8> {
@@ -269,7 +273,7 @@ impl Team for CrossEntropyTeam {
         let count = self.mean.len();
         if saved.mean.len() != count || saved.deviation.len() != count {
             return Err(format!(
-                "{} parameters stored for a policy of {count}",
+                "the checkpoint has {} parameters of a policy; expected {count}",
                 saved.mean.len()
             ));
         }
@@ -316,11 +320,11 @@ mod tests {
         )
     }
 
-    /// An episode of one step with this return.
-    fn episode(agent: usize, total: f32) -> Episode {
+    /// An episode of one step with the reward `reward`.
+    fn episode(agent: usize, reward: f32) -> Episode {
         Episode {
             observations: vec![0.0; 2],
-            rewards: vec![total],
+            rewards: vec![reward],
             ..Episode::start(agent as u32, 0, 0, &spec())
         }
     }
@@ -333,11 +337,11 @@ mod tests {
                 round,
             })
             .collect();
-        let lesson = Lesson {
+        let request = LearningRequest {
             kept: episodes,
             learners: &learners,
         };
-        let updates = team.learn(&lesson, Workers::CALLER);
+        let updates = team.learn(&request, Workers::CURRENT_THREAD);
         assert!(updates.iter().all(|update| update.is_finite));
     }
 
@@ -360,17 +364,17 @@ mod tests {
         assert!(team.deviation.iter().all(|&deviation| deviation == 0.5));
     }
 
-    /// The added deviation falls in a straight line: ½, ¼ after half of the rounds, 0 at the end.
+    /// The added deviation decreases linearly: ½, ¼ after half of the rounds, 0 at the end.
     #[test]
-    fn extra_deviation_falls_to_zero() {
+    fn extra_deviation_decreases_to_zero() {
         let team = team(2, &CrossEntropy::default());
         let extra = [0, 10, 20, 99].map(|round| team.extra_deviation(round));
         assert_eq!(extra, [0.5, 0.25, 0.0, 0.0]);
     }
 
-    /// The return is minus the squared distance from a point: the mean has to go there.
+    /// The return is minus the squared distance from a point, so the mean must converge to it.
     #[test]
-    fn the_mean_finds_the_best_parameters() {
+    fn the_mean_converges_to_the_best_parameters() {
         let mut team = team(40, &CrossEntropy::default());
         let distance = |parameters: &[f32]| {
             let squares = parameters.iter().map(|value| (value - 2.0).powi(2));
@@ -390,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn agents_differ_and_rounds_differ() {
+    fn parameters_differ_between_agents_and_rounds() {
         let mut team = team(3, &CrossEntropy::default());
         team.begin_round(0);
         let first = team.population.clone();

@@ -12,7 +12,7 @@ pub mod value_based;
 
 use serde::{Deserialize, Serialize};
 
-use crate::agent::curiosity::Bonus;
+use crate::agent::bonus::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
 use seedbed_env::Spec;
@@ -21,11 +21,11 @@ use seedbed_env::input::ValidationError;
 /// What the configuration of an algorithm provides. Its parameters are documented by the doc
 /// comments of its fields.
 pub trait AlgorithmConfig {
-    /// Builds a team at its seeds. Called with a task that passed
+    /// Builds a team that has not learned yet. Called with a task that passed
     /// [`check_task`](Self::check_task).
     fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team>;
 
-    /// Checks what no single field can tell.
+    /// Checks that the values of different parameters fit together.
     ///
     /// # Errors
     /// Names the parameter, what is wrong, and what was expected.
@@ -33,10 +33,10 @@ pub trait AlgorithmConfig {
         Ok(())
     }
 
-    /// Checks whether teams can learn when a schedule says. By default only in synchronous rounds.
+    /// Checks that teams can learn in this kind of schedule. By default only in synchronous rounds.
     ///
     /// # Errors
-    /// Why not, and what was expected.
+    /// Why they cannot, and what was expected.
     fn check_schedule(&self, schedule: ScheduleKind) -> Result<(), ScheduleError> {
         match schedule {
             ScheduleKind::Synchronous => Ok(()),
@@ -47,7 +47,7 @@ pub trait AlgorithmConfig {
         }
     }
 
-    /// Checks whether agents can act in a task.
+    /// Checks that agents can act in a task.
     ///
     /// # Errors
     /// What the task's actions are, and what was expected.
@@ -55,21 +55,21 @@ pub trait AlgorithmConfig {
         Ok(())
     }
 
-    /// Changes how actions are chosen, for evaluation.
+    /// Changes how actions are chosen, for example to evaluate greedy policies.
     fn select_actions(&mut self, _selection: ActionSelection) {}
 
-    /// What is added to rewards, if the algorithm can add anything.
+    /// The exploration bonus; none if the algorithm has no such parameter.
     fn bonus(&self) -> Option<&Bonus> {
         None
     }
 
-    /// Whether updates report advantages.
+    /// Whether updates can return advantages.
     fn estimates_advantages(&self) -> bool {
         false
     }
 
-    /// Rough work of learning per step of an agent, in units of the work of acting. Only the order
-    /// of runs and the remaining time are estimated from it.
+    /// Approximate cost of learning per step of an agent, in units of the cost of acting. Used only
+    /// to order the runs of a study and to estimate the remaining time.
     fn cost_per_step(&self, agents: u32) -> f64;
 }
 
@@ -78,22 +78,22 @@ pub trait AlgorithmConfig {
 pub enum ScheduleKind {
     /// All agents learn when all have finished their episodes.
     Synchronous,
-    /// Each agent learns when its own episode has ended, while the others continue.
+    /// Each agent learns when its own episode ends, while the others continue.
     Asynchronous,
-    /// All agents learn every few steps, in the middle of their episodes.
+    /// All agents learn every few steps, during their episodes.
     Lockstep,
 }
 
-/// Why an algorithm cannot learn when a schedule says.
+/// Why an algorithm does not fit a schedule.
 #[derive(Debug)]
 pub enum ScheduleError {
-    /// The algorithm cannot at all.
+    /// The algorithm cannot learn in this kind of schedule.
     Algorithm(&'static str),
-    /// One of its parameters prevents it.
+    /// A parameter of the algorithm does not allow it.
     Parameter(ValidationError),
 }
 
-/// The enum of all algorithms, and the one match over them.
+/// Defines the enum of all algorithms, with the only `match` over them.
 macro_rules! algorithms {
     (
         configured { $($name:ident($config:ty),)* }
@@ -150,7 +150,7 @@ algorithms! {
 }
 
 impl Algorithm {
-    /// The same with actions chosen in another way.
+    /// The same algorithm with another selection of actions.
     #[must_use]
     pub fn with_actions(mut self, actions: ActionSelection) -> Self {
         if let Some(config) = self.config_mut() {
@@ -159,13 +159,14 @@ impl Algorithm {
         self
     }
 
-    /// The largest bonus that a step can have; none without curiosity.
+    /// The largest bonus that a step can have; none without a bonus.
     #[must_use]
     pub fn largest_intrinsic_reward(&self) -> Option<f32> {
         self.config().bonus()?.largest()
     }
 
-    /// Transitions of the team that the shared buffer has to keep after all have learned from them.
+    /// Number of the team's newest transitions that the shared buffer must keep after all agents
+    /// have learned from them.
     #[must_use]
     pub fn transitions_kept(&self) -> u64 {
         self.config().bonus().map_or(0, Bonus::transitions_kept)

@@ -1,4 +1,4 @@
-//! Uniformly random actions: the control that learning has to beat.
+//! Uniformly random actions: the baseline for learning algorithms.
 
 use rand::RngExt;
 use schemars::JsonSchema;
@@ -11,12 +11,12 @@ use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::random::Stream;
 use seedbed_env::{Action, Choice, Spec};
 
-/// Uniformly random actions: the control that learning has to beat.
+/// Uniformly random actions: the baseline for learning algorithms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub struct Random {}
 
 impl Random {
-    /// It has no parameters.
+    /// The only configuration: the algorithm has no parameters.
     pub const DEFAULT: Self = Self {};
 }
 
@@ -34,7 +34,7 @@ impl AlgorithmConfig for Random {
     }
 }
 
-/// An agent that chooses uniformly and learns nothing.
+/// An agent that chooses actions uniformly at random and does not learn.
 pub struct RandomAgent {
     actions: Vec<Action>,
 }
@@ -94,7 +94,8 @@ impl Agent for RandomAgent {
     }
 }
 
-/// The entropy of a uniform choice, nats: the logarithm of how much there is to choose from.
+/// Entropy of the uniform distribution of one component of an action, nats: the logarithm of the
+/// number of choices, or of the length of the range.
 fn entropy(component: &Action) -> f32 {
     match &component.choice {
         Choice::Discrete(values) => (values.len() as f32).ln(),

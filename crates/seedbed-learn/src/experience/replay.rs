@@ -1,4 +1,4 @@
-//! Replay: the team's newest transitions in a ring, which bounds the memory however long a run is.
+//! The replay buffer: the team's newest transitions in a ring buffer of limited size.
 
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -7,26 +7,28 @@ use super::Episode;
 use seedbed_env::Status;
 use seedbed_env::random::Stream;
 
-/// Where a transition comes from: who made it, and when.
+/// Which step of which episode a transition is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
-    /// Who acted.
+    /// Number of the agent, from 0.
     pub agent: u32,
-    /// The agent's own count of episodes.
+    /// Number of the agent's episode, from 0.
     pub episode: u32,
-    /// Steps of the episode before it.
+    /// Number of the step in the episode, from 0.
     pub step: u32,
 }
 
-/// The newest transitions, each with one discrete action. The oldest make room for the next.
+/// The newest transitions, each with one discrete action. When the buffer is full, a new transition
+/// replaces the oldest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Replay {
+    /// Maximal number of transitions.
     capacity: usize,
-    /// Numbers in an observation.
+    /// Width of an observation.
     width: usize,
-    /// The place that is written next, once all are taken.
+    /// Index of the oldest transition, which is replaced next when the buffer is full.
     oldest: usize,
-    /// What was seen before and after: `[N × 2 × width]`.
+    /// Observations before and after each action: `[N × 2 × width]`.
     observations: Vec<f32>,
     actions: Vec<u16>,
     rewards: Vec<f32>,
@@ -37,30 +39,31 @@ pub struct Replay {
 /// One transition of a [`Replay`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transition<'a> {
-    /// What was seen before. `[width]`
+    /// Observation before the action: `[width]`.
     pub state: &'a [f32],
-    /// The choice made.
+    /// Index of the chosen value of the action.
     pub action: usize,
-    /// The environment's own, without seeds or bonus.
+    /// Reward of the environment, without seeds and bonuses.
     pub reward: f32,
-    /// What was seen after. `[width]`
+    /// Observation after the action: `[width]`.
     pub next: &'a [f32],
-    /// Whether the episode went on, and if not, how it ended.
+    /// Whether the episode continued, and if not, how it ended.
     pub status: Status,
-    /// Where it comes from.
+    /// Which step of which episode it is.
     pub origin: Origin,
 }
 
 impl Replay {
-    /// A ring of `capacity` transitions with observations of `width` numbers. It grows as it fills.
+    /// An empty buffer for `capacity` transitions with observations of `width` numbers. Memory is
+    /// allocated as it fills.
     ///
     /// # Panics
-    /// If it could hold none.
+    /// If `capacity` or `width` is 0.
     #[must_use]
     pub fn new(capacity: usize, width: usize) -> Self {
         assert!(
             capacity > 0 && width > 0,
-            "room for a transition with something to see"
+            "capacity and width must be positive"
         );
         Self {
             capacity,
@@ -74,22 +77,22 @@ impl Replay {
         }
     }
 
-    /// Transitions held.
+    /// Number of transitions in the buffer.
     #[must_use]
     pub fn len(&self) -> usize {
         self.rewards.len()
     }
 
-    /// Whether none is held.
+    /// Whether the buffer has no transitions.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rewards.is_empty()
     }
 
-    /// Adds the newest step of an episode that is being played or was just ended.
+    /// Adds the last step of an episode that is being played or has just ended.
     ///
     /// # Panics
-    /// If the episode has no step, or another width.
+    /// If the episode has no step, or observations of another width.
     pub fn push_newest(&mut self, episode: &Episode) {
         let (width, step) = (self.width, episode.length() - 1);
         let observations = &episode.observations[step * width..(step + 2) * width];
@@ -107,43 +110,45 @@ impl Replay {
             self.origins.push(origin);
             return;
         }
-        let place = self.oldest;
-        self.observations[place * 2 * width..(place + 1) * 2 * width].copy_from_slice(observations);
-        (self.actions[place], self.rewards[place]) = (action, reward);
-        (self.statuses[place], self.origins[place]) = (episode.outcome, origin);
-        self.oldest = (place + 1) % self.capacity;
+        let index = self.oldest;
+        self.observations[index * 2 * width..(index + 1) * 2 * width].copy_from_slice(observations);
+        self.actions[index] = action;
+        self.rewards[index] = reward;
+        self.statuses[index] = episode.outcome;
+        self.origins[index] = origin;
+        self.oldest = (index + 1) % self.capacity;
     }
 
-    /// One of the held transitions, each equally likely.
+    /// A transition drawn uniformly from the buffer.
     ///
     /// # Panics
-    /// If none is held.
+    /// If the buffer is empty.
     #[must_use]
     pub fn draw(&self, random: &mut Stream) -> Transition<'_> {
         self.get(random.random_range(0..self.len()))
     }
 
-    /// The transition at `place`.
+    /// The transition at an index of the ring buffer.
     ///
     /// # Panics
-    /// If there is none.
+    /// If the index is out of range.
     #[must_use]
-    pub fn get(&self, place: usize) -> Transition<'_> {
-        let pair = &self.observations[place * 2 * self.width..(place + 1) * 2 * self.width];
+    pub fn get(&self, index: usize) -> Transition<'_> {
+        let pair = &self.observations[index * 2 * self.width..(index + 1) * 2 * self.width];
         let (state, next) = pair.split_at(self.width);
         Transition {
             state,
-            action: self.actions[place].into(),
-            reward: self.rewards[place],
+            action: self.actions[index].into(),
+            reward: self.rewards[index],
             next,
-            status: self.statuses[place],
-            origin: self.origins[place],
+            status: self.statuses[index],
+            origin: self.origins[index],
         }
     }
 
-    /// Whether a stored ring can stand in for this one.
+    /// Whether another buffer has the same capacity and width of observations.
     #[must_use]
-    pub fn is_like(&self, other: &Self) -> bool {
+    pub fn has_same_shape(&self, other: &Self) -> bool {
         (self.capacity, self.width) == (other.capacity, other.width)
     }
 }
@@ -173,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_transition_is_the_newest_step() {
+    fn the_last_step_is_added() {
         let replay = filled(3);
         let origin = Origin {
             agent: 3,
@@ -192,18 +197,19 @@ mod tests {
         assert_eq!(replay.get(1).status, Status::Running);
     }
 
-    /// Six steps in a ring of four: steps 4 and 5 take the places of 0 and 1.
+    /// Of six steps in a buffer of four, steps 4 and 5 replace steps 0 and 1.
     #[test]
-    fn the_oldest_make_room() {
+    fn the_oldest_transitions_are_replaced() {
         let replay = filled(6);
         let steps: Vec<u32> = (0..replay.len())
-            .map(|place| replay.get(place).origin.step)
+            .map(|index| replay.get(index).origin.step)
             .collect();
         assert_eq!(steps, [4, 5, 2, 3]);
         assert_eq!(replay.get(1).next, [6.0]);
     }
 
-    /// 4,000 draws of four: each 1,000 times, four standard errors being 4 √(4000 · 3/16) = 110.
+    /// In 4,000 draws each of four transitions is drawn about 1,000 times; the tolerance is four
+    /// standard errors, 4 √(4000 · 3/16) = 110.
     #[test]
     fn every_transition_is_equally_likely() {
         let (replay, mut random, mut counts) =

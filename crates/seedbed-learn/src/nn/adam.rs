@@ -1,4 +1,4 @@
-//! Adam (Kingma & Ba 2015), the thesis's optimizer (§6).
+//! The optimizer Adam (Kingma & Ba 2015), which the thesis uses (§6).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -52,8 +52,8 @@ impl Adam {
         }
     }
 
-    /// Descends, α being the step size times `factor`: m ← β₁m + (1−β₁)g, v ← β₂v + (1−β₂)g², θ ← θ
-    /// − α m̂ / (√v̂ + ε), with m̂ = m/(1−β₁ᵗ), v̂ = v/(1−β₂ᵗ).
+    /// One step with the step size α times `factor`: m ← β₁m + (1−β₁)g, v ← β₂v + (1−β₂)g², θ ← θ −
+    /// α m̂ / (√v̂ + ε), with m̂ = m/(1−β₁ᵗ), v̂ = v/(1−β₂ᵗ).
     ///
     /// # Panics
     /// If the slices do not have the optimizer's length.
@@ -65,9 +65,10 @@ impl Adam {
             epsilon,
         } = self.settings;
         self.steps = self.steps.saturating_add(1);
-        let root = (1.0 - beta2.get().powi(self.steps)).sqrt();
-        let rate = (step_size.get() * factor * root / (1.0 - beta1.get().powi(self.steps))) as f32;
-        let epsilon = (epsilon.get() * root) as f32;
+        let bias_correction = (1.0 - beta2.get().powi(self.steps)).sqrt();
+        let rate = (step_size.get() * factor * bias_correction
+            / (1.0 - beta1.get().powi(self.steps))) as f32;
+        let epsilon = (epsilon.get() * bias_correction) as f32;
         let (beta1, beta2) = (beta1.get_f32(), beta2.get_f32());
         let (first_moment, second_moment) =
             (&mut self.first_moment[..], &mut self.second_moment[..]);

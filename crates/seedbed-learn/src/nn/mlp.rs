@@ -9,45 +9,45 @@ use serde::{Deserialize, Serialize};
 use super::kernels;
 use seedbed_env::input::numbers::FiniteNumber;
 
-/// The shape of a network; its parameters live elsewhere, as one flat vector.
-///
-/// Layer by layer: weight `[in × out]`, then bias `[out]`.
+/// The shape of a network. Its parameters are a flat vector that the caller provides: for each
+/// layer the weights `[in × out]`, then the biases `[out]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mlp {
     layers: Vec<Layer>,
 }
 
-/// Initial parameters.
+/// How the parameters of a network are initialized.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Initial {
-    /// Uniform within ±1/√(inputs of the layer), weights and biases.
+    /// Weights and biases uniform within ±1/√(inputs of the layer).
     Random,
-    /// Every parameter the same (thesis Fig. 6.4c).
+    /// The same number for all parameters (thesis Fig. 6.4c).
     Constant(FiniteNumber),
 }
 
-/// What a forward pass leaves for the backward pass, and scratch space. Grows to the largest batch,
-/// then allocates no more.
+/// The outputs of all layers, which a forward pass keeps for the backward pass, and further
+/// buffers. They grow to the largest batch and are then reused without allocation.
 #[derive(Clone, Debug, Default)]
 pub struct Activations {
-    /// `[B × size]` of every layer after the input.
+    /// Outputs of each layer: `[B × outputs]` each.
     layers: Vec<Vec<f32>>,
-    /// ∂L/∂(what enters the layer's activation), of the layer at hand and of the one below.
+    /// Derivatives of the loss with respect to the inputs of the activation function, of the
+    /// present layer and of the one before.
     deltas: [Vec<f32>; 2],
     scratch: Vec<f32>,
 }
 
 impl Mlp {
-    /// A network with these layer sizes, the input first.
+    /// A network with these layer sizes, starting with the inputs.
     ///
     /// # Panics
-    /// With fewer than two layers or an empty one.
+    /// If there are fewer than two sizes, or if a size is 0.
     #[must_use]
     pub fn new(sizes: &[usize]) -> Self {
         assert!(
             sizes.len() >= 2 && sizes.iter().all(|&size| size > 0),
-            "an input and an output, none empty: {sizes:?}"
+            "a network needs at least two positive sizes: {sizes:?}"
         );
         let mut start = 0;
         let layer = |(index, pair): (usize, &[usize])| {
@@ -71,19 +71,19 @@ impl Mlp {
         self.output().end()
     }
 
-    /// Numbers that enter.
+    /// Number of inputs.
     #[must_use]
     pub fn inputs(&self) -> usize {
         self.layers[0].inputs
     }
 
-    /// Numbers that come out.
+    /// Number of outputs.
     #[must_use]
     pub fn outputs(&self) -> usize {
         self.output().outputs
     }
 
-    /// Fresh parameters: `[parameter count]`.
+    /// Initial parameters: `[P]`.
     pub fn initial(&self, initial: Initial, random: &mut impl Rng) -> Vec<f32> {
         match initial {
             Initial::Constant(value) => vec![value.get_f32(); self.parameter_count()],
@@ -113,26 +113,27 @@ impl Mlp {
         let batch = inputs.len() / self.inputs();
         activations.layers.resize_with(self.layers.len(), Vec::new);
         for layer in &self.layers {
-            let (below, here) = activations.layers.split_at_mut(layer.index);
-            let x = below.last().map_or(inputs, Vec::as_slice);
-            here[0].resize(batch * layer.outputs, 0.0);
+            let (earlier, rest) = activations.layers.split_at_mut(layer.index);
+            let x = earlier.last().map_or(inputs, Vec::as_slice);
+            let outputs = &mut rest[0];
+            outputs.resize(batch * layer.outputs, 0.0);
             kernels::affine(
                 layer.weight(parameters),
                 layer.bias(parameters),
                 x,
-                &mut here[0],
+                outputs,
                 &mut activations.scratch,
             );
             if layer.index + 1 < self.layers.len() {
-                kernels::tanh_in_place(&mut here[0]);
+                kernels::tanh_in_place(outputs);
             }
         }
         activations.output()
     }
 
-    /// The gradient of a loss with respect to the parameters, from its gradient with respect to the
-    /// outputs of the latest forward pass.   `inputs: [B × in]`, `output_gradient: [B × out]` →
-    /// `gradient: [parameter count]`, overwritten.
+    /// Computes the gradient of a loss with respect to the parameters from its gradient with
+    /// respect to the outputs of the latest forward pass, which must have had the same `inputs`.
+    /// `inputs: [B × in]`, `output_gradient: [B × out]` → `gradient: [P]`, overwritten
     ///
     /// # Panics
     /// If a slice has another shape.
@@ -147,11 +148,11 @@ impl Mlp {
         assert_eq!(gradient.len(), self.parameter_count());
         let Activations {
             layers,
-            deltas: [delta, below],
+            deltas: [deltas, earlier_deltas],
             scratch,
         } = activations;
-        delta.clear();
-        delta.extend_from_slice(output_gradient);
+        deltas.clear();
+        deltas.extend_from_slice(output_gradient);
         for layer in self.layers.iter().rev() {
             let x = if layer.index == 0 {
                 inputs
@@ -159,18 +160,18 @@ impl Mlp {
                 &layers[layer.index - 1]
             };
             let (dw, db) = layer.split_mut(gradient);
-            kernels::parameter_gradient(x, delta, dw, db, scratch);
+            kernels::parameter_gradient(x, deltas, dw, db, scratch);
             if layer.index > 0 {
-                below.resize(x.len(), 0.0);
+                earlier_deltas.resize(x.len(), 0.0);
                 kernels::input_gradient(
                     layer.weight(parameters),
-                    delta,
-                    below,
+                    deltas,
+                    earlier_deltas,
                     layer.outputs,
                     scratch,
                 );
-                kernels::tanh_gradient_in_place(x, below);
-                std::mem::swap(delta, below);
+                kernels::tanh_gradient_in_place(x, earlier_deltas);
+                std::mem::swap(deltas, earlier_deltas);
             }
         }
     }
@@ -180,7 +181,7 @@ impl Mlp {
         self.output().split_mut(parameters)
     }
 
-    /// Names, shapes and values of the parameters, layer by layer.
+    /// Names, shapes and values of the weights and the biases of each layer.
     pub fn tensors<'a>(
         &self,
         parameters: &'a [f32],
@@ -205,20 +206,21 @@ impl Mlp {
         &self.layers
     }
 
+    /// The last layer.
     fn output(&self) -> &Layer {
         &self.layers[self.layers.len() - 1]
     }
 }
 
 impl Activations {
-    /// The latest forward pass's outputs: `[B × out]`.
+    /// Outputs of the latest forward pass: `[B × out]`.
     #[must_use]
     pub fn output(&self) -> &[f32] {
         self.layers.last().map_or(&[], Vec::as_slice)
     }
 }
 
-/// Where one layer's parameters lie in the flat vector.
+/// The range of one layer's parameters in the flat vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layer {
     pub(super) index: usize,
@@ -236,7 +238,7 @@ impl Layer {
         &parameters[self.start + self.inputs * self.outputs..self.end()]
     }
 
-    /// Weight and bias of a vector that is to change.
+    /// Weights and biases as mutable slices.
     pub(super) fn split_mut<'a>(
         &self,
         parameters: &'a mut [f32],
@@ -244,7 +246,7 @@ impl Layer {
         parameters[self.range()].split_at_mut(self.inputs * self.outputs)
     }
 
-    /// Weight and bias together: `[(in + 1) × out]`, the bias being the last row.
+    /// The range of weights and biases: `[(in + 1) × out]`, with the biases as the last row.
     pub(super) fn range(&self) -> Range<usize> {
         self.start..self.end()
     }
@@ -260,10 +262,10 @@ mod tests {
     use proptest::prelude::*;
     use seedbed_env::random::{Purpose, stream};
 
-    /// 2 → 1 (tanh) → 1: y = w₂ tanh(w₁₁ x₁ + w₁₂ x₂ + b₁) + b₂ = 2 tanh(0.5·1 − 0.25·2 + 0.1) − 1
-    /// = 2 tanh 0.1 − 1.
+    /// A network 2 → 1 (tanh) → 1: y = w₂ tanh(w₁₁ x₁ + w₁₂ x₂ + b₁) + b₂ = 2 tanh(0.5·1 − 0.25·2 +
+    /// 0.1) − 1 = 2 tanh 0.1 − 1.
     #[test]
-    fn forward_is_the_formula() {
+    fn forward_by_hand() {
         let network = Mlp::new(&[2, 1, 1]);
         let output = network
             .forward(
@@ -276,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn one_sample_and_a_batch_agree() {
+    fn single_samples_agree_with_a_batch() {
         let network = Mlp::new(&[3, 16, 16, 2]);
         let parameters = network.initial(
             Initial::Random,
@@ -299,8 +301,8 @@ mod tests {
     }
 
     proptest! {
-        /// L = ½ Σ y², so ∂L/∂y = y; against (L(θ + h) − L(θ − h)) / 2h, whose error in f32 is
-        /// about 10⁻³ at h = 10⁻².
+        /// L = ½ Σ y², so ∂L/∂y = y. The gradient is compared with (L(θ + h) − L(θ − h)) / 2h,
+        /// whose error in f32 is about 10⁻³ for h = 10⁻².
         #[test]
         fn gradient_agrees_with_central_differences(seed: u64, batch in 1..12_usize, width in 1..20_usize) {
             let network = Mlp::new(&[3, width, 7, 2]);

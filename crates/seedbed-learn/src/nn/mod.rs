@@ -1,8 +1,8 @@
-//! Networks over flat parameter vectors: the layers and their gradients, the optimizer, the
-//! normalisers of inputs and targets.
+//! Neural networks with flat parameter vectors: layers and their gradients, the optimizer, and
+//! normalization of inputs and targets.
 //!
-//! Everything here computes on slices and returns no `Result`: shapes are asserted. It must not
-//! depend on reinforcement learning.
+//! All functions work on slices; they assert shapes and do not return a `Result`. Must not depend
+//! on reinforcement learning.
 
 pub mod adam;
 pub mod bayesian;

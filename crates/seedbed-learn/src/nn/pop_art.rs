@@ -1,10 +1,10 @@
 //! Pop-Art (thesis §3.2, Alg. 1; van Hasselt et al. 2016): targets are normalized by running
-//! moments, and the output layer is rescaled so that denormalized outputs do not jump when the
-//! moments move.
+//! moments, and the output layer is rescaled so that updates of the moments do not change the
+//! denormalized outputs.
 
 use serde::{Deserialize, Serialize};
 
-/// Running mean and standard deviation of targets. Where β is 0 it stays the identity.
+/// Running mean and standard deviation of targets. With β = 0 it stays the identity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PopArt {
     beta: f64,
@@ -12,11 +12,12 @@ pub struct PopArt {
     second_moment: f64,
 }
 
-/// Below this, targets count as constant. A bound from below keeps σ⁻¹ finite.
-const MINIMUM_DEVIATION: f64 = 1e-4;
+/// Minimal standard deviation, which keeps σ⁻¹ finite.
+const MIN_DEVIATION: f64 = 1e-4;
 
 impl PopArt {
-    /// A normalizer with mean 0 and second moment 1, whose moments move by `beta` at each update.
+    /// A normalizer with mean 0 and second moment 1, whose moments are updated with step size
+    /// `beta`.
     #[must_use]
     pub fn new(beta: f64) -> Self {
         Self {
@@ -26,7 +27,7 @@ impl PopArt {
         }
     }
 
-    /// A normalizer that leaves targets as they are.
+    /// A normalizer that does not change targets.
     #[must_use]
     pub fn identity() -> Self {
         Self::new(0.0)
@@ -38,36 +39,37 @@ impl PopArt {
         self.mean.is_finite() && self.second_moment.is_finite()
     }
 
-    /// μ
+    /// Mean μ.
     #[must_use]
     pub fn mean(&self) -> f32 {
         self.mean as f32
     }
 
-    /// σ = √(ν − μ²), bounded from below.
+    /// Standard deviation σ = √(ν − μ²), but at least 10⁻⁴.
     #[must_use]
     pub fn deviation(&self) -> f32 {
         self.exact_deviation() as f32
     }
 
-    /// ART: μ ← (1−β)μ + β mean Y, ν ← (1−β)ν + β mean Y²; POP: W ← σ/σ' W, b ← (σ b + μ − μ')/σ'.
+    /// Updates the moments, μ ← (1−β)μ + β mean Y and ν ← (1−β)ν + β mean Y², and rescales the
+    /// output layer, W ← σ/σ' W and b ← (σ b + μ − μ')/σ', where σ' and μ' are the new moments.
     ///
-    /// `targets: [N]`; `weight` and `bias` are those of the output layer. Without targets nothing
-    /// moves.
+    /// `targets: [N]`; `weight` and `bias` are those of the output layer. Does nothing if there are
+    /// no targets.
     pub fn update(&mut self, targets: &[f32], weight: &mut [f32], bias: &mut [f32]) {
         if targets.is_empty() || self.beta == 0.0 {
             return;
         }
         let (old_mean, old_deviation) = (self.mean, self.exact_deviation());
-        let average = |power| {
+        let mean_power = |power| {
             targets
                 .iter()
                 .map(|&y| f64::from(y).powi(power))
                 .sum::<f64>()
                 / targets.len() as f64
         };
-        self.mean += self.beta * (average(1) - self.mean);
-        self.second_moment += self.beta * (average(2) - self.second_moment);
+        self.mean += self.beta * (mean_power(1) - self.mean);
+        self.second_moment += self.beta * (mean_power(2) - self.second_moment);
         let deviation = self.exact_deviation();
         let scale = old_deviation / deviation;
         for w in weight {
@@ -83,7 +85,7 @@ impl PopArt {
         (self.second_moment - self.mean * self.mean)
             .max(0.0)
             .sqrt()
-            .max(MINIMUM_DEVIATION)
+            .max(MIN_DEVIATION)
     }
 }
 
@@ -103,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn constant_targets_leave_a_finite_deviation() {
+    fn the_deviation_of_constant_targets_is_positive() {
         let mut normalizer = PopArt::new(1.0);
         normalizer.update(&[3.0, 3.0], &mut [1.0], &mut [0.0]);
         assert!(normalizer.deviation() >= 1e-4);
@@ -111,7 +113,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn denormalised_outputs_are_preserved(
+        fn denormalized_outputs_are_preserved(
             targets in prop::collection::vec(-500.0_f32..500.0, 1..50), feature in -1.0_f32..1.0, w in -2.0_f32..2.0, b in -2.0_f32..2.0,
         ) {
             let mut normalizer = PopArt::new(0.1);

@@ -3,33 +3,32 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The moments of every column of all rows seen so far. Before the first update it stands for the
+/// Mean and variance of each column over all rows so far. Before the first update it is the
 /// identity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Standardizer {
-    /// n, the number of rows seen.
+    /// Number of rows n so far.
     count: u64,
-    /// `[width]`: μ
+    /// Mean μ of each column: `[width]`.
     mean: Vec<f64>,
-    /// `[width]`: M₂ = Σ (x − μ)²
+    /// M₂ = Σ (x − μ)² of each column: `[width]`.
     squares: Vec<f64>,
 }
 
-/// Standardized numbers are held within ± this, so that an outlier stays a number that a network
-/// can take.
+/// Maximal absolute value of standardized numbers, to which outliers are clamped.
 const LIMIT: f64 = 10.0;
 
-/// Below this a column counts as constant. A bound from below keeps σ⁻¹ finite.
-const MINIMUM_DEVIATION: f64 = 1e-4;
+/// Minimal standard deviation, which keeps σ⁻¹ finite.
+const MIN_DEVIATION: f64 = 1e-4;
 
 impl Standardizer {
-    /// A standardizer of rows of `width` numbers that has seen none.
+    /// A standardizer of rows of `width` numbers, without any rows so far.
     ///
     /// # Panics
-    /// If a row would be empty.
+    /// If `width` is 0.
     #[must_use]
     pub fn new(width: usize) -> Self {
-        assert!(width > 0, "a row has at least one number");
+        assert!(width > 0, "width must be positive");
         Self {
             count: 0,
             mean: vec![0.0; width],
@@ -37,16 +36,16 @@ impl Standardizer {
         }
     }
 
-    /// Merges the moments of a batch b into those of the past a, column by column, with δ = `μ_b` −
-    /// `μ_a`: n = `n_a` + `n_b`, μ = `μ_a` + δ `n_b`/n, M₂ = `M₂_a` + `M₂_b` + δ² `n_a` `n_b`/n.
-    /// `rows: [B × width]`
+    /// Merges the moments of a batch b into the moments a of earlier rows. For each column, with δ
+    /// = `μ_b` − `μ_a`: n = `n_a` + `n_b`, μ = `μ_a` + δ `n_b`/n, M₂ = `M₂_a` + `M₂_b` + δ² `n_a`
+    /// `n_b`/n. `rows: [B × width]`
     ///
     /// # Panics
-    /// If `rows` does not consist of whole rows.
+    /// If the length of `rows` is not a multiple of the width.
     pub fn update(&mut self, rows: &[f32]) {
         let width = self.width();
-        assert_eq!(rows.len() % width, 0, "whole rows of {width}");
-        let (past, batch) = (self.count as f64, (rows.len() / width) as f64);
+        assert_eq!(rows.len() % width, 0, "rows must have {width} numbers");
+        let (earlier, batch) = (self.count as f64, (rows.len() / width) as f64);
         if rows.is_empty() {
             return;
         }
@@ -55,56 +54,57 @@ impl Standardizer {
             let batch_mean = numbers().sum::<f64>() / batch;
             let batch_squares: f64 = numbers().map(|x| (x - batch_mean).powi(2)).sum();
             let delta = batch_mean - *mean;
-            *mean += delta * batch / (past + batch);
-            *squares += batch_squares + delta * delta * past * batch / (past + batch);
+            *mean += delta * batch / (earlier + batch);
+            *squares += batch_squares + delta * delta * earlier * batch / (earlier + batch);
         }
         self.count += (rows.len() / width) as u64;
     }
 
-    /// (x − μ)/σ, held within ±10.   `rows: [B × width]` → `standardized: [B × width]`, overwritten
+    /// Standardizes rows: (x − μ)/σ, clamped to ±10.   `rows: [B × width]` → `standardized: [B ×
+    /// width]`, overwritten
     ///
     /// # Panics
-    /// If `rows` does not consist of whole rows.
+    /// If the length of `rows` is not a multiple of the width.
     pub fn apply(&self, rows: &[f32], standardized: &mut Vec<f32>) {
         self.map_columns(rows, standardized, |column| {
             (self.mean[column], self.exact_deviation(column))
         });
     }
 
-    /// x/RMS, held within ±10: for numbers whose sign and zero mean something.
+    /// Scales rows without shifting them: x/RMS, clamped to ±10.
     /// `rows: [B × width]` → `scaled: [B × width]`, overwritten
     ///
     /// # Panics
-    /// If `rows` does not consist of whole rows.
+    /// If the length of `rows` is not a multiple of the width.
     pub fn apply_scale(&self, rows: &[f32], scaled: &mut Vec<f32>) {
         self.map_columns(rows, scaled, |column| {
             (0.0, self.exact_root_mean_square(column))
         });
     }
 
-    /// μ of every column; 0 before the first update.
+    /// Mean μ of each column; 0 before the first update.
     pub fn mean(&self) -> impl Iterator<Item = f32> {
         self.mean.iter().map(|&mean| mean as f32)
     }
 
-    /// σ = √(M₂/n) of every column, bounded from below; 1 before the first update.
+    /// Standard deviation σ = √(M₂/n) of each column, but at least 10⁻⁴; 1 before the first update.
     pub fn deviation(&self) -> impl Iterator<Item = f32> {
         (0..self.width()).map(|column| self.exact_deviation(column) as f32)
     }
 
-    /// RMS = √(Σ x²/n) = √(μ² + M₂/n) of every column, bounded from below; 1 before the first
-    /// update.
+    /// Root mean square √(Σ x²/n) = √(μ² + M₂/n) of each column, but at least 10⁻⁴; 1 before the
+    /// first update.
     pub fn root_mean_square(&self) -> impl Iterator<Item = f32> {
         (0..self.width()).map(|column| self.exact_root_mean_square(column) as f32)
     }
 
-    /// Numbers in a row.
+    /// Number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.mean.len()
     }
 
-    /// (x − shift)/scale, column by column.
+    /// Transforms each column by (x − shift)/scale, clamped to ±10.
     fn map_columns(
         &self,
         rows: &[f32],
@@ -112,7 +112,7 @@ impl Standardizer {
         shift_and_scale: impl Fn(usize) -> (f64, f64),
     ) {
         let width = self.width();
-        assert_eq!(rows.len() % width, 0, "whole rows of {width}");
+        assert_eq!(rows.len() % width, 0, "rows must have {width} numbers");
         out.clear();
         out.extend_from_slice(rows);
         if self.count == 0 || rows.is_empty() {
@@ -134,14 +134,14 @@ impl Standardizer {
         self.bounded_root(self.squares[column], self.mean[column])
     }
 
-    /// √(squares/n + center²)
+    /// √(squares/n + center²), but at least 10⁻⁴.
     fn bounded_root(&self, squares: f64, center: f64) -> f64 {
         if self.count == 0 {
             return 1.0;
         }
         (squares / self.count as f64 + center * center)
             .sqrt()
-            .max(MINIMUM_DEVIATION)
+            .max(MIN_DEVIATION)
     }
 }
 
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_identity_before_the_first_update() {
+    fn a_new_standardizer_is_the_identity() {
         let mut standardizer = Standardizer::new(2);
         standardizer.update(&[]);
         assert_eq!(standardized(&standardizer, &[3.0, -400.0]), [3.0, -400.0]);
@@ -195,9 +195,10 @@ mod tests {
         );
     }
 
-    /// One part in 10⁷ off a constant is 0.1 by the smallest deviation; anything far off is held.
+    /// A number that differs from a constant column by a part in 10⁷ becomes about 0.1, because of
+    /// the minimal deviation; numbers that differ much are clamped.
     #[test]
-    fn constants_and_outliers_stay_moderate() {
+    fn constant_columns_and_outliers_stay_within_bounds() {
         let mut standardizer = Standardizer::new(1);
         standardizer.update(&[100.0; 50]);
         let near = standardized(&standardizer, &[100.000_01])[0];
@@ -206,10 +207,10 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the cuts, the moments are those of all rows at once, even where the mean is 10⁴
-        /// deviations away.
+        /// Moments do not depend on how rows are split into batches, even if the mean is 10⁴ times
+        /// the deviation.
         #[test]
-        fn cuts_between_batches_do_not_matter(
+        fn moments_do_not_depend_on_batches(
             rows in prop::collection::vec((-1.0_f32..1.0, 9_999.0_f32..10_001.0), 2..80), cut in 0..80_usize,
         ) {
             let numbers: Vec<f32> = rows.iter().flat_map(|&(a, b)| [a, b]).collect();

@@ -1,13 +1,14 @@
-//! Advantages: how much better an action turned out than the state's value (thesis §1.5.1, §3.4).
+//! Advantages: how much better an action was than the value of its state (thesis §1.5.1, §3.4).
 //!
-//! Values beyond the last step count as 0. Where a time limit is not to count as an end, the caller
+//! Values after the last step are taken as 0. If a time limit does not count as an end, the caller
 //! adds γ v(`s_T`) to the last reward.
 
-/// Monte-Carlo with the ratio once: Aₜ = rₜ₊₁ + γ G̃ₜ₊₁ − bₜ, `G̃_T` = 0.   `rewards`, `returns`,
-/// `baseline`: `[T]` → `[T]`
+/// Monte-Carlo advantage with a single importance ratio: Aₜ = rₜ₊₁ + γ G̃ₜ₊₁ − bₜ, `G̃_T` = 0.
+/// `rewards`, `returns`, `baseline`: `[T]` → `[T]`
 ///
 /// The baseline b is v(sₜ), the trajectory's mean return, or 0 (thesis §1.5.1). The loss multiplies
-/// by ρₜ, so that its expectation is ρₜ Q, where the [printed form](monte_carlo_double) has ρₜ² Q.
+/// it by ρₜ, so that its expectation has ρₜ Q, whereas the [printed form](monte_carlo_double) has
+/// ρₜ² Q.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -21,7 +22,8 @@ pub fn monte_carlo_single(
     one_step(rewards, returns, baseline, discount, advantages);
 }
 
-/// Monte-Carlo as printed (thesis Eq. 22, 23): Aₜ = G̃ₜ − bₜ.   `returns`, `baseline`: `[T]` →
+/// Monte-Carlo advantage as printed in the thesis (Eq. 22, 23): Aₜ = G̃ₜ − bₜ.   `returns`,
+/// `baseline`: `[T]` →
 /// `[T]`
 ///
 /// # Panics
@@ -33,7 +35,8 @@ pub fn monte_carlo_double(returns: &[f32], baseline: &[f32], advantages: &mut [f
     }
 }
 
-/// δₜ = rₜ₊₁ + γ v(sₜ₊₁) − v(sₜ) (thesis §1.3).   `rewards`, `values`: `[T]` → `[T]`
+/// Temporal-difference errors δₜ = rₜ₊₁ + γ v(sₜ₊₁) − v(sₜ) (thesis §1.3).   `rewards`, `values`:
+/// `[T]` → `[T]`
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -46,12 +49,12 @@ pub fn temporal_difference_errors(
     one_step(rewards, values, values, discount, errors);
 }
 
-/// The sum of TD errors to the end of a segment of Λ steps (thesis Eq. 6): Aₜ = δₜ + γ δₜ₊₁ + … +
-/// γ^{Λ−1−t} `δ_{Λ−1}`, and again from step Λ on; so Aₜ = δₜ + γ Aₜ₊₁ inside a segment.
+/// Sums of TD errors to the end of each segment of Λ steps (thesis Eq. 6): Aₜ = δₜ + γ δₜ₊₁ + … +
+/// γ^{Λ−1−t} `δ_{Λ−1}` in the first segment, that is Aₜ = δₜ + γ Aₜ₊₁ within a segment.
 /// `rewards`, `values`: `[T]` → `[T]`
 ///
 /// # Panics
-/// If the slices differ in length, or `segment` is 0.
+/// If the slices differ in length, or if `segment` is 0.
 pub fn n_step(
     rewards: &[f32],
     values: &[f32],
@@ -61,7 +64,7 @@ pub fn n_step(
 ) {
     temporal_difference_errors(rewards, values, discount, advantages);
     for segment in advantages.chunks_mut(segment) {
-        accumulate(segment, |_| discount);
+        add_decayed_successors(segment, |_| discount);
     }
 }
 
@@ -72,12 +75,12 @@ pub fn n_step(
 /// If the slices differ in length.
 pub fn gae(rewards: &[f32], values: &[f32], discount: f32, lambda: f32, advantages: &mut [f32]) {
     temporal_difference_errors(rewards, values, discount, advantages);
-    accumulate(advantages, |_| discount * lambda);
+    add_decayed_successors(advantages, |_| discount * lambda);
 }
 
-/// Off-policy traces cut as Retrace does (Munos et al. 2016, c = λ min(1, ρ)), with v in the place
-/// of Q: Aₜ = δₜ + γ λ min(1, ρₜ₊₁) Aₜ₊₁. Where all ρ are 1 it is [`gae`].   `rewards`, `values`,
-/// `ratios`: `[T]` → `[T]`
+/// Advantages with off-policy traces cut as in Retrace (Munos et al. 2016, c = λ min(1, ρ)), with v
+/// in place of Q: Aₜ = δₜ + γ λ min(1, ρₜ₊₁) Aₜ₊₁. If all ρ are 1, it is [`gae`].   `rewards`,
+/// `values`, `ratios`: `[T]` → `[T]`
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -91,11 +94,12 @@ pub fn retrace(
 ) {
     assert_eq!(ratios.len(), rewards.len());
     temporal_difference_errors(rewards, values, discount, advantages);
-    accumulate(advantages, |next| discount * lambda * ratios[next].min(1.0));
+    add_decayed_successors(advantages, |next| discount * lambda * ratios[next].min(1.0));
 }
 
-/// V-trace's advantage (Espeholt et al. 2018, §4.2): Aₜ = rₜ₊₁ + γ vsₜ₊₁ − v(sₜ), with vs the
-/// [targets](super::returns::v_trace).   `rewards`, `targets`, `values`: `[T]` → `[T]`
+/// Advantages of V-trace (Espeholt et al. 2018, §4.2): Aₜ = rₜ₊₁ + γ vsₜ₊₁ − v(sₜ), where vs are
+/// the [targets](super::returns::v_trace) of V-trace.   `rewards`, `targets`, `values`: `[T]` →
+/// `[T]`
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -109,15 +113,15 @@ pub fn v_trace(
     monte_carlo_single(rewards, targets, values, discount, advantages);
 }
 
-/// The mean return of a trajectory, as the same baseline at every step (thesis §1.5.1).
+/// The mean return of a trajectory as the baseline of every step (thesis §1.5.1).
 /// `returns: [T]` → `baseline: [T]`
 pub fn mean_baseline(returns: &[f32], baseline: &mut Vec<f32>) {
     baseline.clear();
     baseline.resize(returns.len(), mean(returns));
 }
 
-/// A ← (A − mean A) / (deviation of A + 10⁻⁸). A single or constant advantage becomes 0.   `[N]`,
-/// in place
+/// Standardizes advantages in place: A ← (A − mean A) / (deviation of A + 10⁻⁸). Constant
+/// advantages become 0.   `advantages: [N]`
 pub fn standardize(advantages: &mut [f32]) {
     let center = mean(advantages);
     for advantage in &mut *advantages {
@@ -125,7 +129,7 @@ pub fn standardize(advantages: &mut [f32]) {
     }
     let variance = advantages
         .iter()
-        .map(|centred| centred * centred)
+        .map(|centered| centered * centered)
         .sum::<f32>()
         / advantages.len().max(1) as f32;
     let scale = 1.0 / (variance.sqrt() + 1e-8);
@@ -134,7 +138,7 @@ pub fn standardize(advantages: &mut [f32]) {
     }
 }
 
-/// rₜ₊₁ + γ nₜ₊₁ − bₜ, `n_T` = 0.
+/// rₜ₊₁ + γ nₜ₊₁ − bₜ, where n is `next` and `n_T` = 0.
 fn one_step(
     rewards: &[f32],
     next: &[f32],
@@ -154,8 +158,8 @@ fn one_step(
     }
 }
 
-/// xₜ ← xₜ + dₜ₊₁ xₜ₊₁ from the last step but one to the first.
-fn accumulate(errors: &mut [f32], decay: impl Fn(usize) -> f32) {
+/// xₜ ← xₜ + dₜ₊₁ xₜ₊₁ from the second last step to the first, where d is `decay`.
+fn add_decayed_successors(errors: &mut [f32], decay: impl Fn(usize) -> f32) {
     for step in (0..errors.len().saturating_sub(1)).rev() {
         errors[step] = decay(step + 1).mul_add(errors[step + 1], errors[step]);
     }
@@ -171,7 +175,7 @@ mod tests {
 
     /// γ = ½, r = 1, 2, 4, G̃ = 6, 4, 12, v = 1, 1, 1: A = 1 + 2 − 1, 2 + 6 − 1, 4 − 1.
     #[test]
-    fn single_by_hand() {
+    fn monte_carlo_single_by_hand() {
         let mut advantages = [0.0; 3];
         monte_carlo_single(
             &[1.0, 2.0, 4.0],
@@ -184,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn double_by_hand() {
+    fn monte_carlo_double_by_hand() {
         let mut advantages = [0.0; 3];
         monte_carlo_double(&[6.0, 4.0, 12.0], &[1.0, 2.0, 3.0], &mut advantages);
         assert_eq!(advantages, [5.0, 2.0, 9.0]);
@@ -194,7 +198,7 @@ mod tests {
     const REWARDS: [f32; 3] = [1.0, 2.0, 4.0];
     const VALUES: [f32; 3] = [2.0, 4.0, 6.0];
 
-    fn of(estimate: impl Fn(&mut [f32])) -> [f32; 3] {
+    fn computed(estimate: impl Fn(&mut [f32])) -> [f32; 3] {
         let mut advantages = [f32::NAN; 3];
         estimate(&mut advantages);
         advantages
@@ -203,7 +207,7 @@ mod tests {
     #[test]
     fn temporal_difference_errors_by_hand() {
         assert_eq!(
-            of(|a| temporal_difference_errors(&REWARDS, &VALUES, 0.5, a)),
+            computed(|a| temporal_difference_errors(&REWARDS, &VALUES, 0.5, a)),
             [1.0, 1.0, -2.0]
         );
     }
@@ -212,15 +216,15 @@ mod tests {
     #[test]
     fn n_step_by_hand() {
         assert_eq!(
-            of(|a| n_step(&REWARDS, &VALUES, 0.5, 2, a)),
+            computed(|a| n_step(&REWARDS, &VALUES, 0.5, 2, a)),
             [1.5, 1.0, -2.0]
         );
         assert_eq!(
-            of(|a| n_step(&REWARDS, &VALUES, 0.5, 3, a)),
+            computed(|a| n_step(&REWARDS, &VALUES, 0.5, 3, a)),
             [1.0, 0.0, -2.0]
         );
         assert_eq!(
-            of(|a| n_step(&REWARDS, &VALUES, 0.5, 100, a)),
+            computed(|a| n_step(&REWARDS, &VALUES, 0.5, 100, a)),
             [1.0, 0.0, -2.0]
         );
     }
@@ -230,39 +234,39 @@ mod tests {
     #[test]
     fn gae_by_hand() {
         assert_eq!(
-            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a)),
+            computed(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a)),
             [1.125, 0.5, -2.0]
         );
         assert_eq!(
-            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.0, a)),
+            computed(|a| gae(&REWARDS, &VALUES, 0.5, 0.0, a)),
             [1.0, 1.0, -2.0]
         );
         assert_eq!(
-            of(|a| gae(&REWARDS, &VALUES, 0.5, 1.0, a)),
+            computed(|a| gae(&REWARDS, &VALUES, 0.5, 1.0, a)),
             [1.0, 0.0, -2.0]
         );
     }
 
-    /// λ = ½, ρ = 9, ½, 3: A₂ = −2, A₁ = 1 − ¼·1·2 = ½, A₀ = 1 + ¼·½·½ = 1.0625; ρ₀ has no say.
+    /// λ = ½, ρ = 9, ½, 3: A₂ = −2, A₁ = 1 − ¼·1·2 = ½, A₀ = 1 + ¼·½·½ = 1.0625; ρ₀ is not used.
     #[test]
     fn retrace_by_hand() {
         assert_eq!(
-            of(|a| retrace(&REWARDS, &VALUES, &[9.0, 0.5, 3.0], 0.5, 0.5, a)),
+            computed(|a| retrace(&REWARDS, &VALUES, &[9.0, 0.5, 3.0], 0.5, 0.5, a)),
             [1.0625, 0.5, -2.0]
         );
         assert_eq!(
-            of(|a| retrace(&REWARDS, &VALUES, &[1.0; 3], 0.5, 0.5, a)),
-            of(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a))
+            computed(|a| retrace(&REWARDS, &VALUES, &[1.0; 3], 0.5, 0.5, a)),
+            computed(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a))
         );
     }
 
     /// G = 3, 6: mean 4.5. A = 1, 3, 8 has mean 4 and variance (9 + 1 + 16)/3 = 26/3.
     #[test]
-    fn means_and_deviations_by_hand() {
+    fn mean_baseline_and_standardization_by_hand() {
         let mut baseline = vec![];
         mean_baseline(&[3.0, 6.0], &mut baseline);
         assert_eq!(baseline, [4.5, 4.5]);
-        let standardized = of(|a| {
+        let standardized = computed(|a| {
             a.copy_from_slice(&[1.0, 3.0, 8.0]);
             standardize(a);
         });
@@ -274,7 +278,7 @@ mod tests {
                 .all(|(a, b)| (a - b / deviation).abs() < 1e-6)
         );
         assert_eq!(
-            of(|a| {
+            computed(|a| {
                 a.fill(7.0);
                 standardize(a);
             }),

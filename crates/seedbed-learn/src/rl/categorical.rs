@@ -1,6 +1,7 @@
 //! The categorical policy over n choices (thesis §1.5.4): π(a|s) = softmax(logits).
 
-/// log π(a) = `x_a` − log Σ exp x, row by row in place.   `logits: [B × n]` → log-probabilities
+/// Replaces the logits of each row by log-probabilities: log π(a) = `x_a` − log Σ exp x.
+/// `logits: [B × n]`
 pub fn log_softmax_in_place(logits: &mut [f32], choices: usize) {
     for row in logits.chunks_exact_mut(choices) {
         let log_sum = log_sum_exp(row);
@@ -10,9 +11,9 @@ pub fn log_softmax_in_place(logits: &mut [f32], choices: usize) {
     }
 }
 
-/// log Σ exp x, by way of the largest, so that nothing overflows.   `logits: [n]`
+/// log Σ exp x, computed relative to the largest logit to avoid overflow.   `logits: [n]`
 fn log_sum_exp(logits: &[f32]) -> f32 {
-    // Two choices, the commonest case, need one exponential: that of the largest is 1.
+    // Two choices are the most common case and need a single exponential: the largest one is 1.
     if let &[a, b] = logits {
         let largest = if a > b { a } else { b };
         return (1.0 + (-(a - b).abs()).exp()).ln() + largest;
@@ -26,18 +27,18 @@ fn log_sum_exp(logits: &[f32]) -> f32 {
 #[must_use]
 pub fn choose(log_probs: &[f32], uniform: f32) -> usize {
     let mut cumulative = 0.0;
-    let chosen = log_probs.iter().position(|log_prob| {
+    let choice = log_probs.iter().position(|log_prob| {
         cumulative += log_prob.exp();
         uniform < cumulative
     });
-    // The probabilities may add up to a little less than 1.
-    chosen.unwrap_or(log_probs.len() - 1)
+    // The probabilities may add up to slightly less than 1.
+    choice.unwrap_or(log_probs.len() - 1)
 }
 
-/// H = −Σ π log π, nats.   `log_probs: [n]`
+/// Entropy H = −Σ π log π, nats.   `log_probs: [n]`
 #[must_use]
 pub fn entropy(log_probs: &[f32]) -> f32 {
-    // A choice that is never made has π log π = 0, which 0 · −∞ would not give.
+    // The term of a choice with probability 0 is 0, but 0 · −∞ would be NaN.
     -log_probs
         .iter()
         .filter(|log_prob| **log_prob != f32::NEG_INFINITY)
@@ -45,28 +46,30 @@ pub fn entropy(log_probs: &[f32]) -> f32 {
         .sum::<f32>()
 }
 
-/// ∂/∂logits of w log π(a): w (1{i = a} − πᵢ).   `log_probs: [n]` → `gradient: [n]`
+/// Writes the gradient of w log π(a) with respect to the logits: w (1{i = a} − πᵢ).   `log_probs:
+/// [n]` → `gradient: [n]`
 pub fn log_prob_gradient(log_probs: &[f32], choice: usize, weight: f32, gradient: &mut [f32]) {
-    for (index, (slot, log_prob)) in gradient.iter_mut().zip(log_probs).enumerate() {
-        let chosen = if index == choice { 1.0 } else { 0.0 };
-        *slot = weight * (chosen - log_prob.exp());
+    for (index, (derivative, log_prob)) in gradient.iter_mut().zip(log_probs).enumerate() {
+        let indicator = if index == choice { 1.0 } else { 0.0 };
+        *derivative = weight * (indicator - log_prob.exp());
     }
 }
 
-/// ∂/∂logits of w H: −w πᵢ (log πᵢ + H), added to `gradient`.   `log_probs: [n]` → `gradient: [n]`
+/// Adds the gradient of w H with respect to the logits: −w πᵢ (log πᵢ + H).   `log_probs: [n]` →
+/// `gradient: [n]`
 pub fn add_entropy_gradient(log_probs: &[f32], weight: f32, gradient: &mut [f32]) {
     let entropy = entropy(log_probs);
-    for (slot, log_prob) in gradient
+    for (derivative, log_prob) in gradient
         .iter_mut()
         .zip(log_probs)
         .filter(|(_, log_prob)| **log_prob != f32::NEG_INFINITY)
     {
-        *slot -= weight * log_prob.exp() * (log_prob + entropy);
+        *derivative -= weight * log_prob.exp() * (log_prob + entropy);
     }
 }
 
-/// Log-probabilities of π(a)^{1/τ} / Σ π^{1/τ}, in place: a temperature τ below 1 makes choices
-/// greedier.   `log_probs: [n]`
+/// Replaces log π(a) by the logarithm of π(a)^{1/τ} / Σ π^{1/τ}: a temperature τ below 1 makes
+/// choices greedier.   `log_probs: [n]`
 pub fn temper(log_probs: &mut [f32], temperature: f32) {
     for log_prob in &mut *log_probs {
         *log_prob /= temperature;
@@ -74,17 +77,16 @@ pub fn temper(log_probs: &mut [f32], temperature: f32) {
     log_softmax_in_place(log_probs, log_probs.len());
 }
 
-/// The likeliest choice, the first among equals.   `log_probs: [n]`
+/// The most likely choice; the first one of several with the same probability.   `log_probs: [n]`
 #[must_use]
-pub fn likeliest(log_probs: &[f32]) -> usize {
-    let best = |best: usize, index: usize| {
-        if log_probs[index] > log_probs[best] {
-            index
-        } else {
-            best
+pub fn most_likely(log_probs: &[f32]) -> usize {
+    let mut most_likely = 0;
+    for index in 1..log_probs.len() {
+        if log_probs[index] > log_probs[most_likely] {
+            most_likely = index;
         }
-    };
-    (0..log_probs.len()).fold(0, best)
+    }
+    most_likely
 }
 
 #[cfg(test)]
@@ -111,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn far_apart_logits_stay_finite() {
+    fn extreme_logits_have_finite_log_probs() {
         let mut row = [-1e4, 1e4];
         log_softmax_in_place(&mut row, 2);
         assert_eq!((row[1], entropy(&row)), (0.0, 0.0));
@@ -120,7 +122,7 @@ mod tests {
 
     /// π = ¼, ¾ at τ = ½: π² = 1/16, 9/16, so 0.1 and 0.9. At τ = 1 nothing changes.
     #[test]
-    fn tempered_by_hand() {
+    fn temper_by_hand() {
         let log_probs = [0.25_f32.ln(), 0.75_f32.ln()];
         let tempered = |temperature| {
             let mut row = log_probs;
@@ -129,15 +131,15 @@ mod tests {
         };
         assert!((tempered(0.5)[0] - 0.1).abs() < 1e-6 && (tempered(1.0)[0] - 0.25).abs() < 1e-6);
         assert_eq!(
-            (likeliest(&log_probs), likeliest(&[0.0, 0.0, -1.0])),
+            (most_likely(&log_probs), most_likely(&[0.0, 0.0, -1.0])),
             (1, 0)
         );
     }
 
     proptest! {
-        /// A third choice that is never made changes nothing.
+        /// A third choice with probability 0 does not change the others.
         #[test]
-        fn two_choices_are_a_case_of_three(a in -30.0_f32..30.0, b in -30.0_f32..30.0) {
+        fn two_choices_agree_with_three(a in -30.0_f32..30.0, b in -30.0_f32..30.0) {
             let (mut two, mut three) = ([a, b], [a, b, f32::NEG_INFINITY]);
             log_softmax_in_place(&mut two, 2);
             log_softmax_in_place(&mut three, 3);

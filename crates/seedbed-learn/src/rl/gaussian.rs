@@ -1,16 +1,16 @@
-//! The Gaussian policy over one continuous action (thesis §1.5.4): π(a|s) = 𝒩(μ(s), σ(s)²), σ given
-//! by its logarithm.
+//! The Gaussian policy over one continuous action (thesis §1.5.4): π(a|s) = 𝒩(μ(s), σ(s)²). σ is
+//! represented by its logarithm.
 
 use std::f32::consts::{E, PI};
 
-/// log π(a) = −½ ((a − μ)/σ)² − log σ − ½ log 2π.
+/// Log-density log π(a) = −½ ((a − μ)/σ)² − log σ − ½ log 2π.
 #[must_use]
 pub fn log_density(action: f32, mean: f32, log_deviation: f32) -> f32 {
     let standardized = (action - mean) / log_deviation.exp();
     -0.5 * standardized * standardized - log_deviation - 0.5 * (2.0 * PI).ln()
 }
 
-/// ∂ log π(a) with respect to (μ, log σ): (a − μ)/σ² and ((a − μ)/σ)² − 1.
+/// Derivatives of log π(a) with respect to μ and log σ: (a − μ)/σ² and ((a − μ)/σ)² − 1.
 #[must_use]
 pub fn log_density_gradient(action: f32, mean: f32, log_deviation: f32) -> [f32; 2] {
     let deviation = log_deviation.exp();
@@ -18,7 +18,7 @@ pub fn log_density_gradient(action: f32, mean: f32, log_deviation: f32) -> [f32;
     [standardized / deviation, standardized * standardized - 1.0]
 }
 
-/// H = log σ + ½ log 2πe, nats.
+/// Entropy H = log σ + ½ log 2πe, nats.
 #[must_use]
 pub fn entropy(log_deviation: f32) -> f32 {
     log_deviation + 0.5 * (2.0 * PI * E).ln()
@@ -31,7 +31,7 @@ mod tests {
 
     /// At a = μ + σ, σ = 2: −½ − ln 2 − ½ ln 2π = −2.1120857; H = ln 2 + 1.4189385 = 2.1120857.
     #[test]
-    fn by_hand() {
+    fn density_and_entropy_by_hand() {
         assert!((log_density(3.0, 1.0, 2.0_f32.ln()) + 2.112_085_7).abs() < 1e-6);
         assert!((entropy(2.0_f32.ln()) - 2.112_085_7).abs() < 1e-6);
     }
@@ -40,12 +40,12 @@ mod tests {
         #[test]
         fn gradient_agrees_with_central_differences(action in -2.0_f32..2.0, mean in -2.0_f32..2.0, log_deviation in -1.0_f32..1.0) {
             let h = 1e-2;
-            let by_mean = (log_density(action, mean + h, log_deviation) - log_density(action, mean - h, log_deviation)) / (2.0 * h);
-            let by_log = (log_density(action, mean, log_deviation + h) - log_density(action, mean, log_deviation - h)) / (2.0 * h);
-            let [mean_slope, log_slope] = log_density_gradient(action, mean, log_deviation);
-            let scale = 1.0 + mean_slope.abs() + log_slope.abs();
-            prop_assert!((by_mean - mean_slope).abs() < 1e-2 * scale, "{by_mean} {mean_slope}");
-            prop_assert!((by_log - log_slope).abs() < 1e-2 * scale, "{by_log} {log_slope}");
+            let mean_difference = (log_density(action, mean + h, log_deviation) - log_density(action, mean - h, log_deviation)) / (2.0 * h);
+            let log_difference = (log_density(action, mean, log_deviation + h) - log_density(action, mean, log_deviation - h)) / (2.0 * h);
+            let [mean_gradient, log_gradient] = log_density_gradient(action, mean, log_deviation);
+            let scale = 1.0 + mean_gradient.abs() + log_gradient.abs();
+            prop_assert!((mean_difference - mean_gradient).abs() < 1e-2 * scale, "{mean_difference} {mean_gradient}");
+            prop_assert!((log_difference - log_gradient).abs() < 1e-2 * scale, "{log_difference} {log_gradient}");
         }
     }
 }

@@ -1,43 +1,46 @@
-//! How much one transition teaches about the dynamics: KL(q(θ; φ + λΔφ) ‖ q(θ; φ)), nats, of a
-//! posterior q over the weights θ of a model p(s'|s, a; θ) before and after it (thesis §4.2.1;
-//! Houthooft et al. 2016, VIME).
+//! Information that one transition gives about the dynamics: the divergence KL(q(θ; φ + λΔφ) ‖
+//! q(θ; φ)), nats, of the posterior q over the weights θ of a model p(s'|s, a; θ) after a gradient
+//! step on the transition from the posterior before it (thesis §4.2.1; Houthooft et al. 2016,
+//! VIME).
 //!
-//! q is an independent Gaussian for each weight, 𝒩(μᵢ, σᵢ²). The step Δφ = H⁻¹ ∇ℓ with ℓ =
-//! `E_q`[log p(s'|s, a; θ)] has the Hessian of the KL, ∂²/∂μ² = 1/σ² and ∂²/∂σ² = 2/σ². The
-//! gradients g come from the model, `g_μ` and `g_σ` of ℓ.
+//! q has an independent Gaussian 𝒩(μᵢ, σᵢ²) for each weight. The step is Δφ = H⁻¹ ∇ℓ with ℓ =
+//! `E_q`[log p(s'|s, a; θ)] and the Hessian H of the divergence, ∂²/∂μ² = 1/σ² and ∂²/∂σ² = 2/σ².
+//! The model provides the gradients `g_μ` and `g_σ` of ℓ.
 
-/// To second order (thesis Eq. 32, whose ρ cancels): I = ½ λ² Σᵢ σᵢ² (`g_μᵢ`² + ½ `g_σᵢ`²).   all
+/// Information gain to second order (thesis Eq. 32, in which ρ cancels): I = ½ λ² Σᵢ σᵢ² (`g_μᵢ`² +
+/// ½ `g_σᵢ`²).   all
 /// `[P]`
 ///
-/// With N draws θ = μ + σ ε of the weights, g is the mean over draws and is squared afterwards.
+/// With N draws θ = μ + σ ε of the weights, g is the mean over the draws, which is then squared.
 ///
 /// # Panics
 /// If the slices differ in length.
 #[must_use]
 pub fn second_order(
     deviation: &[f32],
-    mean_slope: &[f32],
-    deviation_slope: &[f32],
+    mean_gradient: &[f32],
+    deviation_gradient: &[f32],
     step: f32,
 ) -> f32 {
     assert_eq!(
-        [mean_slope.len(), deviation_slope.len()],
+        [mean_gradient.len(), deviation_gradient.len()],
         [deviation.len(); 2]
     );
-    let slopes = mean_slope.iter().zip(deviation_slope);
+    let gradients = mean_gradient.iter().zip(deviation_gradient);
     let term = |(sigma, (by_mean, by_sigma)): (&f32, (&f32, &f32))| {
         sigma * sigma * (by_mean * by_mean + 0.5 * by_sigma * by_sigma)
     };
-    0.5 * step * step * deviation.iter().zip(slopes).map(term).sum::<f32>()
+    0.5 * step * step * deviation.iter().zip(gradients).map(term).sum::<f32>()
 }
 
-/// The coefficients for which [`second_order`] with one draw θ = μ + σ ε is Σᵢ cᵢ (∂ log p/∂θᵢ)²:
-/// as `g_μ` = ∂ log p/∂θ and `g_σ` = ε `g_μ`, cᵢ = ½ λ² σᵢ² (1 + ½ εᵢ²).   `deviation`, `noise`:
+/// Computes the coefficients c for which [`second_order`] with one draw θ = μ + σ ε is Σᵢ cᵢ (∂ log
+/// p/∂θᵢ)²: since `g_μ` = ∂ log p/∂θ and `g_σ` = ε `g_μ`, cᵢ = ½ λ² σᵢ² (1 + ½ εᵢ²).   `deviation`,
+/// `noise`:
 /// `[P]` → `coefficients: [P]`, overwritten
 ///
-/// A model can sum squares of gradients layer by layer, for many transitions at once and without a
-/// gradient in memory. One draw is biased upwards, by the variance of the gradient: the mean of ĝ²
-/// is g² + Var ĝ.
+/// A model can sum squares of gradients layer by layer, for many transitions at once and without
+/// storing gradients. The estimate from one draw is biased upwards by the variance of the gradient:
+/// the mean of ĝ² is g² + Var ĝ.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -58,55 +61,56 @@ pub fn one_draw_coefficients(
     );
 }
 
-/// KL(q(φ + λΔφ) ‖ q(φ)) of the explicit step in φ = (μ, ρ), σ = log(1 + eᵖ): Δμ = σ² `g_μ`, Δρ =
-/// σ² `g_σ`/(2σ'), σ' = ∂σ/∂ρ. all `[P]`
+/// Information gain KL(q(φ + λΔφ) ‖ q(φ)) of an explicit step in φ = (μ, ρ) with σ = log(1 + eᵖ):
+/// Δμ = σ² `g_μ`, Δρ = σ² `g_σ`/(2σ'), σ' = ∂σ/∂ρ. all `[P]`
 ///
 /// With u = σ(ρ + λΔρ)/σ(ρ) − 1 it is Σ ½ λ² σ² `g_μ`² + u + ½ u² − log(1 + u). The part of the
-/// means is that of [`second_order`] for any λ; the part of the deviations agrees as λ → 0. In
-/// double precision, because its terms cancel where λ is small.
+/// means equals that of [`second_order`] for any λ; the part of the deviations agrees with it as λ
+/// →
+/// 0. In double precision, because terms cancel if λ is small.
 ///
 /// # Panics
 /// If the slices differ in length.
 #[must_use]
-pub fn of_explicit_step(
+pub fn explicit_step(
     deviation: &[f32],
-    mean_slope: &[f32],
-    deviation_slope: &[f32],
+    mean_gradient: &[f32],
+    deviation_gradient: &[f32],
     step: f32,
 ) -> f64 {
     assert_eq!(
-        [mean_slope.len(), deviation_slope.len()],
+        [mean_gradient.len(), deviation_gradient.len()],
         [deviation.len(); 2]
     );
-    let slopes = mean_slope.iter().zip(deviation_slope);
+    let gradients = mean_gradient.iter().zip(deviation_gradient);
     let term = |(&sigma, (&by_mean, &by_sigma)): (&f32, (&f32, &f32))| {
         let [sigma, by_mean, by_sigma, step] = [sigma, by_mean, by_sigma, step].map(f64::from);
         let shift = step * sigma * by_mean;
         let growth = relative_growth(sigma, by_sigma, step);
         0.5 * shift * shift + growth + 0.5 * growth * growth - growth.ln_1p()
     };
-    deviation.iter().zip(slopes).map(term).sum()
+    deviation.iter().zip(gradients).map(term).sum()
 }
 
-/// The bonus that is added to a reward (thesis Eq. 28): η min(c, I/scale), and none while there is
-/// no scale.
+/// The bonus that is added to a reward (thesis Eq. 28): η min(c, I/scale), or 0 if there is no
+/// scale yet.
 ///
-/// I is relative to what is typical of earlier epochs, such as the mean of their medians, and
-/// bounded by c, since its distribution has a heavy tail and falls by orders of magnitude as the
-/// model learns.
+/// Gains I are divided by their typical size in earlier updates, such as the mean of their medians,
+/// and bounded by c, because their distribution has a heavy tail and decreases by orders of
+/// magnitude as the model learns.
 #[must_use]
 pub fn bonus(gain: f32, scale: Option<f32>, cap: f32, weight: f32) -> f32 {
     scale.map_or(0.0, |scale| weight * (gain / scale).min(cap))
 }
 
-/// u = σ(ρ + λΔρ)/σ(ρ) − 1 = log(1 + σ' (e^(λΔρ) − 1))/σ, where σ' = eᵖ/(1 + eᵖ) = 1 − e⁻ˢ for s =
-/// σ.
+/// Relative growth of a standard deviation in a step: u = σ(ρ + λΔρ)/σ(ρ) − 1 = log(1 + σ' (e^(λΔρ)
+/// − 1))/σ, where σ' = eᵖ/(1 + eᵖ) = 1 − e⁻ˢ for s = σ.
 fn relative_growth(sigma: f64, by_sigma: f64, step: f64) -> f64 {
-    // Beyond this e to it would overflow.
-    const LARGEST: f64 = 700.0;
+    // e^x of larger exponents would overflow.
+    const MAX_EXPONENT: f64 = 700.0;
     let slope = -(-sigma).exp_m1();
     let rho_step = step * sigma * sigma * by_sigma / (2.0 * slope);
-    (slope * rho_step.min(LARGEST).exp_m1()).ln_1p() / sigma
+    (slope * rho_step.min(MAX_EXPONENT).exp_m1()).ln_1p() / sigma
 }
 
 #[cfg(test)]
@@ -123,17 +127,17 @@ mod tests {
         );
     }
 
-    /// σ = log 2 is ρ = 0, where σ' = ½. g_σ = 2/σ² gives Δρ = 2: with λ = ½ ρ goes to 1, σ to
-    /// log(1 + e) = 1.3132617, r = 1.8946361. u + ½ u² − ln(1 + u) = ½ (r² − 1) − ln r = 0.6557962
-    /// with r = 1 + u; g_μ = 2 adds ½·¼·σ²·4 = 0.2402265.
+    /// For ρ = 0, σ = log 2 and σ' = ½. g_σ = 2/σ² gives Δρ = 2: with λ = ½, ρ becomes 1 and σ
+    /// becomes log(1 + e) = 1.3132617, which is r = 1.8946361 times as large. With r = 1 + u, u + ½
+    /// u² − ln(1 + u) = ½ (r² − 1) − ln r = 0.6557962; g_μ = 2 adds ½·¼·σ²·4 = 0.2402265.
     #[test]
     fn explicit_step_by_hand() {
         let sigma = 2.0_f32.ln();
-        let exact = of_explicit_step(&[sigma], &[2.0], &[2.0 / (sigma * sigma)], 0.5);
+        let exact = explicit_step(&[sigma], &[2.0], &[2.0 / (sigma * sigma)], 0.5);
         assert!((exact - 0.655_796_2 - 0.240_226_5).abs() < 1e-5, "{exact}");
     }
 
-    /// I/scale = 3, 300 against a cap of 10, η = 0.001.
+    /// I/scale = 3 and 300, with a cap of 10 and η = 0.001.
     #[test]
     fn bonus_by_hand() {
         assert_eq!(bonus(6.0, None, 10.0, 1e-3), 0.0);
@@ -143,7 +147,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn one_draw_is_the_second_order_form_with_its_gradients(
+        fn one_draw_agrees_with_second_order(
             weights in prop::collection::vec((0.01_f32..1.3, -3.0_f32..3.0, -5.0_f32..5.0), 1..40), step in 0.01_f32..2.0,
         ) {
             let sigma: Vec<f32> = weights.iter().map(|w| w.0).collect();
@@ -157,17 +161,16 @@ mod tests {
             prop_assert!((factored - expected).abs() < 1e-4 * (1e-6 + expected), "{factored} {expected}");
         }
 
-        /// The relative difference is of first order in λ: a hundredth of λ leaves about a
-        /// hundredth of it.
+        /// The relative difference from the second-order gain is proportional to λ for small λ.
         #[test]
-        fn explicit_step_agrees_as_it_shrinks(sigma in 0.01_f32..1.3, by_mean in -2.0_f32..2.0, by_sigma in -2.0_f32..2.0) {
+        fn small_explicit_steps_agree_with_second_order(sigma in 0.01_f32..1.3, by_mean in -2.0_f32..2.0, by_sigma in -2.0_f32..2.0) {
             prop_assume!(by_sigma.abs() > 0.1);
             let difference = |step: f32| {
                 let second = f64::from(second_order(&[sigma], &[0.0], &[by_sigma], step));
-                (of_explicit_step(&[sigma], &[0.0], &[by_sigma], step) / second - 1.0).abs()
+                (explicit_step(&[sigma], &[0.0], &[by_sigma], step) / second - 1.0).abs()
             };
             prop_assert!(difference(1e-2) < 2e-2 && difference(1e-4) < 2e-4, "{} {}", difference(1e-2), difference(1e-4));
-            let with_mean = of_explicit_step(&[sigma], &[by_mean], &[by_sigma], 1.0) - of_explicit_step(&[sigma], &[0.0], &[by_sigma], 1.0);
+            let with_mean = explicit_step(&[sigma], &[by_mean], &[by_sigma], 1.0) - explicit_step(&[sigma], &[0.0], &[by_sigma], 1.0);
             prop_assert!((with_mean - f64::from(0.5 * (sigma * by_mean).powi(2))).abs() < 1e-5);
         }
     }

@@ -1,8 +1,7 @@
-//! The formulas of reinforcement learning as pure functions on slices, each with its source.
+//! Formulas of reinforcement learning as pure functions on slices, each with its source.
 //!
-//! Index t of a reward slice holds `R_{t+1}`, what followed action t; index t of a seed slice holds
-//! `z_{k,t+1}`. They keep no state and must not
-//! depend on files or threads.
+//! Entry t of a slice of rewards is `R_{t+1}`, the reward that followed action t; entry t of a
+//! slice of seeds is `z_{k,t+1}`. Must not depend on files or threads.
 
 pub mod advantage;
 pub mod categorical;

@@ -1,18 +1,18 @@
 //! Policy losses of one step, each with its derivative with respect to log π(aₜ|sₜ). Advantages are
-//! constants here.
+//! constants.
 
 /// A loss and its derivative with respect to log π(a|s).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surrogate {
     /// The loss.
     pub loss: f32,
-    /// ∂loss/∂log π
+    /// The derivative ∂loss/∂log π.
     pub slope: f32,
-    /// Whether clipping took the gradient away.
+    /// Whether the derivative is 0 because the ratio is clipped.
     pub clipped: bool,
 }
 
-/// Simple policy gradient (thesis Eq. 7, 20): −log π(a|s) A.
+/// The simple policy gradient (thesis Eq. 7, 20): −log π(a|s) A.
 #[must_use]
 pub fn simple(log_prob: f32, advantage: f32) -> Surrogate {
     Surrogate {
@@ -22,25 +22,23 @@ pub fn simple(log_prob: f32, advantage: f32) -> Surrogate {
     }
 }
 
-/// PPO's clipped surrogate (thesis Eq. 8, 16, 21, 23): −min(ρ A, clip(ρ, 1−ε, 1+ε) A),
-/// differentiated through ρ.
+/// The clipped surrogate of PPO (thesis Eq. 8, 16, 21, 23): −min(ρ A, clip(ρ, 1−ε, 1+ε) A).
 ///
-/// ρ = π/μ, so that ∂ρ/∂log π = ρ. The gradient is gone where A > 0 and ρ > 1 + ε, or A < 0 and ρ <
-/// 1 − ε.
+/// ρ = π/μ, so ∂ρ/∂log π = ρ. The derivative is 0 if A > 0 and ρ > 1 + ε, or if A < 0 and ρ < 1 −
+/// ε.
 #[must_use]
 pub fn ppo(ratio: f32, advantage: f32, clip: f32) -> Surrogate {
-    let free = ratio * advantage;
-    let bounded = ratio.clamp(1.0 - clip, 1.0 + clip) * advantage;
-    let clipped = bounded < free;
+    let unclipped_objective = ratio * advantage;
+    let clipped_objective = ratio.clamp(1.0 - clip, 1.0 + clip) * advantage;
+    let clipped = clipped_objective < unclipped_objective;
     Surrogate {
-        loss: -free.min(bounded),
-        slope: if clipped { 0.0 } else { -free },
+        loss: -unclipped_objective.min(clipped_objective),
+        slope: if clipped { 0.0 } else { -unclipped_objective },
         clipped,
     }
 }
 
-/// Off-PAC (thesis Eq. 15, 22): −ρ log π(a|s) A, with ρ held constant and, where `cap` says so,
-/// bounded.
+/// Off-PAC (thesis Eq. 15, 22): −ρ log π(a|s) A, where ρ is a constant of at most `cap`.
 #[must_use]
 pub fn off_pac(log_prob: f32, ratio: f32, advantage: f32, cap: Option<f32>) -> Surrogate {
     let weight = ratio.min(cap.unwrap_or(f32::INFINITY));
@@ -56,17 +54,17 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// ε = 0.2: (ρ, A) = (1.5, 2) is clipped at 1.2·2; (0.5, −2) at 0.8·−2; (1.5, −2) and (0.5, 2)
-    /// are not; nor is ρ = 1.
+    /// ε = 0.2: (ρ, A) = (1.5, 2) is clipped to 1.2·2 and (0.5, −2) to 0.8·−2; (1.5, −2), (0.5, 2)
+    /// and ρ = 1 are not clipped.
     #[test]
     fn ppo_by_hand() {
-        let at = |ratio, advantage| ppo(ratio, advantage, 0.2);
-        assert_eq!((at(1.5, 2.0).slope, at(1.5, 2.0).clipped), (0.0, true));
-        assert!((at(1.5, 2.0).loss + 2.4).abs() < 1e-6);
-        assert!((at(0.5, -2.0).loss - 1.6).abs() < 1e-6);
-        assert!(at(0.5, -2.0).clipped);
+        let loss = |ratio, advantage| ppo(ratio, advantage, 0.2);
+        assert_eq!((loss(1.5, 2.0).slope, loss(1.5, 2.0).clipped), (0.0, true));
+        assert!((loss(1.5, 2.0).loss + 2.4).abs() < 1e-6);
+        assert!((loss(0.5, -2.0).loss - 1.6).abs() < 1e-6);
+        assert!(loss(0.5, -2.0).clipped);
         assert_eq!(
-            at(1.5, -2.0),
+            loss(1.5, -2.0),
             Surrogate {
                 loss: 3.0,
                 slope: 3.0,
@@ -74,7 +72,7 @@ mod tests {
             }
         );
         assert_eq!(
-            at(0.5, 2.0),
+            loss(0.5, 2.0),
             Surrogate {
                 loss: -1.0,
                 slope: -1.0,
@@ -82,7 +80,7 @@ mod tests {
             }
         );
         assert_eq!(
-            at(1.0, 2.0),
+            loss(1.0, 2.0),
             Surrogate {
                 loss: -2.0,
                 slope: -2.0,
@@ -91,7 +89,7 @@ mod tests {
         );
     }
 
-    /// ρ = 4, A = 2, log π = −0.5: slope −8, loss 4; capped at 1: −2 and 1.
+    /// ρ = 4, A = 2, log π = −0.5: derivative −8 and loss 4; with ρ capped at 1, −2 and 1.
     #[test]
     fn off_pac_by_hand() {
         assert_eq!(
@@ -113,7 +111,8 @@ mod tests {
     }
 
     proptest! {
-        /// ρ = exp(log π − log μ) with log μ = −0.7; away from the kinks at 1 ± ε.
+        /// ρ = exp(log π − log μ) with log μ = −0.7, except near 1 ± ε, where the loss is not
+        /// differentiable.
         #[test]
         fn slopes_agree_with_central_differences(log_prob in -3.0_f32..0.0, advantage in -4.0_f32..4.0, clip in 0.05_f32..0.9) {
             let ratio = |log_prob: f32| (log_prob + 0.7).exp();
@@ -124,8 +123,8 @@ mod tests {
             prop_assert!((numeric(&|x| ppo(ratio(x), advantage, clip).loss) - clipped.slope).abs() < 2e-2);
             prop_assert!((numeric(&|x| simple(x, advantage).loss) - simple(log_prob, advantage).slope).abs() < 2e-2);
             let constant = ratio(log_prob);
-            let weighed = off_pac(log_prob, constant, advantage, None).slope;
-            prop_assert!((numeric(&|x| off_pac(x, constant, advantage, None).loss) - weighed).abs() < 5e-2);
+            let slope = off_pac(log_prob, constant, advantage, None).slope;
+            prop_assert!((numeric(&|x| off_pac(x, constant, advantage, None).loss) - slope).abs() < 5e-2);
         }
     }
 }

@@ -1,47 +1,48 @@
-//! Q-learning (thesis §1.4.1): what state-action values are regressed on, and the gradient of the
-//! squared error.
+//! Q-learning (thesis §1.4.1): targets of state-action values, and the gradient of the squared
+//! error.
 //!
-//! Values of n choices are rows `[B × n]`. With a seed in the reward the same error is Seed TD's
+//! Values of n choices are rows `[B × n]`. If rewards include seeds, the error is that of Seed TD
 //! (thesis §2.4).
 
-use super::categorical::likeliest;
+use super::categorical::most_likely;
 
-/// yᵢ = rᵢ + γᵢ Q′(s′ᵢ, argmax_b C(s′ᵢ, b)), where γᵢ is 0 after an end. With C = Q′ this is
-/// Q-learning's r + γ max_b Q′(s′, b); with the learning network's own values for C it is double
-/// Q-learning's (van Hasselt, Guez & Silver 2016).
+/// Targets yᵢ = rᵢ + γᵢ Q′(s′ᵢ, argmax_b C(s′ᵢ, b)), where γᵢ is 0 after the end of an episode.
+/// With C = Q′ they are r + γ max_b Q′(s′, b) of Q-learning; with the values of the trained network
+/// as C, those of double Q-learning (van Hasselt, Guez & Silver 2016).
 ///
-/// `rewards`, `discounts: [B]`, `judged` (Q′), `chosen_by` (C): `[B × n]` → `targets: [B]`,
-/// overwritten
+/// `rewards`, `discounts: [B]`, `next_values` (Q′), `choosing_values` (C): `[B × n]` → `targets:
+/// [B]`, overwritten
 ///
 /// # Panics
-/// If the slices do not belong to the same number of samples.
+/// If the slices are of different numbers of samples.
 pub fn targets(
     rewards: &[f32],
     discounts: &[f32],
-    judged: &[f32],
-    chosen_by: &[f32],
+    next_values: &[f32],
+    choosing_values: &[f32],
     targets: &mut Vec<f32>,
 ) {
     assert_eq!(
-        (rewards.len(), judged.len()),
-        (discounts.len(), chosen_by.len())
+        (rewards.len(), next_values.len()),
+        (discounts.len(), choosing_values.len())
     );
-    let choices = judged.len() / rewards.len().max(1);
-    let rows = judged
+    let choices = next_values.len() / rewards.len().max(1);
+    let rows = next_values
         .chunks_exact(choices.max(1))
-        .zip(chosen_by.chunks_exact(choices.max(1)));
-    let follow = rows.map(|(judged, chosen_by)| judged[likeliest(chosen_by)]);
+        .zip(choosing_values.chunks_exact(choices.max(1)));
+    let bootstrapped = rows.map(|(values, choosing)| values[most_likely(choosing)]);
     targets.clear();
     targets.extend(
         rewards
             .iter()
             .zip(discounts)
-            .zip(follow)
+            .zip(bootstrapped)
             .map(|((reward, discount), value)| discount.mul_add(value, *reward)),
     );
 }
 
-/// ∂L/∂Q of L = ½ mean wᵢ (Q(sᵢ, aᵢ) − yᵢ)², the targets held constant; returns L.
+/// Computes the loss L = ½ mean wᵢ (Q(sᵢ, aᵢ) − yᵢ)² and its gradient ∂L/∂Q for constant targets;
+/// returns L.
 ///
 /// `values: [B × n]`, `actions`, `targets`, `weights: [B]` → `gradient: [B × n]`, overwritten
 ///
@@ -72,16 +73,17 @@ pub fn squared_error(
     loss
 }
 
-/// Log-probabilities of the ε-greedy policy: ε spread evenly, the rest on the first of the largest
-/// values.   `values: [n]`, in place
+/// Replaces values by the log-probabilities of the ε-greedy policy: ε is spread evenly over all
+/// choices, and the first of the largest values gets the rest.   `values: [n]`
 pub fn epsilon_greedy(values: &mut [f32], epsilon: f32) {
-    let (best, share) = (likeliest(values), epsilon / values.len() as f32);
+    let greedy_choice = most_likely(values);
+    let share = epsilon / values.len() as f32;
     values.fill(share.ln());
-    values[best] = (1.0 - epsilon + share).ln();
+    values[greedy_choice] = (1.0 - epsilon + share).ln();
 }
 
-/// Log-probabilities of the Gibbs policy π(a|s) ∝ exp(Q(s, a)/τ) (thesis §1.4.2).   `values: [n]`,
-/// in place
+/// Replaces values by the log-probabilities of the Gibbs policy π(a|s) ∝ exp(Q(s, a)/τ) (thesis
+/// §1.4.2).   `values: [n]`
 pub fn gibbs(values: &mut [f32], temperature: f32) {
     super::categorical::temper(values, temperature);
 }
@@ -91,24 +93,24 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Q′ = (1, 3) and (2, 0), γ = 0.5: y = 1 + 0.5·3 and, after an end, 2. Chosen by (5, 4): y = 1
-    /// + 0.5·1.
+    /// Q′ = (1, 3) and (2, 0), γ = 0.5: y = 1 + 0.5·3 and, after the end of an episode, 2. With C =
+    /// (5, 4), y = 1 + 0.5·1.
     #[test]
     fn targets_by_hand() {
-        let mut found = Vec::new();
+        let mut computed = Vec::new();
         targets(
             &[1.0, 2.0],
             &[0.5, 0.0],
             &[1.0, 3.0, 2.0, 0.0],
             &[1.0, 3.0, 2.0, 0.0],
-            &mut found,
+            &mut computed,
         );
-        assert_eq!(found, [2.5, 2.0]);
-        targets(&[1.0], &[0.5], &[1.0, 3.0], &[5.0, 4.0], &mut found);
-        assert_eq!(found, [1.5]);
+        assert_eq!(computed, [2.5, 2.0]);
+        targets(&[1.0], &[0.5], &[1.0, 3.0], &[5.0, 4.0], &mut computed);
+        assert_eq!(computed, [1.5]);
     }
 
-    /// Errors 2 and −1 with weights 1 and 3: L = ½·½ (4 + 3) = 1.75, slopes ½·2 and ½·3·(−1).
+    /// Errors 2 and −1 with weights 1 and 3: L = ½·½ (4 + 3) = 1.75, derivatives ½·2 and ½·3·(−1).
     #[test]
     fn squared_errors_by_hand() {
         let mut gradient = vec![9.0];
@@ -122,26 +124,26 @@ mod tests {
         assert_eq!((loss, gradient), (1.75, vec![0.0, 1.0, -1.5, 0.0]));
     }
 
-    /// ε = 0.3 over three choices: 0.1, 0.8, 0.1. The first of equals is the greedy one; ε = 0
-    /// leaves the others nothing.
+    /// ε = 0.3 with three choices: 0.1, 0.8, 0.1. Of two equal values the first is the greedy
+    /// choice; with ε = 0 the others have probability 0.
     #[test]
     fn epsilon_greedy_by_hand() {
         let probabilities = |mut values: [f32; 3], epsilon| {
             epsilon_greedy(&mut values, epsilon);
             values.map(f32::exp)
         };
-        let spread = probabilities([1.0, 2.0, 0.0], 0.3);
+        let exploring = probabilities([1.0, 2.0, 0.0], 0.3);
         assert!(
-            spread
+            exploring
                 .iter()
                 .zip([0.1, 0.8, 0.1])
-                .all(|(ours, expected)| (ours - expected).abs() < 1e-6),
-            "{spread:?}"
+                .all(|(probability, expected)| (probability - expected).abs() < 1e-6),
+            "{exploring:?}"
         );
         assert_eq!(probabilities([2.0, 2.0, 0.0], 0.0), [1.0, 0.0, 0.0]);
     }
 
-    /// Q = 0 and τ ln 3: π = ¼, ¾, whatever τ.
+    /// Q = 0 and τ ln 3 give π = ¼, ¾ for every τ.
     #[test]
     fn gibbs_by_hand() {
         for temperature in [0.1, 1.0, 7.0] {

@@ -1,16 +1,15 @@
-//! Returns: what followed a step, summed (thesis §1.3, §3.1), and the targets that value functions
-//! learn.
+//! Returns (thesis §1.3, §3.1) and targets of value functions.
 
 #![expect(
     clippy::inline_always,
-    reason = "a loop is compiled for a level of SIMD only where it is inlined into the dispatch"
+    reason = "a loop is compiled for a SIMD instruction set only if it is inlined into the dispatch"
 )]
 
 use pulp::{Arch, Simd, WithSimd};
 
 use super::advantage;
 
-/// Importance-weighted sums are held within ±this, so that their squares stay finite in f32.
+/// Maximal absolute value of importance-weighted sums, so that their squares are finite in f32.
 const LIMIT: f32 = 1e15;
 
 /// Return-to-go (thesis §1.3): Gₜ = rₜ₊₁ + γ Gₜ₊₁, `G_T` = 0.   `rewards: [T]` → `returns: [T]`
@@ -29,9 +28,9 @@ pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
 /// Per-decision importance-sampled return (thesis Eq. 12, 18):
 /// G̃ₜ = Σ_{k≥t} γᵏ⁻ᵗ min(c, Π_{j=t..k} ρⱼ) rₖ₊₁.   `ratios`, `rewards`: `[T]` → `returns: [T]`
 ///
-/// `cap` is c, a bound on each product of ratios, not on each ratio: with `None` it is the printed
-/// form, for which G̃ₜ = ρₜ (rₜ₊₁ + γ G̃ₜ₊₁). With a cap there is no recursion, and the sum takes
-/// O(T²). `scratch` is room that grows to the longest trajectory and stays.
+/// `cap` is c, the maximum of each product of ratios (not of each ratio). `None` is the form
+/// printed in the thesis, for which G̃ₜ = ρₜ (rₜ₊₁ + γ G̃ₜ₊₁). With a cap there is no such
+/// recursion, and the cost is O(T²). `scratch` is a buffer that grows to the longest trajectory.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -54,7 +53,7 @@ pub fn per_decision(
 /// Ordinary importance sampling (thesis Eq. 11): ρ_{t:T−1} Gₜ.   `ratios`, `rewards`: `[T]` →
 /// `returns: [T]`
 ///
-/// `cap` bounds the product of ratios from above.
+/// `cap` is the maximum of the product of ratios.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -73,7 +72,7 @@ pub fn ordinary(
     }
 }
 
-/// TD(0)'s target (thesis Eq. 2, 14, 19): rₜ₊₁ + γ v(sₜ₊₁), `v(s_T)` = 0.   `rewards`, `values`:
+/// Targets of TD(0) (thesis Eq. 2, 14, 19): rₜ₊₁ + γ v(sₜ₊₁), `v(s_T)` = 0.   `rewards`, `values`:
 /// `[T]` → `targets: [T]`
 ///
 /// # Panics
@@ -86,8 +85,8 @@ pub fn temporal_difference(rewards: &[f32], values: &[f32], discount: f32, targe
         .for_each(|(target, value)| *target += value);
 }
 
-/// λ-return (Schulman et al. 2016): v(sₜ) + Aₜ with the [advantage](advantage::gae) of the same λ.
-/// `rewards`, `values`: `[T]` → `targets: [T]`
+/// λ-returns (Schulman et al. 2016): v(sₜ) + Aₜ with the [advantages](advantage::gae) of the same
+/// λ. `rewards`, `values`: `[T]` → `targets: [T]`
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -99,20 +98,20 @@ pub fn lambda(rewards: &[f32], values: &[f32], discount: f32, lambda: f32, targe
         .for_each(|(target, value)| *target += value);
 }
 
-/// How far V-trace trusts ratios (Espeholt et al. 2018, Eq. 1).
+/// Truncation of importance ratios in V-trace (Espeholt et al. 2018, Eq. 1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truncation {
-    /// ρ̄, a bound on the ratio that weighs a TD error: it decides what is learned.
+    /// Maximum ρ̄ of the ratio that weights a TD error; it affects the fixed point of learning.
     pub ratio: f32,
-    /// c̄, a bound on the ratios of a trace: it decides how fast.
+    /// Maximum c̄ of the ratios of a trace; it affects the speed of learning.
     pub trace: f32,
-    /// λ
+    /// Trace parameter λ.
     pub lambda: f32,
 }
 
-/// V-trace (Espeholt et al. 2018, Remark 1): vsₜ = v(sₜ) + Δₜ with Δₜ = min(ρ̄, ρₜ) δₜ + γ λ
-/// min(c̄, ρₜ) Δₜ₊₁. Where all ρ are 1 and no bound is below 1 it is the [λ-return](lambda).
-/// `rewards`, `values`, `ratios`: `[T]` → `targets: [T]`
+/// Targets of V-trace (Espeholt et al. 2018, Remark 1): vsₜ = v(sₜ) + Δₜ with Δₜ = min(ρ̄, ρₜ) δₜ +
+/// γ λ min(c̄, ρₜ) Δₜ₊₁. If all ρ are 1 and no maximum is below 1, they are the
+/// [λ-returns](lambda). `rewards`, `values`, `ratios`: `[T]` → `targets: [T]`
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -150,14 +149,14 @@ fn per_decision_capped(
     padded: &mut Vec<f32>,
     returns: &mut [f32],
 ) {
-    let length = ratios.len() + TIMES;
+    let length = ratios.len() + BLOCK_STEPS;
     padded.clear();
     for column in [ratios, rewards] {
         padded.extend_from_slice(column);
-        padded.extend([0.0; TIMES]);
+        padded.extend([0.0; BLOCK_STEPS]);
     }
     let (ratios, rewards) = padded.split_at(length);
-    Arch::new().dispatch(Capped {
+    Arch::new().dispatch(CappedReturns {
         ratios,
         rewards,
         discount,
@@ -166,11 +165,12 @@ fn per_decision_capped(
     });
 }
 
-/// Times t that advance together.
-const TIMES: usize = 32;
+/// Number of steps t whose sums are computed together.
+const BLOCK_STEPS: usize = 32;
 
-/// `ratios`, `rewards`: `[T + TIMES]`, 0 from T on, so that no block of times is ragged.
-struct Capped<'a> {
+/// Returns with capped products of ratios.   `ratios`, `rewards`: `[T + BLOCK_STEPS]`, padded with
+/// 0 so that all blocks of steps have the same length
+struct CappedReturns<'a> {
     ratios: &'a [f32],
     rewards: &'a [f32],
     discount: f32,
@@ -178,22 +178,22 @@ struct Capped<'a> {
     returns: &'a mut [f32],
 }
 
-impl WithSimd for Capped<'_> {
+impl WithSimd for CappedReturns<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let steps = self.returns.len();
-        for (block, returns) in self.returns.chunks_mut(TIMES).enumerate() {
-            let from = block * TIMES;
-            let (ratios, rewards) = (&self.ratios[from..], &self.rewards[from..]);
+        for (block, returns) in self.returns.chunks_mut(BLOCK_STEPS).enumerate() {
+            let start = block * BLOCK_STEPS;
+            let (ratios, rewards) = (&self.ratios[start..], &self.rewards[start..]);
             let (mut products, mut sums, mut weight) =
-                ([1.0_f32; TIMES], [0.0_f32; TIMES], 1.0_f32);
-            // Lag by lag: after lag d, a product is Π_{j=t..t+d} ρⱼ.
+                ([1.0_f32; BLOCK_STEPS], [0.0_f32; BLOCK_STEPS], 1.0_f32);
+            // One iteration per lag d, after which a product is Π_{j=t..t+d} ρⱼ.
             for (ratios, rewards) in ratios
-                .windows(TIMES)
-                .zip(rewards.windows(TIMES))
-                .take(steps - from)
+                .windows(BLOCK_STEPS)
+                .zip(rewards.windows(BLOCK_STEPS))
+                .take(steps - start)
             {
                 for (((product, sum), ratio), reward) in
                     products.iter_mut().zip(&mut sums).zip(ratios).zip(rewards)
@@ -208,7 +208,7 @@ impl WithSimd for Capped<'_> {
     }
 }
 
-/// `f32::min` as one instruction; where `a` is no number it is `b` as well.
+/// The smaller number, compiled to one instruction. Returns `b` if `a` is NaN.
 #[inline(always)]
 fn lesser(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
@@ -255,11 +255,13 @@ mod tests {
         );
     }
 
-    /// The same with c = 1. Products from 0: 2, 1, 3 → 1, 1, 1: G̃₀ = 1 + ½·2 + ¼·4 = 3. From 1: ½,
-    /// 3/2 → ½, 1: G̃₁ = ½·2 + ½·4 = 3. From 2: 3 → 1: G̃₂ = 4. Capping each factor instead would
-    /// give G̃₀ = 1 + ½·½·2 + ¼·½·4 = 2.
+    /// The same with c = 1. Products from step 0 on are 2, 1, 3, capped to 1, 1, 1: G̃₀ = 1 + ½·2 +
+    /// ¼·4 =
+    /// 3. From step 1 on ½, 3/2, capped to ½, 1: G̃₁ = ½·2 + ½·4 = 3. From step 2 on 3, capped to
+    /// 1: G̃₂ =
+    /// 4. With capped ratios instead of products, G̃₀ would be 1 + ½·½·2 + ¼·½·4 = 2.
     #[test]
-    fn the_cap_is_on_products() {
+    fn products_of_ratios_are_capped() {
         assert_eq!(
             per_decision_of(&[2.0, 0.5, 3.0], &[1.0, 2.0, 4.0], 0.5, Some(1.0)),
             [3.0, 3.0, 4.0]
@@ -284,7 +286,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn on_policy_all_forms_are_the_plain_return(rewards in prop::collection::vec(-2.0_f32..2.0, 1..60)) {
+        fn on_policy_returns_are_discounted_returns(rewards in prop::collection::vec(-2.0_f32..2.0, 1..60)) {
             let ones = vec![1.0; rewards.len()];
             let mut plain = ones.clone();
             discounted(&rewards, 0.97, &mut plain);
@@ -294,37 +296,37 @@ mod tests {
             }
         }
 
-        /// The sum of the definition, in double precision.
+        /// Returns agree with the sum of the definition in double precision.
         #[test]
-        fn a_cap_bounds_every_product(
+        fn capped_returns_agree_with_the_definition(
             steps in prop::collection::vec((0.2_f32..3.0, -1.0_f32..1.0), 1..100), cap in 0.5_f32..3.0,
         ) {
             let (ratios, rewards): (Vec<f32>, Vec<f32>) = steps.into_iter().unzip();
-            let expected = |from: usize| -> f64 {
+            let expected = |start: usize| -> f64 {
                 let mut product = 1.0;
-                let terms = ratios.iter().zip(&rewards).skip(from).enumerate().map(|(lag, (ratio, reward))| {
+                let terms = ratios.iter().zip(&rewards).skip(start).enumerate().map(|(lag, (ratio, reward))| {
                     product *= f64::from(*ratio);
                     0.95_f64.powi(lag as i32) * product.min(f64::from(cap)) * f64::from(*reward)
                 });
                 terms.sum()
             };
-            for (from, value) in per_decision_of(&ratios, &rewards, 0.95, Some(cap)).into_iter().enumerate() {
-                prop_assert!((f64::from(value) - expected(from)).abs() < 1e-3, "{from}: {value} {}", expected(from));
+            for (start, value) in per_decision_of(&ratios, &rewards, 0.95, Some(cap)).into_iter().enumerate() {
+                prop_assert!((f64::from(value) - expected(start)).abs() < 1e-3, "{start}: {value} {}", expected(start));
             }
         }
 
         #[test]
-        fn a_cap_that_never_binds_changes_nothing(
+        fn a_large_cap_changes_nothing(
             steps in prop::collection::vec((0.2_f32..1.8, -1.0_f32..1.0), 1..20),
         ) {
             let (ratios, rewards): (Vec<f32>, Vec<f32>) = steps.into_iter().unzip();
-            let free = per_decision_of(&ratios, &rewards, 0.9, None);
+            let uncapped = per_decision_of(&ratios, &rewards, 0.9, None);
             let capped = per_decision_of(&ratios, &rewards, 0.9, Some(1e9));
-            prop_assert!(free.iter().zip(&capped).all(|(a, b)| (a - b).abs() < 1e-3 * (1.0 + a.abs())));
+            prop_assert!(uncapped.iter().zip(&capped).all(|(a, b)| (a - b).abs() < 1e-3 * (1.0 + a.abs())));
         }
     }
 
-    /// γ = ½, r = 1, 2, 4, v = 2, 4, 6 (δ = 1, 1, −2).
+    /// Targets for γ = ½, r = 1, 2, 4 and v = 2, 4, 6, for which δ = 1, 1, −2.
     fn target_of(estimate: impl Fn(&[f32], &[f32], &mut [f32])) -> [f32; 3] {
         let mut targets = [f32::NAN; 3];
         estimate(&[1.0, 2.0, 4.0], &[2.0, 4.0, 6.0], &mut targets);

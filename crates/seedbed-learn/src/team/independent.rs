@@ -1,17 +1,17 @@
-//! Agents that each have networks of their own.
+//! Teams of agents that each have their own networks.
 
-use super::{ActionRequest, AgentUpdate, Learner, Lesson, Team, TeamContext, Workers};
+use super::{ActionRequest, AgentUpdate, Learner, LearningRequest, Team, TeamContext, Workers};
 use crate::agent::{ActScratch, Agent, AgentContext, Tensor};
 use crate::experience::{Episode, Experience};
 
-/// A team of agents that each learn for themselves, from the team's shared episodes.
+/// A team of independent [`Agent`]s, which all learn from the team's shared episodes.
 pub struct IndependentLearners {
     agents: Vec<Box<dyn Agent>>,
     scratch: ActScratch,
 }
 
 impl IndependentLearners {
-    /// A team of these agents, agent k being the k-th.
+    /// A team of these agents, in the order of their numbers.
     #[must_use]
     pub fn new(agents: Vec<Box<dyn Agent>>) -> Self {
         Self {
@@ -20,7 +20,7 @@ impl IndependentLearners {
         }
     }
 
-    /// A team of as many agents as `context` says, each made by `build`.
+    /// A team with the number of agents in `context`, each built by `build`.
     pub fn build<A: Agent + 'static>(
         context: &TeamContext<'_>,
         build: impl Fn(&AgentContext<'_>) -> A,
@@ -39,35 +39,38 @@ impl Team for IndependentLearners {
 
     fn act(&mut self, request: &mut ActionRequest<'_>) {
         let count = self.agents.len();
-        let observed = request.observations.len() / count;
-        let acted = request.actions.len() / count;
+        let observation_width = request.observations.len() / count;
+        let action_width = request.actions.len() / count;
         for (index, agent) in self.agents.iter().enumerate() {
             if !request.playing[index] {
                 continue;
             }
+            let observation = index * observation_width..(index + 1) * observation_width;
+            let action = index * action_width..(index + 1) * action_width;
             agent.act(
-                &request.observations[index * observed..(index + 1) * observed],
+                &request.observations[observation],
                 &mut request.random[index],
                 &mut self.scratch,
-                &mut request.actions[index * acted..(index + 1) * acted],
-                &mut request.log_probs[index * acted..(index + 1) * acted],
+                &mut request.actions[action.clone()],
+                &mut request.log_probs[action],
             );
         }
     }
 
-    fn learn(&mut self, lesson: &Lesson<'_>, workers: Workers<'_>) -> Vec<AgentUpdate> {
-        let mut remaining = lesson.learners.iter().peekable();
-        let mut learning: Vec<(&mut Box<dyn Agent>, &Learner)> = Vec::new();
+    fn learn(&mut self, request: &LearningRequest<'_>, workers: Workers<'_>) -> Vec<AgentUpdate> {
+        // Learners are in agent order, so one pass over the agents finds all of them.
+        let mut remaining = request.learners.iter().peekable();
+        let mut learning_agents: Vec<(&mut Box<dyn Agent>, &Learner)> = Vec::new();
         for (agent, number) in self.agents.iter_mut().zip(0..) {
             if let Some(learner) = remaining.next_if(|learner| learner.agent == number) {
-                learning.push((agent, learner));
+                learning_agents.push((agent, learner));
             }
         }
-        workers.map(learning, |(agent, learner)| AgentUpdate {
+        workers.map(learning_agents, |(agent, learner)| AgentUpdate {
             agent: learner.agent,
             update: agent.update(&Experience {
-                fresh: &lesson.kept[learner.first_fresh..],
-                kept: lesson.kept,
+                fresh: &request.kept[learner.first_fresh..],
+                kept: request.kept,
                 round: learner.round,
             }),
             is_finite: agent.is_finite(),
@@ -82,14 +85,14 @@ impl Team for IndependentLearners {
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let mut all = Vec::new();
+        let mut tensors = Vec::new();
         for (number, agent) in self.agents.iter().enumerate() {
-            all.extend(agent.tensors().into_iter().map(|tensor| Tensor {
+            tensors.extend(agent.tensors().into_iter().map(|tensor| Tensor {
                 name: format!("agent_{number}.{}", tensor.name),
                 ..tensor
             }));
         }
-        all
+        tensors
     }
 
     fn save(&self) -> Vec<u8> {
@@ -102,7 +105,7 @@ impl Team for IndependentLearners {
         let count = self.agents.len();
         if saved.len() != count {
             return Err(format!(
-                "stored for {} agents, not for {count}",
+                "the checkpoint has {} agents; expected {count}",
                 saved.len()
             ));
         }

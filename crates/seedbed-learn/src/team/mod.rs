@@ -1,9 +1,9 @@
-//! Teams: K agents that act at once, each in its own copy of one environment, and learn from what
-//! all of them experienced.
+//! Teams: K agents that act concurrently, each in its own copy of an environment, and learn from
+//! shared experience.
 //!
-//! [`Team`] is all that a training loop sees. [`IndependentLearners`] makes a team of K
-//! [`Agent`](crate::agent::Agent)s that each have networks of their own; learners that share models
-//! implement the trait themselves. [`Workers`] is where work is done that may be done at once.
+//! [`Team`] is the interface for training loops. [`IndependentLearners`] is a team of K
+//! [`Agent`](crate::agent::Agent)s with their own networks; learners that share models implement
+//! the trait themselves. [`Workers`] are the threads that a team may use.
 
 mod independent;
 mod workers;
@@ -16,42 +16,43 @@ use seedbed_env::random::Stream;
 pub use independent::IndependentLearners;
 pub use workers::Workers;
 
-/// K agents that act at once and learn from shared experience.
+/// K agents that act concurrently and learn from shared experience.
 ///
-/// A round goes: [`begin_round`](Self::begin_round); for every step of the environments one
-/// [`act`](Self::act), one [`add_transition`](Self::add_transition) per playing agent and one
-/// [`end_step`](Self::end_step); then [`learn`](Self::learn). A round that is only evaluated
-/// has neither of the last three. The bits must not depend on the number of [`Workers`].
+/// In each round, a training loop calls [`begin_round`](Self::begin_round); then for every step
+/// [`act`](Self::act), [`add_transition`](Self::add_transition) once per playing agent, and
+/// [`end_step`](Self::end_step); and finally [`learn`](Self::learn). To evaluate a team, it calls
+/// [`begin_round`](Self::begin_round) and [`act`](Self::act) only. Results must not depend on the
+/// number of [`Workers`], to the bit.
 pub trait Team: Send {
     /// Number of agents K.
     fn agent_count(&self) -> usize;
 
-    /// A round is about to be played.
+    /// Prepares for a round, which is played next.
     fn begin_round(&mut self, _round: u32) {}
 
-    /// Every agent that plays chooses its next action.
+    /// Chooses the next action of every agent that plays.
     fn act(&mut self, request: &mut ActionRequest<'_>);
 
-    /// Takes in the newest transition of an agent's episode, for teams that learn from single
+    /// Adds the last transition of an agent's episode, for teams that learn from single
     /// transitions. Called in agent order.
     fn add_transition(&mut self, _episode: &Episode) {}
 
-    /// Every agent that plays has made a step. Teams that learn in the middle of episodes
+    /// Called after every step of the environments. Teams that learn during episodes
     /// ([`LearningTiming::EverySteps`]) do so here.
     fn end_step(&mut self, _workers: Workers<'_>) {}
 
-    /// The agents of `lesson.learners` learn; returns one update per learner, in their order.
-    fn learn(&mut self, lesson: &Lesson<'_>, workers: Workers<'_>) -> Vec<AgentUpdate>;
+    /// Lets the agents of `request.learners` learn; returns one update per learner, in the same
+    /// order.
+    fn learn(&mut self, request: &LearningRequest<'_>, workers: Workers<'_>) -> Vec<AgentUpdate>;
 
-    /// Bonuses that each of the team's models of curiosity would give to at most
-    /// [`PROBE_STEPS`](crate::agent::PROBE_STEPS) steps of an episode: one list per model; lists
-    /// are empty without curiosity.
+    /// Unscaled bonuses of at most [`PROBE_STEPS`](crate::agent::PROBE_STEPS) steps of an episode:
+    /// one list per bonus model of the team. Lists are empty without a bonus.
     fn probe_bonuses(&mut self, _episode: &Episode, _round: u32) -> Vec<Vec<f32>> {
         Vec::new()
     }
 
-    /// The parameters of all networks, named `agent_3.policy.layer_0.weight` and the like; those of
-    /// models that agents share, `model_3.…`.
+    /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; names of
+    /// models that several agents share begin with `model_3.` instead.
     fn tensors(&self) -> Vec<Tensor<'_>>;
 
     /// Everything that learning changed, as bytes.
@@ -64,50 +65,51 @@ pub trait Team: Send {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
 }
 
-/// What agents see in one step, and where their actions go. Rows are by agent.
+/// The observations of one step, and buffers for the actions. There is one row per agent.
 #[derive(Debug)]
 pub struct ActionRequest<'a> {
-    /// `[K × observation width]`
+    /// Observations of all agents: `[K × observation width]`.
     pub observations: &'a [f32],
-    /// Whether each agent plays; rows of the others are ignored: `[K]`.
+    /// Whether each agent plays; rows of other agents are ignored: `[K]`.
     pub playing: &'a [bool],
-    /// The stream from which each agent draws its actions: `[K]`.
+    /// Random streams from which the agents draw their actions: `[K]`.
     pub random: &'a mut [Stream],
-    /// Filled for agents that play; a discrete action is the index of its value.
-    /// `[K × action width]`
+    /// Actions of agents that play, to be written; a discrete action is the index of its value:
+    /// `[K × action width]`.
     pub actions: &'a mut [f32],
-    /// log π of each component of the actions, filled for agents that play: `[K × action width]`.
+    /// Log-probability of each component of the actions, to be written: `[K × action width]`.
     pub log_probs: &'a mut [f32],
 }
 
-/// Who learns now, and from what.
+/// The agents that learn next, and the episodes that they learn from.
 #[derive(Clone, Copy, Debug)]
-pub struct Lesson<'a> {
-    /// The newest episodes of the team that are kept.
+pub struct LearningRequest<'a> {
+    /// All episodes of the team that are still in the buffer.
     pub kept: &'a [Episode],
-    /// In agent order.
+    /// The agents that learn, in agent order.
     pub learners: &'a [Learner],
 }
 
-/// An agent that is about to learn.
+/// An agent that learns next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Learner {
     /// The agent's number, from 0.
     pub agent: u32,
-    /// Index into [`Lesson::kept`] of the first episode that this agent has not learned from.
+    /// Index in [`LearningRequest::kept`] of the first episode that this agent has not learned
+    /// from.
     pub first_fresh: usize,
-    /// How often it has learned before.
+    /// Number of its earlier updates.
     pub round: u32,
 }
 
-/// The result of learning for one agent.
+/// The update of one agent of a team.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AgentUpdate {
     /// The agent's number, from 0.
     pub agent: u32,
-    /// What it learned.
+    /// The result of the update.
     pub update: Update,
-    /// Whether all numbers that it has learned are finite.
+    /// Whether all learned parameters are finite.
     pub is_finite: bool,
 }
 
@@ -116,27 +118,28 @@ pub struct AgentUpdate {
 pub struct TeamContext<'a> {
     /// The run seed.
     pub run_seed: u64,
-    /// How many agents, and how they differ.
+    /// The number of agents, and how they differ from each other.
     pub config: &'a TeamConfig,
     /// The task.
     pub spec: &'a Spec,
     /// When the team learns.
     pub timing: LearningTiming,
-    /// Whether [`Update::advantages`] are wanted. What is learned is the same.
+    /// Whether updates return [advantages](crate::experience::StepData::advantages). Must not
+    /// change what is learned.
     pub record_advantages: bool,
 }
 
 /// When a team learns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LearningTiming {
-    /// When episodes have ended.
+    /// After episodes have ended.
     AfterEpisodes,
-    /// After this many steps of each agent, in the middle of episodes.
+    /// Each time after this number of steps of each agent, during episodes.
     EverySteps(u32),
 }
 
 impl<'a> TeamContext<'a> {
-    /// What agent number `agent` is built from.
+    /// The context of agent number `agent`.
     #[must_use]
     pub fn agent(&self, agent: u32) -> AgentContext<'a> {
         AgentContext {

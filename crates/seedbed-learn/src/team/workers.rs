@@ -1,25 +1,25 @@
-//! Where work is done that may be done at once.
+//! Threads for parallel work.
 
 use rayon::prelude::*;
 
-/// The caller's thread alone, or a pool of threads. Results are in the order of the items and must
-/// not depend on which it is.
+/// The threads that a team may use: the current thread only, or a pool. Results are in the order of
+/// the items and must not depend on the number of threads.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Workers<'a> {
     pool: Option<&'a rayon::ThreadPool>,
 }
 
 impl<'a> Workers<'a> {
-    /// The caller's thread alone.
-    pub const CALLER: Workers<'static> = Workers { pool: None };
+    /// The current thread only.
+    pub const CURRENT_THREAD: Workers<'static> = Workers { pool: None };
 
-    /// The threads of `pool`, or the caller's alone if there is none.
+    /// The threads of `pool`, or the current thread only if there is none.
     #[must_use]
     pub fn new(pool: Option<&'a rayon::ThreadPool>) -> Self {
         Self { pool }
     }
 
-    /// Does `work` on every item.
+    /// Applies `work` to every item.
     pub fn for_each<T: Send>(self, items: &mut [T], work: impl Fn(&mut T) + Send + Sync) {
         match self.pool {
             Some(pool) if items.len() > 1 => pool.install(|| items.par_iter_mut().for_each(work)),

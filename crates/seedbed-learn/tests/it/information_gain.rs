@@ -89,7 +89,7 @@ fn gains(
     );
     let mut found = Vec::new();
     let visit = |by_mean: &[f32], by_deviation: &[f32]| {
-        found.push(form(&network.posterior().deviation, by_mean, by_deviation))
+        found.push(form(&network.posterior().deviation, by_mean, by_deviation));
     };
     let data = (&data.inputs[..], &data.targets[..]);
     network.likelihood().expected_gradients(
@@ -161,7 +161,7 @@ fn the_explicit_step_agrees_as_it_shrinks() {
     );
     let difference = |draws: usize, step: f32| {
         let exact =
-            |d: &[f32], m: &[f32], s: &[f32]| information_gain::of_explicit_step(d, m, s, step);
+            |d: &[f32], m: &[f32], s: &[f32]| information_gain::explicit_step(d, m, s, step);
         let [exact, second] = [
             gains(&network, &data, draws, exact),
             gains(&network, &data, draws, second_order(step)),

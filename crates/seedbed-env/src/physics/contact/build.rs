@@ -148,8 +148,7 @@ fn collider(surface: &description::Collider, com: Vector) -> Collider {
         .build()
 }
 
-/// Each joint to the world gets a fixed body of its own, so that trees of bodies do not depend on
-/// each other.
+/// Each joint to the world gets its own fixed body, so that trees of bodies are independent.
 fn insert_link(
     index: usize,
     link: &TreeLink,

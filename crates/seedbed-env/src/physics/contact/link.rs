@@ -302,7 +302,7 @@ impl ControlInput {
             Drive::Nothing => {}
             Drive::JointForce(joint) => template.links[joint].push(value, bodies),
             Drive::Servo(servo) => {
-                template.links[servo.joint].set_target(servo.target, value, joints)
+                template.links[servo.joint].set_target(servo.target, value, joints);
             }
             Drive::BodyForce {
                 body,

@@ -201,7 +201,7 @@ impl World {
         }
     }
 
-    /// Whether both joint the same bodies.
+    /// Whether both have the same bodies and joints.
     pub(super) fn same_shape(&self, other: &Self) -> bool {
         self.world.bodies.len() == other.world.bodies.len()
             && self.world.colliders.len() == other.world.colliders.len()

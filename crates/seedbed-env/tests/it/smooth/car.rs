@@ -81,7 +81,7 @@ fn a_rolling_car_keeps_its_energy() {
     for physics in [Physics::Rapier, Physics::Analytic] {
         let (mut all, from) = (Vec::new(), f64::from(-0.9_f32));
         drive(physics, from, &|_, _| 0.0, &mut |state| {
-            all.push(energy(state))
+            all.push(energy(state));
         });
         let before = energy([from, 0.0]);
         assert!(
@@ -111,7 +111,7 @@ fn only_a_run_down_from_the_goal_is_faster_than_gyms_clip() {
         let mut state = [from, 0.0];
         let mut fastest = 0.0_f64;
         while state[0] > -1.2 - 1e-9 && state[0] < 0.45 && fastest - state[1].abs() < 0.02 {
-            state = car.next(state, push * 0.0015 - 0.0025 * (3.0 * state[0]).cos());
+            state = car.next_state(state, push * 0.0015 - 0.0025 * (3.0 * state[0]).cos());
             fastest = fastest.max(state[1].abs());
         }
         fastest

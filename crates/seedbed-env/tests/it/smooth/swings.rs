@@ -122,7 +122,7 @@ fn the_acrobots_equations_are_gyms() {
             / (0.25 + 1.0 - d2 * d2 / d1);
         let first = -(d2 * second + phi1) / d1;
         let [alpha, beta] = equations.accelerations(
-            equations.physical(&[theta1, theta2, rate1, rate2]),
+            equations.state_of_joints(&[theta1, theta2, rate1, rate2]),
             [0.0, torque],
         );
         assert!(
@@ -177,7 +177,7 @@ fn free_swings_keep_their_energy() {
     let acrobot = task("acrobot");
     let equations = Acrobot::of(&acrobot).unwrap();
     let change = energy_change(&acrobot, &[1.5, 0.5, 0.0, 0.0], 100, &|state| {
-        equations.energy(equations.physical(state))
+        equations.energy(equations.state_of_joints(state))
     });
     assert!(change < 0.3, "acrobot: {change} J of 1, of a swing of 20");
     for name in [

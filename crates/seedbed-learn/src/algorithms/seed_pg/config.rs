@@ -1,11 +1,10 @@
-//! The configuration of Seed-PG: what can be chosen, the defaults, and which choices contradict
-//! each other.
+//! The configuration of Seed-PG: parameters, defaults, and checks that parameters fit together.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::SeedPgAgent;
-use crate::agent::curiosity::Bonus;
+use crate::agent::bonus::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
@@ -16,7 +15,8 @@ use seedbed_env::input::numbers::{
 };
 use seedbed_env::input::{Located, ValidationError};
 
-/// The configuration of Seed-PG. The defaults are those of §5 of the thesis where it states them.
+/// Seed-PG: policy gradients from shared trajectories, with one fixed seed per agent. Defaults are
+/// those of §5 of the thesis where it states them.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SeedPg {
@@ -26,15 +26,15 @@ pub struct SeedPg {
     pub policy_data: Data,
     /// How many of the other agents' trajectories an agent learns from.
     pub sharing: Sharing,
-    /// Target of the value function.
+    /// Target that the value function is trained towards.
     pub value_target: Located<ValueTarget>,
-    /// Estimate of advantages.
+    /// How advantages are estimated.
     pub advantage: Located<AdvantageEstimate>,
-    /// Whether advantages are standardized.
+    /// Over which samples advantages are standardized, if at all.
     pub standardise: Standardization,
-    /// Loss of the policy.
+    /// Loss function of the policy.
     pub policy_loss: Located<PolicyLoss>,
-    /// Weight of the policy's entropy, nats, in its loss.
+    /// Weight of the policy's entropy (nats) in its loss.
     pub entropy_bonus: NonNegative,
     /// How targets of the value function are normalized.
     pub returns: ReturnNormalisation,
@@ -42,21 +42,21 @@ pub struct SeedPg {
     pub discount: Fraction,
     /// Whether the time limit counts as the end of an episode.
     pub time_limit: TimeLimit,
-    /// How observations enter the networks.
+    /// How observations are scaled for the networks.
     pub observations: ObservationScaling,
-    /// How actions are chosen.
+    /// How actions are chosen from the policy's distribution.
     pub actions: Located<ActionSelection>,
-    /// Numbers of units of the hidden layers, the same for both networks.
+    /// Number of units of each hidden layer, the same for both networks.
     pub hidden: Located<Vec<Count<4096>>>,
-    /// Number of passes over the data of a round.
+    /// Number of passes over the trajectories of a round.
     pub epochs: Count<10_000>,
-    /// What one gradient step is computed from.
+    /// Samples that one gradient step is computed from.
     pub minibatch: Minibatch,
-    /// Maximal norm of each network's gradient.
+    /// Maximal Euclidean norm of each network's gradient; `None`: no maximum.
     pub gradient_clip: Option<Positive>,
     /// How both step sizes change from round to round.
     pub step_size_schedule: StepSizeSchedule,
-    /// Weight λ of the pull of both networks back to their initial parameters θ̂ and φ̂.
+    /// Weight λ of the regularization of both networks towards their initial parameters θ̂ and φ̂.
     pub regularisation: NonNegative,
     /// Initial standard deviation of continuous actions, as a share of half their range.
     pub initial_deviation: Positive,
@@ -68,52 +68,53 @@ pub struct SeedPg {
     pub policy_optimiser: AdamSettings,
     /// The value function's optimizer.
     pub value_optimiser: AdamSettings,
-    /// Bonus that is added to rewards.
+    /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
     pub bonus: Located<Bonus>,
 }
 
-/// Whose trajectories are learned from.
+/// Whose trajectories a network learns from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum Data {
-    /// Those of the whole team.
+    /// The trajectories of the whole team.
     Shared,
-    /// The agent's own.
+    /// The agent's own trajectories.
     Own,
 }
 
-/// How many of the others' trajectories a round brings.
+/// How many of the other agents' trajectories an agent learns from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Sharing {
-    /// Every one: an agent's work grows with the team.
+    /// All of them: the cost of an agent's update grows with the size of the team.
     All,
-    /// A few drawn at random, again for each agent and round: an agent's work is the same in any
-    /// team.
+    /// A random sample, drawn again for each agent and round: the cost of an agent's update does
+    /// not depend on the size of the team.
     Sampled {
-        /// How many, besides the agent's own.
+        /// Number of trajectories in addition to the agent's own.
         trajectories: Count,
     },
 }
 
-/// What the value function is regressed on.
+/// Target that the value function is trained towards.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ValueTarget {
     /// The return of the trajectory (thesis Eq. 1), importance-sampled (Eq. 11, 12, 13, 17, 18).
     MonteCarlo {
-        /// Which ratios weigh which rewards.
+        /// Which importance ratios weight each reward.
         #[serde(default)]
         importance: Importance,
-        /// Cap of each product of ratios; `None` as the thesis prints it.
+        /// Maximal product of importance ratios; `None`: no maximum, as printed in the thesis.
         #[serde(default = "default_cap")]
         ratio_product_cap: Option<Positive>,
     },
-    /// rₜ₊₁ + γ v(sₜ₊₁) (thesis Eq. 2), the error weighed by ρₜ (Eq. 14, 19).
+    /// One-step temporal difference rₜ₊₁ + γ v(sₜ₊₁) (thesis Eq. 2), with errors weighted by ρₜ
+    /// (Eq. 14, 19).
     Td {
-        /// Whether ρₜ weighs the error.
+        /// Whether ρₜ weights the error: `PerDecision` or `Off`.
         #[serde(default)]
         importance: Importance,
-        /// Cap of the weight; `None` as the thesis prints it.
+        /// Maximal weight; `None`: no maximum, as printed in the thesis.
         #[serde(default = "default_cap")]
         ratio_cap: Option<Positive>,
     },
@@ -127,45 +128,45 @@ pub enum ValueTarget {
     VTrace(VTrace),
 }
 
-/// The numbers of V-trace.
+/// Parameters of V-trace.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VTrace {
     /// Trace parameter λ.
     pub lambda: Fraction,
-    /// Cap ρ̄ of importance ratios.
+    /// Maximal importance ratio ρ̄.
     pub ratio_cap: Positive,
-    /// Cap c̄ of traces.
+    /// Maximal trace coefficient c̄.
     pub trace_cap: Positive,
 }
 
-/// Which ratios weigh which rewards.
+/// Which importance ratios weight each reward.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum Importance {
-    /// Those up to the reward (thesis Eq. 12, 18).
+    /// The ratios of all actions up to the reward (thesis Eq. 12, 18).
     #[default]
     PerDecision,
-    /// Those of the whole rest of the trajectory (thesis Eq. 11).
+    /// The ratios of all actions to the end of the trajectory (thesis Eq. 11).
     Ordinary,
-    /// None: the trajectory counts as the agent's own (thesis Eq. 1, 2).
+    /// None: every trajectory is treated as the agent's own (thesis Eq. 1, 2).
     Off,
 }
 
-/// How much better than expected an action was.
+/// Estimate of how much better than expected an action was.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum AdvantageEstimate {
-    /// A return minus a baseline. The return is that of a `MonteCarlo` value target, or else the
-    /// per-decision return with each product of ratios bounded by 1.
+    /// Return minus baseline. With `value_target: MonteCarlo` it is the return of the value target,
+    /// otherwise the per-decision return with products of ratios of at most 1.
     MonteCarlo {
-        /// How often the ratio of the action itself counts.
+        /// How often the importance ratio of the action itself is applied.
         #[serde(default)]
         importance: RatioCount,
-        /// What is subtracted (thesis §1.5.1).
+        /// Baseline that is subtracted from the return (thesis §1.5.1).
         #[serde(default)]
         baseline: Baseline,
     },
-    /// The sum of TD errors to the end of a segment (thesis Eq. 6).
+    /// Sum of TD errors to the end of a segment (thesis Eq. 6).
     NStep {
         /// Number of steps Λ of a segment.
         segment: Count,
@@ -176,42 +177,42 @@ pub enum AdvantageEstimate {
         #[serde(default = "default_lambda")]
         lambda: Fraction,
     },
-    /// The same with traces cut by min(1, ρ) (Munos et al. 2016).
+    /// Generalized advantage estimation with traces cut by min(1, ρ) (Munos et al. 2016).
     Retrace {
         /// Trace parameter λ.
         #[serde(default = "default_lambda")]
         lambda: Fraction,
     },
-    /// r + γ vs' − v with V-trace's targets vs (Espeholt et al. 2018).
+    /// rₜ₊₁ + γ vsₜ₊₁ − v(sₜ) with the targets vs of V-trace (Espeholt et al. 2018).
     VTrace(VTrace),
 }
 
-/// How often the ratio of the action itself counts in the policy's loss.
+/// How often the importance ratio of the action itself is applied in the policy's loss.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum RatioCount {
     /// Once, in the loss: A = rₜ₊₁ + `z_{k,t+1}` + γ G̃ₜ₊₁ − v(sₜ).
     #[default]
     Single,
-    /// In the loss and in the return, as printed: A = G̃ₜ − v(sₜ).
+    /// Twice, in the loss and in the return, as printed in the thesis: A = G̃ₜ − v(sₜ).
     Double,
 }
 
-/// What is subtracted from a return (thesis §1.5.1).
+/// Baseline that is subtracted from a return (thesis §1.5.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum Baseline {
-    /// v(sₜ).
+    /// The value function v(sₜ).
     #[default]
     Value,
     /// The mean return over the trajectory.
     Mean,
-    /// Nothing: REINFORCE in its plain form.
+    /// None: REINFORCE in its basic form.
     Off,
 }
 
-/// Over what advantages are brought to mean 0 and deviation 1.
+/// Samples over which advantages are standardized to mean 0 and standard deviation 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum Standardization {
-    /// They stay as they are.
+    /// No standardization.
     Off,
     /// Over each trajectory.
     PerTrajectory,
@@ -219,37 +220,38 @@ pub enum Standardization {
     PerMinibatch,
 }
 
-/// Loss of the policy.
+/// Loss function of the policy.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum PolicyLoss {
-    /// −min(ρA, clip(ρ, 1−ε, 1+ε) A) (thesis Eq. 8, 16, 21, 23).
+    /// Proximal policy optimization −min(ρA, clip(ρ, 1−ε, 1+ε) A) (thesis Eq. 8, 16, 21, 23).
     Ppo {
         /// Clipping range ε.
         #[serde(default = "default_clip")]
         clip: NonNegative,
-        /// What is clipped where an action has several components.
+        /// Which ratio is clipped if an action has several components.
         #[serde(default)]
         clipping: Clipping,
     },
-    /// −log π A (thesis Eq. 7, 20). Sound on the agent's own newest episodes only.
+    /// Simple policy gradient −log π A (thesis Eq. 7, 20). Correct only on the agent's own newest
+    /// episodes.
     SimplePg,
-    /// −ρ log π A, ρ held constant (thesis Eq. 15, 22).
+    /// Off-policy actor-critic −ρ log π A with constant ρ (thesis Eq. 15, 22).
     OffPac {
-        /// Cap of ρ; `None` as the thesis prints it.
+        /// Maximal ρ; `None`: no maximum, as printed in the thesis.
         #[serde(default)]
         ratio_cap: Option<Positive>,
     },
 }
 
-/// What is clipped where an action has several components.
+/// Which ratio is clipped if an action has several components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum Clipping {
     /// The ratio of the whole action.
     #[default]
     Joint,
-    /// The ratio of each component, the losses being summed (Han & Sung 2019, the thesis's
-    /// reference 16).
+    /// The ratio of each component; losses are summed (Han & Sung 2019, reference 16 of the
+    /// thesis).
     DimensionWise,
 }
 
@@ -257,47 +259,47 @@ pub enum Clipping {
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ReturnNormalisation {
-    /// By running moments (thesis Alg. 1).
+    /// By running moments: Pop-Art (thesis Alg. 1).
     PopArt {
         /// Step size β of the running moments per minibatch.
         #[serde(default = "default_beta")]
         beta: PositiveFraction,
     },
-    /// They are not normalized.
+    /// No normalization.
     Raw,
 }
 
-/// Whether a time limit counts as an end.
+/// Whether a time limit counts as the end of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum TimeLimit {
-    /// Yes: nothing follows the last step.
+    /// Yes: no rewards follow the last step.
     Ends,
-    /// No: the value of the last state stands for what would have followed.
+    /// No: the value of the last state is added for the rewards that would have followed.
     Bootstraps,
 }
 
-/// What one gradient step is computed from.
+/// Samples that one gradient step is computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Minibatch {
-    /// One trajectory, whose ratios, returns and advantages are computed afresh.
+    /// One trajectory, whose ratios, returns and advantages are computed just before the step.
     Trajectory,
-    /// So many steps drawn from all trajectories; returns and advantages are computed once an
-    /// epoch.
+    /// This number of steps, drawn from all trajectories; returns and advantages are computed once
+    /// per epoch.
     Steps(Count),
 }
 
-/// How step sizes change.
+/// How step sizes change from round to round.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum StepSizeSchedule {
-    /// They stay the same.
+    /// Step sizes are constant.
     Constant,
-    /// Linearly over the first rounds, then not any more.
+    /// Step sizes change linearly over the first rounds and are constant afterwards.
     Linear {
-        /// Number of rounds that the change takes.
+        /// Number of rounds during which step sizes change.
         rounds: Count,
-        /// Final step size, as a share of the first.
+        /// Final step size, as a share of the initial one.
         to: NonNegative,
     },
 }
@@ -315,7 +317,7 @@ impl AlgorithmConfig for SeedPg {
         if self.hidden.is_empty() {
             return Err(self
                 .hidden
-                .error("names no layer; expected at least one, such as `hidden: [32, 32]`"));
+                .error("has no layer; expected at least one, such as `hidden: [32, 32]`"));
         }
         Ok(())
     }
@@ -329,8 +331,8 @@ impl AlgorithmConfig for SeedPg {
             )),
             ScheduleKind::Asynchronous if self.bonus.is_shared() => {
                 Err(ScheduleError::Parameter(self.bonus.error(
-                    "a shared model is the same for all agents only where all learn at the same \
-                     time; expected `schedule: Synchronous(…)`, or `model: Independent`",
+                    "a shared model requires that all agents learn at the same time; expected \
+                     `schedule: Synchronous(…)`, or `model: Independent`",
                 )))
             }
             ScheduleKind::Asynchronous | ScheduleKind::Synchronous => Ok(()),
@@ -354,24 +356,24 @@ impl AlgorithmConfig for SeedPg {
             Data::Shared => f64::from(agents),
             Data::Own => 1.0,
         };
-        let curiosity = if self.bonus.largest().is_some() {
+        let cost_of_bonus = if self.bonus.largest().is_some() {
             20.0
         } else {
             0.0
         };
-        f64::from(self.epochs.get()) * sources + curiosity
+        f64::from(self.epochs.get()) * sources + cost_of_bonus
     }
 }
 
 impl SeedPg {
     fn check_policy_loss(&self) -> Result<(), ValidationError> {
-        let newest_own = self.policy_data == Data::Own
+        let is_on_policy = self.policy_data == Data::Own
             && self.epochs.get() == 1
             && self.minibatch == Minibatch::Trajectory;
-        if *self.policy_loss == PolicyLoss::SimplePg && !newest_own {
+        if *self.policy_loss == PolicyLoss::SimplePg && !is_on_policy {
             return Err(self.policy_loss.error(
-                "`SimplePg` is sound only with `policy_data: Own`, `epochs: 1` and `minibatch: Trajectory`: it does not weigh samples by \
-                 how likely the policy is to act so",
+                "`SimplePg` is correct only with `policy_data: Own`, `epochs: 1` and \
+                 `minibatch: Trajectory`, because it has no importance ratios",
             ));
         }
         Ok(())
@@ -391,7 +393,8 @@ impl SeedPg {
                 },
                 Data::Shared,
             ) => error(
-                "`importance: Off` takes trajectories as the agent's own; expected `PerDecision`, or `value_data: Own`",
+                "`importance: Off` treats all trajectories as the agent's own; expected \
+                 `PerDecision`, or `value_data: Own`",
             ),
             (
                 ValueTarget::Td {
@@ -399,9 +402,12 @@ impl SeedPg {
                     ..
                 },
                 _,
-            ) => error("one step has one ratio; expected `importance: PerDecision` or `Off`"),
+            ) => error(
+                "a single step has a single ratio; expected `importance: PerDecision` or `Off`",
+            ),
             (ValueTarget::Gae { .. }, Data::Shared) => error(
-                "`Gae` takes trajectories as the agent's own; expected `VTrace`, which is the same there, or `value_data: Own`",
+                "`Gae` treats all trajectories as the agent's own; expected `VTrace`, which gives the \
+                 same targets on own trajectories, or `value_data: Own`",
             ),
             _ => Ok(()),
         }
@@ -409,7 +415,7 @@ impl SeedPg {
 
     fn check_advantage(&self) -> Result<(), ValidationError> {
         let error = |message: &str| Err(self.advantage.error(message));
-        let unweighed = matches!(
+        let is_unweighted = matches!(
             *self.value_target,
             ValueTarget::MonteCarlo {
                 importance: Importance::Off,
@@ -418,20 +424,23 @@ impl SeedPg {
         );
         match (*self.advantage, self.policy_data) {
             (AdvantageEstimate::Gae { .. }, Data::Shared) => error(
-                "`Gae` takes trajectories as the agent's own; expected `Retrace`, which is the same there, or `policy_data: Own`",
+                "`Gae` treats all trajectories as the agent's own; expected `Retrace`, which gives the \
+                 same advantages on own trajectories, or `policy_data: Own`",
             ),
             (AdvantageEstimate::NStep { segment }, Data::Shared) if segment.get() > 1 => error(
-                "`NStep` takes trajectories as the agent's own; expected `segment: 1`, `Retrace`, or `policy_data: Own`",
+                "`NStep` treats all trajectories as the agent's own; expected `segment: 1`, `Retrace`, \
+                 or `policy_data: Own`",
             ),
-            (AdvantageEstimate::MonteCarlo { .. }, Data::Shared) if unweighed => error(
-                "takes the value target's return, which is `importance: Off`; expected `PerDecision` there, or `policy_data: Own`",
+            (AdvantageEstimate::MonteCarlo { .. }, Data::Shared) if is_unweighted => error(
+                "uses the return of `value_target`, which has `importance: Off`; expected \
+                 `PerDecision` there, or `policy_data: Own`",
             ),
             _ => Ok(()),
         }
     }
 
     fn check_actions(&self) -> Result<(), ValidationError> {
-        let plain_target = matches!(
+        let is_unweighted_target = matches!(
             *self.value_target,
             ValueTarget::MonteCarlo {
                 importance: Importance::Off,
@@ -442,11 +451,11 @@ impl SeedPg {
             } | ValueTarget::Gae { .. }
         );
         if *self.actions == ActionSelection::Greedy
-            && !(plain_target && *self.policy_loss == PolicyLoss::SimplePg)
+            && !(is_unweighted_target && *self.policy_loss == PolicyLoss::SimplePg)
         {
             return Err(self.actions.error(
-                "greedy actions have no likelihood to weigh samples by; expected `Sampled` or `Tempered`, or `policy_loss: SimplePg` with \
-                 an unweighed `value_target`",
+                "greedy actions have no importance ratios; expected `Sampled` or `Tempered`, or \
+                 `policy_loss: SimplePg` with a `value_target` without importance ratios",
             ));
         }
         Ok(())
@@ -510,14 +519,14 @@ impl Default for VTrace {
 }
 
 impl StepSizeSchedule {
-    /// The factor on step sizes in `round`.
+    /// Factor on step sizes in a round.
     #[must_use]
     pub fn factor(self, round: u32) -> f64 {
         match self {
             Self::Constant => 1.0,
             Self::Linear { rounds, to } => {
-                let done = (f64::from(round) / f64::from(rounds.get())).min(1.0);
-                1.0 + done * (to.get() - 1.0)
+                let progress = (f64::from(round) / f64::from(rounds.get())).min(1.0);
+                1.0 + progress * (to.get() - 1.0)
             }
         }
     }
@@ -525,7 +534,7 @@ impl StepSizeSchedule {
 
 #[expect(
     clippy::unnecessary_wraps,
-    reason = "serde wants the default in the field's own type"
+    reason = "serde requires a default of the field's type"
 )]
 fn default_cap() -> Option<Positive> {
     Some(known(1.0))

@@ -1,25 +1,25 @@
-//! Which formula estimates what: value targets and advantages of one trajectory, as the
-//! configuration chooses them.
+//! Value targets and advantages of one trajectory, by the formulas that the configuration chooses.
 
 use super::config::{AdvantageEstimate, Baseline, Importance, RatioCount, VTrace, ValueTarget};
 use crate::rl::returns::Truncation;
 use crate::rl::{advantage, returns};
 use seedbed_env::input::numbers::Positive;
 
-/// One trajectory as an agent sees it: `[T]` each.
+/// One trajectory as the learning agent evaluates it: `[T]` each.
 #[derive(Clone, Copy)]
 pub(super) struct Trajectory<'a> {
-    /// rₜ₊₁ + `z_{k,t+1}`, the last one with what would follow a time limit.
+    /// Perturbed rewards rₜ₊₁ + `z_{k,t+1}`; the last one includes the value of the last state if a
+    /// time limit bootstraps.
     pub(super) rewards: &'a [f32],
-    /// `π_k(aₜ|sₜ)` / μ(aₜ|sₜ)
+    /// Importance ratios `π_k(aₜ|sₜ)` / μ(aₜ|sₜ).
     pub(super) ratios: &'a [f32],
-    /// v(sₜ)
+    /// Values v(sₜ).
     pub(super) values: &'a [f32],
-    /// γ
+    /// Discount factor γ.
     pub(super) discount: f32,
 }
 
-/// Columns that estimates need on the way.
+/// Intermediate results of estimates.
 #[derive(Default)]
 pub(super) struct Scratch {
     products: Vec<f32>,
@@ -27,11 +27,11 @@ pub(super) struct Scratch {
     baseline: Vec<f32>,
 }
 
-/// A product of ratios is bounded by this where no value target says otherwise.
-const DEFAULT_CAP: Option<f32> = Some(1.0);
+/// Maximal product of ratios of returns that are not those of the value target.
+const DEFAULT_PRODUCT_CAP: Option<f32> = Some(1.0);
 
 impl Trajectory<'_> {
-    /// What the value function is regressed on, and how much each step counts: `[T]` both.
+    /// Targets of the value function, and weights of their errors: `[T]` both.
     pub(super) fn value_targets(
         &self,
         choice: ValueTarget,
@@ -63,28 +63,18 @@ impl Trajectory<'_> {
                 returns::temporal_difference(rewards, values, discount, targets);
                 if importance != Importance::Off {
                     let cap = ratio_cap.map_or(f32::INFINITY, Positive::get_f32);
-                    weights
-                        .iter_mut()
-                        .zip(ratios)
-                        .for_each(|(weight, ratio)| *weight = ratio.min(cap));
+                    weights.clear();
+                    weights.extend(ratios.iter().map(|ratio| ratio.min(cap)));
                 }
             }
             ValueTarget::Gae { lambda } => {
-                returns::lambda(rewards, values, discount, lambda.get_f32(), targets)
+                returns::lambda(rewards, values, discount, lambda.get_f32(), targets);
             }
-            ValueTarget::VTrace(v_trace) => returns::v_trace(
-                rewards,
-                values,
-                ratios,
-                discount,
-                truncation(v_trace),
-                targets,
-            ),
+            ValueTarget::VTrace(v_trace) => self.v_trace_targets(v_trace, targets),
         }
     }
 
-    /// How much better than expected each action was: `[T]`. `targets` are those of the value
-    /// function.
+    /// Advantages of the actions: `[T]`. `targets` are those of the value function.
     pub(super) fn advantages(
         &self,
         choice: AdvantageEstimate,
@@ -105,69 +95,72 @@ impl Trajectory<'_> {
                 importance,
                 baseline,
             } => {
-                let Scratch {
-                    products,
-                    returns,
-                    baseline: column,
-                } = scratch;
-                let of_trajectory = if let ValueTarget::MonteCarlo { .. } = value_target {
-                    targets
-                } else {
-                    returns.resize(rewards.len(), 0.0);
-                    self.returns(Importance::PerDecision, DEFAULT_CAP, products, returns);
-                    returns
-                };
-                self.baseline(baseline, of_trajectory, column);
-                match importance {
-                    RatioCount::Single => advantage::monte_carlo_single(
-                        rewards,
-                        of_trajectory,
-                        column,
-                        discount,
-                        advantages,
-                    ),
-                    RatioCount::Double => {
-                        advantage::monte_carlo_double(of_trajectory, column, advantages)
-                    }
-                }
+                let value_targets = matches!(value_target, ValueTarget::MonteCarlo { .. });
+                let returns = value_targets.then_some(targets);
+                self.monte_carlo_advantages(importance, baseline, returns, scratch, advantages);
             }
             AdvantageEstimate::NStep { segment } => {
-                advantage::n_step(
-                    rewards,
-                    values,
-                    discount,
-                    segment.get() as usize,
-                    advantages,
-                );
+                let steps = segment.get() as usize;
+                advantage::n_step(rewards, values, discount, steps, advantages);
             }
             AdvantageEstimate::Gae { lambda } => {
-                advantage::gae(rewards, values, discount, lambda.get_f32(), advantages)
+                advantage::gae(rewards, values, discount, lambda.get_f32(), advantages);
             }
             AdvantageEstimate::Retrace { lambda } => {
-                advantage::retrace(
-                    rewards,
-                    values,
-                    ratios,
-                    discount,
-                    lambda.get_f32(),
-                    advantages,
-                );
+                let lambda = lambda.get_f32();
+                advantage::retrace(rewards, values, ratios, discount, lambda, advantages);
             }
             AdvantageEstimate::VTrace(v_trace) => {
-                scratch.returns.resize(rewards.len(), 0.0);
-                returns::v_trace(
-                    rewards,
-                    values,
-                    ratios,
-                    discount,
-                    truncation(v_trace),
-                    &mut scratch.returns,
-                );
+                self.v_trace_targets(v_trace, &mut scratch.returns);
                 advantage::v_trace(rewards, &scratch.returns, values, discount, advantages);
             }
         }
     }
 
+    /// Returns minus a baseline. `returns` are those of the value target, or none to compute
+    /// per-decision returns.
+    fn monte_carlo_advantages(
+        &self,
+        importance: RatioCount,
+        baseline: Baseline,
+        returns: Option<&[f32]>,
+        scratch: &mut Scratch,
+        advantages: &mut [f32],
+    ) {
+        let Scratch {
+            products,
+            returns: own_returns,
+            baseline: baselines,
+        } = scratch;
+        let returns = returns.unwrap_or_else(|| {
+            own_returns.resize(self.rewards.len(), 0.0);
+            let cap = DEFAULT_PRODUCT_CAP;
+            self.returns(Importance::PerDecision, cap, products, own_returns);
+            own_returns
+        });
+        self.baselines(baseline, returns, baselines);
+        match importance {
+            RatioCount::Single => {
+                let (rewards, discount) = (self.rewards, self.discount);
+                advantage::monte_carlo_single(rewards, returns, baselines, discount, advantages);
+            }
+            RatioCount::Double => advantage::monte_carlo_double(returns, baselines, advantages),
+        }
+    }
+
+    fn v_trace_targets(&self, v_trace: VTrace, targets: &mut Vec<f32>) {
+        targets.resize(self.rewards.len(), 0.0);
+        returns::v_trace(
+            self.rewards,
+            self.values,
+            self.ratios,
+            self.discount,
+            truncation(v_trace),
+            targets,
+        );
+    }
+
+    /// Weighted or unweighted discounted returns: `[T]`. `cap` is the maximal product of ratios.
     fn returns(
         &self,
         importance: Importance,
@@ -187,18 +180,19 @@ impl Trajectory<'_> {
                 );
             }
             Importance::Ordinary => {
-                returns::ordinary(self.ratios, self.rewards, self.discount, cap, returns)
+                returns::ordinary(self.ratios, self.rewards, self.discount, cap, returns);
             }
             Importance::Off => returns::discounted(self.rewards, self.discount, returns),
         }
     }
 
-    fn baseline(&self, baseline: Baseline, returns: &[f32], column: &mut Vec<f32>) {
-        column.clear();
+    /// The baseline of each step: `[T]`.
+    fn baselines(&self, baseline: Baseline, returns: &[f32], baselines: &mut Vec<f32>) {
+        baselines.clear();
         match baseline {
-            Baseline::Value => column.extend_from_slice(self.values),
-            Baseline::Mean => advantage::mean_baseline(returns, column),
-            Baseline::Off => column.resize(returns.len(), 0.0),
+            Baseline::Value => baselines.extend_from_slice(self.values),
+            Baseline::Mean => advantage::mean_baseline(returns, baselines),
+            Baseline::Off => baselines.resize(returns.len(), 0.0),
         }
     }
 }
@@ -249,7 +243,7 @@ mod tests {
         }
     }
 
-    /// Eq. 12 uncapped: 6, 4, 12; products bounded by 1: 3, 3, 4; Eq. 11: 3·3, 1.5·4, 3·4; Eq. 1:
+    /// Eq. 12 uncapped: 6, 4, 12; products capped at 1: 3, 3, 4; Eq. 11: 3·3, 1.5·4, 3·4; Eq. 1:
     /// 3, 4, 4.
     #[test]
     fn value_targets_by_hand() {
@@ -271,55 +265,61 @@ mod tests {
         );
     }
 
-    /// TD: r + ½v' = 3, 5, 4, the error weighed by ρ, by min(1, ρ), or not.
+    /// TD: r + ½v' = 3, 5, 4, with errors weighted by ρ, by min(1, ρ), or not.
     #[test]
-    fn temporal_difference_errors_are_weighed() {
-        let weighed = |importance, cap: Option<f64>| {
+    fn temporal_difference_errors_are_weighted() {
+        let td_targets = |importance, cap: Option<f64>| {
             targets(ValueTarget::Td {
                 importance,
                 ratio_cap: cap.map(known),
             })
         };
         assert_eq!(
-            weighed(Importance::PerDecision, None),
+            td_targets(Importance::PerDecision, None),
             (vec![3.0, 5.0, 4.0], vec![2.0, 0.5, 3.0])
         );
         assert_eq!(
-            weighed(Importance::PerDecision, Some(1.0)).1,
+            td_targets(Importance::PerDecision, Some(1.0)).1,
             [1.0, 0.5, 1.0]
         );
-        assert_eq!(weighed(Importance::Off, None).1, [1.0; 3]);
+        assert_eq!(td_targets(Importance::Off, None).1, [1.0; 3]);
     }
 
-    /// With G = 3, 4, 4: Single is r + ½G' − b = 3, 4, 4 − b as well, Double the same here; b = v,
-    /// the mean 11/3, or 0.
+    /// With G = 3, 4, 4, both `Single` (r + ½G' − b) and `Double` (G − b) are 3, 4, 4 minus the
+    /// baseline b, which is v, the mean 11/3, or 0.
     #[test]
     fn monte_carlo_advantages_by_hand() {
-        let plain = monte_carlo(Importance::Off, None);
-        let of = |importance, baseline| {
+        let unweighted = monte_carlo(Importance::Off, None);
+        let advantages_of = |importance, baseline| {
             advantages(
                 AdvantageEstimate::MonteCarlo {
                     importance,
                     baseline,
                 },
-                plain,
+                unweighted,
             )
         };
-        assert_eq!(of(RatioCount::Single, Baseline::Value), [1.0, 0.0, -2.0]);
-        assert_eq!(of(RatioCount::Double, Baseline::Off), [3.0, 4.0, 4.0]);
-        let centred = of(RatioCount::Single, Baseline::Mean);
+        assert_eq!(
+            advantages_of(RatioCount::Single, Baseline::Value),
+            [1.0, 0.0, -2.0]
+        );
+        assert_eq!(
+            advantages_of(RatioCount::Double, Baseline::Off),
+            [3.0, 4.0, 4.0]
+        );
+        let centered = advantages_of(RatioCount::Single, Baseline::Mean);
         assert!(
-            centred
+            centered
                 .iter()
                 .zip([-2.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0])
                 .all(|(a, b)| (a - b).abs() < 1e-6)
         );
     }
 
-    /// Without a Monte-Carlo target the return is the capped per-decision one, 3, 3, 4: Single
-    /// gives 1 + ½·3, 2 + ½·4, 4.
+    /// Without a Monte-Carlo value target, returns are per-decision returns with products of ratios
+    /// capped at 1: 3, 3, 4. `Single` gives 1 + ½·3, 2 + ½·4, 4.
     #[test]
-    fn a_monte_carlo_advantage_has_its_own_return() {
+    fn monte_carlo_advantages_do_not_need_monte_carlo_targets() {
         let td = ValueTarget::Td {
             importance: Importance::PerDecision,
             ratio_cap: None,

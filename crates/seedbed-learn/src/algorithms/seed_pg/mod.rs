@@ -1,12 +1,12 @@
 //! Seed-PG: K policies learn from shared experience, each with its own fixed seed (thesis §3.4).
 //!
-//! Each agent k has its own policy `π_k` and value function `v_k`. A trajectory of agent i is
-//! weighed by ρₜ = `π_k(aₜ|sₜ)` / `π_i(aₜ|sₜ)`, and its rewards are perturbed by k's seeds: rₜ₊₁ +
-//! `z_{k,t+1}`, with t the step within the episode.
+//! Each agent k has its own policy `π_k` and value function `v_k`. Steps of a trajectory of agent i
+//! are weighted by ρₜ = `π_k(aₜ|sₜ)` / `π_i(aₜ|sₜ)`, and its rewards are perturbed by the seeds of
+//! agent k: rₜ₊₁ + `z_{k,t+1}`, where t is the step within the episode.
 //!
-//! [`config`] says what can be chosen: with own data and no seeds the same agent is REINFORCE, the
-//! simple policy gradient (§1.5), Off-PAC (§3.3.1), or PPO as others know it. `estimates` joins a
-//! choice to its formula in [`rl`](crate::rl).
+//! [`config`] has the parameters: with own data and no seeds the same agent is REINFORCE, the
+//! simple policy gradient (§1.5), Off-PAC (§3.3.1), or standard PPO. `estimates` calls the formulas
+//! in [`rl`](crate::rl) that the parameters select.
 
 pub mod config;
 mod estimates;
@@ -25,12 +25,12 @@ use self::config::{
 use self::estimates::{Scratch, Trajectory};
 use self::samples::Samples;
 use self::totals::Totals;
-use crate::agent::curiosity::Curiosity;
+use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, Learned, Network};
 use crate::agent::policy::{self, Policy};
 use crate::agent::scaling::Scaling;
 use crate::agent::{ActScratch, Agent, AgentContext, Tensor, Update};
-use crate::experience::{Episode, Experience};
+use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Mlp, PopArt, Standardizer};
 use crate::rl::advantage;
 use crate::rl::policy_loss::{self, Surrogate};
@@ -44,43 +44,45 @@ pub struct SeedPgAgent {
     config: SeedPg,
     run_seed: u64,
     agent: u32,
-    /// `z_{k,1} … z_{k,T}`
+    /// Reward seeds `z_{k,1} … z_{k,T}`, with T the time limit.
     reward_seeds: Vec<f32>,
     scaling: Scaling,
     policy: Policy,
     value: Network,
     normalizer: PopArt,
-    curiosity: Option<Curiosity>,
-    /// Of the latest update, where they are wanted: see [`Update::advantages`].
-    recorded_advantages: Option<Vec<f32>>,
+    bonus_model: Option<BonusModel>,
+    /// Whether updates return [advantages](StepData::advantages).
+    record_advantages: bool,
     work: Workspace,
 }
 
-/// Room that is reused from one trajectory to the next.
+/// Buffers that are reused from one trajectory to the next.
 #[derive(Default)]
 struct Workspace {
-    /// Episodes to learn from.
+    /// Indices of the fresh episodes to learn from.
     order: Vec<usize>,
-    /// Bonuses of the steps of each fresh episode; none without curiosity.
+    /// Bonuses of the steps of each fresh episode; empty without a bonus.
     bonuses: Vec<Vec<f32>>,
-    /// What the next gradient step sees.
+    /// Samples of the next gradient step.
     samples: Samples,
-    /// What minibatches are drawn from, for the policy and for the value function.
+    /// All samples of the policy, from which minibatches of steps are drawn.
     policy_pool: Samples,
+    /// All samples of the value function.
     value_pool: Samples,
+    /// Order in which samples of a pool are drawn.
     rows: Vec<usize>,
-    /// log π of the components of `samples`' actions: `[N × C]`
+    /// log π of each component of the actions of `samples`: `[N × C]`.
     log_probs: Vec<f32>,
-    /// Of whole actions: `[N]`
+    /// Importance ratios of the actions of `samples`: `[N]`.
     ratios: Vec<f32>,
-    /// Perturbed: `[T]`
+    /// Perturbed rewards: `[T]`.
     rewards: Vec<f32>,
-    /// v of `samples`' states: `[N]`
+    /// Values of the states of `samples`: `[N]`.
     values: Vec<f32>,
     estimates: Scratch,
-    /// The state after the last step, as the networks see it.
+    /// Scaled observation after the last step.
     last_state: Vec<f32>,
-    /// `[N × C]`
+    /// ∂loss/∂log π of each component of the actions of `samples`: `[N × C]`.
     slopes: Vec<f32>,
     value_gradient: Vec<f32>,
 }
@@ -92,72 +94,36 @@ struct Saved<L, S> {
     value: L,
     normalizer: PopArt,
     observations: Option<S>,
-    curiosity: Option<Vec<u8>>,
+    bonus_model: Option<Vec<u8>>,
 }
 
 impl SeedPgAgent {
-    /// An agent at its seed.
+    /// An agent that has not learned yet.
     #[must_use]
-    pub fn new(config: &SeedPg, member: &AgentContext<'_>) -> Self {
-        let &AgentContext {
-            run_seed,
-            agent,
-            team,
-            spec,
-            record_advantages,
-        } = member;
-        let hidden: Vec<usize> = config
-            .hidden
-            .iter()
-            .map(|units| units.get() as usize)
-            .collect();
-        let policy_shape = policy::shape(spec, &hidden);
-        let value_sizes: Vec<usize> = [spec.observation_width()]
-            .into_iter()
-            .chain(hidden)
-            .chain([1])
-            .collect();
-        let value_shape = Mlp::new(&value_sizes);
-        let mut seed = Seed::draw(
-            run_seed,
-            agent,
-            team.seeds,
-            team.initial,
-            (&policy_shape, &value_shape),
-            spec.time_limit,
-        );
-        scale_output_layer(
-            &policy_shape,
-            &mut seed.policy,
-            config.policy_scale.get_f32(),
-        );
-        scale_output_layer(&value_shape, &mut seed.value, config.value_scale.get_f32());
-        let policy = Network::new(policy_shape, seed.policy, config.policy_optimiser);
+    pub fn new(config: &SeedPg, context: &AgentContext<'_>) -> Self {
+        let spec = context.spec;
+        let (policy, value, reward_seeds) = seeded_networks(config, context);
+        let initial_deviation = config.initial_deviation.get_f32();
         Self {
-            run_seed,
-            agent,
-            reward_seeds: seed.reward,
+            run_seed: context.run_seed,
+            agent: context.agent,
+            reward_seeds,
             scaling: Scaling::new(config.observations, spec),
-            policy: Policy::new(
-                spec,
-                policy,
-                *config.actions,
-                config.initial_deviation.get_f32(),
-            ),
-            value: Network::new(value_shape, seed.value, config.value_optimiser),
+            policy: Policy::new(spec, policy, *config.actions, initial_deviation),
+            value,
             normalizer: match config.returns {
                 ReturnNormalisation::PopArt { beta } => PopArt::new(beta.get()),
                 ReturnNormalisation::Raw => PopArt::identity(),
             },
-            curiosity: Curiosity::new(&config.bonus, member),
-            recorded_advantages: record_advantages.then(Vec::new),
+            bonus_model: BonusModel::new(&config.bonus, context),
+            record_advantages: context.record_advantages,
             config: config.clone(),
             work: Workspace::default(),
         }
     }
 
-    /// The fresh episodes that this agent learns from, by their place: its own, and those of others
-    /// that reach it.
+    /// Chooses the fresh episodes that this agent learns from: its own, and those that others share
+    /// with it.
     fn choose_episodes(&mut self, fresh: &[Episode], random: &mut Stream) {
         let Self {
             agent,
@@ -178,32 +144,42 @@ impl SeedPgAgent {
                 work.order.extend(
                     index::sample(random, others.len(), count)
                         .into_iter()
-                        .map(|place| others[place]),
+                        .map(|position| others[position]),
                 );
             }
         }
         work.order.sort_unstable();
     }
 
-    /// Notes what the agent takes the advantages of its own steps for. Estimates draw nothing and
-    /// leave only what the next one replaces, so that learning continues to the same bits.
-    fn record_own_advantages(&mut self, fresh: &[Episode]) {
-        let Some(mut recorded_advantages) = self.recorded_advantages.take() else {
-            return;
-        };
-        recorded_advantages.clear();
-        for index in 0..self.work.order.len() {
-            let place = self.work.order[index];
-            if fresh[place].agent == self.agent {
-                self.estimate(&fresh[place], place);
-                recorded_advantages.extend(&self.work.samples.advantages);
-            }
+    /// Intrinsic rewards and, if they are recorded, advantages of the agent's own steps, before it
+    /// learns from them. Estimates draw no random numbers and change only what the next estimate
+    /// overwrites, so learning continues with the same bits.
+    fn own_step_data(&mut self, fresh: &[Episode]) -> Vec<StepData> {
+        let mut step_data = Vec::new();
+        if self.bonus_model.is_none() && !self.record_advantages {
+            return step_data;
         }
-        self.recorded_advantages = Some(recorded_advantages);
+        for position in 0..self.work.order.len() {
+            let index = self.work.order[position];
+            let episode = &fresh[index];
+            if episode.agent != self.agent {
+                continue;
+            }
+            let mut data = StepData::of(episode);
+            if let Some(bonuses) = self.work.bonuses.get(index) {
+                data.intrinsic_rewards.clone_from(bonuses);
+            }
+            if self.record_advantages {
+                self.estimate(episode, index);
+                data.advantages.clone_from(&self.work.samples.advantages);
+            }
+            step_data.push(data);
+        }
+        step_data
     }
 
-    /// Whether the value function and the policy learn from an episode.
-    fn learners(&self, episode: &Episode) -> [bool; 2] {
+    /// Whether the value function and whether the policy learn from an episode.
+    fn networks_that_learn_from(&self, episode: &Episode) -> [bool; 2] {
         let learns = |data| data == Data::Shared || episode.agent == self.agent;
         [
             learns(self.config.value_data),
@@ -211,16 +187,39 @@ impl SeedPgAgent {
         ]
     }
 
-    /// One trajectory is one minibatch: each network takes at most one step on it.
+    /// One pass over the chosen episodes.
+    fn learn_for_an_epoch(
+        &mut self,
+        fresh: &[Episode],
+        descent: &Descent,
+        random: &mut Stream,
+        totals: &mut Totals,
+    ) {
+        match self.config.minibatch {
+            Minibatch::Trajectory => {
+                let mut order = std::mem::take(&mut self.work.order);
+                order.shuffle(random);
+                for &index in &order {
+                    self.learn_from_trajectory(fresh, index, descent, totals);
+                }
+                self.work.order = order;
+            }
+            Minibatch::Steps(size) => {
+                self.learn_from_steps(fresh, size.get() as usize, descent, random, totals);
+            }
+        }
+    }
+
+    /// Learns from one trajectory as one minibatch: each network takes at most one step.
     fn learn_from_trajectory(
         &mut self,
         fresh: &[Episode],
-        place: usize,
+        index: usize,
         descent: &Descent,
         totals: &mut Totals,
     ) {
-        let [value_learns, policy_learns] = self.learners(&fresh[place]);
-        self.load_trajectory(&fresh[place], place);
+        let [value_learns, policy_learns] = self.networks_that_learn_from(&fresh[index]);
+        self.load_trajectory(&fresh[index], index);
         if value_learns {
             let (weight, bias) = self.value.output_layer();
             self.normalizer
@@ -234,7 +233,8 @@ impl SeedPgAgent {
         }
     }
 
-    /// Minibatches of `size` steps from all chosen trajectories; each network takes a step on each.
+    /// Learns from minibatches of `size` steps drawn from all chosen trajectories; each network
+    /// takes one step per minibatch.
     fn learn_from_steps(
         &mut self,
         fresh: &[Episode],
@@ -248,13 +248,13 @@ impl SeedPgAgent {
         self.normalizer
             .update(&self.work.value_pool.targets, weight, bias);
         let mut rows = std::mem::take(&mut self.work.rows);
-        shuffled(&mut rows, self.work.policy_pool.len(), random);
+        shuffle_rows(&mut rows, self.work.policy_pool.len(), random);
         for rows in rows.chunks(size) {
             self.work.samples.gather(&self.work.policy_pool, rows);
             self.compute_ratios();
             self.improve_policy(descent, totals);
         }
-        shuffled(&mut rows, self.work.value_pool.len(), random);
+        shuffle_rows(&mut rows, self.work.value_pool.len(), random);
         for rows in rows.chunks(size) {
             self.work.samples.gather(&self.work.value_pool, rows);
             self.estimate_values();
@@ -263,13 +263,14 @@ impl SeedPgAgent {
         self.work.rows = rows;
     }
 
+    /// Collects the samples of all chosen trajectories.
     fn fill_pools(&mut self, fresh: &[Episode]) {
         self.work.policy_pool.clear();
         self.work.value_pool.clear();
-        for index in 0..self.work.order.len() {
-            let place = self.work.order[index];
-            let [value_learns, policy_learns] = self.learners(&fresh[place]);
-            self.load_trajectory(&fresh[place], place);
+        for position in 0..self.work.order.len() {
+            let index = self.work.order[position];
+            let [value_learns, policy_learns] = self.networks_that_learn_from(&fresh[index]);
+            self.load_trajectory(&fresh[index], index);
             let Workspace {
                 samples,
                 policy_pool,
@@ -285,22 +286,22 @@ impl SeedPgAgent {
         }
     }
 
-    /// A trajectory becomes samples to learn from.
-    fn load_trajectory(&mut self, episode: &Episode, place: usize) {
-        self.estimate(episode, place);
+    /// Turns a trajectory into samples to learn from.
+    fn load_trajectory(&mut self, episode: &Episode, index: usize) {
+        self.estimate(episode, index);
         if self.config.standardise == Standardization::PerTrajectory {
             advantage::standardize(&mut self.work.samples.advantages);
         }
     }
 
-    /// A trajectory becomes samples: targets and advantages under the present policy and value
-    /// function. `place` is its index among the fresh ones.
-    fn estimate(&mut self, episode: &Episode, place: usize) {
+    /// Turns a trajectory into samples, with targets and advantages under the present policy and
+    /// value function.   `index`: that of the episode among the fresh ones
+    fn estimate(&mut self, episode: &Episode, index: usize) {
         let samples = &mut self.work.samples;
         self.scaling.apply(episode.states(), &mut samples.states);
         samples.actions.clone_from(&episode.actions);
-        samples.behaviour.clone_from(&episode.log_probs);
-        self.perturb_rewards(episode, place);
+        samples.behavior_log_probs.clone_from(&episode.log_probs);
+        self.perturb_rewards(episode, index);
         self.compute_ratios();
         self.estimate_values();
 
@@ -335,9 +336,9 @@ impl SeedPgAgent {
         );
     }
 
-    /// rₜ₊₁ + `z_{k,t+1}`, and the bonus if there is one; where a time limit is not an end, γ
-    /// v(`s_T`) is added to the last reward for all that would follow.
-    fn perturb_rewards(&mut self, episode: &Episode, place: usize) {
+    /// Sets the perturbed rewards rₜ₊₁ + `z_{k,t+1}`, plus bonuses. If the time limit bootstraps,
+    /// adds γ v(`s_T`) to the last reward for the rewards that would have followed.
+    fn perturb_rewards(&mut self, episode: &Episode, index: usize) {
         let Workspace {
             rewards,
             last_state,
@@ -352,7 +353,7 @@ impl SeedPgAgent {
                 .zip(&self.reward_seeds)
                 .map(|(reward, seed)| reward + seed),
         );
-        if let Some(bonuses) = bonuses.get(place) {
+        if let Some(bonuses) = bonuses.get(index) {
             rewards
                 .iter_mut()
                 .zip(bonuses)
@@ -369,7 +370,7 @@ impl SeedPgAgent {
         }
     }
 
-    /// ρₜ = `π_k(aₜ|sₜ)` / μ(aₜ|sₜ) of the samples at hand.
+    /// Computes ρₜ = `π_k(aₜ|sₜ)` / μ(aₜ|sₜ) of the present samples.
     fn compute_ratios(&mut self) {
         let Workspace {
             samples,
@@ -382,12 +383,12 @@ impl SeedPgAgent {
         let width = self.policy.components();
         let rows = log_probs
             .chunks_exact(width)
-            .zip(samples.behaviour.chunks_exact(width));
+            .zip(samples.behavior_log_probs.chunks_exact(width));
         ratios.clear();
-        ratios.extend(rows.map(|(ours, theirs)| ratio(ours, theirs)));
+        ratios.extend(rows.map(|(log_probs, behavior)| importance_ratio(log_probs, behavior)));
     }
 
-    /// v(sₜ) = σ Ŷₜ + μ of the samples at hand.
+    /// Computes v(sₜ) = σ Ŷₜ + μ of the present samples.
     fn estimate_values(&mut self) {
         let (deviation, mean) = (self.normalizer.deviation(), self.normalizer.mean());
         let normalized = self.value.forward(&self.work.samples.states);
@@ -397,7 +398,8 @@ impl SeedPgAgent {
             .extend(normalized.iter().map(|y| deviation.mul_add(*y, mean)));
     }
 
-    /// One step of the policy on the samples at hand, which it has just [weighed](Self::weigh).
+    /// One gradient step of the policy on the present samples, whose [ratios](Self::compute_ratios)
+    /// must have been computed.
     fn improve_policy(&mut self, descent: &Descent, totals: &mut Totals) {
         let work = &mut self.work;
         if self.config.standardise == Standardization::PerMinibatch {
@@ -408,24 +410,24 @@ impl SeedPgAgent {
         let rows = work
             .log_probs
             .chunks_exact(width)
-            .zip(samples.behaviour.chunks_exact(width));
+            .zip(samples.behavior_log_probs.chunks_exact(width));
         work.slopes.clear();
-        for ((ours, theirs), (&joint, &advantage)) in
+        for ((log_probs, behavior), (&ratio, &advantage)) in
             rows.zip(work.ratios.iter().zip(&samples.advantages))
         {
             surrogates(
                 *self.config.policy_loss,
-                (ours, theirs),
-                joint,
+                (log_probs, behavior),
+                ratio,
                 advantage,
                 |surrogate, components| {
                     work.slopes
                         .extend(std::iter::repeat_n(surrogate.slope, components));
-                    totals.surrogate(&surrogate, components);
+                    totals.add_surrogate(&surrogate, components);
                 },
             );
         }
-        totals.minibatch(&work.ratios, self.policy.mean_entropy());
+        totals.add_minibatch(&work.ratios, self.policy.mean_entropy());
         let entropy_bonus = self.config.entropy_bonus.get_f32();
         self.policy.descend(
             &samples.states,
@@ -436,8 +438,8 @@ impl SeedPgAgent {
         );
     }
 
-    /// Descends ½ mean wₜ (Ŷₜ − (Yₜ − μ)/σ)² on the samples at hand, whose values were just
-    /// [estimated](Self::estimate_values).
+    /// One gradient step on ½ mean wₜ (Ŷₜ − (Yₜ − μ)/σ)² of the present samples, whose
+    /// [values](Self::estimate_values) must have been computed.
     fn improve_value(&mut self, descent: &Descent, totals: &mut Totals) {
         let Workspace {
             samples,
@@ -452,7 +454,7 @@ impl SeedPgAgent {
         value_gradient.clear();
         for ((value, target), weight) in values.iter().zip(&samples.targets).zip(&samples.weights) {
             let error = (value - target) * scale;
-            totals.value_sample(error);
+            totals.add_value_error(error);
             value_gradient.push(share * weight * error);
         }
         self.value.descend(&samples.states, value_gradient, descent);
@@ -460,71 +462,96 @@ impl SeedPgAgent {
 
     fn descent(&self, round: u32) -> Descent {
         Descent {
-            regularisation: self.config.regularisation.get_f32(),
+            regularization: self.config.regularisation.get_f32(),
             gradient_clip: self.config.gradient_clip.map(Positive::get_f32),
             step_size_factor: self.config.step_size_schedule.factor(round),
         }
     }
 }
 
-/// The surrogate of a whole action, or one for each component; `take` is told how many components
-/// it stands for.
+/// The policy network and the value network with the agent's initial parameters, and the agent's
+/// reward seeds.
+fn seeded_networks(config: &SeedPg, context: &AgentContext<'_>) -> (Network, Network, Vec<f32>) {
+    let spec = context.spec;
+    let hidden = config.hidden.iter().map(|units| units.get() as usize);
+    let hidden: Vec<usize> = hidden.collect();
+    let policy_shape = policy::network_shape(spec, &hidden);
+    let mut value_sizes = vec![spec.observation_width()];
+    value_sizes.extend(hidden);
+    value_sizes.push(1);
+    let value_shape = Mlp::new(&value_sizes);
+    let mut seed = Seed::draw(
+        context.run_seed,
+        context.agent,
+        context.team.seeds,
+        context.team.initial,
+        (&policy_shape, &value_shape),
+        spec.time_limit,
+    );
+    let [policy_scale, value_scale] = [config.policy_scale, config.value_scale];
+    scale_output_layer(&policy_shape, &mut seed.policy, policy_scale.get_f32());
+    scale_output_layer(&value_shape, &mut seed.value, value_scale.get_f32());
+    (
+        Network::new(policy_shape, seed.policy, config.policy_optimiser),
+        Network::new(value_shape, seed.value, config.value_optimiser),
+        seed.reward,
+    )
+}
+
+/// Passes the surrogate loss of a whole action, or one per component, to `add` with the number of
+/// components that it covers.   `log_probs`, `behavior`: log π and log μ of each component;
+/// `ratio`, `advantage`: those of the whole action
 fn surrogates(
     loss: PolicyLoss,
-    (ours, theirs): (&[f32], &[f32]),
-    joint: f32,
+    (log_probs, behavior): (&[f32], &[f32]),
+    ratio: f32,
     advantage: f32,
-    mut take: impl FnMut(Surrogate, usize),
+    mut add: impl FnMut(Surrogate, usize),
 ) {
-    let width = ours.len();
+    let width = log_probs.len();
     match loss {
-        PolicyLoss::Ppo {
-            clip,
-            clipping: Clipping::Joint,
-        } => take(policy_loss::ppo(joint, advantage, clip.get_f32()), width),
-        PolicyLoss::Ppo {
-            clip,
-            clipping: Clipping::DimensionWise,
-        } => {
-            for (ours, theirs) in ours.chunks_exact(1).zip(theirs.chunks_exact(1)) {
-                take(
-                    policy_loss::ppo(ratio(ours, theirs), advantage, clip.get_f32()),
-                    1,
-                );
+        PolicyLoss::Ppo { clip, clipping } => {
+            let clip = clip.get_f32();
+            if clipping == Clipping::Joint {
+                add(policy_loss::ppo(ratio, advantage, clip), width);
+                return;
+            }
+            for (log_prob, behavior) in log_probs.chunks_exact(1).zip(behavior.chunks_exact(1)) {
+                let ratio = importance_ratio(log_prob, behavior);
+                add(policy_loss::ppo(ratio, advantage, clip), 1);
             }
         }
-        PolicyLoss::SimplePg => take(policy_loss::simple(ours.iter().sum(), advantage), width),
-        PolicyLoss::OffPac { ratio_cap } => {
-            take(
-                policy_loss::off_pac(
-                    ours.iter().sum(),
-                    joint,
-                    advantage,
-                    ratio_cap.map(Positive::get_f32),
-                ),
+        PolicyLoss::SimplePg => {
+            add(
+                policy_loss::simple(log_probs.iter().sum(), advantage),
                 width,
             );
+        }
+        PolicyLoss::OffPac { ratio_cap } => {
+            let cap = ratio_cap.map(Positive::get_f32);
+            let log_prob = log_probs.iter().sum();
+            add(policy_loss::off_pac(log_prob, ratio, advantage, cap), width);
         }
     }
 }
 
-/// π/μ of one action from the log-probabilities of its components, kept within e^±20.
-fn ratio(ours: &[f32], theirs: &[f32]) -> f32 {
-    let log_ratio: f32 = ours
+/// π/μ of one action from log π and log μ of its components, clamped to e^±20.
+fn importance_ratio(log_probs: &[f32], behavior: &[f32]) -> f32 {
+    let differences = log_probs
         .iter()
-        .zip(theirs)
-        .map(|(ours, theirs)| ours - theirs)
-        .sum();
-    log_ratio.clamp(-20.0, 20.0).exp()
+        .zip(behavior)
+        .map(|(log_pi, log_mu)| log_pi - log_mu);
+    differences.sum::<f32>().clamp(-20.0, 20.0).exp()
 }
 
-/// 0 … `count` − 1 in random order.
-fn shuffled(rows: &mut Vec<usize>, count: usize, random: &mut Stream) {
+/// Sets `rows` to 0 … `count` − 1 in random order.
+fn shuffle_rows(rows: &mut Vec<usize>, count: usize, random: &mut Stream) {
     rows.clear();
     rows.extend(0..count);
     rows.shuffle(random);
 }
 
+/// Multiplies the weights and biases of a network's output layer.
 fn scale_output_layer(shape: &Mlp, parameters: &mut [f32], scale: f32) {
     let (weight, bias) = shape.output_layer(parameters);
     weight
@@ -554,60 +581,39 @@ impl Agent for SeedPgAgent {
         let mut random = stream(self.run_seed, Purpose::Shuffle, self.agent, round);
         let (descent, mut totals) = (self.descent(round), Totals::default());
         self.choose_episodes(fresh, &mut random);
-        if let Some(curiosity) = &mut self.curiosity {
-            curiosity.reward(experience, &self.work.order, &mut self.work.bonuses);
-            totals.curiosity(
+        if let Some(bonus_model) = &mut self.bonus_model {
+            bonus_model.compute_bonuses(experience, &self.work.order, &mut self.work.bonuses);
+            totals.set_bonuses(
                 self.agent,
                 fresh,
                 &self.work.bonuses,
-                curiosity.learn(experience),
+                bonus_model.learn(experience),
             );
         }
-        self.record_own_advantages(fresh);
+        let step_data = self.own_step_data(fresh);
         for _ in 0..self.config.epochs.get() {
-            match self.config.minibatch {
-                Minibatch::Trajectory => {
-                    let mut order = std::mem::take(&mut self.work.order);
-                    order.shuffle(&mut random);
-                    for &index in &order {
-                        self.learn_from_trajectory(fresh, index, &descent, &mut totals);
-                    }
-                    self.work.order = order;
-                }
-                Minibatch::Steps(size) => {
-                    self.learn_from_steps(
-                        fresh,
-                        size.get() as usize,
-                        &descent,
-                        &mut random,
-                        &mut totals,
-                    );
-                }
-            }
+            self.learn_for_an_epoch(fresh, &descent, &mut random, &mut totals);
         }
-        self.work
-            .order
-            .iter()
-            .for_each(|&index| self.scaling.update(fresh[index].states()));
+        for &index in &self.work.order {
+            self.scaling.update(fresh[index].states());
+        }
         Update {
             report: totals.report(),
-            intrinsic_rewards: self
-                .curiosity
-                .as_ref()
-                .map_or_else(Vec::new, |curiosity| curiosity.own_bonuses().to_vec()),
-            advantages: self.recorded_advantages.clone().unwrap_or_default(),
+            step_data,
         }
     }
 
     fn probe_bonuses(&mut self, episode: &Episode, round: u32) -> Vec<f32> {
-        self.curiosity.as_mut().map_or_else(Vec::new, |curiosity| {
-            curiosity.probe_bonuses(episode, round)
-        })
+        self.bonus_model
+            .as_mut()
+            .map_or_else(Vec::new, |bonus_model| {
+                bonus_model.probe_bonuses(episode, round)
+            })
     }
 
     fn is_finite(&self) -> bool {
-        let curiosity = self.curiosity.as_ref().is_none_or(Curiosity::is_finite);
-        curiosity
+        let is_bonus_finite = self.bonus_model.as_ref().is_none_or(BonusModel::is_finite);
+        is_bonus_finite
             && self.policy.network().is_finite()
             && self.value.is_finite()
             && self.normalizer.is_finite()
@@ -633,18 +639,18 @@ impl Agent for SeedPgAgent {
 
     fn save(&self) -> Vec<u8> {
         let (policy, value) = (self.policy.network().learned(), self.value.learned());
-        let (observations, curiosity) = (
+        let (observations, bonus_model) = (
             self.scaling.learned(),
-            self.curiosity.as_ref().map(Curiosity::save),
+            self.bonus_model.as_ref().map(BonusModel::save),
         );
         let saved = Saved {
             policy,
             value,
             normalizer: self.normalizer,
             observations,
-            curiosity,
+            bonus_model,
         };
-        postcard::to_stdvec(&saved).expect("plain numbers always serialise")
+        postcard::to_stdvec(&saved).expect("plain numbers always serialize")
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
@@ -654,10 +660,10 @@ impl Agent for SeedPgAgent {
         self.value.restore(saved.value)?;
         self.scaling.restore(saved.observations)?;
         self.normalizer = saved.normalizer;
-        match (&mut self.curiosity, saved.curiosity) {
-            (Some(curiosity), Some(bytes)) => curiosity.restore(&bytes),
+        match (&mut self.bonus_model, saved.bonus_model) {
+            (Some(bonus_model), Some(bytes)) => bonus_model.restore(&bytes),
             (None, None) => Ok(()),
-            _ => Err("stored for a run with another `bonus`".to_owned()),
+            _ => Err("the checkpoint is of a run with another `bonus`".to_owned()),
         }
     }
 }

@@ -1,29 +1,29 @@
-//! Steps that are learned from: one trajectory's, those of many, or a minibatch drawn from them.
+//! Samples for gradient steps: the steps of one or several trajectories, or a minibatch of them.
 
-/// N steps, column by column.
+/// N steps, stored column by column.
 #[derive(Default)]
 pub(super) struct Samples {
-    /// What the networks see. `[N × observation width]`
+    /// Scaled observations, the inputs of the networks: `[N × observation width]`.
     pub(super) states: Vec<f32>,
-    /// `[N × C]`
+    /// Actions of C components each: `[N × C]`.
     pub(super) actions: Vec<f32>,
-    /// log μ of each component, under the policy that acted. `[N × C]`
-    pub(super) behaviour: Vec<f32>,
-    /// What the value function is regressed on. `[N]`
+    /// log μ of each component of the actions, where μ is the policy that acted: `[N × C]`.
+    pub(super) behavior_log_probs: Vec<f32>,
+    /// Targets of the value function: `[N]`.
     pub(super) targets: Vec<f32>,
-    /// How much each regression counts. `[N]`
+    /// Weights of the errors against the targets: `[N]`.
     pub(super) weights: Vec<f32>,
-    /// `[N]`
+    /// Advantages of the actions: `[N]`.
     pub(super) advantages: Vec<f32>,
 }
 
 impl Samples {
-    /// N
+    /// Number of steps N.
     pub(super) fn len(&self) -> usize {
         self.targets.len()
     }
 
-    /// C, the components of an action.
+    /// Number of components C of an action.
     pub(super) fn components(&self) -> usize {
         self.actions.len() / self.len().max(1)
     }
@@ -32,35 +32,35 @@ impl Samples {
         self.columns().into_iter().for_each(Vec::clear);
     }
 
-    /// Adds other samples after these.
+    /// Appends all steps of `other`.
     pub(super) fn append(&mut self, other: &Self) {
         for row in 0..other.len() {
             self.push_row(other, row);
         }
     }
 
-    /// Becomes the given rows of `from`.
-    pub(super) fn gather(&mut self, from: &Self, rows: &[usize]) {
+    /// Replaces the samples by the given rows of `source`.
+    pub(super) fn gather(&mut self, source: &Self, rows: &[usize]) {
         self.clear();
         for &row in rows {
-            self.push_row(from, row);
+            self.push_row(source, row);
         }
     }
 
-    fn push_row(&mut self, from: &Self, row: usize) {
-        let count = from.len();
-        let ours = self.columns();
-        let theirs = [
-            &from.states,
-            &from.actions,
-            &from.behaviour,
-            &from.targets,
-            &from.weights,
-            &from.advantages,
+    fn push_row(&mut self, source: &Self, row: usize) {
+        let count = source.len();
+        let columns = self.columns();
+        let source_columns = [
+            &source.states,
+            &source.actions,
+            &source.behavior_log_probs,
+            &source.targets,
+            &source.weights,
+            &source.advantages,
         ];
-        for (ours, theirs) in ours.into_iter().zip(theirs) {
-            let width = theirs.len() / count;
-            ours.extend_from_slice(&theirs[row * width..(row + 1) * width]);
+        for (column, source_column) in columns.into_iter().zip(source_columns) {
+            let width = source_column.len() / count;
+            column.extend_from_slice(&source_column[row * width..(row + 1) * width]);
         }
     }
 
@@ -68,12 +68,19 @@ impl Samples {
         let Self {
             states,
             actions,
-            behaviour,
+            behavior_log_probs,
             targets,
             weights,
             advantages,
         } = self;
-        [states, actions, behaviour, targets, weights, advantages]
+        [
+            states,
+            actions,
+            behavior_log_probs,
+            targets,
+            weights,
+            advantages,
+        ]
     }
 }
 
@@ -94,7 +101,7 @@ mod tests {
                 .flat_map(|&step| [f32::from(step), -f32::from(step)])
                 .collect(),
             actions: column(10.0),
-            behaviour: column(20.0),
+            behavior_log_probs: column(20.0),
             targets: column(30.0),
             weights: column(40.0),
             advantages: column(50.0),

@@ -49,7 +49,7 @@ fn agent(config: &SeedPg, number: u32, sigma: f64) -> SeedPgAgent {
     )
 }
 
-/// Six steps; every behaviour probability is a half.
+/// An episode of six steps, each with an action of probability ½ under the policy that acted.
 fn episode(agent: u32) -> Episode {
     let wave =
         |count: usize, phase: f32| (0..count).map(|i| (i as f32 * 0.9 + phase).sin()).collect();
@@ -87,10 +87,10 @@ fn parameters(agent: &SeedPgAgent) -> Vec<f32> {
         .collect()
 }
 
-/// G̃ of another agent's trajectory is that of its rewards plus one's own seeds, by the step within
-/// the episode (Eq. 18).
+/// Targets of another agent's trajectory are those of its rewards plus the learning agent's seeds,
+/// by the step within the episode (Eq. 18).
 #[test]
-fn ones_own_seeds_perturb_anybodys_rewards() {
+fn an_agent_s_seeds_perturb_the_rewards_of_all_agents() {
     let mut seeded = agent(&SeedPg::default(), 0, 0.5);
     let mut plain = agent(&SeedPg::default(), 0, 0.0);
     let mut shifted = episode(1);
@@ -115,7 +115,7 @@ fn ones_own_seeds_perturb_anybodys_rewards() {
 }
 
 #[test]
-fn ratios_are_those_of_the_two_policies() {
+fn ratios_compare_the_two_policies() {
     let mut learner = agent(&SeedPg::default(), 0, 0.0);
     learner.estimate(&episode(1), 0);
     let expected: Vec<f32> = learner
@@ -135,7 +135,7 @@ fn ratios_are_those_of_the_two_policies() {
 }
 
 #[test]
-fn own_data_ignores_the_others() {
+fn own_data_excludes_other_agents() {
     let own = SeedPg {
         value_data: Data::Own,
         policy_data: Data::Own,
@@ -151,9 +151,10 @@ fn own_data_ignores_the_others() {
     assert_ne!(parameters(&alone), parameters(&shared));
 }
 
-/// On-policy Seed-PG (§3.4.1): the value function learns from all, the policy from its own.
+/// On-policy Seed-PG (§3.4.1): the value function learns from all agents, the policy from its own
+/// episodes.
 #[test]
-fn value_data_and_policy_data_are_told_apart() {
+fn value_data_and_policy_data_are_independent() {
     let config = SeedPg {
         policy_data: Data::Own,
         ..SeedPg::default()
@@ -168,9 +169,9 @@ fn value_data_and_policy_data_are_told_apart() {
     assert_ne!(learner.value.parameters(), before.1);
 }
 
-/// A strong pull keeps parameters nearer to the seed than none does.
+/// With strong regularization parameters stay closer to the seed than without.
 #[test]
-fn the_regulariser_pulls_to_the_seed() {
+fn regularization_keeps_parameters_near_the_seed() {
     let distance = |regularisation| {
         let config = SeedPg {
             regularisation: known(regularisation),
@@ -195,9 +196,9 @@ fn the_regulariser_pulls_to_the_seed() {
     );
 }
 
-/// A policy whose first action is rewarded comes to prefer it.
+/// A policy learns to prefer action 0 if action 0 is rewarded.
 #[test]
-fn rewarded_actions_become_likelier() {
+fn rewarded_actions_become_more_likely() {
     let mut config = SeedPg::default();
     config.policy_optimiser.step_size = known(0.01);
     let mut learner = agent(&config, 0, 0.0);
@@ -212,20 +213,20 @@ fn rewarded_actions_become_likelier() {
     update_on(&mut learner, std::slice::from_ref(&rewarded), 0);
     learner.estimate(&rewarded, 0);
     for (step, action) in rewarded.actions.iter().enumerate() {
-        let gained = learner.work.log_probs[step] - before[step];
+        let change = learner.work.log_probs[step] - before[step];
         assert!(
             if *action == 0.0 {
-                gained > 0.0
+                change > 0.0
             } else {
-                gained < 0.0
+                change < 0.0
             },
-            "step {step}: {gained}"
+            "step {step}: {change}"
         );
     }
 }
 
 #[test]
-fn a_restored_agent_goes_on_to_the_same_bits() {
+fn a_restored_agent_continues_with_the_same_bits() {
     let (mut original, mut restored) = (
         agent(&SeedPg::default(), 0, 0.1),
         agent(&SeedPg::default(), 0, 0.1),
@@ -238,11 +239,11 @@ fn a_restored_agent_goes_on_to_the_same_bits() {
     assert!(restored.restore(&[1, 2, 3]).is_err());
 }
 
-/// γ is ½, and nothing is weighed, added or subtracted: rewards of 4, 2, 8 return 4 + ½ (2 + ½ 8) =
-/// 7, 2 + ½ 8 = 6 and 8; the agent's other episode of a single 1 returns 1. What others did is not
-/// recorded_advantages, and neither is what standardising makes of it.
+/// With γ = ½ and neither ratios, seeds nor a baseline, advantages are discounted returns: rewards
+/// of 4, 2, 8 give 4 + ½ (2 + ½ 8) = 7, 2 + ½ 8 = 6 and 8; the agent's other episode has the single
+/// reward 1. Other agents' episodes are not recorded, and advantages are not standardized.
 #[test]
-fn advantages_of_ones_own_steps_are_noted() {
+fn advantages_of_own_steps_are_recorded() {
     let config = SeedPg {
         value_data: Data::Own,
         policy_data: Data::Own,
@@ -267,7 +268,7 @@ fn advantages_of_ones_own_steps_are_noted() {
         rewards: rewards.to_vec(),
         ..episode(agent)
     };
-    let mut learner = noting(agent(&config, 1, 0.0));
+    let mut learner = with_recorded_advantages(agent(&config, 1, 0.0));
     let first = update_on(
         &mut learner,
         &[
@@ -278,15 +279,15 @@ fn advantages_of_ones_own_steps_are_noted() {
         ],
         0,
     );
-    assert_eq!(first.advantages, [7.0, 6.0, 8.0, 1.0]);
+    assert_eq!(advantages(&first), [7.0, 6.0, 8.0, 1.0]);
     let second = update_on(&mut learner, &[rewarded(1, &[5.0])], 1);
-    assert_eq!(second.advantages, [5.0]);
+    assert_eq!(advantages(&second), [5.0]);
 }
 
-/// Recorded advantages are what the agent estimated before it learned, and it learns the same as
-/// one that records nothing.
+/// Recorded advantages are those that the agent estimates before it learns, and recording them does
+/// not change what it learns.
 #[test]
-fn noting_advantages_changes_nothing() {
+fn recording_advantages_does_not_change_learning() {
     let variants = [
         SeedPg {
             sharing: Sharing::Sampled {
@@ -307,32 +308,42 @@ fn noting_advantages_changes_nothing() {
         },
     ];
     for config in variants {
-        let (mut with, mut without) = (noting(agent(&config, 1, 0.5)), agent(&config, 1, 0.5));
+        let (mut with, mut without) = (
+            with_recorded_advantages(agent(&config, 1, 0.5)),
+            agent(&config, 1, 0.5),
+        );
         for round in 0..3 {
             let mut before = agent(&config, 1, 0.5);
             before.restore(&without.save()).unwrap();
             before.estimate(&episode(1), 1);
-            let [ours, theirs] =
+            let [recorded, plain] =
                 [&mut with, &mut without].map(|learner| update(learner, 0..3, round));
-            assert_eq!((ours.report, with.save()), (theirs.report, without.save()));
-            assert_eq!(
-                ours.advantages, before.work.samples.advantages,
-                "{config:?}"
-            );
-            assert!(theirs.advantages.is_empty());
+            assert_eq!(recorded.report, plain.report);
+            assert_eq!(with.save(), without.save());
+            let expected = &before.work.samples.advantages;
+            assert_eq!(&advantages(&recorded), expected, "{config:?}");
+            assert!(plain.step_data.is_empty());
         }
     }
 }
 
-fn noting(agent: SeedPgAgent) -> SeedPgAgent {
+fn with_recorded_advantages(agent: SeedPgAgent) -> SeedPgAgent {
     SeedPgAgent {
-        recorded_advantages: Some(Vec::new()),
+        record_advantages: true,
         ..agent
     }
 }
 
-/// Every estimator, loss and minibatch that goes with the agent's own data makes a rewarded action
-/// likelier.
+/// The advantages of all own episodes, one episode after the other.
+fn advantages(update: &Update) -> Vec<f32> {
+    let step_data = update.step_data.iter();
+    step_data
+        .flat_map(|data| data.advantages.iter().copied())
+        .collect()
+}
+
+/// With every estimate and loss that is allowed on the agent's own data, a rewarded action becomes
+/// more likely.
 #[test]
 fn every_combination_learns_from_own_data() {
     let targets = [
@@ -385,7 +396,7 @@ fn every_combination_learns_from_own_data() {
         PolicyLoss::SimplePg,
         PolicyLoss::OffPac { ratio_cap: None },
     ];
-    for (target, advantage, loss) in every(&targets, &advantages, &losses) {
+    for (target, advantage, loss) in combinations(&targets, &advantages, &losses) {
         let config = SeedPg {
             value_data: Data::Own,
             policy_data: Data::Own,
@@ -395,13 +406,16 @@ fn every_combination_learns_from_own_data() {
             ..SeedPg::default()
         };
         assert_eq!(config.check(), Ok(()), "{target:?} {advantage:?} {loss:?}");
-        let gained = gain_of_a_rewarded_action(config);
-        assert!(gained > 0.02, "{target:?} {advantage:?} {loss:?}: {gained}");
+        let increase = probability_increase(config);
+        assert!(
+            increase > 0.02,
+            "{target:?} {advantage:?} {loss:?}: {increase}"
+        );
     }
 }
 
 #[test]
-fn other_ways_to_learn_learn_too() {
+fn other_settings_learn_from_own_data() {
     let base = SeedPg {
         value_data: Data::Own,
         policy_data: Data::Own,
@@ -442,12 +456,12 @@ fn other_ways_to_learn_learn_too() {
         },
     ];
     for config in variants {
-        let gained = gain_of_a_rewarded_action(config.clone());
-        assert!(gained > 0.02, "{config:?}: {gained}");
+        let increase = probability_increase(config.clone());
+        assert!(increase > 0.02, "{config:?}: {increase}");
     }
 }
 
-fn every<A: Copy, B: Copy, C: Copy>(a: &[A], b: &[B], c: &[C]) -> Vec<(A, B, C)> {
+fn combinations<A: Copy, B: Copy, C: Copy>(a: &[A], b: &[B], c: &[C]) -> Vec<(A, B, C)> {
     a.iter()
         .flat_map(|&a| {
             b.iter()
@@ -456,9 +470,9 @@ fn every<A: Copy, B: Copy, C: Copy>(a: &[A], b: &[B], c: &[C]) -> Vec<(A, B, C)>
         .collect()
 }
 
-/// By how much π of the rewarded action grew, on average, in 40 updates on episodes drawn from the
-/// policy as it goes.
-fn gain_of_a_rewarded_action(mut config: SeedPg) -> f32 {
+/// Increase of the mean probability of a rewarded action after 40 updates, each on an episode
+/// played by the present policy.
+fn probability_increase(mut config: SeedPg) -> f32 {
     config.policy_optimiser.step_size = known(0.01);
     config.value_optimiser.step_size = known(0.01);
     let mut learner = agent(&config, 0, 0.0);
@@ -502,20 +516,20 @@ fn probability_of_action_0(learner: &SeedPgAgent) -> f32 {
             &mut action,
             &mut log_prob,
         );
-        let chosen = log_prob[0].exp();
+        let probability = log_prob[0].exp();
         probabilities.push(if action[0] == 0.0 {
-            chosen
+            probability
         } else {
-            1.0 - chosen
+            1.0 - probability
         });
     }
     probabilities.iter().sum::<f32>() / probabilities.len() as f32
 }
 
-/// Where a time limit bootstraps, the last return is r + γ v(`s_T`); where it ends, r alone. A
-/// termination always ends.
+/// If the time limit bootstraps, the last target is r + γ v(`s_T`), otherwise r. After a
+/// termination it is always r.
 #[test]
-fn a_time_limit_bootstraps_if_asked() {
+fn a_time_limit_bootstraps_if_configured() {
     let last_target = |time_limit, outcome| {
         let config = SeedPg {
             time_limit,
@@ -551,8 +565,8 @@ fn a_time_limit_bootstraps_if_asked() {
     assert_eq!(last_target(TimeLimit::Ends, Status::Truncated).0, 0.0);
 }
 
-/// With sharing limited to two, an agent learns from its own episode and two of the others, not the
-/// same ones each round.
+/// With two sampled trajectories, an agent learns from its own episode and from two of the others,
+/// which differ from round to round.
 #[test]
 fn sharing_can_be_limited() {
     let config = SeedPg {
@@ -593,19 +607,36 @@ fn step_sizes_follow_their_schedule() {
     );
 }
 
-/// What the mathematics forbids, by the first words of the error.
-#[test]
-fn contradictions_are_told() {
-    let own = SeedPg {
+fn own_data() -> SeedPg {
+    SeedPg {
         value_data: Data::Own,
         policy_data: Data::Own,
         ..SeedPg::default()
-    };
-    let unweighed = ValueTarget::MonteCarlo {
-        importance: Importance::Off,
-        ratio_product_cap: None,
-    };
-    let wrong = [
+    }
+}
+
+const UNWEIGHTED: ValueTarget = ValueTarget::MonteCarlo {
+    importance: Importance::Off,
+    ratio_product_cap: None,
+};
+
+fn with_value_target(target: ValueTarget, config: SeedPg) -> SeedPg {
+    SeedPg {
+        value_target: target.into(),
+        ..config
+    }
+}
+
+fn with_advantage(advantage: AdvantageEstimate, config: SeedPg) -> SeedPg {
+    SeedPg {
+        advantage: advantage.into(),
+        ..config
+    }
+}
+
+#[test]
+fn losses_and_actions_that_do_not_fit_are_errors() {
+    let invalid = [
         SeedPg {
             policy_loss: PolicyLoss::SimplePg.into(),
             ..SeedPg::default()
@@ -613,66 +644,49 @@ fn contradictions_are_told() {
         SeedPg {
             policy_loss: PolicyLoss::SimplePg.into(),
             epochs: known_count(2),
-            ..own.clone()
-        },
-        SeedPg {
-            value_target: unweighed.into(),
-            ..SeedPg::default()
-        },
-        SeedPg {
-            value_target: unweighed.into(),
-            value_data: Data::Own,
-            ..SeedPg::default()
-        },
-        SeedPg {
-            value_target: ValueTarget::Gae { lambda: known(0.9) }.into(),
-            ..SeedPg::default()
-        },
-        SeedPg {
-            advantage: AdvantageEstimate::Gae { lambda: known(0.9) }.into(),
-            ..SeedPg::default()
-        },
-        SeedPg {
-            advantage: AdvantageEstimate::NStep {
-                segment: known_count(5),
-            }
-            .into(),
-            ..SeedPg::default()
-        },
-        SeedPg {
-            value_target: ValueTarget::Td {
-                importance: Importance::Ordinary,
-                ratio_cap: None,
-            }
-            .into(),
-            ..own.clone()
+            ..own_data()
         },
         SeedPg {
             actions: ActionSelection::Greedy.into(),
-            ..own.clone()
+            ..own_data()
         },
         SeedPg {
             hidden: Vec::new().into(),
-            ..own.clone()
+            ..own_data()
         },
     ];
-    assert!(wrong.iter().all(|config| config.check().is_err()));
+    assert!(invalid.iter().all(|config| config.check().is_err()));
     let greedy = SeedPg {
         actions: ActionSelection::Greedy.into(),
         policy_loss: PolicyLoss::SimplePg.into(),
-        value_target: unweighed.into(),
-        ..own
+        ..with_value_target(UNWEIGHTED, own_data())
     };
     assert_eq!(greedy.check(), Ok(()));
-    assert_eq!(
-        SeedPg {
-            advantage: AdvantageEstimate::NStep {
-                segment: known_count(1)
-            }
-            .into(),
-            ..SeedPg::default()
-        }
-        .check(),
-        Ok(())
-    );
+}
+
+#[test]
+fn estimates_that_do_not_fit_the_data_are_errors() {
+    let own_values = SeedPg {
+        value_data: Data::Own,
+        ..SeedPg::default()
+    };
+    let n_step = |steps| AdvantageEstimate::NStep {
+        segment: known_count(steps),
+    };
+    let lambda = known(0.9);
+    let ordinary_td = ValueTarget::Td {
+        importance: Importance::Ordinary,
+        ratio_cap: None,
+    };
+    let invalid = [
+        with_value_target(UNWEIGHTED, SeedPg::default()),
+        with_value_target(UNWEIGHTED, own_values),
+        with_value_target(ValueTarget::Gae { lambda }, SeedPg::default()),
+        with_value_target(ordinary_td, own_data()),
+        with_advantage(AdvantageEstimate::Gae { lambda }, SeedPg::default()),
+        with_advantage(n_step(5), SeedPg::default()),
+    ];
+    assert!(invalid.iter().all(|config| config.check().is_err()));
+    let single_step = with_advantage(n_step(1), SeedPg::default());
+    assert_eq!(single_step.check(), Ok(()));
 }

@@ -1,4 +1,4 @@
-//! What one update was like, summed sample by sample.
+//! Statistics of one update, summed sample by sample.
 
 use crate::agent::UpdateReport;
 use crate::experience::Episode;
@@ -11,25 +11,28 @@ pub(super) struct Totals {
     value_loss: f64,
     policy_steps: u64,
     policy_loss: f64,
-    deviation: f64,
+    /// Sum of |ρ − 1|.
+    ratio_deviation: f64,
     largest_ratio: f32,
     entropy: f64,
-    /// Components of actions, and those of them that were clipped.
+    /// Number of components of actions.
     components: u64,
+    /// Number of components whose ratio was clipped.
     clipped: u64,
     intrinsic_reward: Option<f32>,
     prediction_error: Option<f32>,
 }
 
 impl Totals {
-    /// Adds one sample's error against its normalized target.
-    pub(super) fn value_sample(&mut self, error: f32) {
+    /// Adds the error of one sample against its normalized target.
+    pub(super) fn add_value_error(&mut self, error: f32) {
         self.value_steps += 1;
         self.value_loss += 0.5 * f64::from(error).powi(2);
     }
 
-    /// Adds the surrogate of so many components of one action.
-    pub(super) fn surrogate(&mut self, surrogate: &Surrogate, components: usize) {
+    /// Adds the surrogate loss of an action, or of some of its components.   `components`: number
+    /// of components that it covers
+    pub(super) fn add_surrogate(&mut self, surrogate: &Surrogate, components: usize) {
         self.policy_loss += f64::from(surrogate.loss);
         self.components += components as u64;
         self.clipped += if surrogate.clipped {
@@ -40,20 +43,21 @@ impl Totals {
     }
 
     /// Adds the ratios and the mean entropy of a minibatch.
-    pub(super) fn minibatch(&mut self, ratios: &[f32], mean_entropy: f32) {
+    pub(super) fn add_minibatch(&mut self, ratios: &[f32], mean_entropy: f32) {
         self.policy_steps += ratios.len() as u64;
-        self.deviation += ratios
+        self.ratio_deviation += ratios
             .iter()
             .map(|ratio| f64::from((ratio - 1.0).abs()))
             .sum::<f64>();
         self.largest_ratio = ratios
             .iter()
-            .fold(self.largest_ratio, |most, ratio| most.max(*ratio));
+            .fold(self.largest_ratio, |largest, ratio| largest.max(*ratio));
         self.entropy += f64::from(mean_entropy) * ratios.len() as f64;
     }
 
-    /// Notes what curiosity made of the agent's own episodes among the fresh ones.
-    pub(super) fn curiosity(
+    /// Sets the mean bonus of the agent's own steps and the bonus model's prediction error.
+    /// `bonuses`: those of each of the `fresh` episodes
+    pub(super) fn set_bonuses(
         &mut self,
         agent: u32,
         fresh: &[Episode],
@@ -72,11 +76,12 @@ impl Totals {
         self.prediction_error = Some(prediction_error);
     }
 
+    /// The means over all samples.
     pub(super) fn report(&self) -> UpdateReport {
         UpdateReport {
             value_loss: mean(self.value_loss, self.value_steps),
             policy_loss: mean(self.policy_loss, self.policy_steps),
-            ratio_deviation: mean(self.deviation, self.policy_steps).map(|mean| 1.0 + mean),
+            ratio_deviation: mean(self.ratio_deviation, self.policy_steps).map(|mean| 1.0 + mean),
             largest_ratio: (self.policy_steps > 0).then_some(self.largest_ratio),
             clipped_fraction: mean(self.clipped as f64, self.components),
             entropy: mean(self.entropy, self.policy_steps),
@@ -87,7 +92,7 @@ impl Totals {
     }
 }
 
-/// `None` of nothing.
+/// The mean of `count` numbers; none if there are none.
 fn mean(sum: f64, count: u64) -> Option<f32> {
     (count > 0).then(|| (sum / count as f64) as f32)
 }

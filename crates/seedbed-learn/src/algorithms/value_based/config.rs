@@ -1,12 +1,12 @@
-//! The configurations of value-based learners: Q-learning, Seed TD with its kin, bootstrapped DQN;
-//! their defaults and meanings.
+//! The configurations of value-based learners: Q-learning, Seed TD (with seed LSVI and seed
+//! ensembles) and bootstrapped DQN.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::exploration::Exploration;
-use super::{ValueTeam, one_choice};
-use crate::agent::curiosity::Bonus;
+use super::{ValueTeam, choice_count};
+use crate::agent::bonus::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::seed_pg::config::TimeLimit;
@@ -19,65 +19,67 @@ use seedbed_env::input::numbers::{
 };
 use seedbed_env::input::{Located, ValidationError};
 
-/// Q-learning on the team's replay (thesis §1.4.1; Mnih et al. 2015).
+/// Q-learning from the team's replay buffer (thesis §1.4.1; Mnih et al. 2015).
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct QLearning {
     /// Whether the team shares one network or each agent has its own.
     pub networks: Networks,
-    /// How actions are chosen.
+    /// How actions are chosen from values.
     pub exploration: Exploration,
     /// Whether the learning network chooses the action that the target network evaluates (van
     /// Hasselt, Guez & Silver 2016).
     pub double: bool,
-    /// What all value-based learners have in common.
+    /// Parameters that all value-based learners have.
     pub learning: Learning,
-    /// Bonus that is added to rewards.
+    /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
     pub bonus: Located<Bonus>,
 }
 
-/// Seed TD, seed LSVI and seed ensembles (thesis §2.4; Dimakopoulou, Osband & Van Roy 2018): every
-/// transition of the team's replay has a reward seed of the model's own, drawn from `agents.seeds`.
+/// Seed TD, seed LSVI and seed ensembles (thesis §2.4; Dimakopoulou, Osband & Van Roy 2018): each
+/// model perturbs the reward of each transition of the team's replay buffer by its own fixed seed,
+/// drawn from `agents.seeds`.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SeedTd {
     /// Number of models.
     pub models: Models,
-    /// How a model is fitted.
+    /// How a model is fitted to the transitions of the replay buffer.
     pub fit: Located<Fit>,
-    /// Weight λ of the pull back to the model's initial parameters θ̂.
+    /// Weight λ of the regularization towards the model's initial parameters θ̂.
     pub regularisation: NonNegative,
-    /// Scale β of the prior: Q is the learned network plus β times a fixed random one (Osband,
+    /// Scale β of the prior: Q is the learned network plus β times a fixed random network (Osband,
     /// Aslanides & Cassirer 2018).
     pub prior_scale: NonNegative,
-    /// How actions are chosen.
+    /// How actions are chosen from values.
     pub exploration: Exploration,
     /// Whether the learning network chooses the action that the target network evaluates.
     pub double: bool,
-    /// What all value-based learners have in common.
+    /// Parameters that all value-based learners have.
     pub learning: Learning,
-    /// Bonus that is added to rewards.
+    /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
     pub bonus: Located<Bonus>,
 }
 
-/// Bootstrapped DQN with randomized prior functions (Osband et al. 2016, 2018): each agent follows,
-/// for a round, a model drawn from one set.
+/// Bootstrapped DQN with randomized prior functions (Osband et al. 2016, 2018): in each round, each
+/// agent acts by a model that is drawn from one ensemble.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BootstrappedDqn {
-    /// Number of models in the set.
+    /// Number of models in the ensemble.
     pub models: Count<1000>,
-    /// Scale β of the prior: Q is the learned network plus β times a fixed random one.
+    /// Scale β of the prior: Q is the learned network plus β times a fixed random network.
     pub prior_scale: NonNegative,
-    /// Share of the transitions that each model learns from, drawn once per transition and model.
+    /// Share of the transitions that each model learns from, chosen at random once per transition
+    /// and model.
     pub mask: PositiveFraction,
-    /// How actions are chosen.
+    /// How actions are chosen from values.
     pub exploration: Exploration,
     /// Whether the learning network chooses the action that the target network evaluates.
     pub double: bool,
-    /// What all value-based learners have in common.
+    /// Parameters that all value-based learners have.
     pub learning: Learning,
-    /// Bonus that is added to rewards.
+    /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
     pub bonus: Located<Bonus>,
 }
 
@@ -96,7 +98,7 @@ pub enum Networks {
 pub enum Models {
     /// One per agent.
     Own,
-    /// One per agent, but at most `most`; then agent k follows model k mod `most`.
+    /// One per agent, but at most `most`: agent k acts by model k mod `most`.
     Ensemble {
         /// Maximal number of models.
         #[serde(default = "default_ensemble")]
@@ -104,21 +106,21 @@ pub enum Models {
     },
 }
 
-/// How a model is fitted.
+/// How a model is fitted to the transitions of the replay buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Fit {
     /// By gradient steps towards the targets of a target network.
     Td,
-    /// Again from θ̂ at the end of every round: regressions, each on the values of the one before,
-    /// the first on rewards alone.
+    /// Least-squares value iteration at the end of every round, starting from θ̂: a sequence of
+    /// regressions, the first on rewards alone, each further one on the values of the one before.
     Lsvi {
         /// Number of regressions, each of `learning.minibatches` gradient steps.
         iterations: Count<10_000>,
     },
 }
 
-/// What value-based learners have in common.
+/// Parameters that all value-based learners have.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Learning {
@@ -126,9 +128,9 @@ pub struct Learning {
     pub discount: Fraction,
     /// Whether the time limit counts as the end of an episode.
     pub time_limit: TimeLimit,
-    /// How observations enter the networks.
+    /// How observations are scaled for the networks.
     pub observations: ObservationScaling,
-    /// Numbers of units of the hidden layers.
+    /// Number of units of each hidden layer.
     pub hidden: Located<Vec<Count<4096>>>,
     /// Maximal number of the team's transitions in the replay buffer.
     pub replay: Count<100_000_000>,
@@ -138,22 +140,24 @@ pub struct Learning {
     pub minibatches: Count<1_000_000>,
     /// Number of gradient steps after which the learning network is copied to the target network.
     pub target_every: Count<100_000_000>,
-    /// Maximal norm of the gradient.
+    /// Maximal Euclidean norm of the gradient; `None`: no maximum.
     pub gradient_clip: Option<Positive>,
     /// Optimizer of the networks.
     pub optimiser: AdamSettings,
 }
 
-/// A value-based learner, put together from a configuration.
+/// The settings of a [`ValueTeam`], which every configuration of a value-based learner provides.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Composition {
+    /// Number of models.
     pub(super) models: usize,
     pub(super) following: Following,
-    /// Whether rewards have seeds.
+    /// Whether rewards are perturbed by seeds.
     pub(super) seeded: bool,
+    /// Share of the transitions that each model learns from.
     pub(super) mask: f32,
     pub(super) prior_scale: f32,
-    pub(super) regularisation: f32,
+    pub(super) regularization: f32,
     pub(super) fit: Fit,
     pub(super) double: bool,
     pub(super) exploration: Exploration,
@@ -161,27 +165,27 @@ pub(super) struct Composition {
     pub(super) bonus: Bonus,
 }
 
-/// Which model an agent follows.
+/// Which model an agent acts by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Following {
-    /// Always the same: k mod the number of models.
-    Committed,
-    /// One drawn for every round.
+    /// Agent k always acts by model k mod the number of models.
+    Fixed,
+    /// A model drawn at random for each agent and round.
     Drawn,
 }
 
 /// The configuration of a value-based learner.
 pub(super) trait ValueBased {
-    /// What the learner is put together from, for a team of `agents`.
+    /// The settings for a team of `agents`.
     fn compose(&self, agents: usize) -> Composition;
 
-    /// What it has in common with the others.
+    /// The parameters that all value-based learners have.
     fn common(&self) -> (&Learning, &Located<Bonus>);
 
     /// How actions are chosen.
     fn exploration_mut(&mut self) -> &mut Exploration;
 
-    /// Checks whether models can learn in the middle of a round.
+    /// Checks that models can learn during a round.
     fn check_lockstep(&self) -> Result<(), ValidationError> {
         Ok(())
     }
@@ -203,20 +207,20 @@ impl<T: ValueBased> AlgorithmConfig for T {
             ScheduleKind::Synchronous => Ok(()),
             ScheduleKind::Lockstep => self.check_lockstep().map_err(ScheduleError::Parameter),
             ScheduleKind::Asynchronous => Err(ScheduleError::Algorithm(
-                "value-based learners learn all at once; expected `schedule: Lockstep(…)` or \
-                 `Synchronous(…)`, or `algorithm: SeedPg(…)`",
+                "value-based learners learn all at the same time; expected `schedule: Lockstep(…)` \
+                 or `Synchronous(…)`, or `algorithm: SeedPg(…)`",
             )),
         }
     }
 
     fn check_task(&self, task: &Spec) -> Result<(), String> {
-        let found = |what| {
+        let message = |problem| {
             format!(
-                "value-based learners choose among values of discrete actions, but {what}; \
-                 expected `SeedPg`, or a task with one discrete action"
+                "value-based learners need one discrete action, but {problem}; expected `SeedPg`, \
+                 or a task with one discrete action"
             )
         };
-        one_choice(task).map(|_| ()).map_err(found)
+        choice_count(task).map(|_| ()).map_err(message)
     }
 
     fn select_actions(&mut self, selection: ActionSelection) {
@@ -233,23 +237,23 @@ impl<T: ValueBased> AlgorithmConfig for T {
     }
 }
 
-/// Says which parameters of a value-based learner contradict each other.
+/// Checks that the parameters of a value-based learner fit together.
 fn check(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), ValidationError> {
     if learning.hidden.is_empty() {
         return Err(learning
             .hidden
-            .error("names no layer; expected at least one, such as `hidden: [50, 50]`"));
+            .error("has no layer; expected at least one, such as `hidden: [50, 50]`"));
     }
     if learning.minibatch.get() > learning.replay.get() {
         let message = format!(
-            "is more than the {} transitions of `replay`, so that nothing would be learned",
+            "is larger than `replay`, which is {0}, so nothing would be learned; expected at most {0}",
             learning.replay.get()
         );
         return Err(learning.minibatch.error(message));
     }
     if bonus.is_independent() {
         return Err(bonus.error(
-            "value models learn from the team's transitions; expected `model: Shared` or `Frozen`",
+            "value-based learners share all transitions; expected `model: Shared` or `Frozen`",
         ));
     }
     Ok(())
@@ -265,7 +269,7 @@ impl ValueBased for QLearning {
             },
             exploration: self.exploration,
             double: self.double,
-            ..Composition::plain(&self.learning, &self.bonus)
+            ..Composition::with_defaults(&self.learning, &self.bonus)
         }
     }
 
@@ -280,19 +284,19 @@ impl ValueBased for QLearning {
 
 impl ValueBased for SeedTd {
     fn compose(&self, agents: usize) -> Composition {
-        let most = match self.models {
+        let max_models = match self.models {
             Models::Own => agents,
             Models::Ensemble { most } => most.get() as usize,
         };
         Composition {
-            models: most.min(agents),
+            models: max_models.min(agents),
             seeded: true,
             prior_scale: self.prior_scale.get_f32(),
-            regularisation: self.regularisation.get_f32(),
+            regularization: self.regularisation.get_f32(),
             fit: *self.fit,
             exploration: self.exploration,
             double: self.double,
-            ..Composition::plain(&self.learning, &self.bonus)
+            ..Composition::with_defaults(&self.learning, &self.bonus)
         }
     }
 
@@ -308,7 +312,7 @@ impl ValueBased for SeedTd {
         match *self.fit {
             Fit::Lsvi { .. } => Err(self
                 .fit
-                .error("`Lsvi` fits a model anew at the end of a round; expected `schedule: Synchronous(…)`, or `fit: Td`")),
+                .error("`Lsvi` learns at the end of a round; expected `schedule: Synchronous(…)`, or `fit: Td`")),
             Fit::Td => Ok(()),
         }
     }
@@ -323,7 +327,7 @@ impl ValueBased for BootstrappedDqn {
             prior_scale: self.prior_scale.get_f32(),
             exploration: self.exploration,
             double: self.double,
-            ..Composition::plain(&self.learning, &self.bonus)
+            ..Composition::with_defaults(&self.learning, &self.bonus)
         }
     }
 
@@ -337,14 +341,15 @@ impl ValueBased for BootstrappedDqn {
 }
 
 impl Composition {
-    fn plain(learning: &Learning, bonus: &Bonus) -> Self {
+    /// One greedy model without seeds, masks and priors.
+    fn with_defaults(learning: &Learning, bonus: &Bonus) -> Self {
         Self {
             models: 1,
-            following: Following::Committed,
+            following: Following::Fixed,
             seeded: false,
             mask: 1.0,
             prior_scale: 0.0,
-            regularisation: 0.0,
+            regularization: 0.0,
             fit: Fit::Td,
             double: false,
             exploration: Exploration::Greedy,
@@ -355,7 +360,7 @@ impl Composition {
 }
 
 impl Exploration {
-    /// The same policy with actions chosen in another way.
+    /// The same exploration with another selection of actions.
     #[must_use]
     pub(super) fn with_actions(self, actions: ActionSelection) -> Self {
         match actions {

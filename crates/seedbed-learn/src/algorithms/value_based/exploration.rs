@@ -1,4 +1,4 @@
-//! How an action is chosen from the values of all choices (thesis §1.4.2).
+//! Exploration: how an action is chosen from the values of all choices (thesis §1.4.2).
 
 use rand::{Rng, RngExt};
 use schemars::JsonSchema;
@@ -11,9 +11,9 @@ use seedbed_env::input::numbers::{Count, Fraction, Positive};
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Exploration {
-    /// The best action, the first among equals.
+    /// The action with the largest value; the first one of several with the same value.
     Greedy,
-    /// The best action, or with probability ε any.
+    /// With probability ε a uniformly random action, otherwise the one with the largest value.
     EpsilonGreedy {
         /// Initial ε.
         from: Fraction,
@@ -22,7 +22,7 @@ pub enum Exploration {
         /// Number of steps of each agent over which ε changes linearly.
         steps: Count<1_000_000_000>,
     },
-    /// Each action with a probability in proportion to exp(Q/τ).
+    /// An action drawn with probabilities proportional to exp(Q/τ).
     Gibbs {
         /// Temperature τ, in units of Q.
         temperature: Positive,
@@ -30,8 +30,7 @@ pub enum Exploration {
 }
 
 impl Exploration {
-    /// Makes values the policy's log-probabilities after so many steps of each agent.
-    /// `values: [n]`, in place
+    /// Replaces values by log-probabilities.   `steps`: of each agent so far, `values: [choices]`
     pub(super) fn log_probs(self, steps: u64, values: &mut [f32]) {
         match self {
             Self::Greedy => q_learning::epsilon_greedy(values, 0.0),
@@ -40,7 +39,8 @@ impl Exploration {
         }
     }
 
-    /// Draws a choice; returns it and its log-probability.   `values: [n]`, in place
+    /// Draws a choice; returns its index and its log-probability.   `steps`: of each agent so far,
+    /// `values: [choices]`, overwritten
     pub(super) fn choose(
         self,
         steps: u64,
@@ -52,12 +52,13 @@ impl Exploration {
         (choice, values[choice])
     }
 
-    fn epsilon(self, taken: u64) -> f32 {
+    /// ε after `steps_so_far` of each agent; 0 for other kinds of exploration.
+    fn epsilon(self, steps_so_far: u64) -> f32 {
         let Self::EpsilonGreedy { from, to, steps } = self else {
             return 0.0;
         };
-        let done = (taken as f64 / f64::from(steps.get())).min(1.0);
-        (from.get() + done * (to.get() - from.get())) as f32
+        let progress = (steps_so_far as f64 / f64::from(steps.get())).min(1.0);
+        (from.get() + progress * (to.get() - from.get())) as f32
     }
 }
 
@@ -69,7 +70,7 @@ mod tests {
 
     /// ε from 1 to 0.2 over 100 steps: 1, 0.6, 0.2, 0.2.
     #[test]
-    fn epsilon_falls_in_a_straight_line() {
+    fn epsilon_changes_linearly() {
         let exploration = Exploration::EpsilonGreedy {
             from: known(1.0),
             to: known(0.2),
@@ -80,15 +81,15 @@ mod tests {
             epsilons
                 .iter()
                 .zip([1.0, 0.6, 0.2, 0.2])
-                .all(|(ours, expected)| (ours - expected).abs() < 1e-6),
+                .all(|(epsilon, expected)| (epsilon - expected).abs() < 1e-6),
             "{epsilons:?}"
         );
     }
 
-    /// Of 4,000 draws, four standard errors are 4 √(4000 p (1 − p)), at most 127.
+    /// Tolerances are four standard errors of 4,000 draws: 4 √(4000 p (1 − p)), at most 127.
     #[test]
-    fn choices_have_the_policy_s_frequencies() {
-        let epsilon = Exploration::EpsilonGreedy {
+    fn frequencies_of_choices_match_their_probabilities() {
+        let epsilon_greedy = Exploration::EpsilonGreedy {
             from: known(0.3),
             to: known(0.3),
             steps: known_count(1),
@@ -98,7 +99,7 @@ mod tests {
         };
         for (exploration, expected) in [
             (Exploration::Greedy, [0.0, 0.0, 1.0]),
-            (epsilon, [0.1, 0.1, 0.8]),
+            (epsilon_greedy, [0.1, 0.1, 0.8]),
             (gibbs, [0.016, 0.117, 0.867]),
         ] {
             let (mut random, mut counts) = (stream(1, Purpose::Action, 0, 0), [0.0; 3]);
@@ -107,11 +108,11 @@ mod tests {
                 assert!((f64::from(log_prob).exp() - expected[choice]).abs() < 1e-3);
                 counts[choice] += 1.0;
             }
-            let close = counts
+            let all_close = counts
                 .iter()
                 .zip(expected)
                 .all(|(count, share)| (count - 4000.0 * share).abs() < 127.0);
-            assert!(close, "{exploration:?}: {counts:?}");
+            assert!(all_close, "{exploration:?}: {counts:?}");
         }
     }
 }

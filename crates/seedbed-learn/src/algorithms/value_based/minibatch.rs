@@ -1,30 +1,33 @@
-//! Transitions that one gradient step sees.
+//! Minibatches of transitions for gradient steps.
 
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::experience::Episode;
 use crate::experience::replay::Transition;
 use seedbed_env::{Spec, Status};
 
-/// B transitions, column by column.
+/// B transitions, stored column by column.
 #[derive(Default)]
 pub(super) struct Minibatch {
-    /// `[B × width]`
+    /// Observations before the actions: `[B × width]`.
     pub(super) states: Vec<f32>,
+    /// Indices of the chosen actions: `[B]`.
     pub(super) actions: Vec<usize>,
-    /// With seeds and bonuses.
+    /// Rewards with seeds and bonuses: `[B]`.
     pub(super) rewards: Vec<f32>,
-    /// `[B × width]`
-    pub(super) next: Vec<f32>,
-    /// γ, or 0 where nothing follows.
+    /// Observations after the actions: `[B × width]`.
+    pub(super) next_states: Vec<f32>,
+    /// γ, or 0 after the end of an episode: `[B]`.
     pub(super) discounts: Vec<f32>,
+    /// Weights of the transitions in the loss: `[B]`.
     pub(super) weights: Vec<f32>,
-    /// The same transitions as curiosity wants them, where there is any: every second step of this.
+    /// The same transitions as input of a bonus model: see [`pairs`](Self::pairs). None without a
+    /// bonus model.
     pairs: Option<Episode>,
 }
 
 impl Minibatch {
-    /// Room for transitions that curiosity will see.
-    pub(super) fn for_curiosity(spec: &Spec) -> Self {
+    /// An empty minibatch whose transitions will be passed to a bonus model.
+    pub(super) fn for_bonus_model(spec: &Spec) -> Self {
         Self {
             pairs: Some(Episode::start(0, 0, 0, spec)),
             ..Self::default()
@@ -35,12 +38,12 @@ impl Minibatch {
         let Self {
             states,
             rewards,
-            next,
+            next_states,
             discounts,
             weights,
             ..
         } = self;
-        [states, rewards, next, discounts, weights]
+        [states, rewards, next_states, discounts, weights]
             .into_iter()
             .for_each(Vec::clear);
         self.actions.clear();
@@ -55,7 +58,7 @@ impl Minibatch {
         }
     }
 
-    /// Adds a transition with its reward as the model has it, γ, and how much it counts.
+    /// Adds a transition.   `reward`: with its seed, `discount`: γ or 0, `weight`: in the loss
     pub(super) fn push(
         &mut self,
         transition: &Transition<'_>,
@@ -66,7 +69,7 @@ impl Minibatch {
         self.states.extend_from_slice(transition.state);
         self.actions.push(transition.action);
         self.rewards.push(reward);
-        self.next.extend_from_slice(transition.next);
+        self.next_states.extend_from_slice(transition.next);
         self.discounts.push(discount);
         self.weights.push(weight);
         if let Some(pairs) = &mut self.pairs {
@@ -74,28 +77,29 @@ impl Minibatch {
         }
     }
 
-    /// An episode every second step of which is one of the transitions; the steps between lead from
-    /// one to the next.
+    /// The transitions as an episode, for bonus models, which take episodes: steps 0, 2, 4, … are
+    /// the transitions; the steps between them only connect one transition with the next.
     pub(super) fn pairs(&self) -> Option<&Episode> {
         self.pairs.as_ref()
     }
 }
 
 fn push_pair(pairs: &mut Episode, transition: &Transition<'_>) {
-    let between = usize::from(!pairs.observations.is_empty());
+    let connecting_steps = usize::from(!pairs.observations.is_empty());
     pairs
         .observations
         .extend(transition.state.iter().chain(transition.next));
-    pairs
-        .actions
-        .extend(std::iter::repeat_n(transition.action as f32, 1 + between));
+    pairs.actions.extend(std::iter::repeat_n(
+        transition.action as f32,
+        1 + connecting_steps,
+    ));
     pairs
         .rewards
-        .extend(std::iter::repeat_n(transition.reward, 1 + between));
+        .extend(std::iter::repeat_n(transition.reward, 1 + connecting_steps));
 }
 
-/// What is left of γ after a step.
-pub(super) fn remaining(discount: f32, status: Status, time_limit: TimeLimit) -> f32 {
+/// The discount factor of the value of the next state: γ, or 0 if the episode ended.
+pub(super) fn discount_after(discount: f32, status: Status, time_limit: TimeLimit) -> f32 {
     let ends = status == Status::Terminated
         || (status == Status::Truncated && time_limit == TimeLimit::Ends);
     if ends { 0.0 } else { discount }
@@ -106,7 +110,7 @@ mod tests {
     use super::*;
     use crate::experience::replay::Origin;
 
-    /// Transitions 1 → 2 with action 1 and 5 → 6 with action 0 are steps 0 and 2 of the pairs.
+    /// Transitions 1 → 2 with action 1 and 5 → 6 with action 0 are steps 0 and 2 of the episode.
     #[test]
     fn every_second_step_is_a_transition() {
         let origin = Origin {
@@ -114,7 +118,7 @@ mod tests {
             episode: 0,
             step: 0,
         };
-        let mut minibatch = Minibatch::for_curiosity(&Spec::new("test", Vec::new(), Vec::new()));
+        let mut minibatch = Minibatch::for_bonus_model(&Spec::new("test", Vec::new(), Vec::new()));
         for _ in 0..2 {
             minibatch.clear();
             for (state, next, action) in [([1.0], [2.0], 1), ([5.0], [6.0], 0)] {
@@ -136,17 +140,17 @@ mod tests {
         );
         assert_eq!((pairs.actions[0], pairs.actions[2]), (1.0, 0.0));
         assert_eq!(
-            (&minibatch.states[..], &minibatch.next[..]),
+            (&minibatch.states[..], &minibatch.next_states[..]),
             (&[1.0, 5.0][..], &[2.0, 6.0][..])
         );
     }
 
     #[test]
-    fn nothing_follows_an_end() {
-        let remaining = |status, time_limit| remaining(0.9, status, time_limit);
-        assert_eq!(remaining(Status::Running, TimeLimit::Ends), 0.9);
-        assert_eq!(remaining(Status::Terminated, TimeLimit::Bootstraps), 0.0);
-        assert_eq!(remaining(Status::Truncated, TimeLimit::Bootstraps), 0.9);
-        assert_eq!(remaining(Status::Truncated, TimeLimit::Ends), 0.0);
+    fn the_value_after_an_end_is_not_used() {
+        let discount = |status, time_limit| discount_after(0.9, status, time_limit);
+        assert_eq!(discount(Status::Running, TimeLimit::Ends), 0.9);
+        assert_eq!(discount(Status::Terminated, TimeLimit::Bootstraps), 0.0);
+        assert_eq!(discount(Status::Truncated, TimeLimit::Bootstraps), 0.9);
+        assert_eq!(discount(Status::Truncated, TimeLimit::Ends), 0.0);
     }
 }

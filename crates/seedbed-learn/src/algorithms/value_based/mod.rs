@@ -1,11 +1,12 @@
 //! Value-based learners: Q-learning, Seed TD, seed LSVI, seed ensembles and bootstrapped DQN.
 //!
-//! Models of Q(s, a) learn from the team's newest transitions, shared by all; each agent follows
-//! one of the models. Seed TD (thesis §2.4; Dimakopoulou, Osband & Van Roy 2018) perturbs the
-//! reward of every transition by the model's own fixed z and starts each model at its own θ̂;
-//! randomized priors (Osband, Aslanides & Cassirer 2018) add a fixed random network. [`config`]
-//! is what can be chosen, a [`model`] learns, and a [`ValueTeam`] is the models with the agents
-//! that follow them. Formulas are in [`rl`](crate::rl).
+//! Models of Q(s, a) learn from the replay buffer, which has the newest transitions of all agents.
+//! Each agent acts by one of the models, whose followers are the agents that act by it. Seed TD
+//! (thesis §2.4; Dimakopoulou, Osband & Van Roy 2018) perturbs the reward of every transition by
+//! the model's own fixed z and starts each model at its own θ̂; randomized priors (Osband,
+//! Aslanides & Cassirer 2018) add a fixed random network. [`config`] has the parameters, [`model`]
+//! a model, and [`ValueTeam`] the models with the agents that act by them. Formulas are in
+//! [`rl`](crate::rl).
 
 pub mod config;
 pub mod exploration;
@@ -20,45 +21,51 @@ use serde::{Deserialize, Serialize};
 
 use self::config::{Composition, Following};
 use self::model::{Evaluation, LearningContext, ValueModel};
-use crate::agent::curiosity::Bonus;
+use crate::agent::bonus::Bonus;
 use crate::agent::scaling::Scaling;
 use crate::agent::{Tensor, Update, UpdateReport};
 use crate::experience::replay::Replay;
-use crate::experience::{Episode, Experience};
+use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Mlp, Standardizer};
-use crate::team::{ActionRequest, AgentUpdate, LearningTiming, Lesson, Team, TeamContext, Workers};
+use crate::team::{
+    ActionRequest, AgentUpdate, LearningRequest, LearningTiming, Team, TeamContext, Workers,
+};
 use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Choice, Spec};
 
-/// K agents that act by models of which several may share one, and that learn step by step.
+/// K agents that act by value models. Several agents may act by the same model.
 pub struct ValueTeam {
     run_seed: u64,
     composition: Composition,
+    /// Number of choices of an action.
     choices: usize,
     scaling: Scaling,
     models: Vec<ValueModel>,
-    /// The model of each agent in this round: `[K]`.
+    /// Index of the model of each agent in this round: `[K]`.
     following: Vec<usize>,
-    /// The agents of each model in this round, in order.
+    /// Agents that act by each model in this round, in agent order: `[models]`.
     followers: Vec<Vec<usize>>,
     replay: Replay,
-    /// Steps of each agent so far.
+    /// Number of steps of each agent so far.
     steps: u64,
-    /// Steps of this round so far.
+    /// Number of steps of each agent in this round so far.
     steps_of_round: u32,
     timing: LearningTiming,
     buffers: ActionBuffers,
-    /// Of the latest round, the bonuses of each agent's own steps: `[K]`; empty without curiosity.
-    own_bonuses: Vec<Vec<f32>>,
+    /// Bonuses of each agent's own steps in the latest round, by episode: `[K]`; empty if the team
+    /// has no bonus.
+    own_bonuses: Vec<Vec<StepData>>,
 }
 
-/// Memory for the actions of a whole team, reused from step to step.
+/// Buffers for the actions of a team, reused from step to step.
 #[derive(Debug, Default)]
 struct ActionBuffers {
-    rows: Vec<f32>,
+    /// Observations of the agents that act by one model.
+    observations: Vec<f32>,
+    /// The same, scaled.
     scaled: Vec<f32>,
     evaluation: Evaluation,
-    /// `[K × choices]`
+    /// Values of all choices of each agent: `[K × choices]`.
     values: Vec<f32>,
 }
 
@@ -72,13 +79,13 @@ struct Saved<R, S> {
 }
 
 impl ValueTeam {
-    /// A team at its seeds.
+    /// A team that has not learned yet.
     ///
     /// # Panics
-    /// If an action of the task is not one discrete choice: see [`one_choice`].
+    /// If the task does not have one discrete action: see [`choice_count`].
     fn new(composition: Composition, context: &TeamContext<'_>) -> Self {
         let spec = context.spec;
-        let choices = one_choice(spec).expect("checked: an action is one discrete choice");
+        let choices = choice_count(spec).expect("checked: the task has one discrete action");
         let learning = &composition.learning;
         let mut sizes = vec![spec.observation_width()];
         sizes.extend(learning.hidden.iter().map(|units| units.get() as usize));
@@ -88,7 +95,7 @@ impl ValueTeam {
             ValueModel::new(index, &composition, Mlp::new(&sizes), &first_follower)
         };
         let agents = context.config.count.get() as usize;
-        let curious = composition.bonus != Bonus::None;
+        let has_bonus = composition.bonus != Bonus::None;
         Self {
             run_seed: context.run_seed,
             choices,
@@ -103,12 +110,12 @@ impl ValueTeam {
             steps_of_round: 0,
             timing: context.timing,
             buffers: ActionBuffers::default(),
-            own_bonuses: vec![Vec::new(); if curious { agents } else { 0 }],
+            own_bonuses: vec![Vec::new(); if has_bonus { agents } else { 0 }],
             composition,
         }
     }
 
-    /// Agents that do not stay with their model draw one for the round.
+    /// Draws a model for each agent, if models are drawn for every round.
     fn draw_models(&mut self, round: u32) {
         if self.composition.following != Following::Drawn {
             return;
@@ -119,6 +126,7 @@ impl ValueTeam {
         }
     }
 
+    /// Lists the agents of each model.
     fn list_followers(&mut self) {
         self.followers.iter_mut().for_each(Vec::clear);
         for (agent, &model) in self.following.iter().enumerate() {
@@ -126,34 +134,35 @@ impl ValueTeam {
         }
     }
 
-    /// Values of all choices for all agents that play, in one batch per model.
+    /// Computes the values of all choices for all agents that play, in one batch per model.
     /// `observations: [K × width]`, `playing: [K]`
     fn evaluate(&mut self, observations: &[f32], playing: &[bool]) {
         let buffers = &mut self.buffers;
         let width = observations.len() / playing.len();
         buffers.values.resize(playing.len() * self.choices, 0.0);
         for (model, followers) in self.models.iter().zip(&self.followers) {
-            let players = || followers.iter().copied().filter(|&agent| playing[agent]);
-            buffers.rows.clear();
-            for agent in players() {
+            let playing_followers = || followers.iter().copied().filter(|&agent| playing[agent]);
+            buffers.observations.clear();
+            for agent in playing_followers() {
                 let row = &observations[agent * width..(agent + 1) * width];
-                buffers.rows.extend_from_slice(row);
+                buffers.observations.extend_from_slice(row);
             }
-            if buffers.rows.is_empty() {
+            if buffers.observations.is_empty() {
                 continue;
             }
-            self.scaling.apply(&buffers.rows, &mut buffers.scaled);
+            self.scaling
+                .apply(&buffers.observations, &mut buffers.scaled);
             let rows = model
                 .values(&buffers.scaled, &mut buffers.evaluation)
                 .chunks_exact(self.choices);
-            for (agent, row) in players().zip(rows) {
-                let place = agent * self.choices..(agent + 1) * self.choices;
-                buffers.values[place].copy_from_slice(row);
+            for (agent, row) in playing_followers().zip(rows) {
+                let range = agent * self.choices..(agent + 1) * self.choices;
+                buffers.values[range].copy_from_slice(row);
             }
         }
     }
 
-    /// Every model learns from the replay.
+    /// Every model learns from the replay buffer.
     fn learn_from_replay(&mut self, workers: Workers<'_>) {
         let context = LearningContext {
             composition: &self.composition,
@@ -164,43 +173,44 @@ impl ValueTeam {
         workers.for_each(&mut self.models, |model| model.learn(&context));
     }
 
-    /// The curiosity of every model gives bonuses to the fresh episodes of its followers, and then
-    /// learns from all.
-    fn update_curiosity(&mut self, experience: &Experience<'_>, workers: Workers<'_>) {
+    /// Every model computes the bonuses of its followers' fresh episodes; then its bonus model
+    /// learns from all fresh episodes.
+    fn update_bonus_models(&mut self, experience: &Experience<'_>, workers: Workers<'_>) {
         let mut own_episodes: Vec<Vec<usize>> = vec![Vec::new(); self.models.len()];
-        for (place, episode) in experience.fresh.iter().enumerate() {
-            own_episodes[self.following[episode.agent as usize]].push(place);
+        for (index, episode) in experience.fresh.iter().enumerate() {
+            own_episodes[self.following[episode.agent as usize]].push(index);
         }
         let models: Vec<(&mut ValueModel, Vec<usize>)> =
             self.models.iter_mut().zip(own_episodes).collect();
         let bonuses = workers.map(models, |(model, own)| {
             let mut bonuses = Vec::new();
-            model.update_curiosity(experience, &own, &mut bonuses);
+            model.update_bonus_model(experience, &own, &mut bonuses);
             bonuses
         });
         self.own_bonuses.iter_mut().for_each(Vec::clear);
-        for (place, episode) in experience.fresh.iter().enumerate() {
+        for (index, episode) in experience.fresh.iter().enumerate() {
             let agent = episode.agent as usize;
-            let of_model = &bonuses[self.following[agent]];
-            self.own_bonuses[agent].extend(of_model.get(place).into_iter().flatten());
+            let bonuses_of_model = &bonuses[self.following[agent]];
+            self.own_bonuses[agent].push(StepData {
+                intrinsic_rewards: bonuses_of_model.get(index).cloned().unwrap_or_default(),
+                ..StepData::of(episode)
+            });
         }
     }
 
     /// The result of the round for one agent.
     fn update_of(&self, agent: usize) -> AgentUpdate {
         let model = &self.models[self.following[agent]];
-        let own = self.own_bonuses.get(agent).cloned().unwrap_or_default();
+        let step_data = self.own_bonuses.get(agent).cloned().unwrap_or_default();
+        let bonuses = || step_data.iter().flat_map(|data| &data.intrinsic_rewards);
+        let (steps, sum) = (bonuses().count(), bonuses().sum::<f32>());
         let report = UpdateReport {
-            intrinsic_reward: (!own.is_empty()).then(|| own.iter().sum::<f32>() / own.len() as f32),
+            intrinsic_reward: (steps > 0).then(|| sum / steps as f32),
             ..model.report()
         };
         AgentUpdate {
             agent: agent as u32,
-            update: Update {
-                report,
-                intrinsic_rewards: own,
-                advantages: Vec::new(),
-            },
+            update: Update { report, step_data },
             is_finite: model.is_finite(),
         }
     }
@@ -248,25 +258,25 @@ impl Team for ValueTeam {
         }
     }
 
-    fn learn(&mut self, lesson: &Lesson<'_>, workers: Workers<'_>) -> Vec<AgentUpdate> {
-        let Some(first) = lesson.learners.first() else {
+    fn learn(&mut self, request: &LearningRequest<'_>, workers: Workers<'_>) -> Vec<AgentUpdate> {
+        let Some(first) = request.learners.first() else {
             return Vec::new();
         };
         let experience = Experience {
-            fresh: &lesson.kept[first.first_fresh..],
-            kept: lesson.kept,
+            fresh: &request.kept[first.first_fresh..],
+            kept: request.kept,
             round: first.round,
         };
         if self.timing == LearningTiming::AfterEpisodes {
             self.learn_from_replay(workers);
         }
         if !self.own_bonuses.is_empty() {
-            self.update_curiosity(&experience, workers);
+            self.update_bonus_models(&experience, workers);
         }
         for episode in experience.fresh {
             self.scaling.update(episode.states());
         }
-        let agents = lesson.learners.iter();
+        let agents = request.learners.iter();
         agents
             .map(|learner| self.update_of(learner.agent as usize))
             .collect()
@@ -280,15 +290,15 @@ impl Team for ValueTeam {
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let mut all = Vec::new();
+        let mut tensors = Vec::new();
         for (number, model) in self.models.iter().enumerate() {
-            all.extend(model.tensors().map(|tensor| Tensor {
+            tensors.extend(model.tensors().map(|tensor| Tensor {
                 name: format!("model_{number}.{}", tensor.name),
                 ..tensor
             }));
         }
-        all.extend(self.scaling.tensors());
-        all
+        tensors.extend(self.scaling.tensors());
+        tensors
     }
 
     fn save(&self) -> Vec<u8> {
@@ -304,8 +314,10 @@ impl Team for ValueTeam {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let saved: Saved<Replay, Standardizer> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        if saved.models.len() != self.models.len() || !saved.replay.is_like(&self.replay) {
-            return Err("stored for another team".to_owned());
+        if saved.models.len() != self.models.len() || !saved.replay.has_same_shape(&self.replay) {
+            return Err(
+                "the checkpoint is of a team with other models or another replay buffer".to_owned(),
+            );
         }
         for (model, bytes) in self.models.iter_mut().zip(&saved.models) {
             model.restore(bytes)?;
@@ -316,23 +328,24 @@ impl Team for ValueTeam {
     }
 }
 
-/// How many choices an action of the task has.
+/// Number of choices of the task's discrete action.
 ///
 /// # Errors
-/// Says what an action is instead of one discrete choice.
-pub fn one_choice(spec: &Spec) -> Result<usize, String> {
+/// If the task does not have exactly one action, or if it is continuous. The message says what it
+/// has instead.
+pub fn choice_count(spec: &Spec) -> Result<usize, String> {
     match spec.actions.as_slice() {
-        [only] => match &only.choice {
+        [action] => match &action.choice {
             Choice::Discrete(values) => Ok(values.len()),
             Choice::Continuous => Err(format!(
-                "`{}` of `{}` is continuous",
-                only.quantity.name, spec.name
+                "the action `{}` of `{}` is continuous",
+                action.quantity.name, spec.name
             )),
         },
-        several => Err(format!(
-            "an action of `{}` has {} components",
+        actions => Err(format!(
+            "`{}` has {} actions per step",
             spec.name,
-            several.len()
+            actions.len()
         )),
     }
 }

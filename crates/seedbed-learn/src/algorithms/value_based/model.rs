@@ -1,12 +1,12 @@
-//! One value model: a network that learns, the target network behind it, and the fixed random one
-//! that may be added to both.
+//! A value model: a trained network, its target network, and optionally a fixed random network
+//! (prior) that is added to both.
 
 use serde::{Deserialize, Serialize};
 
 use super::config::{Composition, Fit};
-use super::minibatch::{Minibatch, remaining};
+use super::minibatch::{Minibatch, discount_after};
 use super::perturbation::Perturbation;
-use crate::agent::curiosity::Curiosity;
+use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, Learned, Network};
 use crate::agent::scaling::Scaling;
 use crate::agent::{AgentContext, Tensor, UpdateReport};
@@ -17,54 +17,61 @@ use crate::rl::{categorical, q_learning};
 use seedbed_env::input::numbers::Positive;
 use seedbed_env::random::{Purpose, Stream, stream};
 
-/// A value model, which any number of agents may follow.
+/// A value model, by which any number of agents may act.
 pub struct ValueModel {
     network: Network,
+    /// Parameters of the target network.
     target: Vec<f32>,
     prior: Option<Prior>,
     perturbation: Perturbation,
-    /// Parameters from which least-squares value iteration starts again in every round; none for
-    /// models that are fitted from their present parameters.
+    /// Initial state of the network, from which least-squares value iteration starts in every
+    /// round; none for models that continue from their present parameters.
     start: Option<Learned>,
-    /// Gradient steps so far.
+    /// Number of gradient steps so far.
     descents: u64,
-    curiosity: Option<Curiosity>,
+    bonus_model: Option<BonusModel>,
     random: Stream,
     totals: Totals,
     work: Workspace,
 }
 
-/// What models learn from, and how.
+/// The settings and the data that all models of a team learn with.
 pub struct LearningContext<'a> {
     pub(super) composition: &'a Composition,
     pub(super) replay: &'a Replay,
     pub(super) scaling: &'a Scaling,
-    /// Steps of each agent so far.
+    /// Number of steps of each agent so far.
     pub(super) steps: u64,
 }
 
-/// A fixed random network, and how much it counts.
+/// A fixed random network that is added to the learned values.
 struct Prior {
     parameters: Vec<f32>,
+    /// Factor on its outputs.
     scale: f32,
 }
 
-/// Room for values of many states, one for each thread that asks for them.
+/// Buffers for the values of many states.
 #[derive(Debug, Default)]
 pub(super) struct Evaluation {
     activations: Activations,
     values: Vec<f32>,
 }
 
-/// Room that is reused from one minibatch to the next.
+/// Buffers that are reused from one minibatch to the next.
 #[derive(Default)]
 struct Workspace {
     minibatch: Minibatch,
+    /// Scaled observations before the actions.
     scaled: Vec<f32>,
+    /// Scaled observations after the actions.
     scaled_next: Vec<f32>,
     bonuses: Vec<f32>,
+    /// Values of the states before the actions.
     now: Evaluation,
+    /// Values of the next states by the target network.
     next: Evaluation,
+    /// Values of the next states by the trained network.
     online_next: Evaluation,
     targets: Vec<f32>,
     gradient: Vec<f32>,
@@ -85,12 +92,12 @@ struct Saved<L, V> {
     learned: L,
     target: V,
     descents: u64,
-    curiosity: Option<Vec<u8>>,
+    bonus_model: Option<Vec<u8>>,
 }
 
 impl ValueModel {
-    /// Model number `index` of a team at its seed. `first_follower` is the first agent that follows
-    /// it.
+    /// Model number `index` of a team, which has not learned yet. `first_follower` is the first
+    /// agent that acts by it.
     pub(super) fn new(
         index: u32,
         composition: &Composition,
@@ -111,9 +118,9 @@ impl ValueModel {
         });
         let network = Network::new(mlp, seed.clone(), composition.learning.optimiser);
         let seeds = composition.seeded.then_some(team.seeds);
-        let curiosity = Curiosity::new(&composition.bonus, first_follower);
-        let minibatch = curiosity.as_ref().map_or_else(Minibatch::default, |_| {
-            Minibatch::for_curiosity(first_follower.spec)
+        let bonus_model = BonusModel::new(&composition.bonus, first_follower);
+        let minibatch = bonus_model.as_ref().map_or_else(Minibatch::default, |_| {
+            Minibatch::for_bonus_model(first_follower.spec)
         });
         Self {
             start: matches!(composition.fit, Fit::Lsvi { .. }).then(|| network.learned().clone()),
@@ -127,7 +134,7 @@ impl ValueModel {
                 mask: composition.mask,
             },
             descents: 0,
-            curiosity,
+            bonus_model,
             random: stream(run_seed, Purpose::Replay, index, 0),
             totals: Totals::default(),
             work: Workspace {
@@ -137,7 +144,7 @@ impl ValueModel {
         }
     }
 
-    /// A round begins: its minibatches are drawn from a stream of their own.
+    /// Prepares for a round, which draws its minibatches from its own stream.
     pub(super) fn begin_round(&mut self, round: u32) {
         let Perturbation {
             run_seed, model, ..
@@ -146,12 +153,13 @@ impl ValueModel {
         self.totals = Totals::default();
     }
 
-    /// Q(s, ·) of scaled states.   `states: [B × width]` → `[B × choices]`
+    /// Values Q(s, ·) of scaled observations.   `states: [B × width]` → `[B × choices]`
     pub(super) fn values<'a>(&self, states: &[f32], buffers: &'a mut Evaluation) -> &'a mut [f32] {
         self.values_with(self.network.parameters(), states, buffers);
         &mut buffers.values
     }
 
+    /// Values under the given parameters, plus the prior.
     fn values_with(&self, parameters: &[f32], states: &[f32], buffers: &mut Evaluation) {
         let Evaluation {
             activations,
@@ -162,19 +170,18 @@ impl ValueModel {
         self.add_prior(states, activations, values);
     }
 
+    /// Adds the outputs of the prior network to values.
     fn add_prior(&self, states: &[f32], activations: &mut Activations, values: &mut [f32]) {
         let Some(prior) = &self.prior else { return };
-        let added = self
-            .network
-            .mlp()
-            .forward(&prior.parameters, states, activations);
-        values
-            .iter_mut()
-            .zip(added)
-            .for_each(|(value, added)| *value += prior.scale * added);
+        let mlp = self.network.mlp();
+        let outputs = mlp.forward(&prior.parameters, states, activations);
+        for (value, output) in values.iter_mut().zip(outputs) {
+            *value += prior.scale * output;
+        }
     }
 
-    /// Learns as much as it does at one time. Nothing before the replay holds a minibatch.
+    /// Takes the configured number of gradient steps, or none as long as the replay buffer has
+    /// fewer transitions than a minibatch.
     pub fn learn(&mut self, context: &LearningContext<'_>) {
         let learning = &context.composition.learning;
         if context.replay.len() < learning.minibatch.get() as usize {
@@ -182,14 +189,15 @@ impl ValueModel {
         }
         match context.composition.fit {
             Fit::Td => (0..learning.minibatches.get()).for_each(|_| self.descend(context, true)),
-            Fit::Lsvi { iterations } => self.iterate(context, iterations.get()),
+            Fit::Lsvi { iterations } => self.iterate_values(context, iterations.get()),
         }
     }
 
-    /// Least-squares value iteration: regressions one on the other, the first on rewards alone.
-    fn iterate(&mut self, context: &LearningContext<'_>, iterations: u32) {
+    /// Least-squares value iteration: a sequence of regressions, the first on rewards alone, each
+    /// further one on the values of the one before.
+    fn iterate_values(&mut self, context: &LearningContext<'_>, iterations: u32) {
         if let Some(start) = &self.start {
-            self.network.restart(start);
+            self.network.reset_to(start);
         }
         for iteration in 0..iterations {
             self.target.copy_from_slice(self.network.parameters());
@@ -200,7 +208,7 @@ impl ValueModel {
     }
 
     /// One gradient step on ½ mean w (r + z + γ max Q′(s′, ·) − Q(s, a))² + ½ λ ‖θ − θ̂‖² (thesis
-    /// §2.4).
+    /// §2.4). γ is 0 unless `bootstrap`.
     fn descend(&mut self, context: &LearningContext<'_>, bootstrap: bool) {
         self.draw_minibatch(context, bootstrap);
         self.add_bonuses();
@@ -229,16 +237,14 @@ impl ValueModel {
         self.accumulate_stats(context, loss, &mut now.values);
         self.work = work;
         self.descents += 1;
-        let iterates = self.start.is_some();
-        if !iterates
-            && self
-                .descents
-                .is_multiple_of(context.composition.learning.target_every.get().into())
-        {
+        let is_value_iteration = self.start.is_some();
+        let target_every = context.composition.learning.target_every.get();
+        if !is_value_iteration && self.descents.is_multiple_of(target_every.into()) {
             self.target.copy_from_slice(self.network.parameters());
         }
     }
 
+    /// Draws the transitions of the next gradient step.
     fn draw_minibatch(&mut self, context: &LearningContext<'_>, bootstrap: bool) {
         let learning = &context.composition.learning;
         let Self {
@@ -262,7 +268,7 @@ impl ValueModel {
         for _ in 0..learning.minibatch.get() {
             let transition = context.replay.draw(random);
             let reward = transition.reward + perturbation.seed(transition.origin);
-            let discount = remaining(discount, transition.status, learning.time_limit);
+            let discount = discount_after(discount, transition.status, learning.time_limit);
             minibatch.push(
                 &transition,
                 reward,
@@ -271,26 +277,24 @@ impl ValueModel {
             );
         }
         context.scaling.apply(&minibatch.states, scaled);
-        context.scaling.apply(&minibatch.next, scaled_next);
+        context.scaling.apply(&minibatch.next_states, scaled_next);
     }
 
-    /// Adds what the model's curiosity makes of the transitions now.
+    /// Adds the bonuses of the minibatch's transitions, computed with the present bonus model.
     fn add_bonuses(&mut self) {
         let Workspace {
             minibatch, bonuses, ..
         } = &mut self.work;
-        let (Some(curiosity), Some(pairs)) = (&mut self.curiosity, minibatch.pairs()) else {
+        let (Some(bonus_model), Some(pairs)) = (&mut self.bonus_model, minibatch.pairs()) else {
             return;
         };
-        curiosity.bonuses_of_pairs(pairs, &mut self.random, bonuses);
-        minibatch
-            .rewards
-            .iter_mut()
-            .zip(bonuses)
-            .for_each(|(reward, bonus)| *reward += *bonus);
+        bonus_model.compute_bonuses_of_pairs(pairs, &mut self.random, bonuses);
+        for (reward, bonus) in minibatch.rewards.iter_mut().zip(bonuses) {
+            *reward += *bonus;
+        }
     }
 
-    /// What the values of the minibatch are to become.
+    /// Computes the targets of the minibatch.
     fn compute_targets(&mut self, context: &LearningContext<'_>) {
         let mut work = std::mem::take(&mut self.work);
         let Workspace {
@@ -302,7 +306,7 @@ impl ValueModel {
             ..
         } = &mut work;
         self.values_with(&self.target, scaled_next, next);
-        let chosen_by = if context.composition.double {
+        let choosing_values = if context.composition.double {
             self.values_with(self.network.parameters(), scaled_next, online_next);
             &online_next.values
         } else {
@@ -312,13 +316,14 @@ impl ValueModel {
             &minibatch.rewards,
             &minibatch.discounts,
             &next.values,
-            chosen_by,
+            choosing_values,
             targets,
         );
         self.work = work;
     }
 
-    /// `values: [B × choices]`, overwritten
+    /// Adds the loss, and the entropy of the policy in the first state of the minibatch, to the
+    /// totals. `values: [B × choices]`, overwritten
     fn accumulate_stats(&mut self, context: &LearningContext<'_>, loss: f32, values: &mut [f32]) {
         let choices = self.network.mlp().outputs();
         let row = &mut values[..choices];
@@ -331,28 +336,30 @@ impl ValueModel {
         self.totals.entropy += f64::from(categorical::entropy(row));
     }
 
-    /// The round is over: curiosity gives bonuses to the followers' episodes, those at the indices
-    /// `own` of the fresh ones, and learns from all.
-    pub fn update_curiosity(
+    /// Computes the bonuses of the followers' episodes, whose indices among the fresh ones are
+    /// `own`; then trains the bonus model on all fresh episodes.
+    pub fn update_bonus_model(
         &mut self,
         experience: &Experience<'_>,
         own: &[usize],
         bonuses: &mut Vec<Vec<f32>>,
     ) {
-        if let Some(curiosity) = &mut self.curiosity {
-            curiosity.reward_own(experience, own, bonuses);
-            self.totals.prediction_error = Some(curiosity.learn(experience));
+        if let Some(bonus_model) = &mut self.bonus_model {
+            bonus_model.compute_own_bonuses(experience, own, bonuses);
+            self.totals.prediction_error = Some(bonus_model.learn(experience));
         }
     }
 
-    /// Raw gains of steps spread over an episode; none without curiosity.
+    /// Unscaled bonuses of steps evenly spread over an episode; empty without a bonus.
     pub(super) fn probe_bonuses(&mut self, episode: &Episode, round: u32) -> Vec<f32> {
-        self.curiosity.as_mut().map_or_else(Vec::new, |curiosity| {
-            curiosity.probe_bonuses(episode, round)
-        })
+        self.bonus_model
+            .as_mut()
+            .map_or_else(Vec::new, |bonus_model| {
+                bonus_model.probe_bonuses(episode, round)
+            })
     }
 
-    /// What learning was like in this round.
+    /// Statistics of learning in this round.
     pub(super) fn report(&self) -> UpdateReport {
         let descents = self.totals.descents;
         let mean = |sum: f64| (descents > 0).then(|| (sum / f64::from(descents)) as f32);
@@ -365,7 +372,7 @@ impl ValueModel {
     }
 
     pub(super) fn is_finite(&self) -> bool {
-        self.network.is_finite() && self.curiosity.as_ref().is_none_or(Curiosity::is_finite)
+        self.network.is_finite() && self.bonus_model.as_ref().is_none_or(BonusModel::is_finite)
     }
 
     pub(super) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
@@ -381,14 +388,14 @@ impl ValueModel {
     }
 
     pub(super) fn save(&self) -> Vec<u8> {
-        let curiosity = self.curiosity.as_ref().map(Curiosity::save);
+        let bonus_model = self.bonus_model.as_ref().map(BonusModel::save);
         let saved = Saved {
             learned: self.network.learned(),
             target: &self.target,
             descents: self.descents,
-            curiosity,
+            bonus_model,
         };
-        postcard::to_stdvec(&saved).expect("plain numbers always serialise")
+        postcard::to_stdvec(&saved).expect("plain numbers always serialize")
     }
 
     pub(super) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
@@ -396,24 +403,24 @@ impl ValueModel {
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         if saved.target.len() != self.target.len() {
             return Err(format!(
-                "{} parameters stored for a network of {}",
+                "the checkpoint has {} parameters of a target network; expected {}",
                 saved.target.len(),
                 self.target.len()
             ));
         }
         self.network.restore(saved.learned)?;
         (self.target, self.descents) = (saved.target, saved.descents);
-        match (&mut self.curiosity, saved.curiosity) {
-            (Some(curiosity), Some(bytes)) => curiosity.restore(&bytes),
+        match (&mut self.bonus_model, saved.bonus_model) {
+            (Some(bonus_model), Some(bytes)) => bonus_model.restore(&bytes),
             (None, None) => Ok(()),
-            _ => Err("stored for a run with another `bonus`".to_owned()),
+            _ => Err("the checkpoint is of a run with another `bonus`".to_owned()),
         }
     }
 }
 
 fn descent(composition: &Composition) -> Descent {
     Descent {
-        regularisation: composition.regularisation,
+        regularization: composition.regularization,
         gradient_clip: composition.learning.gradient_clip.map(Positive::get_f32),
         step_size_factor: 1.0,
     }

@@ -1,8 +1,8 @@
-//! What a model makes of a transition: its reward seed z, and whether the model learns from it at
-//! all.
+//! Perturbations of transitions by a model: reward seeds z, and masks that say whether the model
+//! learns from a transition.
 //!
-//! Both are deterministic functions of (run seed, model, source agent, episode, step), whatever the
-//! replay still holds and wherever.
+//! Both are deterministic functions of (run seed, model, acting agent, episode, step). They do not
+//! depend on the contents of the replay buffer.
 
 use rand::RngExt;
 
@@ -10,26 +10,26 @@ use crate::experience::replay::Origin;
 use crate::seed::SeedDistribution;
 use seedbed_env::random::{Purpose, transition_stream};
 
-/// One model's way with transitions.
+/// How one model perturbs transitions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Perturbation {
     pub(super) run_seed: u64,
     pub(super) model: u32,
-    /// What z is drawn from; none where rewards stay as they are.
+    /// Distribution of z; none if rewards are not perturbed.
     pub(super) seeds: Option<SeedDistribution>,
     /// Share of transitions that the model learns from.
     pub(super) mask: f32,
 }
 
 impl Perturbation {
-    /// z of a transition, in units of reward.
+    /// Reward seed z of a transition, in units of reward.
     pub(super) fn seed(&self, origin: Origin) -> f32 {
         let Some(seeds) = self.seeds else { return 0.0 };
         seeds.draw_one(&mut transition_stream(
             self.run_seed,
             Purpose::TransitionSeeds,
             self.model,
-            name(origin),
+            stream_key(origin),
         )) as f32
     }
 
@@ -42,7 +42,7 @@ impl Perturbation {
             self.run_seed,
             Purpose::TransitionMasks,
             self.model,
-            name(origin),
+            stream_key(origin),
         );
         if random.random::<f32>() < self.mask {
             1.0
@@ -52,7 +52,8 @@ impl Perturbation {
     }
 }
 
-fn name(origin: Origin) -> (u32, u32, u32) {
+/// What identifies a transition in the name of a random stream.
+fn stream_key(origin: Origin) -> (u32, u32, u32) {
     (origin.agent, origin.episode, origin.step)
 }
 
@@ -82,10 +83,11 @@ mod tests {
         })
     }
 
-    /// 4,000 draws of variance 0.01: mean within 4·0.1/√4000 = 0.0064 of 0, deviation within
-    /// 4·0.1/√8000 = 0.0045 of 0.1; half are learned from, within 4·0.5/√4000 = 0.032.
+    /// 4,000 draws of variance 0.01: the mean is within 4·0.1/√4000 = 0.0064 of 0, the deviation
+    /// within 4·0.1/√8000 = 0.0045 of 0.1, and the share of transitions that are learned from
+    /// within 4·0.5/√4000 = 0.032 of ½.
     #[test]
-    fn seeds_and_masks_have_their_moments() {
+    fn seeds_and_masks_have_the_expected_moments() {
         let count = 4000.0;
         let seeds: Vec<f32> = origins()
             .map(|origin| perturbation(0).seed(origin))
@@ -96,23 +98,23 @@ mod tests {
             mean.abs() < 0.0064 && (deviation - 0.1).abs() < 0.0045,
             "{mean} {deviation}"
         );
-        let learned = origins()
+        let share = origins()
             .map(|origin| perturbation(0).weight(origin))
             .sum::<f32>()
             / count;
-        assert!((learned - 0.5).abs() < 0.032, "{learned}");
+        assert!((share - 0.5).abs() < 0.032, "{share}");
     }
 
     #[test]
-    fn seeds_stay_and_belong_to_one_model() {
-        let of = |model, place: usize| {
+    fn seeds_are_fixed_and_differ_between_models_and_transitions() {
+        let seed = |model, position: usize| {
             origins()
-                .nth(place)
+                .nth(position)
                 .map(|origin| perturbation(model).seed(origin))
         };
-        assert_eq!(of(0, 17), of(0, 17));
-        assert_ne!(of(0, 17), of(1, 17));
-        assert_ne!(of(0, 17), of(0, 18));
+        assert_eq!(seed(0, 17), seed(0, 17));
+        assert_ne!(seed(0, 17), seed(1, 17));
+        assert_ne!(seed(0, 17), seed(0, 18));
     }
 
     #[test]

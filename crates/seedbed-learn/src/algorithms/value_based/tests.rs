@@ -1,4 +1,4 @@
-//! Values of a chain that is solved by hand, and who follows which model.
+//! Values of a chain that is solved by hand, and which agent acts by which model.
 
 use super::config::{Fit, Learning, Models, QLearning, SeedTd, ValueBased};
 use super::*;
@@ -8,9 +8,9 @@ use crate::seed::SeedDistribution;
 use seedbed_env::input::numbers::{known, known_count};
 use seedbed_env::{Action, Quantity, Status};
 
-/// A chain of three states, seen as one of three numbers: action 0 goes left, action 1 right.
-/// Leaving state 2 to the right ends an episode with a reward of 1; leaving state 0 to the left
-/// ends it with 0.2.
+/// A chain of three states with one-hot observations: action 0 goes left, action 1 goes right.
+/// Leaving state 2 to the right ends the episode with reward 1; leaving state 0 to the left ends it
+/// with reward 0.2.
 fn spec() -> Spec {
     let quantity = |name: &str| Quantity {
         name: name.to_owned(),
@@ -31,11 +31,11 @@ fn spec() -> Spec {
     }
 }
 
-fn seen(state: usize) -> [f32; 3] {
+fn observation(state: usize) -> [f32; 3] {
     std::array::from_fn(|index| if index == state { 1.0 } else { 0.0 })
 }
 
-/// One step from `state`; the chain's rule.
+/// An episode of one step from `state`.
 fn step(agent: u32, state: usize, action: usize) -> Episode {
     let (next, reward, outcome) = match (state, action) {
         (0, 0) => (0, 0.2, Status::Terminated),
@@ -44,7 +44,7 @@ fn step(agent: u32, state: usize, action: usize) -> Episode {
         (state, _) => (state + 1, 0.0, Status::Running),
     };
     Episode {
-        observations: [seen(state), seen(next)].concat(),
+        observations: [observation(state), observation(next)].concat(),
         actions: vec![action as f32],
         rewards: vec![reward],
         outcome,
@@ -90,31 +90,34 @@ fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
 }
 
 fn learn(team: &mut ValueTeam, times: usize) {
-    (0..times).for_each(|_| team.learn_from_replay(Workers::CALLER));
+    (0..times).for_each(|_| team.learn_from_replay(Workers::CURRENT_THREAD));
 }
 
-/// Q of all states as an agent's model has it: `[3 × 2]`.
+/// Q of all states by the model of `agent`, one of `agents`: `[3 × 2]`.
 fn values(team: &mut ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
-    let mut all = Vec::new();
+    let mut values = Vec::new();
     for state in 0..3 {
-        let observations: Vec<f32> = (0..agents).flat_map(|_| seen(state)).collect();
+        let observations: Vec<f32> = (0..agents).flat_map(|_| observation(state)).collect();
         team.evaluate(&observations, &vec![true; agents]);
-        all.extend_from_slice(&team.buffers.values[2 * agent..2 * agent + 2]);
+        values.extend_from_slice(&team.buffers.values[2 * agent..2 * agent + 2]);
     }
-    all
+    values
 }
 
 /// By hand, γ = 0.8: Q(2, right) = 1; Q(1, right) = 0.8; Q(0, right) = 0.64, so V = 0.64, 0.8, 1
 /// and Q(0, left) = 0.2, Q(1, left) = 0.8 V(0) = 0.512, Q(2, left) = 0.8 V(1) = 0.64.
 const OPTIMAL: [f32; 6] = [0.2, 0.64, 0.512, 0.8, 0.64, 1.0];
 
-fn assert_optimal(found: &[f32], tolerance: f32) {
-    let largest = found
+fn assert_optimal(values: &[f32], tolerance: f32) {
+    let largest_error = values
         .iter()
         .zip(OPTIMAL)
-        .map(|(ours, exact)| (ours - exact).abs())
+        .map(|(value, exact)| (value - exact).abs())
         .fold(0.0, f32::max);
-    assert!(largest < tolerance, "{found:?} against {OPTIMAL:?}");
+    assert!(
+        largest_error < tolerance,
+        "{values:?}; expected {OPTIMAL:?}"
+    );
 }
 
 #[test]
@@ -131,10 +134,9 @@ fn q_learning_finds_the_exact_values_of_a_chain() {
     }
 }
 
-/// Ten regressions on the one before: enough for a chain that ends after three steps at best, whose
-/// values have converged to 0.8¹⁰.
+/// After ten regressions, values have converged to within 0.8¹⁰.
 #[test]
-fn least_squares_value_iteration_finds_them_as_well() {
+fn least_squares_value_iteration_finds_the_exact_values() {
     let learning = Learning {
         minibatches: known_count(1000),
         ..learning()
@@ -154,9 +156,9 @@ fn least_squares_value_iteration_finds_them_as_well() {
     assert_optimal(&values(&mut team, 0, 1), 0.03);
 }
 
-/// A prior network changes what the learned one has to be, not what both come to together.
+/// The learned network compensates for the prior: their sum converges to the same values.
 #[test]
-fn a_prior_does_not_change_what_is_learned() {
+fn values_converge_with_a_prior() {
     let config = SeedTd {
         learning: learning(),
         ..SeedTd::default()
@@ -167,17 +169,17 @@ fn a_prior_does_not_change_what_is_learned() {
         before
             .iter()
             .zip(OPTIMAL)
-            .any(|(ours, exact)| (ours - exact).abs() > 0.3),
+            .any(|(value, exact)| (value - exact).abs() > 0.3),
         "{before:?}"
     );
     learn(&mut team, 6000);
     (0..2).for_each(|agent| assert_optimal(&values(&mut team, agent, 2), 0.03));
 }
 
-/// Seed TD's own answer is that of the chain with rewards r + z: Q(2, right) = 1 + z, z of its
-/// origin.
+/// Seed TD learns the values of the chain with rewards r + z: Q(2, right) = 1 + z, where z is the
+/// seed of that transition.
 #[test]
-fn seeds_shift_what_is_learned_by_as_much() {
+fn seeds_shift_learned_values() {
     let config = SeedTd {
         learning: learning(),
         prior_scale: known(0.0),
@@ -193,15 +195,15 @@ fn seeds_shift_what_is_learned_by_as_much() {
             mask: 1.0,
         };
         let z = perturbation.seed(team.replay.get(5).origin);
-        let found = values(&mut team, model as usize, 2)[5];
-        assert!((found - 1.0 - z).abs() < 0.03, "{found} with z = {z}");
+        let value = values(&mut team, model as usize, 2)[5];
+        assert!((value - 1.0 - z).abs() < 0.03, "{value} with z = {z}");
     }
 }
 
-/// ½ λ ‖θ − θ̂‖² with a large λ leaves a model at its start.
+/// With a large weight of ½ ‖θ − θ̂‖², a model stays at its initial parameters.
 #[test]
-fn regularisation_pulls_a_model_back_to_its_start() {
-    let moved = |regularisation| {
+fn regularization_keeps_a_model_at_its_initial_parameters() {
+    let largest_change = |regularisation| {
         let config = SeedTd {
             learning: learning(),
             regularisation: known(regularisation),
@@ -217,10 +219,10 @@ fn regularisation_pulls_a_model_back_to_its_start() {
             .fold(0.0, f32::max)
     };
     assert!(
-        moved(100.0) < 0.1 && moved(0.0) > 0.3,
+        largest_change(100.0) < 0.1 && largest_change(0.0) > 0.3,
         "{} {}",
-        moved(100.0),
-        moved(0.0)
+        largest_change(100.0),
+        largest_change(0.0)
     );
 }
 
@@ -234,19 +236,25 @@ fn agents_of_an_ensemble_share_its_models() {
         learning: learning(),
         ..SeedTd::default()
     };
-    let mut of_many = team(config.compose(70), 70, 0.1);
+    let mut large_team = team(config.compose(70), 70, 0.1);
     assert_eq!(
-        (of_many.models.len(), of_many.followers[5].as_slice()),
+        (large_team.models.len(), large_team.followers[5].as_slice()),
         (30, &[5, 35, 65][..])
     );
-    assert_eq!(values(&mut of_many, 5, 70), values(&mut of_many, 65, 70));
-    assert_ne!(values(&mut of_many, 5, 70), values(&mut of_many, 6, 70));
+    assert_eq!(
+        values(&mut large_team, 5, 70),
+        values(&mut large_team, 65, 70)
+    );
+    assert_ne!(
+        values(&mut large_team, 5, 70),
+        values(&mut large_team, 6, 70)
+    );
     assert_eq!(team(config.compose(4), 4, 0.1).models.len(), 4);
 }
 
-/// Whoever else plays: an agent's values are those of its own observation.
+/// An agent's values depend on its own observation only, whichever other agents play.
 #[test]
-fn values_are_each_player_s_own() {
+fn values_do_not_depend_on_other_agents() {
     let config = SeedTd {
         models: Models::Ensemble {
             most: known_count(2),
@@ -255,7 +263,7 @@ fn values_are_each_player_s_own() {
         ..SeedTd::default()
     };
     let mut team = team(config.compose(5), 5, 0.1);
-    let observations: Vec<f32> = [0, 1, 2, 1, 0].into_iter().flat_map(seen).collect();
+    let observations: Vec<f32> = [0, 1, 2, 1, 0].into_iter().flat_map(observation).collect();
     team.evaluate(&observations, &[false, true, true, true, true]);
     let together = team.buffers.values.clone();
     for (agent, state) in [(1, 1), (2, 2), (3, 1), (4, 0)] {
@@ -265,25 +273,25 @@ fn values_are_each_player_s_own() {
 }
 
 #[test]
-fn a_drawn_model_changes_from_round_to_round_and_back() {
+fn drawn_models_depend_on_the_round_only() {
     let config = config::BootstrappedDqn {
         learning: learning(),
         ..config::BootstrappedDqn::default()
     };
     let mut team = team(config.compose(4), 4, 0.0);
-    let mut followed = |round| {
+    let mut models_of_round = |round| {
         team.begin_round(round);
         team.following.clone()
     };
-    let rounds: Vec<Vec<usize>> = (0..20).map(&mut followed).collect();
-    assert_eq!(followed(7), rounds[7]);
+    let rounds: Vec<Vec<usize>> = (0..20).map(&mut models_of_round).collect();
+    assert_eq!(models_of_round(7), rounds[7]);
     assert!(rounds.iter().any(|following| *following != rounds[0]));
     assert!(rounds.iter().flatten().all(|&model| model < 10));
 }
 
 #[test]
-fn a_restored_team_goes_on_to_the_same_bits() {
-    let bonus = Bonus::Rnd(crate::agent::curiosity::Rnd::default());
+fn a_restored_team_continues_with_the_same_bits() {
+    let bonus = Bonus::Rnd(crate::agent::bonus::Rnd::default());
     for bonus in [Bonus::None, bonus] {
         let config = SeedTd {
             learning: learning(),
@@ -303,26 +311,26 @@ fn a_restored_team_goes_on_to_the_same_bits() {
 }
 
 #[test]
-fn only_one_discrete_action_has_values() {
-    let one = spec();
-    assert_eq!(one_choice(&one), Ok(2));
+fn a_task_must_have_one_discrete_action() {
+    let discrete = spec();
+    assert_eq!(choice_count(&discrete), Ok(2));
     let continuous = Spec {
         actions: vec![Action {
             choice: Choice::Continuous,
-            ..one.actions[0].clone()
+            ..discrete.actions[0].clone()
         }],
         ..spec()
     };
     assert_eq!(
-        one_choice(&continuous),
-        Err("`move` of `chain` is continuous".to_owned())
+        choice_count(&continuous),
+        Err("the action `move` of `chain` is continuous".to_owned())
     );
     let two = Spec {
-        actions: vec![one.actions[0].clone(), one.actions[0].clone()],
+        actions: vec![discrete.actions[0].clone(), discrete.actions[0].clone()],
         ..spec()
     };
     assert_eq!(
-        one_choice(&two),
-        Err("an action of `chain` has 2 components".to_owned())
+        choice_count(&two),
+        Err("`chain` has 2 actions per step".to_owned())
     );
 }

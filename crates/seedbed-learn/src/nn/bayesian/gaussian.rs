@@ -1,19 +1,19 @@
-//! Weights as independent Gaussians: q(w) = Π 𝒩(wᵢ; μᵢ, σᵢ²) (thesis Eq. 29, with a deviation for
-//! each weight).
+//! Independent Gaussian weights: q(w) = Π 𝒩(wᵢ; μᵢ, σᵢ²) (thesis Eq. 29, with one deviation per
+//! weight).
 
 use serde::{Deserialize, Serialize};
 
-/// A Gaussian over P weights whose covariance is diagonal.
+/// A Gaussian distribution of P weights with diagonal covariance.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DiagonalGaussian {
-    /// `[P]`: μ
+    /// Means μ: `[P]`.
     pub mean: Vec<f32>,
-    /// `[P]`: σ
+    /// Standard deviations σ: `[P]`.
     pub deviation: Vec<f32>,
 }
 
 impl DiagonalGaussian {
-    /// 𝒩(0, σ² I) over `count` weights.
+    /// The distribution 𝒩(0, σ² I) of `count` weights.
     #[must_use]
     pub fn isotropic(count: usize, deviation: f32) -> Self {
         Self {
@@ -22,10 +22,8 @@ impl DiagonalGaussian {
         }
     }
 
-    /// w = μ + σ ε for standard-normal ε; −ε gives the antithetic draw.   `noise: [P]` →
-    /// `weights: [P]`, overwritten
-    ///
-    /// A noise that stays the same while q moves is a fixed sample of the model.
+    /// Weights w = μ + σ ε for standard-normal noise ε; −ε gives the antithetic draw.   `noise:
+    /// [P]` → `weights: [P]`, overwritten
     ///
     /// # Panics
     /// If `noise` has another length.
@@ -41,7 +39,8 @@ impl DiagonalGaussian {
         );
     }
 
-    /// A perturbed copy (thesis Alg. 2): μ ← μ₀, σ ← σ₀ |z|.   `factors: [P]`, the z
+    /// Becomes a copy with scaled deviations (thesis Alg. 2): μ ← μ₀, σ ← σ₀ |z|, where z are the
+    /// `factors: [P]`.
     ///
     /// # Panics
     /// If `factors` has another length.
@@ -58,7 +57,8 @@ impl DiagonalGaussian {
         );
     }
 
-    /// A perturbed copy (thesis §2.3): μ ← μ₀ + σ₀ z, σ ← σ₀.   `shifts: [P]`, the z
+    /// Becomes a copy with shifted means (thesis §2.3): μ ← μ₀ + σ₀ z, σ ← σ₀, where z are the
+    /// `shifts: [P]`.
     ///
     /// # Panics
     /// If `shifts` has another length.
@@ -67,55 +67,52 @@ impl DiagonalGaussian {
         self.deviation.clone_from(&original.deviation);
     }
 
-    /// KL(q‖p) = Σ ½ ((σ/σ')² + (μ − μ')²/σ'² − 1) + log σ' − log σ, nats; q is `self`, p has μ'
-    /// and σ' (thesis Eq. 31).
+    /// Divergence KL(q‖p) = Σ ½ ((σ/σ')² + (μ − μ')²/σ'² − 1) + log σ' − log σ, nats, where q is
+    /// `self` and `other` is p with μ' and σ' (thesis Eq. 31).
     ///
     /// # Panics
     /// If the lengths differ.
     #[must_use]
-    pub fn divergence(&self, from: &Self) -> f64 {
-        self.with(from)
-            .map(|[mean, deviation, other_mean, other]| {
-                divergence(mean, deviation, other_mean, other)
-            })
-            .sum()
+    pub fn divergence(&self, other: &Self) -> f64 {
+        assert_eq!(self.mean.len(), other.mean.len());
+        let own_moments = self.mean.iter().zip(&self.deviation);
+        let other_moments = other.mean.iter().zip(&other.deviation);
+        let mut sum = 0.0;
+        for ((mean, deviation), (other_mean, other_deviation)) in own_moments.zip(other_moments) {
+            let [mean, deviation] = [*mean, *deviation].map(f64::from);
+            let [other_mean, other_deviation] = [*other_mean, *other_deviation].map(f64::from);
+            sum += divergence(mean, deviation, other_mean, other_deviation);
+        }
+        sum
     }
 
-    /// Adds w ∂KL(q‖p)/∂μ = w (μ − μ')/σ'² and w ∂KL(q‖p)/∂σ = w (σ/σ'² − 1/σ).   `mean_slope`,
-    /// `deviation_slope`: `[P]`
+    /// Adds w ∂KL(q‖p)/∂μ = w (μ − μ')/σ'² to `mean_gradient` and w ∂KL(q‖p)/∂σ = w (σ/σ'² − 1/σ)
+    /// to `deviation_gradient`: `[P]` each. q is `self`, p is `other`, w is `weight`.
     pub(super) fn add_divergence_gradient(
         &self,
-        from: &Self,
-        w: f32,
-        mean_slope: &mut [f32],
-        deviation_slope: &mut [f32],
+        other: &Self,
+        weight: f32,
+        mean_gradient: &mut [f32],
+        deviation_gradient: &mut [f32],
     ) {
-        let slopes = mean_slope.iter_mut().zip(deviation_slope);
-        let ours = self.mean.iter().zip(&self.deviation);
-        let theirs = from.mean.iter().zip(&from.deviation);
-        for (((by_mean, by_deviation), (mean, deviation)), (other_mean, other)) in
-            slopes.zip(ours).zip(theirs)
+        let gradients = mean_gradient.iter_mut().zip(deviation_gradient);
+        let own_moments = self.mean.iter().zip(&self.deviation);
+        let other_moments = other.mean.iter().zip(&other.deviation);
+        for (((by_mean, by_deviation), (mean, deviation)), (other_mean, other_deviation)) in
+            gradients.zip(own_moments).zip(other_moments)
         {
-            let precision = 1.0 / (other * other);
-            *by_mean += w * (mean - other_mean) * precision;
-            *by_deviation += w * (deviation * precision - 1.0 / deviation);
+            let precision = 1.0 / (other_deviation * other_deviation);
+            *by_mean += weight * (mean - other_mean) * precision;
+            *by_deviation += weight * (deviation * precision - 1.0 / deviation);
         }
-    }
-
-    /// Weight by weight: μ, σ, μ', σ'.
-    fn with<'a>(&'a self, other: &'a Self) -> impl Iterator<Item = [f64; 4]> + 'a {
-        assert_eq!(self.mean.len(), other.mean.len());
-        let ours = self.mean.iter().zip(&self.deviation);
-        let theirs = other.mean.iter().zip(&other.deviation);
-        ours.zip(theirs)
-            .map(|((a, b), (c, d))| [a, b, c, d].map(|&x| f64::from(x)))
     }
 }
 
-/// KL(𝒩(μ, σ²) ‖ 𝒩(μ', σ'²)). In double precision, because its terms cancel where the two are
-/// close.
-fn divergence(mean: f64, deviation: f64, other_mean: f64, other: f64) -> f64 {
-    let (ratio, shift) = (deviation / other, (mean - other_mean) / other);
+/// KL(𝒩(μ, σ²) ‖ 𝒩(μ', σ'²)). In double precision, because its terms cancel if the distributions
+/// are similar.
+fn divergence(mean: f64, deviation: f64, other_mean: f64, other_deviation: f64) -> f64 {
+    let ratio = deviation / other_deviation;
+    let shift = (mean - other_mean) / other_deviation;
     0.5 * (ratio * ratio + shift * shift - 1.0) - ratio.ln()
 }
 
@@ -141,22 +138,22 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use seedbed_env::random::{Purpose, stream};
 
-    fn one(mean: f32, deviation: f32) -> DiagonalGaussian {
+    fn gaussian(mean: f32, deviation: f32) -> DiagonalGaussian {
         DiagonalGaussian {
             mean: vec![mean],
             deviation: vec![deviation],
         }
     }
 
-    /// ½ (¼ + 1 − 1) + ln 2 = 0.8181472 for 𝒩(0, 1) against 𝒩(2, 4); 0 of one against itself.
+    /// KL(𝒩(0, 1) ‖ 𝒩(2, 4)) = ½ (¼ + 1 − 1) + ln 2 = 0.8181472; it is 0 for equal distributions.
     #[test]
     fn divergence_by_hand() {
-        assert!((one(0.0, 1.0).divergence(&one(2.0, 2.0)) - 0.818_147_2).abs() < 1e-6);
-        assert_eq!(one(3.0, 0.7).divergence(&one(3.0, 0.7)), 0.0);
+        assert!((gaussian(0.0, 1.0).divergence(&gaussian(2.0, 2.0)) - 0.818_147_2).abs() < 1e-6);
+        assert_eq!(gaussian(3.0, 0.7).divergence(&gaussian(3.0, 0.7)), 0.0);
     }
 
-    /// The mean of log q(w) − log p(w) over 20,000 draws w ~ q of three weights, within four
-    /// standard errors.
+    /// The mean of log q(w) − log p(w) over 20,000 draws w ~ q of three weights; the tolerance is
+    /// four standard errors.
     #[test]
     fn divergence_agrees_with_monte_carlo() {
         let q = DiagonalGaussian {
@@ -167,12 +164,13 @@ mod tests {
             mean: vec![0.0, -0.8, 0.4],
             deviation: vec![0.7, 0.3, 1.0],
         };
-        let log_density = |of: &DiagonalGaussian, w: &[f32]| -> f64 {
-            let each = of.mean.iter().zip(&of.deviation).zip(w);
-            each.map(|((mean, deviation), w)| {
-                -0.5 * f64::from((w - mean) / deviation).powi(2) - f64::from(deviation.ln())
-            })
-            .sum()
+        let log_density = |gaussian: &DiagonalGaussian, w: &[f32]| -> f64 {
+            let terms = gaussian.mean.iter().zip(&gaussian.deviation).zip(w);
+            terms
+                .map(|((mean, deviation), w)| {
+                    -0.5 * f64::from((w - mean) / deviation).powi(2) - f64::from(deviation.ln())
+                })
+                .sum()
         };
         let mut random = stream(3, Purpose::Preview, 0, 0);
         let mut weights = Vec::new();
@@ -206,7 +204,7 @@ mod tests {
         assert!((second(&|h| divergence(h, start, 0.0, start)) - 2.081_369).abs() < 1e-5);
     }
 
-    /// At ρ = −9 σ = 1.2340e−4; where ρ = 0 it is log 2; far out it is ρ.
+    /// σ is 1.2340e−4 for ρ = −9, log 2 for ρ = 0, and ρ for large ρ.
     #[test]
     fn softplus_and_its_inverse() {
         assert!((softplus(-9.0) / 1.234_021_9e-4 - 1.0).abs() < 1e-5);
@@ -221,17 +219,18 @@ mod tests {
         }
     }
 
-    /// μ = 1, σ = 0.5, z = −2: scaled (1, 1), shifted (0, 0.5); a draw with ε = 1 from each.
+    /// μ = 1, σ = 0.5, z = −2: the scaled copy has moments (1, 1), the shifted one (0, 0.5). Then a
+    /// draw with ε = 1 from each.
     #[test]
     fn perturbed_copies_by_hand() {
         let (original, mut copy, mut weights) =
-            (one(1.0, 0.5), DiagonalGaussian::default(), Vec::new());
+            (gaussian(1.0, 0.5), DiagonalGaussian::default(), Vec::new());
         copy.copy_scaled(&original, &[-2.0]);
-        assert_eq!(copy, one(1.0, 1.0));
+        assert_eq!(copy, gaussian(1.0, 1.0));
         copy.draw(&[1.0], &mut weights);
         assert_eq!(weights, [2.0]);
         copy.copy_shifted(&original, &[-2.0]);
-        assert_eq!(copy, one(0.0, 0.5));
+        assert_eq!(copy, gaussian(0.0, 0.5));
         copy.draw(&[1.0], &mut weights);
         assert_eq!(weights, [0.5]);
     }
@@ -242,7 +241,7 @@ mod tests {
             mean in -2.0_f32..2.0, deviation in 0.05_f32..1.3, other_mean in -2.0_f32..2.0, other in 0.05_f32..1.3, w in 0.1_f32..3.0,
         ) {
             let (mut by_mean, mut by_deviation) = ([1.0], [2.0]);
-            one(mean, deviation).add_divergence_gradient(&one(other_mean, other), w, &mut by_mean, &mut by_deviation);
+            gaussian(mean, deviation).add_divergence_gradient(&gaussian(other_mean, other), w, &mut by_mean, &mut by_deviation);
             let [mean, deviation, other_mean, other] = [mean, deviation, other_mean, other].map(f64::from);
             let numeric = |f: &dyn Fn(f64) -> f64| f64::from(w) * (f(1e-6) - f(-1e-6)) / 2e-6;
             let mean_slope = numeric(&|h| divergence(mean + h, deviation, other_mean, other));

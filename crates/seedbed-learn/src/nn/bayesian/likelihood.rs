@@ -1,55 +1,56 @@
 //! The likelihood p(y|x; w) = 𝒩(y; `f_w`(x), s² I), where f is a network with ReLU between the
-//! layers and a linear output, and the gradients of its logarithm, sample by sample.
+//! layers and a linear output, and the gradients of its logarithm for each sample.
 //!
-//! Nothing here changes; passes are scratch space of the caller, so that many may evaluate one
-//! likelihood at once.
+//! A likelihood is immutable, and the caller provides the buffers, so that several threads can
+//! evaluate one likelihood in parallel.
 
 use super::gaussian::DiagonalGaussian;
 use crate::nn::kernels;
 use crate::nn::mlp::{Layer, Mlp};
 
-/// The shape of f and the deviation s. Weights come from outside, laid out like those of an
-/// [`Mlp`].
+/// The shape of f and the standard deviation s. The caller provides the weights, in the layout of
+/// an [`Mlp`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Likelihood {
     mlp: Mlp,
     deviation: f32,
 }
 
-/// What evaluating one draw of weights on a batch leaves behind. Grows to the largest batch, then
-/// allocates no more.
+/// Buffers for evaluating one draw of weights on a batch. They grow to the largest batch and are
+/// then reused without allocation.
 #[derive(Clone, Debug, Default)]
 pub struct Pass {
-    /// `[B × size]` of every layer after the input.
+    /// Outputs of each layer: `[B × outputs]` each.
     layers: Vec<Vec<f32>>,
-    /// `[B × size]` of every layer after the input: δ, the derivative with respect to what enters
-    /// the layer's activation.
+    /// δ of each layer, the derivative with respect to the inputs of its activation function:
+    /// `[B × outputs]` each.
     deltas: Vec<Vec<f32>>,
-    /// x² of one layer, and its product with the layer's coefficients.
+    /// x² of one layer, where x are the layer's inputs, and its product with the layer's
+    /// coefficients.
     squares: [Vec<f32>; 2],
-    /// Room of the matrix products.
+    /// Buffer for matrix products.
     scratch: Vec<f32>,
 }
 
-/// Several draws of weights and a pass for each.
+/// Several draws of weights, with buffers for each.
 #[derive(Clone, Debug, Default)]
 pub struct Draws {
     weights: Vec<Vec<f32>>,
     passes: Vec<Pass>,
     gradient: Vec<f32>,
-    mean_slope: Vec<f32>,
-    deviation_slope: Vec<f32>,
+    mean_gradient: Vec<f32>,
+    deviation_gradient: Vec<f32>,
 }
 
-/// Samples that are evaluated together, so that what lies between layers stays in the fastest
-/// cache.
-const BLOCK: usize = 64;
+/// Number of samples that are evaluated together: small enough that the outputs of all layers stay
+/// in the first-level cache.
+const BLOCK_SAMPLES: usize = 64;
 
 impl Likelihood {
-    /// A network with these layer sizes, the input first, and s.
+    /// A network with these layer sizes, starting with the inputs, and the standard deviation s.
     ///
     /// # Panics
-    /// With fewer than two layers or an empty one.
+    /// If there are fewer than two sizes, or if a size is 0.
     #[must_use]
     pub fn new(sizes: &[usize], deviation: f32) -> Self {
         Self {
@@ -58,19 +59,19 @@ impl Likelihood {
         }
     }
 
-    /// Numbers that enter.
+    /// Number of inputs.
     #[must_use]
     pub fn inputs(&self) -> usize {
         self.mlp.inputs()
     }
 
-    /// P, the number of weights, biases included.
+    /// Number of weights P, including biases.
     #[must_use]
     pub fn weight_count(&self) -> usize {
         self.mlp.parameter_count()
     }
 
-    /// `f_w`(x).   `weights: [P]`, `inputs: [B × in]` → `[B × out]`
+    /// Outputs `f_w`(x) of the network.   `weights: [P]`, `inputs: [B × in]` → `[B × out]`
     ///
     /// # Panics
     /// If a slice has another shape.
@@ -82,29 +83,32 @@ impl Likelihood {
         let (batch, last) = (inputs.len() / self.inputs(), self.mlp.layers().len() - 1);
         pass.layers.resize_with(last + 1, Vec::new);
         for layer in self.mlp.layers() {
-            let (below, here) = pass.layers.split_at_mut(layer.index);
-            here[0].resize(batch * layer.outputs, 0.0);
-            let x = below.last().map_or(inputs, Vec::as_slice);
+            let (earlier, rest) = pass.layers.split_at_mut(layer.index);
+            let outputs = &mut rest[0];
+            outputs.resize(batch * layer.outputs, 0.0);
+            let x = earlier.last().map_or(inputs, Vec::as_slice);
             kernels::affine(
                 layer.weight(weights),
                 layer.bias(weights),
                 x,
-                &mut here[0],
+                outputs,
                 &mut pass.scratch,
             );
             if layer.index < last {
-                here[0].iter_mut().for_each(|y| *y = y.max(0.0));
+                for y in outputs {
+                    *y = y.max(0.0);
+                }
             }
         }
         &pass.layers[last]
     }
 
-    /// Σᵢ cᵢ (∂ log p(y|x; w)/∂wᵢ)² for each sample; no gradient is materialized.
+    /// Computes Σᵢ cᵢ (∂ log p(y|x; w)/∂wᵢ)² of each sample without storing the gradients.
     /// `weights`, `coefficients`: `[P]`, `inputs: [B × in]`, `targets: [B × out]` → `sums: [B]`
     ///
     /// The gradient with respect to the weights of a layer is x δᵀ, so the sum over that layer is
-    /// (x²)ᵀ C δ², where C holds the layer's coefficients and x ends with the 1 that the bias
-    /// multiplies.
+    /// (x²)ᵀ C δ², where C are the layer's coefficients and the last entry of x is 1, the
+    /// factor of the bias.
     ///
     /// # Panics
     /// If a slice has another shape.
@@ -117,11 +121,11 @@ impl Likelihood {
     ) {
         assert_eq!(coefficients.len(), weights.len());
         self.assert_samples(inputs, targets, sums.len());
-        let (wide, high) = (self.mlp.inputs(), self.mlp.outputs());
+        let [input_width, target_width] = [self.mlp.inputs(), self.mlp.outputs()];
         let blocks = inputs
-            .chunks(BLOCK * wide)
-            .zip(targets.chunks(BLOCK * high));
-        for ((inputs, targets), sums) in blocks.zip(sums.chunks_mut(BLOCK)) {
+            .chunks(BLOCK_SAMPLES * input_width)
+            .zip(targets.chunks(BLOCK_SAMPLES * target_width));
+        for ((inputs, targets), sums) in blocks.zip(sums.chunks_mut(BLOCK_SAMPLES)) {
             self.backward(weights, inputs, targets, 1.0, pass);
             sums.fill(0.0);
             for layer in self.mlp.layers() {
@@ -130,12 +134,12 @@ impl Likelihood {
         }
     }
 
-    /// For each sample in turn, ∇_μ and ∇_σ of `E_q`[log p(y|x; w)], estimated by the mean over
-    /// draws w = μ + σ ε of ∂ log p/∂w and of ε ∂ log p/∂w.   `noise: [N × P]`, `inputs: [B × in]`,
-    /// `targets: [B × out]` → B times `visit([P], [P])`
+    /// Passes ∇_μ and ∇_σ of `E_q`[log p(y|x; w)] of each sample to `visit`, estimated by the means
+    /// of ∂ log p/∂w and ε ∂ log p/∂w over N draws w = μ + σ ε.   `noise: [N × P]`, `inputs: [B ×
+    /// in]`, `targets: [B × out]` → B times `visit([P], [P])`
     ///
     /// # Panics
-    /// If a slice has another shape or there is no draw.
+    /// If a slice has another shape, or if there is no draw.
     pub fn expected_gradients(
         &self,
         (gaussian, noise): (&DiagonalGaussian, &[f32]),
@@ -145,10 +149,10 @@ impl Likelihood {
     ) {
         self.assert_samples(inputs, targets, inputs.len() / self.inputs());
         draws.prepare(gaussian, noise);
-        let (wide, high) = (self.mlp.inputs(), self.mlp.outputs());
+        let [input_width, target_width] = [self.mlp.inputs(), self.mlp.outputs()];
         for (inputs, targets) in inputs
-            .chunks(BLOCK * wide)
-            .zip(targets.chunks(BLOCK * high))
+            .chunks(BLOCK_SAMPLES * input_width)
+            .zip(targets.chunks(BLOCK_SAMPLES * target_width))
         {
             for (weights, pass) in draws.weights.iter().zip(&mut draws.passes) {
                 self.backward(
@@ -159,15 +163,15 @@ impl Likelihood {
                     pass,
                 );
             }
-            for (sample, input) in inputs.chunks_exact(wide).enumerate() {
-                draws.add_up_gradients(self.mlp.layers(), noise, sample, input);
-                visit(&draws.mean_slope, &draws.deviation_slope);
+            for (sample, input) in inputs.chunks_exact(input_width).enumerate() {
+                draws.sum_gradients(self.mlp.layers(), noise, sample, input);
+                visit(&draws.mean_gradient, &draws.deviation_gradient);
             }
         }
     }
 
-    /// Forward, then δ = `scale` ∂ log p/∂a of every layer's pre-activation a; returns Σ log p(y|x;
-    /// w) without `scale`.
+    /// Evaluates the network, and sets δ = `scale` · ∂ log p/∂a for the inputs a of each layer's
+    /// activation function. Returns Σ log p(y|x; w), without `scale`.
     pub(super) fn backward(
         &self,
         weights: &[f32],
@@ -180,26 +184,25 @@ impl Likelihood {
         pass.deltas.resize_with(pass.layers.len(), Vec::new);
         let log_likelihood = self.residuals(targets, scale, pass);
         for layer in self.mlp.layers().iter().skip(1).rev() {
-            let (below, here) = pass.deltas.split_at_mut(layer.index);
-            let (below, outputs) = (&mut below[layer.index - 1], &pass.layers[layer.index - 1]);
-            below.resize(outputs.len(), 0.0);
+            let (earlier, rest) = pass.deltas.split_at_mut(layer.index);
+            let (deltas, outputs) = (&mut earlier[layer.index - 1], &pass.layers[layer.index - 1]);
+            deltas.resize(outputs.len(), 0.0);
             kernels::input_gradient(
                 layer.weight(weights),
-                &here[0],
-                below,
+                &rest[0],
+                deltas,
                 layer.outputs,
                 &mut pass.scratch,
             );
-            below
-                .iter_mut()
-                .zip(outputs)
-                .for_each(|(delta, y)| *delta = if *y > 0.0 { *delta } else { 0.0 });
+            for (delta, y) in deltas.iter_mut().zip(outputs) {
+                *delta = if *y > 0.0 { *delta } else { 0.0 };
+            }
         }
         log_likelihood
     }
 
-    /// The gradient with respect to the weights that belongs to the latest
-    /// [`backward`](Self::backward), summed over its batch. `gradient: [P]`, overwritten
+    /// The gradient with respect to the weights, summed over the batch of the latest
+    /// [`backward`](Self::backward).   `gradient: [P]`, overwritten
     pub(super) fn gradient(&self, inputs: &[f32], pass: &mut Pass, gradient: &mut [f32]) {
         let Pass {
             layers,
@@ -210,7 +213,7 @@ impl Likelihood {
         for layer in self.mlp.layers() {
             let (by_weight, by_bias) = layer.split_mut(gradient);
             kernels::parameter_gradient(
-                entering(layer, layers, inputs),
+                inputs_of(layer, layers, inputs),
                 &deltas[layer.index],
                 by_weight,
                 by_bias,
@@ -219,8 +222,8 @@ impl Likelihood {
         }
     }
 
-    /// δ of the output layer, `scale` (y − f)/s², and Σ log p = −½ Σ ((y − f)/s)² − n (log s + ½
-    /// log 2π) over n numbers.
+    /// Sets δ of the output layer to `scale` · (y − f)/s². Returns Σ log p = −½ Σ ((y − f)/s)² − n
+    /// (log s + ½ log 2π) over n targets.
     fn residuals(&self, targets: &[f32], scale: f32, pass: &mut Pass) -> f64 {
         let last = pass.layers.len() - 1;
         assert_eq!(pass.layers[last].len(), targets.len());
@@ -250,7 +253,7 @@ impl Likelihood {
 }
 
 impl Pass {
-    /// Adds (x²)ᵀ C δ² of one layer.   `sums: [B]`
+    /// Adds (x²)ᵀ C δ² of one layer to the sum of each sample.   `sums: [B]`
     fn add_weighted_squares(
         &mut self,
         layer: &Layer,
@@ -265,7 +268,7 @@ impl Pass {
             scratch,
         } = self;
         squares.clear();
-        squares.extend(entering(layer, layers, inputs).iter().map(|x| x * x));
+        squares.extend(inputs_of(layer, layers, inputs).iter().map(|x| x * x));
         products.resize(sums.len() * layer.outputs, 0.0);
         kernels::affine(
             layer.weight(coefficients),
@@ -288,11 +291,12 @@ impl Pass {
 }
 
 impl Draws {
+    /// Draws the weights.   `noise: [N × P]`
     fn prepare(&mut self, gaussian: &DiagonalGaussian, noise: &[f32]) {
         let count = gaussian.mean.len();
         assert!(
             !noise.is_empty() && noise.len().is_multiple_of(count),
-            "whole draws of {count}"
+            "noise must have a multiple of {count} numbers"
         );
         let draws = noise.len() / count;
         self.weights.resize_with(draws, Vec::new);
@@ -302,19 +306,19 @@ impl Draws {
         }
     }
 
-    /// Σ over draws of x δᵀ, and of ε times it, for one sample of the block.
-    fn add_up_gradients(&mut self, layers: &[Layer], noise: &[f32], sample: usize, input: &[f32]) {
+    /// Sums x δᵀ and ε x δᵀ of one sample of the block over all draws.
+    fn sum_gradients(&mut self, layers: &[Layer], noise: &[f32], sample: usize, input: &[f32]) {
         let Self {
             weights,
             passes,
             gradient,
-            mean_slope,
-            deviation_slope,
+            mean_gradient,
+            deviation_gradient,
         } = self;
         let count = weights[0].len();
-        for slope in [&mut *gradient, mean_slope, deviation_slope] {
-            slope.clear();
-            slope.resize(count, 0.0);
+        for sums in [&mut *gradient, mean_gradient, deviation_gradient] {
+            sums.clear();
+            sums.resize(count, 0.0);
         }
         for (pass, noise) in passes.iter().zip(noise.chunks_exact(count)) {
             for layer in layers {
@@ -323,18 +327,19 @@ impl Draws {
                 } else {
                     row(&pass.layers[layer.index - 1], layer.inputs, sample)
                 };
-                write_outer(
+                write_outer_product(
                     x,
                     row(&pass.deltas[layer.index], layer.outputs, sample),
                     &mut gradient[layer.range()],
                 );
             }
-            add_draw(gradient, noise, mean_slope, deviation_slope);
+            add_draw(gradient, noise, mean_gradient, deviation_gradient);
         }
     }
 }
 
-/// Adds one draw's gradient to those of μ and σ, as ∂w/∂μ = 1 and ∂w/∂σ = ε.   all `[P]`
+/// Adds the gradient of one draw to those with respect to μ and σ: ∂w/∂μ = 1 and ∂w/∂σ = ε.   all
+/// `[P]`
 pub(super) fn add_draw(
     gradient: &[f32],
     noise: &[f32],
@@ -352,22 +357,22 @@ pub(super) fn add_draw(
     }
 }
 
-/// x δᵀ, where x ends with the 1 that the bias multiplies.   `x: [in]`, `delta: [out]` →
+/// Writes the outer product x δᵀ, with 1 appended to x for the bias.   `x: [in]`, `delta: [out]` →
 /// `outer: [(in + 1) × out]`
-fn write_outer(x: &[f32], delta: &[f32], outer: &mut [f32]) {
+fn write_outer_product(x: &[f32], delta: &[f32], outer: &mut [f32]) {
     for (x, row) in x
         .iter()
         .chain(&[1.0])
         .zip(outer.chunks_exact_mut(delta.len()))
     {
-        row.iter_mut()
-            .zip(delta)
-            .for_each(|(slot, delta)| *slot = x * delta);
+        for (product, delta) in row.iter_mut().zip(delta) {
+            *product = x * delta;
+        }
     }
 }
 
-/// What enters a layer, given what every layer puts out: `[B × in]`.
-fn entering<'a>(layer: &Layer, layers: &'a [Vec<f32>], inputs: &'a [f32]) -> &'a [f32] {
+/// The inputs of a layer: the outputs of the layer before, or those of the network: `[B × in]`.
+fn inputs_of<'a>(layer: &Layer, layers: &'a [Vec<f32>], inputs: &'a [f32]) -> &'a [f32] {
     if layer.index == 0 {
         inputs
     } else {
@@ -399,10 +404,11 @@ mod tests {
         }
     }
 
-    /// 1 → 1 (ReLU) → 1 with weights 2, −1, 3, 0.5: x = 1 gives 3 (2 − 1) + 0.5 = 3.5, x = 0 gives
-    /// 0.5. For y = 4, s = ½, x = 1: log p = −½ (0.5/0.5)² − log ½ − ½ log 2π = −0.7257914.
+    /// A network 1 → 1 (ReLU) → 1 with weights 2, −1, 3, 0.5: x = 1 gives 3 (2 − 1) + 0.5 = 3.5, x
+    /// = 0 gives 0.5. For y = 4, s = ½, x = 1: log p = −½ (0.5/0.5)² − log ½ − ½ log 2π =
+    /// −0.7257914.
     #[test]
-    fn by_hand() {
+    fn likelihood_by_hand() {
         let (likelihood, weights, mut pass) = (
             Likelihood::new(&[1, 1, 1], 0.5),
             [2.0, -1.0, 3.0, 0.5],
@@ -429,9 +435,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// Sample by sample, from the gradient of one draw by central differences.
+        /// Each sum agrees with the gradient of its sample by central differences.
         #[test]
-        fn weighted_squares_agree_with_materialised_gradients(seed in 0..1_000_000_u64, batch in 1..4_usize) {
+        fn weighted_squares_agree_with_gradients(seed in 0..1_000_000_u64, batch in 1..4_usize) {
             let likelihood = Likelihood::new(&SIZES, 0.7);
             let (q, noise) = (gaussian(seed), normals(seed + 2, COUNT));
             let coefficients: Vec<f32> = normals(seed + 3, COUNT).iter().map(|x| x.abs()).collect();
@@ -442,7 +448,7 @@ mod tests {
 
             for ((input, target), sum) in inputs.chunks(3).zip(targets.chunks(2)).zip(sums) {
                 let f = |w: &[f64]| reference::log_likelihood(&SIZES, f64::from(0.7_f32), w, input, target);
-                let slopes = reference::slopes(&reference::draw(&q, &noise), f);
+                let slopes = reference::gradient(&reference::draw(&q, &noise), f);
                 let expected: f64 = slopes.iter().zip(&coefficients).map(|(g, &c)| f64::from(c) * g * g).sum();
                 prop_assert!((f64::from(sum) - expected).abs() < 1e-4 * (1.0 + expected), "{sum} {expected}");
             }
@@ -469,7 +475,7 @@ mod tests {
                     });
                     each.sum::<f64>() / draws as f64
                 };
-                let expected = reference::slopes(&moments, f);
+                let expected = reference::gradient(&moments, f);
                 let scale = expected.iter().map(|g| g.abs()).fold(1.0, f64::max);
                 for (found, expected) in found.iter().zip(expected) {
                     prop_assert!((f64::from(*found) - expected).abs() < 1e-4 * scale, "{found} {expected}");
@@ -478,9 +484,9 @@ mod tests {
         }
     }
 
-    /// 150 samples are more than two blocks; each alone gives the same.
+    /// 150 samples in three blocks give the same results as each sample alone.
     #[test]
-    fn blocks_do_not_matter() {
+    fn results_do_not_depend_on_blocks() {
         let (likelihood, q, noise) = (Likelihood::new(&SIZES, 1.0), gaussian(1), normals(3, COUNT));
         let (inputs, targets, mut pass, mut weights) = (
             normals(4, 450),
@@ -504,7 +510,7 @@ mod tests {
                     .zip(&q.deviation)
                     .map(|(g, c)| c * g * g)
                     .sum::<f32>(),
-            )
+            );
         };
         likelihood.expected_gradients(
             (&q, &noise),

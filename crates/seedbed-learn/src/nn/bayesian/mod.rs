@@ -1,9 +1,9 @@
 //! A Bayesian neural network whose weights are independent Gaussians (thesis §4.2; Blundell et al.
 //! 2015, "Bayes by Backprop").
 //!
-//! The posterior q(w; φ), φ = {μ, ρ}, σ = log(1 + eᵖ), descends KL(q‖prior)/N − `E_q`[log p(y|x;
-//! w)] per datum. Noise comes from outside as standard-normal numbers, so that the caller's streams
-//! decide it.
+//! The posterior q(w; φ) with φ = {μ, ρ} and σ = log(1 + eᵖ) minimizes the loss per sample,
+//! KL(q‖prior)/N − `E_q`[log p(y|x; w)]. The caller provides the noise as standard-normal numbers
+//! from its own random streams.
 
 mod gaussian;
 mod likelihood;
@@ -27,9 +27,9 @@ use seedbed_env::input::numbers::{Positive, known};
 pub struct BayesianSettings {
     /// Initial standard deviation σ of every weight, from 0.000123 to 1.313.
     pub initial_deviation: Positive,
-    /// Standard deviation of the prior of every weight, whose mean is 0.
+    /// Standard deviation of the prior of every weight; its mean is 0.
     pub prior_deviation: Positive,
-    /// Fixed standard deviation s of a target around the network's output.
+    /// Fixed standard deviation s of targets around the network's outputs.
     pub likelihood_deviation: Positive,
     /// Optimizer of μ and ρ.
     pub optimiser: AdamSettings,
@@ -48,63 +48,65 @@ impl Default for BayesianSettings {
     }
 }
 
-/// A network that learns a distribution of its weights.
+/// A network that learns a distribution over its weights.
 #[derive(Clone, Debug)]
 pub struct BayesianNetwork {
     likelihood: Likelihood,
     state: BayesianState,
-    /// The state's q in (μ, σ).
+    /// The posterior q of `state` in terms of (μ, σ).
     posterior: DiagonalGaussian,
     scratch: Scratch,
 }
 
-/// What learning changes.
+/// The state of a network that learning changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BayesianState {
-    /// `[2P]`: μ, then ρ.
+    /// All μ, then all ρ: `[2P]`.
     parameters: Vec<f32>,
     prior: DiagonalGaussian,
-    optimiser: Adam,
+    optimizer: Adam,
 }
 
-/// The loss per datum that a step descended, in two parts.
+/// The two parts of the loss per sample before a gradient step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BayesianLoss {
-    /// KL(q‖prior), nats, of all weights; the loss has it divided by N.
+    /// KL(q‖prior) of all weights, nats; in the loss it is divided by N.
     pub divergence: f64,
-    /// −log p(y|x; w), nats, mean over draws and samples.
+    /// Mean of −log p(y|x; w) over draws and samples, nats.
     pub negative_log_likelihood: f64,
 }
 
-/// ρ is held within these: σ neither dies out nor runs away from the scale of the weights.
-const RHO: [f32; 2] = [-9.0, 1.0];
+/// Bounds of ρ, which keep σ from vanishing and from growing beyond the scale of the weights.
+const RHO_BOUNDS: [f32; 2] = [-9.0, 1.0];
 
+/// Buffers that are reused.
 #[derive(Clone, Debug, Default)]
 struct Scratch {
     pass: Pass,
     weights: Vec<f32>,
     antithetic_noise: Vec<f32>,
     weight_gradient: Vec<f32>,
-    /// `[2P]`: ∂L/∂μ, then ∂L/∂ρ.
+    /// ∂L/∂μ, then ∂L/∂ρ: `[2P]`.
     gradient: Vec<f32>,
 }
 
 impl BayesianNetwork {
-    /// A network with these layer sizes, the input first; the means start uniform within
+    /// A network with these layer sizes, starting with the inputs. Initial means are uniform within
     /// ±1/√(inputs of the layer).
     ///
     /// # Panics
-    /// With fewer than two layers or an empty one.
+    /// If there are fewer than two sizes, or if a size is 0.
     pub fn new(sizes: &[usize], settings: &BayesianSettings, random: &mut impl Rng) -> Self {
         let mut parameters = Mlp::new(sizes).initial(Initial::Random, random);
         let count = parameters.len();
-        let rho = softplus_inverse(settings.initial_deviation.get_f32()).clamp(RHO[0], RHO[1]);
+        let rho = softplus_inverse(settings.initial_deviation.get_f32())
+            .clamp(RHO_BOUNDS[0], RHO_BOUNDS[1]);
         parameters.resize(2 * count, rho);
         let prior = DiagonalGaussian::isotropic(count, settings.prior_deviation.get_f32());
         let state = BayesianState {
             parameters,
             prior,
-            optimiser: Adam::new(settings.optimiser, 2 * count),
+            optimizer: Adam::new(settings.optimiser, 2 * count),
         };
         let likelihood = Likelihood::new(sizes, settings.likelihood_deviation.get_f32());
         let mut network = Self {
@@ -117,15 +119,15 @@ impl BayesianNetwork {
         network
     }
 
-    /// One step of Adam down KL(q‖prior)/N + mean of −log p(y|x; w) over the minibatch and over
-    /// draws w = μ ± σ ε (thesis Eq. 27; Eq. 33 with the mean over draws and the divergence in
-    /// closed form). `inputs: [B × in]`, `targets: [B × out]`, `noise: [n × P]`, `data_count`: N
+    /// One step of Adam on KL(q‖prior)/N plus the mean of −log p(y|x; w) over the minibatch and
+    /// over draws w = μ ± σ ε (thesis Eq. 27; Eq. 33 with the mean over draws and the divergence in
+    /// closed form).   `inputs: [B × in]`, `targets: [B × out]`, `noise: [n × P]`, `data_count`: N
     ///
-    /// Each ε serves twice, as ε and −ε (an antithetic pair), which takes the odd part of the noise
-    /// out of the gradient.
+    /// Each ε is used twice, as ε and −ε (an antithetic pair), which cancels the odd part of the
+    /// noise in the gradient.
     ///
     /// # Panics
-    /// If a slice has another shape or is empty.
+    /// If a slice is empty or has another shape.
     pub fn descend(
         &mut self,
         inputs: &[f32],
@@ -135,56 +137,57 @@ impl BayesianNetwork {
     ) -> BayesianLoss {
         let loss = self.compute_gradient(inputs, targets, noise, data_count);
         self.state
-            .optimiser
+            .optimizer
             .descend(&mut self.state.parameters, &self.scratch.gradient, 1.0);
         let count = self.likelihood.weight_count();
         for rho in &mut self.state.parameters[count..] {
-            *rho = rho.clamp(RHO[0], RHO[1]);
+            *rho = rho.clamp(RHO_BOUNDS[0], RHO_BOUNDS[1]);
         }
         self.refresh_posterior();
         loss
     }
 
-    /// From now on the prior is the present posterior: what was learned from data stays when the
-    /// data go.
+    /// Replaces the prior by the present posterior, so that what was learned is kept when the data
+    /// are no longer available.
     pub fn make_posterior_the_prior(&mut self) {
         self.state.prior.clone_from(&self.posterior);
     }
 
-    /// q(w; φ) in (μ, σ).
+    /// The posterior q(w; φ) in terms of (μ, σ).
     #[must_use]
     pub fn posterior(&self) -> &DiagonalGaussian {
         &self.posterior
     }
 
-    /// What the posterior is held to.
+    /// The prior of the weights.
     #[must_use]
     pub fn prior(&self) -> &DiagonalGaussian {
         &self.state.prior
     }
 
-    /// p(y|x; w).
+    /// The likelihood p(y|x; w).
     #[must_use]
     pub fn likelihood(&self) -> &Likelihood {
         &self.likelihood
     }
 
-    /// What learning has changed, to be stored.
+    /// The state that learning changes, to be stored.
     #[must_use]
     pub fn state(&self) -> &BayesianState {
         &self.state
     }
 
-    /// Goes on from a stored state.
+    /// Continues from a stored state.
     ///
     /// # Panics
-    /// If it is of a network with another number of weights; see [`BayesianState::weight_count`].
+    /// If the state has another number of weights: see [`BayesianState::weight_count`].
     pub fn restore(&mut self, state: BayesianState) {
         assert_eq!(state.weight_count(), self.likelihood.weight_count());
         self.state = state;
         self.refresh_posterior();
     }
 
+    /// Computes the loss and its gradient.
     fn compute_gradient(
         &mut self,
         inputs: &[f32],
@@ -203,7 +206,7 @@ impl BayesianNetwork {
         let scale = -1.0 / (draws * rows) as f32;
         let log_likelihood: f64 = noise
             .chunks_exact(count)
-            .map(|noise| self.add_pair(inputs, targets, noise, scale))
+            .map(|noise| self.add_antithetic_pair(inputs, targets, noise, scale))
             .sum();
         let (by_mean, by_rho) = self.scratch.gradient.split_at_mut(count);
         self.posterior.add_divergence_gradient(
@@ -222,8 +225,14 @@ impl BayesianNetwork {
         }
     }
 
-    /// Adds `scale` ∂ log p/∂w and ε times it, over the draws with ε and −ε; returns Σ log p.
-    fn add_pair(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], scale: f32) -> f64 {
+    /// Adds the gradients of the draws with ε and −ε; returns their Σ log p.
+    fn add_antithetic_pair(
+        &mut self,
+        inputs: &[f32],
+        targets: &[f32],
+        noise: &[f32],
+        scale: f32,
+    ) -> f64 {
         let mut antithetic = std::mem::take(&mut self.scratch.antithetic_noise);
         antithetic.clear();
         antithetic.extend(noise.iter().map(|noise| -noise));
@@ -233,6 +242,8 @@ impl BayesianNetwork {
         sum
     }
 
+    /// Adds `scale` · ∂ log p/∂w and `scale` · ε ∂ log p/∂w of one draw to the gradients with
+    /// respect to μ and σ; returns Σ log p.
     fn add_draw(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], scale: f32) -> f64 {
         let Scratch {
             pass,
@@ -252,6 +263,7 @@ impl BayesianNetwork {
         log_likelihood
     }
 
+    /// Sets the posterior from the parameters of the state.
     fn refresh_posterior(&mut self) {
         let (mean, rho) = self
             .state
@@ -265,8 +277,7 @@ impl BayesianNetwork {
 }
 
 impl BayesianState {
-    /// P, the number of weights of the network that this is the state of; 0 if its parts do not fit
-    /// together.
+    /// Number of weights P of the network; 0 if the parts of the state do not fit together.
     #[must_use]
     pub fn weight_count(&self) -> usize {
         let count = self.prior.mean.len();
@@ -294,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn it_starts_as_it_is_told() {
+    fn initial_moments_match_the_settings() {
         let network = network(1, &[3, 8, 2], &BayesianSettings::default());
         assert_eq!(network.likelihood().weight_count(), 4 * 8 + 9 * 2);
         assert!(
@@ -317,8 +328,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// The loss as a function of φ = (μ, ρ), naively and in double precision, by central
-        /// differences.
+        /// The loss and its gradient agree with a simple implementation in double precision and its
+        /// central differences.
         #[test]
         fn gradient_agrees_with_central_differences(seed in 0..1_000_000_u64, pairs in 1..3_usize, batch in 1..3_usize) {
             let (sizes, deviation) = ([2, 4, 3, 2], 0.6);
@@ -349,7 +360,7 @@ mod tests {
             let [divergence, nll] = parts(&phi);
             prop_assert!((loss.divergence - divergence).abs() < 1e-4 * (1.0 + divergence));
             prop_assert!((loss.negative_log_likelihood - nll).abs() < 1e-4 * (1.0 + nll));
-            let expected = reference::slopes(&phi, |phi| parts(phi)[0] / 5.0 + parts(phi)[1]);
+            let expected = reference::gradient(&phi, |phi| parts(phi)[0] / 5.0 + parts(phi)[1]);
             let scale = expected.iter().map(|g| g.abs()).fold(1.0, f64::max);
             for (found, expected) in network.scratch.gradient.iter().zip(expected) {
                 prop_assert!((f64::from(*found) - expected).abs() < 1e-4 * scale, "{found} {expected}");
@@ -374,7 +385,7 @@ mod tests {
         let (mut mean, mut deviation) = ([0.0; 3], [0.0; 3]);
         for (step, noise) in noise.chunks(12).enumerate() {
             network.descend(&inputs, &targets, noise, 8);
-            // The latter half is averaged over, as Adam goes on to wander about the optimum.
+            // Average over the second half, because Adam new_prior fluctuating around the optimum.
             if step >= 10_000 {
                 for i in 0..3 {
                     mean[i] += network.posterior().mean[i] / 10_000.0;
@@ -401,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn rho_is_held_within_its_bounds() {
+    fn rho_stays_within_its_bounds() {
         let fast = AdamSettings {
             step_size: known(5.0),
             ..AdamSettings::default()
@@ -426,43 +437,43 @@ mod tests {
             network.state.parameters[13..]
                 .iter()
                 .any(|rho| [-9.0, 1.0].contains(rho)),
-            "no bound was met"
+            "no bound was reached"
         );
     }
 
-    /// The posterior 𝒩 of one data set stays as the prior of none: without it, the same steps go
-    /// back towards 𝒩(0, ½²).
+    /// With the posterior as the new prior, training without informative data does not change it;
+    /// with the old prior, it returns towards 𝒩(0, ½²).
     #[test]
-    fn a_posterior_kept_as_prior_holds_what_was_learned() {
-        let mut keeps = network(4, &[1, 1], &BayesianSettings::default());
+    fn a_posterior_as_prior_keeps_what_was_learned() {
+        let mut new_prior = network(4, &[1, 1], &BayesianSettings::default());
         let (inputs, targets) = ([1.0, -1.0], [1.5, -1.5]);
         for step in 0..3000 {
-            keeps.descend(&inputs, &targets, &normals(step, 4), 50);
+            new_prior.descend(&inputs, &targets, &normals(step, 4), 50);
         }
-        let learned = keeps.posterior().mean[0];
+        let learned = new_prior.posterior().mean[0];
         assert!(learned > 1.0, "{learned}");
-        let mut forgets = keeps.clone();
-        keeps.make_posterior_the_prior();
-        assert_eq!(keeps.posterior().divergence(keeps.prior()), 0.0);
+        let mut old_prior = new_prior.clone();
+        new_prior.make_posterior_the_prior();
+        assert_eq!(new_prior.posterior().divergence(new_prior.prior()), 0.0);
         for step in 0..1000 {
-            // Nothing is known at x = 0 about the slope, so only the prior moves it.
-            keeps.descend(&[0.0], &[0.0], &normals(step, 4), 1);
-            forgets.descend(&[0.0], &[0.0], &normals(step, 4), 1);
+            // A sample at x = 0 has no information about the slope, so only the prior changes it.
+            new_prior.descend(&[0.0], &[0.0], &normals(step, 4), 1);
+            old_prior.descend(&[0.0], &[0.0], &normals(step, 4), 1);
         }
         assert!(
-            (keeps.posterior().mean[0] - learned).abs() < 0.02,
+            (new_prior.posterior().mean[0] - learned).abs() < 0.02,
             "{} {learned}",
-            keeps.posterior().mean[0]
+            new_prior.posterior().mean[0]
         );
         assert!(
-            forgets.posterior().mean[0] < learned - 0.4,
+            old_prior.posterior().mean[0] < learned - 0.4,
             "{} {learned}",
-            forgets.posterior().mean[0]
+            old_prior.posterior().mean[0]
         );
     }
 
     #[test]
-    fn a_stored_state_goes_on_to_the_same_bits() {
+    fn a_restored_state_continues_with_the_same_bits() {
         let [mut network, mut resumed] =
             [5, 6].map(|seed| network(seed, &[2, 6, 1], &BayesianSettings::default()));
         let (inputs, targets) = (normals(1, 8), normals(2, 4));

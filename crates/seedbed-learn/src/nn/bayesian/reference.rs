@@ -1,12 +1,12 @@
-//! For tests: the log-likelihood computed naively in double precision, which the fast paths are
-//! held against, and noise.
+//! Reference implementations for tests: a simple log-likelihood in double precision, with which the
+//! optimized code is compared, and noise.
 
 use rand_distr::{Distribution, StandardNormal};
 
 use super::gaussian::DiagonalGaussian;
 use seedbed_env::random::{Purpose, stream};
 
-/// Standard-normal numbers.
+/// Standard-normal random numbers.
 pub(super) fn normals(seed: u64, count: usize) -> Vec<f32> {
     let mut random = stream(seed, Purpose::Preview, 0, 0);
     (0..count)
@@ -33,10 +33,10 @@ pub(super) fn log_likelihood(
                 .map(|row| x[row] * matrix[row * columns + column])
                 .sum::<f64>()
         };
-        let hidden = index + 2 < sizes.len();
+        let is_hidden = index + 2 < sizes.len();
         x = (0..columns)
             .map(|column| {
-                if hidden {
+                if is_hidden {
                     sum(column).max(0.0)
                 } else {
                     sum(column)
@@ -54,7 +54,7 @@ pub(super) fn log_likelihood(
         .sum()
 }
 
-/// w = μ + σ ε.
+/// Weights w = μ + σ ε.
 pub(super) fn draw(gaussian: &DiagonalGaussian, noise: &[f32]) -> Vec<f64> {
     let moments = gaussian.mean.iter().zip(&gaussian.deviation);
     moments
@@ -65,16 +65,16 @@ pub(super) fn draw(gaussian: &DiagonalGaussian, noise: &[f32]) -> Vec<f64> {
         .collect()
 }
 
-/// ∂f/∂w by central differences.
-pub(super) fn slopes(weights: &[f64], f: impl Fn(&[f64]) -> f64) -> Vec<f64> {
-    let mut moved = weights.to_vec();
-    let mut slope = |index: usize| {
-        moved[index] = weights[index] + 1e-7;
-        let above = f(&moved);
-        moved[index] = weights[index] - 1e-7;
-        let below = f(&moved);
-        moved[index] = weights[index];
+/// The gradient ∂f/∂w by central differences.
+pub(super) fn gradient(weights: &[f64], f: impl Fn(&[f64]) -> f64) -> Vec<f64> {
+    let mut shifted = weights.to_vec();
+    let mut derivative = |index: usize| {
+        shifted[index] = weights[index] + 1e-7;
+        let above = f(&shifted);
+        shifted[index] = weights[index] - 1e-7;
+        let below = f(&shifted);
+        shifted[index] = weights[index];
         (above - below) / 2e-7
     };
-    (0..weights.len()).map(&mut slope).collect()
+    (0..weights.len()).map(&mut derivative).collect()
 }

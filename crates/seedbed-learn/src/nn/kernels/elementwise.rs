@@ -1,8 +1,8 @@
-//! What is done number by number: tanh, its slope, a step of Adam.
+//! Elementwise operations: tanh, its derivative, and steps of Adam.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// y ← tanh y, to 4·10⁻⁷.
+/// y ← tanh y, with an error of at most 4·10⁻⁷.
 pub(in crate::nn) fn tanh_in_place(y: &mut [f32]) {
     Arch::new().dispatch(TanhInPlace(y));
 }
@@ -13,7 +13,7 @@ pub(in crate::nn) fn tanh_gradient_in_place(y: &[f32], dy: &mut [f32]) {
     Arch::new().dispatch(TanhGradientInPlace { y, dy });
 }
 
-/// What one step of Adam needs besides the parameters.
+/// One step of Adam on `parameters`; all slices have the same length.
 pub(in crate::nn) struct AdamStep<'a> {
     pub(in crate::nn) parameters: &'a mut [f32],
     pub(in crate::nn) gradient: &'a [f32],
@@ -21,9 +21,9 @@ pub(in crate::nn) struct AdamStep<'a> {
     pub(in crate::nn) second_moment: &'a mut [f32],
     pub(in crate::nn) beta1: f32,
     pub(in crate::nn) beta2: f32,
-    /// α √(1 − β₂ᵗ) / (1 − β₁ᵗ)
+    /// Step size with bias correction: α √(1 − β₂ᵗ) / (1 − β₁ᵗ).
     pub(in crate::nn) rate: f32,
-    /// ε √(1 − β₂ᵗ)
+    /// ε with bias correction: ε √(1 − β₂ᵗ).
     pub(in crate::nn) epsilon: f32,
 }
 
@@ -91,8 +91,9 @@ impl WithSimd for AdamStep<'_> {
     }
 }
 
-/// Ratio of polynomials x p(x²) / q(x²), fitted to tanh where f32 can tell it from ±1; the
-/// coefficients are the minimax fit of degree (13, 6) that numeric libraries commonly use.
+/// Approximates tanh by a ratio of polynomials, x p(x²) / q(x²), within the range where tanh
+/// differs from ±1 in f32. The coefficients are the minimax fit of degree (13, 6) that numeric
+/// libraries commonly use.
 #[inline(always)]
 fn tanh(x: f32) -> f32 {
     const LIMIT: f32 = 7.905_311;
@@ -129,7 +130,7 @@ mod tests {
             tanh_in_place(&mut y);
             prop_assert!((f64::from(y[0]) - f64::from(x).tanh()).abs() < 4e-7);
             prop_assert!(y[0].abs() <= 1.0);
-            prop_assert!(y.iter().all(|other| *other == y[0]), "the same bits wherever in the batch: {y:?}");
+            prop_assert!(y.iter().all(|other| *other == y[0]), "bits depend on the position in the batch: {y:?}");
         }
     }
 }

@@ -1,13 +1,13 @@
-//! The innermost loops, compiled once for every level of SIMD that the processor may have and
-//! chosen as the program runs.
+//! The innermost loops, compiled for several SIMD instruction sets, of which one is selected at run
+//! time.
 //!
-//! Matrices are row-major by sample: `x: [B × in]`, `weight: [in × out]`, `y: [B × out]`. Small
-//! matrices are multiplied here; large ones by nalgebra, whose `gemm` is matrixmultiply's.
-//! `scratch` is room that grows to the largest layer and stays.
+//! Matrices are row-major with one row per sample: `x: [B × in]`, `weight: [in × out]`,
+//! `y: [B × out]`. Small matrices are multiplied here, large ones by `gemm` of nalgebra
+//! (matrixmultiply). `scratch` is a buffer that grows to the size of the largest layer.
 
 #![expect(
     clippy::inline_always,
-    reason = "a loop is compiled for a level of SIMD only where it is inlined into the dispatch"
+    reason = "a loop is compiled for a SIMD instruction set only if it is inlined into the dispatch"
 )]
 
 mod elementwise;
@@ -121,7 +121,8 @@ pub(super) fn parameter_gradient(
     );
 }
 
-/// Whether `gemm`'s packing pays: from about 48 × 48 weights on, unless some side is narrow.
+/// Whether `gemm` is faster in spite of its packing: from about 48 × 48 weights on, if no dimension
+/// is small.
 fn is_large(batch: usize, inputs: usize, outputs: usize) -> bool {
     batch >= 16 && inputs >= 16 && outputs >= 16 && inputs * outputs > 48 * 48
 }
@@ -132,7 +133,7 @@ mod tests {
     use nalgebra::DMatrix;
     use proptest::prelude::*;
 
-    /// Narrow and wide shapes alike against nalgebra's plain products.
+    /// Compares a layer with nalgebra's products.
     fn check_layer(batch: usize, inputs: usize, outputs: usize, seed: u64) {
         let numbers = |count: usize, salt: u64| -> Vec<f32> {
             let hashed = |i: usize| {
@@ -157,9 +158,9 @@ mod tests {
             matrix(inputs, outputs, &w),
             matrix(batch, outputs, &dy),
         );
-        let close = |ours: &[f32], theirs: DMatrix<f32>| {
-            let theirs = theirs.transpose();
-            for (a, b) in ours.iter().zip(theirs.iter()) {
+        let assert_close = |result: &[f32], expected: DMatrix<f32>| {
+            let expected = expected.transpose();
+            for (a, b) in result.iter().zip(expected.iter()) {
                 assert!(
                     (a - b).abs() < 1e-4,
                     "{a} against {b} at {batch} × {inputs} × {outputs}"
@@ -167,29 +168,29 @@ mod tests {
             }
         };
 
-        // What another layer left there must not matter.
+        // The initial contents of buffers must not matter.
         let mut scratch = vec![f32::NAN; 7];
         let mut y = vec![f32::NAN; batch * outputs];
         affine(&w, &b, &x, &mut y, &mut scratch);
         let rows_of_bias = DMatrix::from_fn(batch, outputs, |_, column| b[column]);
-        close(&y, &xm * &wm + rows_of_bias);
+        assert_close(&y, &xm * &wm + rows_of_bias);
 
         let mut dx = vec![f32::NAN; batch * inputs];
         input_gradient(&w, &dy, &mut dx, outputs, &mut scratch);
-        close(&dx, &dym * wm.transpose());
+        assert_close(&dx, &dym * wm.transpose());
 
         let (mut dw, mut db) = (vec![f32::NAN; inputs * outputs], vec![f32::NAN; outputs]);
         parameter_gradient(&x, &dy, &mut dw, &mut db, &mut scratch);
-        close(&dw, xm.transpose() * &dym);
-        close(
+        assert_close(&dw, xm.transpose() * &dym);
+        assert_close(
             &db,
             DMatrix::from_fn(1, outputs, |_, column| dym.column(column).sum()),
         );
     }
 
-    /// Around the sides of tiles, of vectors and of what goes to `gemm`.
+    /// Sizes just below and above those of tiles, of vectors and of the threshold for `gemm`.
     #[test]
-    fn layers_of_edge_sizes_agree_with_plain_products() {
+    fn layers_of_edge_sizes_agree_with_nalgebra() {
         const SIZES: [usize; 12] = [1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 31, 33];
         for batch in [1, 3, 4, 5, 6, 7, 16, 33] {
             for inputs in SIZES.into_iter().chain([64]) {
@@ -202,7 +203,7 @@ mod tests {
 
     /// The bits of a row's output do not depend on the rows around it.
     #[test]
-    fn rows_of_small_layers_do_not_meet() {
+    fn rows_of_small_layers_are_independent() {
         for outputs in [1, 2, 8, 13, 32] {
             let wave = |count: usize| {
                 (0..count)
@@ -221,7 +222,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn layers_agree_with_plain_products(batch in 1..40_usize, inputs in 1..40_usize, outputs in 1..40_usize, seed: u64) {
+        fn layers_agree_with_nalgebra(batch in 1..40_usize, inputs in 1..40_usize, outputs in 1..40_usize, seed: u64) {
             check_layer(batch, inputs, outputs, seed >> 8);
         }
     }

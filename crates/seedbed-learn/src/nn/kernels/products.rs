@@ -1,10 +1,11 @@
-//! Products of matrices that are too small for a general `gemm`, whose packing would cost more than
-//! their arithmetic.
+//! Products of matrices that are too small for a general `gemm`, whose packing would take longer
+//! than the arithmetic.
 //!
-//! A tile of sums stays in registers: some rows by one or two vectors of columns. Where a side is
-//! no multiple of the tile's, the last tile overlaps the one before and computes the same numbers
-//! once more, so that no tile is ragged. Results with fewer columns than a vector has lanes are
-//! computed with their sides exchanged.
+//! Sums are computed in tiles that stay in registers: several rows by one or two vectors of
+//! columns. If the size of a matrix is not a multiple of the tile's size, the last tile overlaps
+//! the one before and computes some numbers a second time, so that all tiles have the same size.
+//! Products with fewer columns than a vector has lanes are computed with rows and columns
+//! exchanged.
 
 use std::array::from_fn;
 
@@ -37,12 +38,12 @@ impl WithSimd for Affine<'_> {
             transpose(weight, outputs, scratch);
             inner_products(simd, x, scratch, Some(bias), y, outputs);
         } else {
-            cover(
+            compute_tiles(
                 simd,
                 &mut RowsTimesMatrix {
                     x,
                     matrix: weight,
-                    start: Some(bias),
+                    bias: Some(bias),
                     y,
                     columns: outputs,
                 },
@@ -78,12 +79,12 @@ impl WithSimd for InputGradient<'_> {
         } else {
             scratch.resize(weight.len(), 0.0);
             transpose(weight, outputs, scratch);
-            cover(
+            compute_tiles(
                 simd,
                 &mut RowsTimesMatrix {
                     x: dy,
                     matrix: scratch,
-                    start: None,
+                    bias: None,
                     y: dx,
                     columns: inputs,
                 },
@@ -115,7 +116,7 @@ impl WithSimd for WeightGradient<'_> {
         } = self;
         let inputs = dw.len() / outputs;
         if outputs >= S::F32_LANES {
-            cover(
+            compute_tiles(
                 simd,
                 &mut OuterProducts {
                     left: x,
@@ -126,7 +127,7 @@ impl WithSimd for WeightGradient<'_> {
             );
         } else if inputs >= S::F32_LANES {
             scratch.resize(dw.len(), 0.0);
-            cover(
+            compute_tiles(
                 simd,
                 &mut OuterProducts {
                     left: dy,
@@ -164,7 +165,7 @@ impl WithSimd for BiasGradient<'_> {
                 *sum = self.dy.chunks_exact(outputs).map(|row| row[output]).sum();
             }
         } else {
-            cover(
+            compute_tiles(
                 simd,
                 &mut ColumnSums {
                     rows: self.dy,
@@ -175,12 +176,13 @@ impl WithSimd for BiasGradient<'_> {
     }
 }
 
-/// A matrix that is computed tile by tile. It has at least one vector of columns.
+/// A matrix that is computed tile by tile. It has at least as many columns as a vector has lanes.
 trait Tiled {
-    /// Rows and columns of the whole.
+    /// Number of rows and of columns of the matrix.
     fn shape(&self) -> [usize; 2];
 
-    /// Computes the `HEIGHT` rows by `WIDTH` vectors of columns that start at `row` and `column`.
+    /// Computes the tile of `HEIGHT` rows by `WIDTH` vectors of columns that starts at `row` and
+    /// `column`.
     fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
         &mut self,
         simd: S,
@@ -189,12 +191,12 @@ trait Tiled {
     );
 }
 
-/// y = x M, or x M + start in every row.   `x: [B × n]`, `matrix: [n × columns]`,
-/// `start: [columns]` → `y: [B × columns]`
+/// y = x M, plus `bias` in every row if there is one.   `x: [B × n]`, `matrix: [n × columns]`,
+/// `bias: [columns]` → `y: [B × columns]`
 struct RowsTimesMatrix<'a> {
     x: &'a [f32],
     matrix: &'a [f32],
-    start: Option<&'a [f32]>,
+    bias: Option<&'a [f32]>,
     y: &'a mut [f32],
     columns: usize,
 }
@@ -216,10 +218,10 @@ impl Tiled for RowsTimesMatrix<'_> {
         for (x, row) in x.iter_mut().zip(self.x[row * inner..].chunks_exact(inner)) {
             *x = row;
         }
-        let start = self.start.map_or([simd.splat_f32s(0.0); WIDTH], |start| {
-            load::<S, WIDTH>(&start[column..])
+        let initial = self.bias.map_or([simd.splat_f32s(0.0); WIDTH], |bias| {
+            load::<S, WIDTH>(&bias[column..])
         });
-        let mut sums = [start; HEIGHT];
+        let mut sums = [initial; HEIGHT];
         for (terms, index) in self.matrix.chunks_exact(self.columns).zip(0..inner) {
             multiply_add(
                 simd,
@@ -276,7 +278,7 @@ impl Tiled for OuterProducts<'_> {
     }
 }
 
-/// Sums of columns, as one row.   `rows: [B × columns]` → `sum: [columns]`
+/// Sums over the rows of each column.   `rows: [B × columns]` → `sum: [columns]`
 struct ColumnSums<'a> {
     rows: &'a [f32],
     sum: &'a mut [f32],
@@ -287,7 +289,7 @@ impl Tiled for ColumnSums<'_> {
         [1, self.sum.len()]
     }
 
-    /// Even and odd rows apart, so that no sum waits for its last addition.
+    /// Sums even and odd rows separately, so that an addition need not wait for the one before.
     #[inline(always)]
     fn tile<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
         &mut self,
@@ -316,25 +318,29 @@ impl Tiled for ColumnSums<'_> {
     }
 }
 
-/// A single row needs a wider tile, so that no sum waits for its last addition.
+/// Computes all tiles of a matrix. Tiles of a single row are wider, so that an addition need not
+/// wait for the one before.
 #[inline(always)]
-fn cover<S: Simd, T: Tiled>(simd: S, work: &mut T) {
+fn compute_tiles<S: Simd, T: Tiled>(simd: S, work: &mut T) {
     let [rows, columns] = work.shape();
     match (rows, columns / S::F32_LANES) {
-        (..4, 4..) => cover_with::<S, T, 1, 4>(simd, work),
-        (..4, 2..4) => cover_with::<S, T, 1, 2>(simd, work),
-        (..4, ..2) => cover_with::<S, T, 1, 1>(simd, work),
-        (4..6, 2..) => cover_with::<S, T, 4, 2>(simd, work),
-        (4..6, ..2) => cover_with::<S, T, 4, 1>(simd, work),
-        (6.., 2..) => cover_with::<S, T, 6, 2>(simd, work),
-        (6.., ..2) => cover_with::<S, T, 6, 1>(simd, work),
+        (..4, 4..) => compute_tiles_of::<S, T, 1, 4>(simd, work),
+        (..4, 2..4) => compute_tiles_of::<S, T, 1, 2>(simd, work),
+        (..4, ..2) => compute_tiles_of::<S, T, 1, 1>(simd, work),
+        (4..6, 2..) => compute_tiles_of::<S, T, 4, 2>(simd, work),
+        (4..6, ..2) => compute_tiles_of::<S, T, 4, 1>(simd, work),
+        (6.., 2..) => compute_tiles_of::<S, T, 6, 2>(simd, work),
+        (6.., ..2) => compute_tiles_of::<S, T, 6, 1>(simd, work),
     }
 }
 
 #[inline(always)]
-fn cover_with<S: Simd, T: Tiled, const HEIGHT: usize, const WIDTH: usize>(simd: S, work: &mut T) {
+fn compute_tiles_of<S: Simd, T: Tiled, const HEIGHT: usize, const WIDTH: usize>(
+    simd: S,
+    work: &mut T,
+) {
     let [rows, columns] = work.shape();
-    // A closure given to an iterator would not be compiled for the level of SIMD.
+    // A closure that is passed to an iterator would not be compiled for the SIMD instruction set.
     for column in blocks(columns, WIDTH * S::F32_LANES) {
         for row in blocks(rows, HEIGHT) {
             work.tile::<S, HEIGHT, WIDTH>(simd, row, column);
@@ -342,14 +348,14 @@ fn cover_with<S: Simd, T: Tiled, const HEIGHT: usize, const WIDTH: usize>(simd: 
     }
 }
 
-/// Where blocks of `size` start that cover `0..length`; the last one overlaps the one before where
-/// `size` does not divide `length`.
+/// Start indices of blocks of `size` that cover `0..length`; the last block overlaps the one before
+/// if `size` does not divide `length`.
 #[inline(always)]
 fn blocks(length: usize, size: usize) -> impl Iterator<Item = usize> {
     (0..length.div_ceil(size)).map(move |index| (index * size).min(length - size))
 }
 
-/// sumsᵣ ← sumsᵣ + factorᵣ terms
+/// sums of row r ← sums of row r + factor of row r · terms
 #[inline(always)]
 fn multiply_add<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
     simd: S,
@@ -373,22 +379,22 @@ fn add<S: Simd, const WIDTH: usize>(simd: S, sums: &mut [S::f32s; WIDTH], terms:
 }
 
 #[inline(always)]
-fn load<S: Simd, const WIDTH: usize>(from: &[f32]) -> [S::f32s; WIDTH] {
-    *S::as_simd_f32s(&from[..WIDTH * S::F32_LANES])
+fn load<S: Simd, const WIDTH: usize>(source: &[f32]) -> [S::f32s; WIDTH] {
+    *S::as_simd_f32s(&source[..WIDTH * S::F32_LANES])
         .0
         .first_chunk()
-        .expect("as many vectors as were cut off")
+        .expect("the slice has WIDTH vectors")
 }
 
-/// Row by row, `stride` numbers apart.
+/// Writes a tile to rows that are `stride` numbers apart.
 #[inline(always)]
 fn store<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
     tile: [[S::f32s; WIDTH]; HEIGHT],
-    to: &mut [f32],
+    target: &mut [f32],
     stride: usize,
 ) {
     for (row, vectors) in tile.iter().enumerate() {
-        S::as_mut_simd_f32s(&mut to[row * stride..][..WIDTH * S::F32_LANES])
+        S::as_mut_simd_f32s(&mut target[row * stride..][..WIDTH * S::F32_LANES])
             .0
             .copy_from_slice(vectors);
     }
@@ -425,13 +431,16 @@ fn inner_product<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> f32 {
         .fold(simd.reduce_sum_f32s(sums), |sum, (a, b)| a.mul_add(*b, sum))
 }
 
-/// `from: [rows × columns]` → `to: [columns × rows]`
+/// `matrix: [rows × columns]` → `transposed: [columns × rows]`
 #[inline(always)]
-fn transpose(from: &[f32], columns: usize, to: &mut [f32]) {
-    let rows = from.len() / columns;
-    for (column, to) in to.chunks_exact_mut(rows).enumerate() {
-        for (to, number) in to.iter_mut().zip(from[column..].iter().step_by(columns)) {
-            *to = *number;
+fn transpose(matrix: &[f32], columns: usize, transposed: &mut [f32]) {
+    let rows = matrix.len() / columns;
+    for (column, target) in transposed.chunks_exact_mut(rows).enumerate() {
+        for (target, number) in target
+            .iter_mut()
+            .zip(matrix[column..].iter().step_by(columns))
+        {
+            *target = *number;
         }
     }
 }

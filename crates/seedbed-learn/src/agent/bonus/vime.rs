@@ -1,10 +1,10 @@
 //! VIME and Seed-VIME: the bonus of a step is the information that it gives about the dynamics
 //! (thesis §4, Alg. 2; Houthooft et al. 2016).
 //!
-//! The dynamics are p(s'|s, a; θ) with a Gaussian q(θ; φ) over the weights of a network, learned by
-//! Bayes by Backprop (Eq. 27, 33). The bonus of a step is KL(q after the step ‖ q before it), to
-//! second order (Eq. 32) or exactly. In Seed-VIME agent k computes bonuses with its own `φ_k`: the
-//! shared φ changed by its seeds `z_k`.
+//! The model of the dynamics is p(s'|s, a; θ) with a Gaussian posterior q(θ; φ) over the weights of
+//! a network, learned by Bayes by Backprop (Eq. 27, 33). The bonus of a step is KL(q after the step
+//! ‖ q before it), to second order (Eq. 32) or exactly. In Seed-VIME agent k computes bonuses with
+//! its own `φ_k`: the shared φ, modified by its seeds `z_k`.
 
 use rand_distr::{Distribution, StandardNormal};
 use schemars::JsonSchema;
@@ -26,37 +26,38 @@ use seedbed_env::random::{Purpose, Stream, stream};
 pub struct Vime {
     /// Whose experience the model learns from.
     pub model: ModelSharing,
-    /// How an agent's seeds change the model.
+    /// How an agent's seeds modify the model for its bonuses.
     pub seeds: ModelSeeds,
     /// How information gain is estimated.
     pub gain: Gain,
-    /// Size λ of the step whose effect is measured.
+    /// Size λ of the gradient step whose information gain is measured.
     pub step: Positive,
-    /// How gains become rewards.
+    /// How information gains are scaled to bonuses.
     pub scale: BonusScale,
-    /// What the model is trained on.
+    /// Which transitions the model is trained on.
     pub buffer: ModelBuffer,
     /// Number of gradient steps per update.
     pub minibatches: Count<100_000>,
     /// Number of transitions per gradient step.
     pub minibatch: Count<100_000>,
-    /// Numbers of units of the model's hidden layers.
+    /// Number of units of each hidden layer of the model.
     pub hidden: Vec<Count<4096>>,
-    /// Other parameters of the model.
+    /// Further parameters of the model.
     pub network: BayesianSettings,
 }
 
-/// How an agent's seeds `z_k`, drawn once, change the model φ = {μ, σ}.
+/// How an agent's seeds `z_k`, drawn once per run, modify the model φ = {μ, σ} for its bonuses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum ModelSeeds {
-    /// Not at all: all agents give the same bonuses.
+    /// Not at all: all agents compute the same bonuses.
     #[default]
     Off,
     /// σ ← σ |z| (thesis Alg. 2, which prints σ z: a deviation cannot be negative).
     Scale,
     /// μ ← μ + σ z: Standard-Gaussian seed sampling (thesis §2.3).
     Shift,
-    /// The draw of weights is always ε = z, one instead of all draws that `gain` asks for.
+    /// The noise for drawing weights is always ε = z: one fixed draw in place of the draws of
+    /// `gain`.
     FixedSample,
 }
 
@@ -64,26 +65,26 @@ pub enum ModelSeeds {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Gain {
-    /// To second order (Eq. 32) from one draw of weights per episode: fast, biased upwards.
+    /// To second order (Eq. 32), from one draw of weights per episode: fast, biased upwards.
     #[default]
     OneDraw,
-    /// To second order from the mean gradient over this many draws per episode.
+    /// To second order, from the mean gradient over this number of draws per episode.
     Draws(Count<1000>),
-    /// The exact divergence after the step, from this many draws per episode.
+    /// The exact divergence after the gradient step, from this number of draws per episode.
     ExplicitStep(Count<1000>),
 }
 
-/// What the model is trained on.
+/// Which transitions the model is trained on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ModelBuffer {
-    /// At least this many of the team's newest transitions; the prior stays the same.
+    /// The team's newest transitions; the prior stays the same.
     Kept {
-        /// How many.
+        /// Minimal number of transitions.
         #[serde(default = "default_transitions")]
         transitions: Count<100_000_000>,
     },
-    /// Those since the last update only; what was learned becomes the prior.
+    /// Only transitions since the last update; the posterior becomes the next prior.
     Cleared,
 }
 
@@ -110,7 +111,7 @@ fn default_transitions() -> Count<100_000_000> {
     known_count(1_000_000)
 }
 
-/// An agent's model, or its replica of the team's.
+/// The model of one agent, or its copy of the team's model.
 pub(crate) struct VimeModel {
     config: Vime,
     transitions: Transitions,
@@ -120,7 +121,7 @@ pub(crate) struct VimeModel {
     work: Workspace,
 }
 
-/// Room that is reused.
+/// Buffers that are reused.
 #[derive(Default)]
 struct Workspace {
     rows: Rows,
@@ -132,6 +133,7 @@ struct Workspace {
     draws: Draws,
 }
 
+/// What a checkpoint holds of a model. The rest derives from the scenario.
 #[derive(Serialize, Deserialize)]
 struct Saved<S, M> {
     network: S,
@@ -139,27 +141,28 @@ struct Saved<S, M> {
 }
 
 impl VimeModel {
-    /// `owner` is whose streams the model draws from; seeds are the member's own.
-    pub(crate) fn new(config: &Vime, owner: u32, member: &AgentContext<'_>) -> Self {
-        let [inputs, outputs] = Transitions::widths(member.spec);
+    /// A model that draws from the random streams of agent `owner`; its seeds are those of the
+    /// agent in `context`.
+    pub(crate) fn new(config: &Vime, owner: u32, context: &AgentContext<'_>) -> Self {
+        let [inputs, outputs] = Transitions::widths(context.spec);
         let hidden = config.hidden.iter().map(|units| units.get() as usize);
         let sizes: Vec<usize> = [inputs]
             .into_iter()
             .chain(hidden)
             .chain([outputs])
             .collect();
-        let mut random = stream(member.run_seed, Purpose::ModelParameters, owner, 0);
+        let mut random = stream(context.run_seed, Purpose::ModelParameters, owner, 0);
         let network = BayesianNetwork::new(&sizes, &config.network, &mut random);
         let mut seeds = Vec::new();
         let count = network.likelihood().weight_count();
         fill_normal(
             &mut seeds,
             count,
-            &mut stream(member.run_seed, Purpose::ModelSeeds, member.agent, 0),
+            &mut stream(context.run_seed, Purpose::ModelSeeds, context.agent, 0),
         );
         Self {
             config: config.clone(),
-            transitions: Transitions::new(member.spec),
+            transitions: Transitions::new(context.spec),
             network,
             seeds,
             work: Workspace::default(),
@@ -168,7 +171,7 @@ impl VimeModel {
 
     /// The information gain of every `stride`-th step of an episode.   `gains: [⌈T/stride⌉]`,
     /// overwritten
-    pub(crate) fn gains(
+    pub(crate) fn compute_gains(
         &mut self,
         episode: &Episode,
         stride: usize,
@@ -177,7 +180,7 @@ impl VimeModel {
     ) {
         let count = self.network.likelihood().weight_count();
         self.transitions
-            .of_episode(episode, stride, &mut self.work.rows);
+            .load_episode(episode, stride, &mut self.work.rows);
         let draws = match self.config.gain {
             Gain::OneDraw => 1,
             Gain::Draws(draws) | Gain::ExplicitStep(draws) => draws.get() as usize,
@@ -187,17 +190,17 @@ impl VimeModel {
         gains.clear();
         gains.resize(episode.length().div_ceil(stride), 0.0);
         match self.config.gain {
-            Gain::OneDraw => self.one_draw(gains),
-            Gain::Draws(_) => self.several_draws(gains, information_gain::second_order),
+            Gain::OneDraw => self.gains_from_one_draw(gains),
+            Gain::Draws(_) => self.gains_from_draws(gains, information_gain::second_order),
             Gain::ExplicitStep(_) => {
-                self.several_draws(gains, |sigma, mean, deviation, step| {
-                    information_gain::of_explicit_step(sigma, mean, deviation, step) as f32
+                self.gains_from_draws(gains, |sigma, mean, deviation, step| {
+                    information_gain::explicit_step(sigma, mean, deviation, step) as f32
                 });
             }
         }
     }
 
-    /// `φ_k`, and the noise that a fixed sample replaces.
+    /// Sets `φ_k`; with a fixed sample, replaces the noise by the seeds.
     fn perturb(&mut self) {
         let Workspace {
             perturbed, noise, ..
@@ -214,7 +217,7 @@ impl VimeModel {
         }
     }
 
-    fn one_draw(&mut self, gains: &mut [f32]) {
+    fn gains_from_one_draw(&mut self, gains: &mut [f32]) {
         let Workspace {
             rows,
             noise,
@@ -239,7 +242,7 @@ impl VimeModel {
         );
     }
 
-    fn several_draws(
+    fn gains_from_draws(
         &mut self,
         gains: &mut [f32],
         gain: impl Fn(&[f32], &[f32], &[f32], f32) -> f32,
@@ -251,22 +254,22 @@ impl VimeModel {
             draws,
             ..
         } = &mut self.work;
-        let (step, mut slots) = (self.config.step.get_f32(), gains.iter_mut());
-        let visit = |by_mean: &[f32], by_deviation: &[f32]| {
-            if let Some(slot) = slots.next() {
-                *slot = gain(&perturbed.deviation, by_mean, by_deviation, step);
+        let (step, mut gains) = (self.config.step.get_f32(), gains.iter_mut());
+        let set_next_gain = |by_mean: &[f32], by_deviation: &[f32]| {
+            if let Some(next) = gains.next() {
+                *next = gain(&perturbed.deviation, by_mean, by_deviation, step);
             }
         };
         self.network.likelihood().expected_gradients(
             (perturbed, noise),
             (&rows.inputs, &rows.targets),
             draws,
-            visit,
+            set_next_gain,
         );
     }
 
-    /// Trains on minibatches, unless frozen; returns the mean squared error of the mean weights on
-    /// the fresh episodes before that.
+    /// Trains on minibatches, unless `frozen`. Returns the mean squared error of the mean weights
+    /// on the fresh episodes before training.
     pub(crate) fn learn(
         &mut self,
         kept: &[&Episode],
@@ -276,10 +279,10 @@ impl VimeModel {
     ) -> f32 {
         let error = self.prediction_error(fresh);
         for episode in fresh {
-            self.transitions.take_in(episode);
+            self.transitions.update_moments(episode);
         }
-        let cleared = self.config.buffer == ModelBuffer::Cleared;
-        let source = if cleared { fresh } else { kept };
+        let is_cleared = self.config.buffer == ModelBuffer::Cleared;
+        let source = if is_cleared { fresh } else { kept };
         let total: usize = source.iter().map(|episode| episode.length()).sum();
         if frozen || total == 0 {
             return error;
@@ -292,7 +295,7 @@ impl VimeModel {
             self.network
                 .descend(&rows.inputs, &rows.targets, noise, total);
         }
-        if cleared {
+        if is_cleared {
             self.network.make_posterior_the_prior();
         }
         error
@@ -302,7 +305,7 @@ impl VimeModel {
         let (mut sum, mut count) = (0.0_f64, 0_usize);
         for episode in episodes {
             let Workspace { rows, pass, .. } = &mut self.work;
-            self.transitions.of_episode(episode, 1, rows);
+            self.transitions.load_episode(episode, 1, rows);
             let predicted = self.network.likelihood().forward(
                 &self.network.posterior().mean,
                 &rows.inputs,
@@ -311,7 +314,7 @@ impl VimeModel {
             sum += predicted
                 .iter()
                 .zip(&rows.targets)
-                .map(|(ours, target)| f64::from(ours - target).powi(2))
+                .map(|(predicted, target)| f64::from(predicted - target).powi(2))
                 .sum::<f64>();
             count += rows.targets.len();
         }
@@ -331,18 +334,18 @@ impl VimeModel {
             network: self.network.state(),
             moments: self.transitions.moments(),
         };
-        postcard::to_stdvec(&saved).expect("plain numbers always serialise")
+        postcard::to_stdvec(&saved).expect("plain numbers always serialize")
     }
 
     pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let saved: Saved<BayesianState, Moments> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        let (stored, ours) = (
-            saved.network.weight_count(),
-            self.network.likelihood().weight_count(),
-        );
-        if stored != ours {
-            return Err(format!("{stored} weights stored for a model of {ours}"));
+        let stored = saved.network.weight_count();
+        let expected = self.network.likelihood().weight_count();
+        if stored != expected {
+            return Err(format!(
+                "the checkpoint has {stored} weights of a bonus model; expected {expected}"
+            ));
         }
         self.network.restore(saved.network);
         self.transitions.restore(saved.moments);

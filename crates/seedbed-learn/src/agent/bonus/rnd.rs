@@ -1,5 +1,5 @@
-//! Random network distillation: a state is worth the error of predicting what a fixed random
-//! network makes of it (Burda et al. 2019).
+//! Random network distillation: the bonus is the error in predicting the outputs of a fixed random
+//! network (Burda et al. 2019).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,20 +13,20 @@ use crate::nn::{Activations, AdamSettings, Initial, Mlp};
 use seedbed_env::input::numbers::{Count, known_count};
 use seedbed_env::random::{Purpose, Stream, stream};
 
-/// The configuration of random network distillation. The bonus is for a state and the action in it;
-/// that of Burda et al. is for the next state.
+/// The configuration of random network distillation. Both networks see a state and the action taken
+/// in it; those of Burda et al. see the next state.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Rnd {
     /// Whose experience the predictor learns from.
     pub model: ModelSharing,
-    /// How errors become rewards.
+    /// How prediction errors are scaled to bonuses.
     pub scale: BonusScale,
     /// Number of gradient steps per update.
     pub minibatches: Count<100_000>,
     /// Number of transitions per gradient step.
     pub minibatch: Count<100_000>,
-    /// Numbers of units of the hidden layers of both networks.
+    /// Number of units of each hidden layer, the same for both networks.
     pub hidden: Vec<Count<4096>>,
     /// Number of outputs of both networks.
     pub outputs: Count<4096>,
@@ -48,8 +48,8 @@ impl Default for Rnd {
     }
 }
 
-/// An agent's predictor, or its replica of the team's. Both networks see what a step started from
-/// and did.
+/// The fixed random network (target) and the predictor of one agent, or its copy of the team's
+/// predictor. Inputs of both are the state and the action of a step.
 pub(crate) struct RndModel {
     config: Rnd,
     transitions: Transitions,
@@ -68,22 +68,22 @@ struct Saved<L, M> {
 }
 
 impl RndModel {
-    pub(crate) fn new(config: &Rnd, owner: u32, member: &AgentContext<'_>) -> Self {
-        let [inputs, _] = Transitions::widths(member.spec);
+    pub(crate) fn new(config: &Rnd, owner: u32, context: &AgentContext<'_>) -> Self {
+        let [inputs, _] = Transitions::widths(context.spec);
         let hidden = config.hidden.iter().map(|units| units.get() as usize);
         let sizes: Vec<usize> = [inputs]
             .into_iter()
             .chain(hidden)
             .chain([config.outputs.get() as usize])
             .collect();
-        let mut random = stream(member.run_seed, Purpose::ModelParameters, owner, 0);
+        let mut random = stream(context.run_seed, Purpose::ModelParameters, owner, 0);
         let (target, predictor) = (Mlp::new(&sizes), Mlp::new(&sizes));
         let target_parameters = target.initial(Initial::Random, &mut random);
         let seed = predictor.initial(Initial::Random, &mut random);
         Self {
             predictor: Network::new(predictor, seed, config.optimiser),
             config: config.clone(),
-            transitions: Transitions::new(member.spec),
+            transitions: Transitions::new(context.spec),
             target,
             target_parameters,
             rows: Rows::default(),
@@ -94,9 +94,10 @@ impl RndModel {
 
     /// Mean squared error of the prediction at every `stride`-th step.   `gains: [⌈T/stride⌉]`,
     /// overwritten
-    pub(crate) fn gains(&mut self, episode: &Episode, stride: usize, gains: &mut Vec<f32>) {
-        self.transitions.of_episode(episode, stride, &mut self.rows);
-        self.errors();
+    pub(crate) fn compute_gains(&mut self, episode: &Episode, stride: usize, gains: &mut Vec<f32>) {
+        self.transitions
+            .load_episode(episode, stride, &mut self.rows);
+        self.compute_errors();
         let width = self.target.outputs();
         let mean_square =
             |row: &[f32]| row.iter().map(|error| error * error).sum::<f32>() / width as f32;
@@ -104,18 +105,18 @@ impl RndModel {
         gains.extend(self.gradient.chunks_exact(width).map(mean_square));
     }
 
-    /// Trains on minibatches of the fresh episodes, unless frozen; returns the mean squared error
-    /// on them before that.
+    /// Trains on minibatches of the fresh episodes, unless `frozen`. Returns the mean squared error
+    /// on the fresh episodes before training.
     pub(crate) fn learn(&mut self, fresh: &[&Episode], frozen: bool, random: &mut Stream) -> f32 {
         let error = self.prediction_error(fresh);
         for episode in fresh {
-            self.transitions.take_in(episode);
+            self.transitions.update_moments(episode);
         }
         if frozen || fresh.iter().all(|episode| episode.length() == 0) {
             return error;
         }
         let descent = Descent {
-            regularisation: 0.0,
+            regularization: 0.0,
             gradient_clip: None,
             step_size_factor: 1.0,
         };
@@ -126,7 +127,7 @@ impl RndModel {
                 random,
                 &mut self.rows,
             );
-            self.errors();
+            self.compute_errors();
             let share = 2.0 / self.gradient.len() as f32;
             for slope in &mut self.gradient {
                 *slope *= share;
@@ -137,8 +138,8 @@ impl RndModel {
         error
     }
 
-    /// Prediction minus target of the rows at hand, as `gradient`: `[N × outputs]`.
-    fn errors(&mut self) {
+    /// Writes prediction minus target of the loaded rows to `gradient`: `[N × outputs]`.
+    fn compute_errors(&mut self) {
         let target = self.target.forward(
             &self.target_parameters,
             &self.rows.inputs,
@@ -150,15 +151,16 @@ impl RndModel {
             predicted
                 .iter()
                 .zip(target)
-                .map(|(ours, target)| ours - target),
+                .map(|(predicted, target)| predicted - target),
         );
     }
 
+    /// Mean squared error of the predictor on all steps of `episodes`.
     fn prediction_error(&mut self, episodes: &[&Episode]) -> f32 {
         let (mut sum, mut count) = (0.0_f64, 0_usize);
         for episode in episodes {
-            self.transitions.of_episode(episode, 1, &mut self.rows);
-            self.errors();
+            self.transitions.load_episode(episode, 1, &mut self.rows);
+            self.compute_errors();
             sum += self
                 .gradient
                 .iter()
@@ -178,7 +180,7 @@ impl RndModel {
             predictor: self.predictor.learned(),
             moments: self.transitions.moments(),
         };
-        postcard::to_stdvec(&saved).expect("plain numbers always serialise")
+        postcard::to_stdvec(&saved).expect("plain numbers always serialize")
     }
 
     pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {

@@ -1,5 +1,5 @@
-//! What a model of the dynamics sees: standardized (s, a), and what it predicts: Δs in units of its
-//! root mean square.
+//! Inputs and targets of bonus models: inputs are standardized (s, a), targets are the changes of
+//! state Δs in units of their root mean square.
 
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -9,20 +9,21 @@ use crate::nn::Standardizer;
 use seedbed_env::random::Stream;
 use seedbed_env::{Choice, Spec};
 
-/// Turns steps of episodes into rows for a network.
+/// Turns steps of episodes into rows of inputs and targets for a network.
 pub(crate) struct Transitions {
-    observed: usize,
+    observation_width: usize,
     actions: Vec<Encoding>,
     moments: Moments,
+    /// Rows before standardization.
     raw: Rows,
 }
 
-/// What learning changes.
+/// Running moments of all steps that were learned from.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Moments {
-    /// Of (s, a).
+    /// Moments of (s, a).
     inputs: Standardizer,
-    /// Of Δs.
+    /// Moments of Δs.
     changes: Standardizer,
 }
 
@@ -33,11 +34,12 @@ pub(crate) struct Rows {
     pub(crate) targets: Vec<f32>,
 }
 
-/// How a component of an action enters.
+/// How one component of an action is encoded as inputs of a network.
 enum Encoding {
-    /// One number a choice.
+    /// One input per choice: 1 for the chosen one, 0 for the others.
     OneHot { choices: usize },
-    /// Its range becomes −1 to 1; what is beyond is clamped, as the environment does.
+    /// One input: the action's range is scaled to −1 to 1, and values beyond it are clamped, as in
+    /// the environment.
     Scaled { center: f32, half_range: f32 },
 }
 
@@ -56,21 +58,21 @@ impl Transitions {
             }
         };
         let actions: Vec<Encoding> = spec.actions.iter().map(encoding).collect();
-        let observed = spec.observation_width();
-        let width = observed + actions.iter().map(Encoding::width).sum::<usize>();
+        let observation_width = spec.observation_width();
+        let width = observation_width + actions.iter().map(Encoding::width).sum::<usize>();
         let moments = Moments {
             inputs: Standardizer::new(width),
-            changes: Standardizer::new(observed),
+            changes: Standardizer::new(observation_width),
         };
         Self {
-            observed,
+            observation_width,
             actions,
             moments,
             raw: Rows::default(),
         }
     }
 
-    /// Numbers that enter the network, and that leave it.
+    /// Number of inputs and number of targets of a row.
     pub(crate) fn widths(spec: &Spec) -> [usize; 2] {
         let actions = spec.actions.iter().map(|action| match &action.choice {
             Choice::Discrete(values) => values.len(),
@@ -90,8 +92,8 @@ impl Transitions {
         self.moments = moments;
     }
 
-    /// Every `stride`-th step of an episode.
-    pub(crate) fn of_episode(&mut self, episode: &Episode, stride: usize, rows: &mut Rows) {
+    /// Writes every `stride`-th step of an episode to `rows`.
+    pub(crate) fn load_episode(&mut self, episode: &Episode, stride: usize, rows: &mut Rows) {
         self.raw.clear();
         (0..episode.length())
             .step_by(stride)
@@ -99,7 +101,7 @@ impl Transitions {
         self.standardize(rows);
     }
 
-    /// `count` steps drawn from all episodes, each step equally likely.
+    /// Writes `count` steps to `rows`, drawn with replacement from all steps of all episodes.
     pub(crate) fn sample(
         &mut self,
         episodes: &[&Episode],
@@ -113,20 +115,21 @@ impl Transitions {
         drawn.sort_unstable();
         let mut episodes = episodes.iter();
         let (mut episode, mut start) = (episodes.next(), 0);
-        for place in drawn {
-            while let Some(here) = episode.filter(|here| place >= start + here.length()) {
-                start += here.length();
+        // Positions are sorted, so one pass over the episodes finds all of them.
+        for position in drawn {
+            while let Some(current) = episode.filter(|it| position >= start + it.length()) {
+                start += current.length();
                 episode = episodes.next();
             }
-            if let Some(here) = episode {
-                self.push(here, place - start);
+            if let Some(current) = episode {
+                self.push(current, position - start);
             }
         }
         self.standardize(rows);
     }
 
-    /// Takes an episode's steps into the moments.
-    pub(crate) fn take_in(&mut self, episode: &Episode) {
+    /// Updates the running moments with the steps of an episode.
+    pub(crate) fn update_moments(&mut self, episode: &Episode) {
         self.raw.clear();
         (0..episode.length()).for_each(|step| self.push(episode, step));
         self.moments.inputs.update(&self.raw.inputs);
@@ -134,17 +137,17 @@ impl Transitions {
     }
 
     fn push(&mut self, episode: &Episode, step: usize) {
-        let observed = self.observed;
-        let [now, next] =
-            [step, step + 1].map(|row| &episode.observations[row * observed..(row + 1) * observed]);
-        self.raw.inputs.extend_from_slice(now);
+        let width = self.observation_width;
+        let [state, next] =
+            [step, step + 1].map(|row| &episode.observations[row * width..(row + 1) * width]);
+        self.raw.inputs.extend_from_slice(state);
         let actions = &episode.actions[step * self.actions.len()..(step + 1) * self.actions.len()];
         for (encoding, &action) in self.actions.iter().zip(actions) {
             encoding.push(action, &mut self.raw.inputs);
         }
         self.raw
             .targets
-            .extend(next.iter().zip(now).map(|(next, now)| next - now));
+            .extend(next.iter().zip(state).map(|(next, state)| next - state));
     }
 
     fn standardize(&self, rows: &mut Rows) {
@@ -175,10 +178,10 @@ impl Encoding {
     fn push(&self, action: f32, row: &mut Vec<f32>) {
         match *self {
             Self::OneHot { choices } => {
-                row.extend((0..choices).map(|choice| f32::from(choice == action as usize)))
+                row.extend((0..choices).map(|choice| f32::from(choice == action as usize)));
             }
             Self::Scaled { center, half_range } => {
-                row.push(((action - center) / half_range).clamp(-1.0, 1.0))
+                row.push(((action - center) / half_range).clamp(-1.0, 1.0));
             }
         }
     }
@@ -223,18 +226,19 @@ mod tests {
         }
     }
 
-    /// Before any moments: x, one of three kicks, the push from 0…4 to −1…1 and clamped; Δx = 1, 2.
+    /// Before the first moments, a row is x, three inputs for the kick, and the push scaled from
+    /// 0…4 to −1…1 and clamped; Δx = 1, 2.
     #[test]
     fn steps_become_rows() {
         assert_eq!(Transitions::widths(&spec()), [5, 1]);
         let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
-        transitions.of_episode(&episode(), 1, &mut rows);
+        transitions.load_episode(&episode(), 1, &mut rows);
         assert_eq!(
             rows.inputs,
             [1.0, 0.0, 0.0, 1.0, 0.5, 2.0, 1.0, 0.0, 0.0, 1.0]
         );
         assert_eq!(rows.targets, [1.0, 2.0]);
-        transitions.of_episode(&episode(), 2, &mut rows);
+        transitions.load_episode(&episode(), 2, &mut rows);
         assert_eq!(rows.targets, [1.0]);
     }
 
@@ -242,8 +246,8 @@ mod tests {
     #[test]
     fn targets_are_in_units_of_their_root_mean_square() {
         let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
-        transitions.take_in(&episode());
-        transitions.of_episode(&episode(), 1, &mut rows);
+        transitions.update_moments(&episode());
+        transitions.load_episode(&episode(), 1, &mut rows);
         assert!(
             (rows.targets[1] - 2.0 / 2.5_f32.sqrt()).abs() < 1e-5,
             "{:?}",
@@ -256,10 +260,10 @@ mod tests {
         );
     }
 
-    /// Every step of two episodes is drawn about as often: 3,000 of 4 kinds, four standard errors
-    /// of √(3000 · 3/16) = 24.
+    /// Each of the 4 steps of two episodes is drawn about 750 times in 3,000; the tolerance is four
+    /// standard errors of √(3000 · 3/16) = 24. No step joins two episodes.
     #[test]
-    fn steps_are_drawn_uniformly_and_never_across_an_end() {
+    fn steps_are_drawn_uniformly_and_never_across_episodes() {
         let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
         let other = Episode {
             observations: vec![5.0, 8.0, 12.0],

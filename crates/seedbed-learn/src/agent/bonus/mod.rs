@@ -1,9 +1,9 @@
-//! Curiosity: a bonus for steps from which there is something to learn, added to the rewards that
+//! Exploration bonuses: intrinsic rewards for informative or novel steps, added to the rewards that
 //! an agent learns from (thesis §4).
 //!
-//! Every agent holds its own replica of what is shared: trained on the same episodes with the same
-//! draws, replicas are the same to the bit, so that episodes are the only communication. Formulas
-//! are in [`rl`](crate::rl).
+//! A model that the team shares exists once per agent: all copies are trained on the same episodes
+//! with the same random numbers and so have the same bits. Agents thus communicate by episodes
+//! only. Formulas are in [`rl`](crate::rl).
 
 mod rnd;
 mod transitions;
@@ -24,41 +24,42 @@ use crate::rl::information_gain;
 use seedbed_env::input::numbers::{Count, NonNegative, Positive, known, known_count};
 use seedbed_env::random::{Purpose, Stream, stream};
 
-/// What is added to rewards.
+/// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
 #[derive(Clone, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Bonus {
-    /// Nothing.
+    /// No bonus.
     #[default]
     None,
-    /// Information gained about the dynamics: VIME (Houthooft et al. 2016), Seed-VIME (thesis Alg.
-    /// 2).
+    /// Information that a step gives about the dynamics: VIME (Houthooft et al. 2016) and Seed-VIME
+    /// (thesis Alg. 2).
     Vime(Vime),
-    /// The error of predicting a random network (Burda et al. 2019).
+    /// Error in predicting the outputs of a fixed random network: random network distillation
+    /// (Burda et al. 2019).
     Rnd(Rnd),
 }
 
-/// Whose experience a model learns from.
+/// Whose experience a bonus model learns from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum ModelSharing {
-    /// The team's: one model for all agents.
+    /// That of the team: one model for all agents.
     #[default]
     Shared,
-    /// The agent's own: one model per agent.
+    /// That of the agent itself: one model per agent.
     Independent,
-    /// None: the model stays as it began. A control.
+    /// None: the model keeps its initial parameters. A control for experiments.
     Frozen,
 }
 
-/// How a gain becomes a reward: η min(c, gain / mean of the latest medians).
+/// How a gain is scaled to a bonus: η min(c, gain / mean of the latest medians).
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BonusScale {
     /// Weight η of the bonus.
     pub weight: NonNegative,
-    /// Cap c of gains in units of their median.
+    /// Maximal gain c, in units of the median gain.
     pub cap: Positive,
-    /// Number of latest medians, one per update, by whose mean gains are divided.
+    /// Number of latest updates over which the median gain is averaged.
     pub medians: Count<10_000>,
 }
 
@@ -73,7 +74,8 @@ impl Default for BonusScale {
 }
 
 impl Bonus {
-    /// Transitions that the shared buffer has to keep for it.
+    /// Number of the team's newest transitions that the shared buffer must keep for training the
+    /// model.
     #[must_use]
     pub fn transitions_kept(&self) -> u64 {
         match self {
@@ -85,7 +87,7 @@ impl Bonus {
         }
     }
 
-    /// The largest bonus that a step can have: η c.
+    /// The largest bonus that a step can have: η c. None without a bonus.
     #[must_use]
     pub fn largest(&self) -> Option<f32> {
         let scale = match self {
@@ -96,7 +98,8 @@ impl Bonus {
         Some(scale.weight.get_f32() * scale.cap.get_f32())
     }
 
-    /// Whether agents have to learn at the same time from the same episodes for it.
+    /// Whether all agents must learn at the same time from the same episodes, because they share
+    /// one model.
     #[must_use]
     pub fn is_shared(&self) -> bool {
         self.model() == Some(ModelSharing::Shared)
@@ -117,45 +120,47 @@ impl Bonus {
     }
 }
 
-/// One agent's curiosity.
-pub(crate) struct Curiosity {
+/// Computes the bonuses of one agent, and learns from its experience.
+pub(crate) struct BonusModel {
     run_seed: u64,
     agent: u32,
     sharing: ModelSharing,
     scale: BonusScale,
     medians: MedianScale,
     model: Model,
+    /// Gains of the agent's own steps in the latest update.
     own_gains: Vec<f32>,
-    /// Of the latest update: the bonuses of the agent's own steps.
-    own_bonuses: Vec<f32>,
 }
 
+/// The model that gains are computed from.
 enum Model {
     Vime(Box<VimeModel>),
     Rnd(Box<RndModel>),
 }
 
+/// What a checkpoint holds of a bonus model. The rest derives from the scenario.
 #[derive(Serialize, Deserialize)]
 struct Saved<M> {
     medians: M,
     model: Vec<u8>,
 }
 
-impl Curiosity {
-    pub(crate) fn new(bonus: &Bonus, member: &AgentContext<'_>) -> Option<Self> {
+impl BonusModel {
+    /// The model of one agent; none if the configuration has no bonus.
+    pub(crate) fn new(bonus: &Bonus, context: &AgentContext<'_>) -> Option<Self> {
         let (sharing, scale) = match bonus {
             Bonus::None => return None,
             Bonus::Vime(config) => (config.model, config.scale),
             Bonus::Rnd(config) => (config.model, config.scale),
         };
-        let owner = owner(sharing, member.agent);
+        let owner = stream_owner(sharing, context.agent);
         let model = match bonus {
-            Bonus::Rnd(config) => Model::Rnd(Box::new(RndModel::new(config, owner, member))),
-            Bonus::Vime(config) => Model::Vime(Box::new(VimeModel::new(config, owner, member))),
+            Bonus::Rnd(config) => Model::Rnd(Box::new(RndModel::new(config, owner, context))),
+            Bonus::Vime(config) => Model::Vime(Box::new(VimeModel::new(config, owner, context))),
             Bonus::None => return None,
         };
         let medians = MedianScale::new(scale.medians.get() as usize);
-        let (run_seed, agent) = (member.run_seed, member.agent);
+        let (run_seed, agent) = (context.run_seed, context.agent);
         Some(Self {
             run_seed,
             agent,
@@ -164,47 +169,49 @@ impl Curiosity {
             medians,
             model,
             own_gains: Vec::new(),
-            own_bonuses: Vec::new(),
         })
     }
 
-    /// The bonus of every step of each chosen episode, as the model has it before it learns from
-    /// them. Then the scale moves by the agent's own gains. `bonuses` has a list for each of the
-    /// fresh episodes, empty for those that are not chosen.
-    pub(crate) fn reward(
+    /// Computes the bonus of every step of the chosen fresh episodes, before the model learns from
+    /// them, and then adds the median of the agent's own gains to the scale.
+    ///
+    /// `chosen` are indices of fresh episodes; `bonuses` gets one list per fresh episode, which is
+    /// empty for episodes that are not chosen.
+    pub(crate) fn compute_bonuses(
         &mut self,
         experience: &Experience<'_>,
         chosen: &[usize],
         bonuses: &mut Vec<Vec<f32>>,
     ) {
         let agent = self.agent;
-        self.reward_where(experience, chosen, bonuses, |episode| {
+        self.compute_bonuses_where(experience, chosen, bonuses, |episode| {
             episode.agent == agent
         });
     }
 
-    /// The same where all chosen episodes count as the agent's own.
-    pub(crate) fn reward_own(
+    /// Like [`compute_bonuses`](Self::compute_bonuses), but all chosen episodes count as the
+    /// agent's own.
+    pub(crate) fn compute_own_bonuses(
         &mut self,
         experience: &Experience<'_>,
         own: &[usize],
         bonuses: &mut Vec<Vec<f32>>,
     ) {
-        self.reward_where(experience, own, bonuses, |_| true);
+        self.compute_bonuses_where(experience, own, bonuses, |_| true);
     }
 
-    /// The bonus of every second step of `pairs`, as the model and the scale are now.
-    pub(crate) fn bonuses_of_pairs(
+    /// Computes the bonus of every second step of `pairs` with the present model and scale.
+    pub(crate) fn compute_bonuses_of_pairs(
         &mut self,
         pairs: &Episode,
         random: &mut Stream,
         bonuses: &mut Vec<f32>,
     ) {
-        self.gains(pairs, 2, random, bonuses);
+        self.compute_gains(pairs, 2, random, bonuses);
         self.scale_gains(bonuses);
     }
 
-    fn reward_where(
+    fn compute_bonuses_where(
         &mut self,
         experience: &Experience<'_>,
         chosen: &[usize],
@@ -220,23 +227,18 @@ impl Curiosity {
         bonuses.resize_with(experience.fresh.len().max(bonuses.len()), Vec::new);
         bonuses.iter_mut().for_each(Vec::clear);
         self.own_gains.clear();
-        self.own_bonuses.clear();
-        for &place in chosen {
-            let (episode, bonuses) = (&experience.fresh[place], &mut bonuses[place]);
-            self.gains(episode, 1, &mut random, bonuses);
-            let own = is_own(episode);
-            if own {
+        for &index in chosen {
+            let (episode, bonuses) = (&experience.fresh[index], &mut bonuses[index]);
+            self.compute_gains(episode, 1, &mut random, bonuses);
+            if is_own(episode) {
                 self.own_gains.extend_from_slice(bonuses);
             }
             self.scale_gains(bonuses);
-            if own {
-                self.own_bonuses.extend_from_slice(bonuses);
-            }
         }
         self.medians.update(&mut self.own_gains);
     }
 
-    /// Gains become bonuses, in place.
+    /// Replaces gains by bonuses.
     fn scale_gains(&self, gains: &mut [f32]) {
         let (scale, cap, weight) = (
             self.medians.scale(),
@@ -248,14 +250,14 @@ impl Curiosity {
         }
     }
 
-    /// Raw gains of steps spread over an episode. Draws from a stream of its own, so that learning
-    /// does not notice.
+    /// Unscaled gains of at most [`PROBE_STEPS`] steps, evenly spread over an episode. Draws from a
+    /// stream of its own, so that learning is not affected.
     pub(crate) fn probe_bonuses(&mut self, episode: &Episode, round: u32) -> Vec<f32> {
         let (mut random, mut gains) = (
             stream(self.run_seed, Purpose::BonusProbe, self.agent, round),
             Vec::new(),
         );
-        self.gains(
+        self.compute_gains(
             episode,
             episode.length().div_ceil(PROBE_STEPS).max(1),
             &mut random,
@@ -264,26 +266,21 @@ impl Curiosity {
         gains
     }
 
-    /// Bonuses of the agent's own steps in the latest update.
-    pub(crate) fn own_bonuses(&self) -> &[f32] {
-        &self.own_bonuses
-    }
-
-    /// The model learns, where it does; returns its mean squared error on the fresh episodes before
-    /// that, in its own units.
+    /// Trains the model, unless it is frozen. Returns its mean squared error on the fresh episodes
+    /// before training, in the units of its targets.
     pub(crate) fn learn(&mut self, experience: &Experience<'_>) -> f32 {
-        let owner = owner(self.sharing, self.agent);
+        let owner = stream_owner(self.sharing, self.agent);
         let mut random = stream(
             self.run_seed,
             Purpose::ModelTraining,
             owner,
             experience.round,
         );
-        let mine = |episode: &&Episode| {
+        let is_used = |episode: &&Episode| {
             self.sharing != ModelSharing::Independent || episode.agent == self.agent
         };
-        let fresh: Vec<&Episode> = experience.fresh.iter().filter(mine).collect();
-        let kept: Vec<&Episode> = experience.kept.iter().filter(mine).collect();
+        let fresh: Vec<&Episode> = experience.fresh.iter().filter(is_used).collect();
+        let kept: Vec<&Episode> = experience.kept.iter().filter(is_used).collect();
         let frozen = self.sharing == ModelSharing::Frozen;
         match &mut self.model {
             Model::Vime(model) => model.learn(&kept, &fresh, frozen, &mut random),
@@ -307,7 +304,7 @@ impl Curiosity {
             medians: &self.medians,
             model,
         })
-        .expect("plain numbers always serialise")
+        .expect("plain numbers always serialize")
     }
 
     pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
@@ -320,8 +317,8 @@ impl Curiosity {
         }
     }
 
-    /// Of every `stride`-th step.
-    fn gains(
+    /// Unscaled gain of every `stride`-th step of an episode.   `gains: [⌈T/stride⌉]`, overwritten
+    fn compute_gains(
         &mut self,
         episode: &Episode,
         stride: usize,
@@ -329,14 +326,15 @@ impl Curiosity {
         gains: &mut Vec<f32>,
     ) {
         match &mut self.model {
-            Model::Vime(model) => model.gains(episode, stride, random, gains),
-            Model::Rnd(model) => model.gains(episode, stride, gains),
+            Model::Vime(model) => model.compute_gains(episode, stride, random, gains),
+            Model::Rnd(model) => model.compute_gains(episode, stride, gains),
         }
     }
 }
 
-/// Whose streams a model draws from: the team's are agent 0's.
-fn owner(sharing: ModelSharing, agent: u32) -> u32 {
+/// Number of the agent whose random streams a model draws from; a shared model uses those of agent
+/// 0.
+fn stream_owner(sharing: ModelSharing, agent: u32) -> u32 {
     if sharing == ModelSharing::Shared {
         0
     } else {
@@ -366,16 +364,16 @@ mod tests {
         }
     }
 
-    fn curiosity(bonus: &Bonus, agent: u32) -> Curiosity {
+    fn bonus_model(bonus: &Bonus, agent: u32) -> BonusModel {
         let (team, spec) = (TeamConfig::default(), spec());
-        let member = AgentContext {
+        let context = AgentContext {
             run_seed: 1,
             agent,
             team: &team,
             spec: &spec,
             record_advantages: false,
         };
-        Curiosity::new(bonus, &member).unwrap()
+        BonusModel::new(bonus, &context).unwrap()
     }
 
     fn vime(model: ModelSharing, seeds: ModelSeeds) -> Bonus {
@@ -386,8 +384,8 @@ mod tests {
         })
     }
 
-    /// A body pushed to and fro: x' = x + 0.1 v, v' = 0.9 v + a, with a sine of the agent's own for
-    /// a.
+    /// A body pushed back and forth: x' = x + 0.1 v, v' = 0.9 v + a, where a is a sine whose
+    /// frequency depends on the agent.
     fn episode(agent: u32) -> Episode {
         let mut episode = Episode {
             outcome: Status::Truncated,
@@ -405,10 +403,10 @@ mod tests {
         episode
     }
 
-    fn learn(curiosity: &mut Curiosity, fresh: &[Episode], rounds: u32) -> Vec<f32> {
+    fn learn(bonus_model: &mut BonusModel, fresh: &[Episode], rounds: u32) -> Vec<f32> {
         (0..rounds)
             .map(|round| {
-                curiosity.learn(&Experience {
+                bonus_model.learn(&Experience {
                     fresh,
                     kept: fresh,
                     round,
@@ -417,9 +415,9 @@ mod tests {
             .collect()
     }
 
-    fn gains(curiosity: &mut Curiosity, noise: u32) -> Vec<f32> {
+    fn gains(bonus_model: &mut BonusModel, noise: u32) -> Vec<f32> {
         let mut gains = vec![];
-        curiosity.gains(
+        bonus_model.compute_gains(
             &episode(0),
             1,
             &mut stream(9, Purpose::BonusNoise, 0, noise),
@@ -428,16 +426,16 @@ mod tests {
         gains
     }
 
-    /// Replicas of a shared model stay the same to the bit; models of one's own do not.
+    /// All copies of a shared model keep the same bits; independent models do not.
     #[test]
-    fn a_shared_model_is_the_same_for_all() {
+    fn copies_of_a_shared_model_stay_equal() {
         let fresh = [episode(0), episode(1)];
         for (sharing, same) in [
             (ModelSharing::Shared, true),
             (ModelSharing::Independent, false),
         ] {
             let [mut one, mut other] =
-                [0, 1].map(|agent| curiosity(&vime(sharing, ModelSeeds::Off), agent));
+                [0, 1].map(|agent| bonus_model(&vime(sharing, ModelSeeds::Off), agent));
             learn(&mut one, &fresh, 2);
             learn(&mut other, &fresh, 2);
             assert_eq!(
@@ -448,10 +446,10 @@ mod tests {
         }
     }
 
-    /// Under the same draws, seeds make agents give different bonuses. A fixed sample does not
-    /// depend on the draw at all.
+    /// With the same random numbers, agents with seeds compute different bonuses. A fixed sample
+    /// does not depend on the random numbers at all.
     #[test]
-    fn seeds_make_agents_judge_differently() {
+    fn seeds_make_bonuses_differ_between_agents() {
         for seeds in [
             ModelSeeds::Off,
             ModelSeeds::Scale,
@@ -459,7 +457,7 @@ mod tests {
             ModelSeeds::FixedSample,
         ] {
             let [mut one, mut other] =
-                [0, 1].map(|agent| curiosity(&vime(ModelSharing::Shared, seeds), agent));
+                [0, 1].map(|agent| bonus_model(&vime(ModelSharing::Shared, seeds), agent));
             assert_eq!(
                 gains(&mut one, 0) == gains(&mut other, 0),
                 seeds == ModelSeeds::Off,
@@ -474,7 +472,7 @@ mod tests {
     }
 
     #[test]
-    fn models_come_to_predict_unless_frozen() {
+    fn prediction_errors_fall_unless_frozen() {
         let fresh = [episode(0), episode(1)];
         for (bonus, learns) in [
             (vime(ModelSharing::Shared, ModelSeeds::Off), true),
@@ -495,8 +493,8 @@ mod tests {
                 false,
             ),
         ] {
-            let errors = learn(&mut curiosity(&bonus, 0), &fresh, 20);
-            // The first error is in the units before any moments.
+            let errors = learn(&mut bonus_model(&bonus, 0), &fresh, 20);
+            // The first error is measured before targets are scaled by running moments.
             assert_eq!(
                 errors[19] < 0.5 * errors[1],
                 learns,
@@ -505,10 +503,10 @@ mod tests {
         }
     }
 
-    /// No bonus before there is a scale; afterwards the median gain is worth about η.
+    /// Bonuses are 0 until there is a first median; then the median bonus is about η.
     #[test]
     fn bonuses_are_scaled_by_earlier_medians() {
-        let mut curious = curiosity(&vime(ModelSharing::Shared, ModelSeeds::Off), 0);
+        let mut model = bonus_model(&vime(ModelSharing::Shared, ModelSeeds::Off), 0);
         let fresh = [episode(0), episode(1)];
         let mut bonuses = vec![];
         let experience = |round| Experience {
@@ -516,13 +514,13 @@ mod tests {
             kept: &fresh,
             round,
         };
-        curious.reward(&experience(0), &[0, 1], &mut bonuses);
+        model.compute_bonuses(&experience(0), &[0, 1], &mut bonuses);
         assert!(
             bonuses
                 .iter()
                 .all(|bonuses| bonuses.len() == 50 && bonuses.iter().all(|&bonus| bonus == 0.0))
         );
-        curious.reward(&experience(1), &[0], &mut bonuses);
+        model.compute_bonuses(&experience(1), &[0], &mut bonuses);
         let mut sorted = bonuses[0].clone();
         sorted.sort_by(f32::total_cmp);
         assert!((2e-4..5e-3).contains(&sorted[25]), "{}", sorted[25]);
@@ -530,14 +528,14 @@ mod tests {
     }
 
     #[test]
-    fn a_restored_curiosity_goes_on_to_the_same_bits() {
+    fn a_restored_bonus_model_continues_with_the_same_bits() {
         let fresh = [episode(0), episode(1)];
         for bonus in [
             vime(ModelSharing::Shared, ModelSeeds::Shift),
             Bonus::Rnd(Rnd::default()),
         ] {
-            let [mut original, mut restored] = [0, 0].map(|agent| curiosity(&bonus, agent));
-            original.reward(
+            let [mut original, mut restored] = [0, 0].map(|agent| bonus_model(&bonus, agent));
+            original.compute_bonuses(
                 &Experience {
                     fresh: &fresh,
                     kept: &fresh,
