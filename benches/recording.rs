@@ -8,10 +8,10 @@ use seedbed::record::{Recorder, RecordingSettings};
     clippy::struct_field_names,
     reason = "a round's rows are named as in the record"
 )]
-#[path = "../tests/it/recording/made_up.rs"]
-mod made_up;
+#[path = "../tests/it/recording/synthetic_run.rs"]
+mod synthetic_run;
 
-use made_up::Run;
+use synthetic_run::Run;
 
 criterion_group!(benches, recording);
 criterion_main!(benches);

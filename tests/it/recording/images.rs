@@ -10,8 +10,8 @@ use seedbed_env::input::numbers::known_count;
 use seedbed_figure::color::dark::sequential_color;
 
 use super::contents::{Contents, messages};
-use super::made_up::{Round, Run};
 use super::record;
+use super::synthetic_run::{Round, Run};
 
 #[test]
 fn no_more_lines_are_visible_than_wanted() {

@@ -10,12 +10,12 @@
 )]
 
 mod contents;
-mod made_up;
-mod pictures;
+mod images;
 mod reading;
 mod rows;
 mod scenes;
 mod size;
+mod synthetic_run;
 mod trained;
 mod writing;
 
@@ -27,7 +27,7 @@ use seedbed_env::Status;
 use seedbed_learn::experience::Episode;
 
 use self::contents::Contents;
-use self::made_up::Run;
+use self::synthetic_run::Run;
 
 fn record(run: &Run, folder: &Path, settings: &RecordingSettings) -> PathBuf {
     let path = folder.join("run.rrd");

@@ -9,8 +9,8 @@ use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::visitation::Axes;
 use seedbed::record::{BonusRange, Recorder, RecordingSettings};
 
-use super::made_up::Run;
 use super::record;
+use super::synthetic_run::Run;
 
 #[test]
 fn episodes_are_read_back_as_they_were() {

@@ -10,7 +10,7 @@ use seedbed_env::input::numbers::{FiniteNumber, known, known_count};
 
 use super::super::util::REPOSITORY;
 use super::contents::Contents;
-use super::made_up::Run;
+use super::synthetic_run::Run;
 use super::{compare_raw, record};
 
 #[test]
@@ -160,9 +160,9 @@ fn the_column_holds_what_agents_estimated() {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
-    let made_up = Run::new(2, 2);
+    let synthetic_run = Run::new(2, 2);
     let mut recorder =
-        RerunRecorder::create(&path, &made_up.about(), &plan.scenario.recording).unwrap();
+        RerunRecorder::create(&path, &synthetic_run.about(), &plan.scenario.recording).unwrap();
     let mut expected = Vec::new();
     for number in 0..2 {
         let round = trainer.advance().unwrap();

@@ -6,8 +6,8 @@ use seedbed_env::{Force, ForceSource, Pose};
 use seedbed_learn::experience::Episode;
 
 use super::contents::Contents;
-use super::made_up::Run;
 use super::record;
+use super::synthetic_run::Run;
 
 #[test]
 fn the_filmed_episodes_move_and_leave_a_trace() {

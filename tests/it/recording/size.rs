@@ -7,8 +7,8 @@ use seedbed::record::RecordingSettings;
 use seedbed_env::Quantity;
 
 use super::contents::messages;
-use super::made_up::Run;
 use super::record;
+use super::synthetic_run::Run;
 
 /// What an agent saw and did costs at most 45 bytes a state with four observations, an action, a
 /// reward, its probability, a bonus and an outcome; a further observation at most 6.

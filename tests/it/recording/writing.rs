@@ -6,7 +6,7 @@ use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::{Recorder, RecordingSettings};
 
 use super::contents::Contents;
-use super::made_up::Run;
+use super::synthetic_run::Run;
 use super::{compare_raw, record};
 
 #[test]
