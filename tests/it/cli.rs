@@ -181,6 +181,41 @@ fn tabular_runs_without_recording_or_checkpoint() {
     );
 }
 
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_a_tabular_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let mut command = command(&[
+        "run",
+        "scenarios/tabular/deep_sea.ron",
+        "--set",
+        "agents.count=4",
+        "--set",
+        "episodes=100000",
+        "--out",
+        path.to_str().unwrap(),
+    ]);
+    let mut child = command.stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let recording = path.join("run.rrd.part");
+    wait_until("the run has begun", || {
+        assert_eq!(child.try_wait().unwrap(), None, "the run ended early");
+        recording.is_file()
+    });
+    let interrupted = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(interrupted.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let errors = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    assert!(errors.contains("error: interrupted after "), "{errors}");
+    assert!(
+        errors.ends_with("this run cannot be resumed, start it again\n"),
+        "{errors}"
+    );
+}
+
 #[test]
 fn tabular_scenarios_are_compared_by_regret() {
     let files = [
