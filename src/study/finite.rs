@@ -99,7 +99,7 @@ impl Played {
             Curve::EffectiveAgents => diversity.map(|diversity| diversity.effective_agents),
             _ => None,
         };
-        self.measured.curves = Curve::OF_ROUNDS
+        self.measured.curves = Curve::WITH_ROUND_VALUES
             .iter()
             .map(|&curve| {
                 at_the_end(curve)

@@ -1,10 +1,10 @@
-//! Studies: many runs of many settings, and what can be claimed from them.
+//! Studies: repeated runs of several cells (settings), and the evaluation of claims about them.
 //!
 //! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
 //! [`runner`] runs what is still missing, and the [`store`] keeps each result. [`comparison`] and
-//! [`claims`] evaluate the [`results`], and the [`report`] presents them. The unit of all statistics
-//! is a run of the whole team: agents and episodes of one run depend on each other, so they are not
-//! independent repetitions. Must not depend on how agents learn.
+//! [`claims`] evaluate the [`results`], and the [`report`] presents them. The unit of all
+//! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
+//! they are not independent repetitions. Must not depend on how agents learn.
 
 pub mod claims;
 pub mod comparison;

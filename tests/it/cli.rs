@@ -1,4 +1,4 @@
-//! The command line as a user meets it: messages, exit codes, and what is left on disk.
+//! Commands: their output, exit status, and the files that they write.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -8,7 +8,7 @@ use super::util::{
 };
 
 #[test]
-fn good_files_pass() {
+fn check_accepts_a_valid_scenario_and_a_valid_task() {
     let output = seedbed(&["check", "scenarios/cartpole.ron", "envs/cartpole.ron"]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(
@@ -19,7 +19,7 @@ fn good_files_pass() {
 }
 
 #[test]
-fn every_file_that_comes_along_passes() {
+fn check_accepts_every_file_of_the_repository() {
     let mut files = Vec::new();
     for folder in ["envs", "scenarios"] {
         files.extend(files_below(&Path::new(REPOSITORY).join(folder), "ron"));
@@ -28,15 +28,15 @@ fn every_file_that_comes_along_passes() {
     arguments.extend(files.iter().map(|path| path.to_str().unwrap()));
     let output = seedbed(&arguments);
     assert!(output.status.success(), "{}", stderr(&output));
-    let answers = stdout(&output);
-    assert_eq!(answers.lines().count(), files.len(), "{answers}");
-    for (file, answer) in files.iter().zip(answers.lines()) {
+    let printed = stdout(&output);
+    assert_eq!(printed.lines().count(), files.len(), "{printed}");
+    for (file, line) in files.iter().zip(printed.lines()) {
         assert!(
-            answer.starts_with(&format!("ok: {}: ", file.display())),
-            "{answer}"
+            line.starts_with(&format!("ok: {}: ", file.display())),
+            "{line}"
         );
     }
-    // One file of each kind, so that a kind that is no longer looked for is noticed.
+    // One file of each kind must be among the checked files.
     for known in [
         "/envs/cartpole.ron: environment",
         "/envs/deep_sea.ron: environment",
@@ -45,17 +45,17 @@ fn every_file_that_comes_along_passes() {
         "/scenarios/thesis/fig_6_4a.ron: study",
         "/scenarios/benchmark/deep_sea.ron: study",
     ] {
-        assert!(answers.contains(known), "{known} in {answers}");
+        assert!(printed.contains(known), "{known} in {printed}");
     }
 }
 
-/// Regrets are in `regret.csv` and `summary.json`; a second run into the same folder is refused,
-/// `--overwrite` repeats it to the bit.
+/// A tabular run writes `regret.csv` and `summary.json`. A second run with the same output folder
+/// is refused; with `--overwrite` it gives the same bits.
 #[test]
-fn a_tabular_run_leaves_what_is_promised() {
+fn a_tabular_run_writes_its_documented_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
-    let run = |more: &[&str]| {
+    let run = |extra_arguments: &[&str]| {
         let base = [
             "run",
             "scenarios/tabular/bipolar_chain.ron",
@@ -64,7 +64,7 @@ fn a_tabular_run_leaves_what_is_promised() {
             "--out",
             path.to_str().unwrap(),
         ];
-        seedbed(&[&base, more].concat())
+        seedbed(&[&base, extra_arguments].concat())
     };
     let output = run(&[]);
     assert!(output.status.success(), "{}", stderr(&output));
@@ -106,7 +106,7 @@ fn a_tabular_run_leaves_what_is_promised() {
 }
 
 #[test]
-fn tabular_scenarios_are_compared_by_regret() {
+fn bench_compares_tabular_scenarios_by_regret() {
     let files = [
         "scenarios/tabular/parallel_chains.ron",
         "scenarios/tabular/parallel_chains_ucrl.ron",
@@ -135,12 +135,12 @@ fn tabular_scenarios_are_compared_by_regret() {
 }
 
 #[test]
-fn a_run_leaves_what_is_promised() {
+fn a_run_writes_its_documented_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let output = small_run(&path, &[]);
     assert!(output.status.success(), "{}", stderr(&output));
-    let promised = [
+    let expected_files = [
         "checkpoint",
         "envs",
         "episodes.csv",
@@ -150,7 +150,7 @@ fn a_run_leaves_what_is_promised() {
         "scenario.ron",
         "summary.json",
     ];
-    assert_eq!(names_in(&path), promised);
+    assert_eq!(names_in(&path), expected_files);
 
     let episodes = std::fs::read_to_string(path.join("episodes.csv")).unwrap();
     assert_eq!(
@@ -181,8 +181,8 @@ fn a_run_leaves_what_is_promised() {
         "agents × (networks × layers × (weight, bias) + moments)"
     );
 
-    let said = stdout(&output);
-    for word in [
+    let printed = stdout(&output);
+    for expected in [
         "finished",
         "solved",
         "return",
@@ -190,25 +190,25 @@ fn a_run_leaves_what_is_promised() {
         "results",
         "recording",
     ] {
-        assert!(said.contains(word), "{word} in {said}");
+        assert!(printed.contains(expected), "{expected} in {printed}");
     }
 }
 
-/// The speed counts the first round as well, which here is the only one.
+/// The speed includes the first round, which is the only round here.
 #[test]
-fn a_run_of_one_round_tells_its_speed() {
+fn a_run_of_one_round_prints_its_speed() {
     let folder = tempfile::tempdir().unwrap();
     let one_round = [
         "--no-recording",
         "--set",
         "schedule=Synchronous(episodes: 6)",
     ];
-    let said = stderr(&small_run(&folder.path().join("run"), &one_round));
-    let line = said
+    let printed = stderr(&small_run(&folder.path().join("run"), &one_round));
+    let line = printed
         .lines()
         .find(|line| line.starts_with("6/6 episodes"))
-        .unwrap_or_else(|| panic!("{said}"));
-    let rate: u64 = line
+        .unwrap_or_else(|| panic!("{printed}"));
+    let steps_per_second: u64 = line
         .rsplit(" · ")
         .next()
         .unwrap()
@@ -216,23 +216,23 @@ fn a_run_of_one_round_tells_its_speed() {
         .replace(',', "")
         .parse()
         .unwrap();
-    assert!(rate > 0, "{line}");
+    assert!(steps_per_second > 0, "{line}");
 }
 
-/// The resolved scenario, run again, gives the same episodes, whatever has become of the task's
-/// file since.
+/// Running the stored scenario gives the same episodes even if the task file was changed after the
+/// first run: the run directory contains a copy of the task.
 #[test]
-fn the_resolved_scenario_repeats_the_run() {
+fn the_stored_scenario_gives_the_same_episodes_again() {
     let folder = tempfile::tempdir().unwrap();
-    let (lab, first, second) = (
+    let (workspace, first, second) = (
         folder.path().join("lab"),
         folder.path().join("first"),
         folder.path().join("second"),
     );
-    std::fs::create_dir_all(lab.join("envs")).unwrap();
+    std::fs::create_dir_all(workspace.join("envs")).unwrap();
     let task = std::fs::read_to_string("envs/cartpole.ron").unwrap();
-    std::fs::write(lab.join("envs/cartpole.ron"), &task).unwrap();
-    let scenario = lab.join("short.ron");
+    std::fs::write(workspace.join("envs/cartpole.ron"), &task).unwrap();
+    let scenario = workspace.join("short.ron");
     std::fs::write(
         &scenario,
         r#"Scenario(environment: "cartpole", stop: Episodes(6))"#,
@@ -251,7 +251,7 @@ fn the_resolved_scenario_repeats_the_run() {
     };
     run(&scenario, &first);
     std::fs::write(
-        lab.join("envs/cartpole.ron"),
+        workspace.join("envs/cartpole.ron"),
         task.replace("mass: 0.1", "mass: 0.3"),
     )
     .unwrap();
@@ -262,12 +262,12 @@ fn the_resolved_scenario_repeats_the_run() {
     assert_ne!(
         read(&first),
         read(&folder.path().join("third")),
-        "the other task does make a difference"
+        "the changed task file must change the episodes"
     );
 }
 
 #[test]
-fn nothing_is_overwritten_unasked() {
+fn a_finished_run_is_overwritten_only_with_the_overwrite_option() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     assert!(
@@ -303,11 +303,11 @@ fn nothing_is_overwritten_unasked() {
 }
 
 #[test]
-fn a_folder_of_other_files_is_left_alone() {
+fn a_folder_without_a_run_is_never_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("thesis.tex"), "precious").unwrap();
-    for more in [&[][..], &["--overwrite"], &["--resume"]] {
-        let refused = small_run(folder.path(), more);
+    for extra_arguments in [&[][..], &["--overwrite"], &["--resume"]] {
+        let refused = small_run(folder.path(), extra_arguments);
         assert_eq!(refused.status.code(), Some(2));
         assert!(
             stderr(&refused).contains("is not empty"),
@@ -319,7 +319,7 @@ fn a_folder_of_other_files_is_left_alone() {
 }
 
 #[test]
-fn overrides_are_explained() {
+fn the_error_for_a_misspelled_field_of_set_suggests_the_field() {
     let output = seedbed(&[
         "run",
         "scenarios/cartpole.ron",
@@ -339,7 +339,7 @@ fn overrides_are_explained() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_one_error() {
+fn an_output_folder_that_cannot_be_created_is_one_error() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "in the way").unwrap();
@@ -354,11 +354,11 @@ fn a_folder_that_cannot_be_written_is_one_error() {
 }
 
 #[test]
-fn list_shows_what_there_is() {
+fn list_prints_environments_scenarios_and_algorithms() {
     let output = seedbed(&["list"]);
     assert!(output.status.success());
-    let said = stdout(&output);
-    for word in [
+    let printed = stdout(&output);
+    for expected in [
         "cartpole",
         "theta_dot",
         "scenarios/cartpole.ron",
@@ -367,22 +367,22 @@ fn list_shows_what_there_is() {
         "0.99",
         "Random",
     ] {
-        assert!(said.contains(word), "{word} in {said}");
+        assert!(printed.contains(expected), "{expected} in {printed}");
     }
 }
 
-/// Names of tasks are looked for here and further up, and so is what is listed.
+/// `list` searches `envs/` and `scenarios/` in the current folder and in its parents.
 #[test]
-fn list_looks_upwards() {
-    let lab = tempfile::tempdir().unwrap();
-    let (deep, lab) = (
-        lab.path().join("notes/today"),
-        lab.path().canonicalize().unwrap(),
+fn list_searches_parent_folders() {
+    let workspace = tempfile::tempdir().unwrap();
+    let (subfolder, workspace) = (
+        workspace.path().join("notes/today"),
+        workspace.path().canonicalize().unwrap(),
     );
-    std::fs::create_dir_all(&deep).unwrap();
+    std::fs::create_dir_all(&subfolder).unwrap();
     let list = |what| {
         let output = command(&["list", what])
-            .current_dir(&deep)
+            .current_dir(&subfolder)
             .output()
             .unwrap();
         assert!(output.status.success(), "{}", stderr(&output));
@@ -395,38 +395,39 @@ fn list_looks_upwards() {
     );
     assert!(list("scenarios").contains("no directory `scenarios` in "));
 
-    std::fs::create_dir(lab.join("envs")).unwrap();
-    std::fs::create_dir(lab.join("scenarios")).unwrap();
-    std::fs::copy("envs/cartpole.ron", lab.join("envs/broom.ron")).unwrap();
-    let lonely = r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
-    std::fs::write(lab.join("scenarios/lonely.ron"), lonely).unwrap();
+    std::fs::create_dir(workspace.join("envs")).unwrap();
+    std::fs::create_dir(workspace.join("scenarios")).unwrap();
+    std::fs::copy("envs/cartpole.ron", workspace.join("envs/broom.ron")).unwrap();
+    let one_agent_scenario =
+        r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
+    std::fs::write(workspace.join("scenarios/lonely.ron"), one_agent_scenario).unwrap();
     let found = list("environments");
     assert!(
         found.starts_with(&format!(
             "Environments ({})\n  broom\n",
-            lab.join("envs/").display()
+            workspace.join("envs/").display()
         )),
         "{found}"
     );
     std::fs::copy(
-        lab.join("scenarios/lonely.ron"),
-        lab.join("scenarios/alone.ron"),
+        workspace.join("scenarios/lonely.ron"),
+        workspace.join("scenarios/alone.ron"),
     )
     .unwrap();
-    let folder = lab.join("scenarios/").display().to_string();
-    let words = "1 agent in broom, at most 1 episode each";
+    let folder = workspace.join("scenarios/").display().to_string();
+    let description = "1 agent in broom, at most 1 episode each";
     let expected = format!(
-        "Scenarios ({folder})\n  {folder}alone.ron  {words}\n  {folder}lonely.ron {words}\n\n"
+        "Scenarios ({folder})\n  {folder}alone.ron  {description}\n  {folder}lonely.ron {description}\n\n"
     );
     assert_eq!(
         list("scenarios"),
         expected,
-        "the words begin after the longest path"
+        "descriptions are aligned after the longest path"
     );
 }
 
 #[test]
-fn preview_records_a_task_without_training() {
+fn preview_records_episodes_of_a_task() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new").join("look.rrd");
     let output = seedbed(&[
@@ -447,24 +448,24 @@ fn preview_records_a_task_without_training() {
     );
     assert!(path.metadata().unwrap().len() > 10_000);
 
-    let mistyped = seedbed(&["preview", "cartpol"]);
-    assert_eq!(mistyped.status.code(), Some(2));
+    let misspelled = seedbed(&["preview", "cartpol"]);
+    assert_eq!(misspelled.status.code(), Some(2));
     assert!(
-        stderr(&mistyped).ends_with("  = help: did you mean `cartpole`?\n"),
+        stderr(&misspelled).ends_with("  = help: did you mean `cartpole`?\n"),
         "{}",
-        stderr(&mistyped)
+        stderr(&misspelled)
     );
 }
 
 #[test]
-fn numbers_that_cease_to_be_finite_end_the_run() {
+fn non_finite_parameters_and_rewards_end_the_run() {
     let folder = tempfile::tempdir().unwrap();
-    let exploding = [
+    let non_finite_parameters = [
         "--set",
         "agents.seeds=Normal(sigma: 1e30)",
         "--no-recording",
     ];
-    let output = small_run(&folder.path().join("learning"), &exploding);
+    let output = small_run(&folder.path().join("learning"), &non_finite_parameters);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(
         stderr(&output).contains("non-finite network parameters (agent"),
@@ -497,7 +498,7 @@ fn numbers_that_cease_to_be_finite_end_the_run() {
 }
 
 #[test]
-fn one_run_at_a_time_writes_to_a_folder() {
+fn two_runs_cannot_write_to_one_folder_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let claim = seedbed::run::folder::RunFolder::new(folder.path().join("run"))
         .claim()
@@ -510,8 +511,8 @@ fn one_run_at_a_time_writes_to_a_folder() {
         stderr(&output)
     );
     drop(claim);
-    // A process that another test is just starting may hold a copy of the lock for a moment.
-    wait_until("a run that broke off is in nobody's way", || {
+    // A process that another test starts at this moment may hold a copy of the lock.
+    wait_until("the lock of the folder is released", || {
         small_run(&folder.path().join("run"), &["--no-recording"])
             .status
             .success()
@@ -519,8 +520,8 @@ fn one_run_at_a_time_writes_to_a_folder() {
 }
 
 #[test]
-fn settings_that_contradict_each_other_are_refused() {
-    for (setting, said) in [
+fn invalid_settings_are_refused() {
+    for (setting, printed) in [
         (
             "algorithm.policy_loss=SimplePg",
             "`SimplePg` is sound only with",
@@ -557,17 +558,17 @@ fn settings_that_contradict_each_other_are_refused() {
             stderr(&output)
         );
         assert!(
-            stderr(&output).contains(said),
+            stderr(&output).contains(printed),
             "{setting}: {}",
             stderr(&output)
         );
     }
 }
 
-/// A trained policy keeps the pole up longer when it is greedy than when it is nearly random; the
-/// same seed plays the same episodes.
+/// A trained policy has a higher return when it acts greedily than when it acts almost at random;
+/// the same run seed gives the same episodes.
 #[test]
-fn a_run_is_evaluated() {
+fn evaluate_measures_trained_policies() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let run = path.to_str().unwrap();
@@ -582,16 +583,19 @@ fn a_run_is_evaluated() {
         "stop=Episodes(40)",
     ];
     assert!(seedbed(&trained).status.success());
-    let team_mean = |more: &[&str]| -> f64 {
-        let output = seedbed(&[&["evaluate", run, "--episodes", "5"], more].concat());
+    let team_mean = |extra_arguments: &[&str]| -> f64 {
+        let output = seedbed(&[&["evaluate", run, "--episodes", "5"], extra_arguments].concat());
         assert!(output.status.success(), "{}", stderr(&output));
-        let said = String::from_utf8(output.stdout).unwrap();
+        let printed = String::from_utf8(output.stdout).unwrap();
         assert_eq!(
-            said.lines().filter(|line| line.starts_with("| ")).count(),
+            printed
+                .lines()
+                .filter(|line| line.starts_with("| "))
+                .count(),
             1 + 16 + 1,
-            "{said}"
+            "{printed}"
         );
-        let team = said
+        let team = printed
             .lines()
             .find(|line| line.starts_with("| team"))
             .unwrap();
@@ -605,16 +609,16 @@ fn a_run_is_evaluated() {
     assert_eq!(team_mean(&[]), team_mean(&["--actions", "sampled"]));
     assert_ne!(team_mean(&[]), team_mean(&["--seed", "1"]));
 
-    let wrong = seedbed(&["evaluate", run, "--temperature", "-1"]);
+    let invalid = seedbed(&["evaluate", run, "--temperature", "-1"]);
     assert_eq!(
-        (wrong.status.code(), stderr(&wrong)),
+        (invalid.status.code(), stderr(&invalid)),
         (
             Some(2),
             "error: --temperature: expected a number above 0, found -1.0\n".to_owned()
         )
     );
-    let nowhere = folder.path().join("nowhere");
-    let nothing = seedbed(&["evaluate", nowhere.to_str().unwrap()]);
+    let missing_folder = folder.path().join("nowhere");
+    let nothing = seedbed(&["evaluate", missing_folder.to_str().unwrap()]);
     assert_eq!(nothing.status.code(), Some(2));
     assert!(
         stderr(&nothing).contains("scenario.ron: no such file"),
@@ -623,9 +627,9 @@ fn a_run_is_evaluated() {
     );
 }
 
-/// A replay plays what an evaluation counts, and films the agents that were asked for.
+/// `replay` plays the same episodes as `evaluate`, and records the bodies of the given agents.
 #[test]
-fn a_run_is_replayed() {
+fn replay_records_the_episodes_that_evaluate_measures() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let run = path.to_str().unwrap();
@@ -673,7 +677,7 @@ fn a_run_is_replayed() {
     };
     assert!(holds("/scene/agent_1") && !holds("/scene/agent_0") && holds("/raw/agent_0"));
 
-    for (more, said) in [
+    for (extra_arguments, printed) in [
         (
             &["--agents", "0,2"][..],
             "error: --agents: there is no agent 2; the team of `cartpole` has agents 0 to 1\n"
@@ -690,13 +694,16 @@ fn a_run_is_replayed() {
             "error: --temperature: expected a number above 0, found 0.0\n".to_owned(),
         ),
     ] {
-        let refused = seedbed(&[&["replay", run], more].concat());
-        assert_eq!((refused.status.code(), stderr(&refused)), (Some(2), said));
+        let refused = seedbed(&[&["replay", run], extra_arguments].concat());
+        assert_eq!(
+            (refused.status.code(), stderr(&refused)),
+            (Some(2), printed)
+        );
     }
 }
 
 #[test]
-fn a_reader_who_has_seen_enough_is_no_error() {
+fn a_closed_output_pipe_is_no_error() {
     let command = format!("{} list | head -1", env!("CARGO_BIN_EXE_seedbed"));
     let output = Command::new("sh")
         .args(["-c", &command])
@@ -708,32 +715,33 @@ fn a_reader_who_has_seen_enough_is_no_error() {
 }
 
 #[test]
-fn an_unknown_environment_is_answered_with_those_there_are() {
+fn the_error_for_an_unknown_environment_lists_the_known_ones() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wrong.ron");
     std::fs::write(&path, "Scenario(\n    environment: \"cartpol\",\n)").unwrap();
     let output = seedbed(&["check", path.to_str().unwrap()]);
-    let said = stderr(&output);
+    let printed = stderr(&output);
     let place = format!(
         "error: {}:2:19: in `environment`: no environment is named `cartpol`, expected one of ",
         path.display()
     );
     assert!(
         output.status.code() == Some(2)
-            && said.starts_with(&place)
-            && said.contains("`cartpole`, "),
-        "{said}"
+            && printed.starts_with(&place)
+            && printed.contains("`cartpole`, "),
+        "{printed}"
     );
     assert!(
-        said.ends_with("\n  = help: did you mean `cartpole`?\n"),
-        "{said}"
+        printed.ends_with("\n  = help: did you mean `cartpole`?\n"),
+        "{printed}"
     );
 }
 
-/// The benchmark's lines but for speeds, which no two computers share. Random actions keep the pole
-/// up for about 20 steps.
-fn bench_of_two(seeds: &str) -> Vec<String> {
-    let easy = [
+/// Lines that `seedbed bench` prints for two scenarios, without the column of speeds, which differ
+/// between computers. The threshold is low (random agents have a return of about 20), so that the
+/// runs are short.
+fn bench_lines_without_speed(seeds: &str) -> Vec<String> {
+    let early_stop = [
         "--set",
         "stop=Solved(return: 25, window: 1, at_most: 40)",
         "--seeds",
@@ -746,7 +754,7 @@ fn bench_of_two(seeds: &str) -> Vec<String> {
                 "scenarios/cartpole_1.ron",
                 "scenarios/cartpole.ron",
             ],
-            easy.as_slice(),
+            early_stop.as_slice(),
         ]
         .concat(),
     );
@@ -762,9 +770,9 @@ fn bench_of_two(seeds: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_benchmark_compares_scenarios_to_the_same_numbers() {
-    let lines = bench_of_two("6");
-    assert_eq!(lines, bench_of_two("6"));
+fn a_repeated_benchmark_prints_the_same_numbers() {
+    let lines = bench_lines_without_speed("6");
+    assert_eq!(lines, bench_lines_without_speed("6"));
     let rows: Vec<&String> = lines
         .iter()
         .filter(|line| line.starts_with("| cartpole"))
@@ -772,7 +780,7 @@ fn a_benchmark_compares_scenarios_to_the_same_numbers() {
     assert_eq!(
         rows.len(),
         2 + 1,
-        "a row each, and the second against the first: {lines:#?}"
+        "one row per scenario, and one comparison: {lines:#?}"
     );
     assert!(
         rows[0].contains("/6 |") && rows[2].starts_with("| cartpole   |"),
@@ -787,8 +795,8 @@ fn a_benchmark_compares_scenarios_to_the_same_numbers() {
 }
 
 #[test]
-fn a_benchmark_of_few_seeds_has_no_intervals() {
-    let lines = bench_of_two("4");
+fn a_benchmark_with_four_run_seeds_prints_no_intervals() {
+    let lines = bench_lines_without_speed("4");
     assert_eq!(
         lines.last().map(String::as_str),
         Some("No intervals: 5 run seeds are needed, found 4.")

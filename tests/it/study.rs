@@ -1,4 +1,5 @@
-//! Studies as a user runs them: what is run, what is kept, and what the report says of it.
+//! `seedbed study` and `seedbed report`: which runs are started, which results are stored, and the
+//! contents of the report.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,9 +8,9 @@ use std::process::{Command, Output, Stdio};
 
 use super::util::{REPOSITORY, command, crash, files_below, seedbed, stderr, stdout, wait_until};
 
-/// A study of two agents and few episodes: two cells that differ, and one that is the first under
-/// another name.
-fn text(repeats: u32, more: &str) -> String {
+/// A study with short runs of two agents. It has three cells; the settings of `σ 0 again` equal
+/// those of `σ 0`.
+fn study_text(repeats: u32, extra_fields: &str) -> String {
     let scenario = Path::new(REPOSITORY).join("scenarios/cartpole.ron");
     format!(
         r#"Study(
@@ -21,17 +22,17 @@ fn text(repeats: u32, more: &str) -> String {
             repeats: {repeats},
             measures: [FinalReturn(window: 5), Coverage],
             figures: [Curves(window: 3), Visitation(cells: ["σ 9"], episodes: [First(2), All])],
-            {more}
+            {extra_fields}
         )"#,
         scenario.display()
     )
 }
 
-/// A folder with a study in it, and where its results go.
-fn lab(text: &str) -> (tempfile::TempDir, String, PathBuf) {
+/// A temporary folder, the path of the study file that was written to it, and the path for results.
+fn study_workspace(study_text: &str) -> (tempfile::TempDir, String, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("small.ron");
-    fs::write(&study, text).unwrap();
+    fs::write(&study, study_text).unwrap();
     let (study, out) = (
         study.to_str().unwrap().to_owned(),
         folder.path().join("out"),
@@ -39,15 +40,21 @@ fn lab(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     (folder, study, out)
 }
 
-fn run(study: &str, out: &Path, more: &[&str]) -> Output {
-    seedbed(&[&["study", study, "--out", out.to_str().unwrap()], more].concat())
+fn run(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
+    seedbed(
+        &[
+            &["study", study, "--out", out.to_str().unwrap()],
+            extra_arguments,
+        ]
+        .concat(),
+    )
 }
 
-/// The bytes of the mark of a build at the end of a result file.
-const MARK: usize = 8;
+/// Number of bytes of the build id at the end of a result file.
+const BUILD_ID_BYTES: usize = 8;
 
-/// Result files by their names.
-fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
+/// Names of all result files of a study, with their bytes.
+fn result_bytes_by_name(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let named = |path: PathBuf| {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         (name, fs::read(path).unwrap())
@@ -60,36 +67,40 @@ fn result_files(out: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn results_depend_neither_on_jobs_nor_on_who_runs_them() {
-    let (_folder, study, out) = lab(&text(2, ""));
+fn stored_results_do_not_depend_on_jobs_or_single_run_commands() {
+    let (_folder, study, out) = study_workspace(&study_text(2, ""));
     assert!(run(&study, &out, &["--jobs", "2"]).status.success());
-    let whole = results(&out);
+    let whole = result_bytes_by_name(&out);
     assert_eq!(whole.len(), 6);
-    let (_folder, _, alone) = lab("");
-    assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
-    assert_eq!(results(&alone), whole);
+    let (_folder, _, other_out) = study_workspace("");
+    assert!(run(&study, &other_out, &["--jobs", "1"]).status.success());
+    assert_eq!(result_bytes_by_name(&other_out), whole);
 
-    let (_folder, _, single) = lab("");
+    let (_folder, _, single_run) = study_workspace("");
     for index in ["4", "0", "5", "1", "2", "3"] {
-        assert!(run(&study, &single, &["--index", index]).status.success());
+        assert!(
+            run(&study, &single_run, &["--index", index])
+                .status
+                .success()
+        );
     }
-    assert_eq!(results(&single), whole);
-    let beyond = run(&study, &single, &["--index", "6"]);
-    assert_eq!(beyond.status.code(), Some(2));
+    assert_eq!(result_bytes_by_name(&single_run), whole);
+    let out_of_range = run(&study, &single_run, &["--index", "6"]);
+    assert_eq!(out_of_range.status.code(), Some(2));
     let expected = "error: --index 6: expected an index from 0 to 5; --list shows all\n";
-    assert_eq!(stderr(&beyond), expected);
-    let listed = stdout(&run(&study, &single, &["--list"]));
+    assert_eq!(stderr(&out_of_range), expected);
+    let list_output = stdout(&run(&study, &single_run, &["--list"]));
     assert_eq!(
-        listed.lines().next(),
+        list_output.lines().next(),
         Some("     0  finished  run seed 1000    σ 0")
     );
-    assert_eq!(listed.lines().count(), 6);
+    assert_eq!(list_output.lines().count(), 6);
 }
 
-/// Crashed when two of twelve runs were finished.
+/// A study of twelve runs crashes after two of them.
 #[test]
-fn a_crashed_study_runs_what_it_lacks() {
-    let (_folder, study, out) = lab(&text(4, ""));
+fn a_crashed_study_is_resumed_with_its_missing_runs() {
+    let (_folder, study, out) = study_workspace(&study_text(4, ""));
     let path = out.to_str().unwrap();
     let arguments = ["study", &study, "--out", path, "--jobs", "1"];
     crash(command(
@@ -103,18 +114,22 @@ fn a_crashed_study_runs_what_it_lacks() {
         stdout(&output).starts_with("study      small: 3 cells, 4 runs each, 10 to run\n"),
         "{output:?}"
     );
-    let (_folder, _, undisturbed) = lab("");
-    assert!(run(&study, &undisturbed, &[]).status.success());
-    assert_eq!(results(&out), results(&undisturbed));
+    let (_folder, _, uninterrupted_out) = study_workspace("");
+    assert!(run(&study, &uninterrupted_out, &[]).status.success());
+    assert_eq!(
+        result_bytes_by_name(&out),
+        result_bytes_by_name(&uninterrupted_out)
+    );
 }
 
-/// Two names for the same settings: run once, shown twice, with the states that either is to show.
+/// Two cells with equal settings share their runs. The report has rows for both cells, and the
+/// shared runs keep the visited states that either cell needs.
 #[test]
-fn cells_of_the_same_settings_share_their_runs() {
-    let text = text(1, "")
+fn cells_with_equal_settings_share_their_runs() {
+    let study_text = study_text(1, "")
         .replace("TwoPoint(sigma: 0)", "Normal(sigma: 0.0)")
         .replace(r#"cells: ["σ 9"]"#, r#"cells: ["σ 0 again"]"#);
-    let (_folder, study, out) = lab(&text);
+    let (_folder, study, out) = study_workspace(&study_text);
     let output = stdout(&run(&study, &out, &[]));
     assert!(
         output.starts_with("study      small: 3 cells, 1 run each, 2 to run\n"),
@@ -129,18 +144,22 @@ fn cells_of_the_same_settings_share_their_runs() {
     assert_eq!(table.lines().count(), 1 + 3, "{table}");
 }
 
-/// A result of one cell under another's name stands for what other code would have made.
+/// `--verify` repeats stored runs and reports those with another result. Here three stored results
+/// are altered, as if other code had computed them.
 #[test]
-fn verifying_tells_runs_that_no_longer_come_out_the_same() {
-    let (_folder, study, out) = lab(&text(2, ""));
-    let empty = run(&study, &out, &["--verify"]);
+fn verify_reports_runs_that_are_not_reproduced() {
+    let (_folder, study, out) = study_workspace(&study_text(2, ""));
+    let without_runs = run(&study, &out, &["--verify"]);
     let expected = format!(
         "error: {} contains no runs of this study to verify\n",
         out.display()
     );
-    assert_eq!((empty.status.code(), stderr(&empty)), (Some(2), expected));
+    assert_eq!(
+        (without_runs.status.code(), stderr(&without_runs)),
+        (Some(2), expected)
+    );
     assert!(run(&study, &out, &[]).status.success());
-    let before = results(&out);
+    let before = result_bytes_by_name(&out);
     let verified = run(&study, &out, &["--verify=4"]);
     assert!(verified.status.success(), "{verified:?}");
     assert_eq!(
@@ -155,8 +174,8 @@ fn verifying_tells_runs_that_no_longer_come_out_the_same() {
     };
     for name in results_of(1001) {
         let mut bytes = before[name].clone();
-        // Before the mark of the build come the curves: the sign of one value.
-        let last = bytes.len() - MARK - 2;
+        // The bytes before the build id are the last value of a curve; this flips its sign.
+        let last = bytes.len() - BUILD_ID_BYTES - 2;
         bytes[last] ^= 0x80;
         fs::write(out.join("runs").join(name), bytes).unwrap();
     }
@@ -177,11 +196,11 @@ fn verifying_tells_runs_that_no_longer_come_out_the_same() {
     );
 }
 
-/// A result without the mark of its build is of an older version; one with another mark of another
-/// build.
+/// A result without a build id was stored by an older version. A result with another build id was
+/// stored by another build.
 #[test]
-fn a_report_tells_which_builds_ran_it() {
-    let (_folder, study, out) = lab(&text(1, ""));
+fn the_report_lists_the_builds_that_made_the_runs() {
+    let (_folder, study, out) = study_workspace(&study_text(1, ""));
     assert!(run(&study, &out, &[]).status.success());
     let page = || fs::read_to_string(out.join("report.html")).unwrap();
     assert!(
@@ -191,9 +210,9 @@ fn a_report_tells_which_builds_ran_it() {
         "{}",
         page()
     );
-    let change = |number: usize, change: fn(&mut Vec<u8>)| {
-        let (name, mut bytes) = results(&out).into_iter().nth(number).unwrap();
-        change(&mut bytes);
+    let edit_result = |index: usize, edit: fn(&mut Vec<u8>)| {
+        let (name, mut bytes) = result_bytes_by_name(&out).into_iter().nth(index).unwrap();
+        edit(&mut bytes);
         fs::write(out.join("runs").join(name), bytes).unwrap();
         let output = stdout(&run(&study, &out, &[]));
         assert!(
@@ -201,13 +220,13 @@ fn a_report_tells_which_builds_ran_it() {
             "{output}"
         );
     };
-    change(0, |bytes| bytes.truncate(bytes.len() - MARK));
+    edit_result(0, |bytes| bytes.truncate(bytes.len() - BUILD_ID_BYTES));
     assert!(
         page().contains("The runs were made by 2 builds of seedbed (unknown, "),
         "{}",
         page()
     );
-    change(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
+    edit_result(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
     assert!(
         page().contains("The runs were made by 3 builds of seedbed (unknown, ")
             && page().contains(" --verify</code>.")
@@ -215,13 +234,17 @@ fn a_report_tells_which_builds_ran_it() {
     assert!(run(&study, &out, &["--verify"]).status.success());
 }
 
-/// Ctrl-C reaches whichever of several studies is under way.
+/// Ctrl-C interrupts the study that is running, here the second of two.
 #[cfg(unix)]
 #[test]
-fn ctrl_c_ends_the_second_of_two_studies() {
-    let (folder, study, _) = lab(&text(1, ""));
+fn ctrl_c_interrupts_the_second_of_two_studies() {
+    let (folder, study, _) = study_workspace(&study_text(1, ""));
     let long = folder.path().join("long.ron");
-    fs::write(&long, text(30, "").replace("Episodes(8)", "Episodes(100)")).unwrap();
+    fs::write(
+        &long,
+        study_text(30, "").replace("Episodes(8)", "Episodes(100)"),
+    )
+    .unwrap();
     let mut command = command(&["study", &study, long.to_str().unwrap(), "--jobs", "1"]);
     let mut child = command
         .current_dir(folder.path())
@@ -229,9 +252,9 @@ fn ctrl_c_ends_the_second_of_two_studies() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // One of its 90 runs is finished, so another is under way.
+    // One of its 90 runs is finished, so the study is not.
     let runs = folder.path().join("recordings/studies/long/runs");
-    wait_until("the second study's first run is finished", || {
+    wait_until("the first run of the second study is finished", || {
         assert_eq!(child.try_wait().unwrap(), None, "the studies ended early");
         runs.is_dir() && !files_below(&runs, "run").is_empty()
     });
@@ -259,15 +282,16 @@ fn ctrl_c_ends_the_second_of_two_studies() {
 }
 
 #[test]
-fn a_changed_study_runs_what_its_change_concerns() {
-    let (_folder, study, out) = lab(&text(2, ""));
+fn a_changed_study_repeats_only_affected_runs() {
+    let (_folder, study, out) = study_workspace(&study_text(2, ""));
     assert!(run(&study, &out, &[]).status.success());
-    let to_run = |text: &str| {
-        fs::write(&study, text).unwrap();
+    let to_run = |study_text: &str| {
+        fs::write(&study, study_text).unwrap();
         let output = run(&study, &out, &[]);
         assert!(output.status.success(), "{output:?}");
-        let said = stdout(&output);
-        said.lines()
+        let printed = stdout(&output);
+        printed
+            .lines()
             .next()
             .unwrap()
             .rsplit(", ")
@@ -275,22 +299,27 @@ fn a_changed_study_runs_what_its_change_concerns() {
             .unwrap()
             .to_owned()
     };
-    assert_eq!(to_run(&text(2, "").replace("Small", "Another")), "0 to run");
-    assert_eq!(to_run(&text(3, "")), "3 to run");
     assert_eq!(
-        to_run(&text(3, "").replace("sigma: 9", "sigma: 8")),
+        to_run(&study_text(2, "").replace("Small", "Another")),
+        "0 to run"
+    );
+    assert_eq!(to_run(&study_text(3, "")), "3 to run");
+    assert_eq!(
+        to_run(&study_text(3, "").replace("sigma: 9", "sigma: 8")),
         "3 to run"
     );
-    // States are kept of the first run alone, so that alone lacks those of another window.
+    // Only the first run of each cell keeps states, so only that run is repeated for another
+    // window.
     assert_eq!(
-        to_run(&text(3, "").replace("First(2)", "First(3)")),
+        to_run(&study_text(3, "").replace("First(2)", "First(3)")),
         "1 to run"
     );
 }
 
 #[test]
-fn a_failed_run_is_kept_apart() {
-    let (_folder, study, out) = lab(&text(5, "").replace("sigma: 9", "sigma: 1e30"));
+fn failed_runs_are_reported_and_retried_on_request() {
+    let (_folder, study, out) =
+        study_workspace(&study_text(5, "").replace("sigma: 9", "sigma: 1e30"));
     for to_run in ["15 to run", "0 to run"] {
         let output = run(&study, &out, &[]);
         assert_eq!(output.status.code(), Some(1), "{output:?}");
@@ -307,28 +336,28 @@ fn a_failed_run_is_kept_apart() {
     assert!(
         page.contains("σ 9, seed 1000: non-finite network parameters (agent")
             && page.contains("5 runs failed."),
-        "no reason on the page"
+        "the report must give the reason"
     );
     assert!(stdout(&run(&study, &out, &["--retry"])).contains("5 to run"));
 }
 
-/// One row of `results.csv` by its columns.
+/// The rows of `results.csv`; each maps names of columns to cells.
 fn rows(out: &Path) -> Vec<BTreeMap<String, String>> {
     let mut reader = csv::Reader::from_path(out.join("results.csv")).unwrap();
     reader.deserialize().map(|row| row.unwrap()).collect()
 }
 
-/// Each run is repeated by `seedbed run`, and its numbers are worked out from `episodes.csv` and
-/// `summary.json`.
+/// `seedbed run` repeats each run of a cell; the expected values are computed from its
+/// `episodes.csv` and `summary.json`.
 #[test]
-fn the_reports_numbers_are_those_of_single_runs() {
-    let (folder, study, out) = lab(&text(5, ""));
+fn report_values_equal_those_of_single_runs() {
+    let (folder, study, out) = study_workspace(&study_text(5, ""));
     assert!(run(&study, &out, &[]).status.success());
     let rows = rows(&out);
     assert_eq!(rows.len(), 15);
-    let mut finals = Vec::new();
+    let mut final_returns = Vec::new();
     for row in rows.iter().filter(|row| row["cell"] == "σ 9") {
-        let single = folder.path().join(&row["seed"]);
+        let single_run = folder.path().join(&row["seed"]);
         let set = [
             "--set",
             "agents.count=2",
@@ -347,29 +376,31 @@ fn the_reports_numbers_are_those_of_single_runs() {
             "--out",
         ];
         assert!(
-            seedbed(&[&base, &[single.to_str().unwrap()][..], &set].concat())
+            seedbed(&[&base, &[single_run.to_str().unwrap()][..], &set].concat())
                 .status
                 .success()
         );
-        let mut reader = csv::Reader::from_path(single.join("episodes.csv")).unwrap();
+        let mut reader = csv::Reader::from_path(single_run.join("episodes.csv")).unwrap();
         let episodes: Vec<BTreeMap<String, String>> =
             reader.deserialize().map(|row| row.unwrap()).collect();
         let mean = |from: usize| {
-            let late = episodes
+            let later_episodes = episodes
                 .iter()
                 .filter(|row| row["episode"].parse::<usize>().unwrap() >= from);
-            let returns: Vec<f64> = late.map(|row| row["return"].parse().unwrap()).collect();
+            let returns: Vec<f64> = later_episodes
+                .map(|row| row["return"].parse().unwrap())
+                .collect();
             returns.iter().sum::<f64>() / returns.len() as f64
         };
         assert!((row["mean_return"].parse::<f64>().unwrap() - mean(0)).abs() < 1e-9);
-        finals.push(mean(3));
+        final_returns.push(mean(3));
         let summary: serde_json::Value =
-            serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+            serde_json::from_slice(&fs::read(single_run.join("summary.json")).unwrap()).unwrap();
         let coverage: f64 = row["team_coverage"].parse().unwrap();
         assert!((coverage - summary["team_coverage"].as_f64().unwrap()).abs() < 1e-6);
         assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     }
-    finals.sort_by(f64::total_cmp);
+    final_returns.sort_by(f64::total_cmp);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     let table = &page[page
         .find("<h3>return over the last 5 episodes</h3>")
@@ -379,13 +410,13 @@ fn the_reports_numbers_are_those_of_single_runs() {
     assert_eq!(cells[1], "5");
     let median: f64 = cells[2].parse().unwrap();
     assert!(
-        (median - finals[2]).abs() <= 0.005,
-        "{median} for {finals:?}"
+        (median - final_returns[2]).abs() <= 0.005,
+        "{median} for {final_returns:?}"
     );
 }
 
-/// Two finite tasks, two algorithms; pictures pool the tasks.
-fn finite_text() -> String {
+/// A study of two tabular tasks and two algorithms; two of its figures pool the tasks.
+fn tabular_study_text() -> String {
     let folder = Path::new(REPOSITORY).join("scenarios/tabular");
     format!(
         r#"Study(
@@ -415,10 +446,10 @@ fn finite_text() -> String {
     )
 }
 
-/// Regret and coverage are those that `seedbed run` prints of the same scenario and seed.
+/// Regret and coverage equal those of `seedbed run` with the same scenario and run seed.
 #[test]
-fn finite_tasks_are_studied_likewise() {
-    let (folder, study, out) = lab(&finite_text());
+fn a_study_of_tabular_tasks_reports_regret() {
+    let (folder, study, out) = study_workspace(&tabular_study_text());
     let output = run(&study, &out, &[]);
     assert!(
         stdout(&output).contains("3 of 3 claims replicated, 1 of them smaller than claimed\n"),
@@ -434,24 +465,24 @@ fn finite_tasks_are_studied_likewise() {
         .iter()
         .filter(|row| row["cell"] == "bipolar_chain, seeds")
     {
-        assert_as_single_run(row, folder.path());
+        assert_row_equals_single_run(row, folder.path());
     }
     assert!(
         rows.iter()
             .filter(|row| row["cell"].starts_with("deep_sea"))
             .all(|row| row["episodes"] == "40")
     );
-    assert_pairs_of_one_task(&out);
+    assert_comparisons_within_tasks(&out);
     assert_smaller_than_claimed(&out);
-    assert_figures(&out);
-    let alone = lab("").2;
-    assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
-    assert_eq!(results(&alone), results(&out));
+    assert_figure_files(&out);
+    let other_out = study_workspace("").2;
+    assert!(run(&study, &other_out, &["--jobs", "1"]).status.success());
+    assert_eq!(result_bytes_by_name(&other_out), result_bytes_by_name(&out));
 }
 
-/// The row's numbers are those of `seedbed run` with its seed.
-fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
-    let single = folder.join(&row["seed"]);
+/// Asserts that a row of `results.csv` equals the summary of `seedbed run` with the same run seed.
+fn assert_row_equals_single_run(row: &BTreeMap<String, String>, folder: &Path) {
+    let single_run = folder.join(&row["seed"]);
     let arguments = [
         "run",
         "scenarios/tabular/bipolar_chain.ron",
@@ -463,18 +494,18 @@ fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
         "--seed",
         &row["seed"],
         "--out",
-        single.to_str().unwrap(),
+        single_run.to_str().unwrap(),
     ];
     assert!(seedbed(&arguments).status.success());
     let summary: serde_json::Value =
-        serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
-    let number = |column: &str| row[column].parse::<f64>().unwrap();
+        serde_json::from_slice(&fs::read(single_run.join("summary.json")).unwrap()).unwrap();
+    let value_of = |column: &str| row[column].parse::<f64>().unwrap();
     assert!(
-        (number("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4,
+        (value_of("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4,
         "{row:?}"
     );
     let visited = summary["states_visited"].as_f64().unwrap() / summary["states"].as_f64().unwrap();
-    assert!((number("team_coverage") - visited).abs() < 1e-6);
+    assert!((value_of("team_coverage") - visited).abs() < 1e-6);
     assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     assert_eq!(
         (row["episodes_to_solve"].as_str(), row["episodes"].as_str()),
@@ -482,8 +513,8 @@ fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
     );
 }
 
-/// Thirty runs in pairs: each task's first cell is what its second is compared with.
-fn assert_pairs_of_one_task(out: &Path) {
+/// Asserts that the second cell of each task is compared with the first cell of the same task.
+fn assert_comparisons_within_tasks(out: &Path) {
     let tables = fs::read_to_string(out.join("tables.md")).unwrap();
     let titles: Vec<&str> = tables
         .lines()
@@ -507,13 +538,16 @@ fn assert_pairs_of_one_task(out: &Path) {
 
 fn assert_smaller_than_claimed(out: &Path) {
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    // All of six pairs of one sign: 2/2⁶, and three claims.
+    // All six differences have the same sign: p = 2/2⁶, times three claims (Holm).
     let row = table.lines().nth(2).unwrap();
-    let (head, tail) = (
+    let (row_start, row_end) = (
         "| less regret | regret per agent: deep_sea, seeds − deep_sea, random, claimed below 0, by 5 | −",
         " | 6 | 0.0938 | replicated |",
     );
-    assert!(row.starts_with(head) && row.ends_with(tail), "{table}");
+    assert!(
+        row.starts_with(row_start) && row.ends_with(row_end),
+        "{table}"
+    );
     assert!(
         table
             .lines()
@@ -530,7 +564,7 @@ fn assert_smaller_than_claimed(out: &Path) {
     );
 }
 
-fn assert_figures(out: &Path) {
+fn assert_figure_files(out: &Path) {
     for file in [
         "1-curves.svg",
         "2-visitation.svg",
@@ -542,43 +576,44 @@ fn assert_figures(out: &Path) {
     let panels = fs::read_to_string(out.join("figures/2-visitation.svg")).unwrap();
     assert!(
         panels.contains(">seeds: first 5 episodes, "),
-        "what all panels have in common is left out"
+        "titles of panels must omit the parts that all panels share"
     );
     let pooled = fs::read_to_string(out.join("figures/4-intervals.svg")).unwrap();
-    for words in [">seeds<", "n = 12", ">crowd<", "n = 6"] {
-        assert!(pooled.contains(words), "{words}");
+    for expected in [">seeds<", "n = 12", ">crowd<", "n = 6"] {
+        assert!(pooled.contains(expected), "{expected}");
     }
 }
 
-/// `σ 0` and `σ 0 again` are the same to the bit: no claim of a difference may hold, and six pairs
-/// do not show that there is none.
+/// The runs of `σ 0` and `σ 0 again` are bit-identical. So claims of a difference are not
+/// replicated, and the claim of no difference is inconclusive, because six runs per cell are too
+/// few for it.
 #[test]
-fn a_claim_of_nothing_is_not_replicated() {
+fn claims_of_a_difference_between_equal_cells_are_not_replicated() {
     let claim = |direction: &str| {
         format!(
             r#"(text: "{direction}", compare: ("σ 0 again", "σ 0"), direction: {direction}, size: 5)"#
         )
     };
     let claims = ["More", "Less", "Same"].map(claim).join(", ");
-    let (_folder, study, out) = lab(&text(6, &format!("claims: [{claims}],")));
-    let said = stdout(&run(&study, &out, &[]));
+    let (_folder, study, out) = study_workspace(&study_text(6, &format!("claims: [{claims}],")));
+    let printed = stdout(&run(&study, &out, &[]));
     for line in [
         "not replicated   More",
         "not replicated   Less",
         "inconclusive     Same",
         "0 of 3 claims replicated",
     ] {
-        assert!(said.contains(line), "{line} in {said}");
+        assert!(printed.contains(line), "{line} in {printed}");
     }
-    // No difference at all has p = 1, which is no evidence that there is none.
+    // The p-value of no difference is 1. The claim of no difference has no p-value.
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    let p: Vec<&str> = table
+    let p_values: Vec<&str> = table
         .lines()
         .skip(2)
         .take(3)
         .map(|row| row.split(" | ").nth(4).unwrap())
         .collect();
-    assert_eq!(p, ["1.0000", "1.0000", "–"]);
+    assert_eq!(p_values, ["1.0000", "1.0000", "–"]);
     assert!(
         table.contains("\n\np-values are those of tests for a difference"),
         "{table}"
@@ -600,8 +635,8 @@ fn a_claim_of_nothing_is_not_replicated() {
 }
 
 #[test]
-fn a_report_tells_what_is_there() {
-    let (_folder, study, out) = lab(&text(
+fn the_report_of_an_unfinished_study_lists_missing_runs() {
+    let (_folder, study, out) = study_workspace(&study_text(
         6,
         r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#,
     ));
@@ -615,19 +650,19 @@ fn a_report_tells_what_is_there() {
         "{output:?}"
     );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    for words in [
+    for expected in [
         "15 runs are missing",
         "none: 2 runs are too few",
         "Small &amp; &lt;small&gt;",
         "no runs",
         "role=\"img\"",
     ] {
-        assert!(page.contains(words), "{words}");
+        assert!(page.contains(expected), "{expected}");
     }
-    for foreign in ["<script", "<link", "src=\"http", "url(http"] {
+    for external_reference in ["<script", "<link", "src=\"http", "url(http"] {
         assert!(
-            !page.contains(foreign),
-            "the page needs no network: {foreign}"
+            !page.contains(external_reference),
+            "the page must not load external files, but contains `{external_reference}`"
         );
     }
     for file in [
@@ -640,17 +675,17 @@ fn a_report_tells_what_is_there() {
         assert!(out.join(file).is_file(), "{file}");
     }
 
-    let nothing = seedbed(&["report", out.join("runs").to_str().unwrap()]);
-    assert_eq!(nothing.status.code(), Some(2));
+    let not_a_study = seedbed(&["report", out.join("runs").to_str().unwrap()]);
+    assert_eq!(not_a_study.status.code(), Some(2));
     assert!(
-        stderr(&nothing).starts_with("error: not the results of a study: "),
-        "{nothing:?}"
+        stderr(&not_a_study).starts_with("error: not the results of a study: "),
+        "{not_a_study:?}"
     );
 }
 
-/// Nothing is solved in eight episodes: which cell is the faster nobody knows.
+/// No run solves its task within eight episodes, so the difference between the cells is unknown.
 #[test]
-fn what_was_never_reached_decides_nothing() {
+fn claims_on_times_that_no_run_reached_are_inconclusive() {
     let claim = |direction: &str, test: &str| {
         format!(
             r#"(text: "{direction} {test}", compare: ("σ 9", "σ 0"), measure: EpisodesToSolve, direction: {direction}, size: 5, test: {test})"#
@@ -662,7 +697,7 @@ fn what_was_never_reached_decides_nothing() {
         claim("Same", "Paired"),
     ]
     .join(", ");
-    let (_folder, study, out) = lab(&text(30, &format!("claims: [{claims}],")));
+    let (_folder, study, out) = study_workspace(&study_text(30, &format!("claims: [{claims}],")));
     let output = run(&study, &out, &[]);
     assert_eq!(
         stdout(&output).matches("inconclusive     ").count(),
@@ -677,12 +712,12 @@ fn what_was_never_reached_decides_nothing() {
 }
 
 #[test]
-fn a_claim_that_comes_after_its_runs_is_said_to_be_late() {
+fn claims_added_after_their_runs_are_marked_late() {
     let claim = |size: u32| {
         format!(r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: {size})],"#)
     };
     let verdict = |size: u32, out: &Path, study: &str| {
-        fs::write(study, text(6, &claim(size))).unwrap();
+        fs::write(study, study_text(6, &claim(size))).unwrap();
         assert!(run(study, out, &[]).status.success());
         let page = fs::read_to_string(out.join("report.html")).unwrap();
         assert_eq!(
@@ -693,43 +728,47 @@ fn a_claim_that_comes_after_its_runs_is_said_to_be_late() {
         );
         page.contains(", claimed late</p>")
     };
-    let (_folder, study, out) = lab("");
+    let (_folder, study, out) = study_workspace("");
     assert_eq!(
         [5, 5, 6, 6, 5].map(|size| verdict(size, &out, &study)),
         [false, false, true, true, true]
     );
 }
 
-/// An older version noted no earlier repeats.
+/// If the number of runs per cell is changed after some runs, the report says so. Manifests of
+/// older versions have no field `earlier_repeats`.
 #[test]
-fn changed_repeats_are_told() {
-    let (_folder, study, out) = lab("");
+fn the_report_mentions_changed_numbers_of_runs() {
+    let (_folder, study, out) = study_workspace("");
     let claim = r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#;
-    let told = |repeats: u32| {
-        fs::write(&study, text(repeats, claim)).unwrap();
+    let sentence_about_repeats = |repeats: u32| {
+        fs::write(&study, study_text(repeats, claim)).unwrap();
         assert!(run(&study, &out, &[]).status.success());
         let [page, table] =
             ["report.html", "claims.md"].map(|file| fs::read_to_string(out.join(file)).unwrap());
-        let words = table
+        let expected = table
             .lines()
             .find(|line| line.starts_with("The number of runs per cell was "))
             .unwrap_or_default()
             .to_owned();
         assert_eq!(
             page.contains("The number of runs per cell was "),
-            !words.is_empty()
+            !expected.is_empty()
         );
-        assert!(page.contains(&words));
-        words
+        assert!(page.contains(&expected));
+        expected
     };
-    assert_eq!([told(5), told(5)], ["", ""]);
-    // Without runs there is nothing that could have been looked at.
+    assert_eq!(
+        [sentence_about_repeats(5), sentence_about_repeats(5)],
+        ["", ""]
+    );
+    // The change does not matter if there were no runs to look at before it.
     fs::remove_dir_all(out.join("runs")).unwrap();
-    assert_eq!(told(1), "");
-    let noted = fs::read_to_string(out.join("study.json")).unwrap();
+    assert_eq!(sentence_about_repeats(1), "");
+    let manifest = fs::read_to_string(out.join("study.json")).unwrap();
     fs::write(
         out.join("study.json"),
-        noted.replace(",\n  \"earlier_repeats\": []", ""),
+        manifest.replace(",\n  \"earlier_repeats\": []", ""),
     )
     .unwrap();
     assert!(
@@ -738,56 +777,59 @@ fn changed_repeats_are_told() {
             .contains("earlier_repeats")
     );
     assert_eq!(
-        told(2),
+        sentence_about_repeats(2),
         "The number of runs per cell was extended from 1 to 2 after some of them had been run."
     );
     assert_eq!(
-        told(2),
+        sentence_about_repeats(2),
         "The number of runs per cell was extended from 1 to 2 after some of them had been run."
     );
     assert_eq!(
-        told(3),
+        sentence_about_repeats(3),
         "The number of runs per cell was extended from 1 to 2 to 3 after some of them had been run."
     );
     assert_eq!(
-        told(2),
+        sentence_about_repeats(2),
         "The number of runs per cell was changed from 1 to 2 to 3 to 2 after some of them had been run."
     );
 }
 
 #[test]
-fn a_folder_holds_one_study() {
-    let (folder, study, out) = lab(&text(2, ""));
+fn a_folder_holds_results_of_one_study_only() {
+    let (folder, study, out) = study_workspace(&study_text(2, ""));
     assert!(run(&study, &out, &[]).status.success());
     let refused = |output: Output| {
         assert_eq!(output.status.code(), Some(2), "{output:?}");
         stderr(&output)
     };
-    let holds = format!(
+    let expected_error = format!(
         "error: {} contains the study `small`; choose another directory with --out\n",
         out.display()
     );
-    assert_eq!(refused(run(&study, &out, &["--quick"])), holds);
+    assert_eq!(refused(run(&study, &out, &["--quick"])), expected_error);
     let other = folder.path().join("other.ron");
     fs::copy(&study, &other).unwrap();
-    assert_eq!(refused(run(other.to_str().unwrap(), &out, &[])), holds);
+    assert_eq!(
+        refused(run(other.to_str().unwrap(), &out, &[])),
+        expected_error
+    );
     fs::create_dir(folder.path().join("b")).unwrap();
-    let twin = folder.path().join("b/small.ron");
-    fs::copy(&study, &twin).unwrap();
-    let both = refused(seedbed(&["study", &study, twin.to_str().unwrap()]));
+    let same_name = folder.path().join("b/small.ron");
+    fs::copy(&study, &same_name).unwrap();
+    let same_name_error = refused(seedbed(&["study", &study, same_name.to_str().unwrap()]));
     assert!(
-        both.starts_with(
+        same_name_error.starts_with(
             "error: two studies are named `small` and would both write to recordings/studies/small"
         ),
-        "{both}"
+        "{same_name_error}"
     );
 }
 
-/// Figures of an earlier report go; what others put there stays. A column for each measure of the
-/// study.
+/// A new report deletes figures and tables of the earlier report, and keeps other files in the
+/// folder. `results.csv` has a column per measure of the study.
 #[test]
-fn a_report_replaces_the_one_before() {
-    let (_folder, study, out) = lab(&text(2, ""));
+fn a_new_report_deletes_outdated_figures_and_tables() {
+    let (_folder, study, out) = study_workspace(&study_text(2, ""));
     assert!(run(&study, &out, &[]).status.success());
     fs::write(out.join("figures/9-agents.svg"), "").unwrap();
     fs::write(out.join("figures/notes.svg"), "").unwrap();
@@ -805,8 +847,8 @@ fn a_report_replaces_the_one_before() {
 }
 
 #[test]
-fn tuning_seeds_are_told_apart() {
-    let (_folder, study, out) = lab(&text(2, "first_seed: 0,"));
+fn the_report_marks_results_with_tuning_seeds() {
+    let (_folder, study, out) = study_workspace(&study_text(2, "first_seed: 0,"));
     assert!(run(&study, &out, &[]).status.success());
     assert!(
         fs::read_to_string(out.join("report.html"))

@@ -2,8 +2,8 @@
 //! Rerun SDK; must not depend on training.
 //!
 //! While a run is in progress, or if it crashed, the file is `run.rrd.part`; it gets its final name
-//! when it is complete. Rows are collected and written in chunks, because each chunk has a header of
-//! its own; [`checkpoint`](Recorder::checkpoint) writes all collected rows.
+//! when it is complete. Rows are collected and written in chunks, because each chunk has a header
+//! of its own; [`checkpoint`](Recorder::checkpoint) writes all collected rows.
 
 mod annotations;
 mod blueprint;
@@ -51,16 +51,16 @@ use seedbed_env::{Scene, Spec};
 
 const APPLICATION: &str = "seedbed";
 
-/// What a recording is about, which decides what the viewer shows first.
+/// Subject of a recording, which determines the views that the viewer shows first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Focus {
-    /// How a team learned: visited states, returns, updates.
+    /// Learning of a team: visited states, returns, updates.
     Learning,
-    /// How bodies moved: scenes.
+    /// Motion of bodies: scenes.
     Motion,
 }
 
-/// Where a recording is shown while it is made.
+/// Target that shows a recording while it is written.
 #[derive(Debug)]
 pub enum LiveTarget {
     /// A running viewer, to which all messages are sent.
@@ -74,7 +74,7 @@ pub enum LiveTarget {
 pub struct RunInfo<'a> {
     /// Name of the run, shown by the viewer.
     pub name: &'a str,
-    /// What the recording is about.
+    /// Subject of the recording.
     pub focus: Focus,
     /// The task.
     pub spec: &'a Spec,
@@ -86,7 +86,7 @@ pub struct RunInfo<'a> {
     pub bonus: BonusRange,
     /// Maximum number of episodes per agent.
     pub episodes: u32,
-    /// The run seed, from which the choice of drawn states is derived.
+    /// The run seed, from which the sample of drawn states is derived.
     pub run_seed: u64,
     /// The resolved scenario, in RON.
     pub scenario: &'a str,
@@ -94,7 +94,7 @@ pub struct RunInfo<'a> {
     pub properties: &'a [(&'a str, String)],
 }
 
-/// Records into an `.rrd` file.
+/// Writes an `.rrd` file.
 pub struct RerunRecorder {
     paths: Paths,
     sink: Sink,
@@ -149,8 +149,8 @@ impl RerunRecorder {
         resumed.map_err(|error| paths.error(Attempt::Resume, &error))
     }
 
-    /// Shows the recording in viewers, from its beginning and while it is made. Failures become
-    /// warnings: the file does not depend on viewers.
+    /// Shows the recording in viewers, including everything that is recorded already. Failures
+    /// become warnings, because the file does not depend on viewers.
     pub fn stream_to(&mut self, target: LiveTarget) {
         let streaming = match target {
             LiveTarget::Push(mut viewer) => viewer
@@ -234,8 +234,8 @@ impl Recorder for RerunRecorder {
     }
 }
 
-/// A recording that is dropped before it is complete keeps everything recorded so far, in
-/// `run.rrd.part`.
+/// If the recorder is dropped before the recording is complete, everything recorded so far is
+/// written to `run.rrd.part`.
 impl Drop for RerunRecorder {
     fn drop(&mut self) {
         drop(self.write_chunks(true));

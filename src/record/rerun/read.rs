@@ -1,7 +1,7 @@
 //! Reads a recording, episode by episode.
 //!
-//! Chunks are decoded one after the other and dropped, so that memory holds one chunk (about 2,000
-//! rows) and the incomplete episode of each agent, however long the recording is.
+//! Chunks are decoded and dropped one at a time. So memory contains one chunk (about 2,000 rows)
+//! and the incomplete episode of each agent, for recordings of any length.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
@@ -19,7 +19,7 @@ use crate::record::BonusRange;
 use crate::record::visitation::Axes;
 use seedbed_env::{Quantity, Status};
 
-/// An opened recording: its properties, task and episodes.
+/// An open recording: its properties, quantities and episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     path: PathBuf,
@@ -36,8 +36,8 @@ pub struct RecordedEpisode {
     pub episode: u32,
     /// Number of the round, from 0.
     pub round: u32,
-    /// Observations: row t is the one before action t, the last row the one at the end.
-    /// `[(T+1) × observation width]`
+    /// Observations: row t is the observation before action t, the last row is the last
+    /// observation. `[(T+1) × observation width]`
     pub observations: Vec<f32>,
     /// Actions, as values instead of indices: `[T × action width]`
     pub actions: Vec<f32>,
@@ -49,7 +49,7 @@ pub struct RecordedEpisode {
     pub outcome: Status,
 }
 
-/// The recording cannot be read.
+/// Error: a recording cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file cannot be opened or read, is damaged, or was written by another version of Rerun.
@@ -60,7 +60,7 @@ pub enum ReadError {
         /// Why it cannot be read.
         reason: String,
     },
-    /// Rerun can read the file, but it was not written by this version of seedbed.
+    /// The file is a recording of Rerun, but not one that this version of seedbed can read.
     #[error(
         "{path} is not a recording that this version of seedbed can read: it has no entity `{missing}`"
     )]
@@ -99,7 +99,7 @@ impl Recording {
         Err(missing(path))
     }
 
-    /// Facts about the run by name, such as `environment`, `agents`, `seed` and `algorithm`.
+    /// Properties of the run by name, such as `environment`, `agents`, `seed` and `algorithm`.
     #[must_use]
     pub fn properties(&self) -> &BTreeMap<String, String> {
         &self.properties
@@ -133,11 +133,10 @@ impl Recording {
         )
     }
 
-    /// All episodes, those of each agent in their order. Episodes that are incomplete in the file are
-    /// left out.
+    /// All complete episodes in the file. The episodes of each agent are in ascending order.
     ///
     /// # Errors
-    /// The file cannot be opened. Items are errors where the file is damaged.
+    /// If the file cannot be opened. An item is an error if the file is damaged.
     pub fn episodes(&self) -> Result<Episodes, ReadError> {
         let columns = Columns::of(&self.quantities);
         Ok(Episodes {
@@ -168,7 +167,7 @@ fn collect_properties(chunk: &Chunk, properties: &mut BTreeMap<String, String>) 
 pub struct Episodes {
     chunks: Chunks,
     columns: Columns,
-    /// By agent.
+    /// The incomplete episode of each agent.
     unfinished: BTreeMap<u32, RecordedEpisode>,
     finished: VecDeque<RecordedEpisode>,
 }
@@ -255,7 +254,7 @@ impl RecordedEpisode {
             .chunks_exact((self.observations.len() / (self.length() + 1)).max(1))
     }
 
-    /// The bonus of step `step`; 0 at the last state, which has no step, and for agents without a
+    /// The bonus of step `step`; 0 for the last state, which has no step, and for agents without a
     /// bonus.
     #[must_use]
     pub fn bonus(&self, step: usize) -> f32 {
@@ -278,7 +277,7 @@ struct Rows {
     rounds: Vec<u32>,
     /// `[observations]` of `[rows]`
     observations: Vec<Vec<f32>>,
-    /// `[actions]` of `[rows without an outcome]`, as are those below.
+    /// `[actions]` of `[rows without an outcome]`; rewards and bonuses have these rows as well.
     actions: Vec<Vec<f32>>,
     rewards: Vec<f32>,
     intrinsic_rewards: Vec<f32>,
@@ -352,11 +351,11 @@ fn status(outcome: &str) -> Status {
     }
 }
 
-/// The chunks of a recording, without those of its blueprint.
+/// The chunks of a recording, without the chunks of its blueprint.
 struct Chunks {
     path: PathBuf,
     messages: DecoderIterator<LogMsg, BufReader<File>>,
-    /// Nothing can be read after an error.
+    /// Whether an error occurred, after which nothing can be read.
     failed: bool,
 }
 

@@ -1,5 +1,4 @@
-//! Recordings of teams that learn: they hold what the agents' own episodes hold, whatever the
-//! number of threads.
+//! Recordings of training runs equal the episodes of the trainer, for any number of threads.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -10,11 +9,11 @@ use seedbed::run::{Ending, Observer, Options, Plan, Progress, execute};
 use seedbed_env::Choice;
 use seedbed_learn::experience::Episode;
 
-use super::contents::Contents;
-use super::{compare_times, outcome_word};
+use super::contents::RecordingContents;
+use super::{assert_times, outcome_text};
 
-/// Three agents with curiosity that play two episodes a round, all numbers of which are on record.
-const CURIOUS: [&str; 5] = [
+/// Three agents with a bonus and two episodes per round; every column of `/raw` is recorded.
+const WITH_BONUS: [&str; 5] = [
     "agents.count=3",
     "stop=Episodes(8)",
     "schedule=Synchronous(episodes: 2)",
@@ -22,17 +21,17 @@ const CURIOUS: [&str; 5] = [
     "recording.axes=[Observations, Advantage()]",
 ];
 
-/// Agents that do not wait for each other, with several continuous actions at once.
-const HOPPING: [&str; 4] = [
+/// Two asynchronous agents in a task with several continuous action components.
+const ASYNCHRONOUS_HOPPER: [&str; 4] = [
     "environment=\"hopper\"",
     "agents.count=2",
     "stop=Episodes(4)",
     "schedule=Asynchronous(training: (env_steps: 30))",
 ];
 
-struct Nobody;
+struct IgnoreProgress;
 
-impl Observer for Nobody {
+impl Observer for IgnoreProgress {
     fn begun(&mut self, _: &Progress) {}
 
     fn round_finished(&mut self, _: &Progress) {}
@@ -43,22 +42,29 @@ fn plan(overrides: &[&str]) -> Plan {
     Plan::load(Path::new("scenarios/cartpole.ron"), &overrides).unwrap()
 }
 
-fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
+fn record_run(plan: &Plan, folder: &Path, threads: usize) -> RecordingContents {
     let folder = RunFolder::new(folder);
-    let _claim = folder.claim().unwrap();
+    let _lock = folder.claim().unwrap();
     let options = Options {
         folder: folder.clone(),
         resume: false,
         threads,
         recording: true,
     };
-    let ending = execute(plan, &options, None, &mut Nobody, &AtomicBool::new(false)).unwrap();
+    let ending = execute(
+        plan,
+        &options,
+        None,
+        &mut IgnoreProgress,
+        &AtomicBool::new(false),
+    )
+    .unwrap();
     assert!(matches!(ending, Ending::Finished(_)));
-    Contents::of(&folder.recording())
+    RecordingContents::read(&folder.recording())
 }
 
-/// The episodes of each agent, from the team itself.
-fn played(plan: &Plan) -> Vec<Vec<Episode>> {
+/// The episodes of each agent, taken from a trainer without a recording.
+fn episodes_by_agent(plan: &Plan) -> Vec<Vec<Episode>> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1).unwrap();
     let mut agents = vec![Vec::new(); trainer.agent_count()];
     while !trainer.is_done() {
@@ -72,36 +78,43 @@ fn played(plan: &Plan) -> Vec<Vec<Episode>> {
 }
 
 #[test]
-fn a_recording_holds_what_the_agents_saw_and_did() {
-    for overrides in [&CURIOUS[..], &HOPPING[..]] {
+fn recorded_values_equal_those_of_the_trainer() {
+    for overrides in [&WITH_BONUS[..], &ASYNCHRONOUS_HOPPER[..]] {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
-        let (contents, agents) = (recorded(&plan, folder.path(), 2), played(&plan));
+        let (contents, agents) = (
+            record_run(&plan, folder.path(), 2),
+            episodes_by_agent(&plan),
+        );
         assert_ne!(
             agents[0][0].observations, agents[1][0].observations,
-            "agents that do the same could be mistaken"
+            "agents must differ, so that mixing them up is detected"
         );
         for (agent, episodes) in agents.iter().enumerate() {
             assert_eq!(episodes.len(), plan.scenario.max_episodes() as usize);
-            compare(&plan, &contents, &format!("/raw/agent_{agent}"), episodes);
+            assert_recorded_values(&plan, &contents, &format!("/raw/agent_{agent}"), episodes);
         }
     }
 }
 
-/// Every number of every episode, in order; an episode's end has a last observation and nothing
-/// else.
-fn compare(plan: &Plan, contents: &Contents, entity: &str, episodes: &[Episode]) {
-    compare_observations_and_actions(plan, contents, entity, episodes);
-    compare_rewards(plan, contents, entity, episodes);
+/// Asserts that the recorded columns of an agent equal the values of its episodes, in order.
+fn assert_recorded_values(
+    plan: &Plan,
+    contents: &RecordingContents,
+    entity: &str,
+    episodes: &[Episode],
+) {
+    assert_observations_and_actions(plan, contents, entity, episodes);
+    assert_rewards(plan, contents, entity, episodes);
     let episodes: Vec<&Episode> = episodes.iter().collect();
-    compare_times(&episodes, contents, entity);
+    assert_times(&episodes, contents, entity);
     let outcomes: Vec<&str> = episodes
         .iter()
-        .map(|episode| outcome_word(episode))
+        .map(|episode| outcome_text(episode))
         .collect();
-    assert_eq!(contents.words(entity, "State:outcome"), outcomes);
+    assert_eq!(contents.texts(entity, "State:outcome"), outcomes);
 }
 
-/// Component `index` of the values of each step, of which each step has `width`.
+/// Component `index` of the values of all steps, where each step has `width` values.
 fn component(
     episodes: &[Episode],
     values: fn(&Episode) -> &Vec<f32>,
@@ -115,34 +128,39 @@ fn component(
         .collect()
 }
 
-fn compare_observations_and_actions(
+fn assert_observations_and_actions(
     plan: &Plan,
-    contents: &Contents,
+    contents: &RecordingContents,
     entity: &str,
     episodes: &[Episode],
 ) {
     let spec = plan.description.spec();
-    let column = |name: &str| contents.numbers(entity, &format!("State:{name}"));
+    let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     for (index, quantity) in spec.observations.iter().enumerate() {
         let width = spec.observations.len();
-        let seen = component(episodes, |episode| &episode.observations, index, width);
-        assert_eq!(column(&quantity.name), seen, "{entity} {}", quantity.name);
+        let expected = component(episodes, |episode| &episode.observations, index, width);
+        assert_eq!(
+            column(&quantity.name),
+            expected,
+            "{entity} {}",
+            quantity.name
+        );
     }
     for (index, action) in spec.actions.iter().enumerate() {
         let width = spec.actions.len();
-        let mut done = component(episodes, |episode| &episode.actions, index, width);
+        let mut expected = component(episodes, |episode| &episode.actions, index, width);
         if let Choice::Discrete(values) = &action.choice {
-            for action in &mut done {
+            for action in &mut expected {
                 *action = values[*action as usize];
             }
         }
         let name = &action.quantity.name;
-        assert_eq!(column(name), done, "{entity} {name}");
+        assert_eq!(column(name), expected, "{entity} {name}");
     }
 }
 
-fn compare_rewards(plan: &Plan, contents: &Contents, entity: &str, episodes: &[Episode]) {
-    let column = |name: &str| contents.numbers(entity, &format!("State:{name}"));
+fn assert_rewards(plan: &Plan, contents: &RecordingContents, entity: &str, episodes: &[Episode]) {
+    let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     let joined = |values| component(episodes, values, 0, 1);
     assert_eq!(column("reward"), joined(|episode| &episode.rewards));
     let log_probs = joined(|episode| &episode.log_probs);
@@ -163,20 +181,20 @@ fn compare_rewards(plan: &Plan, contents: &Contents, entity: &str, episodes: &[E
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_recording() {
-    for overrides in [&CURIOUS[..], &HOPPING[..]] {
+fn recordings_do_not_depend_on_the_number_of_threads() {
+    for overrides in [&WITH_BONUS[..], &ASYNCHRONOUS_HOPPER[..]] {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
         let [one, three] = [1, 3].map(|threads| {
-            recorded(&plan, &folder.path().join(threads.to_string()), threads).columns()
+            record_run(&plan, &folder.path().join(threads.to_string()), threads).columns()
         });
         assert!(
             one.contains_key("/raw/agent_1 State:reward")
                 && one.contains_key("/visitation/agent_1/latest DepthImage:buffer")
         );
-        let share_difference = one
+        let differing_column = one
             .iter()
             .find(|(name, rows)| three.get(*name) != Some(rows))
             .map(|(name, _)| name);
-        assert_eq!((share_difference, one.len()), (None, three.len()));
+        assert_eq!((differing_column, one.len()), (None, three.len()));
     }
 }

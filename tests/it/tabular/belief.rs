@@ -1,4 +1,5 @@
-//! Beliefs and what seeds make of them, held against posteriors by hand.
+//! Posteriors and the samples that agent seeds draw from them, compared with values derived by
+//! hand.
 
 use approx::assert_relative_eq;
 use seedbed::tabular::belief::{Belief, Posterior};
@@ -7,19 +8,19 @@ use seedbed_env::tabular::{
     BipolarChain, DeepSea, Mdp, Model, Outcome, ParallelChains, Prior, Reward, TaskFamily,
 };
 
-/// One state, one action, whose reward is θ.
-fn one_reward(prior: Prior) -> Model {
-    let again = Outcome {
+/// An MDP with one state and one action, whose reward θ is unknown.
+fn model_with_one_unknown_reward(prior: Prior) -> Model {
+    let repeated = Outcome {
         state: 0,
         reward: Reward::unknown(0, 1.0),
     };
-    let mut model = Model::new(0, 1, &[vec![vec![again]]]);
+    let mut model = Model::new(0, 1, &[vec![vec![repeated]]]);
     model.parameters = vec![prior];
     model
 }
 
-/// One state, one action with three outcomes of prior weight `weight`.
-fn three_outcomes(weight: f64) -> Model {
+/// An MDP with one state and one action with three outcomes of prior weight `weight`.
+fn model_with_three_outcomes(weight: f64) -> Model {
     let outcomes = vec![
         Outcome {
             state: 0,
@@ -32,25 +33,25 @@ fn three_outcomes(weight: f64) -> Model {
     model
 }
 
-fn empty(model: &Model) -> Mdp {
+fn empty_mdp(model: &Model) -> Mdp {
     Mdp {
         values: vec![0.0; model.parameters.len()],
         probabilities: vec![1.0; model.outcomes().len()],
     }
 }
 
-/// Prior N(1, 2²), noise 1; 3 and 5 were seen. 1/σ² = 1/4 + 2 = 9/4; μ = (1/4 + 3 + 5) / (9/4) =
+/// Prior N(1, 2²), noise 1, observations 3 and 5: 1/σ² = 1/4 + 2 = 9/4, μ = (1/4 + 3 + 5) / (9/4) =
 /// 11/3.
 #[test]
-fn gaussian_beliefs_weigh_by_precision() {
-    let model = one_reward(Prior::Normal {
+fn gaussian_posteriors_weight_observations_by_precision() {
+    let model = model_with_one_unknown_reward(Prior::Normal {
         mean: 1.0,
         deviation: 2.0,
         noise: 1.0,
     });
     let mut belief = Belief::new(&model);
-    for seen in [3.0, 5.0] {
-        belief.take_in(&model, 0, 0, seen);
+    for observed in [3.0, 5.0] {
+        belief.take_in(&model, 0, 0, observed);
     }
     let Posterior::Gaussian { mean, variance } = belief.posterior(0) else {
         panic!("{belief:?}")
@@ -59,16 +60,17 @@ fn gaussian_beliefs_weigh_by_precision() {
     assert_relative_eq!(variance, 4.0 / 9.0, max_relative = 1e-14);
 }
 
-/// ln θ ~ N(0, 1), noise 1; r = e⁰·⁵ says ln r + 1/2 = 1. σ² = 1/2, μ = 1/2: (σ² μ + σₑ² (ln r +
-/// σ²/2)) / (σₑ² + σ²) of the paper. The mean of θ is exp(μ + σ²/2) = e^{3/4}.
+/// Prior ln θ ~ N(0, 1), noise 1, observation r = e⁰·⁵, so ln r + 1/2 = 1. The posterior has σ² =
+/// 1/2 and μ = 1/2, by (σ² μ + σₑ² (ln r + σ²/2)) / (σₑ² + σ²) of the paper. The mean of θ is exp(μ
+/// + σ²/2) = e^{3/4}.
 #[test]
-fn log_normal_beliefs_are_gaussian_in_the_logarithm() {
+fn log_normal_posteriors_are_gaussian_in_the_logarithm() {
     let prior = Prior::LogNormal {
         mean: 0.0,
         deviation: 1.0,
         noise: 1.0,
     };
-    let model = one_reward(prior);
+    let model = model_with_one_unknown_reward(prior);
     let mut belief = Belief::new(&model);
     belief.take_in(&model, 0, 0, libm::exp(0.5));
     let Posterior::Gaussian { mean, variance } = belief.posterior(0) else {
@@ -83,11 +85,11 @@ fn log_normal_beliefs_are_gaussian_in_the_logarithm() {
     );
 }
 
-/// Dirichlet(½, ½, ½) after 2, 1, 0: α = (2.5, 1.5, 0.5), mean 2.5/4.5 = 5/9, variance 5/9 · 4/9 /
-/// 5.5.
+/// Prior Dirichlet(½, ½, ½), outcomes observed 2, 1 and 0 times: α = (2.5, 1.5, 0.5), mean 2.5/4.5
+/// = 5/9, variance 5/9 · 4/9 / 5.5.
 #[test]
-fn likelihoods_are_dirichlet() {
-    let model = three_outcomes(0.5);
+fn transition_posteriors_are_dirichlet() {
+    let model = model_with_three_outcomes(0.5);
     let mut belief = Belief::new(&model);
     for outcome in [0, 0, 1] {
         belief.take_in(&model, 0, outcome, 0.0);
@@ -101,7 +103,7 @@ fn likelihoods_are_dirichlet() {
     );
 }
 
-/// Mean and variance over so many seeds of a number that each makes.
+/// Mean and variance of `number(agent)` over `count` agents.
 fn moments(count: u32, mut number: impl FnMut(u32) -> f64) -> (f64, f64) {
     let numbers: Vec<f64> = (0..count).map(&mut number).collect();
     let mean = numbers.iter().sum::<f64>() / f64::from(count);
@@ -115,23 +117,24 @@ fn moments(count: u32, mut number: impl FnMut(u32) -> f64) -> (f64, f64) {
     )
 }
 
-/// Over 20 000 seeds, θ̂ is distributed as the posterior N(11/3, 4/9): the mean to 4 · (2/3)/√20000
-/// = 0.019, the variance to 4 · (4/9) √(2/20000) = 0.018; 68.3 % within one deviation, to 1.3 %. So
-/// for both kinds of seeds, and for fresh samples.
+/// θ̂ of 20 000 agents follows the posterior N(11/3, 4/9), for both kinds of agent seeds and for
+/// Thompson resampling. Tolerances are four standard errors: 4 · (2/3)/√20000 = 0.019 for the mean,
+/// 4 · (4/9) √(2/20000) = 0.018 for the variance, 1.3 % for the share within one deviation (68.3
+/// %).
 #[test]
-fn over_seeds_a_reward_is_distributed_as_the_posterior() {
-    let model = one_reward(Prior::Normal {
+fn sampled_rewards_follow_the_posterior() {
+    let model = model_with_one_unknown_reward(Prior::Normal {
         mean: 1.0,
         deviation: 2.0,
         noise: 1.0,
     });
     let mut belief = Belief::new(&model);
-    for seen in [3.0, 5.0] {
-        belief.take_in(&model, 0, 0, seen);
+    for observed in [3.0, 5.0] {
+        belief.take_in(&model, 0, 0, observed);
     }
-    let mut mdp = empty(&model);
+    let mut mdp = empty_mdp(&model);
     for kind in 0..3 {
-        let mut within = 0;
+        let mut within_one_deviation = 0;
         let (mean, variance) = moments(20_000, |agent| {
             match kind {
                 0 => Seed::new(&model, 1, agent).sample(
@@ -156,7 +159,7 @@ fn over_seeds_a_reward_is_distributed_as_the_posterior() {
                     draw_posterior(&model, &belief, &mut random, &mut mdp);
                 }
             }
-            within += u32::from((mdp.values[0] - 11.0 / 3.0).abs() < 2.0 / 3.0);
+            within_one_deviation += u32::from((mdp.values[0] - 11.0 / 3.0).abs() < 2.0 / 3.0);
             mdp.values[0]
         });
         assert!((mean - 11.0 / 3.0).abs() < 0.019, "{kind}: mean {mean}");
@@ -165,69 +168,83 @@ fn over_seeds_a_reward_is_distributed_as_the_posterior() {
             "{kind}: variance {variance}"
         );
         assert!(
-            (f64::from(within) / 20_000.0 - 0.6827).abs() < 0.013,
-            "{kind}: {within} within"
+            (f64::from(within_one_deviation) / 20_000.0 - 0.6827).abs() < 0.013,
+            "{kind}: {within_one_deviation} within one deviation"
         );
     }
 }
 
-/// Over 20 000 seeds, p̂₀ has the moments of Beta(2.5, 2): mean 5/9 to 4 √(0.0449/20000) = 0.006,
-/// variance 0.04489 to 0.002. The agents saw part of it earlier, so that sums go on where they
-/// stood.
+/// p̂₀ of 20 000 agents has the moments of Beta(2.5, 2): mean 5/9 ± 4 √(0.0449/20000) = ± 0.006,
+/// variance 0.04489 ± 0.002. Sampling after each of two updates gives the same as sampling once.
 #[test]
-fn over_seeds_transitions_are_distributed_as_the_dirichlet() {
-    let model = three_outcomes(0.5);
-    let mut early = Belief::new(&model);
-    early.take_in(&model, 0, 0, 0.0);
-    let mut late = early.clone();
+fn sampled_transitions_follow_the_dirichlet_posterior() {
+    let model = model_with_three_outcomes(0.5);
+    let mut first_belief = Belief::new(&model);
+    first_belief.take_in(&model, 0, 0, 0.0);
+    let mut second_belief = first_belief.clone();
     for outcome in [0, 1] {
-        late.take_in(&model, 0, outcome, 0.0);
+        second_belief.take_in(&model, 0, outcome, 0.0);
     }
-    let mut mdp = empty(&model);
+    let mut mdp = empty_mdp(&model);
     let (mean, variance) = moments(20_000, |agent| {
         let mut seed = Seed::new(&model, 2, agent);
-        seed.sample(&model, &early, RewardSeeds::StandardGaussian, &mut mdp);
-        seed.sample(&model, &late, RewardSeeds::StandardGaussian, &mut mdp);
-        let stepwise = mdp.clone();
-        Seed::new(&model, 2, agent).sample(&model, &late, RewardSeeds::StandardGaussian, &mut mdp);
-        assert_eq!(stepwise, mdp, "agent {agent}");
+        seed.sample(
+            &model,
+            &first_belief,
+            RewardSeeds::StandardGaussian,
+            &mut mdp,
+        );
+        seed.sample(
+            &model,
+            &second_belief,
+            RewardSeeds::StandardGaussian,
+            &mut mdp,
+        );
+        let after_two_updates = mdp.clone();
+        Seed::new(&model, 2, agent).sample(
+            &model,
+            &second_belief,
+            RewardSeeds::StandardGaussian,
+            &mut mdp,
+        );
+        assert_eq!(after_two_updates, mdp, "agent {agent}");
         mdp.probabilities[0]
     });
     assert!((mean - 5.0 / 9.0).abs() < 0.006, "{mean}");
     assert!((variance - 20.0 / 81.0 / 5.5).abs() < 0.002, "{variance}");
 }
 
-/// A martingale moves by v (y + w − θ̂) / s² with each observation, and not when others' beliefs
-/// stay.
+/// Each observation moves a martingale seed by v (y + w − θ̂) / s². Sampling after each observation
+/// gives the same as sampling once after all observations.
 #[test]
-fn martingale_seeds_go_on_where_they_stood() {
-    let model = one_reward(Prior::Normal {
+fn martingale_seeds_give_the_same_sample_in_one_or_several_updates() {
+    let model = model_with_one_unknown_reward(Prior::Normal {
         mean: 0.0,
         deviation: 3.0,
         noise: 2.0,
     });
     let mut belief = Belief::new(&model);
-    let (mut seed, mut mdp) = (Seed::new(&model, 3, 0), empty(&model));
-    for seen in [1.0, -2.0, 4.0] {
-        belief.take_in(&model, 0, 0, seen);
+    let (mut seed, mut mdp) = (Seed::new(&model, 3, 0), empty_mdp(&model));
+    for observed in [1.0, -2.0, 4.0] {
+        belief.take_in(&model, 0, 0, observed);
         seed.sample(&model, &belief, RewardSeeds::MartingaleGaussian, &mut mdp);
     }
-    let stepwise = mdp.clone();
+    let after_two_updates = mdp.clone();
     Seed::new(&model, 3, 0).sample(&model, &belief, RewardSeeds::MartingaleGaussian, &mut mdp);
-    assert_eq!(stepwise, mdp);
+    assert_eq!(after_two_updates, mdp);
 }
 
-/// Before anything is seen both kinds of seeds say μ₀ + σ₀ z, even where observations will have no
-/// noise; after that, what was seen.
+/// Without observations both kinds of seeds give μ₀ + σ₀ z. After an observation without noise they
+/// give the observed value.
 #[test]
-fn seeds_of_what_is_seen_exactly() {
-    let model = one_reward(Prior::Normal {
+fn noise_free_observations_determine_the_sample() {
+    let model = model_with_one_unknown_reward(Prior::Normal {
         mean: 2.0,
         deviation: 3.0,
         noise: 0.0,
     });
     let mut belief = Belief::new(&model);
-    let (mut seed, mut mdp) = (Seed::new(&model, 4, 0), empty(&model));
+    let (mut seed, mut mdp) = (Seed::new(&model, 4, 0), empty_mdp(&model));
     let mut sample = |belief: &Belief, rewards| {
         seed.sample(&model, belief, rewards, &mut mdp);
         mdp.values[0]
@@ -243,56 +260,63 @@ fn seeds_of_what_is_seen_exactly() {
     assert_eq!(sample(&belief, RewardSeeds::StandardGaussian), 7.0);
 }
 
-/// Adaptivity, commitment, diversity (arXiv 1802.01282 §2).
+/// The properties adaptivity, commitment and diversity (arXiv 1802.01282 §2).
 #[test]
-fn seeds_adapt_commit_and_differ() {
+fn seed_samples_adapt_commit_and_differ() {
     for task in [
         TaskFamily::BipolarChain(BipolarChain::default()),
         TaskFamily::ParallelChains(ParallelChains::default()),
     ] {
         let model = task.model(0);
         let mut belief = Belief::new(&model);
-        let (mut mdp, mut again) = (empty(&model), empty(&model));
+        let (mut mdp, mut repeated) = (empty_mdp(&model), empty_mdp(&model));
         let sample = |agent: u32, belief: &Belief, mdp: &mut Mdp| {
             Seed::new(&model, 0, agent).sample(&model, belief, RewardSeeds::StandardGaussian, mdp);
         };
         let mut distinct: Vec<f64> = (0..20)
             .map(|agent| {
                 sample(agent, &belief, &mut mdp);
-                sample(agent, &belief, &mut again);
+                sample(agent, &belief, &mut repeated);
                 assert_eq!(
-                    mdp, again,
-                    "an agent keeps its intent while nobody sees anything"
+                    mdp, repeated,
+                    "without new observations an agent must keep its sample"
                 );
                 mdp.values[0]
             })
             .collect();
         distinct.sort_by(f64::total_cmp);
         distinct.dedup();
-        assert!(distinct.len() >= 2, "agents differ");
-        let showing = (0..model.outcomes().len())
+        assert!(distinct.len() >= 2, "agents must have different samples");
+        let outcome_with_unknown_reward = (0..model.outcomes().len())
             .find(|&outcome| model.outcomes()[outcome].reward.unknown.is_some())
             .unwrap();
-        (0..1000).for_each(|_| belief.take_in(&model, showing, showing, -1.0));
+        (0..1000).for_each(|_| {
+            belief.take_in(
+                &model,
+                outcome_with_unknown_reward,
+                outcome_with_unknown_reward,
+                -1.0,
+            )
+        });
         for agent in 0..20 {
             sample(agent, &belief, &mut mdp);
             assert!(
                 (mdp.values[0] + 1.0).abs() < 0.15,
-                "all believe what was seen a thousand times: {}",
+                "after a thousand observations all agents must agree: {}",
                 mdp.values[0]
             );
         }
     }
 }
 
-/// Nobody has moved yet: both directions of an action are as likely, and agents differ in what they
-/// take for them.
+/// Without observations, both directions of an action have probability ½, and the samples of agents
+/// follow Beta(1, 1).
 #[test]
-fn the_directions_of_deep_sea_are_not_known() {
+fn prior_directions_of_deep_sea_actions_are_uniform() {
     let model = TaskFamily::DeepSea(DeepSea::default()).model(0);
     let belief = Belief::new(&model);
     assert_eq!(belief.likelihood(&model, 0, 0).0, 0.5);
-    let mut mdp = empty(&model);
+    let mut mdp = empty_mdp(&model);
     let (mean, variance) = moments(4000, |agent| {
         Seed::new(&model, 0, agent).sample(
             &model,

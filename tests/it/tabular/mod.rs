@@ -1,5 +1,4 @@
-//! Finite tasks, and teams that know their tables: what tasks are, what agents believe, and how
-//! they explore.
+//! Tests of tabular tasks and algorithms: posteriors, planning, and teams.
 
 mod belief;
 mod plan;

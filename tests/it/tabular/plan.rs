@@ -1,4 +1,4 @@
-//! Planning against closed forms and against trying everything.
+//! Planning, compared with closed forms and with enumeration of all paths.
 
 use approx::assert_relative_eq;
 use proptest::prelude::*;
@@ -20,10 +20,10 @@ fn optimal_value(task: &TaskFamily, seed: u64) -> f64 {
     Planner::new(&model).optimal_value(&model, &task.draw(&model, seed))
 }
 
-/// From vertex 50 of 100, the left end is 50 steps away and the right one 49; all but the last cost
-/// 1: 100 − 49 or 100 − 48.
+/// From vertex 50 of 100, the left end is 50 steps away and the right end 49 steps. Each step but
+/// the last costs 1, so the values are 100 − 49 and 100 − 48.
 #[test]
-fn the_best_walk_along_a_bipolar_chain() {
+fn optimal_values_of_the_bipolar_chain() {
     let task = TaskFamily::BipolarChain(BipolarChain::default());
     let model = task.model(0);
     let value = |sign: f64| {
@@ -34,20 +34,20 @@ fn the_best_walk_along_a_bipolar_chain() {
         Planner::new(&model).optimal_value(&model, &mdp)
     };
     assert_eq!((value(-1.0), value(1.0)), (51.0, 52.0));
-    let mut drawn: Vec<f64> = (0..20).map(|seed| optimal_value(&task, seed)).collect();
-    drawn.sort_by(f64::total_cmp);
-    drawn.dedup();
-    assert_eq!(drawn, [51.0, 52.0]);
+    let mut distinct_values: Vec<f64> = (0..20).map(|seed| optimal_value(&task, seed)).collect();
+    distinct_values.sort_by(f64::total_cmp);
+    distinct_values.dedup();
+    assert_eq!(distinct_values, [51.0, 52.0]);
 }
 
-/// The best of parallel chains is the one with the largest θ.
+/// The best of the parallel chains is the chain with the largest θ.
 #[test]
-fn the_best_of_parallel_chains() {
+fn the_optimal_value_of_parallel_chains_is_the_largest_reward() {
     let task = TaskFamily::ParallelChains(ParallelChains::default());
     for seed in 0..5 {
         let model = task.model(seed);
-        let truth = task.draw(&model, seed);
-        let largest = truth
+        let true_mdp = task.draw(&model, seed);
+        let largest = true_mdp
             .values
             .iter()
             .copied()
@@ -56,35 +56,36 @@ fn the_best_of_parallel_chains() {
     }
 }
 
-/// N moves to the right cost 0.01 in all and find 1; where moves slip with probability p, all N
-/// have to succeed.
+/// N moves to the right cost 0.01 in total and earn 1. If moves slip with probability p, the reward
+/// is earned only if none of the N moves slips.
 #[test]
-fn the_treasure_of_deep_sea() {
+fn optimal_values_of_deep_sea() {
     for (size, seed) in [(2, 0), (10, 3), (50, 7)] {
         let task = task(&format!("DeepSea(size: {size})"));
         assert_relative_eq!(optimal_value(&task, seed), 0.99, max_relative = 1e-12);
     }
-    // N = 2, p = ½: to the right at the start is (1/2)(−0.005 + V) with V = (1/2)(1 − 0.005) in the
-    // corner; beside it moving is not worth its cost.
-    let slipping = task("DeepSea(size: 2, slip: 0.5)");
+    // N = 2, p = ½: moving right at the start has value (1/2)(−0.005 + V), where V = (1/2)(1 −
+    // 0.005) is the value of the corner state. In the state beside it, moving right is not worth
+    // its cost.
+    let with_slip = task("DeepSea(size: 2, slip: 0.5)");
     assert_relative_eq!(
-        optimal_value(&slipping, 0),
+        optimal_value(&with_slip, 0),
         0.5 * (-0.005 + 0.5 * 0.995),
         max_relative = 1e-12
     );
     assert_eq!(TaskFamily::DeepSea(DeepSea::default()).name(), "DeepSea");
 }
 
-/// What is best within `steps` steps, by trying all paths.
-fn by_trying(model: &Model, mdp: &Mdp, state: u32, steps: u32) -> f64 {
-    let worth = |outcome: usize| {
+/// Value of a state with `steps` remaining steps, by enumerating all paths.
+fn value_by_enumeration(model: &Model, mdp: &Mdp, state: u32, steps: u32) -> f64 {
+    let value_of_outcome = |outcome: usize| {
         model.mean_reward(outcome, &mdp.values)
-            + by_trying(model, mdp, model.outcomes()[outcome].state, steps - 1)
+            + value_by_enumeration(model, mdp, model.outcomes()[outcome].state, steps - 1)
     };
     let value = |pair: usize| {
         model
             .outcomes_of(pair)
-            .map(|outcome| mdp.probabilities[outcome] * worth(outcome))
+            .map(|outcome| mdp.probabilities[outcome] * value_of_outcome(outcome))
             .sum::<f64>()
     };
     if steps == 0 || model.pairs(state).is_empty() {
@@ -97,7 +98,7 @@ fn by_trying(model: &Model, mdp: &Mdp, state: u32, steps: u32) -> f64 {
 }
 
 #[test]
-fn walks_in_random_graphs_are_the_best_of_all() {
+fn plans_in_random_graphs_equal_enumeration() {
     let path = MaximumRewardPath {
         ..MaximumRewardPath::default()
     };
@@ -105,17 +106,17 @@ fn walks_in_random_graphs_are_the_best_of_all() {
     for seed in 0..5 {
         let task = task("MaximumRewardPath(vertices: 8, steps: 5)");
         let model = task.model(seed);
-        let truth = task.draw(&model, seed);
+        let true_mdp = task.draw(&model, seed);
         assert_relative_eq!(
             optimal_value(&task, seed),
-            by_trying(&model, &truth, 0, 5),
+            value_by_enumeration(&model, &true_mdp, 0, 5),
             max_relative = 1e-12
         );
     }
 }
 
-/// Any three states with two actions of two outcomes each, and a state that ends.
-fn small_mdp() -> impl Strategy<Value = (Model, Mdp)> {
+/// Arbitrary MDPs with three states of two actions with two outcomes each, and a terminal state.
+fn arbitrary_small_mdp() -> impl Strategy<Value = (Model, Mdp)> {
     let outcome = (0..4_u32, -2.0..2.0);
     let outcomes = prop::collection::vec(outcome, 12);
     (outcomes, prop::collection::vec(0.0..1.0, 6)).prop_map(|(outcomes, likelihoods)| {
@@ -142,23 +143,23 @@ fn small_mdp() -> impl Strategy<Value = (Model, Mdp)> {
 
 proptest! {
     #[test]
-    fn backward_induction_is_the_best_of_all((model, mdp) in small_mdp()) {
+    fn backward_induction_equals_enumeration((model, mdp) in arbitrary_small_mdp()) {
         let value = Planner::new(&model).optimal_value(&model, &mdp);
-        prop_assert!((value - by_trying(&model, &mdp, 0, 4)).abs() < 1e-9);
+        prop_assert!((value - value_by_enumeration(&model, &mdp, 0, 4)).abs() < 1e-9);
     }
 
-    /// With full optimism the best outcome is sure; with none nothing changes.
+    /// The value does not decrease as optimism increases; optimism 0 changes nothing.
     #[test]
-    fn optimism_only_ever_hopes((model, mdp) in small_mdp(), share in 0.0..1.0) {
+    fn optimism_never_lowers_the_value((model, mdp) in arbitrary_small_mdp(), share in 0.0..1.0) {
         let value = |optimism: &[f64]| {
             let mut planner = Planner::new(&model);
             let mut policy = planner.empty_policy();
             planner.plan(&model, &mdp, optimism, 0, &mut policy);
             planner.value(0)
         };
-        let sober = value(&[]);
-        prop_assert!((value(&[0.0; 12]) - sober).abs() < 1e-12);
-        prop_assert!(value(&[share; 12]) >= sober - 1e-12);
+        let value_without_optimism = value(&[]);
+        prop_assert!((value(&[0.0; 12]) - value_without_optimism).abs() < 1e-12);
+        prop_assert!(value(&[share; 12]) >= value_without_optimism - 1e-12);
         prop_assert!(value(&[1.0; 12]) >= value(&[share; 12]) - 1e-12);
     }
 }

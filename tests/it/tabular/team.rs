@@ -1,4 +1,4 @@
-//! Teams at work: the same bits, and regret as derived by hand and as published.
+//! Runs of tabular teams: reproducibility, and regret compared with derived and published values.
 
 use seedbed::scenario::overrides::Resolve;
 use seedbed::tabular::TabularScenario;
@@ -12,7 +12,7 @@ fn scenario(text: &str) -> TabularScenario {
         .value
 }
 
-fn play(scenario: &TabularScenario) -> Results {
+fn run_scenario(scenario: &TabularScenario) -> Results {
     let mut team = TabularTeam::new(scenario);
     let mut episodes: Vec<Episode> = Vec::new();
     while let Some(step) = team.advance() {
@@ -21,10 +21,10 @@ fn play(scenario: &TabularScenario) -> Results {
     Results::of("test", scenario, &team, episodes)
 }
 
-/// Mean regret per agent over runs 0 to `runs` − 1.
-fn regret(text: &str, runs: u64) -> f64 {
+/// Mean regret per agent over the run seeds 0 to `runs` − 1.
+fn mean_regret(text: &str, runs: u64) -> f64 {
     let run = |seed| {
-        play(&TabularScenario {
+        run_scenario(&TabularScenario {
             seed,
             ..scenario(text)
         })
@@ -35,7 +35,7 @@ fn regret(text: &str, runs: u64) -> f64 {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bits() {
+fn the_same_run_seed_gives_the_same_results() {
     for algorithm in [
         "SeedSampling(rewards: MartingaleGaussian)",
         "ThompsonResampling",
@@ -51,30 +51,33 @@ fn the_same_seed_gives_the_same_bits() {
                 "task: {task}, agents: (count: 12), episodes: 2, algorithm: {algorithm}"
             ));
             let text = scenario.resolved();
-            let again: TabularScenario = input::parse("test", text).unwrap().value;
-            assert_eq!(play(&scenario), play(&again), "{task}, {algorithm}");
+            let repeated: TabularScenario = input::parse("test", text).unwrap().value;
+            assert_eq!(
+                run_scenario(&scenario),
+                run_scenario(&repeated),
+                "{task}, {algorithm}"
+            );
             let other = TabularScenario {
                 seed: 1,
                 ..scenario.clone()
             };
             assert_ne!(
-                play(&scenario).episodes,
-                play(&other).episodes,
+                run_scenario(&scenario).episodes,
+                run_scenario(&other).episodes,
                 "{task}, {algorithm}"
             );
         }
     }
 }
 
-/// A single agent with a seed goes straight to one end. The right one is without regret, the wrong
-/// one costs 2N, and one step more or less: from 10 of 20, regret is 0, or 9 − 1 + 20 + 20 = 11 +
-/// 29 = 40 ± 1.
+/// A single agent with a seed walks straight to one end. At the better end its regret is 0. At the
+/// worse end it is 2N plus or minus the difference in distance: from vertex 10 of 20 it is 40 ± 1.
 #[test]
-fn one_agent_finds_the_treasure_half_the_time() {
+fn one_agent_chooses_the_better_end_half_the_time() {
     let text = "task: BipolarChain(vertices: 20), agents: (count: 1)";
     let regrets: Vec<f64> = (0..60)
         .map(|seed| {
-            play(&TabularScenario {
+            run_scenario(&TabularScenario {
                 seed,
                 ..scenario(text)
             })
@@ -88,43 +91,44 @@ fn one_agent_finds_the_treasure_half_the_time() {
             .all(|regret| [0.0, 39.0, 41.0].contains(regret)),
         "{regrets:?}"
     );
-    let wrong = regrets.iter().filter(|regret| **regret > 0.0).count();
+    let worse_end_count = regrets.iter().filter(|regret| **regret > 0.0).count();
     assert!(
-        (15..=45).contains(&wrong),
-        "{wrong} of 60, where 30 ± 15 are four deviations"
+        (15..=45).contains(&worse_end_count),
+        "{worse_end_count} of 60, where 30 ± 15 are four deviations"
     );
 }
 
-/// As published: seed sampling's regret falls with the number of agents; without commitment nobody
-/// gets anywhere; where all hope for the same there is less to learn from.
+/// As published (arXiv 1802.01282): the regret of seed sampling falls with the number of agents,
+/// and Thompson resampling, which does not commit to a sample, has a larger regret.
 #[test]
-fn seeds_pay_on_the_bipolar_chain() {
-    let regret = |algorithm: &str, agents: u32| {
+fn regret_of_seed_sampling_falls_with_the_number_of_agents() {
+    let mean_regret = |algorithm: &str, agents: u32| {
         let text = format!(
             "task: BipolarChain(vertices: 40), agents: (count: {agents}), algorithm: {algorithm}"
         );
-        regret(&text, 20)
+        mean_regret(&text, 20)
     };
-    let seeded = [1, 10, 100].map(|agents| regret("SeedSampling()", agents));
+    let of_seed_sampling = [1, 10, 100].map(|agents| mean_regret("SeedSampling()", agents));
     assert!(
-        seeded[0] > seeded[1] && seeded[1] > 2.0 * seeded[2],
-        "{seeded:?}"
+        of_seed_sampling[0] > of_seed_sampling[1]
+            && of_seed_sampling[1] > 2.0 * of_seed_sampling[2],
+        "{of_seed_sampling:?}"
     );
-    let resampled = regret("ThompsonResampling", 100);
+    let of_thompson_resampling = mean_regret("ThompsonResampling", 100);
     assert!(
-        resampled > 3.0 * seeded[2],
-        "{resampled} against {seeded:?}"
+        of_thompson_resampling > 3.0 * of_seed_sampling[2],
+        "{of_thompson_resampling} against {of_seed_sampling:?}"
     );
 }
 
-/// All that a team without its own beliefs does is random; that is worst.
+/// Random teams have a larger regret than teams with any other algorithm.
 #[test]
-fn whoever_learns_is_better_than_chance() {
-    let regret = |algorithm: &str| {
+fn every_learning_algorithm_has_less_regret_than_random() {
+    let mean_regret = |algorithm: &str| {
         let text = format!("task: ParallelChains(), agents: (count: 50), algorithm: {algorithm}");
-        regret(&text, 20)
+        mean_regret(&text, 20)
     };
-    let random = regret("Random");
+    let random = mean_regret("Random");
     for algorithm in [
         "SeedSampling()",
         "ThompsonResampling",
@@ -133,24 +137,25 @@ fn whoever_learns_is_better_than_chance() {
         "Ucrl()",
         "EpsilonGreedy()",
     ] {
-        let learned = regret(algorithm);
+        let mean_regret_of_algorithm = mean_regret(algorithm);
         assert!(
-            learned < 0.8 * random,
-            "{algorithm}: {learned} against {random}"
+            mean_regret_of_algorithm < 0.8 * random,
+            "{algorithm}: {mean_regret_of_algorithm} against {random}"
         );
     }
 }
 
-/// Ten episodes of four agents: rows add up to the summary, in the order of their ends.
+/// Ten episodes of four agents: the rows of episodes are in the order in which episodes ended, and
+/// their sums equal the summary.
 #[test]
-fn results_add_up() {
+fn rows_of_episodes_and_visits_sum_to_the_summary() {
     let scenario =
         scenario("task: DeepSea(size: 4), agents: (count: 4, starts: Together), episodes: 10");
     let Results {
         summary,
         episodes,
         visits,
-    } = play(&scenario);
+    } = run_scenario(&scenario);
     assert_eq!((episodes.len(), summary.env_steps), (40, 160));
     assert!(episodes.is_sorted_by(|one, other| one.ended <= other.ended));
     let total: f64 = episodes.iter().map(|episode| episode.regret).sum();
@@ -160,7 +165,7 @@ fn results_add_up() {
             .iter()
             .all(|episode| (episode.r#return + episode.regret - 0.99).abs() < 1e-12)
     );
-    // Every step ends in a state, and every episode begins in one.
+    // Each step visits a state, and each episode visits its initial state.
     assert_eq!(visits.iter().map(|row| row.visits).sum::<u64>(), 160 + 40);
     assert_eq!(
         (visits[0].place.as_str(), visits[0].visits, visits[0].agents),
