@@ -1,6 +1,5 @@
-//! What learning costs, on one core: the update of one of 16 agents on a round of 16 episodes of
-//! 200 steps of the cart-pole, acting one step, a layer's products at a batch of 200, and the
-//! capped return of 200 steps.
+//! Cost of learning on one core: an update of one of 16 agents with 16 cart-pole episodes of 200 steps, one step of
+//! acting, the matrix products of a layer with a batch of 200, and the capped returns of 200 steps.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -21,13 +20,13 @@ use seedbed_learn::rl::returns;
 criterion_group!(benches, update, act, layers, network, capped_returns);
 criterion_main!(benches);
 
-/// K.
+/// Number of agents K.
 const AGENTS: u32 = 16;
 
-/// T.
+/// Number of steps per episode T.
 const STEPS: usize = 200;
 
-/// Transition-updates per second. Every update starts from the same parameters.
+/// Updates with one round of episodes. Every update starts from the same parameters.
 fn update(criterion: &mut Criterion) {
     let task = cart_pole();
     let fresh: Vec<Episode> = (0..AGENTS).map(|number| play(&task, number)).collect();
@@ -75,7 +74,7 @@ fn act(criterion: &mut Criterion) {
     });
 }
 
-/// One linear layer: its product, and the products of its parameters' gradient.
+/// One linear layer: its forward product, and the products of the gradient of its parameters.
 fn layers(criterion: &mut Criterion) {
     for (inputs, outputs) in [(4, 32), (32, 32), (32, 2), (64, 64)] {
         network_of(
@@ -86,7 +85,7 @@ fn layers(criterion: &mut Criterion) {
     }
 }
 
-/// Whole networks, with tanh, the gradient of all parameters and one step of Adam.
+/// A network with tanh: forward pass, gradient of all parameters, and one step of Adam.
 fn network(criterion: &mut Criterion) {
     network_of(criterion, "network 4-32-32-2", &[4, 32, 32, 2]);
     network_of(criterion, "network 4-64-64-1", &[4, 64, 64, 1]);
@@ -171,8 +170,7 @@ fn agent(spec: &Spec, number: u32) -> Box<dyn Agent> {
     Box::new(SeedPgAgent::new(&SeedPg::default(), &context))
 }
 
-/// The agent's first steps, set one after the other: where the pole falls, it goes on from a new
-/// start.
+/// An episode made of consecutive first episodes of an agent: after the pole has fallen, it continues from a reset.
 fn play(task: &TaskDescription, number: u32) -> Episode {
     let mut environment =
         build(task, Physics::Analytic, 1).expect("the task has an analytic model");
@@ -219,7 +217,7 @@ fn parameters_of(network: &Mlp) -> Vec<f32> {
     )
 }
 
-/// Uniform within ±1.
+/// Random numbers, uniform between −1 and 1.
 fn numbers(count: usize) -> Vec<f32> {
     let mut random = stream(0, Purpose::Preview, 0, 0);
     (0..count)

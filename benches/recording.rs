@@ -1,4 +1,4 @@
-//! What a recording costs: creating it, and taking in 50 rounds of four agents, states per second.
+//! Cost of a recording: states per second for creating it and recording 50 rounds of four agents.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use seedbed::record::rerun::RerunRecorder;
@@ -17,7 +17,7 @@ criterion_group!(benches, recording);
 criterion_main!(benches);
 
 fn recording(criterion: &mut Criterion) {
-    let run = Run::new(4, 50);
+    let run = SyntheticRun::new(4, 50);
     let episodes = run.rounds.iter().flat_map(|round| &round.episodes);
     let states: usize = episodes.map(|episode| episode.length() + 1).sum();
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
@@ -25,13 +25,14 @@ fn recording(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("recording");
     group.sample_size(10);
     group.bench_function("created", |bencher| {
-        bencher.iter(|| RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()));
+        bencher
+            .iter(|| RerunRecorder::create(&path, &run.run_info(), &RecordingSettings::default()));
     });
     group.throughput(Throughput::Elements(states as u64));
     group.bench_function("50 rounds of 4 agents", |bencher| {
         bencher.iter(|| {
             let settings = RecordingSettings::default();
-            let mut recorder = RerunRecorder::create(&path, &run.about(), &settings)
+            let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings)
                 .expect("the temporary folder can be written");
             for round in &run.rounds {
                 round.record(&mut recorder);

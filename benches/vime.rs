@@ -1,7 +1,6 @@
-//! What a model-based bonus costs. A model of mountain car: 3 inputs (position, velocity, action),
-//! 32 hidden units, 2 outputs. The information gain of the 200 steps of an episode, by one draw of
-//! the weights and by ten, and one training step with a minibatch of 64 and an antithetic pair. One
-//! core.
+//! Cost of the VIME bonus on one core, with a dynamics model of mountain car: 3 inputs (position, velocity, action),
+//! 32 hidden units, 2 outputs. Measured are the information gain of the 200 steps of an episode, with one and with
+//! ten samples of the weights, and one training step with a minibatch of 64 and an antithetic pair of samples.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand_distr::{Distribution, StandardNormal};

@@ -1,9 +1,9 @@
-//! Helpers that the figures of runs and of studies share.
+//! Helpers for figures of runs and figures of studies.
 
 use seedbed_env::Quantity;
 use seedbed_figure::Axis;
 
-/// The axis of a figure that shows `quantity` over its display range.
+/// The axis of a figure for a quantity, over the display range of the quantity.
 #[must_use]
 pub fn axis(quantity: &Quantity) -> Axis {
     Axis {

@@ -28,7 +28,7 @@ pub(super) struct InspectArgs {
 /// Maximum team size for which the overlap of each pair is printed.
 const MAX_PAIRED: usize = 16;
 
-/// Maximum number of agents with a row of their own.
+/// Maximum number of agents with a row in the table of agents.
 const MAX_ROWS: usize = 64;
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
@@ -103,7 +103,7 @@ impl Page<'_> {
             };
             return format!("{state}\n");
         };
-        // Thresholds are stored in single precision; as f64 they would print spurious digits.
+        // Thresholds are stored in single precision; printed as f64 they would have spurious digits.
         match (summary.solved_at, summary.episodes_until_solved) {
             (None, _) => format!("finished; solved: {NO_THRESHOLD}\n"),
             (Some(at), Some(episodes)) => {
@@ -223,7 +223,7 @@ impl Page<'_> {
         counted.or(update.map(|row| row.visitation_evenness))
     }
 
-    /// Diversity of the agents' visits, if there are several agents.
+    /// Line with the diversity of the agents' visited states; empty for a single agent.
     fn team(&self) -> String {
         let agents = self.run.agents();
         let counted = self

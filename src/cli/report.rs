@@ -13,8 +13,7 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
         .try_for_each(|folder| write_and_print(&StudyFolder::new(folder)).map(|_| ()))
 }
 
-/// Writes the report of a study, prints the verdicts on its claims and the paths of all files;
-/// returns the number of failed runs.
+/// Writes the report of a study, and prints verdicts and paths of files. Returns the number of failed runs.
 pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
     let results = Results::read(folder).map_err(|error| match error {
         ResultsError::Folder(_) | ResultsError::Study(_) => CliError::Usage(error.to_string()),

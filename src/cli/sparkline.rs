@@ -2,7 +2,8 @@
 
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// Draws `values` as `columns` blocks; each block shows the mean of its part, from `low` to `high`.
+/// Draws `values` with `columns` block characters. The height of each block is the mean of its part of the values,
+/// on a scale from `low` to `high`.
 pub(super) fn sparkline(values: &[f64], columns: usize, [low, high]: [f64; 2]) -> String {
     let columns = columns.min(values.len());
     let bound = |column: usize| column * values.len() / columns.max(1);

@@ -1,17 +1,17 @@
-//! Whether steps have a bonus.
+//! The range of the bonuses (intrinsic rewards) of a run.
 
-/// Whether the agents of a run have a bonus (an intrinsic reward), and how large it can be.
+/// Whether the steps of a run have a bonus (an intrinsic reward), and the range of the bonus.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum BonusRange {
     /// No step has a bonus.
     #[default]
     None,
-    /// The bonus of a step is between 0 and this.
+    /// The bonus of each step is between 0 and this value.
     UpTo(f32),
 }
 
 impl BonusRange {
-    /// Whether agents have a bonus.
+    /// Whether steps have a bonus.
     #[must_use]
     pub fn exists(self) -> bool {
         self != Self::None
@@ -26,8 +26,8 @@ impl BonusRange {
         }
     }
 
-    /// The upper end of scales of bonuses: the largest one, or 1 if bonuses have weight 0, because
-    /// a scale needs an extent.
+    /// The upper end of color scales and axes of bonuses: the largest bonus or, if all bonuses are
+    /// 0 because their weight is 0, 1.
     #[must_use]
     pub fn scale_end(self) -> Option<f32> {
         self.max().map(|max| if max > 0.0 { max } else { 1.0 })

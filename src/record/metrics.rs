@@ -1,7 +1,8 @@
-//! The table of metrics: everything that is measured of a run, and where it appears.
+//! The table of metrics: the numbers that are measured during a run, and where each of them
+//! appears.
 //!
-//! A metric is one entry of the table below. From it derive its column of `rounds.csv` (the field of
-//! [`RoundRow`]), its curve in the recording (`/curves/KEY`), its panel of `seedbed plot`, its
+//! A metric is one entry of the table below. From it derive its column of `rounds.csv` (the field
+//! of [`RoundRow`]), its curve in the recording (`/curves/KEY`), its panel of `seedbed plot`, its
 //! [`Curve`] in studies, its title in figures and reports, and its row of the table in the README.
 //! Adding a metric means adding an entry here and computing its value where a [`RoundRow`] is made.
 //!
@@ -10,49 +11,50 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What is measured, and how it is shown.
+/// A number that is measured during a run, with its name, unit, range and the places where it is
+/// shown.
 #[derive(Clone, Copy, Debug)]
 pub struct Metric {
-    /// Name of the column, and of the entity below `/curves`.
+    /// Name of its column in `rounds.csv` and of its entity below `/curves`.
     pub key: &'static str,
     /// Name in figures and reports, in lower case.
     pub title: &'static str,
     /// Unit; empty for pure numbers.
     pub unit: &'static str,
-    /// Definition, in a sentence or two.
+    /// Definition of the metric, as text.
     pub description: &'static str,
     /// Name in study files.
     pub curve: Curve,
-    /// Whose number it is.
+    /// Whether each agent or the team has a value.
     pub scope: Scope,
-    /// Values that it can have.
+    /// Range of possible values.
     pub range: Range,
-    /// How the numbers of all agents of a round become one.
+    /// How the values of all agents in a round are combined into one value.
     pub over_agents: OverAgents,
-    /// Which runs have it.
+    /// The kind of runs that have this metric.
     pub runs: Runs,
-    /// What it is about. Metrics are shown in the order of these groups.
+    /// Subject of the metric. Metrics are shown in the order of their groups.
     pub group: Group,
-    /// Where its values come from.
+    /// Source of its values.
     pub source: Source,
-    /// Whether the recording has a curve of it.
+    /// Whether recordings have a curve of this metric.
     pub recorded: bool,
-    /// Whether `seedbed plot` has a panel of it.
+    /// Whether `seedbed plot` draws a panel of this metric.
     pub plotted: bool,
-    /// Whether its axis shows the whole range instead of the values alone.
+    /// Whether axes show the whole range of possible values instead of the range of the data.
     pub full_axis: bool,
 }
 
-/// Whose number a metric is.
+/// Whether each agent or the team has a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scope {
-    /// Each agent has its own.
+    /// Each agent has its own value.
     Agent,
-    /// One number for the whole team, repeated in the row of each agent.
+    /// The team has one value, which is repeated in the row of each agent.
     Team,
 }
 
-/// Values that a metric can have.
+/// Range of the possible values of a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Range {
     /// Any number.
@@ -61,64 +63,65 @@ pub enum Range {
     NotNegative,
     /// At least 1.
     FromOne,
-    /// A share, from 0 to 1: it means the same in every task.
+    /// A share from 0 to 1, which can be compared between tasks.
     Share,
     /// A correlation, from −1 to 1.
     Correlation,
-    /// A number of agents, from 1 to K.
+    /// A number of agents, from 1 to the number of agents K.
     Agents,
 }
 
-/// How the numbers of all agents of a round become one.
+/// How the values of all agents in a round are combined into one value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OverAgents {
-    /// Their mean.
+    /// Mean over agents.
     Mean,
-    /// The largest of them.
+    /// Maximum over agents.
     Max,
 }
 
-/// Which runs have a metric.
+/// The kind of runs that have a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Runs {
-    /// All.
+    /// All runs.
     All,
-    /// Those in which agents with networks learn round by round.
+    /// Runs in which agents with networks learn in rounds.
     Training,
-    /// Those of teams in tabular tasks.
+    /// Runs of tabular scenarios.
     Tabular,
 }
 
-/// What a metric is about, in the order in which metrics are shown.
+/// Subjects of metrics, in the order in which metrics are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Group {
     /// Rewards.
     Rewards,
-    /// Where an agent has been.
+    /// The states that an agent has visited.
     Visits,
-    /// How random its actions are.
+    /// The randomness of an agent's policy.
     Policy,
-    /// What it is curious about.
+    /// Bonuses and the dynamics models behind them.
     Curiosity,
-    /// How far policies are from those that acted.
+    /// Importance ratios between the current policy and the policies that acted.
     Ratios,
-    /// What networks still get wrong.
+    /// Losses of the networks.
     Losses,
-    /// How the agents of the team differ.
+    /// The coverage and the diversity of the team.
     Team,
 }
 
-/// Where the values of a metric come from.
+/// Source of the values of a metric.
 #[derive(Clone, Copy, Debug)]
 pub enum Source {
-    /// Each episode of each agent has one.
+    /// Each episode of each agent has a value.
     Episode,
-    /// Each update of each agent has one, in a row of `rounds.csv`; `None` where it is not measured.
+    /// Each update of each agent has a value in its row of `rounds.csv`, or `None` if the metric
+    /// was not measured.
     Round(fn(&RoundRow) -> Option<f64>),
 }
 
-/// What most metrics have in common.
-const USUAL: Metric = Metric {
+/// Default values of the fields of a metric.
+const DEFAULT_METRIC: Metric = Metric {
     key: "",
     title: "",
     unit: "",
@@ -135,41 +138,42 @@ const USUAL: Metric = Metric {
     full_axis: false,
 };
 
-/// A number of a row, if it was measured.
-trait Reading: Copy {
-    fn measured(self) -> Option<f64>;
+/// A field of a row: a number, or `None` if it was not measured.
+trait MaybeMeasured: Copy {
+    fn as_measured(self) -> Option<f64>;
 }
 
-impl Reading for f64 {
-    fn measured(self) -> Option<f64> {
+impl MaybeMeasured for f64 {
+    fn as_measured(self) -> Option<f64> {
         Some(self)
     }
 }
 
-impl Reading for Option<f32> {
-    fn measured(self) -> Option<f64> {
+impl MaybeMeasured for Option<f32> {
+    fn as_measured(self) -> Option<f64> {
         self.map(f64::from)
     }
 }
 
-/// Makes [`RoundRow`], [`Curve`] and the table [`METRICS`] of the entries. The order of `rounds` is
-/// that of the columns of `rounds.csv`.
+/// Defines [`RoundRow`], [`Curve`] and [`METRICS`] from a list of entries. The entries of `rounds`
+/// are in the order of the columns of `rounds.csv`.
 macro_rules! metrics {
     (
         episodes { $( $(#[doc = $episode_doc:literal])+ $episode_key:literal as $episode_curve:ident { $($episode_field:ident: $episode_value:expr),* } )* }
         rounds { $( $(#[doc = $doc:literal])+ $key:ident: $type:ty as $curve:ident { $($field:ident: $value:expr),* } )* }
     ) => {
-        /// One row of `rounds.csv`: what one agent's update was like. `None` is an empty cell.
+        /// One row of `rounds.csv`: the metrics of one update of one agent. `None` is an empty
+        /// cell.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         pub struct RoundRow {
-            /// Who learned.
+            /// Number of the agent that was updated, from 0.
             pub agent: u32,
-            /// Counts from 0.
+            /// Number of the round, from 0.
             pub round: u32,
             $( $(#[doc = $doc])+ pub $key: $type, )*
         }
 
-        /// A metric as study files name it: what is followed through a run.
+        /// A metric in study files, as a curve over the course of a run.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
         pub enum Curve {
             $( $(#[doc = $episode_doc])+ $episode_curve, )*
@@ -177,27 +181,27 @@ macro_rules! metrics {
         }
 
         impl Curve {
-            /// Curves with one value per round, in the order of the columns of `rounds.csv`, in
-            /// which a study keeps them.
-            pub const OF_ROUNDS: &[Self] = &[$( Self::$curve, )*];
+            /// Curves with one value per round, in the order of the columns of `rounds.csv`. Stored
+            /// runs of studies have the same order.
+            pub const WITH_ROUND_VALUES: &[Self] = &[$( Self::$curve, )*];
         }
 
-        /// All metrics: first those of episodes, then those of rounds.
+        /// All metrics: first the metrics of episodes, then the metrics of rounds.
         pub const METRICS: &[Metric] = &[
             $( Metric {
                 key: $episode_key,
                 description: concat!($($episode_doc),+),
                 curve: Curve::$episode_curve,
                 $($episode_field: $episode_value,)*
-                ..USUAL
+                ..DEFAULT_METRIC
             }, )*
             $( Metric {
                 key: stringify!($key),
                 description: concat!($($doc),+),
                 curve: Curve::$curve,
-                source: Source::Round(|row| row.$key.measured()),
+                source: Source::Round(|row| row.$key.as_measured()),
                 $($field: $value,)*
-                ..USUAL
+                ..DEFAULT_METRIC
             }, )*
         ];
     };
@@ -207,7 +211,8 @@ metrics! {
     episodes {
         /// Sum of the environment's rewards in one episode.
         "return" as Return { title: "return", runs: Runs::All }
-        /// What the best policy earns in one episode beyond what the agent's actions earn on average.
+        /// Expected return of the optimal policy minus expected return of the agent's actions, in
+        /// one episode.
         "regret" as Regret { title: "regret per episode", range: Range::NotNegative, runs: Runs::Tabular }
     }
     rounds {
@@ -226,7 +231,7 @@ metrics! {
             title: "largest ratio", range: Range::NotNegative, group: Group::Ratios,
             over_agents: OverAgents::Max
         }
-        /// Share of samples with zero policy gradient because of clipping.
+        /// Share of samples whose policy gradient is 0 because of clipping.
         clipped_fraction: Option<f32> as ClippedFraction {
             title: "clipped fraction", range: Range::Share, group: Group::Ratios, plotted: true,
             full_axis: true
@@ -235,17 +240,17 @@ metrics! {
         entropy: Option<f32> as Entropy {
             title: "policy entropy", unit: "nats", group: Group::Policy, plotted: true
         }
-        /// Mean bonus per step of the agent's own.
+        /// Mean bonus of the agent's own steps.
         intrinsic_reward: Option<f32> as IntrinsicReward {
             title: "intrinsic reward per step", group: Group::Curiosity, plotted: true
         }
-        /// Mean squared error of the dynamics model on fresh episodes, before it learned from them.
-        /// That of the first round is in raw units, because nothing is known yet to normalize by.
+        /// Mean squared error of the dynamics model on new episodes, before it is trained on them.
+        /// In the first round the error is not normalized, because there are no statistics yet.
         prediction_error: Option<f32> as PredictionError {
             title: "prediction error", range: Range::NotNegative, group: Group::Curiosity, plotted: true
         }
         /// Mean rank correlation between the bonuses that different agents give to the same steps.
-        /// Needs two agents with models of their own.
+        /// Measured if at least two agents have separate dynamics models.
         bonus_agreement: Option<f32> as BonusAgreement {
             title: "bonus agreement", range: Range::Correlation, group: Group::Curiosity, plotted: true
         }
@@ -258,7 +263,7 @@ metrics! {
         visitation_entropy: f64 as VisitationEntropy {
             title: "visitation entropy", unit: "nats", range: Range::NotNegative, group: Group::Visits
         }
-        /// That entropy as a share of the largest possible one.
+        /// Entropy of the agent's visits as a share of the largest possible entropy.
         visitation_evenness: f64 as VisitationEvenness {
             title: "visitation evenness", range: Range::Share, group: Group::Visits, recorded: false,
             plotted: true
@@ -268,12 +273,14 @@ metrics! {
             title: "team coverage", range: Range::Share, scope: Scope::Team, runs: Runs::All,
             group: Group::Team
         }
-        /// How alike the agents' visits are: 0 if no two agents visit the same states.
+        /// Overlap of the agents' visits: 0 if no two agents visit the same states, 1 if all visit
+        /// the same.
         team_overlap: f64 as TeamOverlap {
             title: "team overlap", range: Range::Share, scope: Scope::Team, runs: Runs::All,
             group: Group::Team
         }
-        /// How many agents without any overlap would differ as much.
+        /// Effective number of agents: number of agents without overlap that would be equally
+        /// diverse.
         effective_agents: f64 as EffectiveAgents {
             title: "effective agents", range: Range::Agents, scope: Scope::Team, runs: Runs::All,
             group: Group::Team, plotted: true
@@ -292,7 +299,8 @@ impl Metric {
         }
     }
 
-    /// The value of an update, if it has one. Metrics of episodes have none.
+    /// The value of this metric in a row; `None` if it was not measured, or if episodes have its
+    /// values.
     #[must_use]
     pub fn value(&self, row: &RoundRow) -> Option<f64> {
         match self.source {
@@ -301,9 +309,9 @@ impl Metric {
         }
     }
 
-    /// One value of all agents' updates in a round; `None` if no agent has one.
+    /// The combined value of all agents in a round; `None` if no agent has a value.
     #[must_use]
-    pub fn value_of_round(&self, updates: &[RoundRow]) -> Option<f64> {
+    pub fn team_value_of_round(&self, updates: &[RoundRow]) -> Option<f64> {
         let values: Vec<f64> = updates.iter().filter_map(|row| self.value(row)).collect();
         if values.is_empty() {
             return None;
@@ -314,29 +322,29 @@ impl Metric {
         })
     }
 
-    /// Whether it has a value per update, and so a column of `rounds.csv`.
+    /// Whether this metric has a column of `rounds.csv`.
     #[must_use]
-    pub fn is_of_rounds(&self) -> bool {
+    pub fn has_column(&self) -> bool {
         matches!(self.source, Source::Round(_))
     }
 }
 
 /// Metrics with a column of `rounds.csv`, in the order of the columns.
-pub fn of_rounds() -> impl Iterator<Item = &'static Metric> {
-    METRICS.iter().filter(|metric| metric.is_of_rounds())
+pub fn columns() -> impl Iterator<Item = &'static Metric> {
+    METRICS.iter().filter(|metric| metric.has_column())
 }
 
 /// Metrics with a column of `rounds.csv`, in the order in which they are shown.
 #[must_use]
-pub fn in_display_order() -> Vec<&'static Metric> {
-    let mut metrics: Vec<&'static Metric> = of_rounds().collect();
+pub fn columns_in_display_order() -> Vec<&'static Metric> {
+    let mut metrics: Vec<&'static Metric> = columns().collect();
     metrics.sort_by_key(|metric| metric.group);
     metrics
 }
 
 #[allow(
     clippy::derivable_impls,
-    reason = "the macro cannot mark one of the variants that it makes"
+    reason = "the macro cannot mark one of its variants as the default"
 )]
 impl Default for Curve {
     fn default() -> Self {
@@ -345,21 +353,21 @@ impl Default for Curve {
 }
 
 impl Curve {
-    /// Its entry of the table.
+    /// The metric of this curve.
     #[must_use]
     pub fn metric(self) -> &'static Metric {
-        // Variants are numbered in the order of the entries.
+        // The discriminants of `Curve` are indices into `METRICS`, because one macro defines both.
         &METRICS[self as usize]
     }
 }
 
-/// The table of the README, in Markdown: one row per column of `rounds.csv`.
+/// The table of metrics in `docs/recording.md`, as Markdown: one row per column of `rounds.csv`.
 #[must_use]
 pub fn markdown() -> String {
     let head = "| Column of `rounds.csv` | Meaning | Range | Unit | Of | Name in studies |\n\
                 |---|---|---|---|---|---|\n";
     let mut table = head.to_owned();
-    for metric in of_rounds() {
+    for metric in columns() {
         let scope = match metric.scope {
             Scope::Agent => "agent",
             Scope::Team => "team",
@@ -393,10 +401,10 @@ impl std::fmt::Display for Range {
 mod tests {
     use super::*;
 
-    /// An update of which nothing is measured but visits.
-    fn bare() -> RoundRow {
-        let mut columns: Vec<&str> = of_rounds().map(|metric| metric.key).collect();
-        let mut cells: Vec<&str> = of_rounds()
+    /// A row in which only metrics of visits are measured.
+    fn row_without_measurements() -> RoundRow {
+        let mut columns: Vec<&str> = columns().map(|metric| metric.key).collect();
+        let mut cells: Vec<&str> = columns()
             .map(|metric| match metric.group {
                 Group::Visits | Group::Team => "0.5",
                 _ => "",
@@ -404,91 +412,95 @@ mod tests {
             .collect();
         columns.extend(["agent", "round"]);
         cells.extend(["3", "7"]);
-        read(&format!("{}\n{}\n", columns.join(","), cells.join(",")))
+        read_row(&format!("{}\n{}\n", columns.join(","), cells.join(",")))
     }
 
-    fn read(table: &str) -> RoundRow {
+    fn read_row(table: &str) -> RoundRow {
         let mut reader = csv::Reader::from_reader(table.as_bytes());
         reader.deserialize().next().unwrap().unwrap()
     }
 
-    fn written(row: &RoundRow) -> String {
+    fn csv_of(row: &RoundRow) -> String {
         let mut writer = csv::Writer::from_writer(Vec::new());
         writer.serialize(row).unwrap();
         String::from_utf8(writer.into_inner().unwrap()).unwrap()
     }
 
     #[test]
-    fn curves_find_their_entries() {
+    fn every_curve_has_its_metric() {
         for metric in METRICS {
             assert_eq!(metric.curve.metric().key, metric.key);
         }
     }
 
     #[test]
-    fn columns_are_the_keys_of_metrics() {
-        let keys: Vec<&str> = of_rounds().map(|metric| metric.key).collect();
+    fn csv_columns_are_the_keys_of_metrics() {
+        let keys: Vec<&str> = columns().map(|metric| metric.key).collect();
         let header = format!("agent,round,{}", keys.join(","));
-        assert_eq!(written(&bare()).lines().next(), Some(header.as_str()));
+        assert_eq!(
+            csv_of(&row_without_measurements()).lines().next(),
+            Some(header.as_str())
+        );
     }
 
     #[test]
-    fn what_is_not_measured_is_an_empty_cell() {
-        let row = bare();
+    fn unmeasured_values_are_empty_cells() {
+        let row = row_without_measurements();
         assert_eq!((row.value_loss, row.intrinsic_reward), (None, None));
-        let text = written(&row);
+        let text = csv_of(&row);
         assert_eq!(
             text.lines().nth(1),
             Some("3,7,,,,,,,,,,0.5,0.5,0.5,0.5,0.5,0.5")
         );
-        assert_eq!(read(&text), row);
+        assert_eq!(read_row(&text), row);
     }
 
-    /// Tables of older versions have numbers where nothing was measured.
+    /// Tables of older versions have 0 instead of empty cells for unmeasured values.
     #[test]
-    fn zeros_of_older_tables_are_numbers() {
-        let table = written(&bare()).replace(",,,,,,,,,,", ",0.0,0,1,1,0,0.6,0,0,,");
-        let row = read(&table);
+    fn zeros_in_tables_of_older_versions_are_read() {
+        let table =
+            csv_of(&row_without_measurements()).replace(",,,,,,,,,,", ",0.0,0,1,1,0,0.6,0,0,,");
+        let row = read_row(&table);
         assert_eq!((row.value_loss, row.entropy), (Some(0.0), Some(0.6)));
         assert_eq!(row.bonus_agreement, None);
     }
 
     #[test]
-    fn a_round_is_measured_by_the_agents_that_have_a_value() {
-        let with = |entropy, largest_ratio| RoundRow {
+    fn team_values_ignore_agents_without_a_value() {
+        let row_with = |entropy, largest_ratio| RoundRow {
             entropy,
             largest_ratio,
-            ..bare()
+            ..row_without_measurements()
         };
         let updates = [
-            with(Some(1.0), Some(2.0)),
-            with(None, None),
-            with(Some(2.0), Some(5.0)),
+            row_with(Some(1.0), Some(2.0)),
+            row_with(None, None),
+            row_with(Some(2.0), Some(5.0)),
         ];
-        let value = |curve: Curve| curve.metric().value_of_round(&updates);
+        let value = |curve: Curve| curve.metric().team_value_of_round(&updates);
         assert_eq!(value(Curve::Entropy), Some(1.5));
         assert_eq!(value(Curve::LargestRatio), Some(5.0));
         assert_eq!(value(Curve::PolicyLoss), None);
     }
 
-    /// With `UPDATE_EXPECT=1` the table is written.
+    /// With `UPDATE_EXPECT=1` this test writes the table to `docs/recording.md`.
     #[test]
-    fn the_page_on_recordings_has_this_table() {
+    fn docs_recording_has_the_table_of_metrics() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/recording.md");
         let page = std::fs::read_to_string(&path).unwrap();
-        let (before, rest) = page.split_once("<!-- metrics:begin -->\n").unwrap();
-        let (table, after) = rest.split_once("<!-- metrics:end -->").unwrap();
+        let (text_before, text_from_table) = page.split_once("<!-- metrics:begin -->\n").unwrap();
+        let (table, text_after) = text_from_table.split_once("<!-- metrics:end -->").unwrap();
         if std::env::var_os("UPDATE_EXPECT").is_some() {
-            let marked = format!("<!-- metrics:begin -->\n{}<!-- metrics:end -->", markdown());
-            std::fs::write(&path, format!("{before}{marked}{after}")).unwrap();
+            let new_section = format!("<!-- metrics:begin -->\n{}<!-- metrics:end -->", markdown());
+            std::fs::write(&path, format!("{text_before}{new_section}{text_after}")).unwrap();
         } else {
             assert_eq!(table, markdown(), "run `cargo xtask bless`");
         }
     }
 
     #[test]
-    fn metrics_are_shown_group_by_group() {
-        let keys: Vec<&str> = in_display_order()
+    fn columns_are_shown_group_by_group() {
+        let keys: Vec<&str> = columns_in_display_order()
             .iter()
             .filter(|metric| metric.recorded)
             .map(|metric| metric.key)

@@ -1,4 +1,4 @@
-//! Recordings: files about a run for people to look at and for tools to read.
+//! Recordings: the files of a run that show its course, for viewers and for other tools.
 //!
 //! The training loop is handed a [`RecorderFactory`] for each file and calls the [`Recorder`] that
 //! it makes. [`recording`] writes `run.rrd`; with the feature `rerun` it is the module `rerun`, the
@@ -40,12 +40,12 @@ use seedbed_learn::experience::{Episode, StepData};
 /// What a build without the feature `rerun` says where a recording is asked for.
 pub(crate) const UNAVAILABLE: &str = "this build of seedbed has no recordings: build it with the feature `rerun`, which is on by default";
 
-/// Records rounds as they finish. Must not change what is learned.
+/// Records each round after it is finished. Must not change what is learned.
 pub trait Recorder {
     /// Records one round.
     ///
     /// # Errors
-    /// The file could not be written; what was written before stays readable.
+    /// If the file cannot be written. Everything written before stays readable.
     fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError>;
 
     /// Writes everything recorded so far to disk, and returns what is needed to resume after an
@@ -61,7 +61,7 @@ pub trait Recorder {
     /// The file could not be completed; what was written before stays readable.
     fn finish(&mut self) -> Result<(), RecordError>;
 
-    /// The latest warning since the last call: something users should know, although no data is lost.
+    /// The latest warning since the last call. A warning concerns users, but no data is lost.
     fn warning(&mut self) -> Option<String> {
         None
     }
@@ -123,13 +123,13 @@ impl RoundRecord<'_> {
 /// The poses of all bodies in each state of an episode, and the forces on them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BodyTrajectory {
-    /// The agent.
+    /// Number of the agent, from 0.
     pub agent: u32,
     /// Number of the agent's episode, from 0.
     pub episode: u32,
     /// Pose of each body in each state: `[(T+1) × bodies]`
     pub poses: Vec<Pose>,
-    /// The forces during the step that led to each state, state by state; none for the first state.
+    /// The forces during the step before each state, state by state. The first state has none.
     pub forces: Vec<Force>,
     /// Number of forces that belong to each state: `[T+1]`
     pub forces_per_row: Vec<usize>,
@@ -144,7 +144,7 @@ pub struct EpisodeRow {
     pub episode: u32,
     /// Number of the round, from 0.
     pub round: u32,
-    /// Steps of the whole team up to and including this row.
+    /// Number of steps of the whole team, up to and including this episode.
     pub env_steps: u64,
     /// Sum of the environment's rewards, undiscounted.
     pub r#return: f64,
@@ -156,31 +156,31 @@ pub struct EpisodeRow {
     pub coverage: f64,
     /// Entropy of the agent's visited states at the end of the round, nats.
     pub visitation_entropy: f64,
-    /// Overlap of the agents' visited states at the end of the round, 0 to 1; the same for all agents.
+    /// Overlap of the agents' visited states at the end of the round, 0 to 1; equal for all agents.
     pub team_overlap: f64,
-    /// Effective number of agents: the number of agents without any overlap that would be as diverse,
-    /// 1 to K; the same for all agents.
+    /// Effective number of agents at the end of the round: the number of agents without overlap
+    /// that would be equally diverse, 1 to K; equal for all agents of a round.
     pub effective_agents: f64,
 }
 
-/// A recording that could not be written or resumed.
+/// Error: a file of a recording cannot be written or resumed.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {attempt} {path}: {reason}")]
 pub struct RecordError {
     /// The file.
     pub path: PathBuf,
-    /// What failed.
+    /// The operation that failed.
     pub attempt: Attempt,
-    /// Why it failed.
+    /// Reason of the failure.
     pub reason: String,
 }
 
-/// What a recorder tried to do with its file.
+/// An operation of a recorder on its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attempt {
-    /// Create it or add to it.
+    /// Create the file or add to it.
     Write,
-    /// Resume it from a checkpoint.
+    /// Resume the file from a checkpoint.
     Resume,
 }
 

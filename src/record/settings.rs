@@ -7,32 +7,32 @@ use seedbed_env::Spec;
 use seedbed_env::input::numbers::{Count, FiniteNumber, known, known_count};
 use seedbed_env::input::{Located, ValidationError};
 
-/// What a recording holds, and how much of it.
+/// Contents of a recording, and how much of each is recorded.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordingSettings {
-    /// Maximum number of lines and points visible at once, per agent.
+    /// Maximum number of lines and points per agent that are visible at once.
     pub lines: Count<10_000>,
-    /// Number of latest rounds in one density image, and of latest episodes whose lines and points
-    /// are visible at once.
+    /// Number of latest rounds in one density image, and number of latest episodes whose lines and
+    /// points are visible at once.
     pub window: Count<1000>,
     /// What the color of a line or point shows. Scenarios call it `colour`, which stored digests of
     /// runs depend on; `color` is accepted as well.
     #[serde(rename = "colour", alias = "color")]
     pub color: Located<ColorBy>,
-    /// The vertical axes that lines cross, from left to right.
+    /// The vertical axes of parallel coordinates, from left to right.
     pub axes: Located<Vec<AxisChoice>>,
-    /// The pairs of observations that are plotted against each other.
+    /// The pairs of observations that are drawn as scatter plots.
     pub pairs: PairChoice,
     /// The two agents whose densities are compared.
     pub difference: Difference,
     /// Rounds between two density images; the interval doubles after 200 images, and again each
     /// time the run has doubled in length.
     pub density_every: Count,
-    /// Interval between the episodes of each agent whose states and actions are recorded as columns;
-    /// 1 records every episode. The first episode is always recorded.
+    /// Interval between the episodes of each agent whose states and actions are recorded as
+    /// columns; 1 records every episode. The first episode is always recorded.
     pub raw_every: Count,
-    /// The agents whose bodies are recorded; none records no bodies.
+    /// The agents whose bodies are recorded; `None` records no bodies.
     pub scene: Option<SceneSettings>,
 }
 
@@ -40,17 +40,18 @@ pub struct RecordingSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ColorBy {
-    /// The agent; darker at an episode's start, brighter at its end.
+    /// The agent; lines are dark at the start of an episode and bright at its end.
     #[default]
     Agent,
-    /// The number of the episode, from the run's first to its last.
+    /// The number of the episode, on a scale from the first to the last episode of the run.
     Episode,
-    /// The episode's return, from the lowest of the first round to the task's reward threshold or,
-    /// without one, to the highest of the first round. Returns outside have the color of the end.
+    /// The return of the episode. The scale begins at the lowest return of the first round and ends
+    /// at the reward threshold of the task or, if it has none, at the highest return of the first
+    /// round. Returns outside the scale have the color of its nearer end.
     Return,
     /// The outcome of the episode: terminated or truncated.
     Outcome,
-    /// The bonus of the step taken from the state. Only for agents with a bonus.
+    /// The bonus of the step that starts in the state. Requires agents with a bonus.
     IntrinsicReward,
 }
 
@@ -62,7 +63,7 @@ pub enum AxisChoice {
     Observations,
     /// The action, one axis per component.
     Action,
-    /// The environment's reward for the action; values outside the axis are drawn at its ends.
+    /// The environment's reward for the action. Values outside the axis are drawn at its ends.
     Reward {
         /// Value at the lower end.
         #[serde(default = "minus_one")]
@@ -71,8 +72,8 @@ pub enum AxisChoice {
         #[serde(default = "plus_one")]
         to: Located<FiniteNumber>,
     },
-    /// The agent's estimate of the action's advantage, before learning from it and before any
-    /// standardization; values outside the axis are drawn at its ends. Only with `SeedPg`.
+    /// The advantage of the action as estimated by the agent, before the update and before
+    /// standardization. Values outside the axis are drawn at its ends. Requires `SeedPg`.
     Advantage {
         /// Value at the lower end.
         #[serde(default = "minus_one")]
@@ -87,13 +88,13 @@ pub enum AxisChoice {
     Step,
 }
 
-/// The pairs of observations that are plotted against each other.
+/// The pairs of observations that are drawn as scatter plots.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum PairChoice {
-    /// The first with the second, the third with the fourth, and so on; at most N pairs.
+    /// The first and second observation, the third and fourth, and so on; at most N pairs.
     First(Count<16>),
-    /// The named pairs: horizontal and vertical observation.
+    /// The given pairs of names: horizontal and vertical observation.
     These(Vec<(Located<String>, Located<String>)>),
 }
 
@@ -101,10 +102,10 @@ pub enum PairChoice {
 #[derive(Clone, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Difference {
-    /// The two that differ most at the time.
+    /// The two agents that differ most at the time of the image.
     #[default]
     MostDifferent,
-    /// The given two.
+    /// The two given agents.
     Between(Located<u32>, Located<u32>),
     /// No comparison.
     Off,
@@ -155,11 +156,11 @@ fn plus_one() -> Located<FiniteNumber> {
 }
 
 impl RecordingSettings {
-    /// Checks that the settings fit a team of `agents`, and whether these have a bonus and estimate
-    /// advantages.
+    /// Checks that the settings are valid for a team of `agents` with or without bonuses and
+    /// estimated advantages.
     ///
     /// # Errors
-    /// The field that does not fit, and why.
+    /// The invalid field, and the reason.
     pub fn check(
         &self,
         agents: u32,
@@ -187,7 +188,7 @@ impl RecordingSettings {
         self.check_axes()
     }
 
-    /// Whether an axis shows advantages, so that they must be recorded.
+    /// Whether an axis shows advantages, in which case they are recorded.
     #[must_use]
     pub fn has_advantages(&self) -> bool {
         self.axes
@@ -195,8 +196,8 @@ impl RecordingSettings {
             .any(|axis| matches!(axis, AxisChoice::Advantage { .. }))
     }
 
-    /// The same settings for agents that do not learn and so estimate no advantages. If no axis is
-    /// left, observations are the axes.
+    /// The settings without axes of advantages, for agents that do not learn. If no axis remains,
+    /// all observations are the axes.
     #[must_use]
     pub fn without_advantages(mut self) -> Self {
         if self.has_advantages() {
@@ -231,7 +232,7 @@ impl RecordingSettings {
         Ok(())
     }
 
-    /// Checks that all pairs name observations of the task.
+    /// Checks that all names in `pairs` are observations of the task.
     ///
     /// # Errors
     /// The first name that is not an observation.
@@ -291,9 +292,9 @@ fn check_agent(agent: &Located<u32>, count: u32) -> Result<(), ValidationError> 
 mod tests {
     use super::*;
 
-    /// Stored scenarios, and digests of runs with them, have `colour`.
+    /// Stored scenarios have `colour`, and digests of stored runs depend on that spelling.
     #[test]
-    fn both_spellings_of_color_are_read_and_one_is_written() {
+    fn both_spellings_of_color_are_read_and_colour_is_written() {
         let read = |text| ron::from_str::<RecordingSettings>(text).unwrap();
         let settings = read("(color: Episode)");
         assert_eq!(settings, read("(colour: Episode)"));
@@ -302,10 +303,10 @@ mod tests {
         assert!(written.contains("colour:Episode"), "{written}");
     }
 
-    /// The axis of advantages is removed and the others keep their order; if it was the only one,
-    /// observations replace it.
+    /// The axis of advantages is removed, and the other axes keep their order. If it is the only
+    /// axis, it is replaced by the observations.
     #[test]
-    fn agents_that_do_not_learn_have_no_axis_of_advantages() {
+    fn settings_without_advantages_have_no_axis_of_advantages() {
         let advantage = AxisChoice::Advantage {
             from: minus_one(),
             to: plus_one(),

@@ -1,5 +1,4 @@
-//! The tables `episodes.csv` and `rounds.csv`: what reports and other tools read. [`read`] takes
-//! them up again.
+//! The tables `episodes.csv` and `rounds.csv`. [`TableRecorder`] writes them, [`read`] reads them.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
@@ -48,16 +47,16 @@ impl TableRecorder {
     /// Starts empty tables in `folder`.
     ///
     /// # Errors
-    /// A file cannot be created.
+    /// If a file cannot be created.
     pub fn create(folder: &Path) -> Result<Self, RecordError> {
         Self::open(folder, [0, 0])
     }
 
-    /// Goes on with the tables in `folder` where [`checkpoint`](Recorder::checkpoint) left them;
-    /// later rows are cut off.
+    /// Resumes the tables in `folder` from a [`checkpoint`](Recorder::checkpoint). Rows that were
+    /// written after the checkpoint are removed.
     ///
     /// # Errors
-    /// A file is missing or shorter than it was.
+    /// If a file is missing or shorter than at the checkpoint.
     pub fn resume(folder: &Path, checkpoint: &[u8]) -> Result<Self, RecordError> {
         let lengths = postcard::from_bytes(checkpoint).map_err(|error| RecordError {
             path: folder.to_owned(),
@@ -83,7 +82,7 @@ impl Recorder for TableRecorder {
 
     fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError> {
         let lengths = [self.episodes.sync()?, self.rounds.sync()?];
-        Ok(postcard::to_stdvec(&lengths).expect("two numbers always serialise"))
+        Ok(postcard::to_stdvec(&lengths).expect("two numbers can always be serialized"))
     }
 
     fn finish(&mut self) -> Result<(), RecordError> {
@@ -92,33 +91,33 @@ impl Recorder for TableRecorder {
     }
 }
 
-/// A table that cannot be read.
+/// Error: a table cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot read {path}: {reason}")]
 pub struct TableError {
     /// The file.
     pub path: PathBuf,
-    /// What is the matter, and in which line.
+    /// Reason, with the line of the file if it is known.
     pub reason: String,
 }
 
-/// Reads the rows of a table: of `episodes.csv` as [`EpisodeRow`](super::EpisodeRow), of
-/// `rounds.csv` as [`RoundRow`](super::RoundRow). Columns are found by their names. A last row that
-/// is torn, as a killed run may leave it, is left out.
+/// Reads the rows of a table: [`EpisodeRow`](super::EpisodeRow) of `episodes.csv`,
+/// [`RoundRow`](super::RoundRow) of `rounds.csv`. Columns are found by name. An incomplete last
+/// row, as a killed run may leave it, is ignored.
 ///
 /// # Errors
-/// The file cannot be read, lacks a column, or has a row that is no row of this table.
+/// If the file cannot be read, if a column is missing, or if a row is invalid.
 pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, TableError> {
-    let fault = |reason: String| TableError {
+    let error_with_path = |reason: String| TableError {
         path: path.to_owned(),
         reason,
     };
-    let text = std::fs::read_to_string(path).map_err(|error| fault(error.to_string()))?;
-    let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
-    let rows: Result<Vec<R>, csv::Error> = csv::Reader::from_reader(whole.as_bytes())
+    let text = std::fs::read_to_string(path).map_err(|error| error_with_path(error.to_string()))?;
+    let complete_rows = text.rfind('\n').map_or("", |end| &text[..=end]);
+    let rows: Result<Vec<R>, csv::Error> = csv::Reader::from_reader(complete_rows.as_bytes())
         .into_deserialize()
         .collect();
-    rows.map_err(|error| fault(error.to_string()))
+    rows.map_err(|error| error_with_path(error.to_string()))
 }
 
 struct Table {
@@ -127,9 +126,10 @@ struct Table {
 }
 
 impl Table {
-    /// Opens the file and cuts it to `length` bytes; an empty one will open with a header.
+    /// Opens the file and truncates it to `length` bytes. If `length` is 0, the first row that is
+    /// written is preceded by a header.
     fn open(path: PathBuf, length: u64) -> Result<Self, RecordError> {
-        let cut = || -> std::io::Result<File> {
+        let open_and_truncate = || -> std::io::Result<File> {
             let mut file = OpenOptions::new()
                 .create(true)
                 .truncate(false)
@@ -144,7 +144,7 @@ impl Table {
             file.seek(SeekFrom::End(0))?;
             Ok(file)
         };
-        match cut() {
+        match open_and_truncate() {
             Ok(file) => Ok(Self {
                 writer: csv::WriterBuilder::new()
                     .has_headers(length == 0)
@@ -169,13 +169,13 @@ impl Table {
     fn append<R: Serialize>(&mut self, rows: &[R]) -> Result<(), RecordError> {
         rows.iter()
             .try_for_each(|row| self.writer.serialize(row))
-            .map_err(|error| self.fault(error))
+            .map_err(|error| self.error_with_path(error))
     }
 
-    /// Brings all rows to disk and returns the file's length in bytes.
+    /// Writes all rows to the disk, and returns the length of the file in bytes.
     fn sync(&mut self) -> Result<u64, RecordError> {
         let length = self.flush();
-        length.map_err(|error| self.fault(error))
+        length.map_err(|error| self.error_with_path(error))
     }
 
     fn flush(&mut self) -> std::io::Result<u64> {
@@ -186,7 +186,7 @@ impl Table {
         Ok(file.metadata()?.len())
     }
 
-    fn fault(&self, error: impl std::fmt::Display) -> RecordError {
+    fn error_with_path(&self, error: impl std::fmt::Display) -> RecordError {
         RecordError {
             path: self.path.clone(),
             attempt: Attempt::Write,

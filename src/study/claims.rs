@@ -1,4 +1,4 @@
-//! Verdicts on the claims of a study, by rules that are fixed before the runs.
+//! Verdicts on the claims of a study. The rules are fixed before the runs.
 
 use super::comparison::{Comparison, compare};
 use super::file::{Claim, ClaimDirection};
@@ -6,31 +6,31 @@ use super::results::Results;
 use seedbed_stats::hypothesis::holm_correction;
 use seedbed_stats::{Direction, Interval, Verdict, is_smaller_than_claimed, verdict};
 
-/// Min number of runs per cell for a verdict that there is no effect.
+/// Minimum number of runs per cell for the verdict that a claim of no effect is replicated.
 pub const MIN_RUNS_FOR_NULL_CLAIM: usize = 30;
 
-/// A claim held against the data.
+/// Result of comparing a claim with the runs of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClaimResult {
-    /// What the data say; `None` if a cell has no runs.
+    /// Comparison of the two cells of the claim; `None` if a cell has no runs.
     pub comparison: Option<Comparison>,
     /// p-value of the claim's test after Holm's correction over all claims of the study.
     pub p: f64,
-    /// Verdict.
+    /// Verdict on the claim.
     pub verdict: Verdict,
-    /// Whether the claim is replicated, but its size is excluded.
+    /// Whether the claim is replicated, but with an effect smaller than claimed.
     pub is_smaller: bool,
-    /// Whether the claim was written or changed when both cells that it compares had runs.
+    /// Whether the claim was added or changed after both of its cells had runs.
     pub is_late: bool,
 }
 
-/// Holds all claims of a study against its runs, in the order of the claims.
+/// Evaluates all claims of a study with its runs. Results are in the order of the claims.
 #[must_use]
 pub fn evaluate(results: &Results) -> Vec<ClaimResult> {
     let claims = &results.study.claims;
     let comparisons: Vec<Option<Comparison>> = claims
         .iter()
-        .map(|claim| comparison(results, claim))
+        .map(|claim| compare_cells(results, claim))
         .collect();
     let uncorrected: Vec<f64> = comparisons
         .iter()
@@ -51,7 +51,7 @@ pub fn evaluate(results: &Results) -> Vec<ClaimResult> {
     claim_results
 }
 
-fn comparison(results: &Results, claim: &Claim) -> Option<Comparison> {
+fn compare_cells(results: &Results, claim: &Claim) -> Option<Comparison> {
     let measure = results.study.measure_of(claim);
     let scores = |cell: &str| {
         let cell = results.cell(cell);
@@ -83,7 +83,8 @@ fn verdict_of_claim(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
     }
 }
 
-/// Whether an effect is replicated but smaller than claimed. Claims of no effect cannot be.
+/// Whether an effect is in the claimed direction but smaller than claimed. False for claims of no
+/// effect.
 fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
     let Some(comparison) = comparison else {
         return false;
@@ -97,8 +98,9 @@ fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
         && is_smaller_than_claimed(comparison.effect.interval, direction, claim.size.get())
 }
 
-/// Verdict on the claim that an effect lies between `low_bound` and `high_bound`: replicated if its
-/// whole interval does and there are enough runs, not replicated if no part of the interval does.
+/// Verdict on the claim that an effect is between `low_bound` and `high_bound`: replicated if its
+/// whole interval is within the bounds and there are enough runs, not replicated if its whole
+/// interval is outside.
 fn verdict_of_null_claim(
     effect: Interval,
     [low_bound, high_bound]: [f64; 2],
@@ -107,7 +109,8 @@ fn verdict_of_null_claim(
     let Interval::Known { low, high } = effect else {
         return Verdict::Inconclusive;
     };
-    // An infinite bound is no bound: an interval that reaches to infinity is within it.
+    // An infinite bound means that there is no bound, so infinite ends of the interval are within
+    // it.
     let is_inside = (low > low_bound || low_bound.is_infinite())
         && (high < high_bound || high_bound.is_infinite());
     let is_outside = low >= high_bound || high <= low_bound;
@@ -122,7 +125,7 @@ fn verdict_of_null_claim(
 }
 
 impl ClaimResult {
-    /// Verdict in words, such as `replicated`.
+    /// Verdict as text, such as `replicated`.
     #[must_use]
     pub fn verdict_text(&self) -> &'static str {
         match self.verdict {
@@ -139,7 +142,7 @@ mod tests {
     use super::*;
     use seedbed_stats::Estimate;
 
-    fn null(low: f64, high: f64, bounds: [f64; 2], n: usize) -> Verdict {
+    fn null_claim_verdict(low: f64, high: f64, bounds: [f64; 2], n: usize) -> Verdict {
         let interval = Interval::Known { low, high };
         let estimate = Estimate {
             value: f64::midpoint(low, high),
@@ -156,36 +159,45 @@ mod tests {
         verdict_of_null_claim(interval, bounds, &comparison)
     }
 
-    /// The claim that an effect is smaller than 2 is replicated from −1 to 1, not replicated from 3
-    /// to 5, and inconclusive from 1 to 3.
+    /// The claim that an effect is smaller than 2 in magnitude is replicated by the interval −1 to
+    /// 1, not replicated by 3 to 5, and inconclusive for 1 to 3.
     #[test]
-    fn a_null_claim_is_replicated_if_every_effect_that_matters_is_excluded() {
+    fn null_claims_need_intervals_within_their_bounds() {
         use Verdict::{Inconclusive, NotReplicated, Replicated};
         let same = [-2.0, 2.0];
         assert_eq!(
             [
-                null(-1.0, 1.0, same, 30),
-                null(3.0, 5.0, same, 30),
-                null(1.0, 3.0, same, 30)
+                null_claim_verdict(-1.0, 1.0, same, 30),
+                null_claim_verdict(3.0, 5.0, same, 30),
+                null_claim_verdict(1.0, 3.0, same, 30)
             ],
             [Replicated, NotReplicated, Inconclusive]
         );
         assert_eq!(
-            [null(-1.0, 1.0, same, 29), null(3.0, 5.0, same, 29)],
+            [
+                null_claim_verdict(-1.0, 1.0, same, 29),
+                null_claim_verdict(3.0, 5.0, same, 29)
+            ],
             [Inconclusive, NotReplicated]
         );
         let not_more = [f64::NEG_INFINITY, 2.0];
         assert_eq!(
             [
-                null(f64::NEG_INFINITY, 1.0, not_more, 30),
-                null(-9.0, -5.0, not_more, 30)
+                null_claim_verdict(f64::NEG_INFINITY, 1.0, not_more, 30),
+                null_claim_verdict(-9.0, -5.0, not_more, 30)
             ],
             [Replicated; 2]
         );
         assert_eq!(
-            [null(2.0, 9.0, not_more, 30), null(1.0, 3.0, not_more, 30)],
+            [
+                null_claim_verdict(2.0, 9.0, not_more, 30),
+                null_claim_verdict(1.0, 3.0, not_more, 30)
+            ],
             [NotReplicated, Inconclusive]
         );
-        assert_eq!(null(-5.0, -3.0, [-2.0, f64::INFINITY], 30), NotReplicated);
+        assert_eq!(
+            null_claim_verdict(-5.0, -3.0, [-2.0, f64::INFINITY], 30),
+            NotReplicated
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! Comparison of two settings: how far apart their runs are, how certain that is, and how often a
-//! run of one is ahead of a run of the other.
+//! Comparison of two cells in one measure: effect with interval, p-value, and probability that a
+//! run of one cell is below a run of the other.
 
 use super::file::Test;
 use super::measure::Measure;
@@ -11,53 +11,54 @@ use seedbed_stats::paired::{differences, signed_rank_test};
 use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
 use seedbed_stats::{Estimate, Interval, bootstrap_sample, bootstrap_strata};
 
-/// A measure of one run.
+/// Value of a measure for one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Score {
-    /// Seed of the run.
+    /// Run seed.
     pub seed: u64,
-    /// Value; infinite for a time that was not reached.
+    /// Value of the measure; infinite for a time that was not reached.
     pub value: f64,
-    /// End of a run that did not reach the time; infinite if the value is known.
+    /// For a time that was not reached, the end of the run; otherwise infinite.
     pub observed_until: f64,
 }
 
-/// Summary of the runs of one setting in one measure.
+/// Summary of the runs of one cell in one measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aggregate {
     /// Number of runs.
     pub n: usize,
-    /// Number of runs that reached the time; all, if the measure is not a time.
+    /// Number of runs that reached the time. Equals `n` if the measure is not a time.
     pub reached: usize,
-    /// Median; of times the Kaplan–Meier median, infinite if fewer than half of the runs reached it.
+    /// Median. For times this is the Kaplan–Meier median, infinite if S never falls below ½.
     pub median: Estimate,
     /// Interquartile mean; `None` if a run did not reach the time.
     pub interquartile_mean: Option<Estimate>,
-    /// Min and max.
+    /// Minimum and maximum.
     pub range: [f64; 2],
 }
 
-/// One setting against another.
+/// Comparison of a first with a second cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
-    /// Number of runs of the first and of the second setting; of pairs, the number of pairs twice.
+    /// Number of runs of the first and of the second cell. In a paired comparison both are the
+    /// number of pairs.
     pub n: [usize; 2],
-    /// Effect: the first less the second. Medians of times, means of all other measures. Not a
-    /// number if it depends on times that were not reached.
+    /// Effect: first minus second. It is a median for times and a mean for all other measures. NaN
+    /// if it depends on unknown differences between times that were not reached.
     pub effect: Estimate,
-    /// Smallest and largest value that the effect can have, whatever the times that were not
-    /// reached are; twice the effect if it does not depend on them.
+    /// Smallest and largest effect over all possible values of unknown differences. Both equal the
+    /// effect if it does not depend on unknown differences.
     pub effect_bounds: [f64; 2],
-    /// Probability that a run of the first is below a run of the second; a tie counts half.
+    /// Probability that a run of the first cell is below a run of the second. A tie counts half.
     pub probability_below: Estimate,
     /// Two-sided p-value of the test.
     pub p: f64,
-    /// Time up to which all runs were observed. Later times count as not reached.
+    /// Time up to which all runs were observed. Times after it count as not reached.
     pub horizon: f64,
 }
 
 impl Score {
-    /// A measure of a run; `None` if the run does not have it.
+    /// Score of a run in a measure; `None` if the run does not have this measure.
     #[must_use]
     pub fn of(measure: Measure, seed: u64, run: &RunResult) -> Option<Self> {
         let value = measure.of(run)?;
@@ -86,13 +87,14 @@ impl Score {
     }
 }
 
-/// Times of runs, censored if they were not reached.
+/// Converts scores of times to times for survival analysis. Times that were not reached are
+/// censored.
 #[must_use]
 pub fn times_to_event(scores: &[Score]) -> Vec<TimeToEvent> {
     scores.iter().map(|score| score.time_to_event()).collect()
 }
 
-/// Summary of scores. With `are_times`, infinite ones are censored. `None` without scores.
+/// Summarizes scores. With `are_times`, infinite scores are censored times. `None` without scores.
 #[must_use]
 pub fn aggregate(scores: &[Score], are_times: bool) -> Option<Aggregate> {
     let values: Vec<f64> = scores.iter().map(|score| score.value).collect();
@@ -122,8 +124,8 @@ pub fn aggregate(scores: &[Score], are_times: bool) -> Option<Aggregate> {
     })
 }
 
-/// Compares two settings. `None` if one has no runs or, in a paired comparison, if they have no seed
-/// in common.
+/// Compares the scores of two cells. `None` if a cell has no runs or, in a paired comparison, if
+/// the cells have no run seed in common.
 #[must_use]
 pub fn compare(
     first: &[Score],
@@ -140,12 +142,16 @@ pub fn compare(
         return None;
     }
     let horizon = horizon(first.iter().chain(&second));
-    let (x, y) = (censored_at(horizon, &first), censored_at(horizon, &second));
+    let (x, y) = (
+        values_censored_after(horizon, &first),
+        values_censored_after(horizon, &second),
+    );
     let (effect, p) = match test {
         Test::Paired => compare_pairs(&x, &y, are_times),
         Test::Independent => compare_samples([&first, &second], [&x, &y], are_times),
     };
-    // The probability of improvement counts higher scores as better: lower ones, negated.
+    // Values are negated, because the probability of improvement is the probability of a higher
+    // score.
     let probability_below = probability_of_improvement(&[negated(&x)], &[negated(&y)]);
     Some(Comparison {
         n: [x.len(), y.len()],
@@ -162,7 +168,7 @@ fn negated(values: &[f64]) -> Vec<f64> {
 }
 
 impl Comparison {
-    /// Probability that a run of the first is above a run of the second; a tie counts half.
+    /// Probability that a run of the first cell is above a run of the second. A tie counts half.
     #[must_use]
     pub fn probability_above(&self) -> Estimate {
         let interval = match self.probability_below.interval {
@@ -182,27 +188,28 @@ impl Comparison {
 fn common_seeds(first: &[Score], second: &[Score]) -> (Vec<Score>, Vec<Score>) {
     let mut pairs = (Vec::new(), Vec::new());
     for score in first {
-        if let Some(partner) = second.iter().find(|other| other.seed == score.seed) {
+        if let Some(score_of_second) = second.iter().find(|candidate| candidate.seed == score.seed)
+        {
             pairs.0.push(*score);
-            pairs.1.push(*partner);
+            pairs.1.push(*score_of_second);
         }
     }
     pairs
 }
 
-/// End of the first run that did not reach its time.
+/// Earliest end of a run that did not reach its time; infinite if all runs did.
 ///
-/// A run that was given fewer episodes may have missed the time for that reason alone. So both
-/// settings are compared over the time during which all runs were observed.
+/// A run with a smaller budget of episodes may not reach its time for that reason only. So cells
+/// are compared over the time during which all runs were observed.
 fn horizon<'a>(scores: impl Iterator<Item = &'a Score>) -> f64 {
-    let missed = scores.filter(|score| score.value.is_infinite());
-    missed
+    let scores_without_time = scores.filter(|score| score.value.is_infinite());
+    scores_without_time
         .map(|score| score.observed_until)
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Values of scores; times after the horizon count as not reached.
-fn censored_at(horizon: f64, scores: &[Score]) -> Vec<f64> {
+/// Values of scores, where times after the horizon are infinite (not reached).
+fn values_censored_after(horizon: f64, scores: &[Score]) -> Vec<f64> {
     let mut values = Vec::with_capacity(scores.len());
     for score in scores {
         let is_within = score.value <= horizon;
@@ -215,7 +222,7 @@ fn censored_at(horizon: f64, scores: &[Score]) -> Vec<f64> {
     values
 }
 
-/// An effect that may depend on differences between times that were not reached.
+/// An effect that may depend on unknown differences between times that were not reached.
 struct Effect {
     estimate: Estimate,
     bounds: [f64; 2],
@@ -224,7 +231,7 @@ struct Effect {
 fn compare_pairs(x: &[f64], y: &[f64], are_times: bool) -> (Effect, f64) {
     let differences = differences(x, y);
     let effect = if are_times {
-        bound_by_unknown(|unknown| {
+        bounded_effect(|unknown| {
             let pairs = x.iter().zip(y);
             let differences: Vec<f64> = pairs
                 .map(|(&x, &y)| difference_of_times(x, y, unknown))
@@ -241,8 +248,8 @@ fn compare_pairs(x: &[f64], y: &[f64], are_times: bool) -> (Effect, f64) {
     (effect, signed_rank_test(&differences).p)
 }
 
-/// Difference of two times. If neither was reached, either may be the longer one by any amount:
-/// their difference is `unknown`.
+/// Difference of two times. If neither time was reached, either may be longer by any amount, so the
+/// difference is the parameter `unknown`.
 fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
     if x.is_infinite() && y.is_infinite() {
         unknown
@@ -251,15 +258,19 @@ fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
     }
 }
 
-/// Bounds an effect that depends on unknown differences.
+/// Computes an effect that may depend on unknown differences, with bounds.
 ///
-/// `assuming(d)` estimates the effect if every unknown difference were `d`. Medians never decrease
-/// when one of their values increases. So the estimates for d = −∞ and d = ∞ are the smallest and
-/// the largest that any unknown differences can give, and so are the ends of their intervals: from
-/// the lower end for −∞ to the upper end for ∞ the interval covers all cases. If both estimates are
-/// equal, the effect does not depend on what is unknown; otherwise its value is not a number.
-fn bound_by_unknown(assuming: impl Fn(f64) -> Estimate) -> Effect {
-    let (smallest, largest) = (assuming(f64::NEG_INFINITY), assuming(f64::INFINITY));
+/// `estimate_assuming(d)` estimates the effect if every unknown difference were `d`. Medians never
+/// decrease when one of their values increases. So the estimates for d = −∞ and d = ∞ are the
+/// smallest and the largest that any unknown differences can give, and so are the ends of their
+/// intervals: from the lower end for −∞ to the upper end for ∞ the interval covers all cases. If
+/// both estimates are equal, the effect does not depend on unknown differences; otherwise its value
+/// is NaN.
+fn bounded_effect(estimate_assuming: impl Fn(f64) -> Estimate) -> Effect {
+    let (smallest, largest) = (
+        estimate_assuming(f64::NEG_INFINITY),
+        estimate_assuming(f64::INFINITY),
+    );
     let interval = match (smallest.interval, largest.interval) {
         (Interval::Known { low, .. }, Interval::Known { high, .. }) => {
             Interval::Known { low, high }
@@ -275,14 +286,15 @@ fn bound_by_unknown(assuming: impl Fn(f64) -> Estimate) -> Effect {
 }
 
 fn compare_samples(scores: [&[Score]; 2], [x, y]: [&[f64]; 2], are_times: bool) -> (Effect, f64) {
-    let center = if are_times { median } else { mean };
+    let statistic = if are_times { median } else { mean };
     let samples = [x.to_vec(), y.to_vec()];
-    let effect = bound_by_unknown(|unknown| {
+    let effect = bounded_effect(|unknown| {
         bootstrap_strata(&samples, |samples| {
-            difference_of_times(center(&samples[0]), center(&samples[1]), unknown)
+            difference_of_times(statistic(&samples[0]), statistic(&samples[1]), unknown)
         })
     });
-    // The log-rank test treats censored times itself, so it takes them without the common horizon.
+    // The log-rank test accounts for censoring itself, so it gets the times without the common
+    // horizon.
     let p = if are_times {
         let [first, second] = scores.map(times_to_event);
         log_rank_test(&first, &second).map(|test| test.p)
@@ -296,11 +308,12 @@ fn compare_samples(scores: [&[Score]; 2], [x, y]: [&[f64]; 2], are_times: bool) 
 mod tests {
     use super::*;
 
-    /// Times; a `+` marks a run that ended then without reaching it. Seeds count from 0.
-    fn times(words: &str) -> Vec<Score> {
-        let score = |(seed, word): (usize, &str)| {
-            let time = word.trim_end_matches('+').parse().unwrap();
-            let (value, observed_until) = if word.ends_with('+') {
+    /// Scores of times such as `10 50+`, where `50+` is a run that ended at 50 without reaching its
+    /// time. Run seeds count from 0.
+    fn times(text: &str) -> Vec<Score> {
+        let score = |(seed, token): (usize, &str)| {
+            let time = token.trim_end_matches('+').parse().unwrap();
+            let (value, observed_until) = if token.ends_with('+') {
                 (f64::INFINITY, time)
             } else {
                 (time, f64::INFINITY)
@@ -311,18 +324,18 @@ mod tests {
                 observed_until,
             }
         };
-        words.split_whitespace().enumerate().map(score).collect()
+        text.split_whitespace().enumerate().map(score).collect()
     }
 
     fn paired_times(first: &str, second: &str) -> Comparison {
         compare(&times(first), &times(second), true, Test::Paired).unwrap()
     }
 
-    /// Differences −10, −20, −30, −40, −50 have median −30; all of one sign has p = 2/2⁵. Of the 25
-    /// pairs 10 beats five of 20 to 100 and so on: each of 10, 20, 30, 40, 50 is below 5, 4½, 4,
-    /// 3½, 3 of them, which makes 20 in 25.
+    /// The differences −10, −20, −30, −40, −50 have median −30, and p = 2/2⁵ because all have the
+    /// same sign. 10, 20, 30, 40 and 50 are below 5, 4½, 4, 3½ and 3 of the second times, which is
+    /// 20 of 25 pairs.
     #[test]
-    fn pairs_are_compared_seed_by_seed() {
+    fn paired_comparisons_use_differences_per_seed() {
         let comparison = paired_times("10 20 30 40 50", "20 40 60 80 100");
         assert_eq!(
             (
@@ -333,7 +346,7 @@ mod tests {
             (-30.0, 0.8, 0.0625)
         );
         let Interval::Known { low, high } = comparison.effect.interval else {
-            panic!("five are enough")
+            panic!("five pairs are enough for an interval")
         };
         assert!(
             (-50.0..-30.0).contains(&low) && (-30.0..=-10.0).contains(&high),
@@ -342,53 +355,61 @@ mod tests {
         assert!((comparison.probability_above().value - 0.2).abs() < 1e-15);
     }
 
-    /// The second was not solved when it ended after 50 episodes. The first took 80 or 90, so it was
-    /// not solved then either.
+    /// All runs of the second cell ended after 50 episodes without solving the task. The runs of
+    /// the first cell solved it after 80 or 90 episodes, so they had not solved it after 50
+    /// episodes either.
     #[test]
-    fn a_run_with_fewer_episodes_does_not_lose_for_that() {
-        let open = paired_times("80 90 80 90 80", "50+ 50+ 50+ 50+ 50+");
+    fn times_after_the_shortest_run_count_as_not_reached() {
+        let all_unknown = paired_times("80 90 80 90 80", "50+ 50+ 50+ 50+ 50+");
         assert!(
-            open.effect.value.is_nan(),
-            "nothing is known after 50 episodes"
+            all_unknown.effect.value.is_nan(),
+            "differences after 50 episodes are unknown"
         );
         assert_eq!(
-            open.effect.interval,
+            all_unknown.effect.interval,
             Interval::Known {
                 low: f64::NEG_INFINITY,
                 high: f64::INFINITY
             }
         );
         assert_eq!(
-            (open.probability_below.value, open.p, open.horizon),
+            (
+                all_unknown.probability_below.value,
+                all_unknown.p,
+                all_unknown.horizon
+            ),
             (0.5, 1.0, 50.0)
         );
-        let won = paired_times("30 30 30 30 80", "50+ 50+ 50+ 50+ 50+");
+        let known_and_unknown = paired_times("30 30 30 30 80", "50+ 50+ 50+ 50+ 50+");
         assert_eq!(
-            (won.effect.value, won.probability_below.value),
+            (
+                known_and_unknown.effect.value,
+                known_and_unknown.probability_below.value
+            ),
             (f64::NEG_INFINITY, 0.9)
         );
     }
 
-    /// Four known differences of −10 and one unknown: the median is −10 whatever it is, but
-    /// resamples may contain it three times. As two samples, both medians are not reached: nothing
-    /// is known.
+    /// With four differences of −10 and one unknown difference, the median is −10, but its interval
+    /// is infinite, because a resample may contain the unknown difference three times. In an
+    /// independent comparison neither median is reached, so the effect is unknown.
     #[test]
-    fn the_difference_of_two_times_that_were_not_reached_is_unknown() {
-        let mostly = paired_times("10 10 10 10 50+", "20 20 20 20 50+");
-        assert_eq!(mostly.effect.value, -10.0);
+    fn differences_between_times_that_were_not_reached_are_unknown() {
+        let one_unknown = paired_times("10 10 10 10 50+", "20 20 20 20 50+");
+        assert_eq!(one_unknown.effect.value, -10.0);
         assert_eq!(
-            mostly.effect.interval,
+            one_unknown.effect.interval,
             Interval::Known {
                 low: f64::NEG_INFINITY,
                 high: f64::INFINITY
             }
         );
-        // Of six differences −9 to −5 and one unknown the median lies halfway to its neighbour on
-        // the one or on the other side.
-        let even = paired_times("10 10 10 10 10 50+", "15 16 17 18 19 50+");
+        // Of the five differences −9 to −5 and an unknown one, the median is −7.5 or −6.5 if the
+        // unknown difference is −∞ or ∞.
+        let even_number = paired_times("10 10 10 10 10 50+", "15 16 17 18 19 50+");
         assert!(
-            even.effect.value.is_nan() && even.effect_bounds == [-7.5, -6.5],
-            "{even:?}"
+            even_number.effect.value.is_nan() && even_number.effect_bounds == [-7.5, -6.5],
+            "{even_number:?}"
         );
         let scores = (times("10 50+ 50+ 50+ 50+"), times("50+ 50+ 50+ 50+ 50+"));
         let samples = compare(&scores.0, &scores.1, true, Test::Independent).unwrap();
@@ -406,10 +427,10 @@ mod tests {
             }
     }
 
-    /// Seeds 1 and 2 are common: 20 − 4 and 30 − 6 have mean 20. As two samples, all three and both
-    /// count: 20 − 5.
+    /// The common run seeds are 1 and 2: the mean of 20 − 4 and 30 − 6 is 20. The independent
+    /// comparison uses all runs: 20 − 5 = 15.
     #[test]
-    fn pairs_have_seeds_in_common() {
+    fn paired_comparisons_use_common_seeds() {
         let scores = |first: u64, values: &[f64]| -> Vec<Score> {
             (first..)
                 .zip(values)
@@ -431,9 +452,10 @@ mod tests {
         );
     }
 
-    /// Two of five reached it: the median is unknown, and so is the interquartile mean.
+    /// Two of five runs reached their time, so the median is infinite and there is no interquartile
+    /// mean.
     #[test]
-    fn times_that_were_not_reached_are_censored() {
+    fn the_aggregate_of_times_censors_runs_that_did_not_reach_them() {
         let aggregate = aggregate(&times("10 20 50+ 50+ 50+"), true).unwrap();
         assert_eq!(
             (aggregate.n, aggregate.reached, aggregate.median.value),

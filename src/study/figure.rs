@@ -1,4 +1,4 @@
-//! Figures that a study file asks for.
+//! Figures in study files.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ use seedbed_env::input::{Located, ValidationError};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Figure {
-    /// Mean over the runs of each cell as a curve over episodes, with 95 % bands.
+    /// One curve over episodes per cell, the mean over its runs, with 95 % bands.
     Curves {
         /// Title [default: generated].
         #[serde(default)]
@@ -38,8 +38,8 @@ pub enum Figure {
         #[serde(default = "default_window")]
         window: Count,
     },
-    /// Visited states of the first run of each cell as parallel coordinates: one column per cell, one
-    /// row for each of `episodes`.
+    /// Visited states of the first run of each cell as parallel coordinates: one column per cell,
+    /// one row for each of `episodes`.
     Visitation {
         /// Title [default: generated].
         #[serde(default)]
@@ -95,14 +95,14 @@ pub enum Figure {
 /// Episodes from the start of training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum EpisodeWindow {
-    /// This number of first episodes of each agent.
+    /// The given number of first episodes of each agent.
     First(Count),
     /// All episodes.
     All,
 }
 
 impl EpisodeWindow {
-    /// Number of episodes of each agent.
+    /// Maximum number of episodes of each agent.
     #[must_use]
     pub fn episodes(self) -> u32 {
         match self {
@@ -113,19 +113,19 @@ impl EpisodeWindow {
 }
 
 impl Figure {
-    /// Title; empty if the file has none.
+    /// Title in the study file; empty if there is none.
     #[must_use]
     pub fn title(&self) -> &str {
         self.heading().0
     }
 
-    /// Names of cells; empty for all.
+    /// Names of the cells that the figure shows; empty for all cells.
     #[must_use]
     pub fn cells(&self) -> &[Located<String>] {
         self.heading().1
     }
 
-    /// Title and cells, which all kinds have.
+    /// Title and cells, which all kinds of figures have.
     fn heading(&self) -> (&str, &[Located<String>]) {
         match self {
             Self::Curves { title, cells, .. }
@@ -137,7 +137,7 @@ impl Figure {
         }
     }
 
-    /// Parts of the cells' names over which runs are pooled, if any.
+    /// Parts of the cells' names over which runs are pooled; `None` if runs are not pooled.
     #[must_use]
     pub fn over(&self) -> Option<&Located<Vec<String>>> {
         match self {
@@ -148,20 +148,21 @@ impl Figure {
         }
     }
 
-    /// Measure that a run must have for this figure; `main` if the figure names none.
+    /// Measure that runs must have for this figure; `None` if runs need no measure. Figures of a
+    /// measure default to `main_measure`.
     #[must_use]
-    pub fn required_measure(&self, main: Measure) -> Option<Measure> {
+    pub fn required_measure(&self, main_measure: Measure) -> Option<Measure> {
         match self {
             Self::Curves { of, .. } => Some(Measure::Mean { of: **of }),
             Self::Intervals { measure, .. } | Self::Profiles { measure, .. } => {
-                Some(measure.as_ref().map_or(main, |measure| **measure))
+                Some(measure.as_ref().map_or(main_measure, |measure| **measure))
             }
             Self::Unsolved { .. } => Some(Measure::EpisodesToSolve),
             Self::Agents { .. } | Self::Visitation { .. } => None,
         }
     }
 
-    /// Name of its kind in study files.
+    /// Name of this kind of figure in study files.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
@@ -174,7 +175,7 @@ impl Figure {
         }
     }
 
-    /// An error at the first place of the file that belongs to this figure.
+    /// An error that is located at this figure in the study file.
     #[must_use]
     pub fn error(&self, study: &Study, message: String) -> ValidationError {
         match (self, self.measure(), self.cells().first()) {
@@ -185,7 +186,7 @@ impl Figure {
         }
     }
 
-    /// Measure that it names, if any.
+    /// Measure given in the study file.
     fn measure(&self) -> Option<&Located<Measure>> {
         match self {
             Self::Intervals { measure, .. } | Self::Profiles { measure, .. } => measure.as_ref(),
@@ -193,7 +194,7 @@ impl Figure {
         }
     }
 
-    /// Whether it shows this cell: it names the cell, or none at all.
+    /// Whether the figure shows a cell: its list of cells contains the cell or is empty.
     #[must_use]
     pub fn shows(&self, cell: &str) -> bool {
         self.cells().is_empty() || self.cells().iter().any(|name| name.as_str() == cell)

@@ -1,5 +1,5 @@
-//! Study files: which settings are compared, how many runs each has, and what is claimed before any
-//! of them is run.
+//! Study files: the cells that are compared, the number of runs per cell, and claims that are
+//! registered before the runs.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,31 +17,33 @@ pub const FIRST_REPORTING_SEED: u64 = 1000;
 pub struct Study {
     /// Title of the report.
     pub title: String,
-    /// Subject of the study, and source of its claims.
+    /// Introduction of the report: subject of the study, and source of its claims.
     #[serde(default)]
     pub about: String,
-    /// Scenario of all cells without one of their own, as a path from the study's folder.
+    /// Scenario of all cells that do not give another one. The path is relative to the folder of
+    /// the study file.
     #[serde(default)]
     pub scenario: Option<Located<String>>,
-    /// Values that all cells replace in their scenario, each as `path=value`.
+    /// Values to replace in the scenarios of all cells, each as `path=value`.
     #[serde(default)]
     pub set: Vec<Located<String>>,
-    /// Axes; every combination of their values is a cell.
+    /// Axes of the grid. Every combination of their values is a cell.
     #[serde(default)]
     pub grid: Vec<Axis>,
-    /// Cells in addition to those of the grid.
+    /// Cells in addition to the cells of the grid.
     #[serde(default)]
     pub cells: Vec<NamedCell>,
-    /// Number of runs per cell. All cells have the same seeds.
+    /// Number of runs per cell. All cells have the same run seeds.
     #[serde(default = "default_repeats")]
     pub repeats: Located<Count<100_000>>,
-    /// First seed: 0 to 999 for tuning, at least 1000 for reported results.
+    /// Run seed of the first run of each cell: 0 to 999 for tuning, at least 1000 for reported
+    /// results.
     #[serde(default = "default_first_seed")]
     pub first_seed: Located<u64>,
-    /// What `--quick` changes.
+    /// Settings of `--quick`.
     #[serde(default)]
     pub quick: Quick,
-    /// Measures of every run. The first is the main one.
+    /// Measures of every run. The first one is the main measure.
     #[serde(default = "default_measures")]
     pub measures: Located<Vec<Located<Measure>>>,
     /// Claims.
@@ -56,7 +58,7 @@ pub struct Study {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// Name before the value in the names of cells, such as `σ`; may be empty.
+    /// Text before the value in the names of cells, such as `σ`; may be empty.
     #[serde(default)]
     pub name: String,
     /// Path of the scenario, such as `"../{}.ron"`.
@@ -66,71 +68,75 @@ pub struct Axis {
     /// after substitution is ignored.
     #[serde(default)]
     pub set: Vec<Located<String>>,
-    /// Values for `{}`.
+    /// Values that replace `{}`.
     pub values: Located<Vec<Located<String>>>,
-    /// Names of the values in the names of cells, if not the values themselves.
+    /// Names of the values in the names of cells [default: the values].
     #[serde(default)]
     pub labels: Option<Located<Vec<String>>>,
-    /// Further replacements for each value, such as a longer `stop`: empty, or one list per value.
+    /// Additional values to replace for each value of the axis, such as a longer `stop`: empty, or
+    /// one list per value.
     #[serde(default)]
     pub with: Located<Vec<Vec<Located<String>>>>,
 }
 
-/// One setting.
+/// A cell that is not part of the grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedCell {
-    /// Name by which claims and figures refer to it.
+    /// Name of the cell in claims, figures and the report.
     pub name: Located<String>,
-    /// Scenario, if not that of the study.
+    /// Scenario [default: scenario of the study].
     #[serde(default)]
     pub scenario: Option<Located<String>>,
-    /// Values to replace in the scenario, after those of the study.
+    /// Values to replace in the scenario, after the replacements of the study.
     #[serde(default)]
     pub set: Vec<Located<String>>,
 }
 
-/// A smaller version of the study, to check it before the long runs.
+/// Settings of a shorter version of the study, to check it before the long runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Quick {
     /// Number of runs per cell.
     pub repeats: Count<100_000>,
-    /// Values that all cells replace last, such as a shorter `stop`.
+    /// Values to replace in the scenarios of all cells after all other replacements, such as a
+    /// shorter `stop`.
     pub set: Vec<Located<String>>,
 }
 
-/// A claim about two cells, with the test that decides it, registered before the runs.
+/// A claim about two cells, registered before the runs, with the test that evaluates it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
-    /// The claim in words.
+    /// The claim as text.
     pub text: String,
     /// Source of the claim.
     #[serde(default)]
     pub source: String,
-    /// Two cells. The effect is the measure of the first less that of the second.
+    /// The two compared cells. The effect is the measure of the first minus the measure of the
+    /// second.
     pub compare: (Located<String>, Located<String>),
     /// Measure that is compared [default: the first of the study].
     #[serde(default)]
     pub measure: Option<Located<Measure>>,
-    /// ClaimDirection direction of the effect.
+    /// Claimed direction of the effect.
     pub direction: ClaimDirection,
-    /// ClaimDirection size of the effect or, for claims of no effect, the smallest size that would matter;
-    /// in units of the measure.
+    /// Claimed size of the effect or, for claims of no effect, the smallest relevant size; in the
+    /// unit of the measure.
     pub size: Positive,
-    /// How runs are compared.
+    /// Test that compares the runs.
     #[serde(default)]
     pub test: Test,
 }
 
 impl Claim {
-    /// What decides the claim, as one line: cells, measure, direction, size and test.
+    /// The parts of the claim on which its verdict depends, as one line: cells, measure, direction,
+    /// size and test.
     #[must_use]
     pub fn canonical_text(&self, study: &Study) -> String {
-        let (first, second) = (self.compare.0.as_str(), self.compare.1.as_str());
+        let (first_cell, second_cell) = (self.compare.0.as_str(), self.compare.1.as_str());
         format!(
-            "{first} | {second} | {:?} | {:?} | {} | {:?}",
+            "{first_cell} | {second_cell} | {:?} | {:?} | {} | {:?}",
             study.measure_of(self),
             self.direction,
             self.size.get(),
@@ -139,7 +145,8 @@ impl Claim {
     }
 }
 
-/// ClaimDirection direction of an effect: the measure of the first cell less that of the second.
+/// Claimed direction of an effect, which is the measure of the first cell minus the measure of the
+/// second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ClaimDirection {
     /// Above 0.
@@ -148,20 +155,20 @@ pub enum ClaimDirection {
     Less,
     /// Smaller than `size` in both directions.
     Same,
-    /// Below `size`: no gain that matters.
+    /// Below `size`: the first cell is not relevantly larger.
     NotMore,
-    /// Above −`size`: no loss that matters.
+    /// Above −`size`: the first cell is not relevantly smaller.
     NotLess,
 }
 
 impl ClaimDirection {
-    /// Whether the first cell is claimed to be above the second, or at least not below it.
+    /// Whether the claim is that the first cell is above the second, or not below it.
     #[must_use]
     pub fn is_upwards(self) -> bool {
         matches!(self, Self::More | Self::NotLess)
     }
 
-    /// Whether no effect that matters is claimed, in both directions or in one.
+    /// Whether the claim is that there is no relevant effect, in both directions or in one.
     #[must_use]
     pub fn is_null(self) -> bool {
         matches!(self, Self::Same | Self::NotMore | Self::NotLess)
@@ -179,7 +186,7 @@ pub enum Test {
 }
 
 impl Study {
-    /// Main measure.
+    /// Main measure of the study: the first one.
     ///
     /// # Panics
     /// If the study has no measures, which [`check`](Self::check) excludes.
@@ -200,10 +207,10 @@ impl Study {
             .map_or_else(|| self.main_measure(), |measure| **measure)
     }
 
-    /// Checks a study whose cells have these names.
+    /// Checks the study. `cells` are the names of all its cells.
     ///
     /// # Errors
-    /// The field that is wrong, and why.
+    /// The invalid field, and the reason.
     pub fn check(&self, cells: &[&str]) -> Result<(), ValidationError> {
         self.check_seeds()?;
         if self.measures.is_empty() {
@@ -221,11 +228,11 @@ impl Study {
             return Err(name.unknown_name("cell", cells.iter().copied()));
         }
         self.check_pools(cells)?;
-        let itself = self
+        let other = self
             .claims
             .iter()
             .find(|claim| claim.compare.0 == claim.compare.1);
-        itself.map_or(Ok(()), |claim| {
+        other.map_or(Ok(()), |claim| {
             Err(claim
                 .compare
                 .1
@@ -233,7 +240,8 @@ impl Study {
         })
     }
 
-    /// Runs of several tasks are pooled only in shares, which mean the same in all tasks.
+    /// Checks that figures pool runs of several tasks only in shares, which can be compared between
+    /// tasks.
     fn check_pools(&self, cells: &[&str]) -> Result<(), ValidationError> {
         for (figure, over) in self
             .figures
@@ -249,14 +257,14 @@ impl Study {
                          as `Reach`",
                 ));
             }
-            let is_known = |word: &&String| {
+            let is_known = |name_part: &&String| {
                 cells
                     .iter()
-                    .any(|cell| cell.split(", ").any(|part| part == word.as_str()))
+                    .any(|cell| cell.split(", ").any(|part| part == name_part.as_str()))
             };
-            if let Some(word) = over.iter().find(|word| !is_known(word)) {
+            if let Some(name_part) = over.iter().find(|name_part| !is_known(name_part)) {
                 return Err(over.error(format!(
-                    "no cell has `{word}` in its name; expected a part of a cell's name, as \
+                    "no cell has `{name_part}` in its name; expected a part of a cell's name, as \
                          separated by commas"
                 )));
             }
@@ -264,13 +272,13 @@ impl Study {
         Ok(())
     }
 
-    /// Seeds for tuning and for reported results must not be mixed.
+    /// Checks that run seeds are either all for tuning or all for reported results.
     fn check_seeds(&self) -> Result<(), ValidationError> {
-        let (first, count) = (
+        let (first_seed, count) = (
             *self.first_seed,
             u64::from(self.repeats.get().max(self.quick.repeats.get())),
         );
-        let Some(end) = first.checked_add(count) else {
+        let Some(end) = first_seed.checked_add(count) else {
             return Err(self.first_seed.error("this whole number is too large"));
         };
         let last = end - 1;
@@ -284,9 +292,9 @@ impl Study {
                 "the seed cannot be set here; expected `first_seed`, the seed of the first run",
             ));
         }
-        if first < FIRST_REPORTING_SEED && last >= FIRST_REPORTING_SEED {
+        if first_seed < FIRST_REPORTING_SEED && last >= FIRST_REPORTING_SEED {
             return Err(self.first_seed.error(format!(
-                "seeds {first} to {last} include both seeds for tuning (0 to {}) and seeds for reported \
+                "seeds {first_seed} to {last} include both seeds for tuning (0 to {}) and seeds for reported \
                  results; expected fewer `repeats`, or `first_seed: {FIRST_REPORTING_SEED}`",
                 FIRST_REPORTING_SEED - 1
             )));

@@ -1,4 +1,4 @@
-//! Measures: what is measured of a run, as one number or one curve.
+//! Measures of runs, as one number per run.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,32 +9,34 @@ use seedbed_env::input::numbers::{Count, known_count};
 use seedbed_stats::aggregate::{mean, median};
 use seedbed_stats::survival::TimeToEvent;
 
-/// One number of a whole team run.
+/// A measure: one number per run of a whole team.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Measure {
-    /// Episodes of each agent until the team has solved its task; runs that never solve it are
+    /// Number of episodes per agent until the team solves its task. Runs that do not solve it are
     /// censored.
     EpisodesToSolve,
-    /// Steps of the team until it has solved its task; censored likewise.
+    /// Number of steps of the team until it solves its task. Runs that do not solve it are
+    /// censored.
     EnvStepsToSolve,
-    /// Whether the team has solved its task: 1 or 0.
+    /// 1 if the team solved its task, otherwise 0.
     Solved,
-    /// Share of agents that reached the task's return, or in tabular tasks had no regret, in any of
-    /// their own episodes.
+    /// Share of agents that reached the goal in at least one of their own episodes: the reward
+    /// threshold of the task or, in tabular tasks, a regret of 0.
     Reach,
-    /// Episode in which an agent did so for the first time, median over agents.
+    /// First episode in which an agent reached the goal (see `Reach`), median over agents.
     FirstGoal,
-    /// Of tabular tasks: what the best policy would have earned beyond what an agent's actions earn
-    /// on average, summed over its episodes; mean over agents.
+    /// In tabular tasks, regret summed over the episodes of an agent, mean over agents. The regret
+    /// of an episode is the expected return of the optimal policy minus the expected return of the
+    /// agent's actions.
     Regret,
-    /// Mean return of the team over its last episodes.
+    /// Mean return of the team over the last episodes.
     FinalReturn {
         /// Number of episodes of each agent.
         #[serde(default = "default_window")]
         window: Count,
     },
-    /// Mean return of the team over some episodes up to a given one.
+    /// Mean return of the team over the episodes up to a given episode.
     ReturnAt {
         /// Last of these episodes, counted from 1.
         episode: Count,
@@ -42,8 +44,8 @@ pub enum Measure {
         #[serde(default = "default_window")]
         window: Count,
     },
-    /// Spread between the agents of a team: the standard deviation over agents of their moving
-    /// averages of returns, averaged over episodes.
+    /// Difference between the agents of a team: standard deviation over agents of the moving
+    /// averages of their returns, averaged over episodes.
     SpreadOfAgents {
         /// Number of episodes of the moving average.
         #[serde(default = "default_window")]
@@ -56,7 +58,7 @@ pub enum Measure {
         /// Curve.
         of: Curve,
     },
-    /// Value of a curve when each agent has finished a number of episodes.
+    /// Value of a curve after each agent has finished a given number of episodes.
     At {
         /// Curve.
         of: Curve,
@@ -70,23 +72,24 @@ pub enum Measure {
     },
 }
 
-/// What a run must have for a measure of it.
+/// Requirement that a run must fulfill for a measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Needs {
-    /// Nothing that some runs lack.
+    /// No requirement.
     Nothing,
-    /// A threshold from which its task counts as solved.
+    /// A threshold at which the task counts as solved.
     Threshold,
     /// A goal for a single agent.
     Goal,
-    /// A tabular task, of which the best policy is known.
+    /// A tabular task, whose optimal policy is known.
     Tables,
     /// Rounds in which agents learn.
     Rounds,
 }
 
 impl Measure {
-    /// Value of a run; infinite for a time that it never reached. `None` if it was not measured.
+    /// Value of this measure for a run: infinite for a time that was not reached, `None` if the run
+    /// does not have this measure.
     #[must_use]
     pub fn of(self, run: &RunResult) -> Option<f64> {
         let time = |time: Option<f64>| run.threshold.map(|_| time.unwrap_or(f64::INFINITY));
@@ -96,7 +99,7 @@ impl Measure {
             Self::Solved => run
                 .threshold
                 .map(|_| f64::from(u8::from(run.solved.is_some()))),
-            Self::Reach => run.has_goal().then(|| share_reached(run)),
+            Self::Reach => run.has_goal().then(|| share_of_agents_with_goal(run)),
             Self::FirstGoal => run.has_goal().then(|| median(&first_goals(run))),
             Self::Regret => {
                 (!run.regrets.is_empty()).then(|| run.curve(Curve::Regret).iter().sum())
@@ -105,7 +108,7 @@ impl Measure {
             Self::ReturnAt { episode, window } => {
                 window_mean(&run.team_returns(), episode.get() as usize, window)
             }
-            Self::SpreadOfAgents { window } => spread(run, window.get() as usize),
+            Self::SpreadOfAgents { window } => spread_of_agents(run, window.get() as usize),
             Self::Coverage => Self::Last {
                 of: Curve::TeamCoverage,
             }
@@ -116,7 +119,7 @@ impl Measure {
         }
     }
 
-    /// Whether it is a time, which a run may end without reaching.
+    /// Whether this measure is a time, which a run may not reach.
     #[must_use]
     pub fn is_time(self) -> bool {
         matches!(
@@ -125,7 +128,7 @@ impl Measure {
         )
     }
 
-    /// What a run must have for this measure.
+    /// Requirement that a run must fulfill for this measure.
     #[must_use]
     pub fn needs(self) -> Needs {
         match self {
@@ -140,7 +143,7 @@ impl Measure {
         }
     }
 
-    /// Whether it is a share from 0 to 1, which means the same in every task.
+    /// Whether this measure is a share from 0 to 1, which can be compared between tasks.
     #[must_use]
     pub fn is_share(self) -> bool {
         match self {
@@ -158,7 +161,7 @@ impl Measure {
         self.is_time() || self.needs() == Needs::Tables
     }
 
-    /// Time of a run, censored if it was not reached.
+    /// Time of a run for survival analysis, censored if it was not reached.
     #[must_use]
     pub fn time_to_event(self, run: &RunResult) -> Option<TimeToEvent> {
         let value = self.of(run)?;
@@ -211,7 +214,7 @@ impl Measure {
     }
 }
 
-/// What a run has to know for a curve of it.
+/// Requirement that a run must fulfill for a curve.
 fn needs_of_curve(curve: Curve) -> Needs {
     match curve.metric().runs {
         Runs::All => Needs::Nothing,
@@ -220,8 +223,8 @@ fn needs_of_curve(curve: Curve) -> Needs {
     }
 }
 
-/// First episode of each agent, counted from 1, in which it reached the goal; infinite if none did.
-/// → `[K]`
+/// First episode in which each agent reached the goal, counted from 1; infinite for agents that
+/// never did. → `[K]`
 fn first_goals(run: &RunResult) -> Vec<f64> {
     run.first_goals()
         .into_iter()
@@ -229,49 +232,51 @@ fn first_goals(run: &RunResult) -> Vec<f64> {
         .collect()
 }
 
-fn share_reached(run: &RunResult) -> f64 {
+fn share_of_agents_with_goal(run: &RunResult) -> f64 {
     let goals = first_goals(run);
     goals.iter().filter(|episode| episode.is_finite()).count() as f64 / goals.len() as f64
 }
 
-/// Mean of the last `window` of the first `end` values, or of all if there are fewer.
+/// Mean of the last `window` of the first `end` values; of fewer values if there are fewer. `None`
+/// without values.
 fn window_mean(values: &[f64], end: usize, window: Count) -> Option<f64> {
     let end = end.min(values.len());
     let start = end.saturating_sub(window.get() as usize);
     (start < end).then(|| mean(&values[start..end]))
 }
 
-/// Moving averages over full windows.   `values: [n]` → `[n + 1 − window]`, or empty
+/// Moving averages over windows of `window` values.   `values: [n]` → `[n + 1 − window]`, or empty
 #[must_use]
 pub fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
     values.windows(window.max(1)).map(mean).collect()
 }
 
-fn spread(run: &RunResult, window: usize) -> Option<f64> {
-    let mut smooth: Vec<Vec<f64>> = Vec::with_capacity(run.returns.len());
+fn spread_of_agents(run: &RunResult, window: usize) -> Option<f64> {
+    let mut moving_averages: Vec<Vec<f64>> = Vec::with_capacity(run.returns.len());
     for returns in &run.returns {
-        smooth.push(moving_average(&widened(returns), window));
+        moving_averages.push(moving_average(&to_f64(returns), window));
     }
-    let episodes = smooth.iter().map(Vec::len).min().unwrap_or(0);
+    let episodes = moving_averages.iter().map(Vec::len).min().unwrap_or(0);
     let mut deviations = Vec::with_capacity(episodes);
     for episode in 0..episodes {
-        let now: Vec<f64> = smooth.iter().map(|agent| agent[episode]).collect();
-        deviations.push(standard_deviation(&now));
+        let returns_at_episode: Vec<f64> =
+            moving_averages.iter().map(|agent| agent[episode]).collect();
+        deviations.push(standard_deviation(&returns_at_episode));
     }
     (episodes > 0).then(|| mean(&deviations))
 }
 
 fn standard_deviation(values: &[f64]) -> f64 {
-    let center = mean(values);
-    let squares: Vec<f64> = values
+    let average = mean(values);
+    let squared_deviations: Vec<f64> = values
         .iter()
-        .map(|value| (value - center).powi(2))
+        .map(|value| (value - average).powi(2))
         .collect();
-    mean(&squares).sqrt()
+    mean(&squared_deviations).sqrt()
 }
 
 /// Values in double precision.
-pub(super) fn widened(values: &[f32]) -> Vec<f64> {
+pub(super) fn to_f64(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&value| f64::from(value)).collect()
 }
 

@@ -1,4 +1,4 @@
-//! Studies: many runs of many settings, and what can be claimed from them.
+//! Studies: repeated runs of several cells (settings), and the evaluation of claims about them.
 //!
 //! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
 //! [`runner`] runs what is still missing, and the [`store`] keeps each result. [`comparison`] and

@@ -1,4 +1,4 @@
-//! A study, read and checked: its cells with their scenarios, and their runs.
+//! A study plan: a checked study file with its cells, their scenarios, and their runs.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -10,22 +10,23 @@ use super::file::{Axis, NamedCell, Study};
 use super::measure::Measure;
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
 
-/// A study that can be run.
+/// A checked study that can be run.
 #[derive(Clone, Debug)]
 pub struct StudyPlan {
-    /// Name: the stem of the file.
+    /// Name of the study: the name of its file without `.ron`.
     pub name: String,
     /// Path of the file.
     pub path: PathBuf,
     /// Contents of the file.
     pub document: Document<Study>,
-    /// Whether it is run with the settings of `quick`.
+    /// Whether the study is run with the settings of `quick`.
     pub quick: bool,
-    /// Cells: first those of the grid, with the last axis varying fastest, then the named ones.
+    /// Cells: first the cells of the grid, with the last axis varying fastest, then the named
+    /// cells.
     pub cells: Vec<Cell>,
 }
 
-/// One setting of a study.
+/// One cell of a study: a scenario with replaced values, of which there are several runs.
 #[derive(Clone, Debug)]
 pub struct Cell {
     /// Name, unique within the study.
@@ -38,51 +39,52 @@ pub struct Cell {
     pub experiment: Arc<dyn Experiment>,
     /// Hash of all that runs of this cell depend on, besides their seeds.
     pub digest: String,
-    /// Numbers of first episodes of which the first run keeps states, in ascending order.
+    /// Numbers of first episodes whose visited states are stored for the first run, in ascending
+    /// order.
     pub windows: Vec<u32>,
 }
 
 /// One run of a study.
 #[derive(Clone, Copy, Debug)]
 pub struct PlannedRun<'a> {
-    /// Index among all runs of the study: cell by cell, seed by seed.
+    /// Index among all runs of the study. Runs are ordered by cell, then by run seed.
     pub index: usize,
     /// Cell of the run.
     pub cell: &'a Cell,
-    /// Seed of the run.
+    /// Run seed.
     pub seed: u64,
-    /// Whether it is the first run of its cell, of which states are kept.
+    /// Whether this is the first run of its cell, for which visited states are stored.
     pub is_first: bool,
 }
 
 impl StudyPlan {
-    /// Reads and checks a study with all its scenarios and their tasks.
+    /// Reads and checks a study, all its scenarios and their tasks.
     ///
     /// # Errors
-    /// The first error in any of them, with its place in the study.
+    /// The first error in any of these files, located in the study file.
     pub fn load(path: &Path, quick: bool) -> Result<Self, InputError> {
         let document: Document<Study> = input::read(path)?;
-        let built = cells(&document.value, path, quick).map_err(|error| document.locate(error))?;
-        let names: Vec<&str> = built.iter().map(|cell| cell.name.as_str()).collect();
+        let cells = cells(&document.value, path, quick).map_err(|error| document.locate(error))?;
+        let names: Vec<&str> = cells.iter().map(|cell| cell.name.as_str()).collect();
         document
             .value
             .check(&names)
             .map_err(|error| document.locate(error))?;
-        check_measures(&document.value, &built).map_err(|error| document.locate(error))?;
+        check_measures(&document.value, &cells).map_err(|error| document.locate(error))?;
         let name = path.file_stem().map_or_else(
             || "study".into(),
-            |stem| stem.to_string_lossy().into_owned(),
+            |file_stem| file_stem.to_string_lossy().into_owned(),
         );
         Ok(Self {
             name,
             path: path.to_owned(),
             document,
             quick,
-            cells: built,
+            cells,
         })
     }
 
-    /// Study file.
+    /// The study file.
     #[must_use]
     pub fn study(&self) -> &Study {
         &self.document.value
@@ -91,8 +93,12 @@ impl StudyPlan {
     /// Number of runs per cell.
     #[must_use]
     pub fn repeats(&self) -> u64 {
-        let (all, quick) = (self.study().repeats.get(), self.study().quick.repeats.get());
-        u64::from(if self.quick { quick.min(all) } else { all })
+        let (full_repeats, quick) = (self.study().repeats.get(), self.study().quick.repeats.get());
+        u64::from(if self.quick {
+            quick.min(full_repeats)
+        } else {
+            full_repeats
+        })
     }
 
     /// All runs, in the order of their indices.
@@ -113,7 +119,7 @@ impl StudyPlan {
         runs
     }
 
-    /// All runs without duplicates. Cells with equal settings under two names share their runs.
+    /// All runs without duplicates. Cells with different names and equal settings share their runs.
     #[must_use]
     pub fn distinct_runs(&self) -> Vec<PlannedRun<'_>> {
         let mut seen = HashSet::new();
@@ -126,15 +132,15 @@ impl StudyPlan {
     /// Default folder of the results.
     #[must_use]
     pub fn default_folder(&self) -> PathBuf {
-        let suffix = if self.quick { "-quick" } else { "" };
+        let folder_suffix = if self.quick { "-quick" } else { "" };
         Path::new("recordings")
             .join("studies")
-            .join(format!("{}{suffix}", self.name))
+            .join(format!("{}{folder_suffix}", self.name))
     }
 }
 
 impl PlannedRun<'_> {
-    /// Numbers of first episodes of which states are kept.
+    /// Numbers of first episodes whose visited states are stored for this run.
     #[must_use]
     pub fn windows(&self) -> &[u32] {
         if self.is_first {
@@ -150,57 +156,61 @@ type Override<'a> = (&'a Located<String>, String);
 
 /// A cell before its scenario is read.
 #[derive(Clone, Default)]
-struct Draft<'a> {
+struct CellDraft<'a> {
     name_parts: Vec<String>,
     scenario: Option<Override<'a>>,
     overrides: Vec<Override<'a>>,
 }
 
 fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, ValidationError> {
-    let base = Draft {
-        scenario: study.scenario.as_ref().map(with_place),
-        ..Draft::default()
+    let shared_settings = CellDraft {
+        scenario: study.scenario.as_ref().map(located_text),
+        ..CellDraft::default()
     };
-    let base = base.with(study.set.iter().map(with_place));
+    let shared_settings = shared_settings.with_overrides(study.set.iter().map(located_text));
     let mut drafts = if study.grid.is_empty() {
         Vec::new()
     } else {
-        grid(&base, &study.grid)?
+        grid(&shared_settings, &study.grid)?
     };
-    drafts.extend(study.cells.iter().map(|cell| named(&base, cell)));
+    drafts.extend(
+        study
+            .cells
+            .iter()
+            .map(|cell| named_cell(&shared_settings, cell)),
+    );
     if drafts.is_empty() {
-        drafts.push(Draft {
+        drafts.push(CellDraft {
             name_parts: vec!["all".to_owned()],
-            ..base
+            ..shared_settings
         });
     }
-    let last = if quick {
+    let quick_overrides = if quick {
         study.quick.set.as_slice()
     } else {
         &[]
     };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut built: Vec<Cell> = Vec::with_capacity(drafts.len());
+    let mut cells_so_far: Vec<Cell> = Vec::with_capacity(drafts.len());
     for (number, draft) in drafts.into_iter().enumerate() {
         let error_place = error_place(study, number, &draft);
-        let cell =
-            draft
-                .with(last.iter().map(with_place))
-                .build(folder, &study.figures, error_place)?;
-        if built.iter().any(|other| other.name == cell.name) {
+        let cell = draft
+            .with_overrides(quick_overrides.iter().map(located_text))
+            .build(folder, &study.figures, error_place)?;
+        if cells_so_far.iter().any(|other| other.name == cell.name) {
             return Err(error(
                 error_place,
                 study,
                 &format!("there are two cells named `{}`", cell.name),
             ));
         }
-        built.push(cell);
+        cells_so_far.push(cell);
     }
-    share_windows(&mut built);
-    Ok(built)
+    share_windows(&mut cells_so_far);
+    Ok(cells_so_far)
 }
 
-/// Cells with equal settings share their runs, which keep the states that any of these cells needs.
+/// Cells with equal settings share their runs, so each of them gets the windows of all of them.
 fn share_windows(cells: &mut [Cell]) {
     let shown: Vec<(String, Vec<u32>)> = cells
         .iter()
@@ -214,20 +224,25 @@ fn share_windows(cells: &mut [Cell]) {
     }
 }
 
-fn with_place(text: &Located<String>) -> (&Located<String>, String) {
+fn located_text(text: &Located<String>) -> (&Located<String>, String) {
     (text, text.value().clone())
 }
 
-/// Every combination of the axes' values, with the last axis varying fastest.
-fn grid<'a>(base: &Draft<'a>, axes: &'a [Axis]) -> Result<Vec<Draft<'a>>, ValidationError> {
-    let mut drafts = vec![base.clone()];
+/// Drafts of all combinations of values of the axes, with the last axis varying fastest.
+fn grid<'a>(
+    shared_settings: &CellDraft<'a>,
+    axes: &'a [Axis],
+) -> Result<Vec<CellDraft<'a>>, ValidationError> {
+    let mut drafts = vec![shared_settings.clone()];
     for axis in axes {
         let labels = labels(axis)?;
         check_with(axis)?;
         let values = || (0..labels.len()).map(|number| (number, labels[number].as_str()));
         drafts = drafts
             .iter()
-            .flat_map(|draft| values().map(|(number, label)| draft.along(axis, number, label)))
+            .flat_map(|draft| {
+                values().map(|(number, label)| draft.with_axis_value(axis, number, label))
+            })
             .collect();
     }
     Ok(drafts)
@@ -270,35 +285,36 @@ fn check_with(axis: &Axis) -> Result<(), ValidationError> {
     )))
 }
 
-fn named<'a>(base: &Draft<'a>, cell: &'a NamedCell) -> Draft<'a> {
+fn named_cell<'a>(shared_settings: &CellDraft<'a>, cell: &'a NamedCell) -> CellDraft<'a> {
     let scenario = cell
         .scenario
         .as_ref()
-        .map(with_place)
-        .or_else(|| base.scenario.clone());
-    let draft = Draft {
+        .map(located_text)
+        .or_else(|| shared_settings.scenario.clone());
+    let draft = CellDraft {
         name_parts: vec![cell.name.value().clone()],
         scenario,
-        ..base.clone()
+        ..shared_settings.clone()
     };
-    draft.with(cell.set.iter().map(with_place))
+    draft.with_overrides(cell.set.iter().map(located_text))
 }
 
-/// Place of the file for errors of a whole cell: its name, or the last value of its axes.
+/// Location in the study file of errors that concern a whole cell: the name of the cell, or the
+/// value of its last axis.
 fn error_place<'a>(
     study: &'a Study,
     number: usize,
-    draft: &Draft<'a>,
+    draft: &CellDraft<'a>,
 ) -> Option<&'a Located<String>> {
-    let from_grid: usize = if study.grid.is_empty() {
+    let grid_cell_count: usize = if study.grid.is_empty() {
         0
     } else {
         study.grid.iter().map(|axis| axis.values.len()).product()
     };
-    let named = number
-        .checked_sub(from_grid)
+    let named_cell = number
+        .checked_sub(grid_cell_count)
         .and_then(|number| study.cells.get(number));
-    named
+    named_cell
         .map(|cell| &cell.name)
         .or_else(|| draft.overrides.last().map(|(place, _)| *place))
         .or(study.scenario.as_ref())
@@ -311,15 +327,18 @@ fn error(place: Option<&Located<String>>, study: &Study, message: &str) -> Valid
     )
 }
 
-impl<'a> Draft<'a> {
-    fn with(mut self, overrides: impl Iterator<Item = (&'a Located<String>, String)>) -> Self {
+impl<'a> CellDraft<'a> {
+    fn with_overrides(
+        mut self,
+        overrides: impl Iterator<Item = (&'a Located<String>, String)>,
+    ) -> Self {
         self.overrides
             .extend(overrides.filter(|(_, text)| !text.trim().is_empty()));
         self
     }
 
-    /// The same cell with one value of an axis.
-    fn along(&self, axis: &'a Axis, number: usize, label: &str) -> Self {
+    /// The draft with one value of an axis added.
+    fn with_axis_value(&self, axis: &'a Axis, number: usize, label: &str) -> Self {
         let (mut draft, value) = (self.clone(), &axis.values[number]);
         draft
             .name_parts
@@ -331,10 +350,10 @@ impl<'a> Draft<'a> {
             .set
             .iter()
             .map(|template| (value, template.replace("{}", value)));
-        let along = axis.with.get(number).into_iter().flatten();
-        draft
-            .with(set)
-            .with(along.map(|template| (template, template.replace("{}", value))))
+        let extra_templates = axis.with.get(number).into_iter().flatten();
+        draft.with_overrides(set).with_overrides(
+            extra_templates.map(|template| (template, template.replace("{}", value))),
+        )
     }
 
     fn build(
@@ -390,17 +409,17 @@ fn error_at(place: &Located<String>, error: &InputError) -> ValidationError {
 
 /// Numbers of first episodes in all figures of visited states that show a cell.
 fn windows(figures: &[Figure], cell: &str) -> Vec<u32> {
-    let of_figure = |figure: &Figure| match figure {
+    let windows_of_figure = |figure: &Figure| match figure {
         Figure::Visitation { episodes, .. } if figure.shows(cell) => episodes
             .iter()
-            .map(|upto| EpisodeWindow::episodes(*upto))
+            .map(|window| EpisodeWindow::episodes(*window))
             .collect(),
         _ => Vec::new(),
     };
-    figures.iter().flat_map(of_figure).collect()
+    figures.iter().flat_map(windows_of_figure).collect()
 }
 
-/// Checks that the runs of every cell have all measures that claims and figures need.
+/// Checks that the runs of every cell have all measures of the study, its claims and its figures.
 fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> {
     let measures = study.measures.iter().chain(
         study
@@ -427,18 +446,18 @@ fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> 
     Ok(())
 }
 
-/// Message about the first cell whose runs do not have a measure.
+/// Error message for the first cell whose runs do not have a measure; `None` if all cells have it.
 fn missing_measure<'a>(
     mut cells: impl Iterator<Item = &'a Cell>,
     measure: Measure,
 ) -> Option<String> {
-    let lack = |cell: &Cell| {
+    let missing_in = |cell: &Cell| {
         cell.experiment
             .lacks(measure)
-            .map(|(lack, help)| (cell.name.clone(), lack, help))
+            .map(|(missing, help)| (cell.name.clone(), missing, help))
     };
-    let (name, lack, help) = cells.find_map(lack)?;
+    let (name, missing, help) = cells.find_map(missing_in)?;
     Some(format!(
-        "cell `{name}` does not have this measure: {lack}; {help}"
+        "cell `{name}` does not have this measure: {missing}; {help}"
     ))
 }

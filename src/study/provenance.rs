@@ -1,5 +1,5 @@
-//! Provenance: which build of seedbed runs, from which commit, and with which versions of the
-//! libraries on which results depend.
+//! Provenance: build and commit of this executable, and versions of the libraries on which results
+//! depend.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use xxhash_rust::xxh64::Xxh64;
 
-/// Hash of an executable: equal for equal executables, and almost certainly different for others.
+/// Hash of an executable. Different executables almost certainly have different hashes.
 pub type BuildId = [u8; 8];
 
 static BUILD_ID: LazyLock<Option<BuildId>> =
@@ -29,16 +29,16 @@ pub fn format_build_id(build: Option<BuildId>) -> String {
     }
 }
 
-/// Commit that seedbed was built from, such as `2b3c86f1a09d`, with `-dirty` appended if files
-/// differed from it; `None` if it was built without version control.
+/// Commit from which seedbed was built, such as `2b3c86f1a09d`, with the suffix `-dirty` if there
+/// were uncommitted changes; `None` if it was built without version control.
 #[must_use]
 pub fn commit() -> Option<&'static str> {
     // Set by `build.rs`.
     option_env!("SEEDBED_COMMIT")
 }
 
-/// Versions of physics, linear algebra and recordings, such as `rapier2d 0.36.1`; empty if they were
-/// not known when seedbed was built.
+/// Versions of the libraries for physics, linear algebra and recordings, such as `rapier2d 0.36.1`;
+/// empty if they were unknown when seedbed was built.
 #[must_use]
 pub fn dependency_versions() -> Vec<&'static str> {
     // Set by `build.rs`.
@@ -46,7 +46,8 @@ pub fn dependency_versions() -> Vec<&'static str> {
     versions.split_terminator(", ").collect()
 }
 
-/// Path of the running executable, even if the file was replaced since it started.
+/// Path of the running executable. On Linux it refers to the running version even if the file was
+/// replaced.
 fn executable() -> PathBuf {
     if cfg!(target_os = "linux") {
         PathBuf::from("/proc/self/exe")
@@ -74,29 +75,29 @@ mod tests {
 
     /// XXH64 of no bytes with seed 0 is 0xEF46DB3751D8E999 (test vectors of xxHash).
     #[test]
-    fn a_build_id_depends_on_all_bytes() {
+    fn the_build_id_depends_on_all_bytes() {
         assert_eq!(format_build_id(hash(&[][..]).ok()), "ef46db3751d8e999");
-        let long = vec![7; (1 << 20) + 1];
-        assert_ne!(hash(&long[..]).unwrap(), hash(&long[1..]).unwrap());
+        let bytes = vec![7; (1 << 20) + 1];
+        assert_ne!(hash(&bytes[..]).unwrap(), hash(&bytes[1..]).unwrap());
         assert_eq!(format_build_id(None), "unknown");
     }
 
     #[test]
-    fn an_executable_has_a_build_id() {
+    fn the_running_executable_has_a_build_id() {
         assert!(build_id().is_some() && build_id() == build_id());
     }
 
-    /// The workspace has its lock file, with one version of each of these.
+    /// `Cargo.lock` has exactly one version of each of these libraries.
     #[test]
-    fn versions_are_those_of_the_lock_file() {
-        let lock = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.lock"));
-        let lock = lock.unwrap();
+    fn dependency_versions_equal_those_of_the_lock_file() {
+        let lock_file = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.lock"));
+        let lock_file = lock_file.unwrap();
         let versions = dependency_versions();
         assert_eq!(versions.len(), 3, "{versions:?}");
-        for (name, found) in ["rapier2d", "nalgebra", "rerun"].iter().zip(versions) {
-            let version = found.strip_prefix(name).unwrap().trim();
-            let entry = format!("name = \"{name}\"\nversion = \"{version}\"\n");
-            assert!(lock.contains(&entry), "{found}");
+        for (name, dependency) in ["rapier2d", "nalgebra", "rerun"].iter().zip(versions) {
+            let version = dependency.strip_prefix(name).unwrap().trim();
+            let lock_entry = format!("name = \"{name}\"\nversion = \"{version}\"\n");
+            assert!(lock_file.contains(&lock_entry), "{dependency}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Result files: one stored run of a study each.
+//! Result files, each of which has one stored run of a study.
 //!
 //! A file is plain data in `postcard`'s encoding. Files of an older layout are still read; see
 //! [`OLDER_LAYOUT`].
@@ -11,15 +11,15 @@ use super::measure::Curve;
 use super::provenance::{self, BuildId};
 use super::run_result::RunResult;
 
-/// Layout of the files that are written.
+/// Number of the layout in which files are written.
 const LAYOUT: u32 = 3;
 
-/// Layout without the commit and the names of curves, and with 0 (1 for ratios) in rounds in which
-/// nothing was measured.
+/// Number of the older layout, without commit and names of curves, and with 0 (1 for ratios)
+/// instead of unmeasured values.
 const OLDER_LAYOUT: u32 = 2;
 
-/// Curves in files of [`OLDER_LAYOUT`], in their order, each with the value that stands for no
-/// measurement.
+/// Curves in files of [`OLDER_LAYOUT`], in the order of the file, each with its placeholder for
+/// unmeasured values.
 const OLDER_CURVES: [(Curve, f32); 14] = [
     (Curve::ValueLoss, 0.0),
     (Curve::PolicyLoss, 0.0),
@@ -40,23 +40,23 @@ const OLDER_CURVES: [(Curve, f32); 14] = [
 /// A stored run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredRun {
-    /// Version of seedbed that ran it.
+    /// Version of seedbed that made the run.
     pub version: String,
-    /// Commit that this version was built from, if known.
+    /// Commit from which that version was built, if known.
     pub commit: Option<String>,
-    /// Build that ran it, if known.
+    /// Build that made the run, if known.
     pub build: Option<BuildId>,
-    /// Hash of all that the run depended on, besides its seed.
+    /// Hash of everything on which the run depended, except its run seed.
     pub digest: String,
-    /// Seed of the run.
+    /// Run seed.
     pub seed: u64,
-    /// Result, or why the run failed.
+    /// Result, or the reason why the run failed.
     pub outcome: Result<RunResult, String>,
-    /// Whether it was read from a file of [`OLDER_LAYOUT`].
+    /// Whether the run was read from a file of [`OLDER_LAYOUT`].
     is_older: bool,
 }
 
-/// Contents of a file, except for the build, whose bytes follow.
+/// Contents of a file. The bytes of the build id follow them.
 #[derive(Serialize, Deserialize)]
 struct ResultFile {
     layout: u32,
@@ -64,7 +64,8 @@ struct ResultFile {
     commit: Option<String>,
     digest: String,
     seed: u64,
-    /// Keys of the curves in the order of the result's: other versions may have other metrics.
+    /// Keys of the curves, in the order of the curves of the result. Other versions may have other
+    /// metrics.
     curves: Vec<String>,
     outcome: Result<RunResult, String>,
 }
@@ -80,7 +81,7 @@ struct OlderResultFile {
 }
 
 impl StoredRun {
-    /// An outcome of this build.
+    /// A run that was made by this build.
     #[must_use]
     pub fn new(digest: String, seed: u64, outcome: Result<RunResult, String>) -> Self {
         Self {
@@ -95,7 +96,9 @@ impl StoredRun {
     }
 
     pub(super) fn to_bytes(&self) -> Vec<u8> {
-        let keys = Curve::OF_ROUNDS.iter().map(|curve| curve.metric().key);
+        let keys = Curve::WITH_ROUND_VALUES
+            .iter()
+            .map(|curve| curve.metric().key);
         let file = ResultFile {
             layout: LAYOUT,
             version: self.version.clone(),
@@ -110,24 +113,25 @@ impl StoredRun {
         bytes
     }
 
-    /// Reads the bytes of a file. `None` if they are incomplete or of an unknown layout.
+    /// Decodes the bytes of a file. `None` if they are incomplete or have an unknown layout.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (layout, _) = postcard::take_from_bytes::<u32>(bytes).ok()?;
-        let (mut file, rest) = match layout {
+        let (mut file, remaining_bytes) = match layout {
             LAYOUT => postcard::take_from_bytes::<ResultFile>(bytes).ok()?,
             OLDER_LAYOUT => {
-                let (file, rest) = postcard::take_from_bytes::<OlderResultFile>(bytes).ok()?;
-                (ResultFile::from(file), rest)
+                let (file, remaining_bytes) =
+                    postcard::take_from_bytes::<OlderResultFile>(bytes).ok()?;
+                (ResultFile::from(file), remaining_bytes)
             }
             _ => return None,
         };
         if let Ok(run) = &mut file.outcome {
-            run.curves = in_order_of_curves(&file.curves, std::mem::take(&mut run.curves));
+            run.curves = values_in_curve_order(&file.curves, std::mem::take(&mut run.curves));
         }
         Some(Self {
             version: file.version,
             commit: file.commit,
-            build: postcard::from_bytes(rest).ok(),
+            build: postcard::from_bytes(remaining_bytes).ok(),
             digest: file.digest,
             seed: file.seed,
             outcome: file.outcome,
@@ -135,88 +139,89 @@ impl StoredRun {
         })
     }
 
-    /// Whether a repetition of the run has the same result, bit by bit.
+    /// Whether a repetition of the run has bit-identical results.
     #[must_use]
     pub fn is_reproduced_by(&self, outcome: &Result<RunResult, String>) -> bool {
         let bytes = |outcome: &Result<RunResult, String>| {
             let outcome = if self.is_older {
-                outcome.clone().map(in_older_form)
+                outcome.clone().map(in_older_layout)
             } else {
                 outcome.clone()
             };
-            // Bytes instead of numbers, so that what is not a number equals itself.
+            // Compare bytes instead of numbers, because NaN does not equal itself.
             postcard::to_stdvec(&outcome).expect("plain data always serializes")
         };
         bytes(&self.outcome) == bytes(outcome)
     }
 }
 
-/// Curves with these keys, in the order of [`Curve::OF_ROUNDS`]; empty if a key is missing.
-fn in_order_of_curves(keys: &[String], curves: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
+/// Sorts curves with the given keys into the order of [`Curve::WITH_ROUND_VALUES`]. Curves whose
+/// key is missing are empty.
+fn values_in_curve_order(keys: &[String], curves: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
     let keys = keys.iter().map(String::as_str);
     let mut curves: HashMap<&str, Vec<f32>> = keys.zip(curves).collect();
-    let mut ordered = Vec::with_capacity(Curve::OF_ROUNDS.len());
-    for curve in Curve::OF_ROUNDS {
-        ordered.push(curves.remove(curve.metric().key).unwrap_or_default());
+    let mut ordered_values = Vec::with_capacity(Curve::WITH_ROUND_VALUES.len());
+    for curve in Curve::WITH_ROUND_VALUES {
+        ordered_values.push(curves.remove(curve.metric().key).unwrap_or_default());
     }
-    ordered
+    ordered_values
 }
 
 impl From<OlderResultFile> for ResultFile {
-    fn from(older: OlderResultFile) -> Self {
+    fn from(older_file: OlderResultFile) -> Self {
         let keys = OLDER_CURVES.iter().map(|(curve, _)| curve.metric().key);
         Self {
             layout: LAYOUT,
-            version: older.version,
+            version: older_file.version,
             commit: None,
-            digest: older.digest,
-            seed: older.seed,
+            digest: older_file.digest,
+            seed: older_file.seed,
             curves: keys.map(str::to_owned).collect(),
-            outcome: older.outcome.map(without_placeholders),
+            outcome: older_file.outcome.map(without_placeholders),
         }
     }
 }
 
-/// Drops curves of the older layout that were not measured.
+/// Removes curves of the older layout that were not measured.
 ///
-/// A loss, a bonus or an error is hardly ever 0 in every round of a run, so such a curve was not
-/// measured. A policy without a loss has neither ratios nor clipping, but a learning one may well
-/// have a clipped fraction of 0.
+/// Losses, bonuses and errors that are 0 in every round of a run count as not measured. If the
+/// policy loss was not measured, neither were ratios and clipping. Otherwise a clipped fraction of
+/// 0 is a measured value.
 fn without_placeholders(mut run: RunResult) -> RunResult {
-    let is_missing = |curve: Curve| {
+    let is_unmeasured = |curve: Curve| {
         let index = OLDER_CURVES.iter().position(|(other, _)| *other == curve);
         let values = index.and_then(|index| run.curves.get(index));
         values.is_none_or(|values| values.iter().all(|value| *value == 0.0))
     };
-    let mut missing = vec![
+    let mut unmeasured = vec![
         Curve::ValueLoss,
         Curve::PolicyLoss,
         Curve::IntrinsicReward,
         Curve::PredictionError,
         Curve::BonusAgreement,
     ];
-    missing.retain(|curve| is_missing(*curve));
-    if missing.contains(&Curve::PolicyLoss) {
-        missing.extend([
+    unmeasured.retain(|curve| is_unmeasured(*curve));
+    if unmeasured.contains(&Curve::PolicyLoss) {
+        unmeasured.extend([
             Curve::RatioDeviation,
             Curve::LargestRatio,
             Curve::ClippedFraction,
         ]);
     }
     for ((curve, _), values) in OLDER_CURVES.iter().zip(&mut run.curves) {
-        if missing.contains(curve) {
+        if unmeasured.contains(curve) {
             values.clear();
         }
     }
     run
 }
 
-/// The result as the older layout would have it: with its curves alone, and with a number in every
-/// round.
-fn in_older_form(mut run: RunResult) -> RunResult {
-    for (curve, values) in Curve::OF_ROUNDS.iter().zip(&mut run.curves) {
-        let older = OLDER_CURVES.iter().find(|(other, _)| other == curve);
-        let Some((_, placeholder)) = older else {
+/// Converts a result to the older layout, which has fewer curves, and placeholders for unmeasured
+/// values.
+fn in_older_layout(mut run: RunResult) -> RunResult {
+    for (curve, values) in Curve::WITH_ROUND_VALUES.iter().zip(&mut run.curves) {
+        let older_file = OLDER_CURVES.iter().find(|(other, _)| other == curve);
+        let Some((_, placeholder)) = older_file else {
             values.clear();
             continue;
         };
@@ -236,7 +241,7 @@ mod tests {
 
     const ROUNDS: usize = 3;
 
-    /// A run in which each curve has the value of its position, from 1.
+    /// A run whose curves have constant values 1, 2, 3, …
     fn run(curves: usize) -> RunResult {
         let curve = |curve: usize| vec![curve as f32 + 1.0; ROUNDS];
         RunResult {
@@ -246,7 +251,7 @@ mod tests {
         }
     }
 
-    fn older(run: &RunResult) -> StoredRun {
+    fn stored_run_of_older_layout(run: &RunResult) -> StoredRun {
         let outcome: Result<&RunResult, String> = Ok(run);
         let file = (OLDER_LAYOUT, "0.1.0", "digest", 7_u64, outcome);
         let mut bytes = postcard::to_stdvec(&file).unwrap();
@@ -254,7 +259,7 @@ mod tests {
         StoredRun::from_bytes(&bytes).unwrap()
     }
 
-    /// As value-based learners without curiosity left it.
+    /// A run of value-based learners without bonus, as versions with the older layout stored it.
     fn older_run_with_placeholders() -> RunResult {
         let mut run = run(OLDER_CURVES.len());
         for index in [1, 2, 3, 4, 6, 7, 8] {
@@ -263,15 +268,15 @@ mod tests {
         run
     }
 
-    fn measured(run: &RunResult) -> Vec<Curve> {
-        let mut measured = Curve::OF_ROUNDS.to_vec();
-        measured.retain(|curve| !run.curve(*curve).is_empty());
-        measured
+    fn measured_curves(run: &RunResult) -> Vec<Curve> {
+        let mut measured_curves = Curve::WITH_ROUND_VALUES.to_vec();
+        measured_curves.retain(|curve| !run.curve(*curve).is_empty());
+        measured_curves
     }
 
     #[test]
-    fn a_stored_run_is_read_as_it_was_written() {
-        let outcome = Ok(run(Curve::OF_ROUNDS.len()));
+    fn a_stored_run_equals_the_written_run() {
+        let outcome = Ok(run(Curve::WITH_ROUND_VALUES.len()));
         let written = StoredRun::new("digest".to_owned(), 7, outcome.clone());
         let read = StoredRun::from_bytes(&written.to_bytes()).unwrap();
         assert_eq!(read, written);
@@ -283,8 +288,8 @@ mod tests {
     }
 
     #[test]
-    fn curves_of_the_older_layout_keep_their_names() {
-        let read = older(&run(OLDER_CURVES.len()));
+    fn curves_of_the_older_layout_are_read_by_name() {
+        let read = stored_run_of_older_layout(&run(OLDER_CURVES.len()));
         let run = read.outcome.unwrap();
         for (position, (curve, _)) in OLDER_CURVES.iter().enumerate() {
             assert_eq!(run.curve(*curve), [position as f64 + 1.0; ROUNDS]);
@@ -294,28 +299,30 @@ mod tests {
     }
 
     #[test]
-    fn placeholders_of_the_older_layout_are_not_measured() {
-        let run = older(&older_run_with_placeholders()).outcome.unwrap();
-        let measured = measured(&run);
-        assert_eq!(measured[..2], [Curve::ValueLoss, Curve::Entropy]);
-        assert_eq!(measured.len(), 2 + 5);
+    fn placeholders_of_the_older_layout_count_as_unmeasured() {
+        let run = stored_run_of_older_layout(&older_run_with_placeholders())
+            .outcome
+            .unwrap();
+        let measured_curves = measured_curves(&run);
+        assert_eq!(measured_curves[..2], [Curve::ValueLoss, Curve::Entropy]);
+        assert_eq!(measured_curves.len(), 2 + 5);
     }
 
-    /// Clipping that never happens has a fraction of 0.
+    /// If there is a policy loss, a clipped fraction of 0 means that nothing was clipped.
     #[test]
-    fn a_fraction_of_zero_is_measured_where_a_policy_learns() {
+    fn a_clipped_fraction_of_zero_is_measured_if_there_is_a_policy_loss() {
         let mut before = run(OLDER_CURVES.len());
         before.curves[4] = vec![0.0; ROUNDS];
-        let run = older(&before).outcome.unwrap();
+        let run = stored_run_of_older_layout(&before).outcome.unwrap();
         assert_eq!(run.curve(Curve::ClippedFraction), [0.0; ROUNDS]);
     }
 
-    /// A repetition has a curve more, and no numbers where nothing was measured.
+    /// A repetition has an additional curve, and NaN instead of placeholders.
     #[test]
-    fn a_run_of_the_older_layout_can_be_reproduced() {
-        let stored = older(&older_run_with_placeholders());
+    fn a_repetition_reproduces_a_run_of_the_older_layout() {
+        let stored = stored_run_of_older_layout(&older_run_with_placeholders());
         let mut repetition = stored.outcome.clone().unwrap();
-        for (curve, values) in Curve::OF_ROUNDS.iter().zip(&mut repetition.curves) {
+        for (curve, values) in Curve::WITH_ROUND_VALUES.iter().zip(&mut repetition.curves) {
             if *curve == Curve::VisitationEntropy {
                 *values = vec![0.5; ROUNDS];
             } else if values.is_empty() {

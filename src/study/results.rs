@@ -1,4 +1,4 @@
-//! Results of a study so far, read from its folder.
+//! Results of a finished or unfinished study, read from its folder.
 
 use std::collections::BTreeSet;
 
@@ -14,46 +14,46 @@ use seedbed_env::input::{self, InputError};
 /// A study with all its finished runs.
 #[derive(Clone, Debug)]
 pub struct Results {
-    /// Manifest of the study.
+    /// Manifest of the folder.
     pub manifest: Manifest,
-    /// Study file.
+    /// The study file that was run.
     pub study: Study,
     /// Results of each cell, in the order of the study.
     pub cells: Vec<CellResults>,
-    /// Versions of seedbed that ran it.
+    /// Versions of seedbed that made the runs.
     pub versions: BTreeSet<String>,
-    /// Commits of seedbed that ran it, as far as they are known.
+    /// Commits of seedbed that made the runs, as far as they are known.
     pub commits: BTreeSet<String>,
-    /// Builds that ran it; `None` is an unknown build.
+    /// Builds of seedbed that made the runs; `None` is an unknown build.
     pub builds: BTreeSet<Option<BuildId>>,
 }
 
-/// Results of a cell.
+/// Results of the runs of a cell.
 #[derive(Clone, Debug)]
 pub struct CellResults {
     /// Description of the cell.
-    pub about: ManifestCell,
-    /// Seeds and results of finished runs.
+    pub description: ManifestCell,
+    /// Run seeds and results of finished runs.
     pub runs: Vec<(u64, RunResult)>,
-    /// Seeds of failed runs, and why they failed.
+    /// Run seeds of failed runs, and the reasons why they failed.
     pub failures: Vec<(u64, String)>,
     /// Number of runs that are missing.
     pub missing: usize,
 }
 
-/// Why results cannot be read.
+/// Error: results cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ResultsError {
     /// The folder has no readable manifest of a study.
     #[error("not the results of a study: {0}")]
     Folder(StoreError),
-    /// This version cannot read the study file that was run.
+    /// This version of seedbed cannot read the study file that was run.
     #[error(transparent)]
     Study(#[from] InputError),
 }
 
 impl Results {
-    /// Reads all results in a folder.
+    /// Reads all results in the folder of a study.
     ///
     /// # Errors
     /// If the folder has no readable study.
@@ -68,21 +68,21 @@ impl Results {
             builds: BTreeSet::new(),
             manifest,
         };
-        for about in results.manifest.cells.clone() {
-            results.read_cell(folder, about);
+        for description in results.manifest.cells.clone() {
+            results.read_cell(folder, description);
         }
         Ok(results)
     }
 
-    fn read_cell(&mut self, folder: &StudyFolder, about: ManifestCell) {
+    fn read_cell(&mut self, folder: &StudyFolder, description: ManifestCell) {
         let mut cell = CellResults {
-            about,
+            description,
             runs: Vec::new(),
             failures: Vec::new(),
             missing: 0,
         };
         for seed in self.manifest.first_seed..self.manifest.first_seed + self.manifest.repeats {
-            let Some(stored) = folder.stored(&cell.about.digest, seed, &[]) else {
+            let Some(stored) = folder.stored(&cell.description.digest, seed, &[]) else {
                 cell.missing += 1;
                 continue;
             };
@@ -97,15 +97,16 @@ impl Results {
         self.cells.push(cell);
     }
 
-    /// Results of the cell of this name.
+    /// Results of the cell with this name.
     #[must_use]
     pub fn cell(&self, name: &str) -> Option<&CellResults> {
-        self.cells.iter().find(|cell| cell.about.name == name)
+        self.cells.iter().find(|cell| cell.description.name == name)
     }
 
-    /// Cells that a figure shows: those that it names, in its order, or all.
+    /// Cells that a figure shows: its list of cells, in its order, or all cells if the list is
+    /// empty.
     #[must_use]
-    pub fn shown_by(&self, figure: &Figure) -> Vec<&CellResults> {
+    pub fn cells_of_figure(&self, figure: &Figure) -> Vec<&CellResults> {
         if figure.cells().is_empty() {
             return self.cells.iter().collect();
         }
@@ -116,26 +117,26 @@ impl Results {
             .collect()
     }
 
-    /// Whether its seeds are for tuning. Such results must not be published.
+    /// Whether the run seeds are for tuning. Such results must not be published.
     #[must_use]
     pub fn is_tuning(&self) -> bool {
         self.manifest.first_seed < FIRST_REPORTING_SEED
     }
 
-    /// Numbers of finished, failed, and missing runs.
+    /// Numbers of finished, failed and missing runs.
     #[must_use]
     pub fn counts(&self) -> [usize; 3] {
-        let sum = |count: fn(&CellResults) -> usize| self.cells.iter().map(count).sum();
+        let total = |count: fn(&CellResults) -> usize| self.cells.iter().map(count).sum();
         [
-            sum(|cell| cell.runs.len()),
-            sum(|cell| cell.failures.len()),
-            sum(|cell| cell.missing),
+            total(|cell| cell.runs.len()),
+            total(|cell| cell.failures.len()),
+            total(|cell| cell.missing),
         ]
     }
 }
 
 impl CellResults {
-    /// Scores of all runs that have a measure.
+    /// Scores of all runs that have the measure.
     #[must_use]
     pub fn scores(&self, measure: Measure) -> Vec<Score> {
         self.runs
@@ -144,15 +145,15 @@ impl CellResults {
             .collect()
     }
 
-    /// States of the first episodes of the first run, if they were kept: number of visited states,
+    /// Visited states in the first episodes of the first run, if they were stored: their number,
     /// and a sample of them.
     #[must_use]
-    pub fn states(&self, upto: EpisodeWindow) -> Option<(u64, &[f32])> {
-        let kept = self
+    pub fn states(&self, window: EpisodeWindow) -> Option<(u64, &[f32])> {
+        let kept_states = self
             .runs
             .iter()
             .flat_map(|(_, run)| &run.states)
-            .find(|states| states.episodes == upto.episodes());
-        kept.map(|kept| (kept.visited, kept.states.as_slice()))
+            .find(|states| states.episodes == window.episodes());
+        kept_states.map(|kept_states| (kept_states.visited, kept_states.states.as_slice()))
     }
 }

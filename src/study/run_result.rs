@@ -35,8 +35,8 @@ pub struct RunResult {
     pub env_steps: u64,
     /// Episodes of each agent after each round in which any agent learned: `[rounds]`.
     pub episodes: Vec<u32>,
-    /// One row per curve, in the order of [`Curve::OF_ROUNDS`]: `[curves][rounds]`. Not a number in
-    /// rounds in which it was not measured; empty if it never was.
+    /// One row per curve, in the order of [`Curve::WITH_ROUND_VALUES`]: `[curves][rounds]`. Not a
+    /// number in rounds in which it was not measured; empty if it never was.
     pub curves: Vec<Vec<f32>>,
     /// Visited states, for each window of episodes that was asked for.
     pub states: Vec<VisitedStates>,
@@ -70,7 +70,7 @@ impl RunResult {
             threshold: trainer
                 .threshold()
                 .map(|threshold| (threshold.r#return, threshold.window as u32)),
-            curves: vec![Vec::new(); Curve::OF_ROUNDS.len()],
+            curves: vec![Vec::new(); Curve::WITH_ROUND_VALUES.len()],
             ..Self::default()
         }
     }
@@ -90,8 +90,8 @@ impl RunResult {
         }
         if !rows.updates.is_empty() {
             self.episodes.push(now.episodes);
-            for (values, curve) in self.curves.iter_mut().zip(Curve::OF_ROUNDS) {
-                let value = curve.metric().value_of_round(&rows.updates);
+            for (values, curve) in self.curves.iter_mut().zip(Curve::WITH_ROUND_VALUES) {
+                let value = curve.metric().team_value_of_round(&rows.updates);
                 values.push(value.map_or(f32::NAN, |value| value as f32));
             }
         }
@@ -136,8 +136,8 @@ impl RunResult {
         }
     }
 
-    /// Values of a curve: one per episode for returns and regrets, one for each round in which it was
-    /// measured for all others.
+    /// Values of a curve: one per episode for returns and regrets, one for each round in which it
+    /// was measured for all others.
     #[must_use]
     pub fn curve(&self, curve: Curve) -> Vec<f64> {
         match curve {
@@ -164,7 +164,9 @@ impl RunResult {
 
     /// Of each round in which a curve was measured: episodes of each agent so far, and the value.
     fn measured_rounds(&self, curve: Curve) -> impl Iterator<Item = (u32, f64)> {
-        let index = Curve::OF_ROUNDS.iter().position(|other| *other == curve);
+        let index = Curve::WITH_ROUND_VALUES
+            .iter()
+            .position(|other| *other == curve);
         let values = index.and_then(|index| self.curves.get(index));
         let rounds = self.episodes.iter().zip(values.into_iter().flatten());
         rounds
@@ -172,8 +174,8 @@ impl RunResult {
             .map(|(&episodes, &value)| (episodes, f64::from(value)))
     }
 
-    /// Newest value of a curve when each agent has finished `episode` episodes, or the last value if
-    /// the run was shorter.
+    /// Newest value of a curve when each agent has finished `episode` episodes, or the last value
+    /// if the run was shorter.
     #[must_use]
     pub fn curve_at(&self, curve: Curve, episode: u32) -> Option<f64> {
         let before = self
@@ -194,8 +196,8 @@ impl RunResult {
 
 /// Keeps uniform samples of states during a run.
 pub struct Reservoir {
-    /// Each with its own random stream, so that the sample of a window does not depend on which other
-    /// windows there are.
+    /// Each with its own random stream, so that the sample of a window does not depend on which
+    /// other windows there are.
     kept: Vec<(VisitedStates, Stream)>,
 }
 

@@ -1,7 +1,7 @@
 //! The folder of a study: one file per stored run, and a manifest for the report.
 //!
-//! The name of a file is a hash of all that its run depends on, and the seed. So a changed study
-//! finds the results that its change does not affect.
+//! The name of a result file is a hash of everything on which its run depends, and the run seed. So
+//! after a study is changed, the results that are not affected are found again.
 
 use std::fs::{File, TryLockError};
 use std::io;
@@ -17,16 +17,16 @@ use crate::run::files;
 use seedbed_env::Quantity;
 use seedbed_env::input;
 
-/// Folder of a study's results.
+/// Folder with the results of a study.
 #[derive(Clone, Debug)]
 pub struct StudyFolder {
     path: PathBuf,
 }
 
-/// What the report needs to know of a study: `study.json`.
+/// Description of a study for its report: `study.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Version of seedbed that wrote it.
+    /// Version of seedbed that wrote the manifest.
     pub version: String,
     /// Name of the study.
     pub name: String,
@@ -34,29 +34,30 @@ pub struct Manifest {
     pub study_path: String,
     /// Text of the study file.
     pub study: String,
-    /// Whether it was run with the settings of `quick`.
+    /// Whether the study was run with the settings of `quick`.
     pub quick: bool,
-    /// Seed of the first run of each cell.
+    /// Run seed of the first run of each cell.
     pub first_seed: u64,
     /// Number of runs per cell.
     pub repeats: u64,
     /// Cells.
     pub cells: Vec<ManifestCell>,
-    /// Claims that were written or changed when both cells that they compare had runs, as
+    /// Claims that were added or changed after both of their cells had runs, as
     /// [`Claim::canonical_text`].
     #[serde(default)]
     pub late_claims: Vec<String>,
-    /// Earlier numbers of runs per cell, from first to last, of which some were run.
+    /// Earlier values of `repeats`, in the order in which they were used. Only values with stored
+    /// runs count.
     #[serde(default)]
     pub earlier_repeats: Vec<u64>,
 }
 
-/// What the report needs to know of a cell.
+/// Description of a cell for the report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ManifestCell {
     /// Name of the cell.
     pub name: String,
-    /// Hash of all that its runs depend on, besides their seeds.
+    /// Hash of everything on which its runs depend, except their run seeds.
     pub digest: String,
     /// Path of its scenario.
     pub scenario: String,
@@ -64,7 +65,7 @@ pub struct ManifestCell {
     pub overrides: Vec<String>,
     /// Number of agents K.
     pub agents: u32,
-    /// Max number of episodes of each agent.
+    /// Maximum number of episodes per agent.
     pub max_episodes: u32,
     /// Name of its task.
     pub task: String,
@@ -72,7 +73,7 @@ pub struct ManifestCell {
     pub observations: Vec<(String, String, [f32; 2])>,
 }
 
-/// Lock of a study's folder, released when dropped and when the process ends.
+/// Lock of the folder of a study. It is released when it is dropped or the process ends.
 #[derive(Debug)]
 pub struct StudyLock {
     _lock: File,
@@ -91,9 +92,9 @@ impl StudyFolder {
         &self.path
     }
 
-    /// Locks the folder, and creates it if necessary: for this process alone with `exclusive`,
-    /// otherwise for any number of processes that each add single runs. `None` if another process
-    /// has a lock that excludes this one.
+    /// Locks the folder, and creates it if necessary. An `exclusive` lock is for one process; other
+    /// locks can be held by any number of processes, each of which adds single runs. `None` if a
+    /// lock of another process conflicts.
     ///
     /// # Errors
     /// If the folder or the lock file cannot be created.
@@ -104,20 +105,20 @@ impl StudyFolder {
             .truncate(false)
             .write(true)
             .open(self.path.join(".lock"))?;
-        let locked = if exclusive {
+        let result = if exclusive {
             file.try_lock()
         } else {
             file.try_lock_shared()
         };
-        match locked {
+        match result {
             Ok(()) => Ok(Some(StudyLock { _lock: file })),
             Err(TryLockError::WouldBlock) => Ok(None),
             Err(TryLockError::Error(error)) => Err(error),
         }
     }
 
-    /// Stored result of a run; `None` if there is none, or if it lacks the states of any of
-    /// `windows`.
+    /// Stored result of a run. `None` if there is none, or if it lacks the visited states for one
+    /// of `windows`.
     #[must_use]
     pub fn stored(&self, digest: &str, seed: u64, windows: &[u32]) -> Option<StoredRun> {
         let bytes = std::fs::read(self.file(digest, seed)).ok()?;
@@ -130,11 +131,12 @@ impl StudyFolder {
             Ok(run) => windows.iter().all(|&window| has_window(run, window)),
             Err(_) => true,
         };
-        let is_asked_for = stored.digest == digest && stored.seed == seed;
-        (is_asked_for && has_states).then_some(stored)
+        let matches_request = stored.digest == digest && stored.seed == seed;
+        (matches_request && has_states).then_some(stored)
     }
 
-    /// Stored result of a planned run, with the states that are wanted of it.
+    /// Stored result of a planned run. `None` if there is none, or if it lacks visited states that
+    /// the run should have.
     #[must_use]
     pub fn stored_run(&self, run: &PlannedRun<'_>) -> Option<StoredRun> {
         self.stored(&run.cell.digest, run.seed, run.windows())
@@ -151,11 +153,11 @@ impl StudyFolder {
     ) -> Result<StoredRun, StoreError> {
         let stored = StoredRun::new(run.cell.digest.clone(), run.seed, outcome);
         let path = self.file(&stored.digest, stored.seed);
-        replace(path, &stored.to_bytes())?;
+        replace_file(path, &stored.to_bytes())?;
         Ok(stored)
     }
 
-    /// Path of a run's result file.
+    /// Path of the result file of a run.
     #[must_use]
     pub fn file(&self, digest: &str, seed: u64) -> PathBuf {
         self.runs_folder().join(format!("{digest}-{seed}.run"))
@@ -167,8 +169,8 @@ impl StudyFolder {
         self.path.join("runs")
     }
 
-    /// Writes the manifest, unless it is up to date, with the claims that come late and with
-    /// earlier numbers of runs.
+    /// Writes the manifest unless it is up to date. Updates late claims and earlier numbers of
+    /// runs.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -186,26 +188,27 @@ impl StudyFolder {
         let mut text =
             serde_json::to_string_pretty(&manifest).expect("plain data always serializes");
         text.push('\n');
-        if std::fs::read_to_string(&path).is_ok_and(|present| present == text) {
+        if std::fs::read_to_string(&path).is_ok_and(|stored_text| stored_text == text) {
             return Ok(());
         }
-        replace(path, text.as_bytes())
+        replace_file(path, text.as_bytes())
     }
 
-    /// Claims that were late before, and new ones although both of their cells have runs.
+    /// Late claims: those of the previous manifest, and new claims whose cells both have runs.
     fn late_claims(&self, plan: &StudyPlan, previous: Option<&Manifest>) -> Vec<String> {
         let study = plan.study();
-        let known = previous.map(Manifest::claims).unwrap_or_default();
-        let mut late = Vec::new();
+        let previous_claims = previous.map(Manifest::claims).unwrap_or_default();
+        let mut late_claims = Vec::new();
         for claim in &study.claims {
             let text = claim.canonical_text(study);
             let was_late = previous.is_some_and(|previous| previous.late_claims.contains(&text));
-            let is_late = was_late || !known.contains(&text) && self.has_runs_of_both(plan, claim);
+            let is_late =
+                was_late || !previous_claims.contains(&text) && self.has_runs_of_both(plan, claim);
             if is_late {
-                late.push(text);
+                late_claims.push(text);
             }
         }
-        late
+        late_claims
     }
 
     /// Whether both cells that a claim compares have runs.
@@ -218,8 +221,8 @@ impl StudyFolder {
         has_runs(&claim.compare.0) && has_runs(&claim.compare.1)
     }
 
-    /// Earlier numbers of runs per cell: those of the previous manifest, and its last number if it
-    /// differs from the present one and there are runs.
+    /// Earlier numbers of runs per cell: those of the previous manifest and, if the number has
+    /// changed and there are stored runs, its number of runs per cell.
     fn earlier_repeats(&self, plan: &StudyPlan, previous: Option<&Manifest>) -> Vec<u64> {
         let Some(previous) = previous else {
             return Vec::new();
@@ -241,7 +244,7 @@ impl StudyFolder {
     /// Manifest of the study.
     ///
     /// # Errors
-    /// If there is none, or if it cannot be read.
+    /// If there is no manifest, or if it cannot be read.
     pub fn manifest(&self) -> Result<Manifest, StoreError> {
         let path = self.manifest_file();
         let text = std::fs::read_to_string(&path).map_err(|error| error.to_string());
@@ -255,7 +258,7 @@ impl StudyFolder {
     }
 }
 
-fn replace(path: PathBuf, bytes: &[u8]) -> Result<(), StoreError> {
+fn replace_file(path: PathBuf, bytes: &[u8]) -> Result<(), StoreError> {
     files::replace(&path, bytes).map_err(|error| StoreError {
         path,
         reason: error.to_string(),
@@ -263,7 +266,8 @@ fn replace(path: PathBuf, bytes: &[u8]) -> Result<(), StoreError> {
 }
 
 impl Manifest {
-    /// Claims of the study, as [`Claim::canonical_text`]; none if its file cannot be read any more.
+    /// Claims of the study, as [`Claim::canonical_text`]; empty if this version cannot read the
+    /// study file.
     fn claims(&self) -> Vec<String> {
         let Ok(study) = input::parse::<Study>(&self.study_path, self.study.clone()) else {
             return Vec::new();
@@ -274,18 +278,18 @@ impl Manifest {
             .collect()
     }
 
-    /// Sentence about numbers of runs per cell that were changed when some were run, such as `The
-    /// number of runs per cell was extended from 10 to 20 after some of them had been run.`
+    /// Sentence for the report if the number of runs per cell was changed after some runs, such as
+    /// `The number of runs per cell was extended from 10 to 20 after some of them had been run.`
     #[must_use]
     pub fn changed_repeats(&self) -> Option<String> {
         let last = self.earlier_repeats.last()?;
         let is_extended = self.earlier_repeats.is_sorted() && *last < self.repeats;
         let verb = if is_extended { "extended" } else { "changed" };
-        let all = self.earlier_repeats.iter().chain([&self.repeats]);
-        let all: Vec<String> = all.map(u64::to_string).collect();
+        let all_repeats = self.earlier_repeats.iter().chain([&self.repeats]);
+        let all_repeats: Vec<String> = all_repeats.map(u64::to_string).collect();
         Some(format!(
             "The number of runs per cell was {verb} from {} after some of them had been run.",
-            all.join(" to ")
+            all_repeats.join(" to ")
         ))
     }
 
@@ -325,12 +329,12 @@ fn observation(quantity: &Quantity) -> (String, String, [f32; 2]) {
     (quantity.name.clone(), quantity.unit.clone(), quantity.range)
 }
 
-/// A file of a study's folder that cannot be read or written.
+/// Error: a file in the folder of a study cannot be read or written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{path}: {reason}")]
 pub struct StoreError {
     /// Path of the file.
     pub path: PathBuf,
-    /// Message of the system.
+    /// Reason given by the operating system.
     pub reason: String,
 }

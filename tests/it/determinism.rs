@@ -1,54 +1,56 @@
-//! The same scenario and seed give the same bits: whatever the threads, recorded or not, crashed and
-//! resumed or not.
+//! The same scenario and run seed give the same bits for any number of threads, with and without
+//! recording, and after a crash.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use super::util::{RESULT_FILES, assert_same_results, crash, differing_results, run_command};
 
-/// The command `seedbed run scenarios/cartpole.ron`, which prints nothing.
-fn silent(folder: &Path, more: &[&str]) -> Command {
-    let mut command = run_command(folder, &[&["--quiet"], more].concat());
+/// The command `seedbed run scenarios/cartpole.ron --quiet`, with standard error discarded.
+fn quiet_run_command(folder: &Path, extra_arguments: &[&str]) -> Command {
+    let mut command = run_command(folder, &[&["--quiet"], extra_arguments].concat());
     command.stderr(Stdio::null());
     command
 }
 
-/// Runs to the end.
-fn finish(folder: &Path, more: &[&str]) {
-    let status = silent(folder, more).status().expect("the binary runs");
-    assert!(status.success(), "{more:?}: {status}");
+/// Runs `scenarios/cartpole.ron` until it is finished.
+fn run_to_end(folder: &Path, extra_arguments: &[&str]) {
+    let status = quiet_run_command(folder, extra_arguments)
+        .status()
+        .expect("the binary runs");
+    assert!(status.success(), "{extra_arguments:?}: {status}");
 }
 
-fn folders() -> (tempfile::TempDir, PathBuf, PathBuf) {
+fn two_run_folders() -> (tempfile::TempDir, PathBuf, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let (a, b) = (folder.path().join("a"), folder.path().join("b"));
     (folder, a, b)
 }
 
-const SHORT: [&str; 4] = ["--set", "stop=Episodes(30)", "--set", "agents.count=5"];
+const SHORT_RUN: [&str; 4] = ["--set", "stop=Episodes(30)", "--set", "agents.count=5"];
 
 #[test]
-fn any_number_of_threads_gives_the_same_bits() {
-    let (_guard, one, three) = folders();
-    finish(&one, &[&SHORT[..], &["--threads", "1"]].concat());
-    finish(&three, &[&SHORT[..], &["--threads", "3"]].concat());
+fn results_do_not_depend_on_the_number_of_threads() {
+    let (_temporary, one, three) = two_run_folders();
+    run_to_end(&one, &[&SHORT_RUN[..], &["--threads", "1"]].concat());
+    run_to_end(&three, &[&SHORT_RUN[..], &["--threads", "3"]].concat());
     assert_same_results(&one, &three);
 }
 
 #[test]
-fn recording_changes_nothing() {
-    let (_guard, with, without) = folders();
-    finish(&with, &SHORT);
-    finish(&without, &[&SHORT[..], &["--no-recording"]].concat());
+fn results_do_not_depend_on_recording() {
+    let (_temporary, with, without) = two_run_folders();
+    run_to_end(&with, &SHORT_RUN);
+    run_to_end(&without, &[&SHORT_RUN[..], &["--no-recording"]].concat());
     assert_same_results(&with, &without);
 }
 
 #[test]
-fn advantages_on_record_change_nothing() {
-    for schedule in ["schedule=Synchronous(episodes: 2)", ASYNCHRONOUS] {
-        let (_guard, with, without) = folders();
+fn results_do_not_depend_on_recording_advantages() {
+    for schedule in ["schedule=Synchronous(episodes: 2)", ASYNCHRONOUS_OVERRIDE] {
+        let (_temporary, with, without) = two_run_folders();
         let common = [
-            &SHORT[..],
+            &SHORT_RUN[..],
             &[
                 "--set",
                 "algorithm.standardise=PerTrajectory",
@@ -57,7 +59,7 @@ fn advantages_on_record_change_nothing() {
             ],
         ]
         .concat();
-        finish(
+        run_to_end(
             &with,
             &[
                 &common[..],
@@ -65,75 +67,88 @@ fn advantages_on_record_change_nothing() {
             ]
             .concat(),
         );
-        finish(&without, &common);
+        run_to_end(&without, &common);
         assert_same_results(&with, &without);
     }
 }
 
 #[test]
-fn another_seed_gives_another_run() {
-    let (_guard, zero, one) = folders();
-    finish(&zero, &[&SHORT[..], &["--no-recording"]].concat());
-    finish(
+fn another_run_seed_gives_other_results() {
+    let (_temporary, zero, one) = two_run_folders();
+    run_to_end(&zero, &[&SHORT_RUN[..], &["--no-recording"]].concat());
+    run_to_end(
         &one,
-        &[&SHORT[..], &["--no-recording", "--seed", "1"]].concat(),
+        &[&SHORT_RUN[..], &["--no-recording", "--seed", "1"]].concat(),
     );
     assert_eq!(differing_results(&zero, &one), RESULT_FILES);
 }
 
 #[test]
-fn asynchronous_agents_do_not_wait_for_threads_either() {
-    let (_guard, one, three) = folders();
-    let asynchronous = [&SHORT[..], &["--set", ASYNCHRONOUS]].concat();
-    finish(&one, &[&asynchronous[..], &["--threads", "1"]].concat());
-    finish(&three, &[&asynchronous[..], &["--threads", "3"]].concat());
+fn asynchronous_results_do_not_depend_on_the_number_of_threads() {
+    let (_temporary, one, three) = two_run_folders();
+    let asynchronous = [&SHORT_RUN[..], &["--set", ASYNCHRONOUS_OVERRIDE]].concat();
+    run_to_end(&one, &[&asynchronous[..], &["--threads", "1"]].concat());
+    run_to_end(&three, &[&asynchronous[..], &["--threads", "3"]].concat());
     assert_same_results(&one, &three);
 }
 
 #[test]
-fn curiosity_does_not_depend_on_threads() {
-    let (_guard, one, three) = folders();
-    let curious = [&SHORT[..], &["--set", "algorithm.bonus=Vime(seeds: Shift)"]].concat();
-    finish(&one, &[&curious[..], &["--threads", "1"]].concat());
-    finish(&three, &[&curious[..], &["--threads", "3"]].concat());
+fn results_with_bonuses_do_not_depend_on_the_number_of_threads() {
+    let (_temporary, one, three) = two_run_folders();
+    let with_bonus = [
+        &SHORT_RUN[..],
+        &["--set", "algorithm.bonus=Vime(seeds: Shift)"],
+    ]
+    .concat();
+    run_to_end(&one, &[&with_bonus[..], &["--threads", "1"]].concat());
+    run_to_end(&three, &[&with_bonus[..], &["--threads", "3"]].concat());
     assert_same_results(&one, &three);
 }
 
-/// A single agent has nobody to wait for, so both schedules are the same.
+/// A single agent never waits for others, so the synchronous and the asynchronous schedule are the
+/// same.
 #[test]
-fn alone_an_asynchronous_agent_is_a_synchronous_one() {
-    let (_guard, waiting, hurried) = folders();
-    let alone = ["--set", "stop=Episodes(30)", "--set", "agents.count=1"];
-    finish(&waiting, &alone);
-    finish(&hurried, &[&alone[..], &["--set", ASYNCHRONOUS]].concat());
-    assert_same_results(&waiting, &hurried);
+fn one_agent_learns_the_same_with_both_schedules() {
+    let (_temporary, synchronous, asynchronous) = two_run_folders();
+    let one_agent = ["--set", "stop=Episodes(30)", "--set", "agents.count=1"];
+    run_to_end(&synchronous, &one_agent);
+    run_to_end(
+        &asynchronous,
+        &[&one_agent[..], &["--set", ASYNCHRONOUS_OVERRIDE]].concat(),
+    );
+    assert_same_results(&synchronous, &asynchronous);
 }
 
-/// Models of several agents each that learn in the middle of episodes.
+/// Two models, each shared by several agents, that learn during episodes.
 #[test]
-fn an_ensemble_in_lockstep_does_not_depend_on_threads_or_recordings() {
-    let (_guard, one, three) = folders();
-    finish(
+fn ensemble_results_depend_on_neither_threads_nor_recording() {
+    let (_temporary, one, three) = two_run_folders();
+    run_to_end(
         &one,
-        &[&SHORT[..], &ENSEMBLE, &["--threads", "1", "--no-recording"]].concat(),
+        &[
+            &SHORT_RUN[..],
+            &ENSEMBLE_OVERRIDES,
+            &["--threads", "1", "--no-recording"],
+        ]
+        .concat(),
     );
-    finish(
+    run_to_end(
         &three,
-        &[&SHORT[..], &ENSEMBLE, &["--threads", "3"]].concat(),
+        &[&SHORT_RUN[..], &ENSEMBLE_OVERRIDES, &["--threads", "3"]].concat(),
     );
     assert_same_results(&one, &three);
 }
 
-/// There the checkpoint holds the team's transitions, target networks and curiosity.
+/// The checkpoint includes the replay buffer, the target networks and the bonus networks.
 #[test]
 fn a_crashed_ensemble_resumes_to_the_same_bits() {
-    is_resumed_to_the_same_bits(&ENSEMBLE);
+    assert_resumed_run_gives_the_same_bits(&ENSEMBLE_OVERRIDES);
 }
 
-/// There models are drawn again in each round.
+/// Agents draw a model at random in each round.
 #[test]
 fn a_crashed_bootstrapped_dqn_resumes_to_the_same_bits() {
-    is_resumed_to_the_same_bits(&[
+    assert_resumed_run_gives_the_same_bits(&[
         "--set",
         "algorithm=BootstrappedDqn(models: 3, learning: (observations: Running, replay: 3000))",
         "--set",
@@ -141,102 +156,110 @@ fn a_crashed_bootstrapped_dqn_resumes_to_the_same_bits() {
     ]);
 }
 
-const ENSEMBLE: [&str; 4] = [
+const ENSEMBLE_OVERRIDES: [&str; 4] = [
     "--set",
     "algorithm=SeedTd(models: Ensemble(most: 2), bonus: Rnd(minibatches: 5))",
     "--set",
     "schedule=Lockstep(learn_every: 4)",
 ];
 
-const ASYNCHRONOUS: &str = "schedule=Asynchronous(training: (env_steps: 15))";
+const ASYNCHRONOUS_OVERRIDE: &str = "schedule=Asynchronous(training: (env_steps: 15))";
 
 #[test]
 fn a_crashed_run_resumes_to_the_same_bits() {
-    is_resumed_to_the_same_bits(&[]);
+    assert_resumed_run_gives_the_same_bits(&[]);
 }
 
-/// There the checkpoint finds episodes half played and updates half done.
+/// The checkpoint includes unfinished episodes and unfinished updates.
 #[test]
 fn a_crashed_asynchronous_run_resumes_to_the_same_bits() {
-    is_resumed_to_the_same_bits(&[
+    assert_resumed_run_gives_the_same_bits(&[
         "--set",
-        ASYNCHRONOUS,
+        ASYNCHRONOUS_OVERRIDE,
         "--set",
         "algorithm.observations=Running",
     ]);
 }
 
-/// There the checkpoint holds a model of the dynamics and the transitions that it is trained on.
+/// The checkpoint includes the dynamics model and the transitions on which it is trained.
 #[test]
-fn a_crashed_curious_run_resumes_to_the_same_bits() {
-    is_resumed_to_the_same_bits(&[
+fn a_crashed_run_with_a_vime_bonus_resumes_to_the_same_bits() {
+    assert_resumed_run_gives_the_same_bits(&[
         "--set",
         "algorithm.bonus=Vime(seeds: Scale, buffer: Kept(transitions: 5000))",
     ]);
 }
 
-/// Crashes a run ten rounds after a checkpoint, and resumes it.
-fn is_resumed_to_the_same_bits(more: &[&str]) {
-    let (_guard, whole, crashed) = folders();
-    let long = [
+/// Crashes a run ten rounds after a checkpoint, resumes it, and asserts that its results equal
+/// those of an uninterrupted run.
+fn assert_resumed_run_gives_the_same_bits(extra_arguments: &[&str]) {
+    let (_temporary, uninterrupted, crashed) = two_run_folders();
+    let long_run = [
         &[
             "--set",
             "stop=Episodes(120)",
             "--set",
             "checkpoint_every=20",
         ],
-        more,
+        extra_arguments,
     ]
     .concat();
-    finish(&whole, &long);
+    run_to_end(&uninterrupted, &long_run);
 
-    crash(silent(
+    crash(quiet_run_command(
         &crashed,
-        &[&long[..], &["--abort-after-rounds", "50"]].concat(),
+        &[&long_run[..], &["--abort-after-rounds", "50"]].concat(),
     ));
     assert!(crashed.join("checkpoint/state.bin").exists());
     assert!(!crashed.join("summary.json").exists());
-    finish(&crashed, &[&long[..], &["--resume"]].concat());
+    run_to_end(&crashed, &[&long_run[..], &["--resume"]].concat());
 
-    assert_same_results(&whole, &crashed);
+    assert_same_results(&uninterrupted, &crashed);
     assert!(crashed.join("run.rrd").exists() && !crashed.join("run.rrd.part").exists());
 }
 
-/// Resuming as another run is refused, resuming to a later end is not.
+/// A run cannot be resumed with another discount or an end before its checkpoint. It can be resumed
+/// with a later end.
 #[test]
-fn only_the_same_run_resumes() {
-    let (_guard, folder, _) = folders();
-    let setting = ["--no-recording", "--set", "checkpoint_every=5"];
+fn resume_refuses_another_scenario_and_an_earlier_end() {
+    let (_temporary, folder, _) = two_run_folders();
+    let common = ["--no-recording", "--set", "checkpoint_every=5"];
     let aborted = ["--set", "stop=Episodes(30)", "--abort-after-rounds", "12"];
-    crash(silent(&folder, &[&setting[..], &aborted].concat()));
+    crash(quiet_run_command(
+        &folder,
+        &[&common[..], &aborted].concat(),
+    ));
 
-    let resume = |more: &[&str]| {
-        silent(&folder, &[&setting[..], &["--resume"], more].concat())
-            .status()
-            .unwrap()
+    let resume = |extra_arguments: &[&str]| {
+        quiet_run_command(
+            &folder,
+            &[&common[..], &["--resume"], extra_arguments].concat(),
+        )
+        .status()
+        .unwrap()
     };
-    let other = resume(&["--set", "algorithm.discount=0.9"]);
-    assert_eq!(other.code(), Some(2), "another run");
-    let passed = resume(&["--set", "stop=Episodes(9)"]);
-    assert_eq!(passed.code(), Some(2), "the checkpoint has 10 episodes");
+    let other_scenario = resume(&["--set", "algorithm.discount=0.9"]);
+    assert_eq!(other_scenario.code(), Some(2), "another discount");
+    let shorter = resume(&["--set", "stop=Episodes(9)"]);
+    assert_eq!(shorter.code(), Some(2), "the checkpoint has 10 episodes");
     assert!(resume(&["--set", "stop=Episodes(40)"]).success());
     let stored = std::fs::read_to_string(folder.join("scenario.ron")).unwrap();
     assert!(
         stored.contains("stop: Episodes(40)"),
-        "the stored scenario is that of the resumed run: {stored}"
+        "resuming must store the new scenario: {stored}"
     );
 }
 
-/// Before its first checkpoint a run cannot be resumed, and a new one may take its folder.
+/// A run that crashed before its first checkpoint cannot be resumed; a new run may use its folder.
 #[test]
-fn a_run_that_crashed_at_once_begins_again() {
-    let (_guard, folder, _) = folders();
-    let short = [&SHORT[..], &["--no-recording"]].concat();
-    crash(silent(
+fn a_run_without_a_checkpoint_starts_again() {
+    let (_temporary, folder, _) = two_run_folders();
+    let short = [&SHORT_RUN[..], &["--no-recording"]].concat();
+    crash(quiet_run_command(
         &folder,
         &[&short[..], &["--abort-after-rounds", "3"]].concat(),
     ));
-    let resumed = silent(&folder, &[&short[..], &["--resume"]].concat());
+    let resumed = quiet_run_command(&folder, &[&short[..], &["--resume"]].concat());
     assert_eq!({ resumed }.status().unwrap().code(), Some(2));
-    finish(&folder, &short);
+    run_to_end(&folder, &short);
 }

@@ -1,4 +1,4 @@
-//! The tests of the whole workbench, in one binary, so that the recording SDK is linked once.
+//! The integration tests of the workbench, in one binary, so that the recording SDK is linked once.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

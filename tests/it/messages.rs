@@ -1,5 +1,5 @@
-//! What a user reads who has written something wrong: every broken scenario and study has its exact
-//! message beside it. See CONTRIBUTING.md for how to update them.
+//! Golden files of error messages: `NAME.txt` is the exact error of the invalid scenario or study
+//! `NAME.ron`. CONTRIBUTING.md explains how to update these files.
 
 use std::path::Path;
 
@@ -7,16 +7,17 @@ use seedbed_golden::check_folder;
 
 use super::util::refuse;
 
-fn message(file: &Path) -> String {
+/// The error that `seedbed check FILE` prints.
+fn check_error(file: &Path) -> String {
     refuse(&["check", file.to_str().unwrap()])
 }
 
 #[test]
-fn broken_scenarios_are_explained() {
-    check_folder("tests/broken_scenarios", message);
+fn errors_in_scenarios_match_the_golden_files() {
+    check_folder("tests/broken_scenarios", check_error);
 }
 
 #[test]
-fn broken_studies_are_explained() {
-    check_folder("tests/broken_studies", message);
+fn errors_in_studies_match_the_golden_files() {
+    check_folder("tests/broken_studies", check_error);
 }

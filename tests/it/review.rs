@@ -1,5 +1,4 @@
-//! Runs as they are looked at afterwards: `inspect`, `plot`, and the sample recording that comes
-//! with the sources.
+//! `seedbed inspect`, `seedbed plot`, and the sample recording of the repository.
 
 use std::path::{Path, PathBuf};
 
@@ -12,61 +11,70 @@ use super::util::{REPOSITORY, refuse, small_run, stderr, succeed};
 
 const SAMPLE: &str = "recordings/sample/run.rrd";
 
-/// A finished run of two agents and six episodes; its folder.
-fn small_run_in(folder: &Path, more: &[&str]) -> PathBuf {
+/// Runs two agents for six episodes each, and returns the folder of the run.
+fn finish_small_run(folder: &Path, extra_arguments: &[&str]) -> PathBuf {
     let path = folder.join("run");
-    let output = small_run(&path, &[&["--quiet"], more].concat());
+    let output = small_run(&path, &[&["--quiet"], extra_arguments].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     path
 }
 
-/// The recording knows as much as the tables: with and without them the same is said of agents and
-/// states.
+/// `inspect` prints the same statistics of agents and states for a run folder as for its recording
+/// alone.
 #[test]
-fn a_recording_alone_tells_the_same_as_its_folder() {
+fn inspect_prints_the_same_statistics_with_and_without_tables() {
     let folder = tempfile::tempdir().unwrap();
-    let run = small_run_in(folder.path(), &[]);
-    let alone = folder.path().join("alone.rrd");
-    std::fs::copy(run.join("run.rrd"), &alone).unwrap();
-    let [with_tables, without] =
-        [&run, &alone].map(|path| succeed(&["inspect", path.to_str().unwrap()]));
-    for page in [&with_tables, &without] {
+    let run = finish_small_run(folder.path(), &[]);
+    let recording_path = folder.path().join("alone.rrd");
+    std::fs::copy(run.join("run.rrd"), &recording_path).unwrap();
+    let [printed_with_tables, printed_without_tables] =
+        [&run, &recording_path].map(|path| succeed(&["inspect", path.to_str().unwrap()]));
+    for page in [&printed_with_tables, &printed_without_tables] {
         assert!(
             page.starts_with("cartpole, run seed 0: 2 agents in cartpole, 6 episodes each, "),
             "{page}"
         );
     }
-    let from_returns = |page: &str| {
+    let statistics_section = |page: &str| {
         let (_, rest) = page.split_once("mean return of the team").unwrap();
         rest.split_once("files").unwrap().0.to_owned()
     };
-    assert_eq!(from_returns(&with_tables), from_returns(&without));
-    for wanted in [
+    assert_eq!(
+        statistics_section(&printed_with_tables),
+        statistics_section(&printed_without_tables)
+    );
+    for expected in [
         "theta_dot [rad/s]",
         "overlap of visited states",
         "effective agents: ",
     ] {
-        assert!(without.contains(wanted), "{without}");
+        assert!(
+            printed_without_tables.contains(expected),
+            "{printed_without_tables}"
+        );
     }
-    let tables = LoadedRun::open(&run).unwrap();
-    let mut lone = LoadedRun::open(&alone).unwrap();
-    lone.compute_stats(|_| ()).unwrap();
-    let of_episodes = |rows: &[EpisodeRow]| -> Vec<EpisodeRow> {
-        let of_episode = |row: &EpisodeRow| EpisodeRow {
+    let run_folder = LoadedRun::open(&run).unwrap();
+    let mut recording_only = LoadedRun::open(&recording_path).unwrap();
+    recording_only.compute_stats(|_| ()).unwrap();
+    let columns_of_episodes = |rows: &[EpisodeRow]| -> Vec<EpisodeRow> {
+        let without_round_statistics = |row: &EpisodeRow| EpisodeRow {
             visitation_entropy: 0.0,
             team_overlap: 0.0,
             effective_agents: 0.0,
             ..row.clone()
         };
-        rows.iter().map(of_episode).collect()
+        rows.iter().map(without_round_statistics).collect()
     };
-    assert_eq!(of_episodes(&lone.episodes), of_episodes(&tables.episodes));
+    assert_eq!(
+        columns_of_episodes(&recording_only.episodes),
+        columns_of_episodes(&run_folder.episodes)
+    );
 }
 
 #[test]
-fn tables_alone_are_inspected_and_their_curves_drawn() {
+fn inspect_and_plot_work_without_a_recording() {
     let folder = tempfile::tempdir().unwrap();
-    let run = small_run_in(folder.path(), &["--no-recording"]);
+    let run = finish_small_run(folder.path(), &["--no-recording"]);
     let run = run.to_str().unwrap();
     let page = succeed(&["inspect", run]);
     assert!(
@@ -78,20 +86,20 @@ fn tables_alone_are_inspected_and_their_curves_drawn() {
         succeed(&["plot", run, "--what", "returns,curves", "--out", &figure])
             .starts_with(&format!("{figure}: "))
     );
-    let wrong = refuse(&["plot", run]);
-    let wanted = "has no recording, which is needed to draw states; use --what returns,curves, which needs only the tables\n";
-    assert!(wrong.ends_with(wanted), "{wrong}");
+    let error = refuse(&["plot", run]);
+    let expected = "has no recording, which is needed to draw states; use --what returns,curves, which needs only the tables\n";
+    assert!(error.ends_with(expected), "{error}");
 }
 
 #[test]
-fn runs_that_are_none_are_named() {
+fn inspect_explains_why_a_path_is_not_a_run() {
     let folder = tempfile::tempdir().unwrap();
     let empty = folder.path().to_str().unwrap();
-    let nowhere = folder.path().join("nowhere");
-    let nowhere = nowhere.to_str().unwrap();
+    let missing_path = folder.path().join("nowhere");
+    let missing_path = missing_path.to_str().unwrap();
     assert_eq!(
-        refuse(&["inspect", nowhere]),
-        format!("error: no such file or directory: {nowhere}\n")
+        refuse(&["inspect", missing_path]),
+        format!("error: no such file or directory: {missing_path}\n")
     );
     assert_eq!(
         refuse(&["inspect", empty]),
@@ -100,16 +108,16 @@ fn runs_that_are_none_are_named() {
     let broken = folder.path().join("episodes.csv");
     std::fs::write(&broken, "agent,episode\n0,zero\n").unwrap();
     std::fs::write(folder.path().join("rounds.csv"), "").unwrap();
-    let wrong = refuse(&["inspect", empty]);
+    let error = refuse(&["inspect", empty]);
     assert!(
-        wrong.starts_with(&format!("error: cannot read {}: CSV ", broken.display())),
-        "{wrong}"
+        error.starts_with(&format!("error: cannot read {}: CSV ", broken.display())),
+        "{error}"
     );
 }
 
 #[test]
-fn what_cannot_be_drawn_is_explained() {
-    let plot = |more: &[&str]| refuse(&[&["plot", SAMPLE], more].concat());
+fn plot_explains_invalid_options() {
+    let plot = |extra_arguments: &[&str]| refuse(&[&["plot", SAMPLE], extra_arguments].concat());
     assert_eq!(
         plot(&["--out", "a.pdf"]),
         "error: --out a.pdf: expected FILE.svg or FILE.png\n"
@@ -135,10 +143,9 @@ fn what_cannot_be_drawn_is_explained() {
     assert!(plot(&["--episodes", "5..5"]).contains("the range is empty"));
 }
 
-/// Each state in the window is one line of the figure; the numbers of states are those that the
-/// recording has.
+/// With `--agents 3 --episodes 0..5`, the figure has one line per recorded state of these episodes.
 #[test]
-fn the_states_of_one_agent_in_a_window_are_drawn() {
+fn plot_draws_each_selected_state_as_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let figure = folder.path().join("figure.svg");
     let out = figure.to_str().unwrap();
@@ -185,7 +192,7 @@ fn the_states_of_one_agent_in_a_window_are_drawn() {
 }
 
 #[test]
-fn every_picture_can_be_drawn_in_every_colour() {
+fn plot_supports_every_color_option() {
     let folder = tempfile::tempdir().unwrap();
     let png = folder.path().join("figure.png");
     let out = png.to_str().unwrap();
@@ -235,10 +242,10 @@ fn sample_episodes() -> Vec<RecordedEpisode> {
     episodes
 }
 
-/// The command of `recordings/README.md`. What agents learn may differ in the last bits between
-/// machines, and soon in all; the first round, before they learn, does not.
+/// Runs the command of `recordings/README.md` and compares the first round with the sample. Later
+/// rounds are not compared: learning amplifies differences between machines in the last bits.
 #[test]
-fn the_sample_is_reproduced_by_its_command() {
+fn the_command_in_the_recordings_readme_reproduces_the_sample() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sample");
     let page = std::fs::read_to_string(Path::new(REPOSITORY).join("recordings/README.md")).unwrap();
@@ -247,28 +254,43 @@ fn the_sample_is_reproduced_by_its_command() {
         .find_map(|line| line.trim().strip_prefix("seedbed "))
         .unwrap()
         .replace('\'', "");
-    let words: Vec<&str> = command
+    let arguments: Vec<&str> = command
         .split("  ")
         .next()
         .unwrap()
         .split_whitespace()
         .collect();
-    succeed(&[&words[..], &["--quiet", "--out", path.to_str().unwrap()]].concat());
-    let again = Recording::open(&path.join("run.rrd")).unwrap();
-    let again: Vec<RecordedEpisode> = again.episodes().unwrap().collect::<Result<_, _>>().unwrap();
+    succeed(
+        &[
+            &arguments[..],
+            &["--quiet", "--out", path.to_str().unwrap()],
+        ]
+        .concat(),
+    );
+    let rerun_episodes = Recording::open(&path.join("run.rrd")).unwrap();
+    let rerun_episodes: Vec<RecordedEpisode> = rerun_episodes
+        .episodes()
+        .unwrap()
+        .collect::<Result<_, _>>()
+        .unwrap();
     let sample = sample_episodes();
-    assert_eq!((sample.len(), again.len()), (4 * 30, 4 * 30));
+    assert_eq!((sample.len(), rerun_episodes.len()), (4 * 30, 4 * 30));
     for episode in sample.iter().filter(|episode| episode.round == 0) {
-        let same = again
+        let rerun_episode = rerun_episodes
             .iter()
-            .find(|other| (other.agent, other.episode) == (episode.agent, episode.episode))
+            .find(|candidate| {
+                (candidate.agent, candidate.episode) == (episode.agent, episode.episode)
+            })
             .unwrap();
-        assert_eq!(episode.actions, same.actions);
-        let near = episode
+        assert_eq!(episode.actions, rerun_episode.actions);
+        let observations_are_close = episode
             .observations
             .iter()
-            .zip(&same.observations)
-            .all(|(one, other)| (one - other).abs() < 1e-4);
-        assert!(near && episode.outcome == same.outcome, "{episode:?}");
+            .zip(&rerun_episode.observations)
+            .all(|(one, candidate)| (one - candidate).abs() < 1e-4);
+        assert!(
+            observations_are_close && episode.outcome == rerun_episode.outcome,
+            "{episode:?}"
+        );
     }
 }

@@ -21,7 +21,7 @@ fn text(repeats: u32, more: &str) -> String {
             repeats: {repeats},
             measures: [FinalReturn(window: 5), Coverage],
             figures: [Curves(window: 3), Visitation(cells: ["σ 9"], episodes: [First(2), All])],
-            {more}
+            {extra_fields}
         )"#,
         scenario.display()
     )
@@ -31,7 +31,7 @@ fn text(repeats: u32, more: &str) -> String {
 fn study_in_folder(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("small.ron");
-    fs::write(&study, text).unwrap();
+    fs::write(&study, study_text).unwrap();
     let (study, out) = (
         study.to_str().unwrap().to_owned(),
         folder.path().join("out"),
@@ -39,8 +39,14 @@ fn study_in_folder(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     (folder, study, out)
 }
 
-fn run(study: &str, out: &Path, more: &[&str]) -> Output {
-    seedbed(&[&["study", study, "--out", out.to_str().unwrap()], more].concat())
+fn run(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
+    seedbed(
+        &[
+            &["study", study, "--out", out.to_str().unwrap()],
+            extra_arguments,
+        ]
+        .concat(),
+    )
 }
 
 /// Number of bytes of the build's hash at the end of a result file.
@@ -63,7 +69,7 @@ fn result_files(out: &Path) -> Vec<PathBuf> {
 fn results_depend_neither_on_jobs_nor_on_processes() {
     let (_folder, study, out) = study_in_folder(&text(2, ""));
     assert!(run(&study, &out, &["--jobs", "2"]).status.success());
-    let whole = results(&out);
+    let whole = result_bytes_by_name(&out);
     assert_eq!(whole.len(), 6);
     let (_folder, _, alone) = study_in_folder("");
     assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
@@ -71,19 +77,23 @@ fn results_depend_neither_on_jobs_nor_on_processes() {
 
     let (_folder, _, single) = study_in_folder("");
     for index in ["4", "0", "5", "1", "2", "3"] {
-        assert!(run(&study, &single, &["--index", index]).status.success());
+        assert!(
+            run(&study, &single_run, &["--index", index])
+                .status
+                .success()
+        );
     }
-    assert_eq!(results(&single), whole);
-    let beyond = run(&study, &single, &["--index", "6"]);
-    assert_eq!(beyond.status.code(), Some(2));
+    assert_eq!(result_bytes_by_name(&single_run), whole);
+    let out_of_range = run(&study, &single_run, &["--index", "6"]);
+    assert_eq!(out_of_range.status.code(), Some(2));
     let expected = "error: --index 6: expected an index from 0 to 5; --list shows all\n";
-    assert_eq!(stderr(&beyond), expected);
-    let listed = stdout(&run(&study, &single, &["--list"]));
+    assert_eq!(stderr(&out_of_range), expected);
+    let list_output = stdout(&run(&study, &single_run, &["--list"]));
     assert_eq!(
-        listed.lines().next(),
+        list_output.lines().next(),
         Some("     0  finished  run seed 1000    σ 0")
     );
-    assert_eq!(listed.lines().count(), 6);
+    assert_eq!(list_output.lines().count(), 6);
 }
 
 /// The study crashes when two of twelve runs are finished.
@@ -139,9 +149,12 @@ fn verify_finds_runs_that_are_not_reproduced() {
         "error: {} contains no runs of this study to verify\n",
         out.display()
     );
-    assert_eq!((empty.status.code(), stderr(&empty)), (Some(2), expected));
+    assert_eq!(
+        (without_runs.status.code(), stderr(&without_runs)),
+        (Some(2), expected)
+    );
     assert!(run(&study, &out, &[]).status.success());
-    let before = results(&out);
+    let before = result_bytes_by_name(&out);
     let verified = run(&study, &out, &["--verify=4"]);
     assert!(verified.status.success(), "{verified:?}");
     assert_eq!(
@@ -192,9 +205,9 @@ fn a_report_names_the_builds_of_its_runs() {
         "{}",
         page()
     );
-    let change = |number: usize, change: fn(&mut Vec<u8>)| {
-        let (name, mut bytes) = results(&out).into_iter().nth(number).unwrap();
-        change(&mut bytes);
+    let edit_result = |index: usize, edit: fn(&mut Vec<u8>)| {
+        let (name, mut bytes) = result_bytes_by_name(&out).into_iter().nth(index).unwrap();
+        edit(&mut bytes);
         fs::write(out.join("runs").join(name), bytes).unwrap();
         let output = stdout(&run(&study, &out, &[]));
         assert!(
@@ -208,7 +221,7 @@ fn a_report_names_the_builds_of_its_runs() {
         "{}",
         page()
     );
-    change(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
+    edit_result(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
     assert!(
         page().contains("The runs were made by 3 builds of seedbed (unknown, ")
             && page().contains(" --verify</code>.")
@@ -222,7 +235,11 @@ fn a_report_names_the_builds_of_its_runs() {
 fn ctrl_c_ends_the_second_of_two_studies() {
     let (folder, study, _) = study_in_folder(&text(1, ""));
     let long = folder.path().join("long.ron");
-    fs::write(&long, text(30, "").replace("Episodes(8)", "Episodes(100)")).unwrap();
+    fs::write(
+        &long,
+        study_text(30, "").replace("Episodes(8)", "Episodes(100)"),
+    )
+    .unwrap();
     let mut command = command(&["study", &study, long.to_str().unwrap(), "--jobs", "1"]);
     let mut child = command
         .current_dir(folder.path())
@@ -232,7 +249,7 @@ fn ctrl_c_ends_the_second_of_two_studies() {
         .unwrap();
     // One of its 90 runs is finished, so another is in progress.
     let runs = folder.path().join("recordings/studies/long/runs");
-    wait_until("the second study's first run is finished", || {
+    wait_until("the first run of the second study is finished", || {
         assert_eq!(child.try_wait().unwrap(), None, "the studies ended early");
         runs.is_dir() && !files_below(&runs, "run").is_empty()
     });
@@ -263,8 +280,8 @@ fn ctrl_c_ends_the_second_of_two_studies() {
 fn a_changed_study_repeats_affected_runs_only() {
     let (_folder, study, out) = study_in_folder(&text(2, ""));
     assert!(run(&study, &out, &[]).status.success());
-    let to_run = |text: &str| {
-        fs::write(&study, text).unwrap();
+    let to_run = |study_text: &str| {
+        fs::write(&study, study_text).unwrap();
         let output = run(&study, &out, &[]);
         assert!(output.status.success(), "{output:?}");
         let printed = stdout(&output);
@@ -277,15 +294,18 @@ fn a_changed_study_repeats_affected_runs_only() {
             .unwrap()
             .to_owned()
     };
-    assert_eq!(to_run(&text(2, "").replace("Small", "Another")), "0 to run");
-    assert_eq!(to_run(&text(3, "")), "3 to run");
     assert_eq!(
-        to_run(&text(3, "").replace("sigma: 9", "sigma: 8")),
+        to_run(&study_text(2, "").replace("Small", "Another")),
+        "0 to run"
+    );
+    assert_eq!(to_run(&study_text(3, "")), "3 to run");
+    assert_eq!(
+        to_run(&study_text(3, "").replace("sigma: 9", "sigma: 8")),
         "3 to run"
     );
     // States are kept of the first run of a cell only, so only that run is repeated.
     assert_eq!(
-        to_run(&text(3, "").replace("First(2)", "First(3)")),
+        to_run(&study_text(3, "").replace("First(2)", "First(3)")),
         "1 to run"
     );
 }
@@ -328,9 +348,9 @@ fn a_report_has_the_numbers_of_single_runs() {
     assert!(run(&study, &out, &[]).status.success());
     let rows = rows(&out);
     assert_eq!(rows.len(), 15);
-    let mut finals = Vec::new();
+    let mut final_returns = Vec::new();
     for row in rows.iter().filter(|row| row["cell"] == "σ 9") {
-        let single = folder.path().join(&row["seed"]);
+        let single_run = folder.path().join(&row["seed"]);
         let set = [
             "--set",
             "agents.count=2",
@@ -349,29 +369,31 @@ fn a_report_has_the_numbers_of_single_runs() {
             "--out",
         ];
         assert!(
-            seedbed(&[&base, &[single.to_str().unwrap()][..], &set].concat())
+            seedbed(&[&base, &[single_run.to_str().unwrap()][..], &set].concat())
                 .status
                 .success()
         );
-        let mut reader = csv::Reader::from_path(single.join("episodes.csv")).unwrap();
+        let mut reader = csv::Reader::from_path(single_run.join("episodes.csv")).unwrap();
         let episodes: Vec<BTreeMap<String, String>> =
             reader.deserialize().map(|row| row.unwrap()).collect();
         let mean = |from: usize| {
-            let late = episodes
+            let later_episodes = episodes
                 .iter()
                 .filter(|row| row["episode"].parse::<usize>().unwrap() >= from);
-            let returns: Vec<f64> = late.map(|row| row["return"].parse().unwrap()).collect();
+            let returns: Vec<f64> = later_episodes
+                .map(|row| row["return"].parse().unwrap())
+                .collect();
             returns.iter().sum::<f64>() / returns.len() as f64
         };
         assert!((row["mean_return"].parse::<f64>().unwrap() - mean(0)).abs() < 1e-9);
-        finals.push(mean(3));
+        final_returns.push(mean(3));
         let summary: serde_json::Value =
-            serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+            serde_json::from_slice(&fs::read(single_run.join("summary.json")).unwrap()).unwrap();
         let coverage: f64 = row["team_coverage"].parse().unwrap();
         assert!((coverage - summary["team_coverage"].as_f64().unwrap()).abs() < 1e-6);
         assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     }
-    finals.sort_by(f64::total_cmp);
+    final_returns.sort_by(f64::total_cmp);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     let table = &page[page
         .find("<h3>return over the last 5 episodes</h3>")
@@ -381,8 +403,8 @@ fn a_report_has_the_numbers_of_single_runs() {
     assert_eq!(cells[1], "5");
     let median: f64 = cells[2].parse().unwrap();
     assert!(
-        (median - finals[2]).abs() <= 0.005,
-        "{median} for {finals:?}"
+        (median - final_returns[2]).abs() <= 0.005,
+        "{median} for {final_returns:?}"
     );
 }
 
@@ -436,14 +458,14 @@ fn tabular_scenarios_are_studied() {
         .iter()
         .filter(|row| row["cell"] == "bipolar_chain, seeds")
     {
-        assert_as_single_run(row, folder.path());
+        assert_row_equals_single_run(row, folder.path());
     }
     assert!(
         rows.iter()
             .filter(|row| row["cell"].starts_with("deep_sea"))
             .all(|row| row["episodes"] == "40")
     );
-    assert_pairs_of_one_task(&out);
+    assert_comparisons_within_tasks(&out);
     assert_smaller_than_claimed(&out);
     assert_figures(&out);
     let alone = study_in_folder("").2;
@@ -465,18 +487,18 @@ fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
         "--seed",
         &row["seed"],
         "--out",
-        single.to_str().unwrap(),
+        single_run.to_str().unwrap(),
     ];
     assert!(seedbed(&arguments).status.success());
     let summary: serde_json::Value =
-        serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
-    let number = |column: &str| row[column].parse::<f64>().unwrap();
+        serde_json::from_slice(&fs::read(single_run.join("summary.json")).unwrap()).unwrap();
+    let value_of = |column: &str| row[column].parse::<f64>().unwrap();
     assert!(
-        (number("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4,
+        (value_of("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4,
         "{row:?}"
     );
     let visited = summary["states_visited"].as_f64().unwrap() / summary["states"].as_f64().unwrap();
-    assert!((number("team_coverage") - visited).abs() < 1e-6);
+    assert!((value_of("team_coverage") - visited).abs() < 1e-6);
     assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     assert_eq!(
         (row["episodes_to_solve"].as_str(), row["episodes"].as_str()),
@@ -511,11 +533,14 @@ fn assert_smaller_than_claimed(out: &Path) {
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
     // All six pairs have the same sign: p = 2/2⁶, times three claims.
     let row = table.lines().nth(2).unwrap();
-    let (head, tail) = (
+    let (row_start, row_end) = (
         "| less regret | regret per agent: deep_sea, seeds − deep_sea, random, claimed below 0, by 5 | −",
         " | 6 | 0.0938 | replicated |",
     );
-    assert!(row.starts_with(head) && row.ends_with(tail), "{table}");
+    assert!(
+        row.starts_with(row_start) && row.ends_with(row_end),
+        "{table}"
+    );
     assert!(
         table
             .lines()
@@ -532,7 +557,7 @@ fn assert_smaller_than_claimed(out: &Path) {
     );
 }
 
-fn assert_figures(out: &Path) {
+fn assert_figure_files(out: &Path) {
     for file in [
         "1-curves.svg",
         "2-visitation.svg",
@@ -547,8 +572,8 @@ fn assert_figures(out: &Path) {
         "titles leave out what all panels have in common"
     );
     let pooled = fs::read_to_string(out.join("figures/4-intervals.svg")).unwrap();
-    for words in [">seeds<", "n = 12", ">crowd<", "n = 6"] {
-        assert!(pooled.contains(words), "{words}");
+    for expected in [">seeds<", "n = 12", ">crowd<", "n = 6"] {
+        assert!(pooled.contains(expected), "{expected}");
     }
 }
 
@@ -574,13 +599,13 @@ fn a_claim_without_an_effect_is_not_replicated() {
     }
     // Without any difference p is 1, which is no evidence that there is none.
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    let p: Vec<&str> = table
+    let p_values: Vec<&str> = table
         .lines()
         .skip(2)
         .take(3)
         .map(|row| row.split(" | ").nth(4).unwrap())
         .collect();
-    assert_eq!(p, ["1.0000", "1.0000", "–"]);
+    assert_eq!(p_values, ["1.0000", "1.0000", "–"]);
     assert!(
         table.contains("\n\np-values are those of tests for a difference"),
         "{table}"
@@ -617,19 +642,19 @@ fn a_report_of_an_unfinished_study_says_what_is_missing() {
         "{output:?}"
     );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    for words in [
+    for expected in [
         "15 runs are missing",
         "none: 2 runs are too few",
         "Small &amp; &lt;small&gt;",
         "no runs",
         "role=\"img\"",
     ] {
-        assert!(page.contains(words), "{words}");
+        assert!(page.contains(expected), "{expected}");
     }
-    for foreign in ["<script", "<link", "src=\"http", "url(http"] {
+    for external_reference in ["<script", "<link", "src=\"http", "url(http"] {
         assert!(
-            !page.contains(foreign),
-            "the page needs no network: {foreign}"
+            !page.contains(external_reference),
+            "the page must not load external files, but contains `{external_reference}`"
         );
     }
     for file in [
@@ -642,11 +667,11 @@ fn a_report_of_an_unfinished_study_says_what_is_missing() {
         assert!(out.join(file).is_file(), "{file}");
     }
 
-    let nothing = seedbed(&["report", out.join("runs").to_str().unwrap()]);
-    assert_eq!(nothing.status.code(), Some(2));
+    let not_a_study = seedbed(&["report", out.join("runs").to_str().unwrap()]);
+    assert_eq!(not_a_study.status.code(), Some(2));
     assert!(
-        stderr(&nothing).starts_with("error: not the results of a study: "),
-        "{nothing:?}"
+        stderr(&not_a_study).starts_with("error: not the results of a study: "),
+        "{not_a_study:?}"
     );
 }
 
@@ -684,7 +709,7 @@ fn a_claim_that_was_written_after_its_runs_is_late() {
         format!(r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: {size})],"#)
     };
     let verdict = |size: u32, out: &Path, study: &str| {
-        fs::write(study, text(6, &claim(size))).unwrap();
+        fs::write(study, study_text(6, &claim(size))).unwrap();
         assert!(run(study, out, &[]).status.success());
         let page = fs::read_to_string(out.join("report.html")).unwrap();
         assert_eq!(
@@ -712,17 +737,17 @@ fn changed_repeats_are_reported() {
         assert!(run(&study, &out, &[]).status.success());
         let [page, table] =
             ["report.html", "claims.md"].map(|file| fs::read_to_string(out.join(file)).unwrap());
-        let words = table
+        let expected = table
             .lines()
             .find(|line| line.starts_with("The number of runs per cell was "))
             .unwrap_or_default()
             .to_owned();
         assert_eq!(
             page.contains("The number of runs per cell was "),
-            !words.is_empty()
+            !expected.is_empty()
         );
-        assert!(page.contains(&words));
-        words
+        assert!(page.contains(&expected));
+        expected
     };
     assert_eq!([reported(5), reported(5)], ["", ""]);
     // Without runs there were no results that could have motivated the change.
@@ -765,23 +790,26 @@ fn a_directory_has_one_study() {
         assert_eq!(output.status.code(), Some(2), "{output:?}");
         stderr(&output)
     };
-    let holds = format!(
+    let expected_error = format!(
         "error: {} contains the study `small`; choose another directory with --out\n",
         out.display()
     );
-    assert_eq!(refused(run(&study, &out, &["--quick"])), holds);
+    assert_eq!(refused(run(&study, &out, &["--quick"])), expected_error);
     let other = folder.path().join("other.ron");
     fs::copy(&study, &other).unwrap();
-    assert_eq!(refused(run(other.to_str().unwrap(), &out, &[])), holds);
+    assert_eq!(
+        refused(run(other.to_str().unwrap(), &out, &[])),
+        expected_error
+    );
     fs::create_dir(folder.path().join("b")).unwrap();
     let same_name = folder.path().join("b/small.ron");
     fs::copy(&study, &same_name).unwrap();
     let both = refused(seedbed(&["study", &study, same_name.to_str().unwrap()]));
     assert!(
-        both.starts_with(
+        same_name_error.starts_with(
             "error: two studies are named `small` and would both write to recordings/studies/small"
         ),
-        "{both}"
+        "{same_name_error}"
     );
 }
 

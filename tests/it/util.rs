@@ -1,5 +1,5 @@
-//! Helpers that several test modules share: running the program, reading what it printed, runs that
-//! are small enough for a test, and waiting for a condition.
+//! Helpers of several test modules: running commands, reading their output, short runs, comparing
+//! results, and waiting for a condition.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Output};
 use std::time::{Duration, Instant};
 
-/// The repository's folder: the program is run there, and relative paths begin there.
+/// Folder of the repository. Commands are run in this folder, so relative paths begin there.
 pub(crate) const REPOSITORY: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Files of a run that must not depend on threads, recording, or interruptions.
@@ -20,7 +20,7 @@ pub(crate) const RESULT_FILES: [&str; 4] = [
     "summary.json",
 ];
 
-/// The command `seedbed ARGUMENTS`, not yet started.
+/// The command `seedbed ARGUMENTS`, before it is started.
 pub(crate) fn command(arguments: &[impl AsRef<OsStr>]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_seedbed"));
     command.args(arguments).current_dir(REPOSITORY);
@@ -43,7 +43,8 @@ pub(crate) fn succeed(arguments: &[&str]) -> String {
     stdout(&output)
 }
 
-/// Runs `seedbed ARGUMENTS`, which must refuse its input, and returns its standard error.
+/// Runs `seedbed ARGUMENTS`, which must fail with exit status 2 (invalid input), and returns its
+/// standard error.
 pub(crate) fn refuse(arguments: &[&str]) -> String {
     let output = seedbed(arguments);
     assert_eq!(
@@ -55,50 +56,51 @@ pub(crate) fn refuse(arguments: &[&str]) -> String {
     stderr(&output)
 }
 
-/// What a command printed to standard output.
+/// Standard output of a command.
 pub(crate) fn stdout(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// What a command printed to standard error.
+/// Standard error of a command.
 pub(crate) fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The command `seedbed run scenarios/cartpole.ron --out FOLDER MORE`, not yet started.
-pub(crate) fn run_command(folder: &Path, more: &[&str]) -> Command {
+/// The command `seedbed run scenarios/cartpole.ron --out FOLDER EXTRA_ARGUMENTS`, before it is
+/// started.
+pub(crate) fn run_command(folder: &Path, extra_arguments: &[&str]) -> Command {
     let mut command = command(&["run", "scenarios/cartpole.ron", "--out"]);
-    command.arg(folder).args(more);
+    command.arg(folder).args(extra_arguments);
     command
 }
 
-/// Runs two agents for six episodes each, to the end.
-pub(crate) fn small_run(folder: &Path, more: &[&str]) -> Output {
+/// Runs `scenarios/cartpole.ron` with two agents and six episodes per agent.
+pub(crate) fn small_run(folder: &Path, extra_arguments: &[&str]) -> Output {
     let small = ["--set", "agents.count=2", "--set", "stop=Episodes(6)"];
-    run_command(folder, &[&small, more].concat())
+    run_command(folder, &[&small, extra_arguments].concat())
         .output()
         .expect("the binary runs")
 }
 
-/// The names of the result files that are not the same, byte by byte, in both folders of runs.
-pub(crate) fn differing_results(one: &Path, other: &Path) -> Vec<&'static str> {
+/// Names of those result files whose bytes differ between two run folders.
+pub(crate) fn differing_results(first: &Path, second: &Path) -> Vec<&'static str> {
     let read = |folder: &Path, name: &str| {
         let path = folder.join(name);
         fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     };
     let mut names = RESULT_FILES.to_vec();
-    names.retain(|name| read(one, name) != read(other, name));
+    names.retain(|name| read(first, name) != read(second, name));
     names
 }
 
-/// Asserts that two runs gave the same results, to the bit.
-pub(crate) fn assert_same_results(one: &Path, other: &Path) {
-    let differing = differing_results(one, other);
+/// Asserts that the result files of two run folders have the same bytes.
+pub(crate) fn assert_same_results(first: &Path, second: &Path) {
+    let differing = differing_results(first, second);
     assert!(differing.is_empty(), "{differing:?} differ");
 }
 
-/// Runs a command that must abort itself (see the hidden options `--abort-after-…`): a crash at a
-/// known moment, of which the process cleans up nothing.
+/// Runs a command with a hidden option `--abort-after-…` and asserts that the process aborts. This
+/// simulates a crash at a known time: an aborted process does not clean up.
 pub(crate) fn crash(mut command: Command) {
     let output = command.output().expect("the binary runs");
     assert!(
@@ -120,7 +122,7 @@ fn is_aborted(status: ExitStatus) -> bool {
     !matches!(status.code(), Some(0..=2))
 }
 
-/// The names of a folder's entries, sorted.
+/// Sorted names of the files and folders in a folder.
 pub(crate) fn names_in(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = entries(folder)
         .iter()
@@ -130,7 +132,7 @@ pub(crate) fn names_in(folder: &Path) -> Vec<String> {
     names
 }
 
-/// All files below a folder, however deep, whose names end with `.EXTENSION`; sorted.
+/// Sorted paths of all files with an extension in a folder and its subfolders.
 pub(crate) fn files_below(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for path in entries(folder) {
@@ -150,11 +152,14 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     entries.map(|entry| entry.unwrap().path()).collect()
 }
 
-/// Waits for a condition, and fails after two minutes: time enough for a busy machine.
-pub(crate) fn wait_until(what: &str, mut is_met: impl FnMut() -> bool) {
-    let patience = Instant::now() + Duration::from_mins(2);
-    while !is_met() {
-        assert!(Instant::now() < patience, "not within two minutes: {what}");
+/// Waits until a condition is true. Fails after two minutes, which is enough on a busy machine.
+pub(crate) fn wait_until(condition_text: &str, mut condition: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_mins(2);
+    while !condition() {
+        assert!(
+            Instant::now() < deadline,
+            "still false after two minutes: {condition_text}"
+        );
         std::thread::sleep(Duration::from_millis(2));
     }
 }

@@ -1,4 +1,4 @@
-//! The project's chores: `cargo xtask bless`, `cargo xtask docs`, `cargo xtask sample`.
+//! Development tasks: `cargo xtask bless`, `cargo xtask docs`, `cargo xtask sample`.
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -12,55 +12,61 @@ Commands:
 
 fn main() -> ExitCode {
     let command = std::env::args().nth(1);
-    let done = match command.as_deref() {
+    let result = match command.as_deref() {
         Some("bless") => bless(),
         Some("docs") => docs(),
         Some("sample") => sample(),
         _ => Err(HELP.to_owned()),
     };
-    if let Err(message) = done {
+    if let Err(message) = result {
         eprintln!("{message}");
         return ExitCode::FAILURE;
     }
     ExitCode::SUCCESS
 }
 
-/// The tests that compare golden files, each with its package.
+/// Package and name filter of the tests that compare golden files.
 const GOLDEN_TESTS: [(&str, &str); 2] = [("seedbed-env", "broken_envs"), ("seedbed", "messages")];
 
 fn bless() -> Result<(), String> {
     for (package, tests) in GOLDEN_TESTS {
         let arguments = ["test", "--package", package, "--test", "it", tests];
-        run(cargo(&arguments).env("UPDATE_EXPECT", "1"))?;
+        run_command(cargo(&arguments).env("UPDATE_EXPECT", "1"))?;
     }
     Ok(())
 }
 
 fn docs() -> Result<(), String> {
-    run(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings"))
+    run_command(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings"))
 }
 
-/// Runs the commands of `recordings/README.md`: the first makes the recording, the others read it.
+/// Runs the commands of `recordings/README.md`: the first command records the sample, the others
+/// read it.
 fn sample() -> Result<(), String> {
-    let page = std::fs::read_to_string(root().join("recordings/README.md"))
+    let readme = std::fs::read_to_string(repository_folder().join("recordings/README.md"))
         .map_err(|error| format!("cannot read recordings/README.md: {error}"))?;
-    let mut commands = page
+    let mut commands = readme
         .lines()
         .filter_map(|line| line.strip_prefix("    seedbed "));
-    let record = commands
+    let record_arguments = commands
         .next()
         .ok_or("recordings/README.md has no command")?;
-    seedbed(&format!("{record} --out target/sample --overwrite"))?;
-    let [made, kept] = ["target/sample/run.rrd", "recordings/sample/run.rrd"];
-    std::fs::copy(root().join(made), root().join(kept))
-        .map_err(|error| format!("cannot copy {made} to {kept}: {error}"))?;
-    commands.try_for_each(seedbed)
+    run_seedbed(&format!(
+        "{record_arguments} --out target/sample --overwrite"
+    ))?;
+    let [recorded, stored] = ["target/sample/run.rrd", "recordings/sample/run.rrd"];
+    std::fs::copy(
+        repository_folder().join(recorded),
+        repository_folder().join(stored),
+    )
+    .map_err(|error| format!("cannot copy {recorded} to {stored}: {error}"))?;
+    commands.try_for_each(run_seedbed)
 }
 
-/// Runs the program; the shell takes away the quotes of its arguments.
-fn seedbed(arguments: &str) -> Result<(), String> {
+/// Runs `seedbed ARGUMENTS` in a shell, which removes quotes around arguments.
+fn run_seedbed(arguments: &str) -> Result<(), String> {
     let line = format!("cargo run --release --quiet -- {arguments}");
-    run(Command::new("sh").args(["-c", &line]))
+    run_command(Command::new("sh").args(["-c", &line]))
 }
 
 fn cargo(arguments: &[&str]) -> Command {
@@ -69,8 +75,8 @@ fn cargo(arguments: &[&str]) -> Command {
     command
 }
 
-fn run(command: &mut Command) -> Result<(), String> {
-    let status = command.current_dir(root()).status();
+fn run_command(command: &mut Command) -> Result<(), String> {
+    let status = command.current_dir(repository_folder()).status();
     match status {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => Err(format!("{command:?} failed: {status}")),
@@ -78,8 +84,8 @@ fn run(command: &mut Command) -> Result<(), String> {
     }
 }
 
-/// The repository.
-fn root() -> &'static Path {
+/// Folder of the repository.
+fn repository_folder() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
         .unwrap_or(Path::new("."))

@@ -1,8 +1,7 @@
-//! Colors that people with any color vision can distinguish: for white pages here, for dark screens
-//! in [`dark`].
+//! Colors that people with any color vision can distinguish. This module has colors for white
+//! pages, [`dark`] has colors for dark screens.
 //!
-//! Both have the same categorical colors as far as the background allows, so that the same series
-//! has the same hue on paper and on a screen.
+//! Series with the same index have similar hues on both backgrounds.
 
 use super::key::log_position;
 
@@ -20,8 +19,8 @@ pub(super) const AXIS_COLOR: Color = [130, 130, 140];
 /// Color of grid lines.
 pub(super) const GRID_COLOR: Color = [230, 230, 235];
 
-/// The color of the series with this index on white. Eight hues; indices 8–15 have lighter and
-/// indices 16–23 darker tints of the same, then colors repeat.
+/// The color of the series with this index on white. There are eight hues; indices 8–15 have
+/// lighter tints and indices 16–23 darker tints of the same hues, and then colors repeat.
 #[must_use]
 pub fn categorical_color(index: u32) -> Color {
     let hue = HUES[index as usize % HUES.len()];
@@ -32,8 +31,8 @@ pub fn categorical_color(index: u32) -> Color {
     }
 }
 
-/// After Okabe and Ito, "Color Universal Design"; yellow is darker, to be visible on white, and gray
-/// replaces black.
+/// After Okabe and Ito, "Color Universal Design"; yellow is darker, to be visible on white, and
+/// gray replaces black.
 const HUES: [Color; 8] = [
     [230, 159, 0],
     [86, 180, 233],
@@ -63,14 +62,14 @@ pub fn count_color(count: u32, max_count: u32) -> Color {
     }
 }
 
-/// Magma from pale at 0 to dark at 1.
+/// The color of a density on white, from 0 (pale) to 1 (dark): Magma, reversed.
 pub(super) fn density_color(share: f64) -> Color {
     interpolate(&MAGMA, 0.95 * (1.0 - share.clamp(0.0, 1.0)))
 }
 
-/// Nine equidistant colors of a map by S. van der Walt and N. Smith (matplotlib). The maps of
-/// `colorous`, as used for dark screens, are smoothed and differ from these by up to two levels, so
-/// that published figures would not keep their bytes with them.
+/// Nine equidistant colors of a color map by S. van der Walt and N. Smith (matplotlib). Dark
+/// screens use the maps of `colorous`, which are smoothed and differ from these colors by up to two
+/// levels. They are not used here, because published figures would change.
 type Stops = [Color; 9];
 
 const VIRIDIS: Stops = [
@@ -99,10 +98,10 @@ const MAGMA: Stops = [
 fn interpolate(stops: &Stops, share: f64) -> Color {
     let position = share * 8.0;
     let lower = (position as usize).min(7);
-    let part = position - lower as f64;
+    let fraction = position - lower as f64;
     let mix = |channel: usize| {
         let [low, high] = [stops[lower][channel], stops[lower + 1][channel]].map(f64::from);
-        (low + part * (high - low)).round() as u8
+        (low + fraction * (high - low)).round() as u8
     };
     [mix(0), mix(1), mix(2)]
 }
@@ -130,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_are_monotonic_in_luminance() {
+    fn color_maps_are_monotonic_in_luminance() {
         let shares = || (0..=100).map(|percent| f64::from(percent) / 100.0);
         let rising: Vec<f64> = shares()
             .map(|share| luminance(sequential_color(share)))
@@ -144,7 +143,7 @@ mod tests {
 
     /// 10 of 100 is half way on a logarithmic scale.
     #[test]
-    fn counts_are_logarithmic() {
+    fn count_colors_are_logarithmic() {
         assert_eq!(count_color(0, 100), [255; 3]);
         assert_eq!(count_color(10, 100), density_color(0.5));
         assert_eq!(count_color(100, 100), density_color(1.0));

@@ -7,7 +7,7 @@ use super::scale::{extent, padded, padded_ratio};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use super::{Figure, Panel, Row};
 
-/// Curves in one panel. Points that are not finite leave gaps.
+/// Curves in one panel. Non-finite points leave gaps in a curve.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curves {
     /// Title above the panel.
@@ -18,15 +18,16 @@ pub struct Curves {
     pub y_label: String,
     /// Curves; later ones are drawn on top.
     pub series: Vec<Series>,
-    /// Levels to compare with.
+    /// Horizontal lines at values to compare with.
     pub thresholds: Vec<Threshold>,
-    /// Range of the x axis [default: that of the data].
+    /// Range of the x axis [default: range of the data].
     pub x_range: Option<[f64; 2]>,
-    /// Range of the y axis [default: that of the data].
+    /// Range of the y axis [default: range of the data].
     pub y_range: Option<[f64; 2]>,
     /// Whether the y axis is logarithmic; all values must be above 0.
     pub y_logarithmic: bool,
-    /// Whether there is a legend: in a free part of the panel, or to the right if there is none.
+    /// Whether to draw a legend. It is drawn in a part of the panel without curves, or to the right
+    /// of the panel if there is no such part.
     pub legend: bool,
 }
 
@@ -37,27 +38,27 @@ pub struct Series {
     pub name: String,
     /// Color.
     pub color: Color,
-    /// Points (x, y), in the order of x.
+    /// Points (x, y) in ascending order of x.
     pub points: Vec<[f64; 2]>,
-    /// Interval around the curve: (x, low, high), in the order of x.
+    /// Interval around the curve: (x, low, high) in ascending order of x.
     pub band: Option<Vec<[f64; 3]>>,
-    /// Whether each value holds until the next point, as in survival curves.
+    /// Whether the curve is constant between points and has steps at points, like a survival curve.
     pub steps: bool,
-    /// Whether the curve is pale and thin, as a background to others.
+    /// Whether the curve is thin and transparent, as a background for other curves.
     pub faint: bool,
 }
 
-/// A level to compare with: a dashed line.
+/// A value to compare with, drawn as a dashed horizontal line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Threshold {
-    /// Name of the level.
+    /// Name of the value.
     pub name: String,
     /// Value on the y axis.
     pub value: f64,
 }
 
 impl Figure {
-    /// A figure of panels with common axes, `columns` per row.
+    /// A figure of panels with common axes, with `columns` panels per row.
     #[must_use]
     pub fn from_curves(
         title: &str,
@@ -91,7 +92,7 @@ impl Figure {
     }
 }
 
-/// Gives all panels the ranges of all data.
+/// Sets the ranges of all panels to the ranges of the data of all panels.
 fn share_axes(panels: &mut [Curves]) {
     let x = extent(panels.iter().flat_map(Curves::x_extent));
     let y = extent(panels.iter().flat_map(Curves::y_extent));
@@ -111,7 +112,7 @@ impl Curves {
     }
 
     fn y_extent(&self) -> [f64; 2] {
-        let of_series = |series: &Series| {
+        let y_values = |series: &Series| {
             let band = series
                 .band
                 .iter()
@@ -124,16 +125,16 @@ impl Curves {
                 .chain(band)
                 .collect::<Vec<_>>()
         };
-        let data = self
+        let values = self
             .series
             .iter()
-            .flat_map(of_series)
+            .flat_map(y_values)
             .chain(self.thresholds.iter().map(|threshold| threshold.value));
         self.y_range.unwrap_or_else(|| {
             if self.y_logarithmic {
-                padded_ratio(extent(data))
+                padded_ratio(extent(values))
             } else {
-                padded(extent(data))
+                padded(extent(values))
             }
         })
     }
@@ -150,13 +151,13 @@ impl Curves {
         };
         let entries = self.legend_entries();
         let plot = frame.plot(panel);
-        let place = legend::find_free_rect(&entries, &plot.area, &self.occupied_points(&plot));
-        let beside = if entries.is_empty() || place.is_some() {
+        let free_rect = legend::find_free_rect(&entries, &plot.area, &self.occupied_points(&plot));
+        let legend_width = if entries.is_empty() || free_rect.is_some() {
             0.0
         } else {
             legend::width_beside(&entries, panel)
         };
-        let plot = frame.draw(&panel.inset([0.0, beside, 0.0, 0.0]), svg);
+        let plot = frame.draw(&panel.inset([0.0, legend_width, 0.0, 0.0]), svg);
         svg.clipped(&plot.area, |svg| {
             self.series
                 .iter()
@@ -171,21 +172,26 @@ impl Curves {
         self.thresholds
             .iter()
             .for_each(|threshold| threshold.draw_name(&plot, svg));
-        let right = Rect {
+        let rect_at_the_right = Rect {
             x: plot.area.right() + 8.0,
-            width: beside,
+            width: legend_width,
             ..plot.area
         };
-        legend::draw(&entries, &place.unwrap_or(right), &plot.area, svg);
+        legend::draw(
+            &entries,
+            &free_rect.unwrap_or(rect_at_the_right),
+            &plot.area,
+            svg,
+        );
     }
 
     /// Names and colors of the legend.
     fn legend_entries(&self) -> Vec<Entry<'_>> {
-        let named = self
+        let series_with_names = self
             .series
             .iter()
             .filter(|series| self.legend && !series.name.is_empty());
-        named
+        series_with_names
             .map(|series| Entry {
                 name: &series.name,
                 color: series.color,
@@ -193,16 +199,16 @@ impl Curves {
             .collect()
     }
 
-    /// Points of the page that curves, bands and names cover.
+    /// Points of the page that are covered by curves, bands and names of thresholds.
     fn occupied_points(&self, plot: &Plot) -> Vec<[f64; 2]> {
-        let words = self
+        let name_points = self
             .thresholds
             .iter()
             .flat_map(|threshold| threshold.occupied_points(plot));
         self.series
             .iter()
             .flat_map(|series| series.occupied_points(plot))
-            .chain(words)
+            .chain(name_points)
             .collect()
     }
 }
@@ -212,11 +218,17 @@ impl Series {
         let line: Vec<[f64; 2]> = self
             .with_steps(self.points.iter().copied())
             .into_iter()
-            .map(|at| plot.at(at))
+            .map(|point| plot.position(point))
             .collect();
-        let place = |&[x, low, high]: &[f64; 3]| [plot.x.at(x), plot.y.at(low), plot.y.at(high)];
+        let position = |&[x, low, high]: &[f64; 3]| {
+            [
+                plot.x.position(x),
+                plot.y.position(low),
+                plot.y.position(high),
+            ]
+        };
         let mut band: Vec<[f64; 3]> = Vec::new();
-        for next in self.band.iter().flatten().map(place) {
+        for next in self.band.iter().flatten().map(position) {
             let corner = band
                 .last()
                 .filter(|_| self.steps)
@@ -232,12 +244,12 @@ impl Series {
             .iter()
             .flat_map(|band| band.split(|point| point.iter().any(|value| !value.is_finite())))
         {
-            let edge =
-                |which: usize| self.with_steps(band.iter().map(|point| [point[0], point[which]]));
-            let outline: Vec<[f64; 2]> = edge(1)
+            let band_edge =
+                |column: usize| self.with_steps(band.iter().map(|point| [point[0], point[column]]));
+            let outline: Vec<[f64; 2]> = band_edge(1)
                 .into_iter()
-                .chain(edge(2).into_iter().rev())
-                .map(|at| plot.at(at))
+                .chain(band_edge(2).into_iter().rev())
+                .map(|point| plot.position(point))
                 .collect();
             if outline.len() > 2 {
                 svg.fill(&outline, self.color, 0.2);
@@ -256,20 +268,20 @@ impl Series {
             .split(|point| point.iter().any(|value| !value.is_finite()))
         {
             let points = downsampled(points, 2 * plot.area.width as usize);
-            let places: Vec<[f64; 2]> = self
+            let positions: Vec<[f64; 2]> = self
                 .with_steps(points.into_iter())
                 .into_iter()
-                .map(|at| plot.at(at))
+                .map(|point| plot.position(point))
                 .collect();
-            match places[..] {
+            match positions[..] {
                 [] => {}
-                [place] => svg.dot(place, 2.5, self.color, 1.0),
-                _ => svg.line(&places, stroke),
+                [position] => svg.dot(position, 2.5, self.color, 1.0),
+                _ => svg.line(&positions, stroke),
             }
         }
     }
 
-    /// The points with the corners of steps between them, if the curve has steps.
+    /// The points of the curve and, if the curve has steps, the corners between them.
     fn with_steps(&self, points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
         let mut stepped: Vec<[f64; 2]> = Vec::new();
         for point in points {
@@ -284,33 +296,33 @@ impl Series {
     }
 }
 
-/// At most four points for each of `parts` parts of the curve: the first, lowest, highest and last.
-/// So a long curve looks the same, but the file does not grow with its length.
+/// Downsamples a curve to at most four points for each of `parts` parts: the first, lowest, highest
+/// and last point. A long curve looks the same, but the file does not grow with its length.
 fn downsampled(points: &[[f64; 2]], parts: usize) -> Vec<[f64; 2]> {
-    let each = points.len().div_ceil(parts.max(1)).max(1);
-    if each <= 4 {
+    let points_per_part = points.len().div_ceil(parts.max(1)).max(1);
+    if points_per_part <= 4 {
         return points.to_vec();
     }
-    let kept = points.chunks(each).flat_map(|part| {
-        let by_height = |one: &&usize, other: &&usize| part[**one][1].total_cmp(&part[**other][1]);
+    let sampled = points.chunks(points_per_part).flat_map(|part| {
+        let by_y = |one: &&usize, other: &&usize| part[**one][1].total_cmp(&part[**other][1]);
         let indices: Vec<usize> = (0..part.len()).collect();
-        let ends = [
+        let extremes = [
             indices.first(),
-            indices.iter().min_by(by_height),
-            indices.iter().max_by(by_height),
+            indices.iter().min_by(by_y),
+            indices.iter().max_by(by_y),
             indices.last(),
         ];
-        let mut kept: Vec<usize> = ends.into_iter().flatten().copied().collect();
-        kept.sort_unstable();
-        kept.dedup();
-        kept.into_iter().map(|index| part[index])
+        let mut sampled: Vec<usize> = extremes.into_iter().flatten().copied().collect();
+        sampled.sort_unstable();
+        sampled.dedup();
+        sampled.into_iter().map(|index| part[index])
     });
-    kept.collect()
+    sampled.collect()
 }
 
 impl Threshold {
     fn draw(&self, plot: &Plot, svg: &mut SvgWriter) {
-        let y = plot.y.at(self.value);
+        let y = plot.y.position(self.value);
         let stroke = Stroke {
             dashed: true,
             ..Stroke::new(MUTED_COLOR, 1.0)
@@ -319,7 +331,7 @@ impl Threshold {
     }
 
     fn draw_name(&self, plot: &Plot, svg: &mut SvgWriter) {
-        let y = plot.y.at(self.value);
+        let y = plot.y.position(self.value);
         if (plot.area.y..=plot.area.bottom()).contains(&y) {
             // Above the line, or below it if that would be outside the plot.
             let line = if y - 14.0 < plot.area.y {
@@ -335,12 +347,12 @@ impl Threshold {
         }
     }
 
-    /// Points that the name covers.
+    /// Points of the page that the name covers.
     fn occupied_points(&self, plot: &Plot) -> impl Iterator<Item = [f64; 2]> {
-        let y = plot.y.at(self.value);
-        let letters = self.name.chars().count();
+        let y = plot.y.position(self.value);
+        let characters = self.name.chars().count();
         let x = plot.area.x;
-        (0..8 * letters).flat_map(move |index| {
+        (0..8 * characters).flat_map(move |index| {
             [6.0, -6.0].map(|above| [x + 6.0 + 0.7 * index as f64, y - above])
         })
     }
@@ -351,23 +363,23 @@ mod tests {
     use super::super::scale::Scale;
     use super::*;
 
-    /// A single high point among a hundred thousand is kept at its position.
+    /// A single high point among 100,000 points is kept at its position.
     #[test]
     fn downsampling_keeps_outliers() {
         let mut points: Vec<[f64; 2]> = (0..100_000).map(|x| [f64::from(x), 0.0]).collect();
         points[54_321][1] = 7.0;
-        let kept = downsampled(&points, 500);
+        let sampled = downsampled(&points, 500);
         assert!(
-            kept.len() <= 2000 && kept.contains(&[54_321.0, 7.0]),
+            sampled.len() <= 2000 && sampled.contains(&[54_321.0, 7.0]),
             "{}",
-            kept.len()
+            sampled.len()
         );
-        assert!(kept.is_sorted_by(|one, next| one[0] < next[0]));
+        assert!(sampled.is_sorted_by(|one, next| one[0] < next[0]));
         assert_eq!(downsampled(&points[..100], 500), points[..100]);
     }
 
     #[test]
-    fn values_of_steps_hold_until_the_next() {
+    fn step_curves_hold_each_value_until_the_next_point() {
         let series = Series {
             steps: true,
             ..Series::default()
@@ -376,17 +388,18 @@ mod tests {
         assert_eq!(stepped, [[0.0, 1.0], [2.0, 1.0], [2.0, 0.5]]);
     }
 
-    /// A band of steps is wide up to its last point, where it falls.
+    /// A band with steps keeps its width up to its last point.
     #[test]
-    fn a_band_of_steps_is_taken_up_to_its_end() {
+    fn a_band_of_steps_occupies_the_page_up_to_its_last_point() {
         let area = Rect {
             x: 0.0,
             y: 0.0,
             width: 100.0,
             height: 100.0,
         };
-        let [x, y] = [[0.0, 100.0], [100.0, 0.0]].map(|places| Scale::new([0.0, 100.0], places));
-        let taken = |steps: bool| {
+        let [x, y] =
+            [[0.0, 100.0], [100.0, 0.0]].map(|positions| Scale::new([0.0, 100.0], positions));
+        let occupied = |steps: bool| {
             let band = Some(vec![[0.0, 40.0, 90.0], [100.0, 0.0, 0.0]]);
             Series {
                 band,
@@ -395,16 +408,16 @@ mod tests {
             }
             .occupied_points(&Plot { area, x, y })
         };
-        let near_the_end = |places: Vec<[f64; 2]>| {
-            places
+        let occupies_the_end = |positions: Vec<[f64; 2]>| {
+            positions
                 .iter()
                 .any(|[x, y]| (85.0..95.0).contains(x) && *y < 30.0)
         };
-        assert!(near_the_end(taken(true)) && !near_the_end(taken(false)));
+        assert!(occupies_the_end(occupied(true)) && !occupies_the_end(occupied(false)));
     }
 
     #[test]
-    fn panels_share_their_axes() {
+    fn panels_have_common_axes() {
         let panel = |high: f64| Curves {
             series: vec![Series {
                 points: vec![[0.0, 0.0], [high, high]],

@@ -5,7 +5,7 @@ use base64::prelude::BASE64_STANDARD;
 use skrifa::instance::{LocationRef, Size};
 use skrifa::{FontRef, MetadataProvider};
 
-/// The fonts of an SVG file; those after Roboto have characters of similar width.
+/// Font families of SVG files. The families after Roboto have characters of similar width.
 pub(super) const FONT_FAMILY: &str = "Roboto, Helvetica, Arial, sans-serif";
 
 pub(super) const REGULAR: &[u8] = include_bytes!("fonts/Roboto-Regular.ttf");
@@ -34,7 +34,8 @@ impl Weight {
     }
 }
 
-/// CSS that embeds the font, for HTML pages with figures: texts fit where they were fitted to this font.
+/// CSS that embeds the font, for HTML pages with figures. Texts in figures were fitted to the
+/// widths of this font.
 #[must_use]
 pub fn font_faces() -> String {
     let face = |weight: Weight| {
@@ -46,10 +47,11 @@ pub fn font_faces() -> String {
     [Weight::Regular, Weight::Medium].map(face).concat()
 }
 
-/// Width of a text, in the unit of `size`. A character that the font lacks counts as half of `size`.
+/// Width of a text, in the unit of `size`. A character that the font lacks counts as half of
+/// `size`.
 pub(super) fn text_width(text: &str, size: f64, weight: Weight) -> f64 {
     let font = FontRef::new(weight.data()).expect("the font is part of this crate");
-    let (letters, advances) = (
+    let (characters, advances) = (
         font.charmap(),
         font.glyph_metrics(Size::unscaled(), LocationRef::default()),
     );
@@ -59,7 +61,7 @@ pub(super) fn text_width(text: &str, size: f64, weight: Weight) -> f64 {
                 .units_per_em,
         );
     let advance = |letter: char| {
-        letters
+        characters
             .map(letter)
             .and_then(|glyph| advances.advance_width(glyph))
     };
@@ -68,22 +70,22 @@ pub(super) fn text_width(text: &str, size: f64, weight: Weight) -> f64 {
         .sum()
 }
 
-/// `text`, shortened to a width of `room`.
-pub(super) fn fit_text(text: &str, room: f64, size: f64, weight: Weight) -> String {
-    if text_width(text, size, weight) <= room {
+/// `text`, shortened with an ellipsis if it is wider than `max_width`.
+pub(super) fn fit_text(text: &str, max_width: f64, size: f64, weight: Weight) -> String {
+    if text_width(text, size, weight) <= max_width {
         return text.to_owned();
     }
-    let letters: Vec<char> = text.chars().collect();
+    let characters: Vec<char> = text.chars().collect();
     let shortened = |count: usize| {
-        letters[..count]
+        characters[..count]
             .iter()
             .collect::<String>()
             .trim_end()
             .to_owned()
             + "…"
     };
-    let fits = |count: &usize| text_width(&shortened(*count), size, weight) <= room;
-    (1..letters.len())
+    let fits = |count: &usize| text_width(&shortened(*count), size, weight) <= max_width;
+    (1..characters.len())
         .rev()
         .find(fits)
         .map(shortened)

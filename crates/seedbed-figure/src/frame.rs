@@ -14,7 +14,7 @@ const SMALL_TITLE_SIZE: f64 = 10.5;
 /// Height of a panel's title.
 pub(super) const TITLE_HEIGHT: f64 = 24.0;
 
-/// The content of a frame.
+/// Title, axes and grid of a panel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame<'a> {
     pub(super) title: &'a str,
@@ -26,7 +26,7 @@ pub(super) struct Frame<'a> {
     pub(super) grid: bool,
 }
 
-/// The area of the data, and its scales.
+/// The rectangle of a panel in which data are drawn, with its scales.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plot {
     pub(super) area: Rect,
@@ -35,22 +35,22 @@ pub(super) struct Plot {
 }
 
 impl Plot {
-    pub(super) fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [self.x.at(x), self.y.at(y)]
+    pub(super) fn position(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.x.position(x), self.y.position(y)]
     }
 }
 
 impl Frame<'_> {
-    /// The area of the data within a panel.
+    /// The plot within a panel, without drawing anything.
     pub(super) fn plot(&self, panel: &Rect) -> Plot {
-        let below = self.bottom_margin();
-        let widest = self
+        let bottom_margin = self.bottom_margin();
+        let max_width = self
             .ticks_of_y(panel)
             .iter()
             .map(|(_, text)| text_width(text, TICK_SIZE, Weight::Regular))
             .fold(0.0, f64::max);
-        let left = widest + if self.y_label.is_empty() { 12.0 } else { 30.0 };
-        let area = panel.inset([TITLE_HEIGHT, 12.0, below, left]);
+        let left = max_width + if self.y_label.is_empty() { 12.0 } else { 30.0 };
+        let area = panel.inset([TITLE_HEIGHT, 12.0, bottom_margin, left]);
         Plot {
             area,
             x: Scale::new(self.x_range, [area.x, area.right()]),
@@ -90,7 +90,7 @@ impl Frame<'_> {
     fn draw_y(&self, plot: &Plot, ticks: &[(f64, String)], panel: &Rect, svg: &mut SvgWriter) {
         let area = plot.area;
         for (value, text) in ticks {
-            let y = plot.y.at(*value);
+            let y = plot.y.position(*value);
             if self.grid {
                 svg.line(
                     &[[area.x, y], [area.right(), y]],
@@ -105,9 +105,9 @@ impl Frame<'_> {
         }
         let label = fit_text(self.y_label, panel.height, LABEL_SIZE, Weight::Regular);
         if !label.is_empty() {
-            let place = [panel.x + 12.0, area.y + area.height / 2.0];
+            let position = [panel.x + 12.0, area.y + area.height / 2.0];
             svg.text(
-                place,
+                position,
                 &label,
                 TextStyle::new(LABEL_SIZE, Anchor::Middle).upward(),
             );
@@ -117,7 +117,7 @@ impl Frame<'_> {
     fn draw_x(&self, plot: &Plot, panel: &Rect, svg: &mut SvgWriter) {
         let area = plot.area;
         for (value, text) in plot.x.ticks(tick_count(area.width, 52.0)) {
-            let x = plot.x.at(value);
+            let x = plot.x.position(value);
             svg.line(
                 &[[x, area.bottom()], [x, area.bottom() + 4.0]],
                 Stroke::new(AXIS_COLOR, 1.0),
@@ -139,20 +139,21 @@ impl Frame<'_> {
     }
 }
 
-/// Number of ticks that fit.
-fn tick_count(length: f64, each: f64) -> usize {
-    ((length / each) as usize).clamp(3, 8)
+/// Number of ticks that fit on an axis: one per `length_per_tick`, from 3 to 8.
+fn tick_count(length: f64, length_per_tick: f64) -> usize {
+    ((length / length_per_tick) as usize).clamp(3, 8)
 }
 
-/// Draws a panel's title above `x`: a long one in a smaller font, a longer one on two lines.
+/// Draws the title of a panel, starting at `x`. A long title has a smaller font, and a longer title
+/// has two lines.
 pub(super) fn draw_title(title: &str, panel: &Rect, x: f64, svg: &mut SvgWriter) {
-    let room = panel.right() - x;
-    let fits = |size: f64| text_width(title, size, Weight::Medium) <= room;
+    let max_width = panel.right() - x;
+    let fits = |size: f64| text_width(title, size, Weight::Medium) <= max_width;
     let (lines, size, first) = match (fits(TITLE_SIZE), fits(TICK_SIZE)) {
         (true, _) => (vec![title.to_owned()], TITLE_SIZE, 14.0),
         (_, true) => (vec![title.to_owned()], TICK_SIZE, 14.0),
         _ => (
-            split_title(title, room, SMALL_TITLE_SIZE),
+            split_title(title, max_width, SMALL_TITLE_SIZE),
             SMALL_TITLE_SIZE,
             8.0,
         ),
@@ -169,21 +170,21 @@ pub(super) fn draw_title(title: &str, panel: &Rect, x: f64, svg: &mut SvgWriter)
 
 /// Splits a title after a colon if both parts fit, otherwise after as many words as fit. Parts that
 /// are still too long are shortened.
-fn split_title(text: &str, room: f64, size: f64) -> Vec<String> {
-    let fits = |text: &str| text_width(text, size, Weight::Medium) <= room;
+fn split_title(text: &str, max_width: f64, size: f64) -> Vec<String> {
+    let fits = |text: &str| text_width(text, size, Weight::Medium) <= max_width;
     let after_colon = text
         .find(": ")
-        .map(|at| at + 1)
-        .filter(|&at| fits(&text[..at]) && fits(&text[at + 1..]));
+        .map(|index| index + 1)
+        .filter(|&index| fits(&text[..index]) && fits(&text[index + 1..]));
     let last = || {
         text.rmatch_indices(' ')
-            .map(|(at, _)| at)
-            .find(|&at| fits(&text[..at]))
+            .map(|(index, _)| index)
+            .find(|&index| fits(&text[..index]))
     };
     let break_at = after_colon.or_else(last);
-    let (first, rest) = break_at.map_or((text, ""), |at| (&text[..at], &text[at + 1..]));
+    let (first, rest) = break_at.map_or((text, ""), |index| (&text[..index], &text[index + 1..]));
     [first, rest]
-        .map(|line| fit_text(line, room, size, Weight::Medium))
+        .map(|line| fit_text(line, max_width, size, Weight::Medium))
         .to_vec()
 }
 
@@ -194,14 +195,18 @@ mod tests {
     #[test]
     fn a_long_title_takes_two_lines() {
         let title = "16 agents together: 277,974 states";
-        let room = |text: &str| text_width(text, SMALL_TITLE_SIZE, Weight::Medium);
+        let max_width = |text: &str| text_width(text, SMALL_TITLE_SIZE, Weight::Medium);
         assert_eq!(
-            split_title(title, room("16 agents together: 277,974"), SMALL_TITLE_SIZE),
+            split_title(
+                title,
+                max_width("16 agents together: 277,974"),
+                SMALL_TITLE_SIZE
+            ),
             ["16 agents together:", "277,974 states"]
         );
         let long = "Thompson resampling of seeds: 880 states";
         assert_eq!(
-            split_title(long, room("Thompson resampling o"), SMALL_TITLE_SIZE),
+            split_title(long, max_width("Thompson resampling o"), SMALL_TITLE_SIZE),
             ["Thompson resampling", "of seeds: 880 states"]
         );
         let lines = split_title("incomprehensibilities", 40.0, SMALL_TITLE_SIZE);

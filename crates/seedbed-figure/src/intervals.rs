@@ -1,4 +1,4 @@
-//! A table of estimates: dots with their intervals, and the numbers beside them.
+//! A table of estimates: each row has a dot, its interval, and the numbers as text.
 
 use super::color::{Color, GRID_COLOR, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
@@ -24,9 +24,10 @@ pub struct Intervals {
 pub struct IntervalRow {
     /// Name of the row.
     pub name: String,
-    /// The estimate; none if it is a time that was not reached.
+    /// The estimate; `None` for a time that was not reached.
     pub estimate: Option<f64>,
-    /// The interval; none if there are too few runs. An infinite end is drawn at the edge.
+    /// The interval; `None` if there are too few runs. An infinite end is drawn at the edge of the
+    /// plot.
     pub interval: Option<[f64; 2]>,
     /// Number of runs.
     pub n: usize,
@@ -37,7 +38,7 @@ pub struct IntervalRow {
 /// Radius of a dot.
 const DOT_RADIUS: f64 = 4.0;
 
-/// Factor by which text may be wider in a viewer without this crate's fonts.
+/// Factor by which text may be wider in an SVG viewer that lacks the fonts of this crate.
 const FONT_WIDTH_MARGIN: f64 = 1.15;
 
 /// Height of a row.
@@ -51,22 +52,23 @@ impl Intervals {
     }
 
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
-        let widest = |texts: &mut dyn Iterator<Item = String>| {
+        let max_width = |texts: &mut dyn Iterator<Item = String>| {
             texts
                 .map(|text| FONT_WIDTH_MARGIN * text_width(&text, LABEL_SIZE, Weight::Regular))
                 .fold(0.0, f64::max)
         };
-        let names =
-            widest(&mut self.rows.iter().map(|row| row.name.clone())).min(0.4 * panel.width) + 12.0;
-        let numbers = widest(&mut self.rows.iter().map(IntervalRow::numbers_text)) + 16.0;
-        let area = panel.inset([TITLE_HEIGHT, numbers, 44.0, names]);
+        let name_width = max_width(&mut self.rows.iter().map(|row| row.name.clone()))
+            .min(0.4 * panel.width)
+            + 12.0;
+        let numbers_width = max_width(&mut self.rows.iter().map(IntervalRow::numbers_text)) + 16.0;
+        let area = panel.inset([TITLE_HEIGHT, numbers_width, 44.0, name_width]);
         draw_title(&self.title, panel, panel.x + 4.0, svg);
         let scale = Scale::new(self.range(), [area.x, area.right()]);
         self.draw_axis(&scale, &area, panel, svg);
-        let each = area.height / self.rows.len().max(1) as f64;
+        let row_height = area.height / self.rows.len().max(1) as f64;
         for (index, row) in self.rows.iter().enumerate() {
-            let y = area.y + each * (index as f64 + 0.5);
-            let name = fit_text(&row.name, names - 8.0, LABEL_SIZE, Weight::Regular);
+            let y = area.y + row_height * (index as f64 + 0.5);
+            let name = fit_text(&row.name, name_width - 8.0, LABEL_SIZE, Weight::Regular);
             svg.text(
                 [area.x - 8.0, y + 4.0],
                 &name,
@@ -93,7 +95,7 @@ impl Intervals {
 
     fn draw_axis(&self, scale: &Scale, area: &Rect, panel: &Rect, svg: &mut SvgWriter) {
         for (value, text) in scale.ticks(((area.width / 48.0) as usize).clamp(3, 8)) {
-            let x = scale.at(value);
+            let x = scale.position(value);
             svg.line(
                 &[[x, area.y], [x, area.bottom()]],
                 Stroke::new(GRID_COLOR, 1.0),
@@ -105,7 +107,7 @@ impl Intervals {
             );
         }
         if let Some(reference) = self.reference {
-            let x = scale.at(reference);
+            let x = scale.position(reference);
             svg.line(
                 &[[x, area.y], [x, area.bottom()]],
                 Stroke {
@@ -123,7 +125,7 @@ impl Intervals {
     }
 }
 
-/// The plot with space for whole dots at its edges.
+/// The area of the plot, widened so that dots at its edges are not clipped.
 fn widened_for_dots(area: &Rect) -> Rect {
     Rect {
         x: area.x - DOT_RADIUS,
@@ -135,19 +137,25 @@ fn widened_for_dots(area: &Rect) -> Rect {
 impl IntervalRow {
     fn draw(&self, scale: &Scale, area: &Rect, y: f64, svg: &mut SvgWriter) {
         if let Some([low, high]) = self.interval {
-            let place = |end: f64, edge: f64| if end.is_finite() { scale.at(end) } else { edge };
-            let ends = [place(low, area.x), place(high, area.right())];
+            let position = |end: f64, edge: f64| {
+                if end.is_finite() {
+                    scale.position(end)
+                } else {
+                    edge
+                }
+            };
+            let ends = [position(low, area.x), position(high, area.right())];
             svg.line(&[[ends[0], y], [ends[1], y]], Stroke::new(self.color, 2.0));
             for x in ends {
                 svg.line(&[[x, y - 4.0], [x, y + 4.0]], Stroke::new(self.color, 1.5));
             }
         }
         if let Some(estimate) = self.estimate.filter(|estimate| estimate.is_finite()) {
-            svg.dot([scale.at(estimate), y], DOT_RADIUS, self.color, 1.0);
+            svg.dot([scale.position(estimate), y], DOT_RADIUS, self.color, 1.0);
         }
     }
 
-    /// The numbers of a row, such as `127.5 [80, 134], n = 10`.
+    /// Estimate, interval and number of runs as text, such as `127.5 [80, 134], n = 10`.
     fn numbers_text(&self) -> String {
         let estimate = self
             .estimate
@@ -166,7 +174,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_have_their_numbers_as_text() {
+    fn numbers_text_has_estimate_interval_and_number_of_runs() {
         let row = |estimate, interval| IntervalRow {
             name: String::new(),
             estimate,

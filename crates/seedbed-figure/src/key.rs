@@ -1,4 +1,4 @@
-//! Keys to the colors of panels: names, or a color bar with its scale.
+//! Color keys of panels: a list of names, or a color bar with a scale.
 
 use super::color::{self, Color, MUTED_COLOR};
 use super::font::{Weight, fit_text, text_width};
@@ -6,7 +6,7 @@ use super::frame::{LABEL_SIZE, TICK_SIZE};
 use super::scale::{Scale, format_significant};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 
-/// Key to the colors of a row of panels.
+/// Color key of a row of panels.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Key {
     /// One color per name.
@@ -18,7 +18,7 @@ pub enum Key {
         /// Values at the lower and the upper end.
         range: [f64; 2],
     },
-    /// The colors of [`color::count_color`], labeled with percentages of a total.
+    /// The colors of [`color::count_color`], labeled with percentages of `total`.
     Shares {
         /// Name of what is counted.
         label: String,
@@ -40,15 +40,15 @@ const BAR_WIDTH: f64 = 12.0;
 const LINE_HEIGHT: f64 = 17.0;
 
 impl Key {
-    /// Width of the key beside the panels.
+    /// Width of the key.
     pub(super) fn width(&self) -> f64 {
         match self {
             Self::Categories(names) => {
-                let widest = names
+                let max_width = names
                     .iter()
                     .map(|(name, _)| text_width(name, TICK_SIZE, Weight::Regular))
                     .fold(0.0, f64::max);
-                (widest + 30.0).min(180.0)
+                (max_width + 30.0).min(180.0)
             }
             Self::Continuous { .. } | Self::Counts { .. } | Self::Shares { .. } => 78.0,
         }
@@ -61,7 +61,7 @@ impl Key {
                 draw_bar(area, svg, label, color::sequential_color);
                 let scale = Scale::new(*range, [area.bottom(), area.y]);
                 let ticks = scale.ticks(4).into_iter();
-                ticks.for_each(|(value, text)| draw_tick(area, svg, scale.at(value), &text));
+                ticks.for_each(|(value, text)| draw_tick(area, svg, scale.position(value), &text));
             }
             Self::Shares {
                 label,
@@ -81,9 +81,9 @@ impl Key {
             Self::Counts { label, max_count } => {
                 draw_bar(area, svg, label, color::density_color);
                 for (count, text) in count_ticks(*max_count) {
-                    let place =
+                    let position =
                         area.bottom() - log_position(f64::from(count), *max_count) * area.height;
-                    draw_tick(area, svg, place, &text);
+                    draw_tick(area, svg, position, &text);
                 }
             }
         }
@@ -99,12 +99,13 @@ pub(super) fn log_position(count: f64, max_count: u32) -> f64 {
     }
 }
 
-/// Ticks at 1, at powers of ten that are not too close to the maximum, and at the maximum.
+/// Ticks of a scale of counts: at 1, at powers of ten that are not too close to `max_count`, and at
+/// `max_count`.
 fn count_ticks(max_count: u32) -> Vec<(u32, String)> {
-    let tens = (0..10)
+    let powers_of_ten = (0..10)
         .map(|power| 10_u32.pow(power))
         .take_while(|&count| count < max_count && log_position(f64::from(count), max_count) < 0.9);
-    let mut counts: Vec<u32> = tens.collect();
+    let mut counts: Vec<u32> = powers_of_ten.collect();
     counts.push(max_count.max(1));
     counts.dedup();
     counts
@@ -113,15 +114,15 @@ fn count_ticks(max_count: u32) -> Vec<(u32, String)> {
         .collect()
 }
 
-/// Ticks at percentages that are powers of ten and not too close to the maximum, and at the maximum:
-/// the count of each and its label.
+/// Ticks of a scale of percentages, as counts with their labels: at powers of ten that are not too
+/// close to `max_count`, and at `max_count`.
 fn share_ticks(max_count: u32, total: u64) -> Vec<(f64, String)> {
     let percent = |count: f64| 100.0 * count / total.max(1) as f64;
-    let tens = (-9..=2).map(|power| 10_f64.powi(power) * total as f64 / 100.0);
-    let fitting = tens.filter(|&count| {
+    let powers_of_ten = (-9..=2).map(|power| 10_f64.powi(power) * total as f64 / 100.0);
+    let shown_counts = powers_of_ten.filter(|&count| {
         count >= 1.0 && count < f64::from(max_count) && log_position(count, max_count) < 0.9
     });
-    fitting
+    shown_counts
         .chain([f64::from(max_count)])
         .map(|count| {
             (
@@ -132,15 +133,19 @@ fn share_ticks(max_count: u32, total: u64) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// A count with a comma for each thousand.
+/// A count with commas as thousands separators.
 fn grouped(count: u32) -> String {
     let digits = count.to_string();
-    let head = digits.len() % 3;
-    let groups = digits.as_bytes()[head..]
+    let leading_digits = digits.len() % 3;
+    let groups = digits.as_bytes()[leading_digits..]
         .chunks(3)
         .map(|group| String::from_utf8_lossy(group).into_owned());
-    let head = (head > 0).then(|| digits[..head].to_owned());
-    head.into_iter().chain(groups).collect::<Vec<_>>().join(",")
+    let leading_digits = (leading_digits > 0).then(|| digits[..leading_digits].to_owned());
+    leading_digits
+        .into_iter()
+        .chain(groups)
+        .collect::<Vec<_>>()
+        .join(",")
 }
 
 fn draw_names(names: &[(String, Color)], area: &Rect, svg: &mut SvgWriter) {
@@ -161,12 +166,12 @@ fn draw_names(names: &[(String, Color)], area: &Rect, svg: &mut SvgWriter) {
     }
 }
 
-/// Draws the color bar, with its label rotated at the right.
+/// Draws a color bar, with its label rotated to its right.
 fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, map: fn(f64) -> Color) {
     const STEPS: u32 = 64;
     let step = area.height / f64::from(STEPS);
     for index in 0..STEPS {
-        // Each step reaches under the next one, so that no white gap shows between them.
+        // Each step overlaps the next one, so that no white gap is visible between them.
         let y = area.bottom() - step * f64::from(index + 1);
         let part = Rect {
             x: area.x,
@@ -201,7 +206,8 @@ fn draw_tick(area: &Rect, svg: &mut SvgWriter, y: f64, text: &str) {
 mod tests {
     use super::*;
 
-    /// Of 20 000 the shares 0.01, 0.1, 1 and 10 % are 2, 20, 200 and 2000; 10 % is too close to 12 %.
+    /// 0.01, 0.1 and 1 % of 20,000 are 2, 20 and 200. There is no tick at 10 %, which is too close
+    /// to the maximum of 12 %.
     #[test]
     fn ticks_of_shares_are_round() {
         let shares = share_ticks(2469, 20_000);

@@ -74,14 +74,14 @@ pub struct Axis {
     pub name: String,
     /// Unit, such as `m/s`; empty for a pure number.
     pub unit: String,
-    /// Values at the lower and the upper end. Values outside are drawn at the ends.
+    /// Values at the lower and the upper end. Values outside this range are drawn at the ends.
     pub range: [f32; 2],
 }
 
 /// Rows of panels on a white page. Lengths are CSS pixels, 1/96 inch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// Title above all panels and alternative text of the figure; may be empty.
+    /// Title above all panels, also used as alternative text of the figure; may be empty.
     pub title: String,
     /// Description of the content, for readers who cannot see it.
     pub description: String,
@@ -98,7 +98,7 @@ pub struct Row {
     pub height: f64,
     /// Panels, from left to right.
     pub panels: Vec<Panel>,
-    /// Key to the colors of these panels, to the right of them.
+    /// Color key of these panels, drawn to their right.
     pub key: Option<Key>,
 }
 
@@ -107,7 +107,7 @@ pub struct Row {
 pub enum Panel {
     /// Curves over a common x axis.
     Curves(Curves),
-    /// Points of many dimensions across vertical axes.
+    /// Points of many dimensions, each as a line across vertical axes.
     ParallelCoordinates(ParallelCoordinates),
     /// Points of two dimensions.
     Scatter(Scatter),

@@ -22,10 +22,12 @@ impl Figure {
             + self.rows.iter().map(|row| row.height).sum::<f64>()
     }
 
-    /// Sets the size of the page; the rows keep their shares of the height.
+    /// Sets the width and height of the page. The heights of the rows keep their proportions.
     pub fn fit(&mut self, width: f64, height: f64) {
-        let fixed = self.height() - self.rows.iter().map(|row| row.height).sum::<f64>();
-        let factor = ((height - fixed) / (self.height() - fixed)).max(0.0);
+        let height_without_rows =
+            self.height() - self.rows.iter().map(|row| row.height).sum::<f64>();
+        let factor =
+            ((height - height_without_rows) / (self.height() - height_without_rows)).max(0.0);
         self.width = width;
         self.rows.iter_mut().for_each(|row| row.height *= factor);
     }
@@ -34,7 +36,7 @@ impl Figure {
     #[must_use]
     pub fn svg(&self) -> String {
         let mut svg = SvgWriter::default();
-        let page = Rect {
+        let page_area = Rect {
             x: 0.0,
             y: 0.0,
             width: self.width,
@@ -42,20 +44,20 @@ impl Figure {
         }
         .inset([MARGIN; 4]);
         if !self.title.is_empty() {
-            let title = fit_text(&self.title, page.width, HEADING_SIZE, Weight::Medium);
+            let title = fit_text(&self.title, page_area.width, HEADING_SIZE, Weight::Medium);
             svg.text(
-                [page.x, page.y + HEADING_SIZE],
+                [page_area.x, page_area.y + HEADING_SIZE],
                 &title,
                 TextStyle::new(HEADING_SIZE, Anchor::Start).bold(),
             );
         }
-        let mut y = page.y + self.title_height();
+        let mut y = page_area.y + self.title_height();
         for row in &self.rows {
             row.draw(
                 &Rect {
                     y,
                     height: row.height,
-                    ..page
+                    ..page_area
                 },
                 &mut svg,
             );
@@ -98,8 +100,8 @@ impl Figure {
 
 impl Row {
     fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
-        let beside = self.key.as_ref().map_or(0.0, |key| key.width() + GAP);
-        let panels = area.inset([0.0, beside, 0.0, 0.0]);
+        let key_width = self.key.as_ref().map_or(0.0, |key| key.width() + GAP);
+        let panels = area.inset([0.0, key_width, 0.0, 0.0]);
         let count = self.panels.len().max(1) as f64;
         let width = (panels.width - GAP * (count - 1.0)) / count;
         let mut x = panels.x;
@@ -108,12 +110,12 @@ impl Row {
             x += width + GAP;
         }
         if let Some(key) = &self.key {
-            let place = Rect {
+            let key_area = Rect {
                 x: panels.right() + GAP,
                 width: key.width(),
                 ..panels
             };
-            key.draw(&place.inset([TITLE_HEIGHT + 12.0, 0.0, 24.0, 0.0]), svg);
+            key.draw(&key_area.inset([TITLE_HEIGHT + 12.0, 0.0, 24.0, 0.0]), svg);
         }
     }
 }
@@ -192,7 +194,7 @@ mod tests {
     }
 
     /// A figure with one panel of each kind.
-    fn page() -> Figure {
+    fn figure_with_all_panels() -> Figure {
         let line = StateLine {
             fractions: vec![0.0, 0.5, 1.0],
             color: [0; 3],
@@ -203,7 +205,7 @@ mod tests {
             max_count: 9,
         };
         let point = ScatterPoint {
-            at: [0.0, 9.0],
+            position: [0.0, 9.0],
             color: [1, 2, 3],
         };
         let (x, y, title) = (quantity("x"), quantity("y"), "pair".to_owned());
@@ -274,8 +276,8 @@ mod tests {
     }
 
     #[test]
-    fn a_figure_has_a_title_and_a_description() {
-        let svg = page().svg();
+    fn svg_contains_the_title_and_the_description() {
+        let svg = figure_with_all_panels().svg();
         assert!(
             svg.contains("<title>A &amp; B</title>\n<desc>All panels</desc>"),
             "{svg}"
@@ -283,22 +285,28 @@ mod tests {
         assert!(svg.contains(">agent &lt;0&gt;</text>"));
         let untitled = Figure {
             title: String::new(),
-            ..page()
+            ..figure_with_all_panels()
         };
         assert!(untitled.svg().contains("<title>returns</title>"));
     }
 
     #[test]
-    fn the_same_data_give_the_same_bytes() {
-        assert_eq!(page().svg(), page().svg());
-        assert_eq!(page().png(1.0).unwrap(), page().png(1.0).unwrap());
+    fn equal_figures_give_equal_bytes() {
+        assert_eq!(
+            figure_with_all_panels().svg(),
+            figure_with_all_panels().svg()
+        );
+        assert_eq!(
+            figure_with_all_panels().png(1.0).unwrap(),
+            figure_with_all_panels().png(1.0).unwrap()
+        );
     }
 
-    /// 3 lines of one color; a curve with a gap is a dot and a line; 4 points and 2 estimates are dots
-    /// as well.
+    /// There are 3 state lines, a curve with a gap (a dot and a line), 4 scatter points (dots) and
+    /// 2 estimates (dots).
     #[test]
-    fn every_value_is_drawn_once() {
-        let svg = page().svg();
+    fn every_value_is_drawn_exactly_once() {
+        let svg = figure_with_all_panels().svg();
         let count = |text: &str| svg.matches(text).count();
         assert_eq!(count("stroke=\"#000000\" stroke-width=\"0.7\""), 3);
         assert_eq!(count("stroke=\"#000000\" stroke-width=\"1.8\""), 1);
@@ -309,11 +317,15 @@ mod tests {
 
     /// Bytes 16 to 23 of a PNG file are its width and height.
     #[test]
-    fn a_png_has_the_chosen_size() {
-        let png = page().png(2.0).unwrap();
-        let number = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
-        assert_eq!((number(16), number(20)), (1200, 2 * page().height() as u32));
-        let mut wide = page();
+    fn png_has_the_requested_size() {
+        let png = figure_with_all_panels().png(2.0).unwrap();
+        let number =
+            |offset: usize| u32::from_be_bytes(png[offset..offset + 4].try_into().unwrap());
+        assert_eq!(
+            (number(16), number(20)),
+            (1200, 2 * figure_with_all_panels().height() as u32)
+        );
+        let mut wide = figure_with_all_panels();
         wide.fit(1e6, 100.0);
         assert!(
             wide.png(2.0)
@@ -324,25 +336,27 @@ mod tests {
     }
 
     #[test]
-    fn a_page_can_be_resized() {
-        let mut page = page();
-        page.fit(800.0, 700.0);
-        assert!((page.height() - 700.0).abs() < 1e-9 && page.width == 800.0);
+    fn fit_sets_the_width_and_height() {
+        let mut figure = figure_with_all_panels();
+        figure.fit(800.0, 700.0);
+        assert!((figure.height() - 700.0).abs() < 1e-9 && figure.width == 800.0);
     }
 
-    /// Two pages that differ in a word differ in pixels: text is drawn whatever fonts the
-    /// machine has.
+    /// Text is drawn on machines without fonts: figures with different titles differ in pixels.
     #[test]
-    fn text_is_drawn() {
-        let named = |title: &str| Figure {
+    fn different_titles_give_different_pixels() {
+        let figure_with_title = |title: &str| Figure {
             title: title.to_owned(),
             rows: Vec::new(),
-            ..page()
+            ..figure_with_all_panels()
         };
         assert_ne!(
-            named("σ = 0.1").png(1.0).unwrap(),
-            named("σ = 0.2").png(1.0).unwrap()
+            figure_with_title("σ = 0.1").png(1.0).unwrap(),
+            figure_with_title("σ = 0.2").png(1.0).unwrap()
         );
-        assert_ne!(named("σ").png(1.0).unwrap(), named("θ").png(1.0).unwrap());
+        assert_ne!(
+            figure_with_title("σ").png(1.0).unwrap(),
+            figure_with_title("θ").png(1.0).unwrap()
+        );
     }
 }

@@ -22,8 +22,8 @@ pub struct Scatter {
 /// One point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScatterPoint {
-    /// Position (x, y); values outside the axes' ranges are drawn at their ends.
-    pub at: [f32; 2],
+    /// Position (x, y). Values outside the range of an axis are drawn at its end.
+    pub position: [f32; 2],
     /// Color.
     pub color: Color,
 }
@@ -55,11 +55,11 @@ impl Scatter {
         };
         for point in &self.points {
             let within = |value: f32, [low, high]: [f32; 2]| f64::from(value.clamp(low, high));
-            let at = plot.at([
-                within(point.at[0], self.x.range),
-                within(point.at[1], self.y.range),
+            let position = plot.position([
+                within(point.position[0], self.x.range),
+                within(point.position[1], self.y.range),
             ]);
-            svg.dot(at, radius, point.color, opacity);
+            svg.dot(position, radius, point.color, opacity);
         }
     }
 }

@@ -9,7 +9,7 @@ use super::scale::format_number;
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use crate::Axis;
 
-/// Points of many dimensions across vertical axes. A point is called a state.
+/// Points of many dimensions, called states, as lines across vertical axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParallelCoordinates {
     /// Title above the panel.
@@ -20,7 +20,7 @@ pub struct ParallelCoordinates {
     pub states: States,
 }
 
-/// States as lines, or as their density if there are too many lines to distinguish.
+/// States as single lines, or as a density if there are too many lines to distinguish.
 #[derive(Clone, Debug, PartialEq)]
 pub enum States {
     /// One line per state; later ones are drawn on top.
@@ -53,9 +53,14 @@ pub struct DensityImage {
 impl ParallelCoordinates {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
         let staggered = self.must_stagger_names(panel);
-        let names = if staggered { 30.0 } else { 15.0 };
-        let side = (0.5 * panel.width / self.axes.len().max(1) as f64).min(46.0);
-        let area = panel.inset([TITLE_HEIGHT + names + 17.0, side, 22.0, side]);
+        let names_height = if staggered { 30.0 } else { 15.0 };
+        let side_margin = (0.5 * panel.width / self.axes.len().max(1) as f64).min(46.0);
+        let area = panel.inset([
+            TITLE_HEIGHT + names_height + 17.0,
+            side_margin,
+            22.0,
+            side_margin,
+        ]);
         draw_title(&self.title, panel, panel.x + 4.0, svg);
         match &self.states {
             States::Lines(lines) => draw_lines(lines, &area, svg),
@@ -63,9 +68,9 @@ impl ParallelCoordinates {
         }
         for (index, axis) in self.axes.iter().enumerate() {
             let x = self.x(index, &area);
-            let raised = staggered && index % 2 == 1;
+            let is_raised = staggered && index % 2 == 1;
             draw_axis(axis, x, &area, svg);
-            let y = area.y - if raised { 35.0 } else { 20.0 };
+            let y = area.y - if is_raised { 35.0 } else { 20.0 };
             draw_name(
                 axis,
                 [x, y],
@@ -80,22 +85,23 @@ impl ParallelCoordinates {
         area.x + area.width * axis as f64 / (self.axes.len() - 1).max(1) as f64
     }
 
-    /// Maximum width of a name.
+    /// Maximum width of the name of an axis.
     fn max_name_width(&self, panel: &Rect, staggered: bool) -> f64 {
-        let each = panel.width / self.axes.len().max(1) as f64;
+        let width_per_axis = panel.width / self.axes.len().max(1) as f64;
         if staggered {
-            2.0 * each - 6.0
+            2.0 * width_per_axis - 6.0
         } else {
-            each - 4.0
+            width_per_axis - 4.0
         }
     }
 
-    /// Whether names are too wide to be side by side, so that every other one is one line higher.
+    /// Whether names of axes are too wide to be on one line. Then every other name is one line
+    /// higher.
     fn must_stagger_names(&self, panel: &Rect) -> bool {
-        let room = self.max_name_width(panel, false);
+        let max_width = self.max_name_width(panel, false);
         self.axes
             .iter()
-            .any(|axis| text_width(&axis_label(axis), LABEL_SIZE, Weight::Regular) > room)
+            .any(|axis| text_width(&axis_label(axis), LABEL_SIZE, Weight::Regular) > max_width)
     }
 }
 
@@ -107,15 +113,15 @@ fn draw_lines(lines: &[StateLine], area: &Rect, svg: &mut SvgWriter) {
     };
     for line in lines {
         let gap = area.width / (line.fractions.len() - 1).max(1) as f64;
-        let place = |(index, fraction): (usize, &f32)| {
+        let position = |(index, fraction): (usize, &f32)| {
             [
                 area.x + gap * index as f64,
                 area.bottom() - f64::from(*fraction) * area.height,
             ]
         };
-        let places: Vec<[f64; 2]> = line.fractions.iter().enumerate().map(place).collect();
+        let positions: Vec<[f64; 2]> = line.fractions.iter().enumerate().map(position).collect();
         svg.line(
-            &places,
+            &positions,
             Stroke {
                 opacity,
                 ..Stroke::new(line.color, 0.7)
@@ -137,7 +143,7 @@ impl DensityImage {
     }
 }
 
-/// Draws an axis with the values at its ends.
+/// Draws an axis, with the values of its range at its ends.
 fn draw_axis(axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
     svg.line(
         &[[x, area.y], [x, area.bottom()]],
@@ -149,16 +155,21 @@ fn draw_axis(axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
     svg.text([x, area.bottom() + 14.0], &low, ends);
 }
 
-/// Draws the name of an axis, with its unit if there is space; those of the outer axes are moved into
-/// the panel.
-fn draw_name(axis: &Axis, [x, y]: [f64; 2], panel: &Rect, room: f64, svg: &mut SvgWriter) {
-    let full = axis_label(axis);
-    let name = if text_width(&full, LABEL_SIZE, Weight::Regular) > room {
+/// Draws the name of an axis, with its unit if there is space. The name is moved so that it is
+/// within the panel.
+fn draw_name(axis: &Axis, [x, y]: [f64; 2], panel: &Rect, max_width: f64, svg: &mut SvgWriter) {
+    let name_with_unit = axis_label(axis);
+    let name = if text_width(&name_with_unit, LABEL_SIZE, Weight::Regular) > max_width {
         &axis.name
     } else {
-        &full
+        &name_with_unit
     };
-    let name = fit_text(name, room.min(panel.width), LABEL_SIZE, Weight::Regular);
+    let name = fit_text(
+        name,
+        max_width.min(panel.width),
+        LABEL_SIZE,
+        Weight::Regular,
+    );
     let half = 0.5 * text_width(&name, LABEL_SIZE, Weight::Regular);
     let x = x.clamp(panel.x + half, (panel.right() - half).max(panel.x + half));
     svg.text([x, y], &name, TextStyle::new(LABEL_SIZE, Anchor::Middle));

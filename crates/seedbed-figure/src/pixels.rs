@@ -20,7 +20,7 @@ pub enum PngError {
     Drawing(String),
 }
 
-/// Maximum width and height in pixels: a larger image would take gigabytes.
+/// Maximum width and height in pixels. A larger image would take gigabytes of memory.
 const MAX_SIDE: f64 = 20_000.0;
 
 static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
@@ -32,7 +32,7 @@ static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
     Arc::new(fonts)
 });
 
-/// Draws the text of an SVG file with `scale` pixels per CSS pixel.
+/// Renders an SVG file as PNG, with `scale` pixels per CSS pixel.
 pub(super) fn draw(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
     let options = Options {
         fontdb: Arc::clone(&FONTS),
@@ -43,24 +43,24 @@ pub(super) fn draw(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
         Tree::from_str(svg, &options).map_err(|error| PngError::Drawing(error.to_string()))?;
     let [width, height] =
         [tree.size().width(), tree.size().height()].map(|side| (f64::from(side) * scale).round());
-    let refused = || PngError::Size(width as u32, height as u32);
-    let drawable = width.max(height) <= MAX_SIDE;
-    let mut pixels = drawable
+    let size_error = || PngError::Size(width as u32, height as u32);
+    let fits_into_memory = width.max(height) <= MAX_SIDE;
+    let mut pixels = fits_into_memory
         .then(|| Pixmap::new(width as u32, height as u32))
         .flatten()
-        .ok_or_else(refused)?;
+        .ok_or_else(size_error)?;
     pixels.fill(Paint::WHITE);
     resvg::render(
         &tree,
         Transform::from_scale(scale as f32, scale as f32),
         &mut pixels.as_mut(),
     );
-    let opaque: Vec<u8> = pixels
+    let rgb: Vec<u8> = pixels
         .pixels()
         .iter()
         .flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()])
         .collect();
-    encode_png(&opaque, [width as u32, height as u32], scale)
+    encode_png(&rgb, [width as u32, height as u32], scale)
         .map_err(|error| PngError::Drawing(error.to_string()))
 }
 
@@ -82,8 +82,8 @@ fn encode_png(
     Ok(bytes)
 }
 
-/// The resolution, with which programs show and print the figure in its size: a CSS pixel is 1/96
-/// inch.
+/// Resolution stored in a PNG file, so that programs print the figure in its size: a CSS pixel is
+/// 1/96 inch.
 fn pixel_dimensions(scale: f64) -> png::PixelDimensions {
     let per_meter = (scale * 96.0 / 0.0254).round() as u32;
     png::PixelDimensions {
@@ -101,5 +101,5 @@ pub(super) fn png_of_colors(colors: &[Color], width: usize) -> Vec<u8> {
         [width as u32, height as u32],
         1.0,
     )
-    .expect("pixels in memory can be encode_png")
+    .expect("pixels in memory can be encoded as PNG")
 }

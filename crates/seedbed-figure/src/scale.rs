@@ -1,6 +1,6 @@
 //! Scales of axes: positions of values, ticks, and their labels.
 
-/// Maps an interval of values to an interval of the page.
+/// Maps a range of values to a range of positions on the page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
     values: [f64; 2],
@@ -17,7 +17,7 @@ impl Scale {
         }
     }
 
-    /// The scale with logarithmic positions; values must be above 0.
+    /// Makes the scale logarithmic or linear. Values of a logarithmic scale must be above 0.
     pub(super) fn logarithmic(self, logarithmic: bool) -> Self {
         Self {
             logarithmic,
@@ -25,14 +25,14 @@ impl Scale {
         }
     }
 
-    pub(super) fn at(&self, value: f64) -> f64 {
+    pub(super) fn position(&self, value: f64) -> f64 {
         let [from, to] = self.positions;
         let [value, low, high] = [value, self.values[0], self.values[1]]
             .map(|value| if self.logarithmic { value.ln() } else { value });
         from + (value - low) / (high - low) * (to - from)
     }
 
-    /// About `count` round values, with their labels.
+    /// Ticks at about `count` round values, with their labels.
     pub(super) fn ticks(&self, count: usize) -> Vec<(f64, String)> {
         let [low, high] = self.values;
         if self.logarithmic {
@@ -48,7 +48,7 @@ impl Scale {
     }
 }
 
-/// At most `count` powers of ten, with their labels.
+/// Ticks at no more than `count` powers of ten, with their labels.
 fn powers_of_ten([low, high]: [f64; 2], count: usize) -> Vec<(f64, String)> {
     let (first, last) = (
         (low.log10() - 1e-9).ceil() as i32,
@@ -62,12 +62,12 @@ fn powers_of_ten([low, high]: [f64; 2], count: usize) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// 1, 2 or 5 times a power of ten, about `wanted`.
-fn round_step(wanted: f64) -> f64 {
-    let power = 10_f64.powf(wanted.log10().floor());
+/// A round number close to `approximate`: 1, 2 or 5 times a power of ten.
+fn round_step(approximate: f64) -> f64 {
+    let power = 10_f64.powf(approximate.log10().floor());
     let factor = [1.0, 2.0, 5.0]
         .into_iter()
-        .find(|factor| factor * power >= 0.7 * wanted);
+        .find(|factor| factor * power >= 0.7 * approximate);
     factor.unwrap_or(10.0) * power
 }
 
@@ -86,7 +86,7 @@ fn tick_label(value: f64, step: f64, largest: f64) -> String {
     with_minus_sign(&format!("{:.decimals$}{suffix}", value / unit))
 }
 
-/// Replaces the hyphen by a minus sign.
+/// Replaces hyphens by minus signs.
 pub(super) fn with_minus_sign(number: &str) -> String {
     number.replace('-', "−")
 }
@@ -135,28 +135,28 @@ pub(super) fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
     }
 }
 
-/// The range with a margin at both ends, but not beyond zero.
+/// The range with margins of 5 % at both ends; a margin does not extend beyond zero.
 pub(super) fn padded([low, high]: [f64; 2]) -> [f64; 2] {
-    let room = 0.05 * (high - low);
+    let margin = 0.05 * (high - low);
     let lower = if low >= 0.0 {
-        (low - room).max(0.0)
+        (low - margin).max(0.0)
     } else {
-        low - room
+        low - margin
     };
     [
         lower,
         if high <= 0.0 {
-            (high + room).min(0.0)
+            (high + margin).min(0.0)
         } else {
-            high + room
+            high + margin
         },
     ]
 }
 
-/// The range with a margin at both ends, for a logarithmic scale.
+/// The range of a logarithmic scale with margins of 5 % at both ends.
 pub(super) fn padded_ratio([low, high]: [f64; 2]) -> [f64; 2] {
-    let room = (high / low).powf(0.05);
-    [low / room, high * room]
+    let margin = (high / low).powf(0.05);
+    [low / margin, high * margin]
 }
 
 #[cfg(test)]
@@ -187,16 +187,20 @@ mod tests {
     fn positions_are_linear() {
         let scale = Scale::new([0.0, 4.0], [100.0, 20.0]);
         assert_eq!(
-            (scale.at(0.0), scale.at(1.0), scale.at(4.0)),
+            (
+                scale.position(0.0),
+                scale.position(1.0),
+                scale.position(4.0)
+            ),
             (100.0, 80.0, 20.0)
         );
     }
 
-    /// 1 is one third of the way from 0.1 to 100 in powers of ten.
+    /// On a logarithmic scale, 1 is one third of the way from 0.1 to 100.
     #[test]
     fn positions_are_logarithmic() {
         let scale = Scale::new([0.1, 100.0], [0.0, 30.0]).logarithmic(true);
-        assert!((scale.at(1.0) - 10.0).abs() < 1e-9 && scale.at(0.1) == 0.0);
+        assert!((scale.position(1.0) - 10.0).abs() < 1e-9 && scale.position(0.1) == 0.0);
         let labels = |count| {
             scale
                 .ticks(count)

@@ -58,7 +58,7 @@ impl Stroke {
     }
 }
 
-/// Which part of a text is at its position.
+/// The part of a text that is at its position: `text-anchor` of SVG.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Anchor {
     Start,
@@ -107,7 +107,7 @@ impl TextStyle {
     }
 }
 
-/// The elements drawn so far; later ones are on top.
+/// The elements of an SVG file, in the order in which they are drawn.
 #[derive(Debug, Default)]
 pub(super) struct SvgWriter {
     elements: String,
@@ -140,15 +140,15 @@ impl SvgWriter {
         self.elements
             .write_fmt(element)
             .and_then(|()| self.elements.write_char('\n'))
-            .expect("a string takes any text");
+            .expect("writing to a string cannot fail");
     }
 
-    /// Clips what `draw` draws to `area`.
+    /// Clips everything that `draw` draws to `area`.
     pub(super) fn clipped(&mut self, area: &Rect, draw: impl FnOnce(&mut Self)) {
         let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(format_length);
         let view = format!("{x} {y} {width} {height}");
-        // A nested <svg> needs no id, in contrast to a <clipPath>: ids would have to be unique on a page
-        // with several figures.
+        // A nested <svg> needs no id, in contrast to a <clipPath>: ids would have to be unique on a
+        // page with several figures.
         self.push(format_args!(
             "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" viewBox=\"{view}\" overflow=\"hidden\">"
         ));
@@ -184,7 +184,7 @@ impl SvgWriter {
         self.push(format_args!("<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" fill=\"{color}\" fill-opacity=\"{opacity}\"/>"));
     }
 
-    /// Draws a text with its base line at a position.
+    /// Draws a text whose baseline is at a position.
     pub(super) fn text(&mut self, [x, y]: [f64; 2], text: &str, text_style: TextStyle) {
         let [x, y, size] = [x, y, text_style.size].map(format_length);
         let anchor = match text_style.anchor {
@@ -208,7 +208,7 @@ impl SvgWriter {
         ));
     }
 
-    /// Draws an image made of pixels, stretched over `area`.
+    /// Draws a PNG image, stretched over `area`.
     pub(super) fn image(&mut self, area: &Rect, png: &[u8], sharp: bool) {
         let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(format_length);
         let (rendering, data) = (
@@ -268,7 +268,8 @@ fn format_length(value: f64) -> String {
     }
 }
 
-/// Replaces characters that are markup in XML, and removes those that XML does not allow.
+/// Replaces characters that are markup in XML by entities, and removes control characters, which
+/// XML does not allow.
 fn escape(text: &str) -> String {
     let allowed = text.chars().filter(|letter| !letter.is_control());
     allowed.fold(String::new(), |mut text, letter| {

@@ -1,18 +1,19 @@
-//! Golden files for tests: the expected output of each input is a file beside it.
+//! Golden files for tests: for each input file, the expected output is a file in the same folder.
 //!
-//! With the environment variable `UPDATE_EXPECT=1` the outputs are written as they are now, which
-//! `cargo xtask bless` does for all golden files. Read the difference before it is committed.
+//! With the environment variable `UPDATE_EXPECT=1`, tests write the current outputs to these files.
+//! `cargo xtask bless` does this for all golden files. Review the changes before you commit them.
 
 use std::path::{Path, PathBuf};
 
 use expect_test::expect_file;
 
-/// Compares `output(NAME.ron)` with `NAME.txt` for each `NAME.ron` in a folder. Relative paths are
-/// passed on as they are, because outputs name their inputs.
+/// Compares `output(NAME.ron)` with `NAME.txt` for each `NAME.ron` in a folder. If `folder` is
+/// relative, so are the paths passed to `output`, because outputs may contain the path of their
+/// input.
 ///
 /// # Panics
-/// An output differs from its file, or the folder holds no inputs, or a file that is neither an
-/// input nor the expected output of one.
+/// If an output differs from its file, if the folder has no inputs, or if it has a file that is
+/// neither an input nor the expected output of an input.
 pub fn check_folder(folder: impl AsRef<Path>, output: impl Fn(&Path) -> String) {
     let files = files_in(folder.as_ref());
     let is_input = |path: &Path| path.extension().is_some_and(|found| found == "ron");
@@ -26,7 +27,7 @@ pub fn check_folder(folder: impl AsRef<Path>, output: impl Fn(&Path) -> String) 
         let is_expected = path.extension().is_some_and(|found| found == "txt");
         assert!(
             is_expected && inputs.contains(&path.with_extension("ron")),
-            "{} belongs to no input: delete it",
+            "{} is not the expected output of any input: delete it",
             path.display()
         );
     }
@@ -61,26 +62,26 @@ mod tests {
         folder
     }
 
-    fn shouted(input: &Path) -> String {
+    fn uppercase(input: &Path) -> String {
         fs::read_to_string(input).unwrap().to_uppercase()
     }
 
     #[test]
-    fn an_output_as_expected_passes() {
+    fn matching_output_passes() {
         let folder = folder_with(&[("a.ron", "loud"), ("a.txt", "LOUD")]);
-        check_folder(folder.path(), shouted);
+        check_folder(folder.path(), uppercase);
     }
 
     #[test]
-    #[should_panic(expected = "belongs to no input")]
-    fn an_expectation_without_an_input_fails() {
+    #[should_panic(expected = "is not the expected output of any input")]
+    fn expected_output_without_an_input_fails() {
         let folder = folder_with(&[("a.ron", "loud"), ("a.txt", "LOUD"), ("b.txt", "LOUD")]);
-        check_folder(folder.path(), shouted);
+        check_folder(folder.path(), uppercase);
     }
 
     #[test]
     #[should_panic(expected = "no inputs in")]
     fn a_folder_without_inputs_fails() {
-        check_folder(folder_with(&[]).path(), shouted);
+        check_folder(folder_with(&[]).path(), uppercase);
     }
 }

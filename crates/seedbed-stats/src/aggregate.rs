@@ -1,6 +1,6 @@
-//! Many scores as one number (Agarwal et al. 2021, §4.3).
+//! Aggregates: one number for the scores of many runs (Agarwal et al. 2021, §4.3).
 //!
-//! Medians accept infinite scores, for runs that never reached a goal.
+//! [`median`] accepts infinite scores, which stand for runs that never reached a goal.
 //!
 //! ```
 //! use seedbed_stats::aggregate::{interquartile_mean, mean, median};
@@ -31,7 +31,7 @@ pub fn median(scores: &[f64]) -> f64 {
     let sorted = sorted(scores);
     let (low, high) = (sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]);
     if low == -high {
-        // Also of two infinities of opposite sign, whose mean would not be a number.
+        // Includes −∞ and ∞, whose mean would be NaN.
         0.0
     } else {
         f64::midpoint(low, high)
@@ -49,11 +49,12 @@ pub fn median(scores: &[f64]) -> f64 {
 #[must_use]
 pub fn interquartile_mean(scores: &[f64]) -> f64 {
     let sorted = sorted(scores);
-    let cut = sorted.len() / 4;
-    mean(&sorted[cut..sorted.len() - cut])
+    let dropped = sorted.len() / 4;
+    mean(&sorted[dropped..sorted.len() - dropped])
 }
 
-/// Mean shortfall of the scores below a goal γ: γ − mean(min(x, γ)).   `scores: [n]`
+/// Optimality gap: mean amount by which scores fall short of a goal γ, γ − mean(min(x, γ)).
+/// `scores: [n]`
 ///
 /// # Panics
 /// Without scores.
@@ -63,26 +64,27 @@ pub fn optimality_gap(scores: &[f64], goal: f64) -> f64 {
     goal - scores.iter().map(|score| score.min(goal)).sum::<f64>() / scores.len() as f64
 }
 
-/// Mean of the tasks' means, so that each task counts the same.   `tasks: [task][run]`
-///
-/// # Panics
-/// Without tasks, or if one has no runs.
-#[must_use]
-pub fn mean_of_tasks(tasks: &[Vec<f64>]) -> f64 {
-    mean(&means(tasks))
-}
-
-/// Median of the tasks' means, which is what `rliable` calls median; of a single task it is the mean.
+/// Mean over tasks of the mean score of each task, so that all tasks have the same weight.
 /// `tasks: [task][run]`
 ///
 /// # Panics
 /// Without tasks, or if one has no runs.
 #[must_use]
-pub fn median_of_tasks(tasks: &[Vec<f64>]) -> f64 {
-    median(&means(tasks))
+pub fn mean_of_tasks(tasks: &[Vec<f64>]) -> f64 {
+    mean(&mean_per_task(tasks))
 }
 
-fn means(tasks: &[Vec<f64>]) -> Vec<f64> {
+/// Median over tasks of the mean score of each task, as `rliable` defines the median. For a single
+/// task this is the mean of its scores.   `tasks: [task][run]`
+///
+/// # Panics
+/// Without tasks, or if one has no runs.
+#[must_use]
+pub fn median_of_tasks(tasks: &[Vec<f64>]) -> f64 {
+    median(&mean_per_task(tasks))
+}
+
+fn mean_per_task(tasks: &[Vec<f64>]) -> Vec<f64> {
     tasks.iter().map(|runs| mean(runs)).collect()
 }
 
@@ -112,10 +114,10 @@ mod tests {
         assert_eq!(median(&[-3.0, 3.0]), 0.0);
     }
 
-    /// Of nine scores ⌊9/4⌋ = 2 are cut at each end: (2 + 3 + 4 + 5 + 16) / 5 = 6. Of three none
-    /// is: (1 + 2 + 9) / 3 = 4.
+    /// Of nine scores, ⌊9/4⌋ = 2 are dropped at each end: (2 + 3 + 4 + 5 + 16) / 5 = 6. Of three
+    /// scores none is dropped: (1 + 2 + 9) / 3 = 4.
     #[test]
-    fn the_interquartile_mean_cuts_whole_scores() {
+    fn the_interquartile_mean_drops_whole_scores() {
         assert_eq!(
             interquartile_mean(&[900.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 16.0, 100.0]),
             6.0
@@ -123,16 +125,16 @@ mod tests {
         assert_eq!(interquartile_mean(&[1.0, 9.0, 2.0]), 4.0);
     }
 
-    /// Short of 1 by 0.5, 0 (it is beyond) and 1.5 (it is at −0.5): 2 / 3.
+    /// The scores 0.5, 3 and −0.5 fall short of the goal 1 by 0.5, 0 and 1.5: mean 2/3.
     #[test]
-    fn the_gap_does_not_pay_for_going_beyond() {
+    fn the_optimality_gap_ignores_scores_above_the_goal() {
         assert!((optimality_gap(&[0.5, 3.0, -0.5], 1.0) - 2.0 / 3.0).abs() < 1e-15);
     }
 
-    /// The tasks' means are 2, 10 and 3: on average 5, in the middle 3. All five runs at once would
-    /// average 4.2.
+    /// The means of the three tasks are 2, 10 and 3, with mean 5 and median 3. The mean over all
+    /// five runs would be 4.2.
     #[test]
-    fn each_task_counts_the_same() {
+    fn every_task_has_the_same_weight() {
         let tasks = [vec![1.0, 3.0], vec![10.0], vec![2.0, 4.0]];
         assert_eq!((mean_of_tasks(&tasks), median_of_tasks(&tasks)), (5.0, 3.0));
     }

@@ -1,4 +1,4 @@
-//! Stratified percentile bootstrap: 95 % intervals of any statistic.
+//! Stratified percentile bootstrap: 95 % confidence intervals of any statistic.
 //!
 //! Runs are resampled with replacement within each stratum (usually a task), never across strata
 //! (Agarwal et al. 2021, §4.1; `rliable.library.StratifiedBootstrap`).
@@ -11,7 +11,7 @@
 //! let estimate = bootstrap_sample(&[3.0, 1.0, 4.0, 1.0, 5.0], mean);
 //! assert_eq!(estimate.value, 2.8);
 //!
-//! // Two tasks: every resample has as many runs of each task as the data.
+//! // Two tasks: every resample has as many runs per task as the data.
 //! let tasks = [vec![0.0; 5], vec![10.0; 5]];
 //! let estimate = bootstrap_strata(&tasks, mean_of_tasks);
 //! assert_eq!(estimate.interval.ends(), Some([5.0, 5.0]));
@@ -25,18 +25,19 @@ use rand_chacha::rand_core::SeedableRng;
 
 /// Number of resamples, as in `rliable`.
 ///
-/// For a normal bootstrap distribution of standard deviation σ, the Monte-Carlo error of an end is
-/// √(0.025 · 0.975 / 50 000) / φ(1.96) σ ≈ 0.012 σ.
+/// If the bootstrap distribution is normal with standard deviation σ, the Monte-Carlo error of an
+/// interval end is √(0.025 · 0.975 / 50 000) / φ(1.96) σ ≈ 0.012 σ.
 pub const RESAMPLES: usize = 50_000;
 
-/// Shares of resampled values below the two ends.
-const ENDS: (f64, f64) = (0.025, 0.975);
+/// Shares of resampled values below the lower and below the upper end of a 95 % interval.
+const INTERVAL_SHARES: (f64, f64) = (0.025, 0.975);
 
-/// A statistic of strata, such as the runs of each task, with its interval.
+/// Estimates a statistic of strata, such as the runs of each task, with its 95 % interval.
 /// `strata: [stratum][run]`
 ///
 /// To compare two algorithms, pass the strata of both, one after the other, and let `statistic`
-/// compute the difference. The smallest stratum decides whether there are enough runs.
+/// compute the difference. There is an interval if the smallest stratum has at least [`MIN_RUNS`]
+/// runs.
 ///
 /// # Panics
 /// If there is no stratum, or one is empty.
@@ -45,7 +46,7 @@ pub fn bootstrap_strata(strata: &[Vec<f64>], statistic: impl Fn(&[Vec<f64>]) -> 
     bootstrap_statistics(strata, 1, |strata, values| values[0] = statistic(strata))[0]
 }
 
-/// A statistic of a single sample, with its interval.   `sample: [run]`
+/// Estimates a statistic of a single sample, with its 95 % interval.   `sample: [run]`
 ///
 /// # Panics
 /// If the sample is empty.
@@ -54,7 +55,7 @@ pub fn bootstrap_sample(sample: &[f64], statistic: impl Fn(&[f64]) -> f64) -> Es
     bootstrap_strata(&[sample.to_vec()], |strata| statistic(&strata[0]))
 }
 
-/// Several statistics of the same resampled strata, each with its interval.
+/// Estimates several statistics from the same resamples, each with its 95 % interval.
 /// `strata: [stratum][run]` → `[count]`
 ///
 /// `statistic` fills a slice of `count` values.
@@ -86,7 +87,7 @@ pub fn bootstrap_statistics(
         .collect()
 }
 
-/// The statistics of all resamples.   → `[count][RESAMPLES]`
+/// The values of all statistics in all resamples.   → `[count][RESAMPLES]`
 fn resampled_values(
     strata: &[Vec<f64>],
     count: usize,
@@ -95,26 +96,26 @@ fn resampled_values(
     let mut random = resampling_stream();
     let mut resampled = strata.to_vec();
     let mut values = vec![0.0; count];
-    let mut all = vec![Vec::with_capacity(RESAMPLES); count];
+    let mut values_of_resamples = vec![Vec::with_capacity(RESAMPLES); count];
     for _ in 0..RESAMPLES {
         resample(strata, &mut resampled, &mut random);
         statistic(&resampled, &mut values);
-        for (all, &value) in all.iter_mut().zip(&values) {
-            all.push(value);
+        for (values_of_resamples, &value) in values_of_resamples.iter_mut().zip(&values) {
+            values_of_resamples.push(value);
         }
     }
-    all
+    values_of_resamples
 }
 
-/// The random stream of all resampling: equal data give equal intervals. Its key must never change,
-/// because published intervals depend on it.
+/// The random stream of all resamples. It is always the same, so that equal data give equal
+/// intervals. Its key must never change, because published intervals depend on it.
 fn resampling_stream() -> ChaCha8Rng {
     let mut key = [0_u8; 32];
     key[8] = 13;
     ChaCha8Rng::from_seed(key)
 }
 
-/// As many runs of each stratum as it has, drawn with replacement.
+/// Fills each stratum of `resampled` with runs of the same stratum, drawn with replacement.
 fn resample(strata: &[Vec<f64>], resampled: &mut [Vec<f64>], random: &mut ChaCha8Rng) {
     for (runs, resampled) in strata.iter().zip(resampled) {
         resampled.fill_with(|| runs[random.random_range(0..runs.len())]);
@@ -124,31 +125,31 @@ fn resample(strata: &[Vec<f64>], resampled: &mut [Vec<f64>], random: &mut ChaCha
 fn percentile_interval(mut values: Vec<f64>) -> Interval {
     values.sort_unstable_by(f64::total_cmp);
     Interval::Known {
-        low: percentile(&values, ENDS.0),
-        high: percentile(&values, ENDS.1),
+        low: percentile(&values, INTERVAL_SHARES.0),
+        high: percentile(&values, INTERVAL_SHARES.1),
     }
 }
 
-/// The percentile of sorted values, with linear interpolation between two of them, as
+/// Percentile of sorted values, with linear interpolation between neighboring values, as
 /// `numpy.percentile`.
 fn percentile(sorted: &[f64], share: f64) -> f64 {
-    let place = share * (sorted.len() - 1) as f64;
+    let position = share * (sorted.len() - 1) as f64;
     let (low, high) = (
-        sorted[place.floor() as usize],
-        sorted[place.ceil() as usize],
+        sorted[position.floor() as usize],
+        sorted[position.ceil() as usize],
     );
-    // Statistics of runs that never reached a goal may be infinite. ∞ − ∞ is not a number, so
-    // equal neighbors are not interpolated.
+    // Statistics of runs that never reached a goal may be infinite. ∞ − ∞ is NaN, so equal
+    // neighbors are not interpolated.
     if low == high {
         return low;
     }
-    // From a finite value towards ∞ every point but the value itself is ∞, which interpolation
-    // gives: x + ∞ · fraction.
+    // Between a finite value and ∞, interpolation gives ∞ for every fraction above 0.
     if low.is_finite() {
-        return low + (high - low) * place.fract();
+        return low + (high - low) * position.fract();
     }
-    // From −∞ towards a finite value interpolation would give −∞ + ∞: take the nearer neighbor.
-    if place.fract() < 0.5 { low } else { high }
+    // Between −∞ and a finite value, interpolation would give −∞ + ∞ = NaN: take the nearer
+    // neighbor.
+    if position.fract() < 0.5 { low } else { high }
 }
 
 #[cfg(test)]
@@ -156,9 +157,9 @@ mod tests {
     use super::*;
     use crate::aggregate::{mean, mean_of_tasks, median};
 
-    /// Place 0.025 · 4 = 0.1 lies a tenth of the way from the first to the second value.
+    /// Position 0.025 · 4 = 0.1 is a tenth of the way from the first to the second value.
     #[test]
-    fn percentiles_lie_between_values() {
+    fn percentiles_are_interpolated() {
         assert!((percentile(&[10.0, 20.0, 30.0, 40.0, 50.0], 0.025) - 11.0).abs() < 1e-12);
         assert_eq!(percentile(&[10.0, 20.0, 30.0, 40.0, 50.0], 0.5), 30.0);
         assert_eq!(
@@ -172,17 +173,21 @@ mod tests {
     }
 
     #[test]
-    fn few_runs_make_no_interval() {
-        let four = bootstrap_sample(&[1.0, 2.0, 3.0, 4.0], median);
+    fn fewer_than_five_runs_give_no_interval() {
+        let estimate_of_four = bootstrap_sample(&[1.0, 2.0, 3.0, 4.0], median);
         assert_eq!(
-            four,
+            estimate_of_four,
             Estimate {
                 value: 2.5,
                 interval: Interval::TooFewRuns { n: 4 }
             }
         );
-        let one_short_task = bootstrap_strata(&[vec![1.0; 9], vec![2.0; 3]], mean_of_tasks);
-        assert_eq!(one_short_task.interval, Interval::TooFewRuns { n: 3 });
+        let estimate_with_a_short_task =
+            bootstrap_strata(&[vec![1.0; 9], vec![2.0; 3]], mean_of_tasks);
+        assert_eq!(
+            estimate_with_a_short_task.interval,
+            Interval::TooFewRuns { n: 3 }
+        );
     }
 
     #[test]
@@ -194,13 +199,13 @@ mod tests {
         );
     }
 
-    /// Tasks of constant scores 0 and 10 have mean 5 in every resample; across tasks it would
-    /// vary.
+    /// Two tasks with constant scores 0 and 10 have mean 5 in every resample within tasks.
+    /// Resamples across tasks would have different means.
     #[test]
-    fn runs_stay_in_their_task() {
-        let both = bootstrap_strata(&[vec![0.0; 5], vec![10.0; 5]], mean_of_tasks);
+    fn runs_are_resampled_within_their_task() {
+        let estimate_of_both = bootstrap_strata(&[vec![0.0; 5], vec![10.0; 5]], mean_of_tasks);
         assert_eq!(
-            both,
+            estimate_of_both,
             Estimate {
                 value: 5.0,
                 interval: Interval::Known {
@@ -211,14 +216,14 @@ mod tests {
         );
     }
 
-    /// Five runs, one of them 1 and the others 0: a resampled sum is binomial(5, 0.2), with P(0) =
-    /// 0.8⁵ = 0.328 and P(≤ 2) = 0.942, P(≤ 3) = 0.993. So the 2.5 % point of the mean is 0 and the
-    /// 97.5 % point is 3/5.
+    /// One run with score 1 and four with score 0: the sum of a resample is binomial(5, 0.2), with
+    /// P(0) = 0.8⁵ = 0.328, P(≤ 2) = 0.942 and P(≤ 3) = 0.993. So the 2.5 % quantile of the mean is
+    /// 0, and the 97.5 % quantile is 3/5.
     #[test]
-    fn the_ends_of_a_binomial_are_known() {
-        let one_of_five = bootstrap_sample(&[0.0, 0.0, 1.0, 0.0, 0.0], mean);
+    fn the_interval_of_a_binomial_sample_equals_its_quantiles() {
+        let estimate_of_one_in_five = bootstrap_sample(&[0.0, 0.0, 1.0, 0.0, 0.0], mean);
         assert_eq!(
-            one_of_five,
+            estimate_of_one_in_five,
             Estimate {
                 value: 0.2,
                 interval: Interval::Known {

@@ -6,7 +6,7 @@
 //! let test = welch_test(&[1.0, 2.0, 3.0], &[4.0, 6.0, 8.0]).expect("samples that vary");
 //! assert!(test.t < 0.0 && test.p < 0.1);
 //!
-//! // Four tests at once: the smallest p counts four times.
+//! // Of four tests, the smallest p-value is multiplied by four.
 //! assert_eq!(holm_correction(&[0.5, 0.01, 0.9, 0.5])[1], 0.04);
 //! ```
 
@@ -51,15 +51,15 @@ pub fn welch_test(x: &[f64], y: &[f64]) -> Option<WelchTest> {
 
 /// Squared standard error of the mean: Σ (x − x̄)² / (n (n − 1)).
 fn variance_of_mean(sample: &[f64]) -> f64 {
-    let center = mean(sample);
-    let squares: f64 = sample.iter().map(|x| (x - center).powi(2)).sum();
-    squares / (sample.len() * (sample.len() - 1)) as f64
+    let sample_mean = mean(sample);
+    let squared_deviations: f64 = sample.iter().map(|x| (x - sample_mean).powi(2)).sum();
+    squared_deviations / (sample.len() * (sample.len() - 1)) as f64
 }
 
 /// Holm's correction (1979) of the p-values of m tests.   `p: [m]` → `[m]`, in the same order
 ///
-/// Rejecting all tests whose corrected p-value is below α makes any false rejection with
-/// probability at most α. In ascending order p̃₍ᵢ₎ = max(p̃₍ᵢ₋₁₎, min(1, (m − i + 1) p₍ᵢ₎)), as
+/// If all tests with a corrected p-value below α are rejected, the probability of any false
+/// rejection is at most α. In ascending order p̃₍ᵢ₎ = max(p̃₍ᵢ₋₁₎, min(1, (m − i + 1) p₍ᵢ₎)), as
 /// `statsmodels.stats.multitest.multipletests(p, method="holm")`.
 #[must_use]
 pub fn holm_correction(p: &[f64]) -> Vec<f64> {
@@ -68,7 +68,7 @@ pub fn holm_correction(p: &[f64]) -> Vec<f64> {
     let mut corrected = vec![0.0; p.len()];
     let mut largest = 0.0_f64;
     for (smaller, index) in order.into_iter().enumerate() {
-        // The running maximum keeps corrected values in the order of the uncorrected ones.
+        // The running maximum keeps corrected p-values in the order of the uncorrected ones.
         largest = largest.max(((p.len() - smaller) as f64 * p[index]).min(1.0));
         corrected[index] = largest;
     }
@@ -79,10 +79,10 @@ pub fn holm_correction(p: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// From small to large 0.01 · 4 = 0.04, 0.02 · 3 = 0.06, then 0.025 · 2 = 0.05 is raised to
-    /// 0.06, and 0.9 · 1 stays.
+    /// In ascending order: 0.01 · 4 = 0.04, 0.02 · 3 = 0.06, 0.025 · 2 = 0.05, which is raised to
+    /// 0.06, and 0.9 · 1 = 0.9.
     #[test]
-    fn corrected_values_never_fall() {
+    fn corrected_p_values_keep_their_order() {
         let corrected = holm_correction(&[0.025, 0.01, 0.9, 0.02]);
         for (corrected, expected) in corrected.iter().zip([0.06, 0.04, 0.9, 0.06]) {
             assert!((corrected - expected).abs() < 1e-15);
@@ -90,17 +90,17 @@ mod tests {
         assert_eq!(holm_correction(&[0.7, 0.8]), [1.0, 1.0]);
     }
 
-    /// Means 2 and 6, variances 1 and 4 of three each: a = 1/3, b = 4/3, t = −4 / √(5/3),
-    /// ν = (5/3)² / ((1/9) / 2 + (16/9) / 2) = (25/9) / (17/18) = 50/17.
+    /// Two samples of three with means 2 and 6 and variances 1 and 4: a = 1/3, b = 4/3,
+    /// t = −4 / √(5/3), ν = (5/3)² / ((1/9) / 2 + (16/9) / 2) = (25/9) / (17/18) = 50/17.
     #[test]
-    fn welch_weighs_variances() {
+    fn the_welch_test_equals_values_derived_by_hand() {
         let test = welch_test(&[1.0, 2.0, 3.0], &[4.0, 6.0, 8.0]).unwrap();
         assert!((test.t + 4.0 / (5.0_f64 / 3.0).sqrt()).abs() < 1e-12);
         assert!((test.degrees_of_freedom - 50.0 / 17.0).abs() < 1e-12);
     }
 
     #[test]
-    fn samples_that_do_not_vary_have_no_test() {
+    fn constant_or_single_samples_have_no_welch_test() {
         assert_eq!(welch_test(&[1.0, 1.0], &[2.0, 2.0]), None);
         assert_eq!(welch_test(&[1.0], &[2.0, 3.0]), None);
     }

@@ -1,10 +1,11 @@
-//! Probability that a run of one algorithm beats a run of another (Agarwal et al. 2021, §4.3).
+//! Probability of improvement: probability that a run of one algorithm has a higher score than a
+//! run of another (Agarwal et al. 2021, §4.3).
 //!
 //! ```
 //! use seedbed_stats::improvement::probability_of_improvement;
 //!
 //! let (x, y) = (vec![3.0, 2.0], vec![1.0, 2.0]);
-//! // 3 beats both; 2 beats 1 and ties with 2, which counts half.
+//! // 3 is above both scores of y; 2 is above 1 and equal to 2, which counts half.
 //! assert_eq!(probability_of_improvement(&[x], &[y]).value, 3.5 / 4.0);
 //! ```
 
@@ -13,16 +14,16 @@ use super::{Estimate, bootstrap_strata};
 /// P(X > Y), averaged over tasks, with its bootstrap interval. A tie counts half.
 /// `x: [task][run]`, `y: [task][run]`
 ///
-/// Higher scores are better; negate both where lower ones are.
+/// Higher scores count as better. If lower scores are better, negate `x` and `y`.
 ///
 /// # Panics
 /// If the tasks differ in number, or one has no runs.
 #[must_use]
 pub fn probability_of_improvement(x: &[Vec<f64>], y: &[Vec<f64>]) -> Estimate {
     assert_eq!(x.len(), y.len());
-    let both = [x, y].concat();
-    bootstrap_strata(&both, |both| {
-        let (x, y) = both.split_at(x.len());
+    let estimate_of_both = [x, y].concat();
+    bootstrap_strata(&estimate_of_both, |estimate_of_both| {
+        let (x, y) = estimate_of_both.split_at(x.len());
         let wins = x.iter().zip(y).map(|(x, y)| share_of_wins(x, y));
         wins.sum::<f64>() / x.len() as f64
     })
@@ -46,16 +47,16 @@ mod tests {
     use super::*;
     use crate::Interval;
 
-    /// 3 beats 1 and 2; 2 beats 1 and ties with 2: (2 + 1 + ½) of 4 pairs.
+    /// 3 is above 1 and 2; 2 is above 1 and equal to 2: (2 + 1 + ½) of 4 pairs.
     #[test]
-    fn a_tie_counts_half() {
+    fn ties_count_half() {
         assert_eq!(share_of_wins(&[3.0, 2.0], &[1.0, 2.0]), 3.5 / 4.0);
         assert_eq!(share_of_wins(&[f64::INFINITY], &[f64::INFINITY]), 0.5);
     }
 
-    /// In the first task x always wins, in the second never: ½ in every resample.
+    /// x is always above y in the first task and never in the second: ½ in every resample.
     #[test]
-    fn tasks_are_averaged() {
+    fn the_probability_is_averaged_over_tasks() {
         let (low, high) = (vec![0.0; 5], vec![1.0; 6]);
         let half = probability_of_improvement(&[high.clone(), low.clone()], &[low, high]);
         assert_eq!(

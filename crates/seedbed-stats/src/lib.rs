@@ -14,7 +14,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 pub use bootstrap::{bootstrap_sample, bootstrap_strata};
 pub use verdict::{Direction, Verdict, is_smaller_than_claimed, verdict};
 
-/// Minimum number of runs for an interval. With fewer, a bootstrap interval is far too narrow.
+/// Minimum number of runs for an interval. With fewer runs, a bootstrap interval is far too narrow.
 pub const MIN_RUNS: usize = 5;
 
 /// A 95 % confidence interval, or the reason why there is none.
@@ -28,7 +28,7 @@ pub const MIN_RUNS: usize = 5;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interval {
-    /// An interval that includes both ends. An end is infinite where the data do not bound it.
+    /// An interval that includes both ends. An end is infinite if the data give no bound.
     Known {
         /// Lower end.
         low: f64,
@@ -65,7 +65,7 @@ impl Interval {
 /// A point estimate with its 95 % confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// The statistic of the data as they are.
+    /// The statistic of the data.
     pub value: f64,
     /// Its 95 % confidence interval.
     pub interval: Interval,

@@ -1,4 +1,5 @@
-//! Performance profiles: share of runs above a threshold τ, for every τ (Agarwal et al. 2021, §4.2).
+//! Performance profiles: share of runs above a threshold τ, for every τ (Agarwal et al. 2021,
+//! §4.2).
 //!
 //! ```
 //! use seedbed_stats::profile::performance_profile;
@@ -33,9 +34,10 @@ mod tests {
     use super::*;
     use crate::Interval;
 
-    /// All but the one at 0 itself are above 0; none is above 9, in any resample.
+    /// Of the scores 0, 1, … all but 0 are above the threshold 0, and none is above 9 in any
+    /// resample.
     #[test]
-    fn a_run_at_the_threshold_is_not_above_it() {
+    fn the_profile_counts_runs_strictly_above_the_threshold() {
         let profile = performance_profile(&[vec![0.0, 1.0, 2.0, 3.0, 4.0]], &[-1.0, 0.0, 9.0]);
         assert_eq!(
             profile

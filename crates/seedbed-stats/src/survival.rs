@@ -1,12 +1,12 @@
-//! Survival analysis of times until a run reaches a threshold.
+//! Survival analysis of the time until a run reaches a threshold.
 //!
-//! Runs that ended before they reached it are *censored*, not dropped: all that is known of their
-//! time is that it is longer than the run.
+//! Runs that ended before they reached the threshold are *censored*, not dropped: their time is
+//! known to be longer than the run.
 //!
 //! ```
 //! use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
 //!
-//! // Three runs reached the threshold; one ended after 9 episodes without it.
+//! // Three runs reached the threshold; one run ended after 9 episodes without reaching it.
 //! let ours = [3.0, 5.0, 7.0]
 //!     .map(TimeToEvent::observed)
 //!     .into_iter()
@@ -23,16 +23,16 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{Interval, two_sided_normal};
 
-/// Tolerance within which a product of shares counts as ½: S = 4/5 · 5/8 need not be exactly ½ in
+/// Tolerance within which a survival S counts as ½: the product 4/5 · 5/8 may differ from ½ in
 /// floating point.
-const ROUNDING: f64 = 1e-12;
+const SURVIVAL_TOLERANCE: f64 = 1e-12;
 
-/// Time until a run reached the threshold (the *event*), or until it ended without.
+/// Time until a run reached the threshold (the *event*), or until it ended without reaching it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeToEvent {
-    /// When the run reached the threshold, or if it did not, when it ended.
+    /// Time at which the run reached the threshold or, if it did not, at which it ended.
     pub time: f64,
-    /// Whether it reached the threshold; otherwise it is censored.
+    /// Whether the run reached the threshold; otherwise its time is censored.
     pub observed: bool,
 }
 
@@ -61,11 +61,11 @@ impl TimeToEvent {
 pub struct SurvivalStep {
     /// Time of the step, at which some runs reached the threshold.
     pub time: f64,
-    /// Number of runs just before that had neither reached it nor ended.
+    /// Number of runs that had neither reached the threshold nor ended before this time.
     pub at_risk: usize,
-    /// Number of runs that reached it now.
+    /// Number of runs that reached the threshold at this time.
     pub events: usize,
-    /// Estimated share S(t) of runs that take longer.
+    /// Estimated share S(t) of runs that need longer than this time.
     pub survival: f64,
     /// Pointwise 95 % interval of that share.
     pub interval: Interval,
@@ -83,15 +83,15 @@ pub struct SurvivalCurve {
 /// Kaplan–Meier estimate (1958): S(t) = Π_{tᵢ ≤ t} (1 − dᵢ / nᵢ), where dᵢ of nᵢ runs at risk reach
 /// the threshold at tᵢ.   `runs: [n]`
 ///
-/// Values equal those of `scipy.stats.ecdf(…).sf`. The interval is the log-log one,
-/// S^exp(± 1.96 √V / ln S) with Greenwood's sum V = Σ dᵢ / (nᵢ (nᵢ − dᵢ)); as in `lifelines` it
-/// shrinks to 0 where S does.
+/// Values equal those of `scipy.stats.ecdf(…).sf`. The interval is the log-log interval
+/// S^exp(± 1.96 √V / ln S) with Greenwood's sum V = Σ dᵢ / (nᵢ (nᵢ − dᵢ)). As in `lifelines`, it is
+/// [0, 0] where S is 0.
 #[must_use]
 pub fn kaplan_meier(runs: &[TimeToEvent]) -> SurvivalCurve {
     let (mut survival, mut greenwood) = (1.0, 0.0);
     let mut steps = Vec::new();
     for time in event_times(runs) {
-        let (at_risk, events) = (at_risk(runs, time), events(runs, time));
+        let (at_risk, events) = (count_at_risk(runs, time), count_events(runs, time));
         survival *= (at_risk - events) as f64 / at_risk as f64;
         greenwood += events as f64 / (at_risk * (at_risk - events)) as f64;
         let interval = log_log_interval(runs.len(), survival, greenwood);
@@ -110,36 +110,39 @@ pub fn kaplan_meier(runs: &[TimeToEvent]) -> SurvivalCurve {
 }
 
 impl SurvivalCurve {
-    /// Median time: the first time with S < ½, or if S equals ½ for a while, the midpoint of that
-    /// while. `None` if S never falls below ½.
+    /// Median time: the first time with S < ½ or, if S equals ½ over an interval of times, the
+    /// midpoint of that interval. `None` if S never falls below ½.
     ///
-    /// Without censoring it is the median of the times. R's `survfit` does the same; `lifelines`
-    /// takes the start of the while.
+    /// Without censoring this is the median of the times. R's `survfit` has the same definition;
+    /// `lifelines` takes the start of the interval.
     #[must_use]
     pub fn median(&self) -> Option<f64> {
-        let first_time_at_most = |share: f64| {
+        let first_time_with_survival_at_most = |share: f64| {
             let step = self.steps.iter().find(|step| step.survival <= share)?;
             Some(step.time)
         };
-        // Both are the same step unless S equals ½.
-        let reaches_half = first_time_at_most(0.5 + ROUNDING)?;
-        let falls_below_half = first_time_at_most(0.5 - ROUNDING)?;
+        // These two times are equal unless S equals ½ after a step.
+        let reaches_half = first_time_with_survival_at_most(0.5 + SURVIVAL_TOLERANCE)?;
+        let falls_below_half = first_time_with_survival_at_most(0.5 - SURVIVAL_TOLERANCE)?;
         Some(f64::midpoint(reaches_half, falls_below_half))
     }
 
     /// 95 % interval of the median time (Brookmeyer and Crowley 1982): the times at which the lower
-    /// and the upper band of the curve come down to ½. The upper end is infinite if its band never
-    /// does.
+    /// and the upper band of the curve fall to ½. The upper end is infinite if the upper band stays
+    /// above ½.
     ///
     /// Equals `lifelines.utils.median_survival_times(curve.confidence_interval_)`.
     #[must_use]
     pub fn median_interval(&self) -> Interval {
-        let first = |is_down: fn(&Interval) -> bool| {
-            let step = self.steps.iter().find(|step| is_down(&step.interval));
+        let first_time = |is_at_most_half: fn(&Interval) -> bool| {
+            let step = self
+                .steps
+                .iter()
+                .find(|step| is_at_most_half(&step.interval));
             step.map_or(f64::INFINITY, |step| step.time)
         };
-        let low = first(|band| matches!(band, Interval::Known { low, .. } if *low <= 0.5));
-        let high = first(|band| matches!(band, Interval::Known { high, .. } if *high <= 0.5));
+        let low = first_time(|band| matches!(band, Interval::Known { low, .. } if *low <= 0.5));
+        let high = first_time(|band| matches!(band, Interval::Known { high, .. } if *high <= 0.5));
         Interval::of_runs(self.runs, low, high)
     }
 }
@@ -160,20 +163,19 @@ pub struct LogRankTest {
 /// Equals `scipy.stats.logrank`: Z = Σ (dₓ − nₓ d/n) / √Σ nₓ nᵧ d (n − d) / (n² (n − 1)), over all
 /// times at which d of the n runs at risk reached the threshold.
 ///
-/// `None` if no time tells the groups apart: no run reached the threshold while both groups had
-/// runs at risk.
+/// `None` if the variance is 0: no run reached the threshold while both groups had runs at risk.
 #[must_use]
 pub fn log_rank_test(x: &[TimeToEvent], y: &[TimeToEvent]) -> Option<LogRankTest> {
-    let both = [x, y].concat();
+    let all_runs = [x, y].concat();
     let (mut excess, mut variance) = (0.0, 0.0);
-    for time in event_times(&both) {
+    for time in event_times(&all_runs) {
         let (n, n_x, d) = (
-            at_risk(&both, time) as f64,
-            at_risk(x, time) as f64,
-            events(&both, time) as f64,
+            count_at_risk(&all_runs, time) as f64,
+            count_at_risk(x, time) as f64,
+            count_events(&all_runs, time) as f64,
         );
-        excess += events(x, time) as f64 - n_x * d / n;
-        // The last run at risk has no variance, and n − 1 would be 0.
+        excess += count_events(x, time) as f64 - n_x * d / n;
+        // A single run at risk contributes no variance, and n − 1 would be 0.
         if n > 1.0 {
             variance += n_x * (n - n_x) * d * (n - d) / (n * n * (n - 1.0));
         }
@@ -198,23 +200,23 @@ fn event_times(runs: &[TimeToEvent]) -> Vec<f64> {
     times
 }
 
-/// Runs that have neither reached the threshold nor ended before `time`.
+/// Number of runs that have neither reached the threshold nor ended before `time`.
 ///
 /// At equal times events come before censoring, by convention: a run that ended at `time` without
 /// reaching the threshold was still at risk when others reached it at `time`. Hence ≥.
-fn at_risk(runs: &[TimeToEvent], time: f64) -> usize {
+fn count_at_risk(runs: &[TimeToEvent], time: f64) -> usize {
     runs.iter().filter(|run| run.time >= time).count()
 }
 
-/// Runs that reached the threshold exactly at `time`.
-fn events(runs: &[TimeToEvent], time: f64) -> usize {
+/// Number of runs that reached the threshold exactly at `time`.
+fn count_events(runs: &[TimeToEvent], time: f64) -> usize {
     runs.iter()
         .filter(|run| run.observed && run.time == time)
         .count()
 }
 
 fn log_log_interval(runs: usize, survival: f64, greenwood: f64) -> Interval {
-    // Greenwood's sum is infinite there.
+    // Greenwood's sum is infinite where the survival is 0.
     if survival == 0.0 {
         return Interval::of_runs(runs, 0.0, 0.0);
     }
@@ -231,15 +233,15 @@ mod tests {
     use super::*;
 
     /// A `+` marks a run that ended before it reached the threshold.
-    fn times(words: &str) -> Vec<TimeToEvent> {
+    fn times(text: &str) -> Vec<TimeToEvent> {
         let time = |word: &str| TimeToEvent {
             time: word.trim_end_matches('+').parse().unwrap(),
             observed: !word.ends_with('+'),
         };
-        words.split_whitespace().map(time).collect()
+        text.split_whitespace().map(time).collect()
     }
 
-    fn shares(runs: &str) -> Vec<f64> {
+    fn survival_values(runs: &str) -> Vec<f64> {
         kaplan_meier(&times(runs))
             .steps
             .iter()
@@ -247,12 +249,13 @@ mod tests {
             .collect()
     }
 
-    /// At 1, one of 5 has the event: 4/5. At 3 the one censored at 2 is gone, and one of 3 has it:
-    /// 4/5 · 2/3 = 8/15. The one censored at 4 still counts at 4, when 1 of 2 has it: 4/15.
+    /// At time 1, one of 5 runs has the event: S = 4/5. At time 3, one of 3 has it, because one run
+    /// was censored at 2: S = 4/5 · 2/3 = 8/15. At time 4, one of 2 has it, because the run that is
+    /// censored at 4 is still at risk: S = 4/15.
     #[test]
-    fn censored_runs_count_until_they_end() {
+    fn censored_runs_are_at_risk_until_they_end() {
         for (ours, expected) in
-            shares("1 2+ 3 4+ 4")
+            survival_values("1 2+ 3 4+ 4")
                 .iter()
                 .zip([4.0 / 5.0, 8.0 / 15.0, 4.0 / 15.0])
         {
@@ -261,9 +264,10 @@ mod tests {
         assert_eq!(kaplan_meier(&times("1 2+ 3 4+ 4")).median(), Some(4.0));
     }
 
-    /// Of four, S is ½ from the second, at 5, to the third, at 7. Of five it passes ½ at the third.
+    /// With four runs, S is ½ from the second event, at 5, to the third, at 7. With five runs, S
+    /// falls below ½ at the third event.
     #[test]
-    fn the_median_is_when_half_have_the_event() {
+    fn the_median_is_the_time_at_which_half_of_the_runs_have_the_event() {
         assert_eq!(kaplan_meier(&times("7 3 5 9")).median(), Some(6.0));
         assert_eq!(kaplan_meier(&times("7 3 5 9 11")).median(), Some(7.0));
         assert_eq!(kaplan_meier(&times("3 9+ 9+ 9+ 5")).median(), None);
@@ -272,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn few_runs_make_no_interval() {
+    fn fewer_than_five_runs_give_no_interval() {
         assert_eq!(
             kaplan_meier(&times("7 3 5 9")).median_interval(),
             Interval::TooFewRuns { n: 4 }
@@ -283,17 +287,17 @@ mod tests {
         );
     }
 
-    /// At 1, one of x has the event (2 · 1/4 expected), at 2 one of y (1 of 3 at risk is x: 1/3
-    /// expected), at 3 the last of x (1/2), at 4 y alone. Excess 2 − 1/2 − 1/3 − 1/2 = 2/3,
-    /// variance 1/4 + 2/9 + 1/4 = 13/18.
+    /// Expected events of x: at time 1, 2 of 4 runs at risk are of x (1/2); at 2, 1 of 3 (1/3); at
+    /// 3, 1 of 2 (1/2); at 4, none. The excess is 2 − 1/2 − 1/3 − 1/2 = 2/3, the variance 1/4 + 2/9
+    /// + 1/4 = 13/18.
     #[test]
-    fn the_log_rank_test_counts_more_events_than_expected() {
+    fn the_log_rank_test_equals_values_derived_by_hand() {
         let test = log_rank_test(&times("1 3"), &times("2 4")).unwrap();
         assert!((test.z - (2.0 / 3.0) / (13.0_f64 / 18.0).sqrt()).abs() < 1e-12);
     }
 
     #[test]
-    fn groups_without_events_have_no_test() {
+    fn groups_without_events_have_no_log_rank_test() {
         assert_eq!(log_rank_test(&times("5+ 5+"), &times("5+")), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Verdict on a claim that was registered before the runs: an effect with a direction and a size.
+//! Verdict on a claim that was registered before the runs and has a direction and a size.
 //!
 //! ```
 //! use seedbed_stats::{Direction, Interval, Verdict, verdict};
@@ -28,12 +28,12 @@ pub enum Verdict {
     Replicated,
     /// The interval does not exclude 0 in the claimed direction, and excludes the claimed size.
     NotReplicated,
-    /// The interval allows both no effect and the claimed one, or there are too few runs.
+    /// The interval includes both 0 and the claimed size, or there are too few runs.
     Inconclusive,
 }
 
 /// Verdict on the claim that an effect has this direction and size, from the 95 % interval of the
-/// effect. `size` has no sign.
+/// effect. `size` is above 0 for both directions.
 ///
 /// An effect in the claimed direction that is smaller than claimed is replicated; see
 /// [`is_smaller_than_claimed`].
@@ -43,7 +43,7 @@ pub enum Verdict {
 #[must_use]
 pub fn verdict(effect: Interval, direction: Direction, size: f64) -> Verdict {
     assert!(size > 0.0, "a claimed effect of size {size}");
-    match excludes(effect, direction, size) {
+    match is_above_zero_and_below_size(effect, direction, size) {
         Some([true, _]) => Verdict::Replicated,
         Some([false, true]) => Verdict::NotReplicated,
         Some([false, false]) | None => Verdict::Inconclusive,
@@ -54,12 +54,16 @@ pub fn verdict(effect: Interval, direction: Direction, size: f64) -> Verdict {
 /// excludes both 0 and the claimed size.
 #[must_use]
 pub fn is_smaller_than_claimed(effect: Interval, direction: Direction, size: f64) -> bool {
-    excludes(effect, direction, size) == Some([true, true])
+    is_above_zero_and_below_size(effect, direction, size) == Some([true, true])
 }
 
-/// Whether the whole interval is above 0, and whether it is below `size`, both in the claimed
-/// direction. `None` with too few runs.
-fn excludes(effect: Interval, direction: Direction, size: f64) -> Option<[bool; 2]> {
+/// Whether the whole interval is above 0, and whether the whole interval is below `size`; both in
+/// the claimed direction. `None` with too few runs.
+fn is_above_zero_and_below_size(
+    effect: Interval,
+    direction: Direction,
+    size: f64,
+) -> Option<[bool; 2]> {
     let Interval::Known { low, high } = effect else {
         return None;
     };
@@ -74,38 +78,43 @@ fn excludes(effect: Interval, direction: Direction, size: f64) -> Option<[bool; 
 mod tests {
     use super::*;
 
-    fn on(low: f64, high: f64) -> [Verdict; 2] {
+    fn verdicts(low: f64, high: f64) -> [Verdict; 2] {
         [Direction::Positive, Direction::Negative]
             .map(|direction| verdict(Interval::Known { low, high }, direction, 2.0))
     }
 
-    /// The claim is an effect of +2, and of −2.
+    /// Verdicts on the claims that the effect is +2 and that it is −2, for an interval.
     #[test]
-    fn zero_and_the_claimed_size_decide() {
+    fn verdicts_depend_on_zero_and_the_claimed_size() {
         use Verdict::{Inconclusive, NotReplicated, Replicated};
-        assert_eq!(on(0.5, 3.0), [Replicated, NotReplicated]);
-        assert_eq!(on(-3.0, -0.5), [NotReplicated, Replicated]);
-        assert_eq!(on(0.5, 1.0), [Replicated, NotReplicated]);
-        assert_eq!(on(-1.0, 1.0), [NotReplicated, NotReplicated]);
-        assert_eq!(on(-1.0, 3.0), [Inconclusive, NotReplicated]);
-        assert_eq!(on(-3.0, 3.0), [Inconclusive, Inconclusive]);
+        assert_eq!(verdicts(0.5, 3.0), [Replicated, NotReplicated]);
+        assert_eq!(verdicts(-3.0, -0.5), [NotReplicated, Replicated]);
+        assert_eq!(verdicts(0.5, 1.0), [Replicated, NotReplicated]);
+        assert_eq!(verdicts(-1.0, 1.0), [NotReplicated, NotReplicated]);
+        assert_eq!(verdicts(-1.0, 3.0), [Inconclusive, NotReplicated]);
+        assert_eq!(verdicts(-3.0, 3.0), [Inconclusive, Inconclusive]);
     }
 
-    /// From ½ to 1 the effect is there and is not 2; up to 3 it may be 2; from −1 on it may be
-    /// none.
+    /// An effect of ½ to 1 is smaller than the claimed 2. An effect of ½ to 3 may be 2, and an
+    /// effect of −1 to 1 may be 0.
     #[test]
-    fn an_effect_may_be_there_and_smaller() {
-        let on = |low: f64, high: f64| {
+    fn an_effect_smaller_than_claimed_excludes_zero_and_the_claimed_size() {
+        let is_smaller = |low: f64, high: f64| {
             [Direction::Positive, Direction::Negative].map(|direction| {
                 is_smaller_than_claimed(Interval::Known { low, high }, direction, 2.0)
             })
         };
         assert_eq!(
-            [on(0.5, 1.0), on(-1.0, -0.5)],
+            [is_smaller(0.5, 1.0), is_smaller(-1.0, -0.5)],
             [[true, false], [false, true]]
         );
         assert_eq!(
-            [on(0.5, 2.0), on(0.5, 3.0), on(-1.0, 1.0), on(3.0, 4.0)],
+            [
+                is_smaller(0.5, 2.0),
+                is_smaller(0.5, 3.0),
+                is_smaller(-1.0, 1.0),
+                is_smaller(3.0, 4.0)
+            ],
             [[false; 2]; 4]
         );
         assert!(!is_smaller_than_claimed(
@@ -116,12 +125,12 @@ mod tests {
     }
 
     #[test]
-    fn an_end_belongs_to_the_interval() {
-        assert_eq!(on(0.0, 2.0)[0], Verdict::Inconclusive);
+    fn the_ends_of_an_interval_are_included() {
+        assert_eq!(verdicts(0.0, 2.0)[0], Verdict::Inconclusive);
     }
 
     #[test]
-    fn few_runs_decide_nothing() {
+    fn fewer_than_five_runs_are_inconclusive() {
         assert_eq!(
             verdict(Interval::TooFewRuns { n: 4 }, Direction::Positive, 1.0),
             Verdict::Inconclusive

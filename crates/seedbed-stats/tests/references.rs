@@ -1,5 +1,6 @@
-//! Results against the packages that the field uses. `reference/reference.py` computed the numbers of
-//! `reference/reference.json`, and says how to do so again.
+//! Results compared with those of rliable, scipy, statsmodels and lifelines, which
+//! `reference/reference.py` stores in `reference/reference.json`; its first lines explain how to
+//! run it.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -18,16 +19,15 @@ use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
 use seedbed_stats::{Estimate, Interval, bootstrap_sample, bootstrap_strata};
 use serde::Deserialize;
 
-/// References are rounded to eleven digits, and sums over a hundred scores in another order differ
-/// less.
-const ROUNDING: f64 = 1e-9;
+/// Reference values are rounded to eleven digits. Sums in another order differ by less than that.
+const ROUNDING_TOLERANCE: f64 = 1e-9;
 
-/// How far an end may lie from the reference's, as a share of the interval's width.
+/// Tolerance of interval ends, as a share of the width of the interval.
 ///
 /// Each end errs by √(0.025 · 0.975 / 50 000) / φ(1.96) = 0.012 deviations of a normal bootstrap
 /// distribution, the difference of two ends by √2 as much, and the interval is 3.92 deviations
 /// wide: 0.0043 widths. This is five times that.
-const MONTE_CARLO: f64 = 0.022;
+const RESAMPLING_TOLERANCE: f64 = 0.022;
 
 #[derive(Deserialize)]
 struct Reference {
@@ -55,38 +55,40 @@ fn reference() -> Reference {
     serde_json::from_str(include_str!("reference/reference.json")).unwrap()
 }
 
-fn assert_close(name: &str, ours: f64, reference: f64) {
+fn assert_close(name: &str, computed: f64, reference: f64) {
     assert!(
-        (ours - reference).abs() <= ROUNDING * reference.abs().max(1.0),
-        "{name}: {ours}, the reference has {reference}"
+        (computed - reference).abs() <= ROUNDING_TOLERANCE * reference.abs().max(1.0),
+        "{name}: {computed}, the reference has {reference}"
     );
 }
 
-/// For tails, whose first digits count however small they are.
-fn assert_relatively_close(name: &str, ours: f64, reference: f64) {
+/// Compares relatively, for small tail probabilities.
+fn assert_relatively_close(name: &str, computed: f64, reference: f64) {
     assert!(
-        (ours - reference).abs() <= ROUNDING * reference.abs(),
-        "{name}: {ours}, the reference has {reference}"
+        (computed - reference).abs() <= ROUNDING_TOLERANCE * reference.abs(),
+        "{name}: {computed}, the reference has {reference}"
     );
 }
 
 fn ends(interval: Interval) -> (f64, f64) {
     let Interval::Known { low, high } = interval else {
-        panic!("no interval")
+        panic!("the estimate has no interval")
     };
     (low, high)
 }
 
-/// The value to rounding, the ends to the error of resampling, or to `step` where values come in
-/// steps.
-fn assert_estimate(name: &str, ours: &Estimate, reference: &ReferenceEstimate, step: f64) {
-    assert_close(name, ours.value, reference.value);
-    let (low, high) = ends(ours.interval);
-    let tolerance = (MONTE_CARLO * (reference.high - reference.low)).max(step) + ROUNDING;
-    for (end, ours, reference) in [("low", low, reference.low), ("high", high, reference.high)] {
+/// Compares an estimate with its reference: the value up to rounding, the interval ends up to the
+/// error of resampling, or up to `step` if the statistic is discrete with this step.
+fn assert_estimate(name: &str, computed: &Estimate, reference: &ReferenceEstimate, step: f64) {
+    assert_close(name, computed.value, reference.value);
+    let (low, high) = ends(computed.interval);
+    let tolerance =
+        (RESAMPLING_TOLERANCE * (reference.high - reference.low)).max(step) + ROUNDING_TOLERANCE;
+    for (end, computed, reference) in [("low", low, reference.low), ("high", high, reference.high)]
+    {
         assert!(
-            (ours - reference).abs() <= tolerance,
-            "{name}, {end}: {ours}, the reference has {reference} ± {tolerance}"
+            (computed - reference).abs() <= tolerance,
+            "{name}, {end}: {computed}, the reference has {reference} ± {tolerance}"
         );
     }
 }
@@ -102,7 +104,7 @@ struct AggregateCase {
 }
 
 #[test]
-fn aggregates_are_those_of_rliable() {
+fn aggregates_equal_rliable() {
     let reference = reference();
     assert_eq!(
         (reference.resamples, reference.aggregates.len()),
@@ -138,7 +140,7 @@ struct ImprovementCase {
 }
 
 #[test]
-fn the_probability_of_improvement_is_rliables() {
+fn the_probability_of_improvement_equals_rliable() {
     let cases = reference().improvements;
     assert_eq!(cases.len(), 2);
     for ImprovementCase {
@@ -166,17 +168,17 @@ struct ProfileCase {
 }
 
 #[test]
-fn the_performance_profile_is_rliables() {
+fn the_performance_profile_equals_rliable() {
     let ProfileCase {
         scores,
         thresholds,
         points,
     } = reference().profile;
-    let ours = performance_profile(&scores, &thresholds);
-    assert_eq!((ours.len(), points.len()), (7, 7));
+    let computed = performance_profile(&scores, &thresholds);
+    assert_eq!((computed.len(), points.len()), (7, 7));
     let step = 1.0 / scores.concat().len() as f64;
-    for ((ours, reference), threshold) in ours.iter().zip(&points).zip(&thresholds) {
-        assert_estimate(&format!("above {threshold}"), ours, reference, step);
+    for ((computed, reference), threshold) in computed.iter().zip(&points).zip(&thresholds) {
+        assert_estimate(&format!("above {threshold}"), computed, reference, step);
     }
 }
 
@@ -190,7 +192,7 @@ struct PairedCase {
 }
 
 #[test]
-fn paired_differences_have_scipys_intervals() {
+fn intervals_of_paired_differences_equal_scipy() {
     let cases = reference().paired;
     assert_eq!(cases.len(), 2);
     for case in cases {
@@ -219,13 +221,13 @@ struct SignedRankCase {
 }
 
 #[test]
-fn the_signed_rank_test_is_scipys() {
+fn the_signed_rank_test_equals_scipy() {
     let cases = reference().signed_ranks;
     assert_eq!(cases.len(), 7);
     for case in cases {
-        let ours = signed_rank_test(&case.differences);
-        assert_relatively_close(&case.name, ours.p, case.p);
-        // Under a permutation scipy reports the sum of positive ranks.
+        let computed = signed_rank_test(&case.differences);
+        assert_relatively_close(&case.name, computed.p, case.p);
+        // For its permutation test, scipy reports the sum of positive ranks as the statistic.
         let other = case
             .differences
             .iter()
@@ -234,7 +236,7 @@ fn the_signed_rank_test_is_scipys() {
         let all = other * (other + 1.0) / 2.0;
         assert_close(
             &case.name,
-            ours.statistic,
+            computed.statistic,
             case.statistic.min(all - case.statistic),
         );
     }
@@ -250,14 +252,14 @@ struct WelchCase {
 }
 
 #[test]
-fn welchs_test_is_scipys() {
+fn the_welch_test_equals_scipy() {
     let cases = reference().welch;
     assert_eq!(cases.len(), 3);
     for case in cases {
-        let ours = welch_test(&case.x, &case.y).unwrap();
-        assert_close("t", ours.t, case.t);
-        assert_close("degrees", ours.degrees_of_freedom, case.degrees);
-        assert_relatively_close("p", ours.p, case.p);
+        let computed = welch_test(&case.x, &case.y).unwrap();
+        assert_close("t", computed.t, case.t);
+        assert_close("degrees", computed.degrees_of_freedom, case.degrees);
+        assert_relatively_close("p", computed.p, case.p);
     }
 }
 
@@ -268,25 +270,28 @@ struct HolmCase {
 }
 
 #[test]
-fn holms_correction_is_that_of_statsmodels() {
+fn holms_correction_equals_statsmodels() {
     let cases = reference().holm;
     assert_eq!(cases.len(), 3);
     for case in cases {
-        let ours = holm_correction(&case.p);
-        assert_eq!(ours.len(), case.corrected.len());
-        ours.iter()
+        let computed = holm_correction(&case.p);
+        assert_eq!(computed.len(), case.corrected.len());
+        computed
+            .iter()
             .zip(&case.corrected)
-            .for_each(|(ours, &reference)| assert_relatively_close("Holm", *ours, reference));
+            .for_each(|(computed, &reference)| {
+                assert_relatively_close("Holm", *computed, reference)
+            });
     }
 }
 
 #[derive(Deserialize)]
-struct Lifetimes {
+struct GroupTimes {
     times: Vec<f64>,
     reached: Vec<bool>,
 }
 
-impl Lifetimes {
+impl GroupTimes {
     fn runs(&self) -> Vec<TimeToEvent> {
         self.times
             .iter()
@@ -316,7 +321,7 @@ struct ReferenceStep {
 }
 
 #[test]
-fn survival_curves_are_those_of_scipy_and_bands_those_of_lifelines() {
+fn survival_curves_equal_scipy_and_their_bands_equal_lifelines() {
     let cases = reference().survival;
     assert_eq!(cases.len(), 8);
     for SurvivalCase {
@@ -327,23 +332,23 @@ fn survival_curves_are_those_of_scipy_and_bands_those_of_lifelines() {
         ..
     } in cases
     {
-        let curve = kaplan_meier(&Lifetimes { times, reached }.runs());
+        let curve = kaplan_meier(&GroupTimes { times, reached }.runs());
         assert_eq!(curve.steps.len(), steps.len(), "{name}");
-        for (ours, reference) in curve.steps.iter().zip(&steps) {
-            assert_eq!(ours.time, reference.time, "{name}");
-            assert_close(&name, ours.survival, reference.survival);
-            let (low, high) = ends(ours.interval);
+        for (computed, reference) in curve.steps.iter().zip(&steps) {
+            assert_eq!(computed.time, reference.time, "{name}");
+            assert_close(&name, computed.survival, reference.survival);
+            let (low, high) = ends(computed.interval);
             assert_close(&name, low, reference.low);
             assert_close(&name, high, reference.high);
         }
     }
 }
 
-/// `lifelines` takes the first time at which S is ½ or less. Where S is ½ until a later step, ours
-/// lies halfway to it.
+/// `lifelines` defines the median as the first time at which S is at most ½. If S is ½ until a
+/// later step, the median computed here is the midpoint of both times.
 #[test]
-fn median_times_are_those_of_lifelines() {
-    let mut rests = 0;
+fn median_times_equal_lifelines() {
+    let mut curves_at_half = 0;
     for SurvivalCase {
         name,
         times,
@@ -354,10 +359,10 @@ fn median_times_are_those_of_lifelines() {
         median_high,
     } in reference().survival
     {
-        let curve = kaplan_meier(&Lifetimes { times, reached }.runs());
+        let curve = kaplan_meier(&GroupTimes { times, reached }.runs());
         let rest = steps.windows(2).find(|pair| pair[0].survival == 0.5);
         let halfway = rest.map(|pair| f64::midpoint(start.unwrap(), pair[1].time));
-        rests += usize::from(rest.is_some());
+        curves_at_half += usize::from(rest.is_some());
         assert_eq!(curve.median(), halfway.or(start), "{name}");
         let expected = (
             median_low.unwrap_or(f64::INFINITY),
@@ -365,25 +370,28 @@ fn median_times_are_those_of_lifelines() {
         );
         assert_eq!(ends(curve.median_interval()), expected, "{name}");
     }
-    assert!(rests >= 2, "{rests} curves rest on ½");
+    assert!(
+        curves_at_half >= 2,
+        "{curves_at_half} curves equal ½ over an interval"
+    );
 }
 
 #[derive(Deserialize)]
 struct LogRankCase {
-    x: Lifetimes,
-    y: Lifetimes,
+    x: GroupTimes,
+    y: GroupTimes,
     z: f64,
     p: f64,
 }
 
 #[test]
-fn the_log_rank_test_is_scipys() {
+fn the_log_rank_test_equals_scipy() {
     let cases = reference().log_rank;
     assert_eq!(cases.len(), 4);
     for case in cases {
-        let ours = log_rank_test(&case.x.runs(), &case.y.runs()).unwrap();
-        assert_close("z", ours.z, case.z);
-        assert_relatively_close("p", ours.p, case.p);
+        let computed = log_rank_test(&case.x.runs(), &case.y.runs()).unwrap();
+        assert_close("z", computed.z, case.z);
+        assert_relatively_close("p", computed.p, case.p);
     }
 }
 
@@ -392,7 +400,7 @@ fn the_log_rank_test_is_scipys() {
 /// 92.9 %; the share scatters by √(0.93 · 0.07 / 200) = 1.8 %.
 fn coverage(statistic: impl Fn(&[f64]) -> f64) -> f64 {
     let samples = 200;
-    let contains_truth = |sample: u32| {
+    let contains_true_mean = |sample: u32| {
         let normals: Vec<f64> = StandardNormal
             .sample_iter(ChaCha8Rng::seed_from_u64(u64::from(sample)))
             .take(20)
@@ -401,13 +409,13 @@ fn coverage(statistic: impl Fn(&[f64]) -> f64) -> f64 {
         low <= 0.0 && 0.0 <= high
     };
     (0..samples)
-        .filter(|&sample| contains_truth(sample))
+        .filter(|&sample| contains_true_mean(sample))
         .count() as f64
         / f64::from(samples)
 }
 
 #[test]
-fn intervals_contain_the_truth_as_often_as_they_say() {
+fn intervals_contain_the_true_mean_as_often_as_derived() {
     for (name, share) in [("mean", coverage(mean)), ("median", coverage(median))] {
         assert!((0.9..=0.99).contains(&share), "{name}: {share}");
     }

@@ -1,18 +1,19 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
 use super::PlottedRun;
-use crate::record::metrics::{Metric, in_display_order};
+use crate::record::metrics::{Metric, columns_in_display_order};
 use crate::run::summary::FINAL_WINDOW;
 use seedbed_figure::color::categorical_color;
 use seedbed_figure::{Curves, Panel, Row, Series, Threshold};
 
-/// The team's mean.
+/// Color of the mean over the agents of a team.
 const TEAM: [u8; 3] = [35, 35, 40];
 
-/// Agents that are named one by one.
+/// Maximum number of agents with a name in the legend.
 const MAX_NAMED: usize = 8;
 
-/// A panel with the returns of one run's agents and their mean, or with the means of several runs.
+/// A panel of returns: of one run, the returns of each agent and their mean; of several runs, the mean of each
+/// run.
 pub(super) fn returns(runs: &[PlottedRun], agents: &[u32]) -> Row {
     let panel = match runs {
         [run] => of_agents(run, agents),
@@ -80,7 +81,7 @@ fn of_runs(runs: &[PlottedRun]) -> Curves {
     )
 }
 
-/// The mean over all agents and over the latest episodes of each.
+/// The mean return over all agents and over the latest episodes of each agent.
 fn team(run: &PlottedRun, name: String, color: [u8; 3]) -> Series {
     let returns = run.review.team_returns();
     let mean = |end: usize| {
@@ -106,15 +107,15 @@ fn threshold(run: &PlottedRun) -> Option<Threshold> {
     })
 }
 
-/// One panel per metric: a line per agent, or of several runs a line per run, the mean of its
-/// agents. Metrics that no run has, or that are always 0, are left out.
+/// One panel per metric, with one line per agent. For several runs, one line per run, the combined value of its
+/// agents. Metrics that no run has, or that are always 0, are omitted.
 pub(super) fn updates(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
     let rows = || runs.iter().flat_map(|run| &run.review.rounds);
     let is_shown = |metric: &&Metric| {
         let mut values = rows().filter_map(|row| metric.value(row));
         metric.plotted && values.any(f64::is_normal)
     };
-    let panels: Vec<Panel> = in_display_order()
+    let panels: Vec<Panel> = columns_in_display_order()
         .into_iter()
         .filter(is_shown)
         .map(|metric| Panel::Curves(of_metric(runs, agents, metric)))
@@ -163,8 +164,8 @@ fn of_run(run: &PlottedRun, color: [u8; 3], metric: &Metric) -> Series {
         .review
         .rounds
         .chunk_by(|one, next| one.round == next.round);
-    let points =
-        rounds.filter_map(|rows| Some([f64::from(rows[0].round), metric.value_of_round(rows)?]));
+    let points = rounds
+        .filter_map(|rows| Some([f64::from(rows[0].round), metric.team_value_of_round(rows)?]));
     Series {
         color,
         points: finite(points),

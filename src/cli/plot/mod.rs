@@ -29,9 +29,9 @@ use seedbed_figure::Figure;
                                                     several runs side by side
   seedbed plot recordings/cartpole/seed-0 --what scatter,returns --size 900x700 --out figure.svg
 
-A panel with at most --lines states draws each of them. If any panel has more, all panels show densities \
-on a common scale: the number of states per pixel, or with several panels the share of each panel's \
-states. Use --colour to draw single states in any case, and --lines 0 to draw densities in any case.")]
+If every panel has at most --lines states, each state is drawn as a line. Otherwise all panels show densities \
+on a common scale: the number of states per pixel or, with several panels, the share of the states of the \
+panel. Use --colour to always draw single states, and --lines 0 to always draw densities.")]
 pub(super) struct PlotArgs {
     /// Run directories or recordings; several are drawn side by side
     #[arg(required = true, value_name = "RUN")]
@@ -129,11 +129,11 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     };
     files::replace(&out, &bytes)
         .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
-    say!("{}: {}", out.display(), described(&figure, is_png));
+    say!("{}: {}", out.display(), size_text(&figure, is_png));
     Ok(())
 }
 
-fn described(figure: &Figure, is_png: bool) -> String {
+fn size_text(figure: &Figure, is_png: bool) -> String {
     let panels = figure.rows.iter().map(|row| row.panels.len()).sum();
     let scale = if is_png { PNG_SCALE } else { 1.0 };
     let [width, height] = [figure.width, figure.height()].map(|side| (side * scale).round());
@@ -148,7 +148,7 @@ fn default_out(runs: &[PathBuf]) -> PathBuf {
     }
 }
 
-/// Whether the file name asks for PNG.
+/// Whether the extension of the output file is `.png`; an error unless it is `.png` or `.svg`.
 fn is_png(out: &Path) -> Result<bool, CliError> {
     match out.extension().and_then(|extension| extension.to_str()) {
         Some("svg") => Ok(false),
@@ -169,7 +169,7 @@ fn read(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
         .collect::<Result<_, _>>()?;
     let names: Vec<String> = runs.iter().map(|run| run.label.clone()).collect();
     for run in &mut runs {
-        // Runs of the same name are distinguished by their directories.
+        // Runs with the same name are labeled with their paths.
         if names.iter().filter(|name| **name == run.label).count() > 1 {
             run.label = run.review.path.display().to_string();
         }
@@ -184,9 +184,9 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
             .compute_stats(|_| counter.count())
             .map_err(LoadRunError::from)?;
     }
-    let known = review.agents() as u32;
-    if let Some(agent) = args.agents.iter().find(|agent| **agent >= known) {
-        let last = known.saturating_sub(1);
+    let agent_count = review.agents() as u32;
+    if let Some(agent) = args.agents.iter().find(|agent| **agent >= agent_count) {
+        let last = agent_count.saturating_sub(1);
         return Err(CliError::Usage(format!(
             "--agents: no agent {agent} in {}; expected 0 to {last}",
             path.display()
@@ -212,13 +212,13 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
 
 impl PlotArgs {
     fn shows(&self, what: What) -> bool {
-        let page = [What::Visitation, What::Density, What::Returns];
-        let chosen = if self.what.is_empty() {
-            &page[..]
+        let default_parts = [What::Visitation, What::Density, What::Returns];
+        let parts = if self.what.is_empty() {
+            &default_parts[..]
         } else {
             &self.what
         };
-        chosen.contains(&what) || chosen.contains(&What::All)
+        parts.contains(&what) || parts.contains(&What::All)
     }
 
     fn shows_states(&self) -> bool {
@@ -237,34 +237,35 @@ impl PlotArgs {
         if self.axes.is_empty() {
             return Ok((0..names.len()).collect());
         }
-        let place = |wanted: &String| {
-            let place = names.iter().position(|name| name == wanted);
-            place.ok_or_else(|| {
+        let axis_index = |name: &String| {
+            let axis_index = names.iter().position(|axis_name| axis_name == name);
+            axis_index.ok_or_else(|| {
                 CliError::Usage(format!(
-                    "--axes: no axis `{wanted}`; expected {}",
+                    "--axes: no axis `{name}`; expected {}",
                     names.join(", ")
                 ))
             })
         };
-        let places: Vec<usize> = self.axes.iter().map(place).collect::<Result<_, _>>()?;
-        let enough = if places.len() < 2 {
+        let axis_indices: Vec<usize> =
+            self.axes.iter().map(axis_index).collect::<Result<_, _>>()?;
+        let has_enough_axes = if axis_indices.len() < 2 {
             Err(CliError::Usage(
                 "--axes: expected at least two axes".to_owned(),
             ))
         } else {
             Ok(())
         };
-        enough.map(|()| places)
+        has_enough_axes.map(|()| axis_indices)
     }
 
     fn selection(&self, axes: &Axes) -> Result<StateSelection, CliError> {
-        let chosen = self.chosen_axes(axes)?;
+        let axes = self.chosen_axes(axes)?;
         Ok(StateSelection {
             agents: self.agents.clone(),
             episodes: self.episodes.clone().unwrap_or(0..u32::MAX),
             sample: self.lines as usize,
-            pairs: states::pairs(&chosen),
-            axes: chosen,
+            pairs: states::pairs(&axes),
+            axes,
         })
     }
 }
@@ -273,9 +274,9 @@ impl PlotArgs {
 fn episodes(text: &str) -> Result<Range<u32>, String> {
     let expected = "expected A..B, e.g. 0..50 for the first 50 episodes";
     let (from, to) = text.split_once("..").ok_or(expected)?;
-    let number = |text: &str, open: u32| {
+    let number = |text: &str, default: u32| {
         if text.is_empty() {
-            Ok(open)
+            Ok(default)
         } else {
             text.parse().map_err(|_| expected)
         }

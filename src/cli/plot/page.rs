@@ -25,7 +25,7 @@ impl PlotPage<'_> {
         if args.shows(What::Visitation) {
             rows.extend(self.visitation());
         }
-        // The density of a single agent, or of runs with one panel each, is already drawn above.
+        // By default, densities are omitted if they would repeat the panels of single agents or runs.
         let is_new = args.what.contains(&What::Density)
             || (self.runs.len() == 1 && self.runs[0].states.len() > 1);
         if args.shows(What::Density) && is_new {
@@ -48,7 +48,7 @@ impl PlotPage<'_> {
         })
     }
 
-    /// Checks that the runs have what was requested.
+    /// Checks that the runs have the data for the requested panels.
     fn check(&self) -> Result<(), CliError> {
         let named = |run: &PlottedRun| run.review.path.display().to_string();
         for run in self.runs {
@@ -107,14 +107,14 @@ impl PlotPage<'_> {
         }
     }
 
-    /// Whether some agents have no panel of their own although `--agents` was not given.
+    /// Whether `--agents` was not given and some agents have no panel, because there are too many.
     fn omits_agents(&self, run: &PlottedRun) -> bool {
         self.args.shows(What::Visitation)
             && self.args.agents.is_empty()
             && run.states.len() > MAX_AGENTS as usize
     }
 
-    /// Description of the drawn episodes.
+    /// The range of drawn episodes as text; empty for all episodes.
     fn window(&self) -> String {
         match &self.args.episodes {
             None => String::new(),
@@ -245,13 +245,13 @@ impl PlotPage<'_> {
     }
 }
 
-/// Number of columns that fills the smallest possible number of rows evenly, at most `max`.
+/// Number of columns, at most `max`, that distributes panels evenly over the smallest possible number of rows.
 fn balanced_columns(panels: usize, max: usize) -> usize {
     let rows = panels.div_ceil(max.max(1)).max(1);
     panels.div_ceil(rows).max(1)
 }
 
-/// Arranges panels in rows; the color key is repeated beside each row.
+/// Arranges panels in rows, with the color key beside each row.
 fn layout_rows(
     panels: Vec<Panel>,
     columns: usize,

@@ -22,27 +22,28 @@ fn outcome_color(outcome: Status) -> Color {
     categorical_color(if outcome == Status::Terminated { 5 } else { 4 })
 }
 
-/// Maximum number of axes for which all pairs are drawn; otherwise only neighboring axes are paired.
+/// Maximum number of axes for which all pairs are drawn. With more axes, only pairs of neighboring axes are drawn.
 const MAX_PAIRED_AXES: usize = 5;
 
-/// The pairs of these axes that are drawn.
+/// The pairs of axes that are drawn, as indices of axes.
 pub(super) fn pairs(axes: &[usize]) -> Vec<[usize; 2]> {
     if axes.len() > MAX_PAIRED_AXES {
         return axes.windows(2).map(|pair| [pair[0], pair[1]]).collect();
     }
-    let rest = |index: usize| axes[index + 1..].iter().map(move |&second| (index, second));
+    let pairs_with_later_axes =
+        |index: usize| axes[index + 1..].iter().map(move |&second| (index, second));
     (0..axes.len())
-        .flat_map(rest)
+        .flat_map(pairs_with_later_axes)
         .map(|(first, second)| [axes[first], second])
         .collect()
 }
 
-/// Lines if no panel has more states than wanted or if colors were chosen; otherwise densities on one
-/// scale.
+/// Panels of lines, if no panel has more than `--lines` states or if `--colour` is given; otherwise panels of
+/// densities on a common scale.
 ///
-/// Beyond about a thousand lines a panel is a solid block, however transparent they are; a density
-/// also shows all states instead of a sample. All panels of a figure are drawn the same way, because
-/// lines and densities cannot be compared with each other.
+/// More than about 1,000 lines make a panel a solid block, even if they are transparent. A density also shows all
+/// states instead of a sample. All panels of a figure are of the same kind, because lines cannot be compared
+/// with densities.
 pub(super) fn lines_or_density(
     args: &PlotArgs,
     groups: &[PanelStates<'_>],
@@ -64,36 +65,42 @@ pub(super) fn lines_or_density(
     (groups.iter().map(panel).collect(), colors.key)
 }
 
-/// Draws the number of states per pixel or, with several panels, the share of each panel's states;
-/// on one scale for all panels.
+/// Panels of densities on a common scale: the number of states per pixel or, with several panels, the share of the
+/// states of the panel.
 pub(super) fn density(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel>, Option<Key>) {
-    let pictures = scale_to_largest(groups, groups.iter().map(PanelStates::pixels).collect());
-    let most = pictures.iter().flatten().copied().max().unwrap_or(0);
+    let pixels_of_groups =
+        scale_to_largest(groups, groups.iter().map(PanelStates::pixels).collect());
+    let max_count = pixels_of_groups
+        .iter()
+        .flatten()
+        .copied()
+        .max()
+        .unwrap_or(0);
     let panel = |(group, pixels): (&PanelStates<'_>, Vec<u32>)| {
         let width = group
             .run
             .axes
             .as_ref()
-            .map_or(1, |axes| axes.subset(&group.places(args)).width());
+            .map_or(1, |axes| axes.subset(&group.axis_indices(args)).width());
         group.parallel(
             args,
             States::Density(DensityImage {
                 pixels,
                 width,
-                max_count: most,
+                max_count,
             }),
             &group.pluralize(),
         )
     };
-    let panels = groups.iter().zip(pictures).map(panel).collect();
-    (panels, Some(key(groups, "states per pixel", most)))
+    let panels = groups.iter().zip(pixels_of_groups).map(panel).collect();
+    (panels, Some(key(groups, "states per pixel", max_count)))
 }
 
-/// Draws pairs of axes: for each pair, one panel per group.
+/// Panels of pairs of axes: for each pair, one panel per group.
 pub(super) fn scatter(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel>, Option<Key>) {
     let pairs = groups
         .first()
-        .map_or(Vec::new(), |group| pairs(&group.places(args)));
+        .map_or(Vec::new(), |group| pairs(&group.axis_indices(args)));
     if draws_density(args, groups) {
         let grids = scale_to_largest(
             groups,
@@ -102,17 +109,17 @@ pub(super) fn scatter(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel
                 .map(|group| group.grids(pairs.len()))
                 .collect(),
         );
-        let most = grids.iter().flatten().copied().max().unwrap_or(0);
+        let max_count = grids.iter().flatten().copied().max().unwrap_or(0);
         let panel = |pair: usize, (group, grids): (&PanelStates<'_>, &Vec<u32>)| {
             let counts = grids
                 [pair * GRID_CELLS * GRID_CELLS..(pair + 1) * GRID_CELLS * GRID_CELLS]
                 .to_vec();
-            group.heat_map(pairs[pair], counts, most)
+            group.heat_map(pairs[pair], counts, max_count)
         };
         let panels = (0..pairs.len())
             .flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));
         let panels = panels.map(|(pair, drawn)| panel(pair, drawn)).collect();
-        return (panels, Some(key(groups, "states per cell", most)));
+        return (panels, Some(key(groups, "states per cell", max_count)));
     }
     let colors = StateColors::of(args, groups);
     let panels = pairs
@@ -124,15 +131,15 @@ pub(super) fn scatter(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel
     (panels, colors.key)
 }
 
-/// Scales the counts of each group to the largest group's number of states, so that panels show
-/// shares and do not depend on the lengths of runs.
+/// Scales the counts of each group as if it had as many states as the largest group. So panels show shares, which
+/// do not depend on the lengths of runs.
 fn scale_to_largest(groups: &[PanelStates<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
-    let most = max_states(groups);
+    let largest = max_states(groups);
     let scaled = |count: u32, of: u64| {
         if count == 0 {
             0
         } else {
-            (u64::from(count) * most / of)
+            (u64::from(count) * largest / of)
                 .max(1)
                 .try_into()
                 .unwrap_or(u32::MAX)
@@ -152,17 +159,17 @@ fn max_states(groups: &[PanelStates<'_>]) -> u64 {
     groups.iter().map(PanelStates::count).max().unwrap_or(0)
 }
 
-fn key(groups: &[PanelStates<'_>], label: &str, most: u32) -> Key {
+fn key(groups: &[PanelStates<'_>], label: &str, max_count: u32) -> Key {
     if groups.len() > 1 {
         return Key::Shares {
             label: format!("share of {label}"),
-            max_count: most,
+            max_count,
             total: max_states(groups),
         };
     }
     Key::Counts {
         label: label.to_owned(),
-        max_count: most,
+        max_count,
     }
 }
 
@@ -182,22 +189,22 @@ impl<'a> PanelStates<'a> {
         self.agents.iter().map(|states| states.count).sum()
     }
 
-    /// At most `--lines` states, in the order of episodes, so that no agent's states cover those of all
-    /// others.
+    /// A sample of at most `--lines` states, in the order of episodes, so that the states of one agent do not cover
+    /// the states of all others.
     fn sample(&self, args: &PlotArgs) -> Vec<(u32, &'a SelectedState)> {
         let of_agent = |states: &&'a SelectedStates| {
             let agent = states.agent;
             states.sample.iter().map(move |state| (agent, state))
         };
         let all: Vec<(u32, &SelectedState)> = self.agents.iter().flat_map(of_agent).collect();
-        let (count, wanted) = (all.len() as u64, u64::from(args.lines));
-        let mut kept: Vec<_> = (0..)
+        let (count, max_drawn) = (all.len() as u64, u64::from(args.lines));
+        let mut sampled_states: Vec<_> = (0..)
             .zip(all)
-            .filter(|(index, _)| is_sampled(*index, count, wanted))
+            .filter(|(index, _)| is_sampled(*index, count, max_drawn))
             .map(|(_, state)| state)
             .collect();
-        kept.sort_by_key(|(_, state)| state.episode);
-        kept
+        sampled_states.sort_by_key(|(_, state)| state.episode);
+        sampled_states
     }
 
     fn pluralize(&self) -> String {
@@ -205,16 +212,20 @@ impl<'a> PanelStates<'a> {
     }
 
     fn sampled(&self, args: &PlotArgs) -> String {
-        let (count, wanted) = (self.count(), u64::from(args.lines));
-        if count <= wanted {
+        let (count, max_drawn) = (self.count(), u64::from(args.lines));
+        if count <= max_drawn {
             self.pluralize()
         } else {
-            format!("{} of {}", indicatif::HumanCount(wanted), self.pluralize())
+            format!(
+                "{} of {}",
+                indicatif::HumanCount(max_drawn),
+                self.pluralize()
+            )
         }
     }
 
     /// Indices of the selected axes.
-    fn places(&self, args: &PlotArgs) -> Vec<usize> {
+    fn axis_indices(&self, args: &PlotArgs) -> Vec<usize> {
         self.run
             .axes
             .as_ref()
@@ -222,12 +233,12 @@ impl<'a> PanelStates<'a> {
             .unwrap_or_default()
     }
 
-    fn quantity(&self, place: usize) -> Quantity {
+    fn quantity(&self, axis_index: usize) -> Quantity {
         let axes = self
             .run
             .axes
             .as_ref()
-            .and_then(|axes| axes.all().get(place));
+            .and_then(|axes| axes.all().get(axis_index));
         axes.map_or(
             Quantity {
                 name: String::new(),
@@ -238,13 +249,13 @@ impl<'a> PanelStates<'a> {
         )
     }
 
-    fn parallel(&self, args: &PlotArgs, states: States, how_many: &str) -> Panel {
+    fn parallel(&self, args: &PlotArgs, states: States, count_text: &str) -> Panel {
         let axes = self
-            .places(args)
+            .axis_indices(args)
             .into_iter()
-            .map(|place| axis(&self.quantity(place)))
+            .map(|axis_index| axis(&self.quantity(axis_index)))
             .collect();
-        let title = format!("{}: {how_many}", self.title);
+        let title = format!("{}: {count_text}", self.title);
         Panel::ParallelCoordinates(ParallelCoordinates {
             title,
             axes,
@@ -265,7 +276,7 @@ impl<'a> PanelStates<'a> {
         sum
     }
 
-    /// Counts per cell of all pairs.
+    /// Number of states per cell of all pairs of axes.
     fn grids(&self, pairs: usize) -> Vec<u32> {
         let mut sum = vec![0_u32; pairs * GRID_CELLS * GRID_CELLS];
         for states in &self.agents {
@@ -276,7 +287,7 @@ impl<'a> PanelStates<'a> {
         sum
     }
 
-    fn heat_map(&self, [x, y]: [usize; 2], counts: Vec<u32>, most: u32) -> Panel {
+    fn heat_map(&self, [x, y]: [usize; 2], counts: Vec<u32>, max_count: u32) -> Panel {
         let (title, x, y) = (
             format!("{}: {}", self.title, self.pluralize()),
             self.quantity(x),
@@ -288,7 +299,7 @@ impl<'a> PanelStates<'a> {
             y: axis(&y),
             counts,
             columns: GRID_CELLS,
-            max_count: most,
+            max_count,
         })
     }
 
@@ -298,7 +309,7 @@ impl<'a> PanelStates<'a> {
             axis.range[0] + fraction * (axis.range[1] - axis.range[0])
         };
         let point = |(agent, state): (u32, &SelectedState)| ScatterPoint {
-            at: [
+            position: [
                 value(&x_axis, state.fractions[x]),
                 value(&y_axis, state.fractions[y]),
             ],
@@ -314,7 +325,7 @@ impl<'a> PanelStates<'a> {
     }
 }
 
-/// Assigns colors to states, with the key to them.
+/// Colors of states, with their color key.
 struct StateColors {
     color_by: ColorBy,
     range: [f64; 2],
@@ -340,7 +351,7 @@ impl StateColors {
         } else {
             [low.min(0.0), low.max(0.0) + 1.0]
         };
-        let gradual = |label: &str| {
+        let continuous_key = |label: &str| {
             Some(Key::Continuous {
                 label: label.to_owned(),
                 range,
@@ -348,9 +359,9 @@ impl StateColors {
         };
         let key = match color_by {
             ColorBy::Agent => agent_key(groups),
-            ColorBy::Episode => gradual("episode"),
-            ColorBy::Return => gradual("return of the episode"),
-            ColorBy::IntrinsicReward => gradual("intrinsic reward"),
+            ColorBy::Episode => continuous_key("episode"),
+            ColorBy::Return => continuous_key("return of the episode"),
+            ColorBy::IntrinsicReward => continuous_key("intrinsic reward"),
             ColorBy::Outcome => {
                 let outcomes = [
                     ("terminated", Status::Terminated),
@@ -380,7 +391,7 @@ impl StateColors {
     }
 }
 
-/// The value that determines the color, for gradual colors.
+/// The value that determines the color on a continuous scale; `None` for categorical colors.
 fn value(color_by: ColorBy, state: &SelectedState) -> Option<f64> {
     match color_by {
         ColorBy::Agent | ColorBy::Outcome => None,
@@ -390,9 +401,9 @@ fn value(color_by: ColorBy, state: &SelectedState) -> Option<f64> {
     }
 }
 
-/// Key of agents' colors, if a panel shows several agents.
+/// Key of the colors of agents; `None` unless a panel shows several agents.
 fn agent_key(groups: &[PanelStates<'_>]) -> Option<Key> {
-    let several = groups.iter().any(|group| group.agents.len() > 1);
+    let has_several_agents = groups.iter().any(|group| group.agents.len() > 1);
     let mut agents: Vec<u32> = groups
         .iter()
         .flat_map(|group| &group.agents)
@@ -400,7 +411,7 @@ fn agent_key(groups: &[PanelStates<'_>]) -> Option<Key> {
         .collect();
     agents.sort_unstable();
     agents.dedup();
-    several.then(|| {
+    has_several_agents.then(|| {
         Key::Categories(
             agents
                 .into_iter()
@@ -415,7 +426,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_axes_are_all_paired() {
+    fn all_pairs_of_few_axes_are_drawn() {
         assert_eq!(pairs(&[0, 2, 3]), [[0, 2], [0, 3], [2, 3]]);
         assert_eq!(pairs(&[0, 1, 2, 3, 4, 5]).len(), 5);
     }

@@ -1,5 +1,5 @@
-//! The static annotations of images of visited states: vertical axes and panels of pairs with their
-//! names, units and ranges, agents' names, and color scales.
+//! Static annotations of images of visited states: axes and frames of panels with their names,
+//! units and ranges, names of agents, and color scales.
 
 use rerun::components::Radius;
 use rerun::log::Chunk;
@@ -14,19 +14,19 @@ use seedbed_figure::color::dark::categorical_color;
 
 const AXIS_COLOR: [u8; 3] = [150, 150, 160];
 const NAME_COLOR: [u8; 3] = [235, 235, 240];
-const END_COLOR: [u8; 3] = [165, 165, 175];
+const RANGE_COLOR: [u8; 3] = [165, 165, 175];
 
 /// Space on either side of an image with axis names, in points.
 const SIDE_MARGIN: f32 = 34.0;
 
-/// Maximum number of images in a view with axis names and ranges; with more, only the team's image
-/// has them.
+/// Maximum number of images in a view whose axes have names and ranges. In views with more images,
+/// only the image of the team has them.
 pub(super) const MAX_LABELED: u32 = 4;
 
 /// The text, position and color of a label.
 pub(super) type Label = (String, [f32; 2], [u8; 3]);
 
-/// The layout of the images that share a view, and the labels around each.
+/// The layout of the images of one view, and of the labels around each image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PanelLayout {
     pub(super) tiles: Tiles,
@@ -41,7 +41,8 @@ pub(super) struct PanelLayout {
 }
 
 impl PanelLayout {
-    /// The layout of parallel coordinates: one image per agent, or one of the whole team.
+    /// The layout of parallel coordinates, with one image per agent or, without `agents`, one image
+    /// of the team.
     pub(super) fn of_axes(axes: &Axes, agents: Option<u32>, viewport: Viewport) -> Self {
         let size = [axes.width() as f32, HEIGHT as f32];
         let with_names = |names| {
@@ -56,25 +57,26 @@ impl PanelLayout {
                 3.3,
             )
         };
-        let plain = if agents.unwrap_or(1) <= MAX_LABELED {
+        let unstaggered = if agents.unwrap_or(1) <= MAX_LABELED {
             with_names(2.2)
         } else {
             Self::new(agents, size, viewport, [2.2, 8.0], 3.3)
         };
-        let is_crowded = plain.has_names
-            && (axes.x(1) - axes.x(0)) * plain.tiles.zoom
-                < max_name_width(axes, plain.units_fit(axes));
+        let is_crowded = unstaggered.has_names
+            && (axes.x(1) - axes.x(0)) * unstaggered.tiles.zoom
+                < max_name_width(axes, unstaggered.units_fit(axes));
         if is_crowded {
             Self {
                 staggered: true,
                 ..with_names(3.2)
             }
         } else {
-            plain
+            unstaggered
         }
     }
 
-    /// The layout of pairs: one row of panels per agent, or one of the whole team.
+    /// The layout of pairs of observations, with one row of panels per agent or, without `agents`,
+    /// one row of the team.
     pub(super) fn of_pairs(pairs: &Pairs, agents: Option<u32>, viewport: Viewport) -> Self {
         Self::new(
             agents,
@@ -85,8 +87,9 @@ impl PanelLayout {
         )
     }
 
-    /// `name_lines` lines of labels above each image; images without names are `beside` points
-    /// apart. `scale_lines` lines below the color scale.
+    /// A layout with `name_lines` lines of labels above each image and `scale_lines` lines below
+    /// the color scale. If axes have no names, there are `beside` points on either side of an
+    /// image.
     fn new(
         agents: Option<u32>,
         size: [f32; 2],
@@ -114,7 +117,7 @@ impl PanelLayout {
         }
     }
 
-    /// The vertical axes at `entity` and their labels below it.
+    /// The vertical axes, at `entity`, and their labels, at `entity/labels`.
     pub(super) fn axes(&self, entity: &str, axes: &Axes) -> Result<[Chunk; 2], RecordingError> {
         let axis_positions: Vec<f32> = (0..axes.all().len()).map(|axis| axes.x(axis)).collect();
         let vertical = |[left, top]: [f32; 2]| {
@@ -130,7 +133,7 @@ impl PanelLayout {
         self.annotation_chunks(entity, &lines, labels.collect())
     }
 
-    /// The frames of panels at `entity` and their labels below it.
+    /// The frames of panels, at `entity`, and their labels, at `entity/labels`.
     pub(super) fn panels(&self, entity: &str, pairs: &Pairs) -> Result<[Chunk; 2], RecordingError> {
         let side = CELLS as f32;
         let panel = |[left, top]: [f32; 2], x: f32| {
@@ -177,7 +180,7 @@ impl PanelLayout {
         ])
     }
 
-    /// The agent's name, at the upper left corner of its image.
+    /// The name of an agent, at the upper left corner of its image.
     fn agent_label(&self, [left, top]: [f32; 2], agent: u32) -> Label {
         let text = format!("agent {agent}");
         let half = 0.5 * text.len() as f32 * CHAR_WIDTH / self.tiles.zoom;
@@ -208,8 +211,8 @@ impl PanelLayout {
                     [x, top - lines * line],
                     NAME_COLOR,
                 ),
-                (high, [x, top - 1.05 * line], END_COLOR),
-                (low, [x, bottom], END_COLOR),
+                (high, [x, top - 1.05 * line], RANGE_COLOR),
+                (low, [x, bottom], RANGE_COLOR),
             ]
         };
         if self.has_names {
@@ -219,7 +222,7 @@ impl PanelLayout {
         }
     }
 
-    /// Whether units fit beside the names of axes.
+    /// Whether the names of axes fit with their units.
     fn units_fit(&self, axes: &Axes) -> bool {
         max_name_width(axes, true) <= 2.0 * (axes.x(1) - axes.x(0)) * self.tiles.zoom
     }
@@ -250,7 +253,7 @@ impl PanelLayout {
     }
 }
 
-/// Width of the longest name, in points.
+/// Width of the longest name of an axis, in points.
 fn max_name_width(axes: &Axes, with_units: bool) -> f32 {
     let chars = axes
         .all()
@@ -259,7 +262,7 @@ fn max_name_width(axes: &Axes, with_units: bool) -> f32 {
     chars.max().unwrap_or(0) as f32 * CHAR_WIDTH + 8.0
 }
 
-/// How far the last axis' name reaches beyond the space beside an image, in points.
+/// Width by which the name of the last axis exceeds the space beside an image, in points.
 fn overhang(axes: &Axes) -> f32 {
     let chars = axes
         .all()
@@ -268,7 +271,7 @@ fn overhang(axes: &Axes) -> f32 {
     (0.5 * chars as f32 * CHAR_WIDTH - SIDE_MARGIN).max(0.0)
 }
 
-/// A vertical color bar at `entity`, and its labels below it.
+/// A vertical color bar, at `entity`, and its labels, at `entity/labels`.
 pub(super) fn color_scale(
     entity: &str,
     bar: &ColorBar,
@@ -287,30 +290,32 @@ pub(super) fn color_scale(
     ])
 }
 
-/// Labels above (positive number of lines) or below (negative) a color bar.
-pub(super) fn labels_beside(bar: &ColorBar, texts: &[(&str, f32)]) -> Vec<Label> {
+/// Labels of a color bar: each a text, and a number of lines above the bar (positive) or below it
+/// (negative).
+pub(super) fn color_bar_labels(bar: &ColorBar, texts: &[(&str, f32)]) -> Vec<Label> {
     texts
         .iter()
         .map(|(text, lines)| ((*text).to_owned(), bar.label_position(*lines), NAME_COLOR))
         .collect()
 }
 
-/// Labels without visible points.
+/// Labels, as points of radius 0.
 pub(super) fn label_points(labels: Vec<Label>) -> Points2D {
     let points = Points2D::new(labels.iter().map(|(_, position, _)| *position));
     let colored = points.with_colors(labels.iter().map(|(_, _, color)| rgb(*color)));
-    only_labels(colored).with_labels(labels.into_iter().map(|(text, ..)| text))
+    show_labels_only(colored).with_labels(labels.into_iter().map(|(text, ..)| text))
 }
 
-/// Makes points show their labels only.
-pub(super) fn only_labels(points: Points2D) -> Points2D {
+/// Hides points and shows their labels.
+pub(super) fn show_labels_only(points: Points2D) -> Points2D {
     points
         .with_radii([Radius::ZERO])
         .with_show_labels(true)
         .with_draw_order(60.0)
 }
 
-/// A number with at most three decimals and no trailing zeros; a small one with two digits.
+/// A number with at most three decimals and no trailing zeros. Numbers below 0.00095 have two
+/// significant digits in scientific notation.
 pub(super) fn format_number(value: f32) -> String {
     if value != 0.0 && value.abs() < 0.000_95 {
         return format!("{value:.1e}");
@@ -327,15 +332,16 @@ fn axis_name(quantity: &Quantity, with_unit: bool) -> String {
     }
 }
 
-/// The name, with its unit and range as far as `max_chars` characters allow.
+/// The name of a quantity with its unit and range, with its unit only, or alone: the longest label
+/// of at most `max_chars` characters.
 fn panel_label(quantity: &Quantity, arrow: &str, max_chars: usize) -> String {
     let [low, high] = quantity.range.map(format_number);
     let short = format!("{} {arrow}", quantity.name);
-    let versions = [
+    let labels_by_length = [
         format!("{}  {low} to {high} {arrow}", axis_name(quantity, true)),
         format!("{} {arrow}", axis_name(quantity, true)),
     ];
-    versions
+    labels_by_length
         .into_iter()
         .find(|text| text.chars().count() <= max_chars)
         .unwrap_or(short)

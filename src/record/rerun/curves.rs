@@ -1,8 +1,8 @@
-//! `/curves/…`: how returns grew and what the updates were like.
+//! `/curves/…`: returns, and the metrics of updates.
 //!
-//! `/curves/return/agent_K` has a row an episode, `/curves/return/team_mean` and
-//! `/curves/return/team_mean_25` a row a round; the others have a row a round with one number for
-//! each agent, or one for the team.
+//! `/curves/return/agent_K` has one row per episode. `/curves/return/team_mean` and
+//! `/curves/return/team_mean_25` have one row per round. All other curves have one row per round,
+//! with one value per agent or one value of the team.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -13,24 +13,24 @@ use rerun::{EntityPath, Scalars, SeriesLines};
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
-use crate::record::metrics::{Metric, Scope, in_display_order};
+use crate::record::metrics::{Metric, Scope, columns_in_display_order};
 use crate::record::{EpisodeRow, RoundRow};
 use seedbed_figure::color::dark::categorical_color;
 
 /// Number of rows in one chunk.
 const ROWS_PER_CHUNK: usize = 256;
 
-/// Rounds over which the smooth curve of returns is averaged.
-const SMOOTH: usize = 25;
+/// Number of rounds of the moving average of the team's mean return.
+const ROUNDS_OF_MOVING_AVERAGE: usize = 25;
 
-/// The team's mean return is drawn like this.
+/// Color of curves of the team.
 const TEAM_COLOR: [u8; 3] = [255; 3];
-const PALE_COLOR: [u8; 3] = [120, 120, 130];
+const MUTED_COLOR: [u8; 3] = [120, 120, 130];
 
-/// Metrics of updates that have a curve: of agents, with one number for each of them, or of the
+/// Metrics of updates that have a curve in recordings, either metrics of agents or metrics of the
 /// team.
 pub(super) fn metrics(scope: Scope) -> impl Iterator<Item = &'static Metric> {
-    let metrics = in_display_order().into_iter();
+    let metrics = columns_in_display_order().into_iter();
     metrics.filter(move |metric| metric.recorded && metric.scope == scope)
 }
 
@@ -58,7 +58,7 @@ impl Curves {
                 .map(|agent| Curve::new(format!("return/agent_{agent}"), 1))
                 .collect(),
             team_mean: Curve::new("return/team_mean", 1),
-            smooth_mean: Curve::new(format!("return/team_mean_{SMOOTH}"), 1),
+            smooth_mean: Curve::new(format!("return/team_mean_{ROUNDS_OF_MOVING_AVERAGE}"), 1),
             updates: metrics(Scope::Agent)
                 .map(|metric| Curve::new(metric.key, agents))
                 .collect(),
@@ -79,21 +79,27 @@ impl Curves {
         episodes: &[EpisodeRow],
         rounds: &[RoundRow],
         end: Moment,
-        latest: &mut VecDeque<f64>,
+        latest_returns: &mut VecDeque<f64>,
     ) {
         if !episodes.is_empty() {
             let mean = episodes.iter().map(|row| row.r#return).sum::<f64>() / episodes.len() as f64;
-            latest.push_back(mean);
-            latest.drain(..latest.len().saturating_sub(SMOOTH));
+            latest_returns.push_back(mean);
+            latest_returns.drain(
+                ..latest_returns
+                    .len()
+                    .saturating_sub(ROUNDS_OF_MOVING_AVERAGE),
+            );
             self.team_mean.add(end, [mean]);
-            self.smooth_mean
-                .add(end, [latest.iter().sum::<f64>() / latest.len() as f64]);
+            self.smooth_mean.add(
+                end,
+                [latest_returns.iter().sum::<f64>() / latest_returns.len() as f64],
+            );
         }
         if rounds.is_empty() {
             return;
         }
         for (curve, metric) in self.updates.iter_mut().zip(metrics(Scope::Agent)) {
-            // Agents without a value share the row with others: not a number is no point there.
+            // A row has one value per agent. Agents without a value have NaN, which is not drawn.
             let mut values = vec![f64::NAN; curve.series];
             let mut is_measured = false;
             for row in rounds {
@@ -113,7 +119,7 @@ impl Curves {
         }
     }
 
-    /// Those with enough rows to be written, or all that have any.
+    /// Takes the rows of curves that have enough for a chunk or, if `all` is set, of all curves.
     pub(super) fn take(
         &mut self,
         all: bool,
@@ -129,28 +135,28 @@ impl Curves {
             .map(Curve::take)
     }
 
-    /// Names and colors.
+    /// Names and colors of all curves.
     pub(super) fn styles(&self) -> Result<Vec<Chunk>, RecordingError> {
         let agents = self.returns.len();
-        let of_agent = |agent: usize| series([format!("agent {agent}")], [color(agent)], 1.0);
+        let style_of_agent = |agent: usize| series([format!("agent {agent}")], [color(agent)], 1.0);
         let mut styles: Vec<Chunk> = (0..agents)
-            .map(|agent| static_chunk(self.returns[agent].entity.clone(), &of_agent(agent)))
+            .map(|agent| static_chunk(self.returns[agent].entity.clone(), &style_of_agent(agent)))
             .collect::<Result<_, _>>()?;
-        let (team, smooth) = (
+        let (team, moving_average) = (
             "team mean".to_owned(),
-            format!("team mean of {SMOOTH} rounds"),
+            format!("team mean of {ROUNDS_OF_MOVING_AVERAGE} rounds"),
         );
         styles.push(static_chunk(
             self.team_mean.entity.clone(),
             &series(
                 [team],
-                [if agents > 1 { PALE_COLOR } else { color(0) }],
+                [if agents > 1 { MUTED_COLOR } else { color(0) }],
                 1.0,
             ),
         )?);
         styles.push(static_chunk(
             self.smooth_mean.entity.clone(),
-            &series([smooth], [TEAM_COLOR], 3.0),
+            &series([moving_average], [TEAM_COLOR], 3.0),
         )?);
         for update in &self.updates {
             let names = (0..agents).map(|agent| format!("agent {agent}"));
@@ -195,8 +201,8 @@ impl Curve {
         }
     }
 
-    fn add(&mut self, at: Moment, values: impl IntoIterator<Item = f64>) {
-        self.moments.push(at);
+    fn add(&mut self, moment: Moment, values: impl IntoIterator<Item = f64>) {
+        self.moments.push(moment);
         self.values.extend(values);
     }
 

@@ -30,7 +30,7 @@ pub(super) fn chunks(
     ])
 }
 
-/// Properties, by which queries over many recordings can filter.
+/// Properties of the run, which queries over many recordings can use as filters.
 fn property_values(properties: Vec<(String, String)>) -> AnyValues {
     properties
         .into_iter()

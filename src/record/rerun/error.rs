@@ -1,12 +1,12 @@
-//! Why a recording could not be written, resumed or shown.
+//! Errors of writing, resuming or showing a recording.
 
 use rerun::external::re_log_encoding::rrd::{DecodeError, EncodeError};
 use rerun::log::ChunkError;
 use rerun::sink::SinkFlushError;
 use rerun::{RecordingStreamError, SerializationError};
 
-/// Why a recording could not be written, resumed or shown. Cloned and compared, because a sink
-/// repeats its first error on every later call; so errors of libraries are kept as text.
+/// Error of writing, resuming or showing a recording. It can be cloned, because a sink returns its
+/// first error again on every later call. So errors of libraries are stored as text.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(super) enum RecordingError {
     /// The operating system could not read or write a file or a connection.
@@ -24,7 +24,7 @@ pub(super) enum RecordingError {
     /// The checkpoint cannot be read.
     #[error("the checkpoint is damaged or was written by another version of seedbed")]
     Checkpoint,
-    /// The checkpoint is of other agents, axes or panels.
+    /// The checkpoint has another number of agents, other axes or other panels.
     #[error("the checkpoint belongs to another scenario")]
     OtherScenario,
     /// The file is shorter than it was at the checkpoint.
@@ -35,7 +35,7 @@ pub(super) enum RecordingError {
         /// Messages at the checkpoint.
         expected: u64,
     },
-    /// A viewer that is sent the recording does not receive it fast enough.
+    /// The viewer of `--live` does not receive messages fast enough.
     #[error(
         "the viewer at {address} does not respond and is disconnected; the recording continues without it"
     )]
@@ -43,7 +43,7 @@ pub(super) enum RecordingError {
         /// Address of the viewer.
         address: String,
     },
-    /// Viewers that read a served recording did not receive its end.
+    /// A viewer of a served recording did not receive its end.
     #[error(
         "not every viewer at {address} received the end of the recording; open the file to see all of it"
     )]

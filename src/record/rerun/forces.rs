@@ -1,11 +1,11 @@
-//! `/scene/agent_K/forces/…`: the forces on the bodies of an agent, as arrows.
+//! `/scene/agent_K/forces/…`: the forces on the bodies of an agent's environment, as arrows.
 //!
 //! `action` has the forces of the agent's action (a torque as the force at the center of mass that
-//! turns the body as much), `contacts` the contact forces, with points where bodies touch. A row has
-//! the forces during the step that led to it, and their magnitudes in the column `Force:newtons`.
-//! Arrows of one kind have one scale within an episode: the 95th percentile of magnitudes is an
-//! eighth of the view long, and longer arrows are cut at twice that. A single impact would otherwise
-//! make all other arrows invisible.
+//! turns the body as much), `contacts` the contact forces, with points where bodies touch. A row
+//! has the forces during the step that led to it, and their magnitudes in the column
+//! `Force:newtons`. Arrows of one kind have one scale within an episode: the 95th percentile of
+//! magnitudes is an eighth of the view long, and longer arrows are cut at twice that. A single
+//! impact would otherwise make all other arrows invisible.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ const ARROW_LENGTH: f32 = 0.125;
 /// Arrows are drawn in front of all bodies.
 const DRAW_ORDER: f32 = 100.0;
 
-/// The forces on one agent's bodies that are not written yet.
+/// Forces in the scene of one agent that are not written yet.
 pub(super) struct ForceWriter {
     kinds: [Arrows; 2],
 }
@@ -67,7 +67,8 @@ impl ForceWriter {
         }
     }
 
-    /// Adds an episode whose first row is at `first`, in a view with these bounds.
+    /// Adds the forces of an episode whose first row is at `first`. `view` are the bounds of its
+    /// view.
     pub(super) fn add(&mut self, trajectory: &BodyTrajectory, view: Option<Bounds>, first: Moment) {
         let size = view.map_or(1.0, extent);
         self.kinds
@@ -75,7 +76,7 @@ impl ForceWriter {
             .for_each(|arrows| arrows.add(trajectory, size, first));
     }
 
-    /// The colors and sizes, which never change.
+    /// Static colors and sizes of arrows.
     pub(super) fn styles(&self) -> Result<Vec<Chunk>, RecordingError> {
         self.kinds.iter().flat_map(Arrows::style).collect()
     }
@@ -89,7 +90,7 @@ impl ForceWriter {
 impl Arrows {
     fn add(&mut self, trajectory: &BodyTrajectory, size: f32, first: Moment) {
         let source = self.source;
-        let Some(scale) = scale(
+        let Some(meters_per_newton) = meters_per_newton(
             trajectory
                 .forces
                 .iter()
@@ -101,7 +102,7 @@ impl Arrows {
         };
         let mut forces = trajectory.forces.iter();
         for &count in &trajectory.forces_per_row {
-            let before = self.newtons.len();
+            let first_of_row = self.newtons.len();
             for force in forces
                 .by_ref()
                 .take(count)
@@ -109,12 +110,13 @@ impl Arrows {
             {
                 let [right, up] = force.newtons;
                 let newtons = right.hypot(up);
-                let scale = scale.min(2.0 * ARROW_LENGTH * size / newtons);
+                let meters_per_newton = meters_per_newton.min(2.0 * ARROW_LENGTH * size / newtons);
                 self.origins.push([force.at[0], -force.at[1]]);
-                self.vectors.push([right * scale, -up * scale]);
+                self.vectors
+                    .push([right * meters_per_newton, -up * meters_per_newton]);
                 self.newtons.push(newtons);
             }
-            self.per_row.push(self.newtons.len() - before);
+            self.per_row.push(self.newtons.len() - first_of_row);
         }
         self.moments
             .push_steps(first, trajectory.forces_per_row.len());
@@ -159,14 +161,14 @@ impl Arrows {
     }
 }
 
-/// Meters per newton; none without forces.
-fn scale<'a>(forces: impl Iterator<Item = &'a Force>, size: f32) -> Option<f32> {
+/// Length of arrows in meters per newton; `None` without forces.
+fn meters_per_newton<'a>(forces: impl Iterator<Item = &'a Force>, size: f32) -> Option<f32> {
     let mut newtons: Vec<f32> = forces
         .map(|force| force.newtons[0].hypot(force.newtons[1]))
         .collect();
     newtons.sort_by(f32::total_cmp);
-    let large = newtons.get(newtons.len() * 19 / 20)?;
-    Some(ARROW_LENGTH * size / large.max(f32::MIN_POSITIVE))
+    let percentile_95 = newtons.get(newtons.len() * 19 / 20)?;
+    Some(ARROW_LENGTH * size / percentile_95.max(f32::MIN_POSITIVE))
 }
 
 fn newtons_column() -> ComponentDescriptor {
@@ -191,10 +193,10 @@ mod tests {
         }
     }
 
-    /// Rows of zero, one and two forces, in a view of 8 m: the larger contact force, 20 N, is 1 m long;
-    /// up is negative.
+    /// Three rows have zero, one and two forces. In a view of 8 m, the arrow of the largest contact
+    /// force, 20 N, is 1 m long. The y axis points down.
     #[test]
-    fn arrows_are_in_scale_and_start_where_forces_act() {
+    fn arrows_have_a_common_scale_and_start_at_the_points_of_action() {
         let mut writer = ForceWriter::new(&"scene".into());
         let trajectory = BodyTrajectory {
             forces: vec![
@@ -232,9 +234,10 @@ mod tests {
         );
     }
 
-    /// 39 small forces and an impact: the impact is cut at twice the length of the small ones.
+    /// With 39 forces of 1 N and one of 1000 N, the arrow of the large force is twice as long as
+    /// the others.
     #[test]
-    fn an_impact_does_not_hide_all_others() {
+    fn a_large_force_does_not_shrink_all_other_arrows() {
         let mut writer = ForceWriter::new(&"scene".into());
         let forces: Vec<Force> = [vec![force(1.0); 39], vec![force(1000.0)]].concat();
         let trajectory = BodyTrajectory {
@@ -259,7 +262,7 @@ mod tests {
         assert_eq!((lengths[0], lengths[39]), (1.0, 2.0));
     }
 
-    /// An empty row removes the arrows of an earlier episode.
+    /// The empty row makes the viewer remove the arrows of the previous episode.
     #[test]
     fn an_episode_without_forces_has_one_empty_row() {
         let mut writer = ForceWriter::new(&"scene".into());

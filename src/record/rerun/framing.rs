@@ -1,57 +1,60 @@
-//! The part of a scene that the viewer shows. Rerun's y axis points down: upper ends have the
-//! smaller numbers.
+//! The bounds of a scene that the viewer shows. The y axis of Rerun points down, so the upper end
+//! has the smaller number.
 
-use super::shapes::{outline, placed};
+use super::shapes::{outline, scene_point};
 use seedbed_env::{Pose, Scene, SceneBody, Shape};
 
 /// Left, right, upper and lower end of a rectangle.
 pub(super) type Bounds = [f32; 4];
 
-/// A line longer than this many times the rest of the scene counts as endless.
+/// A line counts as endless if it is longer than this ratio times the size of all other parts.
 const ENDLESS_RATIO: f32 = 5.0;
 
-/// The part of the scene that shows a whole episode, in the frame of the tracked body if there is
-/// one.
+/// Bounds that contain all bodies during an episode. If a body is tracked, they are relative to it.
 pub(super) fn episode_bounds(scene: &Scene, poses: &[Pose]) -> Option<Bounds> {
     let frames = || poses.chunks_exact(scene.bodies.len());
-    let moved = frames()
+    let moving = frames()
         .filter_map(|frame| moving_bounds(scene, frame))
-        .reduce(united)?;
+        .reduce(union)?;
     match scene.tracked {
-        None => Some(around(
-            moved,
+        None => Some(bounds_of_fixed_and_moving_bodies(
+            moving,
             &fixed_bounds(&scene.bodies, frames().next()?),
-            overhang(&scene.bodies),
+            line_overhang(&scene.bodies),
         )),
-        Some(_) => Some(widened(moved, 0.25 * extent(moved))),
+        Some(_) => Some(with_margin(moving, 0.25 * extent(moving))),
     }
 }
 
-/// Moving and fixed bodies, the nearer end of endless lines, and space for a body at the end of a
-/// line.
-fn around(moved: Bounds, still: &[(Bounds, bool)], overhang: f32) -> Bounds {
-    let solid = still
+/// Bounds that contain the moving bodies, the fixed bodies, the nearest points of endless lines
+/// that are near, and space for a body at the end of a line.
+fn bounds_of_fixed_and_moving_bodies(
+    moving: Bounds,
+    fixed_parts: &[(Bounds, bool)],
+    line_overhang: f32,
+) -> Bounds {
+    let closed_bounds = fixed_parts
         .iter()
         .filter(|(_, line)| !line)
-        .fold(moved, |all, (part, _)| united(all, *part));
-    let size = extent(solid);
-    let lines = still
+        .fold(moving, |all, (part, _)| union(all, *part));
+    let size = extent(closed_bounds);
+    let lines = fixed_parts
         .iter()
         .filter(|(_, line)| *line)
         .map(|(part, _)| *part);
     let (endless, finite): (Vec<_>, Vec<_>) =
         lines.partition(|line| extent(*line) > ENDLESS_RATIO * size);
-    let ended = finite
+    let with_finite_lines = finite
         .into_iter()
-        .map(|line| widened(line, overhang))
-        .fold(solid, united);
-    let all = endless
-        .into_iter()
-        .fold(ended, |all, line| stretched(all, line, size));
-    widened(all, 0.05 * extent(all))
+        .map(|line| with_margin(line, line_overhang))
+        .fold(closed_bounds, union);
+    let all = endless.into_iter().fold(with_finite_lines, |all, line| {
+        extended_to_nearest_end(all, line, size)
+    });
+    with_margin(all, 0.05 * extent(all))
 }
 
-/// The bounds of moving bodies, whatever their rotation about their frames' origins.
+/// Bounds of the moving bodies in one frame, for every possible rotation about their origins.
 fn moving_bounds(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
     let camera = scene.tracked.map_or(Pose::default(), |body| frame[body]);
     let moving = scene
@@ -59,44 +62,52 @@ fn moving_bounds(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
         .iter()
         .zip(frame)
         .filter(|(body, _)| !body.fixed);
-    let discs = moving
-        .filter_map(|(body, pose)| Some((reach(body)?, [pose.x - camera.x, camera.y - pose.y])));
-    discs
-        .map(|(radius, [x, y])| widened([x, x, y, y], radius))
-        .reduce(united)
+    let centers_and_radii = moving.filter_map(|(body, pose)| {
+        Some((
+            radius_about_origin(body)?,
+            [pose.x - camera.x, camera.y - pose.y],
+        ))
+    });
+    centers_and_radii
+        .map(|(radius, [x, y])| with_margin([x, x, y, y], radius))
+        .reduce(union)
 }
 
-/// The bounds of the shapes of fixed bodies, and whether each is an open line.
+/// Bounds of each shape of the fixed bodies, and whether the shape is an open line.
 fn fixed_bounds(bodies: &[SceneBody], frame: &[Pose]) -> Vec<(Bounds, bool)> {
     let fixed = bodies.iter().zip(frame).filter(|(body, _)| body.fixed);
     let shapes = fixed.flat_map(|(body, pose)| body.shapes.iter().map(|shape| (shape, *pose)));
-    let place = |(shape, pose): (&Shape, Pose)| match shape {
+    let bounds_of_shape = |(shape, pose): (&Shape, Pose)| match shape {
         Shape::Polyline(points) => Some((bounds(points, pose)?, true)),
-        solid => Some((bounds(&outline(solid)?, pose)?, false)),
+        closed_bounds => Some((bounds(&outline(closed_bounds)?, pose)?, false)),
     };
-    shapes.filter_map(place).collect()
+    shapes.filter_map(bounds_of_shape).collect()
 }
 
-/// Extends bounds to the nearest end of a part if that is at most `distance` away.
-fn stretched([left, right, top, bottom]: Bounds, part: Bounds, distance: f32) -> Bounds {
+/// Extends bounds to the nearest point of a part if it is at most `distance` away.
+fn extended_to_nearest_end(
+    [left, right, top, bottom]: Bounds,
+    part: Bounds,
+    distance: f32,
+) -> Bounds {
     let [x, y] = [
         left.max(part[0]).min(part[1]),
         top.max(part[2]).min(part[3]),
     ];
-    let wanted = united([left, right, top, bottom], [x, x, y, y]);
-    let stretch = (left - wanted[0])
-        .max(wanted[1] - right)
-        .max(top - wanted[2])
-        .max(wanted[3] - bottom);
-    if stretch <= distance {
-        wanted
+    let extended = union([left, right, top, bottom], [x, x, y, y]);
+    let extension = (left - extended[0])
+        .max(extended[1] - right)
+        .max(top - extended[2])
+        .max(extended[3] - bottom);
+    if extension <= distance {
+        extended
     } else {
         [left, right, top, bottom]
     }
 }
 
-/// The radius of a body about its frame's origin, if it has a shape.
-fn reach(body: &SceneBody) -> Option<f32> {
+/// Largest distance of a point of a body from its origin; `None` if the body has no shape.
+fn radius_about_origin(body: &SceneBody) -> Option<f32> {
     let thickness = |shape: &Shape| {
         if let Shape::Capsule { radius, .. } = shape {
             *radius
@@ -104,33 +115,35 @@ fn reach(body: &SceneBody) -> Option<f32> {
             0.0
         }
     };
-    let furthest = |shape| {
+    let max_distance = |shape| {
         outline(shape)?
             .into_iter()
             .map(|[x, y]| x.hypot(y) + thickness(shape))
             .reduce(f32::max)
     };
-    body.shapes.iter().filter_map(furthest).reduce(f32::max)
+    body.shapes.iter().filter_map(max_distance).reduce(f32::max)
 }
 
-/// How far a body at the end of a line reaches beyond it: the largest radius of a body without a
-/// hinge.
-fn overhang(bodies: &[SceneBody]) -> f32 {
-    let loose = bodies
+/// Distance by which a body at the end of a line extends beyond the line: the largest radius of a
+/// moving body without a hinge.
+fn line_overhang(bodies: &[SceneBody]) -> f32 {
+    let sliding_bodies = bodies
         .iter()
         .filter(|body| !body.fixed && body.hinge.is_none());
-    loose.filter_map(reach).fold(0.0, f32::max)
+    sliding_bodies
+        .filter_map(radius_about_origin)
+        .fold(0.0, f32::max)
 }
 
 fn bounds(outline: &[[f32; 2]], pose: Pose) -> Option<Bounds> {
     outline
         .iter()
-        .map(|point| placed(*point, pose))
+        .map(|point| scene_point(*point, pose))
         .map(|[x, y]| [x, x, y, y])
-        .reduce(united)
+        .reduce(union)
 }
 
-fn united(one: Bounds, other: Bounds) -> Bounds {
+fn union(one: Bounds, other: Bounds) -> Bounds {
     [
         one[0].min(other[0]),
         one[1].max(other[1]),
@@ -139,7 +152,7 @@ fn united(one: Bounds, other: Bounds) -> Bounds {
     ]
 }
 
-fn widened([left, right, top, bottom]: Bounds, margin: f32) -> Bounds {
+fn with_margin([left, right, top, bottom]: Bounds, margin: f32) -> Bounds {
     [left - margin, right + margin, top - margin, bottom + margin]
 }
 
@@ -161,15 +174,15 @@ mod tests {
         }
     }
 
-    /// A room of 2 m by 2 m between endless lines, and a ball in it.
-    fn ball_in_a_room() -> Scene {
+    /// A ball within a square of 2 m between four endless lines.
+    fn ball_between_walls() -> Scene {
         let wall = |[x, y]: [f32; 2]| {
             Shape::Polyline(vec![
                 [x - 100.0 * y, y - 100.0 * x],
                 [x + 100.0 * y, y + 100.0 * x],
             ])
         };
-        let room = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]
+        let walls = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]
             .map(wall)
             .to_vec();
         let ball = Shape::Ball {
@@ -177,12 +190,12 @@ mod tests {
             radius: 0.2,
         };
         Scene {
-            bodies: vec![body("world", true, room), body("ball", false, vec![ball])],
+            bodies: vec![body("world", true, walls), body("ball", false, vec![ball])],
             tracked: None,
         }
     }
 
-    fn ball_at(x: f32, y: f32) -> [Pose; 2] {
+    fn frame_with_ball_at(x: f32, y: f32) -> [Pose; 2] {
         [Pose::default(), Pose { x, y, angle: 0.0 }]
     }
 
@@ -197,23 +210,23 @@ mod tests {
 
     #[test]
     fn endless_walls_are_shown_if_they_are_near() {
-        // The ball goes from -0.5 to 0.5 and is 0.2 wide: 1.4 m in all, so that all four walls are
-        // near enough. Of 2 m, 5 % are added.
-        let poses = [ball_at(-0.5, 0.0), ball_at(0.5, 0.0)].concat();
+        // The ball moves from −0.5 to 0.5 and has a radius of 0.2: 1.4 m in total, so that all four
+        // walls are near enough. The bounds are 2 m plus 5 % on each side.
+        let poses = [frame_with_ball_at(-0.5, 0.0), frame_with_ball_at(0.5, 0.0)].concat();
         assert_close(
-            episode_bounds(&ball_in_a_room(), &poses),
+            episode_bounds(&ball_between_walls(), &poses),
             [-1.1, 1.1, -1.1, 1.1],
         );
-        // A ball that hardly moves is 0.4 m: the walls 0.8 m from it are too far. Of 0.4 m, 5 % are
-        // added.
+        // A ball that does not move extends over 0.4 m, so that walls at a distance of 0.8 m are
+        // too far. The bounds are 0.4 m plus 5 % on each side.
         assert_close(
-            episode_bounds(&ball_in_a_room(), &ball_at(0.0, 0.0)),
+            episode_bounds(&ball_between_walls(), &frame_with_ball_at(0.0, 0.0)),
             [-0.22, 0.22, -0.22, 0.22],
         );
     }
 
     #[test]
-    fn a_cart_at_the_end_of_its_rail_is_shown_whole() {
+    fn the_view_includes_a_cart_at_the_end_of_its_rail() {
         let cart = Shape::Box {
             center: [0.0, 0.0],
             half_size: [0.4, 0.3],
@@ -225,21 +238,21 @@ mod tests {
             to: [0.0, 1.0],
             radius: 0.0,
         };
-        let hung = SceneBody {
+        let suspended = SceneBody {
             hinge: Some([0.0, 0.0]),
             ..body("pole", false, vec![pole])
         };
         let bodies = vec![
             body("rail", true, vec![rail]),
             body("cart", false, vec![cart]),
-            hung,
+            suspended,
         ];
         let scene = Scene {
             bodies,
             tracked: None,
         };
-        // The cart reaches 0.5 m about its middle, at either end of the rail: 6 m, of which 5 % are
-        // added. The pole reaches 1 m.
+        // The cart has a radius of 0.5 m and may be at either end of the rail: 6 m plus 5 % on each
+        // side. The pole has a radius of 1 m.
         assert_close(
             episode_bounds(&scene, &[Pose::default(); 3]),
             [-3.3, 3.3, -1.3, 1.3],
@@ -247,18 +260,22 @@ mod tests {
     }
 
     #[test]
-    fn a_tracked_body_stays_in_the_middle() {
+    fn the_view_is_centered_at_a_tracked_body() {
         let scene = Scene {
             tracked: Some(1),
-            ..ball_in_a_room()
+            ..ball_between_walls()
         };
-        let poses = [ball_at(-50.0, 3.0), ball_at(50.0, 0.0)].concat();
-        // 0.4 m, and a fourth of it on each side.
+        let poses = [
+            frame_with_ball_at(-50.0, 3.0),
+            frame_with_ball_at(50.0, 0.0),
+        ]
+        .concat();
+        // The bounds are 0.4 m plus a quarter of it on each side.
         assert_close(episode_bounds(&scene, &poses), [-0.3, 0.3, -0.3, 0.3]);
     }
 
     #[test]
-    fn a_pendulum_has_space_to_turn() {
+    fn the_view_includes_all_rotations_of_a_pendulum() {
         let rod = Shape::Capsule {
             from: [0.0, 0.0],
             to: [0.0, 1.0],
@@ -268,7 +285,8 @@ mod tests {
             bodies: vec![body("rod", false, vec![rod])],
             tracked: None,
         };
-        // A disc of 1.1 m about the pivot, and 5 % of its 2.2 m.
+        // The bounds contain a disc with a radius of 1.1 m about the pivot, plus 5 % of 2.2 m on
+        // each side.
         assert_close(
             episode_bounds(
                 &scene,

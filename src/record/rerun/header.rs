@@ -1,4 +1,4 @@
-//! The start of a recording: what it is, and how the viewer shows it.
+//! The first messages of a recording: its properties, static data, and blueprint.
 
 use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
 use rerun::log::{LogMsg, RowId};
@@ -9,7 +9,7 @@ use super::{APPLICATION, RerunRecorder, RunInfo, blueprint, description, quantit
 use crate::record::{BodyTrajectory, RecordingSettings};
 
 impl RerunRecorder {
-    /// Writes everything that never changes: properties, names, colors, shapes.
+    /// Writes all static data: properties, names, colors, shapes.
     pub(super) fn write_header(
         &mut self,
         info: &RunInfo<'_>,
@@ -30,7 +30,7 @@ impl RerunRecorder {
         self.sink.send_chunks(&chunks)
     }
 
-    /// Writes how the recording is shown. Scenes are framed by the first recorded episodes.
+    /// Writes the blueprint. The bounds of scenes are those of the first recorded episodes.
     pub(super) fn write_blueprint(
         &mut self,
         trajectories: &[BodyTrajectory],
@@ -68,7 +68,8 @@ fn scene_view(scene: &SceneWriter, trajectories: &[BodyTrajectory]) -> blueprint
     let of_agent = trajectories
         .iter()
         .find(|trajectory| trajectory.agent == scene.agent());
-    // An agent whose first recorded episode comes later is framed like another one.
+    /// If the first recorded episode of an agent is in a later round, its scene has the bounds of
+    /// the scene of another agent.
     let bounds = of_agent
         .or(trajectories.first())
         .and_then(|trajectory| scene.view(trajectory));

@@ -12,14 +12,14 @@ use rerun::external::arrow::array::StringArray;
 use rerun::log::Chunk;
 use rerun::{DepthImage, EntityPath, Image, Points2D};
 
-use super::annotations::{Label, format_number, only_labels};
+use super::annotations::{Label, format_number, show_labels_only};
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use super::samples::VisitationStyle;
 use crate::record::Difference;
 use crate::record::visitation::{
-    AgentVisits, Axes, BonusMap, CELLS, HEIGHT, Pairs, first_round, most_different, shade,
-    share_difference,
+    AgentVisits, Axes, BonusMap, CELLS, HEIGHT, Pairs, brightness_of_pixels, first_round,
+    most_different, share_difference,
 };
 use seedbed_figure::color::dark::{diverging_color, sequential_color};
 
@@ -46,7 +46,7 @@ enum ImageKind {
     Colored,
 }
 
-/// Labels that change with the images and are not written yet.
+/// Labels that are recorded with each image and are not written yet.
 pub(super) struct LabelSeries {
     entity: EntityPath,
     moments: Moments,
@@ -69,11 +69,11 @@ pub(super) struct ImageWriter {
     pub(super) bonus: Option<ImageGroup>,
     difference: ImageSeries,
     difference_scale: LabelSeries,
-    compared: Difference,
+    compared_agents: Difference,
 }
 
 impl ImageWriter {
-    pub(super) fn new(agents: usize, has_bonus: bool, compared: &Difference) -> Self {
+    pub(super) fn new(agents: usize, has_bonus: bool, compared_agents: &Difference) -> Self {
         let density =
             |name, labels| ImageGroup::new(agents, "visitation", name, ImageKind::Density, labels);
         let bonus = || ImageGroup::new(agents, "pairs", "bonus", ImageKind::Colored, 2);
@@ -83,7 +83,7 @@ impl ImageWriter {
             bonus: has_bonus.then(bonus),
             difference: ImageSeries::new("visitation/difference".into(), ImageKind::Colored),
             difference_scale: LabelSeries::new("visitation/difference/scale/ends", 4),
-            compared: compared.clone(),
+            compared_agents: compared_agents.clone(),
         }
     }
 
@@ -94,27 +94,29 @@ impl ImageWriter {
         visits: &[AgentVisits],
         VisitationStyle { axes, pairs, .. }: &VisitationStyle,
         window: u32,
-        at: Moment,
+        moment: Moment,
     ) {
-        let round = at.round as u32;
+        let round = moment.round as u32;
         let rounds = format!("rounds {} to {round}", first_round(round, window));
-        let latest: Vec<Vec<u32>> = visits.iter().map(AgentVisits::latest_density).collect();
-        let latest: Vec<&[u32]> = latest.iter().map(Vec::as_slice).collect();
-        self.latest.push_densities(&latest, Some(&rounds), at);
-        let so_far: Vec<&[u32]> = visits.iter().map(|agent| agent.density.pixels()).collect();
-        self.density.push_densities(&so_far, None, at);
-        self.push_difference(&so_far, axes.width(), at);
+        let latest_densities: Vec<Vec<u32>> =
+            visits.iter().map(AgentVisits::latest_density).collect();
+        let latest_densities: Vec<&[u32]> = latest_densities.iter().map(Vec::as_slice).collect();
+        self.latest
+            .push_densities(&latest_densities, Some(&rounds), moment);
+        let densities: Vec<&[u32]> = visits.iter().map(|agent| agent.density.pixels()).collect();
+        self.density.push_densities(&densities, None, moment);
+        self.push_difference(&densities, axes.width(), moment);
         if let Some(group) = &mut self.bonus {
             let bonuses: Vec<BonusMap> = visits
                 .iter()
                 .filter_map(|agent| agent.latest_bonuses(pairs))
                 .collect();
-            group.push_bonuses(&bonuses, pairs, &rounds, at);
+            group.push_bonuses(&bonuses, pairs, &rounds, moment);
         }
     }
 
-    fn push_difference(&mut self, densities: &[&[u32]], width: usize, at: Moment) {
-        let agents = match &self.compared {
+    fn push_difference(&mut self, densities: &[&[u32]], width: usize, moment: Moment) {
+        let agents = match &self.compared_agents {
             Difference::Off => None,
             Difference::Between(one, other) => Some((**one as usize, **other as usize)),
             Difference::MostDifferent => most_different(densities, width),
@@ -122,14 +124,14 @@ impl ImageWriter {
         let Some((one, other)) = agents else { return };
         let (differences, max) = share_difference(densities[one], densities[other], width);
         let pixels: Vec<u8> = differences.into_iter().flat_map(diverging_color).collect();
-        self.difference.push(pixels, at);
+        self.difference.push(pixels, moment);
         let end = format!("+{:.2} %", 100.0 * max);
         let [one, other] = [one, other].map(|agent| format!("agent {agent}"));
         self.difference_scale
-            .push([one, end.clone(), end, other], at);
+            .push([one, end.clone(), end, other], moment);
     }
 
-    /// The series with enough images for a chunk, or all that have any.
+    /// Takes the images of entities that have enough for a chunk or, if `all` is set, all images.
     pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = Vec::new();
         let groups = [&mut self.latest, &mut self.density]
@@ -146,24 +148,24 @@ impl ImageWriter {
         chunks.into_iter().collect()
     }
 
-    /// The formats of all images, which never change.
+    /// Static formats of all images.
     pub(super) fn styles(&self, axes: &Axes, pairs: &Pairs) -> Result<Vec<Chunk>, RecordingError> {
         let density_size = [axes.width() as u32, HEIGHT as u32];
         let bonus_size = [pairs.width() as u32, CELLS as u32];
         let densities = [&self.latest, &self.density]
             .into_iter()
-            .flat_map(ImageGroup::all_series)
+            .flat_map(ImageGroup::image_series)
             .chain([&self.difference])
             .map(|series| series.style(density_size));
         let bonuses = self
             .bonus
             .iter()
-            .flat_map(ImageGroup::all_series)
+            .flat_map(ImageGroup::image_series)
             .map(|series| series.style(bonus_size));
         densities.chain(bonuses).collect()
     }
 
-    /// The positions of the labels of the difference's scale.
+    /// Static positions of the labels of the scale of differences.
     pub(super) fn difference_label_style(&self, labels: &[Label]) -> Result<Chunk, RecordingError> {
         self.difference_scale.style(labels)
     }
@@ -171,7 +173,9 @@ impl ImageWriter {
 
 impl ImageGroup {
     fn new(agents: usize, root: &str, name: &str, kind: ImageKind, labels: usize) -> Self {
-        let series = |who: &str| ImageSeries::new(format!("{root}/{who}/{name}").into(), kind);
+        let series = |subject_name: &str| {
+            ImageSeries::new(format!("{root}/{subject_name}/{name}").into(), kind)
+        };
         Self {
             agents: (0..agents)
                 .map(|agent| series(&format!("agent_{agent}")))
@@ -182,7 +186,7 @@ impl ImageGroup {
         }
     }
 
-    /// The positions of the labels of the agents' scale and of the team's scale.
+    /// Static positions of the labels of the agents' scale and of the team's scale.
     pub(super) fn label_styles(
         &self,
         [agents, team]: &[Vec<Label>; 2],
@@ -193,13 +197,13 @@ impl ImageGroup {
         ])
     }
 
-    fn all_series(&self) -> impl Iterator<Item = &ImageSeries> {
+    fn image_series(&self) -> impl Iterator<Item = &ImageSeries> {
         self.agents.iter().chain([&self.team])
     }
 
-    /// Adds images of lines per pixel. Both scales get the number of lines on the brightest pixel,
-    /// and the note.
-    fn push_densities(&mut self, agents: &[&[u32]], note: Option<&str>, at: Moment) {
+    /// Adds images of the number of lines per pixel. The labels of both scales are the number of
+    /// lines on the brightest pixel, and `note`.
+    fn push_densities(&mut self, agents: &[&[u32]], note: Option<&str>, moment: Moment) {
         let max = agents
             .iter()
             .flat_map(|pixels| pixels.iter())
@@ -207,40 +211,43 @@ impl ImageGroup {
             .max()
             .unwrap_or(0);
         for (series, pixels) in self.agents.iter_mut().zip(agents) {
-            series.push(shade(pixels, max), at);
+            series.push(brightness_of_pixels(pixels, max), moment);
         }
         let team = sum(agents);
         let max_of_team = team.iter().copied().max().unwrap_or(0);
-        self.team.push(shade(&team, max_of_team), at);
+        self.team
+            .push(brightness_of_pixels(&team, max_of_team), moment);
         let ends = [max, max_of_team].map(|lines| grouped(u64::from(lines)));
-        self.push_scale_labels(ends, note, at);
+        self.push_scale_labels(ends, note, moment);
     }
 
-    /// Adds images of mean bonuses. Both scales get the largest mean of a cell, and the note.
-    fn push_bonuses(&mut self, agents: &[BonusMap], pairs: &Pairs, note: &str, at: Moment) {
+    /// Adds images of mean bonuses. The labels of both scales are the largest mean bonus of a cell,
+    /// and `note`.
+    fn push_bonuses(&mut self, agents: &[BonusMap], pairs: &Pairs, note: &str, moment: Moment) {
         let mut team = BonusMap::new(pairs);
         for map in agents {
             team.add_all(map);
         }
         let max = agents.iter().map(BonusMap::max_mean).fold(0.0, f64::max);
         for (series, map) in self.agents.iter_mut().zip(agents) {
-            series.push(bonus_pixels(map, max, pairs), at);
+            series.push(bonus_pixels(map, max, pairs), moment);
         }
         let max_of_team = team.max_mean();
-        self.team.push(bonus_pixels(&team, max_of_team, pairs), at);
+        self.team
+            .push(bonus_pixels(&team, max_of_team, pairs), moment);
         let ends = [max, max_of_team].map(|mean| format_number(mean as f32));
-        self.push_scale_labels(ends, Some(note), at);
+        self.push_scale_labels(ends, Some(note), moment);
     }
 
     fn push_scale_labels(
         &mut self,
         [of_agents, of_team]: [String; 2],
         note: Option<&str>,
-        at: Moment,
+        moment: Moment,
     ) {
         let texts = |end: String| [end].into_iter().chain(note.map(ToOwned::to_owned));
-        self.agents_scale.push(texts(of_agents), at);
-        self.team_scale.push(texts(of_team), at);
+        self.agents_scale.push(texts(of_agents), moment);
+        self.team_scale.push(texts(of_team), moment);
     }
 }
 
@@ -254,7 +261,7 @@ fn sum(densities: &[&[u32]]) -> Vec<u32> {
     sum
 }
 
-/// Mean bonuses as colors from 0, dark, to `max`, bright, with panels side by side.
+/// Colors of mean bonuses from 0 (dark) to `max` (bright), with panels side by side.
 fn bonus_pixels(map: &BonusMap, max: f64, pairs: &Pairs) -> Vec<u8> {
     let (width, scale) = (pairs.width(), if max > 0.0 { max } else { 1.0 });
     let mut pixels = EMPTY_COLOR.repeat(width * CELLS);
@@ -267,7 +274,7 @@ fn bonus_pixels(map: &BonusMap, max: f64, pairs: &Pairs) -> Vec<u8> {
     pixels
 }
 
-/// A number with a comma for each thousand: 1,234,567.
+/// A number with commas as thousands separators, such as `1,234,567`.
 fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let groups: Vec<&str> = digits
@@ -289,8 +296,8 @@ impl ImageSeries {
         }
     }
 
-    fn push(&mut self, pixels: Vec<u8>, at: Moment) {
-        self.moments.push(at);
+    fn push(&mut self, pixels: Vec<u8>, moment: Moment) {
+        self.moments.push(moment);
         self.images.push(pixels.into());
     }
 
@@ -342,8 +349,8 @@ impl LabelSeries {
         }
     }
 
-    fn push(&mut self, texts: impl IntoIterator<Item = String>, at: Moment) {
-        self.moments.push(at);
+    fn push(&mut self, texts: impl IntoIterator<Item = String>, moment: Moment) {
+        self.moments.push(moment);
         self.texts.extend(texts);
     }
 
@@ -360,10 +367,10 @@ impl LabelSeries {
         moments.into_chunk(&self.entity, [column])
     }
 
-    /// The positions and colors of the labels, without their texts.
+    /// Static positions and colors of the labels.
     fn style(&self, labels: &[Label]) -> Result<Chunk, RecordingError> {
         let points = Points2D::new(labels.iter().map(|(_, position, _)| *position));
         let colored = points.with_colors(labels.iter().map(|(_, _, color)| rgb(*color)));
-        static_chunk(self.entity.clone(), &only_labels(colored))
+        static_chunk(self.entity.clone(), &show_labels_only(colored))
     }
 }

@@ -1,13 +1,14 @@
 //! The layouts of all views of visited states, with their annotations: `/visitation/axes`,
 //! `/pairs/frames`, color scales.
 //!
-//! The images of all agents share a view, in which each agent's entity has a position of its own.
+//! The images of all agents are in one view, in which the entity of each agent has its own
+//! position.
 
 use rerun::Transform3D;
 use rerun::log::Chunk;
 
 use super::annotations::{
-    Label, MAX_LABELED, PanelLayout, color_scale, format_number, label_points, labels_beside,
+    Label, MAX_LABELED, PanelLayout, color_bar_labels, color_scale, format_number, label_points,
 };
 use super::error::RecordingError;
 use super::images::ImageWriter;
@@ -25,7 +26,7 @@ const VIEW_SIZE: [f32; 2] = [960.0, 880.0];
 /// Height of a view's title, in points.
 const TITLE_HEIGHT: f32 = 28.0;
 
-/// The share of the height for the team's images above those of many agents.
+/// Share of the height for the team's images, above the images of many agents.
 pub(super) const TEAM_SHARE: f32 = 0.3;
 
 /// Width of the color scale beside images, in points.
@@ -40,14 +41,14 @@ pub(super) struct Layouts {
     pub(super) team_pairs: PanelLayout,
 }
 
-/// How the images of a team share the screen.
+/// Arrangement of the images of a team on the screen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Arrangement {
-    /// One agent: its lines above its density.
+    /// One agent: its sampled lines above its density.
     Alone,
-    /// A few agents: one below the other, with lines beside densities.
+    /// A few agents: one below the other, with sampled lines beside densities.
     Few,
-    /// Many agents, below the team's images.
+    /// Many agents: the images of the team above the images of the agents.
     Many,
 }
 
@@ -64,29 +65,30 @@ impl Arrangement {
 impl Layouts {
     pub(super) fn new(agents: u32, axes: &Axes, pairs: &Pairs) -> Self {
         let [width, height] = VIEW_SIZE;
-        let (half, upper) = (
+        let (half_width, team_height) = (
             width / 2.0,
             TEAM_SHARE * (height + TITLE_HEIGHT) - TITLE_HEIGHT,
         );
-        let lower = height - upper - TITLE_HEIGHT;
-        let [of_axes, of_team, of_pairs, of_team_pairs] = match Arrangement::of(agents) {
+        let agents_height = height - team_height - TITLE_HEIGHT;
+        let [axes_size, team_axes_size, pairs_size, team_pairs_size] = match Arrangement::of(agents)
+        {
             Arrangement::Alone => [
                 [width, (height - TITLE_HEIGHT) / 2.0],
-                [half, upper],
+                [half_width, team_height],
                 [width, height],
-                [width, upper],
+                [width, team_height],
             ],
             Arrangement::Few => [
-                [half, height],
-                [half, upper],
-                [half, height],
-                [half, height],
+                [half_width, height],
+                [half_width, team_height],
+                [half_width, height],
+                [half_width, height],
             ],
             Arrangement::Many => [
-                [width, lower],
-                [half, upper],
-                [width, lower],
-                [width, upper],
+                [width, agents_height],
+                [half_width, team_height],
+                [width, agents_height],
+                [width, team_height],
             ],
         };
         let viewport = |size| Viewport {
@@ -95,14 +97,14 @@ impl Layouts {
             overhang: 0.0,
         };
         Self {
-            axes: PanelLayout::of_axes(axes, Some(agents), viewport(of_axes)),
-            team_axes: PanelLayout::of_axes(axes, None, viewport(of_team)),
-            pairs: PanelLayout::of_pairs(pairs, Some(agents), viewport(of_pairs)),
-            team_pairs: PanelLayout::of_pairs(pairs, None, viewport(of_team_pairs)),
+            axes: PanelLayout::of_axes(axes, Some(agents), viewport(axes_size)),
+            team_axes: PanelLayout::of_axes(axes, None, viewport(team_axes_size)),
+            pairs: PanelLayout::of_pairs(pairs, Some(agents), viewport(pairs_size)),
+            team_pairs: PanelLayout::of_pairs(pairs, None, viewport(team_pairs_size)),
         }
     }
 
-    /// Axes, panels, each agent's position, and the scales whose ends are known.
+    /// Static axes, panels, positions of agents, and scales of images.
     pub(super) fn annotations(
         &self,
         style: &VisitationStyle,
@@ -122,7 +124,7 @@ impl Layouts {
         Ok(chunks)
     }
 
-    /// The scales of images; their upper ends are recorded with the images.
+    /// The scales of images. The labels of their upper ends are recorded with the images.
     fn image_scales(&self, images: &ImageWriter) -> Result<Vec<Chunk>, RecordingError> {
         let [axes, team_axes, pairs, team_pairs] =
             [self.axes, self.team_axes, self.pairs, self.team_pairs]
@@ -139,7 +141,7 @@ impl Layouts {
                 entity,
                 &bar,
                 line_density_color,
-                labels_beside(
+                color_bar_labels(
                     &bar,
                     &[("states per pixel", 2.1), ("1", -0.05), ("log scale", -1.1)],
                 ),
@@ -156,25 +158,26 @@ impl Layouts {
                     entity,
                     &bar,
                     sequential_color,
-                    labels_beside(&bar, &[("mean bonus", 2.1), ("0", -0.05)]),
+                    color_bar_labels(&bar, &[("mean bonus", 2.1), ("0", -0.05)]),
                 )?);
             }
         }
-        let sides = labels_beside(
+        let difference_labels = color_bar_labels(
             &team_axes,
             &[("", 2.1), ("", 1.05), ("", -0.05), ("", -1.1)],
         );
-        chunks.push(images.difference_label_style(&sides)?);
+        chunks.push(images.difference_label_style(&difference_labels)?);
         chunks.extend(color_scale(
             "visitation/difference/scale",
             &team_axes,
             |share| diverging_color(2.0 * share - 1.0),
-            labels_beside(&team_axes, &[("√ scale", 3.15)]),
+            color_bar_labels(&team_axes, &[("√ scale", 3.15)]),
         )?);
         Ok(chunks)
     }
 
-    /// The color scales of lines and points, whose ends may depend on the first round.
+    /// The color scales of lines and points. Their ends may depend on the returns of the first
+    /// round.
     pub(super) fn color_scales(&self, coloring: &Coloring) -> Result<Vec<Chunk>, RecordingError> {
         let layouts = [
             ("visitation/scale/lines", self.axes),
@@ -193,17 +196,17 @@ impl Layouts {
     }
 }
 
-/// The position of the label at the upper end of a scale; its text is recorded with the images.
+/// The position of the label at the upper end of a scale. Its text is recorded with the images.
 fn max_label(bar: &ColorBar) -> Vec<Label> {
-    labels_beside(bar, &[("", 1.05)])
+    color_bar_labels(bar, &[("", 1.05)])
 }
 
 /// The positions of the label at the upper end of a scale and of a note below the scale.
 fn max_and_note_labels(bar: &ColorBar, note: f32) -> Vec<Label> {
-    labels_beside(bar, &[("", 1.05), ("", note)])
+    color_bar_labels(bar, &[("", 1.05), ("", note)])
 }
 
-/// The colors of densities, from one line, which is not black, to the maximum.
+/// The color of a density, from a single line (0, not black) to the maximum (1).
 fn line_density_color(share: f32) -> [u8; 3] {
     let min = f32::from(MIN_BRIGHTNESS) / 255.0;
     density_color(min + (1.0 - min) * share)
@@ -230,14 +233,14 @@ fn state_color_scale(
         }
         ColorBy::Return => {
             let (low, high) = (format!("{low} or less"), format!("{high} or more"));
-            let labels = labels_beside(
+            let labels = color_bar_labels(
                 bar,
                 &[(coloring.title(), 2.1), (&high, 1.05), (&low, -0.05)],
             );
             color_scale(entity, bar, sequential_color, labels).map(Vec::from)
         }
         ColorBy::Episode | ColorBy::IntrinsicReward => {
-            let labels = labels_beside(
+            let labels = color_bar_labels(
                 bar,
                 &[(coloring.title(), 2.1), (&high, 1.05), (&low, -0.05)],
             );

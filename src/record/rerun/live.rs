@@ -1,8 +1,8 @@
-//! Sends a recording to a running viewer while it is made.
+//! Sends a recording to a running viewer while it is written (`--live`).
 //!
-//! The file has priority: the viewer gets copies of its messages from a thread of its own. A viewer
-//! that does not respond, or not fast enough, is disconnected; the run never waits for it longer
-//! than [`RESPONSE_TIMEOUT`].
+//! The file has priority: a separate thread sends copies of its messages to the viewer. A viewer
+//! that does not respond fast enough is disconnected. The run never waits for it longer than
+//! [`RESPONSE_TIMEOUT`].
 
 use std::fs::File;
 use std::io::BufReader;
@@ -24,7 +24,7 @@ pub const DEFAULT_VIEWER: &str = rerun::DEFAULT_CONNECT_URL;
 /// Maximum time to wait for the viewer.
 const RESPONSE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Maximum number of messages that wait for the viewer; the largest have about 100 kB.
+/// Maximum number of messages that wait for the viewer. The largest messages have about 100 kB.
 const CHANNEL_CAPACITY: usize = 128;
 
 /// Interval between attempts to send to a busy viewer.
@@ -34,9 +34,9 @@ const RETRY_INTERVAL: Duration = Duration::from_millis(2);
 #[derive(Debug)]
 pub struct Viewer {
     address: String,
-    /// None after the viewer was disconnected.
+    /// `None` after the viewer was disconnected.
     messages: Option<SyncSender<LogMsg>>,
-    /// Closed when everything was sent.
+    /// Channel that is closed after everything was sent.
     sent: Receiver<()>,
 }
 
@@ -62,7 +62,8 @@ impl Viewer {
             thread::sleep(RETRY_INTERVAL);
         }
         if connection.status() != GrpcSinkConnectionState::Connected {
-            // Closing a connection that was never established takes seconds.
+            // Close the connection in another thread: if it was never established, this takes
+            // seconds.
             thread::spawn(move || drop(connection));
             return Err(LiveError::NoViewer(address.to_owned()));
         }
@@ -80,7 +81,7 @@ impl Viewer {
         })
     }
 
-    /// Sends what the recording at `path` contains so far.
+    /// Sends all messages that the recording at `path` contains so far.
     pub(super) fn catch_up(&mut self, path: &Path) -> Result<(), RecordingError> {
         let file = File::open(path)?;
         for message in DecoderApp::decode_lazy(BufReader::new(file)) {
@@ -89,7 +90,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Sends a message. Fails once, when the viewer is disconnected; later calls do nothing.
+    /// Sends a message. Returns an error when the viewer is disconnected; later calls do nothing.
     pub(super) fn send(&mut self, mut message: LogMsg) -> Result<(), RecordingError> {
         let since = Instant::now();
         while let Some(messages) = &self.messages {
@@ -177,8 +178,8 @@ mod tests {
         assert!(since.elapsed() < 2 * RESPONSE_TIMEOUT);
     }
 
-    /// It accepts the connection and never reads: some messages wait in buffers, then it is
-    /// disconnected, once.
+    /// The viewer accepts the connection and never reads. After buffers are full it is
+    /// disconnected, and exactly one call returns an error.
     #[test]
     fn a_viewer_that_does_not_read_is_disconnected() {
         let silent = TcpListener::bind("127.0.0.1:0").unwrap();

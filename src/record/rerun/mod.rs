@@ -2,8 +2,8 @@
 //! Rerun SDK; must not depend on training.
 //!
 //! While a run is in progress, or if it crashed, the file is `run.rrd.part`; it gets its final name
-//! when it is complete. Rows are collected and written in chunks, because each chunk has a header of
-//! its own; [`checkpoint`](Recorder::checkpoint) writes all collected rows.
+//! when it is complete. Rows are collected and written in chunks, because each chunk has a header
+//! of its own; [`checkpoint`](Recorder::checkpoint) writes all collected rows.
 
 mod annotations;
 mod blueprint;
@@ -95,7 +95,7 @@ impl RecorderFactory for RecordingFile {
     }
 }
 
-/// Records into an `.rrd` file.
+/// Writes an `.rrd` file.
 pub struct RerunRecorder {
     paths: Paths,
     sink: Sink,
@@ -242,8 +242,8 @@ impl Recorder for RerunRecorder {
     }
 }
 
-/// A recording that is dropped before it is complete keeps everything recorded so far, in
-/// `run.rrd.part`.
+/// If the recorder is dropped before the recording is complete, everything recorded so far is
+/// written to `run.rrd.part`.
 impl Drop for RerunRecorder {
     fn drop(&mut self) {
         drop(self.write_chunks(true));

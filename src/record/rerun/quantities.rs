@@ -18,7 +18,7 @@ use seedbed_env::{Quantity, Spec};
 
 pub(super) const ENTITY: &str = "/scenario/quantities";
 
-/// The task and the bonus, as stored in a recording.
+/// Observations, actions, time limit and bonus range, as stored in a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Quantities {
     pub(super) observations: Vec<Quantity>,
@@ -27,7 +27,7 @@ pub(super) struct Quantities {
     pub(super) bonus: BonusRange,
 }
 
-/// The chunk that [`read`] reads.
+/// Encodes the quantities as a chunk for [`read`].
 pub(super) fn chunk(spec: &Spec, bonus: BonusRange) -> Result<Chunk, RecordingError> {
     let step = Quantity {
         name: "step".to_owned(),
@@ -71,7 +71,7 @@ pub(super) fn chunk(spec: &Spec, bonus: BonusRange) -> Result<Chunk, RecordingEr
     static_chunk(ENTITY, &columns)
 }
 
-/// Reads what [`chunk`] wrote; none if the chunk is something else.
+/// Decodes a chunk of [`chunk`]; `None` if the chunk has other contents.
 pub(super) fn read(chunk: &Chunk) -> Option<Quantities> {
     let (names, units, roles) = (
         strings(chunk, "name")?,
@@ -100,7 +100,7 @@ pub(super) fn read(chunk: &Chunk) -> Option<Quantities> {
     (!quantities.observations.is_empty()).then_some(quantities)
 }
 
-/// The strings of a column, those of all rows one after the other.
+/// The strings of all rows of a column.
 pub(super) fn strings(chunk: &Chunk, component: &str) -> Option<Vec<String>> {
     let list: &ListArray = chunk
         .components()

@@ -1,7 +1,7 @@
-//! `/raw/agent_K`: everything the agent observed and did, as columns for queries.
+//! `/raw/agent_K`: the observations, actions and rewards of an agent, as columns for queries.
 //!
-//! An episode of T steps has T + 1 rows. Row t has the observation and the action at step t; the last
-//! row has the last observation, and an outcome instead of an action.
+//! An episode of T steps has T + 1 rows. Row t has the observation and the action at step t; the
+//! last row has the last observation, and an outcome instead of an action.
 
 use std::sync::Arc;
 
@@ -16,8 +16,8 @@ use super::rows::{Moment, Moments, unit_column};
 use seedbed_env::{Choice, Spec, Status};
 use seedbed_learn::experience::{Episode, StepData};
 
-/// Number of rows in one chunk: enough that the chunk's header is small beside its data, and few
-/// enough that columns compress well.
+/// Number of rows in one chunk: large enough that the header of a chunk is small compared with its
+/// data, and small enough that columns compress well.
 const ROWS_PER_CHUNK: usize = 2048;
 
 /// The rows of one agent that are not written yet.
@@ -33,9 +33,9 @@ pub(super) struct RawColumns {
     actions: Vec<(ComponentDescriptor, Choice)>,
     reward: ComponentDescriptor,
     log_prob: ComponentDescriptor,
-    /// None for agents without a bonus.
+    /// `None` for agents without a bonus.
     intrinsic_reward: Option<ComponentDescriptor>,
-    /// Present if an axis shows advantages.
+    /// `None` unless an axis shows advantages.
     advantage: Option<ComponentDescriptor>,
     outcome: ComponentDescriptor,
 }
@@ -54,7 +54,7 @@ struct Rows {
 }
 
 impl RawColumns {
-    /// Fails if two columns would have the same name.
+    /// The columns of a task. Fails if two columns have the same name.
     pub(super) fn of(
         spec: &Spec,
         has_bonus: bool,
@@ -166,7 +166,7 @@ impl RawTable {
         }
     }
 
-    /// The rows as a chunk if there are enough, or if any and `all` is set.
+    /// Takes the rows as a chunk if there are enough or, if `all` is set, any rows.
     pub(super) fn take(&mut self, all: bool) -> Option<Result<Chunk, RecordingError>> {
         let min_rows = if all { 1 } else { ROWS_PER_CHUNK };
         if self.rows.moments.len() < min_rows {
@@ -236,7 +236,7 @@ fn f32_column(
     unit_column(name.clone(), Arc::new(Float32Array::from(values)), present)
 }
 
-/// Appends rows to columns.
+/// Appends row-major values to one vector per column.
 fn append_to_columns(rows: &[f32], columns: &mut [Vec<f32>]) {
     let width = columns.len();
     for (index, column) in columns.iter_mut().enumerate() {
@@ -244,7 +244,7 @@ fn append_to_columns(rows: &[f32], columns: &mut [Vec<f32>]) {
     }
 }
 
-/// Replaces the indices of discrete actions by their values.
+/// Replaces indices of discrete actions by the values of the actions.
 fn replace_indices(choice: &Choice, actions: &mut [f32]) {
     if let Choice::Discrete(values) = choice {
         for action in actions {

@@ -1,7 +1,7 @@
 //! Reads a recording, episode by episode.
 //!
-//! Chunks are decoded one after the other and dropped, so that memory holds one chunk (about 2,000
-//! rows) and the incomplete episode of each agent, however long the recording is.
+//! Chunks are decoded and dropped one at a time. So memory contains one chunk (about 2,000 rows)
+//! and the incomplete episode of each agent, for recordings of any length.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
@@ -19,7 +19,7 @@ use crate::record::visitation::Axes;
 use crate::record::{BonusRange, ReadError, RecordedEpisode};
 use seedbed_env::{Quantity, Status};
 
-/// An opened recording: its properties, task and episodes.
+/// An open recording: its properties, quantities and episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     path: PathBuf,
@@ -54,7 +54,7 @@ impl Recording {
         Err(missing(path))
     }
 
-    /// Facts about the run by name, such as `environment`, `agents`, `seed` and `algorithm`.
+    /// Properties of the run by name, such as `environment`, `agents`, `seed` and `algorithm`.
     #[must_use]
     pub fn properties(&self) -> &BTreeMap<String, String> {
         &self.properties
@@ -88,11 +88,10 @@ impl Recording {
         )
     }
 
-    /// All episodes, those of each agent in their order. Episodes that are incomplete in the file are
-    /// left out.
+    /// All complete episodes in the file. The episodes of each agent are in ascending order.
     ///
     /// # Errors
-    /// The file cannot be opened. Items are errors where the file is damaged.
+    /// If the file cannot be opened. An item is an error if the file is damaged.
     pub fn episodes(&self) -> Result<Episodes, ReadError> {
         let columns = Columns::of(&self.quantities);
         Ok(Episodes {
@@ -123,7 +122,7 @@ fn collect_properties(chunk: &Chunk, properties: &mut BTreeMap<String, String>) 
 pub struct Episodes {
     chunks: Chunks,
     columns: Columns,
-    /// By agent.
+    /// The incomplete episode of each agent.
     unfinished: BTreeMap<u32, RecordedEpisode>,
     finished: VecDeque<RecordedEpisode>,
 }
@@ -205,7 +204,7 @@ struct Rows {
     rounds: Vec<u32>,
     /// `[observations]` of `[rows]`
     observations: Vec<Vec<f32>>,
-    /// `[actions]` of `[rows without an outcome]`, as are those below.
+    /// `[actions]` of `[rows without an outcome]`; rewards and bonuses have these rows as well.
     actions: Vec<Vec<f32>>,
     rewards: Vec<f32>,
     intrinsic_rewards: Vec<f32>,
@@ -279,11 +278,11 @@ fn status(outcome: &str) -> Status {
     }
 }
 
-/// The chunks of a recording, without those of its blueprint.
+/// The chunks of a recording, without the chunks of its blueprint.
 struct Chunks {
     path: PathBuf,
     messages: DecoderIterator<LogMsg, BufReader<File>>,
-    /// Nothing can be read after an error.
+    /// Whether an error occurred, after which nothing can be read.
     failed: bool,
 }
 

@@ -1,8 +1,8 @@
 //! Resumes a recording that was interrupted.
 //!
-//! A checkpoint stores the number of messages in the file. That many are copied to a new file, which
-//! then replaces the old one: the rounds after the checkpoint are run and recorded again, and must
-//! not be in the file twice.
+//! A checkpoint stores the number of messages in the file. To resume, this number of messages is
+//! copied to a new file, which replaces the old file. Rounds after the checkpoint are not copied,
+//! because they are run and recorded again.
 
 use std::collections::VecDeque;
 use std::fs::{self, File};
@@ -21,23 +21,23 @@ use crate::record::RecordingSettings;
 use crate::record::RunInfo;
 use crate::record::visitation::AgentVisits;
 
-/// The format of [`State`], by the order and types of its fields.
+/// Version of the order and types of the fields of [`State`].
 const FORMAT: u32 = 2;
 
 /// What a recorder needs to resume, in addition to its file.
 #[derive(Serialize, Deserialize)]
 pub(super) struct State {
-    /// [`FORMAT`], so that a checkpoint of another version is refused and not misread.
+    /// Equals [`FORMAT`]; a checkpoint with another number is refused.
     format: u32,
-    /// Number of messages in the file; set by checkpoints only.
+    /// Number of messages in the file at the checkpoint.
     pub(super) messages: u64,
     /// Unique id of the recording.
     pub(super) recording_id: String,
-    /// Each agent's next step on its own timeline.
+    /// The next step of each agent on the timeline of its steps.
     pub(super) next_steps: Vec<i64>,
-    /// The states that each agent visited.
+    /// The visited states of each agent.
     pub(super) visits: Vec<AgentVisits>,
-    /// The ends of the scale of colors; known after the first round.
+    /// The ends of the color scale of states; `None` before the first round.
     pub(super) color_range: Option<[f32; 2]>,
     /// The team's mean returns of the latest rounds.
     pub(super) latest_returns: VecDeque<f64>,
@@ -48,8 +48,8 @@ pub(super) struct State {
 }
 
 impl State {
-    /// The state of a recording without rounds. Its id is the run's name and a random suffix, so that
-    /// several recordings can be shown together.
+    /// The state of a recording without rounds. Its id is the run's name and a random suffix, so
+    /// that several recordings can be shown together.
     pub(super) fn start(info: &RunInfo<'_>, settings: &RecordingSettings) -> Self {
         let agents = info.agents as usize;
         let style = VisitationStyle::of(info, settings, None);
@@ -66,7 +66,8 @@ impl State {
         }
     }
 
-    /// Fails if this is the state of another run.
+    /// Returns an error if this state has another number of agents, other axes or other panels than
+    /// the run.
     pub(super) fn check(
         &self,
         info: &RunInfo<'_>,
@@ -84,14 +85,14 @@ impl State {
         }
     }
 
-    /// The bytes that [`from_bytes`](Self::from_bytes) reads.
+    /// Encodes the state for [`from_bytes`](Self::from_bytes).
     pub(super) fn to_bytes(&self) -> Result<Vec<u8>, RecordingError> {
         postcard::to_stdvec(self).map_err(|error| RecordingError::Encoding(error.to_string()))
     }
 
-    /// Reads the bytes of [`to_bytes`](Self::to_bytes).
+    /// Decodes the bytes of [`to_bytes`](Self::to_bytes).
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self, RecordingError> {
-        // The format comes first, so that it can be read whatever follows it.
+        // The format is the first field, so that it can be read before all other fields.
         match postcard::take_from_bytes::<u32>(bytes) {
             Ok((FORMAT, _)) => postcard::from_bytes(bytes).map_err(|_| RecordingError::Checkpoint),
             _ => Err(RecordingError::Checkpoint),
@@ -109,8 +110,8 @@ fn random_suffix() -> String {
         .collect()
 }
 
-/// Opens `part` with only its first `messages` messages. If there is no such file, reads `done`
-/// instead.
+/// Opens `part` truncated to its first `messages` messages. If `part` does not exist, the messages
+/// are copied from `done`.
 pub(super) fn reopen(
     part: &Path,
     done: &Path,

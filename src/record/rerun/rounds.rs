@@ -1,4 +1,4 @@
-//! Adds rounds to a recording: rows are collected, and written when there are enough for a chunk.
+//! Adds rounds to a recording. Rows are collected, and written when there are enough for a chunk.
 
 use std::slice::Iter;
 
@@ -17,11 +17,11 @@ const IMAGES_BEFORE_DOUBLING: u32 = 200;
 /// Whether a round gets images, if the initial interval is `every` rounds.
 ///
 /// The interval is constant for the first 200 images and then doubles with each octave, that is,
-/// each time the run has doubled in length. So each octave adds the same number of images (100), and
-/// a run of n rounds has O(log n) of them: the images late in a run differ little from each other,
-/// and would otherwise make up most of the file. The first octave begins after round
-/// 200 · `every`, where the quotient below is 1 and its logarithm 0; in the rounds before, the
-/// quotient is 0 and has no logarithm, so that nothing is doubled.
+/// each time the run has doubled in length. So each octave adds the same number of images (100),
+/// and a run of n rounds has O(log n) of them: the images late in a run differ little from each
+/// other, and would otherwise make up most of the file. The first octave begins after round 200 ·
+/// `every`, where the quotient below is 1 and its logarithm 0; in the rounds before, the quotient
+/// is 0 and has no logarithm, so that nothing is doubled.
 fn has_images(round: u32, every: u32) -> bool {
     let doublings = (round / IMAGES_BEFORE_DOUBLING.saturating_mul(every))
         .checked_ilog2()
@@ -33,7 +33,7 @@ impl RerunRecorder {
     /// Adds a round, and writes the chunks that are full.
     pub(super) fn add_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordingError> {
         if self.state.latest.is_none() {
-            self.fix_color_range(round.episodes);
+            self.set_color_range(round.episodes);
             self.write_blueprint(round.body_trajectories)?;
         }
         let mut rows = round.episode_rows.iter();
@@ -47,7 +47,7 @@ impl RerunRecorder {
         let latest_episode = latest_episode.map_or(0, i64::from);
         self.state.latest = Some((round.round.into(), latest_episode));
         self.state.has_latest_images = false;
-        let end = self.now();
+        let end = self.latest_moment();
         self.writers.curves.add_round(
             round.episode_rows,
             round.round_rows,
@@ -60,8 +60,9 @@ impl RerunRecorder {
         self.write_chunks(false)
     }
 
-    /// Adds one agent's episodes of a round. States to draw are sampled from a stream of the agent
-    /// and round, so that they depend on neither other agents nor an interruption.
+    /// Adds the episodes of one agent in a round. The random stream that samples states depends
+    /// only on the run seed, the agent and the round. So the sample does not depend on other agents
+    /// or interruptions.
     fn add_episodes(
         &mut self,
         round: &RoundRecord<'_>,
@@ -77,7 +78,7 @@ impl RerunRecorder {
         );
         for (index, episode) in episodes.iter().enumerate() {
             let of_agent = self.settings.quota.of_episode(index, episodes.len());
-            let counts = SampleCounts {
+            let sample_counts = SampleCounts {
                 of_agent,
                 of_team: of_agent.div_ceil(self.writers.agents.len()),
             };
@@ -92,35 +93,40 @@ impl RerunRecorder {
                 end,
                 &mut self.state.visits[agent],
                 [&mut writers.sample, &mut self.writers.team],
-                counts,
+                sample_counts,
                 &mut random,
             );
             if let Some(row) = rows.next() {
                 self.writers.curves.add_episode(row, end);
             }
-            self.add_scene(round.body_trajectories, episode, first);
+            self.add_scene(round.body_trajectories, episode, first_moment);
         }
     }
 
-    /// The first and the last row of an episode on the timelines; the agent's next episode begins
-    /// after them.
+    /// The first and the last moment of an episode. Reserves its steps on the timeline of the
+    /// agent.
     fn episode_moments(&mut self, episode: &Episode) -> (Moment, Moment) {
         let next_step = &mut self.state.next_steps[episode.agent as usize];
-        let first = Moment {
+        let first_moment = Moment {
             env_step: *next_step,
             episode: episode.episode.into(),
             round: episode.round.into(),
         };
         let end = Moment {
             env_step: *next_step + episode.length() as i64,
-            ..first
+            ..first_moment
         };
         *next_step = end.env_step + 1;
-        (first, end)
+        (first_moment, end)
     }
 
-    /// Adds the bodies of an episode, if its agent has a scene and its trajectory was recorded.
-    fn add_scene(&mut self, trajectories: &[BodyTrajectory], episode: &Episode, first: Moment) {
+    /// Adds the bodies of an episode if its agent has a scene and its trajectory was recorded.
+    fn add_scene(
+        &mut self,
+        trajectories: &[BodyTrajectory],
+        episode: &Episode,
+        first_moment: Moment,
+    ) {
         let scene = self
             .writers
             .scenes
@@ -130,12 +136,12 @@ impl RerunRecorder {
             (trajectory.agent, trajectory.episode) == (episode.agent, episode.episode)
         });
         if let (Some(scene), Some(trajectory)) = (scene, trajectory) {
-            scene.add_episode(trajectory, first);
+            scene.add_episode(trajectory, first_moment);
         }
     }
 
     /// The end of the latest round, at the largest step number of any agent.
-    fn now(&self) -> Moment {
+    fn latest_moment(&self) -> Moment {
         let (round, episode) = self.state.latest.unwrap_or_default();
         let next_step = self.state.next_steps.iter().max();
         Moment {
@@ -152,15 +158,18 @@ impl RerunRecorder {
 
     /// Adds images of the states visited so far and in the latest rounds.
     pub(super) fn add_images(&mut self) {
-        let now = self.now();
-        self.writers
-            .images
-            .push(&self.state.visits, &self.style, self.settings.window, now);
+        let latest_moment = self.latest_moment();
+        self.writers.images.push(
+            &self.state.visits,
+            &self.style,
+            self.settings.window,
+            latest_moment,
+        );
         self.state.has_latest_images = true;
     }
 
-    /// Fixes the scale of colors for the whole run, which depends on the first round's episodes.
-    fn fix_color_range(&mut self, first: &[&Episode]) {
+    /// Sets the color scale of states for the whole run, using the returns of the first round.
+    fn set_color_range(&mut self, first_round_episodes: &[&Episode]) {
         let Self {
             settings, style, ..
         } = self;
@@ -169,7 +178,7 @@ impl RerunRecorder {
             &settings.spec,
             settings.max_episodes,
             settings.bonus,
-            first,
+            first_round_episodes,
         );
         style.coloring.range = range;
         self.state.color_range = Some(range);
@@ -180,25 +189,25 @@ impl RerunRecorder {
 mod tests {
     use super::*;
 
-    /// 200 images up to round 2000, then 100 up to 4000, and 100 up to 8000, where rounds 4000 and
-    /// 8000 begin the next interval.
+    /// There are 200 images before round 2000, 100 images from there to round 4000, and 100 images
+    /// from there to round 8000.
     #[test]
-    fn images_become_rarer_as_a_run_grows() {
-        let between = |first: u32, end: u32| {
+    fn the_interval_between_images_doubles_with_the_length_of_a_run() {
+        let rounds_with_images = |first: u32, end: u32| {
             (first..end)
                 .filter(|round| has_images(*round, 10))
                 .collect::<Vec<u32>>()
         };
-        assert_eq!(between(0, 31), [0, 10, 20, 30]);
+        assert_eq!(rounds_with_images(0, 31), [0, 10, 20, 30]);
         assert_eq!(
             [
-                between(0, 2000).len(),
-                between(2000, 4000).len(),
-                between(4000, 8000).len()
+                rounds_with_images(0, 2000).len(),
+                rounds_with_images(2000, 4000).len(),
+                rounds_with_images(4000, 8000).len()
             ],
             [200, 100, 100]
         );
-        assert_eq!(between(3970, 4090), [3980, 4000, 4040, 4080]);
+        assert_eq!(rounds_with_images(3970, 4090), [3980, 4000, 4040, 4080]);
         assert!(has_images(0, 1_000_000_000) && !has_images(u32::MAX, 1_000_000_000));
     }
 }

@@ -1,5 +1,5 @@
-//! Builds chunks: rows of one entity that are written together, because each chunk has a header of
-//! its own.
+//! Builds chunks. A chunk is a number of rows of one entity, which are written together because
+//! each chunk has a header.
 
 use std::sync::Arc;
 
@@ -15,15 +15,15 @@ use rerun::{
 
 use super::error::RecordingError;
 
-/// The timeline of the agent's steps. An episode of T steps takes T + 1 of them, the last one for the
-/// last observation.
+/// The timeline of steps. An episode of T steps occupies T + 1 positions on it; the last one is
+/// that of the last observation.
 pub(super) const ENV_STEP: &str = "env_step";
-/// The timeline of the agent's episodes.
+/// The timeline of episodes per agent.
 pub(super) const EPISODE: &str = "episode";
-/// The timeline of the team's rounds.
+/// The timeline of rounds.
 pub(super) const ROUND: &str = "round";
 
-/// A point on all three timelines.
+/// A position on all three timelines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moment {
     pub(super) env_step: i64,
@@ -46,7 +46,7 @@ impl Moments {
         self.rounds.push(moment.round);
     }
 
-    /// Adds `rows` rows, one step apart, beginning at `first`.
+    /// Adds the moments of `rows` consecutive steps, beginning at `first`.
     pub(super) fn push_steps(&mut self, first: Moment, rows: usize) {
         let rows_after = |count: usize| self.env_steps.len() + count;
         self.episodes.resize(rows_after(rows), first.episode);
@@ -112,7 +112,7 @@ fn time_column(name: &'static str, times: Vec<i64>) -> (TimelineName, TimeColumn
     )
 }
 
-/// A static row, which holds at all times.
+/// A chunk with a static row, which is valid at all times.
 pub(super) fn static_chunk(
     entity: impl Into<EntityPath>,
     content: &dyn AsComponents,
@@ -120,7 +120,7 @@ pub(super) fn static_chunk(
     single_row_chunk(entity, TimePoint::default(), content)
 }
 
-/// A single row.
+/// A chunk with a single row.
 pub(super) fn single_row_chunk(
     entity: impl Into<EntityPath>,
     at: impl Into<TimePoint>,

@@ -1,6 +1,6 @@
 //! `/visitation/agent_K/lines` and `/pairs/agent_K/states`: a sample of the states of the latest
-//! episodes, as lines in parallel coordinates and as points in plots of pairs. The team's entities
-//! have fewer states of each agent, those of all agents on top of each other.
+//! episodes, as lines in parallel coordinates and as points in plots of pairs. The entities of the
+//! team have a smaller sample, of the states of all agents.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use seedbed_learn::experience::{Episode, StepData};
 /// Number of episodes in one chunk.
 const EPISODES_PER_CHUNK: usize = 64;
 
-/// How states are drawn: the axes, the panels, and the colors.
+/// Axes, panels and colors with which states are drawn.
 pub(super) struct VisitationStyle {
     pub(super) axes: Axes,
     pub(super) pairs: Pairs,
@@ -40,13 +40,13 @@ struct MarkSeries {
     entity: EntityPath,
     moments: Moments,
     coordinates: Vec<f32>,
-    /// One color per line or point; empty if every agent has a color of its own.
+    /// One color per line or point; empty if states have the color of their agent.
     colors: Vec<u32>,
     /// Number of states in each row.
     counts: Vec<usize>,
 }
 
-/// The number of states of an episode that are sampled for its agent and for the team.
+/// Number of sampled states of an episode, for its agent and for the team.
 #[derive(Clone, Copy)]
 pub(super) struct SampleCounts {
     pub(super) of_agent: usize,
@@ -54,7 +54,7 @@ pub(super) struct SampleCounts {
 }
 
 impl VisitationStyle {
-    /// The style that a scenario chooses; `color_range` is known after the first round.
+    /// The style chosen in a scenario. `color_range` is `None` before the first round.
     pub(super) fn of(
         info: &RunInfo<'_>,
         settings: &RecordingSettings,
@@ -70,15 +70,15 @@ impl VisitationStyle {
         }
     }
 
-    /// Counts all states of an episode in its agent's visits, and picks some for the samples of the
-    /// agent and of the team, which appear at `end`. The team's states are a random part of the
-    /// agent's.
+    /// Counts all states of an episode in `visits`, and adds samples of them to the agent and to
+    /// the team, at the moment `end`. The sample of the team is a random subset of the agent's
+    /// sample.
     pub(super) fn add(
         &self,
         (episode, step_data): (&Episode, Option<&StepData>),
         end: Moment,
         visits: &mut AgentVisits,
-        [own, team]: [&mut SampleWriter; 2],
+        [agent_writer, team_writer]: [&mut SampleWriter; 2],
         counts: SampleCounts,
         random: &mut Stream,
     ) {
@@ -90,11 +90,11 @@ impl VisitationStyle {
         for (step, state) in visited.enumerate() {
             self.axes.project(&state, &mut fractions);
             visits.add(&fractions, &self.pairs, &state);
-            if let Some((index, _)) = next.next_if(|(_, picked)| **picked == step) {
+            if let Some((index, _)) = remaining.next_if(|(_, sampled)| **sampled == step) {
                 let color = self.coloring.color(episode, &state);
-                own.draw(self, &state, &fractions, color);
-                if shared.binary_search(&index).is_ok() {
-                    team.draw(
+                agent_writer.draw(self, &state, &fractions, color);
+                if sampled_for_team.binary_search(&index).is_ok() {
+                    team_writer.draw(
                         self,
                         &state,
                         &fractions,
@@ -103,16 +103,16 @@ impl VisitationStyle {
                 }
             }
         }
-        own.end(picked.len(), end);
-        team.end(shared.len(), end);
+        agent_writer.end(sampled.len(), end);
+        team_writer.end(sampled_for_team.len(), end);
     }
 }
 
 impl SampleWriter {
-    pub(super) fn new(who: &str) -> Self {
+    pub(super) fn new(subject_name: &str) -> Self {
         Self {
-            lines: MarkSeries::new(format!("visitation/{who}/lines")),
-            points: MarkSeries::new(format!("pairs/{who}/states")),
+            lines: MarkSeries::new(format!("visitation/{subject_name}/lines")),
+            points: MarkSeries::new(format!("pairs/{subject_name}/states")),
         }
     }
 
@@ -139,13 +139,13 @@ impl SampleWriter {
     }
 
     fn end(&mut self, states: usize, at: Moment) {
-        for marks in [&mut self.lines, &mut self.points] {
-            marks.moments.push(at);
-            marks.counts.push(states);
+        for series in [&mut self.lines, &mut self.points] {
+            series.moments.push(at);
+            series.counts.push(states);
         }
     }
 
-    /// Chunks of lines and points if there are enough, or if any and `all` is set.
+    /// Takes lines and points as chunks if there are enough or, if `all` is set, any.
     pub(super) fn take(
         &mut self,
         style: &VisitationStyle,
@@ -169,8 +169,8 @@ impl SampleWriter {
         lines.into_iter().chain(points).collect()
     }
 
-    /// The sizes of lines and points, which never change, and their colors if every agent has its
-    /// own: from dark, at an episode's start, to bright, at its end.
+    /// Static sizes of lines and points. If states have the color of their agent, also static
+    /// colors, from dark (start of an episode) to bright (its end).
     pub(super) fn styles(
         &self,
         agent: Option<u32>,
@@ -178,14 +178,14 @@ impl SampleWriter {
         panels: usize,
     ) -> Result<[Chunk; 2], RecordingError> {
         let states = states_per_row.max(1);
-        let share = |state: u32| 0.35 + 0.65 * (state + 1) as f32 / states as f32;
-        let faded = |agent: u32, state: u32| {
+        let brightness = |state: u32| 0.35 + 0.65 * (state + 1) as f32 / states as f32;
+        let color_of_state = |agent: u32, state: u32| {
             categorical_color(agent)
-                .map(|channel| (f32::from(channel) * share(state)).min(255.0) as u8)
+                .map(|channel| (f32::from(channel) * brightness(state)).min(255.0) as u8)
         };
         let colors: Vec<_> = agent
             .into_iter()
-            .flat_map(|agent| (0..states).map(move |state| rgb(faded(agent, state))))
+            .flat_map(|agent| (0..states).map(move |state| rgb(color_of_state(agent, state))))
             .collect();
         let lines = LineStrips2D::update_fields().with_radii([Radius::new_ui_points(0.35)]);
         let points = Points2D::update_fields().with_radii([Radius::new_ui_points(1.2)]);
@@ -195,13 +195,16 @@ impl SampleWriter {
                 static_chunk(self.points.entity.clone(), &points)?,
             ]);
         }
-        let of_points = colors
+        let point_colors = colors
             .iter()
             .flat_map(|color| vec![*color; panels])
             .collect::<Vec<_>>();
         Ok([
             static_chunk(self.lines.entity.clone(), &lines.with_colors(colors))?,
-            static_chunk(self.points.entity.clone(), &points.with_colors(of_points))?,
+            static_chunk(
+                self.points.entity.clone(),
+                &points.with_colors(point_colors),
+            )?,
         ])
     }
 }
@@ -218,7 +221,7 @@ impl MarkSeries {
         }
     }
 
-    /// A chunk of the collected lines or points, of which each state has `per_state`.
+    /// Takes the collected lines or points as a chunk. Each state has `per_state` of them.
     fn take(
         &mut self,
         per_state: usize,

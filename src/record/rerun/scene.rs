@@ -1,4 +1,4 @@
-//! `/scene/agent_K/…`: the bodies of an agent, and the forces on them.
+//! `/scene/agent_K/…`: the bodies of an agent's environment, and the forces on them.
 //!
 //! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each recorded step,
 //! `/scene/agent_K/camera` the position of the body that the task tracks, if it tracks one, and
@@ -14,7 +14,7 @@ use super::error::RecordingError;
 use super::forces::ForceWriter;
 use super::framing::{Bounds, episode_bounds};
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
-use super::shapes::{drawn, hinge, outline, placed, shift, turn};
+use super::shapes::{hinge, lines_and_discs, outline, rotation_of, scene_point, translation_of};
 use crate::record::BodyTrajectory;
 use seedbed_env::{Pose, Scene, SceneBody};
 use seedbed_figure::color::dark::categorical_color;
@@ -25,13 +25,13 @@ const FRAMES_PER_TRACE: usize = 24;
 /// Number of steps of a body in one chunk.
 const STEPS_PER_CHUNK: usize = 2048;
 
-/// The entity below the scene that the view follows if a body is tracked.
+/// Name of the entity that the view follows if a body is tracked.
 const CAMERA: &str = "camera";
 
 const FIXED_COLOR: [u8; 3] = [120, 120, 130];
 const ALTERNATE_COLOR: [u8; 3] = [225, 225, 232];
 
-/// The scene of one agent, as far as it is not written yet.
+/// Poses, traces and forces in the scene of one agent that are not written yet.
 pub(super) struct SceneWriter {
     agent: u32,
     scene: Scene,
@@ -90,21 +90,21 @@ impl SceneWriter {
         self.agent
     }
 
-    /// The entity whose frame the view shows.
+    /// The entity that is the origin of the view.
     pub(super) fn origin(&self) -> String {
-        let moving = self
+        let camera_suffix = self
             .camera
             .as_ref()
             .map_or(String::new(), |_| format!("/{CAMERA}"));
-        format!("/scene/agent_{}{moving}", self.agent)
+        format!("/scene/agent_{}{camera_suffix}", self.agent)
     }
 
-    /// The shapes of all bodies, which never change.
+    /// Static shapes of all bodies.
     pub(super) fn shapes(&self) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = vec![self.trace.style()?];
         chunks.extend(self.forces.styles()?);
         for (index, (body, track)) in self.scene.bodies.iter().zip(&self.tracks).enumerate() {
-            let (lines, points) = drawn(body, self.color(index), index as f32);
+            let (lines, points) = lines_and_discs(body, self.color(index), index as f32);
             chunks.push(static_chunk(track.entity.clone(), &lines)?);
             chunks.push(static_chunk(track.entity.clone(), &points)?);
             if let Some(at) = body.hinge {
@@ -117,7 +117,7 @@ impl SceneWriter {
         Ok(chunks)
     }
 
-    /// Adds an episode whose first row is at `first`; ignores those of other agents.
+    /// Adds an episode whose first row is at `first`. Episodes of other agents are ignored.
     pub(super) fn add_episode(&mut self, trajectory: &BodyTrajectory, first: Moment) {
         if trajectory.agent != self.agent || trajectory.poses.is_empty() {
             return;
@@ -143,7 +143,7 @@ impl SceneWriter {
         self.forces.add(trajectory, self.view(trajectory), first);
     }
 
-    /// The chunks that are large enough, or all.
+    /// Takes poses, traces and forces as chunks if there are enough steps or, if `all` is set, any.
     pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
         let steps = self.tracks.iter().map(|track| track.poses.len()).max();
         if !all && steps.is_none_or(|steps| steps < STEPS_PER_CHUNK) {
@@ -161,7 +161,7 @@ impl SceneWriter {
             .collect()
     }
 
-    /// The part of the scene in which an episode took place.
+    /// Bounds of a view that shows a whole episode.
     pub(super) fn view(&self, trajectory: &BodyTrajectory) -> Option<Bounds> {
         episode_bounds(&self.scene, &trajectory.poses)
     }
@@ -171,11 +171,11 @@ impl SceneWriter {
             .poses
             .chunks_exact(self.scene.bodies.len())
             .collect();
-        let (shown, before) = (frames.len().min(FRAMES_PER_TRACE), self.trace.lines.len());
-        for instant in 0..shown {
-            let frame = frames[(frames.len() - 1) * instant / (shown - 1).max(1)];
+        let (frames_shown, before) = (frames.len().min(FRAMES_PER_TRACE), self.trace.lines.len());
+        for instant in 0..frames_shown {
+            let frame = frames[(frames.len() - 1) * instant / (frames_shown - 1).max(1)];
             for (index, (body, pose)) in self.scene.bodies.iter().zip(frame).enumerate() {
-                let color = faded(self.color(index), instant, shown);
+                let color = color_at_instant(self.color(index), instant, frames_shown);
                 body.shapes
                     .iter()
                     .filter_map(outline)
@@ -188,7 +188,7 @@ impl SceneWriter {
             .push(self.trace.lines.len() - before);
     }
 
-    /// Fixed bodies are gray; of the others, two in a row have different colors.
+    /// The color of a body. Fixed bodies are gray; moving bodies alternate between two colors.
     fn color(&self, index: usize) -> [u8; 3] {
         let is_fixed = |body: &SceneBody| body.fixed;
         let before = self.scene.bodies[..index]
@@ -217,7 +217,7 @@ impl PoseTrack {
         }
     }
 
-    /// Adds poses; a body that does not move needs one row only.
+    /// Adds the poses of an episode. If the body does not move, only its first pose is added.
     fn add(&mut self, poses: impl Iterator<Item = Pose>, first: Moment) {
         let before = self.poses.len();
         self.poses.extend(poses);
@@ -238,10 +238,13 @@ impl PoseTrack {
         if poses.is_empty() {
             return None;
         }
-        let (shifts, turns) = (poses.iter().map(shift), poses.iter().map(turn));
+        let (translations, rotations) = (
+            poses.iter().map(translation_of),
+            poses.iter().map(rotation_of),
+        );
         let columns = Transform3D::new()
-            .with_many_translation(shifts)
-            .with_many_quaternion(turns)
+            .with_many_translation(translations)
+            .with_many_quaternion(rotations)
             .columns_of_unit_batches();
         Some(
             columns
@@ -272,7 +275,7 @@ impl Trace {
 
     fn draw(&mut self, line: &[[f32; 2]], pose: Pose, color: Color) {
         self.lines.push(LineStrip2D::from_iter(
-            line.iter().map(|point| placed(*point, pose)),
+            line.iter().map(|point| scene_point(*point, pose)),
         ));
         self.colors.push(color);
     }
@@ -300,8 +303,9 @@ impl Trace {
     }
 }
 
-/// From a quarter of the brightness, at the first instant, to all of it.
-fn faded(color: [u8; 3], instant: usize, frames_shown: usize) -> Color {
+/// The color of an instant in a trace: a quarter of the brightness at the first instant, full
+/// brightness at the last.
+fn color_at_instant(color: [u8; 3], instant: usize, frames_shown: usize) -> Color {
     let share = 0.25 + 0.75 * (instant + 1) as f32 / frames_shown as f32;
     rgb(color.map(|channel| (f32::from(channel) * share) as u8))
 }

@@ -1,8 +1,8 @@
-//! Serves a recording to viewers that connect while it is made.
+//! Serves a recording to viewers while it is written (`--serve`).
 //!
-//! A viewer is sent the file from its beginning, and then everything that is added. All history is
-//! read from the file, so that it takes no memory, and a viewer that connects late or is slow delays
-//! neither the run nor another viewer.
+//! Each viewer receives the file from its beginning, and then everything that is added to it.
+//! Messages are read from the file, so that they need no memory, and a viewer that connects late or
+//! is slow delays neither the run nor other viewers.
 
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
@@ -31,25 +31,25 @@ use tonic::{Request, Response, Status, Streaming};
 use super::error::RecordingError;
 use crate::record::LiveError;
 
-/// Maximum time in which no viewer receives a message after the recording is complete.
+/// After the recording is complete, the server stops if no viewer receives a message for this time.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Maximum number of waits of [`DRAIN_TIMEOUT`], as long as viewers still receive messages.
 const MAX_DRAIN_WAITS: usize = 12;
 
-/// Interval between checks whether a silent viewer is still connected.
+/// Interval between keepalive pings to viewers that send nothing.
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(10);
 
-/// Maximum time for the response to such a check.
+/// Maximum time for the response to a keepalive ping.
 const KEEPALIVE_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Maximum number of messages that wait for one viewer; the largest have about 100 kB.
+/// Maximum number of messages that wait for one viewer. The largest messages have about 100 kB.
 const CHANNEL_CAPACITY: usize = 16;
 
-/// Bytes of the file that are read at once for one viewer.
+/// Number of bytes of the file that are read at once for one viewer.
 const READ_CHUNK_BYTES: u64 = 1 << 16;
 
-/// A port of this machine at which a recording will be served.
+/// A port of this computer at which a recording will be served.
 #[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
@@ -58,8 +58,8 @@ pub struct Server {
 }
 
 impl Server {
-    /// Opens `port`, or any free one if it is 0. Viewers can connect from now on; they are served
-    /// when there is a recording.
+    /// Opens `port`, or any free port if it is 0. Viewers can connect immediately, and receive
+    /// messages as soon as there is a recording.
     ///
     /// # Errors
     /// The port is in use or not allowed.
@@ -81,7 +81,7 @@ impl Server {
         bound().map_err(|reason| LiveError::Port { port, reason })
     }
 
-    /// The address that viewers connect to.
+    /// The address to which viewers connect.
     #[must_use]
     pub fn address(&self) -> String {
         format!("rerun+http://{}:{}/proxy", Ipv4Addr::LOCALHOST, self.port)
@@ -90,7 +90,7 @@ impl Server {
     /// Serves the recording at `path`, whose first `length` bytes are whole messages.
     pub(super) fn open(self, path: &Path, length: u64) -> Result<RunningServer, RecordingError> {
         let address = self.address();
-        let (written, progress) = watch::channel(FileProgress {
+        let (progress_sender, progress) = watch::channel(FileProgress {
             length,
             complete: false,
         });
@@ -103,13 +103,13 @@ impl Server {
         let sent = Arc::clone(&service.sent);
         let entered = self.runtime.enter();
         let listener = tokio::net::TcpListener::from_std(self.listener)?;
-        let served = self.runtime.spawn(async move {
+        let server_task = self.runtime.spawn(async move {
             let server = tonic::transport::Server::builder()
                 .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
                 .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT));
             let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
-            let end = async move { drop(end.wait_for(|written| written.complete).await) };
-            // An error of a connection loses nothing: the file has everything.
+            let end = async move { drop(end.wait_for(|progress| progress.complete).await) };
+            // Errors of connections are ignored, because the file is complete without viewers.
             drop(
                 server
                     .serve_with_incoming_shutdown(
@@ -123,9 +123,9 @@ impl Server {
         drop(entered);
         Ok(RunningServer {
             address,
-            written,
+            progress_sender,
             sent,
-            open: Some((self.runtime, served)),
+            open: Some((self.runtime, server_task)),
         })
     }
 }
@@ -143,26 +143,29 @@ struct FileProgress {
 #[derive(Debug)]
 pub(super) struct RunningServer {
     address: String,
-    written: watch::Sender<FileProgress>,
+    progress_sender: watch::Sender<FileProgress>,
     /// Number of messages sent to all viewers together.
     sent: Arc<AtomicU64>,
-    /// None after the server was closed.
+    /// `None` after the server was closed.
     open: Option<(Runtime, JoinHandle<()>)>,
 }
 
 impl RunningServer {
-    /// Announces that the first `length` bytes of the file are whole messages now. Never waits.
+    /// Tells viewers that the first `length` bytes of the file are whole messages. Never waits.
     pub(super) fn announce(&self, length: u64) {
-        self.written.send_modify(|written| written.length = length);
+        self.progress_sender
+            .send_modify(|progress| progress.length = length);
     }
 
-    /// Waits until all viewers have received everything, and closes. Fails if some have not.
+    /// Waits until all viewers have received everything, and closes the server. Returns an error if
+    /// some viewers did not receive everything.
     pub(super) fn finish(&mut self) -> Result<(), RecordingError> {
-        let Some((runtime, served)) = self.open.take() else {
+        let Some((runtime, server_task)) = self.open.take() else {
             return Ok(());
         };
-        self.written.send_modify(|written| written.complete = true);
-        let all_received = self.wait_for(&runtime, served);
+        self.progress_sender
+            .send_modify(|progress| progress.complete = true);
+        let all_received = self.wait_for(&runtime, server_task);
         runtime.shutdown_background();
         if all_received {
             return Ok(());
@@ -172,13 +175,14 @@ impl RunningServer {
         })
     }
 
-    /// Whether all viewers received everything. Waits as long as some of them receive messages.
-    fn wait_for(&self, runtime: &Runtime, mut served: JoinHandle<()>) -> bool {
+    /// Waits as long as viewers receive messages, and returns whether all viewers received
+    /// everything.
+    fn wait_for(&self, runtime: &Runtime, mut server_task: JoinHandle<()>) -> bool {
         let sent = || self.sent.load(Ordering::Relaxed);
         for _ in 0..MAX_DRAIN_WAITS {
             let before = sent();
             if runtime
-                .block_on(async { tokio::time::timeout(DRAIN_TIMEOUT, &mut served).await })
+                .block_on(async { tokio::time::timeout(DRAIN_TIMEOUT, &mut server_task).await })
                 .is_ok()
             {
                 return true;
@@ -191,7 +195,7 @@ impl RunningServer {
     }
 }
 
-/// Viewers receive what was written before an interruption as well.
+/// If the run is interrupted, viewers receive everything that was written before.
 impl Drop for RunningServer {
     fn drop(&mut self) {
         drop(self.finish());
@@ -213,7 +217,7 @@ impl RecordingService {
     /// disconnects.
     async fn stream_messages(mut self, reader: Reader) {
         if let Err(error) = self.send_all_to(&reader).await {
-            // A viewer that has disconnected cannot receive the error, and needs not.
+            // Ignored if the viewer is disconnected.
             drop(reader.send(Err(Status::internal(error.to_string()))).await);
         }
     }
@@ -308,8 +312,9 @@ mod tests {
 
     type Client = MessageProxyServiceClient<Channel>;
 
-    /// A recording that is served, and its address.
-    fn served() -> (TempDir, Sink, String) {
+    /// Starts to serve a new recording of three messages. Returns its folder, its sink and its
+    /// address.
+    fn serve_test_recording() -> (TempDir, Sink, String) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.rrd.part");
         let mut sink = Sink::new(
@@ -324,32 +329,32 @@ mod tests {
         (folder, sink, address)
     }
 
-    /// Records `times` texts of about a megabyte, which are hard to compress.
-    fn send_texts(sink: &mut Sink, times: usize) {
-        let words: Vec<String> = (0..60_000_u64)
+    /// Records `count` texts of about one megabyte that hardly compress.
+    fn send_texts(sink: &mut Sink, count: usize) {
+        let numbers: Vec<String> = (0..60_000_u64)
             .map(|n| format!("{:x}", n.wrapping_mul(0x9E37_79B9_7F4A_7C15)))
             .collect();
         let chunk = static_chunk(
             EntityPath::from("text"),
-            &TextDocument::new(words.join(" ")),
+            &TextDocument::new(numbers.join(" ")),
         )
         .unwrap();
-        (0..times).for_each(|_| sink.send_chunk(&chunk).unwrap());
+        (0..count).for_each(|_| sink.send_chunk(&chunk).unwrap());
     }
 
-    fn with_client<T>(address: &str, work: impl AsyncFnOnce(Client) -> T) -> T {
+    fn with_client<T>(address: &str, use_client: impl AsyncFnOnce(Client) -> T) -> T {
         let runtime = Builder::new_current_thread().enable_all().build().unwrap();
         let endpoint = Endpoint::from_shared(address.to_owned()).unwrap();
         runtime.block_on(async {
             let connection = endpoint.connect().await.unwrap();
-            work(Client::new(connection).max_decoding_message_size(usize::MAX)).await
+            use_client(Client::new(connection).max_decoding_message_size(usize::MAX)).await
         })
     }
 
-    /// A connected viewer, which returns how many messages it received. It reads none until the
-    /// sender of `start` is dropped.
+    /// Connects a viewer, which starts to read when the sender of `start` is dropped and returns
+    /// the number of messages that it received.
     fn viewer(address: &str, start: Receiver<()>) -> thread::JoinHandle<u64> {
-        let (connected, is_connected) = channel();
+        let (connection_sender, connection_receiver) = channel();
         let address = address.to_owned();
         let viewer = thread::spawn(move || {
             with_client(&address, async |mut client| {
@@ -358,7 +363,7 @@ mod tests {
                     .await
                     .unwrap()
                     .into_inner();
-                connected.send(()).unwrap();
+                connection_sender.send(()).unwrap();
                 assert!(start.recv().is_err());
                 let mut count = 0;
                 while let Ok(Some(_)) = messages.message().await {
@@ -367,49 +372,52 @@ mod tests {
                 count
             })
         });
-        is_connected.recv().unwrap();
+        connection_receiver.recv().unwrap();
         viewer
     }
 
-    /// A viewer that reads at once.
-    fn eager(address: &str) -> thread::JoinHandle<u64> {
+    /// Connects a viewer that starts to read immediately.
+    fn start_reading_viewer(address: &str) -> thread::JoinHandle<u64> {
         viewer(address, channel().1)
     }
 
     #[test]
-    fn viewers_receive_everything_whenever_they_connect() {
-        let (_folder, mut sink, address) = served();
-        let early = eager(&address);
+    fn early_and_late_viewers_receive_all_messages() {
+        let (_folder, mut sink, address) = serve_test_recording();
+        let early_viewer = start_reading_viewer(&address);
         send_texts(&mut sink, 5);
-        let late = eager(&address);
+        let late_viewer = start_reading_viewer(&address);
         send_texts(&mut sink, 2);
         sink.finish().unwrap();
         assert_eq!((sink.messages(), sink.warning()), (10, None));
-        assert_eq!((early.join().unwrap(), late.join().unwrap()), (10, 10));
+        assert_eq!(
+            (early_viewer.join().unwrap(), late_viewer.join().unwrap()),
+            (10, 10)
+        );
     }
 
     #[test]
-    fn viewers_receive_what_was_recorded_before_an_interruption() {
-        let (_folder, mut sink, address) = served();
-        let viewer = eager(&address);
+    fn viewers_receive_all_messages_of_an_interrupted_recording() {
+        let (_folder, mut sink, address) = serve_test_recording();
+        let viewer = start_reading_viewer(&address);
         send_texts(&mut sink, 4);
         drop(sink);
         assert_eq!(viewer.join().unwrap(), 7);
     }
 
-    /// What it does not read is in the file only; another viewer has received everything long before
-    /// the run stops waiting for the slow one.
+    /// The viewer that does not read receives only a part of the messages, and causes a warning.
+    /// Another viewer receives all messages.
     #[test]
-    fn a_viewer_that_does_not_read_delays_no_other() {
-        let (_folder, mut sink, address) = served();
+    fn a_viewer_that_does_not_read_does_not_delay_others() {
+        let (_folder, mut sink, address) = serve_test_recording();
         let (start, started) = channel();
-        let silent = viewer(&address, started);
-        let eager = eager(&address);
-        let since = Instant::now();
+        let slow_viewer = viewer(&address, started);
+        let fast_viewer = start_reading_viewer(&address);
+        let start_time = Instant::now();
         send_texts(&mut sink, 27);
-        assert!(since.elapsed() < DRAIN_TIMEOUT);
+        assert!(start_time.elapsed() < DRAIN_TIMEOUT);
         sink.finish().unwrap();
-        let waited = since.elapsed();
+        let waited = start_time.elapsed();
         assert!(
             DRAIN_TIMEOUT <= waited && waited < 4 * DRAIN_TIMEOUT,
             "{waited:?}"
@@ -417,42 +425,48 @@ mod tests {
         let warning = sink.warning().unwrap().to_string();
         assert!(warning.contains("not every viewer"), "{warning}");
         drop(start);
-        let received = silent.join().unwrap();
+        let received = slow_viewer.join().unwrap();
         assert!(received < 30, "{received}");
-        assert_eq!(eager.join().unwrap(), 30);
+        assert_eq!(fast_viewer.join().unwrap(), 30);
     }
 
     #[test]
-    fn viewers_cannot_write() {
-        let (_folder, mut sink, address) = served();
+    fn write_requests_of_viewers_are_refused() {
+        let (_folder, mut sink, address) = serve_test_recording();
         let table = WriteTableRequest::default();
-        let refused = with_client(&address, async |mut client| {
+        let error = with_client(&address, async |mut client| {
             client.write_table(table).await.map(drop).unwrap_err()
         });
         assert_eq!(
-            refused.message(),
+            error.message(),
             "recordings are read-only and have no tables"
         );
         sink.finish().unwrap();
     }
 
     #[test]
-    fn a_port_in_use_is_refused() {
-        let taken = Server::bind(0).unwrap();
-        let error = Server::bind(taken.port).map(drop).unwrap_err().to_string();
+    fn binding_a_port_in_use_fails() {
+        let server_on_port = Server::bind(0).unwrap();
+        let error = Server::bind(server_on_port.port)
+            .map(drop)
+            .unwrap_err()
+            .to_string();
         assert!(
-            error.starts_with(&format!("cannot serve viewers at port {}: ", taken.port)),
+            error.starts_with(&format!(
+                "cannot serve viewers at port {}: ",
+                server_on_port.port
+            )),
             "{error}"
         );
         assert_eq!(
-            taken.address(),
-            format!("rerun+http://127.0.0.1:{}/proxy", taken.port)
+            server_on_port.address(),
+            format!("rerun+http://127.0.0.1:{}/proxy", server_on_port.port)
         );
     }
 
-    /// The help text of the command line contains this number.
+    /// The help text of `--serve` contains the default port of viewers.
     #[test]
-    fn the_default_port_is_that_of_viewers() {
+    fn the_default_port_equals_the_number_in_the_help_text() {
         assert_eq!(rerun::DEFAULT_SERVER_PORT, 9876);
     }
 }

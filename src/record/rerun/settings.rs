@@ -1,26 +1,26 @@
-//! The parts of the run and of the scenario that a recorder needs throughout.
+//! Constants of a run and its scenario that a recorder needs.
 
 use crate::record::visitation::LineQuota;
 use crate::record::{BonusRange, Difference, RecordingSettings};
 use crate::record::{Focus, RunInfo};
 use seedbed_env::Spec;
 
-/// What a recorder needs to know of its run. Never changes.
+/// Constants of a run and its scenario that a recorder needs.
 pub(super) struct Settings {
     pub(super) focus: Focus,
     pub(super) spec: Spec,
     pub(super) bonus: BonusRange,
     pub(super) max_episodes: u32,
     pub(super) run_seed: u64,
-    /// How many states become lines and points.
+    /// Number of states that are drawn as lines and points.
     pub(super) quota: LineQuota,
     /// Number of latest rounds in one image.
     pub(super) window: u32,
-    /// Rounds between two images, before the interval doubles.
+    /// Number of rounds between two images, before the interval doubles.
     pub(super) density_every: u32,
-    /// Interval between episodes in the raw table.
+    /// Interval between the episodes that are recorded in `/raw`.
     pub(super) raw_every: u32,
-    /// The agents that are compared; off in a team of one.
+    /// The two agents that are compared; `Off` for a single agent.
     pub(super) difference: Difference,
 }
 

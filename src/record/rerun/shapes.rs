@@ -8,10 +8,15 @@ use super::rows::rgb;
 use seedbed_env::{Pose, SceneBody, Shape};
 
 /// A body's shapes in its own frame, as lines and as discs.
-pub(super) fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips2D, Points2D) {
+pub(super) fn lines_and_discs(
+    body: &SceneBody,
+    color: [u8; 3],
+    order: f32,
+) -> (LineStrips2D, Points2D) {
     let lines = body.shapes.iter().flat_map(lines_of);
-    let (strips, widths): (Vec<_>, Vec<_>) =
-        lines.map(|(line, radius)| (flipped(line), radius)).unzip();
+    let (strips, widths): (Vec<_>, Vec<_>) = lines
+        .map(|(line, radius)| (with_y_down(line), radius))
+        .unzip();
     let (centers, radii): (Vec<_>, Vec<_>) = body.shapes.iter().filter_map(disc).unzip();
     let lines = LineStrips2D::new(strips)
         .with_radii(widths)
@@ -19,14 +24,14 @@ pub(super) fn drawn(body: &SceneBody, color: [u8; 3], order: f32) -> (LineStrips
         .with_draw_order(order);
     (
         lines,
-        Points2D::new(flipped(centers))
+        Points2D::new(with_y_down(centers))
             .with_radii(radii)
             .with_colors([rgb(color)])
             .with_draw_order(order),
     )
 }
 
-/// The point at a body's hinge.
+/// The point at the hinge of a body.
 pub(super) fn hinge([x, y]: [f32; 2], order: f32) -> Points2D {
     let style = Points2D::new([[x, -y]]).with_radii([Radius::new_ui_points(2.5)]);
     style
@@ -34,11 +39,11 @@ pub(super) fn hinge([x, y]: [f32; 2], order: f32) -> Points2D {
         .with_draw_order(order)
 }
 
-/// The rectangles of lines that fill a box: each one's distance from the border and half its line
-/// width, both as shares of half the box's thickness. Rerun draws no filled 2D boxes, so nested,
-/// overlapping outlines fill one. Lines have round ends: the outermost outline is thin, so that
-/// corners look sharp.
-const FRAMES: [(f32, f32); 4] = [(0.08, 0.08), (0.26, 0.16), (0.65, 0.35), (0.99, 0.35)];
+/// Nested outlines that fill a box, because Rerun draws no filled 2D boxes. Each has a distance
+/// from the border and half a line width, both as shares of half the thickness of the box. Outlines
+/// overlap. Lines have round ends, so the outermost outline is thin, which makes corners look
+/// sharp.
+const NESTED_OUTLINES: [(f32, f32); 4] = [(0.08, 0.08), (0.26, 0.16), (0.65, 0.35), (0.99, 0.35)];
 
 fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
     match shape {
@@ -63,14 +68,14 @@ fn filled_box(center: [f32; 2], half_size: [f32; 2], angle: f32) -> Vec<(Vec<[f3
     let half_thickness = half_size[0].min(half_size[1]);
     let frame = |(within, radius): (f32, f32)| {
         let corners = corners(half_size.map(|half| half - within * half_thickness));
-        let corners = corners.map(|corner| turned_point(corner, angle, center));
+        let corners = corners.map(|corner| rotated_point(corner, angle, center));
         let sides = [0, 1, 2, 3].map(|side| vec![corners[side], corners[side + 1]]);
         sides.map(|side| (side, Radius::new_scene_units(radius * half_thickness)))
     };
-    FRAMES.into_iter().flat_map(frame).collect()
+    NESTED_OUTLINES.into_iter().flat_map(frame).collect()
 }
 
-/// The corners of a box, with the first one repeated at the end.
+/// The corners of a box, with the first corner repeated at the end.
 fn corners([w, h]: [f32; 2]) -> [[f32; 2]; 5] {
     [[-w, -h], [w, -h], [w, h], [-w, h], [-w, -h]]
 }
@@ -83,12 +88,12 @@ fn disc(shape: &Shape) -> Option<([f32; 2], Radius)> {
     }
 }
 
-/// The outline of a shape in a trace. Open lines have none: they belong to fixed bodies.
+/// The outline of a shape in a trace. `None` for open lines, which belong to fixed bodies.
 pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     match shape {
         Shape::Ball { center, radius } => {
             let point = |part: u8| {
-                turned_point(
+                rotated_point(
                     [*radius, 0.0],
                     f32::from(part) * std::f32::consts::TAU / 16.0,
                     *center,
@@ -102,7 +107,7 @@ pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
             angle,
         } => Some(
             corners(*half_size)
-                .map(|corner| turned_point(corner, *angle, *center))
+                .map(|corner| rotated_point(corner, *angle, *center))
                 .to_vec(),
         ),
         Shape::Capsule { from, to, .. } => Some(vec![*from, *to]),
@@ -111,28 +116,28 @@ pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     }
 }
 
-fn turned_point([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2] {
+fn rotated_point([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2] {
     let (sin, cos) = angle.sin_cos();
     [right + cos * x - sin * y, up + sin * x + cos * y]
 }
 
-/// A point of a body in the scene.
-pub(super) fn placed(point: [f32; 2], pose: Pose) -> [f32; 2] {
-    let [x, y] = turned_point(point, pose.angle, [pose.x, pose.y]);
+/// The position in the scene of a point of a body.
+pub(super) fn scene_point(point: [f32; 2], pose: Pose) -> [f32; 2] {
+    let [x, y] = rotated_point(point, pose.angle, [pose.x, pose.y]);
     [x, -y]
 }
 
-fn flipped(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
+fn with_y_down(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     points.into_iter().map(|[x, y]| [x, -y]).collect()
 }
 
 /// The position of a pose in the scene.
-pub(super) fn shift(pose: &Pose) -> Translation3D {
+pub(super) fn translation_of(pose: &Pose) -> Translation3D {
     Translation3D::from([pose.x, -pose.y, 0.0])
 }
 
 /// The rotation of a pose in the scene.
-pub(super) fn turn(pose: &Pose) -> RotationQuat {
+pub(super) fn rotation_of(pose: &Pose) -> RotationQuat {
     let (sin, cos) = (-pose.angle / 2.0).sin_cos();
     Quaternion::from_xyzw([0.0, 0.0, sin, cos]).into()
 }

@@ -1,4 +1,4 @@
-//! Writes messages to the file, each at once and by the caller, and reports every failure.
+//! Writes messages to the file immediately, in the calling thread, and reports every failure.
 //!
 //! The SDK's own file sink writes from a thread of its own: on a full disk its log calls still
 //! succeed, data is lost silently, and flushing never returns. Here nothing is handed to other
@@ -25,7 +25,7 @@ pub(super) trait Storage: Write + Send {
     /// Truncates the file to `length` bytes.
     fn truncate(&mut self, length: u64) -> io::Result<()>;
 
-    /// Brings all bytes to the disk.
+    /// Writes all bytes to the disk.
     fn sync(&mut self) -> io::Result<()>;
 }
 
@@ -41,8 +41,8 @@ impl Storage for File {
 }
 
 /// Maximum number of messages in a file with an index at its end. The encoder keeps the index in
-/// memory, as a table with a row per message and columns per entity, which would outgrow everything
-/// else in a long run. Without an index, tools read the file from its beginning.
+/// memory, as a table with one row per message and columns per entity. In a long run it would need
+/// more memory than everything else. Tools read a file without an index from its beginning.
 const MAX_INDEXED_MESSAGES: u64 = 8192;
 
 /// The encoded file of one recording.
@@ -50,7 +50,7 @@ pub(super) struct Sink {
     store: StoreId,
     encoder: Option<Encoder<SyncOnFlush>>,
     messages: u64,
-    /// Bytes of the header and all messages.
+    /// Number of bytes of the header and all messages.
     length: u64,
     /// The error of the first failed call, which all later calls return.
     error: Option<RecordingError>,
@@ -60,7 +60,7 @@ pub(super) struct Sink {
 }
 
 impl Sink {
-    /// Opens a file for the messages of `store`.
+    /// Starts a file for the messages of the recording `store`.
     pub(super) fn new(store: StoreId, storage: Box<dyn Storage>) -> Result<Self, RecordingError> {
         let storage = SyncOnFlush { storage };
         let encoder = Encoder::new_eager(
@@ -123,28 +123,28 @@ impl Sink {
         Ok(())
     }
 
-    /// Sends all further messages to a viewer as well.
+    /// Also sends all further messages to a viewer.
     pub(super) fn push_to(&mut self, viewer: Viewer) {
         self.viewer = Some(viewer);
     }
 
-    /// Serves the file, which is at `path`, to viewers that connect.
+    /// Serves the file at `path` to viewers.
     pub(super) fn serve_from(&mut self, server: Server, path: &Path) -> Result<(), RecordingError> {
         self.server = Some(server.open(path, self.length)?);
         Ok(())
     }
 
-    /// Keeps a warning until it is asked for.
+    /// Stores a warning for [`warning`](Self::warning).
     pub(super) fn warn(&mut self, warning: RecordingError) {
         self.warning = Some(warning);
     }
 
-    /// The latest warning; each is returned once.
+    /// Takes the latest warning.
     pub(super) fn warning(&mut self) -> Option<RecordingError> {
         self.warning.take()
     }
 
-    /// Brings all messages to the disk.
+    /// Writes all messages to the disk.
     pub(super) fn sync(&mut self) -> Result<(), RecordingError> {
         self.with_encoder(Encoder::flush_blocking)
     }
@@ -157,18 +157,18 @@ impl Sink {
         })?;
         self.encoder = None;
         self.error = Some(RecordingError::Complete);
-        let shown = self.viewer.as_mut().map(Viewer::finish);
-        let served = self.server.as_mut().map(RunningServer::finish);
+        let viewer_result = self.viewer.as_mut().map(Viewer::finish);
+        let server_result = self.server.as_mut().map(RunningServer::finish);
         self.warning = self
             .warning
             .take()
-            .or(shown.or(served).and_then(Result::err));
+            .or(viewer_result.or(server_result).and_then(Result::err));
         Ok(())
     }
 
     fn with_encoder<T>(
         &mut self,
-        work: impl FnOnce(&mut Encoder<SyncOnFlush>) -> Result<T, EncodeError>,
+        encode: impl FnOnce(&mut Encoder<SyncOnFlush>) -> Result<T, EncodeError>,
     ) -> Result<T, RecordingError> {
         if let Some(error) = &self.error {
             return Err(error.clone());
@@ -176,23 +176,23 @@ impl Sink {
         let Some(encoder) = &mut self.encoder else {
             return Err(RecordingError::Complete);
         };
-        work(encoder)
+        encode(encoder)
             .map_err(RecordingError::from)
             .inspect_err(|error| self.close_after_error(error))
     }
 
-    /// Leaves the file as it was after the latest whole message. The encoder is taken apart, because
-    /// it would write the index of a file that it believes complete if it were dropped.
+    /// Truncates the file to its whole messages. The encoder is taken out of the sink and
+    /// dismantled, because it would write an index if it were dropped.
     fn close_after_error(&mut self, error: &RecordingError) {
         self.error = Some(error.clone());
         if let Some(Ok(mut file)) = self.encoder.take().map(Encoder::into_inner) {
-            // The first failure is the one to report.
+            // Only the first failure is reported.
             drop(file.storage.truncate(self.length));
         }
     }
 }
 
-/// Brings bytes to the disk when they are flushed.
+/// A writer whose flush also syncs its storage.
 struct SyncOnFlush {
     storage: Box<dyn Storage>,
 }
@@ -220,11 +220,11 @@ mod tests {
     use super::*;
     use crate::record::rerun::rows::static_chunk;
 
-    /// A disk with space for a number of bytes.
+    /// A simulated disk with space for `capacity` bytes.
     #[derive(Clone)]
     struct Disk {
         bytes: Arc<Mutex<Vec<u8>>>,
-        room: Arc<AtomicUsize>,
+        capacity: Arc<AtomicUsize>,
     }
 
     impl Disk {
@@ -235,11 +235,11 @@ mod tests {
 
     impl Write for Disk {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            let mut held = self.bytes.lock().unwrap();
+            let mut stored = self.bytes.lock().unwrap();
             let fitting = bytes
                 .len()
-                .min(self.room.load(Ordering::Relaxed) - held.len());
-            held.extend(&bytes[..fitting]);
+                .min(self.capacity.load(Ordering::Relaxed) - stored.len());
+            stored.extend(&bytes[..fitting]);
             if fitting == 0 {
                 Err(io::ErrorKind::StorageFull.into())
             } else {
@@ -263,14 +263,14 @@ mod tests {
         }
     }
 
-    fn full() -> RecordingError {
+    fn storage_full_error() -> RecordingError {
         io::Error::from(io::ErrorKind::StorageFull).into()
     }
 
-    fn filled(room: usize, messages: u64) -> (Disk, Sink, Result<(), RecordingError>) {
+    fn write_messages(capacity: usize, messages: u64) -> (Disk, Sink, Result<(), RecordingError>) {
         let disk = Disk {
             bytes: Arc::default(),
-            room: Arc::new(room.into()),
+            capacity: Arc::new(capacity.into()),
         };
         let mut sink =
             Sink::new(StoreId::recording("test", "test"), Box::new(disk.clone())).unwrap();
@@ -280,59 +280,62 @@ mod tests {
         (disk, sink, sent)
     }
 
-    fn readable(disk: &Disk) -> u64 {
+    fn count_readable_messages(disk: &Disk) -> u64 {
         let bytes = disk.bytes.lock().unwrap().clone();
         let messages: Result<Vec<_>, _> = DecoderApp::decode_lazy(Cursor::new(bytes)).collect();
         messages.unwrap().len() as u64
     }
 
     #[test]
-    fn messages_before_a_full_disk_stay_readable() {
-        let (disk, mut sink, sent) = filled(10_000, 1000);
-        assert_eq!(sent, Err(full()));
+    fn messages_written_before_the_disk_is_full_stay_readable() {
+        let (disk, mut sink, sent) = write_messages(10_000, 1000);
+        assert_eq!(sent, Err(storage_full_error()));
         assert!(sink.messages() > 3);
         let before = disk.used();
         assert!(before < 10_000);
-        assert_eq!(readable(&disk), sink.messages());
-        assert_eq!((sink.sync(), sink.finish()), (Err(full()), Err(full())));
+        assert_eq!(count_readable_messages(&disk), sink.messages());
+        assert_eq!(
+            (sink.sync(), sink.finish()),
+            (Err(storage_full_error()), Err(storage_full_error()))
+        );
         drop(sink);
         assert_eq!(disk.used(), before);
     }
 
     #[test]
-    fn an_index_that_does_not_fit_is_left_out() {
-        let (disk, mut sink, sent) = filled(1_000_000, 10);
+    fn a_file_without_space_for_the_index_stays_readable() {
+        let (disk, mut sink, sent) = write_messages(1_000_000, 10);
         sent.unwrap();
         let without_index = disk.used();
-        disk.room.store(without_index + 100, Ordering::Relaxed);
-        assert_eq!(sink.finish(), Err(full()));
+        disk.capacity.store(without_index + 100, Ordering::Relaxed);
+        assert_eq!(sink.finish(), Err(storage_full_error()));
         drop(sink);
         assert_eq!(disk.used(), without_index);
-        assert_eq!(readable(&disk), 10);
+        assert_eq!(count_readable_messages(&disk), 10);
     }
 
-    /// An index that grew with the run would be as long as all of these messages.
+    /// A file with at most `MAX_INDEXED_MESSAGES` messages has an index, a file with more has none.
     #[test]
-    fn a_very_long_file_has_no_index() {
+    fn a_file_with_many_messages_has_no_index() {
         for (messages, indexed) in [
             (MAX_INDEXED_MESSAGES, true),
             (MAX_INDEXED_MESSAGES + 1, false),
         ] {
-            let (disk, mut sink, sent) = filled(100_000_000, messages);
+            let (disk, mut sink, sent) = write_messages(100_000_000, messages);
             sent.unwrap();
             let before = disk.used();
             sink.finish().unwrap();
             assert_eq!(disk.used() > before, indexed);
-            assert_eq!(readable(&disk), messages);
+            assert_eq!(count_readable_messages(&disk), messages);
         }
     }
 
     #[test]
-    fn a_dropped_sink_is_indexed() {
-        let (disk, sink, _) = filled(1_000_000, 10);
+    fn a_dropped_sink_writes_the_index() {
+        let (disk, sink, _) = write_messages(1_000_000, 10);
         let without_index = disk.used();
         drop(sink);
         assert!(disk.used() > without_index);
-        assert_eq!(readable(&disk), 10);
+        assert_eq!(count_readable_messages(&disk), 10);
     }
 }

@@ -1,6 +1,6 @@
 //! The positions of images and labels in a view. Labels have a fixed size on the screen, whereas
-//! images grow with the view; so the space that labels need, in pixels of an image, depends on the
-//! number of images that share a view.
+//! images are scaled to the view. So the space that labels need, in pixels of an image, depends on
+//! the number of images in a view.
 
 use crate::record::visitation::BINS;
 
@@ -13,21 +13,21 @@ pub(super) const CHAR_WIDTH: f32 = 6.7;
 /// Width of a color bar, in points.
 const BAR_WIDTH: f32 = 14.0;
 
-/// Minimum height of a color bar, in points: a smaller one cannot be read.
+/// Minimum height of a legible color bar, in points.
 const MIN_BAR_HEIGHT: f32 = 120.0;
 
-/// Images may be smaller than the largest possible ones by this share if that leaves fewer tiles
-/// empty.
+/// Images may be smaller by this share than the largest size that fits, if this reduces the number
+/// of empty tiles.
 const ZOOM_TOLERANCE: f32 = 0.125;
 
-/// The part of the screen for a view.
+/// Size of a view on the screen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Viewport {
     /// Width and height, in points.
     pub(super) size: [f32; 2],
     /// Width at the right for a color scale, in points.
     pub(super) scale: f32,
-    /// Width left of the scale for labels that are wider than their image, in points.
+    /// Width between images and scale for labels that extend beyond their image, in points.
     pub(super) overhang: f32,
 }
 
@@ -76,11 +76,13 @@ pub(super) struct ColorBar {
 }
 
 impl Tiles {
-    /// Images as large as `viewport` allows, or slightly smaller if that leaves fewer tiles empty.
+    /// Arranges images in tiles that are as large as `viewport` allows, or slightly smaller if this
+    /// reduces the number of empty tiles.
     pub(super) fn new(count: u32, size: [f32; 2], viewport: Viewport, labels: LabelSpace) -> Self {
         let right = viewport.scale + viewport.overhang;
         let rows = |columns: u32| count.div_ceil(columns);
-        // The scale is beside the top row. With a single row, its labels need space below as well.
+        // The scale is beside the top row. If this is the only row, there must be space for the
+        // labels below the scale.
         let lines = |columns: u32| {
             labels.above
                 + if rows(columns) == 1 {
@@ -90,22 +92,22 @@ impl Tiles {
                 }
         };
         let zoom = |columns: u32| {
-            let across =
+            let horizontal_zoom =
                 ((viewport.size[0] - right) / columns as f32 - 2.0 * labels.beside) / size[0];
-            let down =
+            let vertical_zoom =
                 (viewport.size[1] / rows(columns) as f32 - lines(columns) * LINE_HEIGHT) / size[1];
-            across.min(down).max(0.1)
+            horizontal_zoom.min(vertical_zoom).max(0.1)
         };
         let largest = (1..=count.max(1)).map(zoom).fold(0.0, f32::max);
-        let good =
+        let candidates =
             (1..=count.max(1)).filter(|columns| zoom(*columns) >= (1.0 - ZOOM_TOLERANCE) * largest);
-        let empty = |columns: u32| rows(columns) * columns - count;
-        let better = |one: &u32, other: &u32| {
-            empty(*other)
-                .cmp(&empty(*one))
+        let empty_tiles = |columns: u32| rows(columns) * columns - count;
+        let compare_layouts = |one: &u32, other: &u32| {
+            empty_tiles(*other)
+                .cmp(&empty_tiles(*one))
                 .then(zoom(*one).total_cmp(&zoom(*other)))
         };
-        let columns = good.max_by(better).unwrap_or(1);
+        let columns = candidates.max_by(compare_layouts).unwrap_or(1);
         let zoom = zoom(columns);
         let step = [
             size[0] + 2.0 * labels.beside / zoom,
@@ -126,13 +128,13 @@ impl Tiles {
 
     /// The upper left corner of each image, in pixels.
     pub(super) fn corners(&self) -> impl Iterator<Item = [f32; 2]> {
-        let place = |tile: u32| {
+        let corner = |tile: u32| {
             [
                 (tile % self.columns) as f32 * self.step[0],
                 (tile / self.columns) as f32 * self.step[1],
             ]
         };
-        (0..self.count).map(place)
+        (0..self.count).map(corner)
     }
 
     /// Height of a line of text, in pixels.
@@ -153,7 +155,7 @@ impl Tiles {
     /// The color bar beside the top row, with space for two lines above.
     pub(super) fn bar(&self) -> ColorBar {
         let middle = self.bounds()[0][1] - self.half_scale;
-        let half = 0.5 * BAR_WIDTH / self.zoom;
+        let half_width = 0.5 * BAR_WIDTH / self.zoom;
         let top = (2.3 * self.line() - self.margin[1]).max(0.0);
         let height = if self.count > self.columns {
             self.size[1].max(MIN_BAR_HEIGHT / self.zoom)
@@ -161,7 +163,7 @@ impl Tiles {
             self.size[1]
         };
         ColorBar {
-            x: [middle - half, middle + half],
+            x: [middle - half_width, middle + half_width],
             y: [top, top + height],
             line: self.line(),
         }
@@ -183,12 +185,13 @@ impl ColorBar {
         })
     }
 
-    /// Half the height of a step in pixels, plus a little so that no gap shows between two.
+    /// Half the height of a step in pixels, plus 10 % so that no gap is visible between steps.
     pub(super) fn half_step(&self) -> f32 {
         0.55 * (self.y[1] - self.y[0]) / Self::STEPS as f32
     }
 
-    /// Position of a label: `lines` above the bar's upper end, or below its lower end if negative.
+    /// Position of a label: `lines` lines above the upper end of the bar or, if negative, below its
+    /// lower end.
     pub(super) fn label_position(&self, lines: f32) -> [f32; 2] {
         let y = if lines > 0.0 {
             self.y[0] - lines * self.line
@@ -218,11 +221,11 @@ mod tests {
         }
     }
 
-    /// 193 × 64 pixels in 960 × 600 points, of which 60 for the scale: sixteen images fit best as
-    /// 4 × 4, where each has 225 × 150 points, less 40 beside and 76 for four lines; 185 / 193 and
-    /// 74 / 64 make a zoom of 0.9585.
+    /// Sixteen images of 193 × 64 pixels in 960 × 600 points, of which the scale takes 60. The best
+    /// arrangement is 4 × 4: each tile has 225 × 150 points, minus 40 at the sides and 76 for four
+    /// lines. The zoom is min(185 / 193, 74 / 64) = 0.9585.
     #[test]
-    fn images_are_as_large_as_the_viewport_allows() {
+    fn images_have_the_largest_size_that_fits() {
         let tiles = Tiles::new(16, [193.0, 64.0], viewport([960.0, 600.0], 60.0), LABELS);
         assert_eq!(tiles.columns, 4);
         approx::assert_relative_eq!(tiles.zoom, 185.0 / 193.0);
@@ -239,7 +242,7 @@ mod tests {
     /// 193 = 1.275 across and of (608 / 6 − 38) / 64 = 0.990 down as 3 × 6, of (858 / 4 − 40) / 193
     /// = 0.904 as 4 × 4, which is 8.7 % less but leaves no tile empty.
     #[test]
-    fn a_slightly_smaller_size_avoids_a_row_with_one_image() {
+    fn a_slightly_smaller_size_is_chosen_to_avoid_empty_tiles() {
         let labels = LabelSpace {
             above: 1.5,
             below: 0.5,
@@ -250,10 +253,10 @@ mod tests {
         approx::assert_relative_eq!(tiles(16).zoom, (858.0 / 4.0 - 40.0) / 193.0, epsilon = 1e-6);
     }
 
-    /// With one row, the labels of the scale reach further down than those of the image: 3 lines of
-    /// 19 points below a bar of the image's height.
+    /// With one row of images, the labels of the scale need three lines of 19 points below a bar as
+    /// high as the image.
     #[test]
-    fn the_labels_of_the_scale_are_in_view() {
+    fn labels_of_the_scale_are_within_the_view() {
         let tiles = Tiles::new(1, [193.0, 64.0], viewport([480.0, 244.0], 100.0), LABELS);
         let (bar, [_, [_, bottom]]) = (tiles.bar(), tiles.bounds());
         assert!(
@@ -264,10 +267,10 @@ mod tests {
         assert!((bar.y[1] + 3.0 * 19.0 / tiles.zoom - bottom).abs() < 1e-3);
     }
 
-    /// The overhang at the right of the images has space of its own; the scale is in the middle of
-    /// the rest.
+    /// The overhang is at the right of the images, and the scale is in the middle of the remaining
+    /// width.
     #[test]
-    fn overhanging_labels_do_not_reach_the_scale() {
+    fn wide_labels_do_not_overlap_the_scale() {
         let wide = Tiles::new(
             2,
             [193.0, 64.0],
@@ -288,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_is_beside_the_images() {
+    fn the_scale_is_at_the_right_of_the_images() {
         let tiles = Tiles::new(3, [100.0, 40.0], viewport([480.0, 480.0], 80.0), LABELS);
         let (bar, [[_, right], _]) = (tiles.bar(), tiles.bounds());
         let last = tiles.corners().map(|corner| corner[0]).fold(0.0, f32::max) + 100.0;

@@ -1,4 +1,5 @@
-//! All entities of a recording: rows that are collected until there are enough for a chunk.
+//! The writers of all entities of a recording, which collect rows until there are enough for a
+//! chunk.
 
 use rerun::log::Chunk;
 
@@ -13,7 +14,7 @@ use crate::record::RunInfo;
 use crate::record::visitation::LineQuota;
 use crate::record::{ColorBy, RecordingSettings};
 
-/// The rows of all entities that are not written yet.
+/// The rows of all entities, as far as they are not written yet.
 pub(super) struct Writers {
     pub(super) agents: Vec<AgentWriters>,
     pub(super) team: SampleWriter,
@@ -22,7 +23,7 @@ pub(super) struct Writers {
     pub(super) scenes: Vec<SceneWriter>,
 }
 
-/// The rows of one agent.
+/// The rows of one agent, as far as they are not written yet.
 pub(super) struct AgentWriters {
     pub(super) raw: RawTable,
     pub(super) sample: SampleWriter,
@@ -49,7 +50,7 @@ impl Writers {
         })
     }
 
-    /// The colors, sizes and shapes of all entities, which never change.
+    /// Static colors, sizes and shapes of all entities.
     pub(super) fn styles(
         &self,
         style: &VisitationStyle,
@@ -70,7 +71,7 @@ impl Writers {
         Ok(chunks)
     }
 
-    /// Writes the rows of entities that have enough for a chunk, or all rows.
+    /// Writes the rows of entities that have enough for a chunk or, if `all` is set, all rows.
     pub(super) fn write(
         &mut self,
         style: &VisitationStyle,

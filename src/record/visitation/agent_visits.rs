@@ -1,18 +1,18 @@
-//! The visited states of one agent, as far as images need them.
+//! Counts of the visited states of one agent, from which images are drawn.
 
 use serde::{Deserialize, Serialize};
 
 use super::bonus_map::{CellBonus, sum_by_cell};
 use super::{Axes, BonusMap, Density, DensityDelta, Pairs, RoundWindow, VisitedState};
 
-/// The visited states of one agent, over the whole run and over the latest rounds. Does not grow
-/// with the length of a run.
+/// Counts of the visited states of one agent, over the whole run and over the latest rounds. Its
+/// size does not depend on the length of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentVisits {
     /// Density of all states so far.
     pub density: Density,
     recent: RoundWindow<DensityDelta>,
-    /// None for agents without a bonus.
+    /// `None` for agents without a bonus.
     bonuses: Option<Bonuses>,
 }
 
@@ -35,7 +35,7 @@ impl AgentVisits {
         }
     }
 
-    /// Whether this was made for these axes and panels, and for agents with or without a bonus.
+    /// Whether these counts were made with the given axes and pairs, and with the same `has_bonus`.
     #[must_use]
     pub fn fits(&self, axes: &Axes, pairs: &Pairs, has_bonus: bool) -> bool {
         let cells = BonusMap::new(pairs).cells();
@@ -52,7 +52,7 @@ impl AgentVisits {
         is_drawn && bonuses_fit && self.bonuses.is_some() == has_bonus
     }
 
-    /// Adds a state whose projection onto the axes is `fractions`.
+    /// Counts a state whose positions on the axes are `fractions`.
     pub fn add(&mut self, fractions: &[f32], pairs: &Pairs, state: &VisitedState<'_>) {
         self.density.add(fractions);
         if let Some(bonuses) = self.bonuses.as_mut().filter(|_| state.has_action()) {
@@ -62,7 +62,7 @@ impl AgentVisits {
         }
     }
 
-    /// Ends a round, and forgets which states belong to rounds before the latest `window`.
+    /// Ends a round, and drops the counts of single rounds before the latest `window` rounds.
     pub fn end_round(&mut self, round: u32, window: u32) {
         self.recent.add(round, self.density.end_round(), window);
         if let Some(Bonuses {
@@ -74,13 +74,13 @@ impl AgentVisits {
         }
     }
 
-    /// Lines over each pixel from the latest rounds: `[height × width]`.
+    /// Number of lines of the latest rounds over each pixel: `[height × width]`.
     #[must_use]
     pub fn latest_density(&self) -> Vec<u32> {
         self.density.draw_rounds(self.recent.all())
     }
 
-    /// The bonuses of the latest rounds; none for agents without a bonus.
+    /// The bonuses of the latest rounds; `None` for agents without a bonus.
     #[must_use]
     pub fn latest_bonuses(&self, pairs: &Pairs) -> Option<BonusMap> {
         let bonuses = self.bonuses.as_ref()?;

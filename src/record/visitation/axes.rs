@@ -1,4 +1,4 @@
-//! Parallel coordinates: the point where a state's line crosses each axis.
+//! Parallel coordinates: the position of a state on each axis.
 
 use super::{BINS, fraction};
 use crate::record::{AxisChoice, BonusRange};
@@ -24,7 +24,7 @@ pub struct Axes {
 /// One axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// The quantity on this axis; its range gives the values at the lower and the upper end.
+    /// The quantity on this axis. Its range is the range of the axis.
     pub quantity: Quantity,
     source: Source,
 }
@@ -40,16 +40,16 @@ enum Source {
     IntrinsicReward,
 }
 
-/// One visited state, with what was done there: the input of every image.
+/// One visited state, with the action, reward, advantage and bonus of the step that starts in it.
 #[derive(Clone, Copy, Debug)]
 pub struct VisitedState<'a> {
     pub(super) step: usize,
     pub(super) observation: &'a [f32],
-    /// The action taken in this state; none at an episode's last state.
+    /// The action taken in this state; empty for the last state of an episode.
     pub(super) action: Option<&'a [f32]>,
     pub(super) reward: f32,
     pub(super) advantage: f32,
-    /// The bonus of the step taken from this state; 0 at an episode's last state.
+    /// The bonus of the step that starts in this state; 0 for the last state of an episode.
     pub bonus: f32,
 }
 
@@ -63,7 +63,7 @@ impl<'a> VisitedState<'a> {
         let advantages = step_data.map_or(&[][..], |data| &data.advantages);
         let bonuses = step_data.map_or(&[][..], |data| &data.intrinsic_rewards);
         let steps = episode.length();
-        let (observed, acted) = (
+        let (observed, action_index) = (
             episode.observations.len() / (steps + 1),
             episode.actions.len() / steps.max(1),
         );
@@ -72,7 +72,7 @@ impl<'a> VisitedState<'a> {
             observation: &episode.observations[step * observed..(step + 1) * observed],
             action: episode
                 .actions
-                .get(step * acted..(step + 1) * acted)
+                .get(step * action_index..(step + 1) * action_index)
                 .filter(|_| step < steps),
             reward: episode.rewards.get(step).copied().unwrap_or(0.0),
             advantage: advantages.get(step).copied().unwrap_or(0.0),
@@ -80,8 +80,8 @@ impl<'a> VisitedState<'a> {
         })
     }
 
-    /// A state without action and reward, as read back from a recording, with the bonus of the step
-    /// taken from it.
+    /// A state read from a recording, without action and reward, with the bonus of the step that
+    /// starts in it.
     #[must_use]
     pub fn state(step: usize, observation: &'a [f32], bonus: f32) -> Self {
         Self {
@@ -102,8 +102,8 @@ impl<'a> VisitedState<'a> {
 }
 
 impl Axes {
-    /// The chosen axes of a task. If only one is chosen, the step within the episode becomes the
-    /// first axis. The intrinsic reward has an axis only if agents have a bonus.
+    /// The axes chosen in a scenario. If only one axis is chosen, an axis of the step within the
+    /// episode is added before it. The intrinsic reward has an axis only if agents have a bonus.
     #[must_use]
     pub fn of(spec: &Spec, choices: &[AxisChoice], bonus: BonusRange) -> Self {
         let axes = choices
@@ -113,7 +113,7 @@ impl Axes {
         Self::with_steps(axes, spec.time_limit)
     }
 
-    /// The axes of all observations and of the bonus, as stored in a recording.
+    /// The axes of all observations and of the bonus, for the quantities stored in a recording.
     #[must_use]
     pub fn of_quantities(observations: &[Quantity], time_limit: u32, bonus: BonusRange) -> Self {
         let observed = observations
@@ -126,7 +126,8 @@ impl Axes {
         )
     }
 
-    /// A line needs at least two axes: the step within the episode is added if there are fewer.
+    /// Adds an axis of the step within the episode if there are fewer than two axes, because a line
+    /// needs two.
     fn with_steps(mut axes: Vec<Axis>, time_limit: u32) -> Self {
         while axes.len() < 2 {
             axes.insert(0, Axis::step(time_limit));
@@ -139,7 +140,7 @@ impl Axes {
         Self { axes, gap }
     }
 
-    /// The axes at the given positions, as axes of an image of their own.
+    /// The axes with the given indices, arranged as a separate image.
     #[must_use]
     pub fn subset(&self, positions: &[usize]) -> Self {
         Self::side_by_side(
@@ -173,13 +174,14 @@ impl Axes {
         self.pairs() * self.gap + 1
     }
 
-    /// Horizontal position of an axis: the middle of its column of pixels.
+    /// Horizontal position of an axis in pixels: the middle of its column of pixels.
     #[must_use]
     pub fn x(&self, axis: usize) -> f32 {
         (axis * self.gap) as f32 + 0.5
     }
 
-    /// Whether an axis shows an action or its outcome, so that an episode's last state has no line.
+    /// Whether an axis shows an action, its reward or its advantage. Then the last state of an
+    /// episode, in which no action is taken, has no line.
     #[must_use]
     pub fn need_actions(&self) -> bool {
         self.axes.iter().any(|axis| {
@@ -190,14 +192,14 @@ impl Axes {
         })
     }
 
-    /// Writes the positions at which a state crosses the axes into `fractions`: `[axes]`, from 0
-    /// (lower end) to 1 (upper end). Values outside an axis are clamped to its ends.
+    /// Writes the positions of a state on the axes into `fractions`: `[axes]`, from 0 (lower end)
+    /// to 1 (upper end). Values outside the range of an axis are clamped to its ends.
     pub fn project(&self, state: &VisitedState<'_>, fractions: &mut Vec<f32>) {
         fractions.clear();
         fractions.extend(self.axes.iter().map(|axis| axis.fraction(state)));
     }
 
-    /// The polyline of a projected state: `[axes]` points.
+    /// The polyline of a state with these positions on the axes: `[axes]` points in pixels.
     pub fn line(&self, fractions: &[f32]) -> impl Iterator<Item = [f32; 2]> {
         fractions
             .iter()
@@ -295,7 +297,7 @@ impl Axis {
     }
 }
 
-/// The value of an action; a discrete action is stored as the index of its value.
+/// The value of an action. A discrete action is stored as the index of its value.
 fn action_value(choice: &Choice, action: f32) -> f32 {
     match choice {
         Choice::Discrete(values) => values[action as usize],
@@ -311,7 +313,7 @@ pub(super) mod tests {
 
     const ALL: [AxisChoice; 2] = [AxisChoice::Observations, AxisChoice::IntrinsicReward];
 
-    /// A task that observes `o0`, `o1`, …, with two pushes to choose from.
+    /// A task with observations `o0`, `o1`, … and a discrete action with two values.
     pub(crate) fn spec(ranges: &[[f32; 2]]) -> Spec {
         let quantity = |(i, &range): (usize, &[f32; 2])| Quantity {
             name: format!("o{i}"),
@@ -356,7 +358,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_state_is_a_line_across_the_axes() {
+    fn a_line_crosses_each_axis_at_the_position_of_its_value() {
         let axes = Axes::of(
             &spec(&[[-2.0, 2.0], [0.0, 10.0], [-1.0, 1.0]]),
             &ALL,
@@ -381,23 +383,23 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_single_observation_is_drawn_against_the_step() {
+    fn a_single_observation_gets_an_axis_of_the_step() {
         let axes = Axes::of(&spec(&[[0.0, 4.0]]), &ALL, BonusRange::None);
         assert_eq!(axes.all()[0].quantity.name, "step");
         assert_eq!(projected(&axes, &state_at(50, &[3.0])), [0.25, 0.75]);
     }
 
     #[test]
-    fn many_axes_keep_their_distance() {
+    fn many_axes_keep_a_minimum_distance() {
         assert_eq!(
             Axes::of(&spec(&[[0.0, 1.0]; 12]), &ALL, BonusRange::None).width(),
             11 * MIN_AXIS_GAP + 1
         );
     }
 
-    /// A bonus of 0.3 of at most 1.2 crosses the last axis at a quarter of its height.
+    /// The position of a bonus of 0.3 on an axis up to 1.2 is 0.25.
     #[test]
-    fn agents_with_a_bonus_have_an_axis_for_it() {
+    fn agents_with_a_bonus_have_an_axis_of_the_bonus() {
         let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]), &ALL, BonusRange::UpTo(1.2));
         assert_eq!(axes.all()[2].quantity.name, "intrinsic reward");
         let fractions = projected(
@@ -410,10 +412,10 @@ pub(super) mod tests {
         assert!((fractions[2] - 0.25).abs() < 1e-6, "{fractions:?}");
     }
 
-    /// Two steps: a push with index 1 (10 N) for a reward of 1 on an axis from −2 to 2, then one with
-    /// index 0 for a reward of −5, which is outside the axis.
+    /// The first step has action 1 (10 N) and reward 1, on an axis from −2 to 2. The second step
+    /// has action 0 and reward −5, which is outside the axis.
     #[test]
-    fn actions_rewards_and_steps_have_axes_if_chosen() {
+    fn chosen_axes_show_actions_rewards_and_steps() {
         let reward = AxisChoice::Reward {
             from: known(-2.0),
             to: known::<FiniteNumber>(2.0).into(),
@@ -443,10 +445,10 @@ pub(super) mod tests {
         assert_eq!(states, [[1.0, 0.75, 0.0], [0.0, 0.0, 0.005]]);
     }
 
-    /// From −4 to 4: 2 is at three quarters, −5 is outside the axis. The last state has no action and
-    /// so no advantage.
+    /// On an axis from −4 to 4, the advantage 2 has position 0.75, and −5 is outside the axis. The
+    /// last state has no action and so no advantage.
     #[test]
-    fn advantages_have_an_axis_if_chosen() {
+    fn a_chosen_axis_shows_advantages() {
         let advantage = AxisChoice::Advantage {
             from: known(-4.0),
             to: known::<FiniteNumber>(4.0).into(),

@@ -1,4 +1,4 @@
-//! Maps of the mean bonus over the cells of each panel.
+//! The mean bonus in each cell of the panels of pairs of observations.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,8 +23,8 @@ pub struct CellBonus {
     pub sum: f64,
 }
 
-/// Adds up the bonuses of each cell, in ascending order of cells. Within a cell, bonuses are added
-/// in the order in which they were received, so that sums have the same bits in every run.
+/// Sums the bonuses of each cell, and returns the cells in ascending order. Within a cell, bonuses
+/// are added in the order of steps, so that repeated runs give the same bits.
 #[must_use]
 pub(super) fn sum_by_cell(mut bonuses: Vec<(u32, f32)>) -> Vec<CellBonus> {
     bonuses.sort_by_key(|(cell, _)| *cell);
@@ -56,10 +56,10 @@ impl BonusMap {
         self.counts.len()
     }
 
-    /// The cell in which a state is, one per panel.
+    /// The cells of a state, one per panel.
     pub fn cells_of(pairs: &Pairs, state: &VisitedState<'_>) -> impl Iterator<Item = u32> {
-        let cell = |(panel, [across, upward]): (usize, [f32; 2])| {
-            (panel * CELLS + row(upward)) * CELLS + column(across)
+        let cell = |(panel, [column_fraction, row_fraction]): (usize, [f32; 2])| {
+            (panel * CELLS + row(row_fraction)) * CELLS + column(column_fraction)
         };
         pairs
             .project(state)
@@ -73,7 +73,7 @@ impl BonusMap {
         self.counts[cell as usize] += count;
     }
 
-    /// Adds the bonuses of another agent.
+    /// Adds the bonuses of another map, such as that of another agent.
     pub fn add_all(&mut self, other: &Self) {
         self.sums
             .iter_mut()
@@ -85,8 +85,8 @@ impl BonusMap {
             .for_each(|(count, other)| *count += other);
     }
 
-    /// The mean bonus of each cell, none for cells without states: `[panels × cells × cells]`, from
-    /// the top row down.
+    /// The mean bonus of each cell, `None` for cells without states: `[panels × cells × cells]`,
+    /// from the top row down.
     pub fn means(&self) -> impl Iterator<Item = Option<f64>> {
         self.sums
             .iter()
@@ -118,7 +118,7 @@ mod tests {
 
     /// Bonuses of 1 and 3 in the lower left cell and of 5 in the upper right one: means of 2 and 5.
     #[test]
-    fn bonuses_are_averaged_in_their_cells() {
+    fn bonuses_are_averaged_per_cell() {
         let pairs = Pairs::of(&spec(&[[0.0, 1.0]; 2]), &PairChoice::First(known_count(1)));
         let places: [(f32, &[f32]); 3] =
             [(1.0, &[0.0, 0.0]), (5.0, &[1.0, 1.0]), (3.0, &[0.01, 0.02])];

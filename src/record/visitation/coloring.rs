@@ -7,35 +7,36 @@ use seedbed_env::{Spec, Status};
 use seedbed_figure::color::dark::{categorical_color, sequential_color};
 use seedbed_learn::experience::Episode;
 
-/// How states are colored, on one scale throughout a run.
+/// How lines and points of states are colored. The scale is the same throughout a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coloring {
     /// What the color shows.
     pub by: ColorBy,
-    /// The values at the ends of the scale; without meaning if there is no scale.
+    /// The values at the ends of the scale; not used if [`has_scale`](Self::has_scale) is false.
     pub range: [f32; 2],
 }
 
 impl Coloring {
     /// The range of the scale for the whole run. `max_episodes` is the maximum number of episodes
-    /// per agent. The range of returns depends on `first`, the episodes of the first round.
+    /// per agent. The range of returns depends on `first_round_episodes`, the episodes of the first
+    /// round.
     #[must_use]
     pub fn range(
         by: ColorBy,
         spec: &Spec,
         max_episodes: u32,
         bonus: BonusRange,
-        first: &[&Episode],
+        first_round_episodes: &[&Episode],
     ) -> [f32; 2] {
         match by {
             ColorBy::Agent | ColorBy::Outcome => [0.0, 1.0],
             ColorBy::Episode => [0.0, max_episodes.saturating_sub(1).max(1) as f32],
             ColorBy::IntrinsicReward => [0.0, bonus.scale_end().unwrap_or(1.0)],
-            ColorBy::Return => returns(first, spec.reward_threshold),
+            ColorBy::Return => range_of_returns(first_round_episodes, spec.reward_threshold),
         }
     }
 
-    /// The color of a state; none if every agent has a color of its own.
+    /// The color of a state; `None` if states have the color of their agent.
     #[must_use]
     pub fn color(&self, episode: &Episode, state: &VisitedState<'_>) -> Option<[u8; 3]> {
         let scaled = |value: f32| Some(sequential_color(fraction(value, self.range)));
@@ -48,7 +49,7 @@ impl Coloring {
         }
     }
 
-    /// The title of the scale.
+    /// The title of the color scale.
     #[must_use]
     pub fn title(&self) -> &'static str {
         match self.by {
@@ -60,7 +61,7 @@ impl Coloring {
         }
     }
 
-    /// Whether colors stand for values between the ends of a scale.
+    /// Whether colors represent values on a continuous scale.
     #[must_use]
     pub fn has_scale(&self) -> bool {
         !matches!(self.by, ColorBy::Agent | ColorBy::Outcome)
@@ -73,12 +74,17 @@ pub fn outcome_color(terminated: bool) -> [u8; 3] {
     categorical_color(if terminated { 5 } else { 1 })
 }
 
-/// From the lowest return of the first round to the reward threshold, or to the highest return if
-/// there is no threshold above the lowest; a range without extent gets an extent of 1.
-fn returns(first: &[&Episode], threshold: Option<f32>) -> [f32; 2] {
-    let totals = || first.iter().map(|episode| episode.total_reward() as f32);
-    let low = totals().fold(f32::INFINITY, f32::min);
-    let high = totals().fold(f32::NEG_INFINITY, f32::max);
+/// The range of the scale of returns: from the lowest return of the first round to the reward
+/// threshold or, if no threshold is above that return, to the highest return. An empty range is
+/// widened to 1.
+fn range_of_returns(first_round_episodes: &[&Episode], threshold: Option<f32>) -> [f32; 2] {
+    let returns = || {
+        first_round_episodes
+            .iter()
+            .map(|episode| episode.total_reward() as f32)
+    };
+    let low = returns().fold(f32::INFINITY, f32::min);
+    let high = returns().fold(f32::NEG_INFINITY, f32::max);
     let low = if low.is_finite() { low } else { 0.0 };
     let high = threshold
         .filter(|threshold| *threshold > low)
@@ -100,20 +106,20 @@ mod tests {
     }
 
     #[test]
-    fn returns_are_scaled_from_the_first_round_to_what_solves_the_task() {
+    fn the_scale_of_returns_ends_at_the_reward_threshold() {
         let (low, high) = (episode(8.0), episode(20.0));
-        assert_eq!(returns(&[&low, &high], Some(195.0)), [8.0, 195.0]);
-        assert_eq!(returns(&[&low, &high], None), [8.0, 20.0]);
+        assert_eq!(range_of_returns(&[&low, &high], Some(195.0)), [8.0, 195.0]);
+        assert_eq!(range_of_returns(&[&low, &high], None), [8.0, 20.0]);
         assert_eq!(
-            returns(&[&high], Some(10.0)),
+            range_of_returns(&[&high], Some(10.0)),
             [20.0, 21.0],
-            "the task was solved at once"
+            "all returns of the first round are above the threshold"
         );
-        assert_eq!(returns(&[], None), [0.0, 1.0]);
+        assert_eq!(range_of_returns(&[], None), [0.0, 1.0]);
     }
 
     #[test]
-    fn each_choice_colors_by_something_else() {
+    fn every_color_setting_determines_the_color_of_a_state() {
         let (episode, state) = (
             episode(8.0),
             VisitedState {

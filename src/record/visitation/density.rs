@@ -1,6 +1,6 @@
 //! Counts how many lines cross each pixel of parallel coordinates.
 //!
-//! Drawing every state as a line of its own would cost a pass over the image per state. Instead,
+//! Drawing each state as a separate line would require a pass over the image per state. Instead,
 //! states are counted in one 64 × 64 histogram per pair of neighboring axes: all states in one cell
 //! have the same line between these axes, so that it is drawn once with the cell's count. A round
 //! draws only the cells that its own states touched.
@@ -10,20 +10,21 @@ use serde::{Deserialize, Serialize};
 use super::axes::{Axes, HEIGHT};
 use super::{BINS, DensityDelta};
 
-/// Brightness of a pixel that a single line crosses: visible against the black of no line.
+/// Brightness of a pixel with a single line, so that it differs visibly from black (no line).
 pub const MIN_BRIGHTNESS: u8 = 40;
 
-/// Number of lines over each pixel, and the states that are not drawn yet.
+/// Number of lines over each pixel of parallel coordinates, and counts of states that are not drawn
+/// yet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Density {
     gap: usize,
     pairs: usize,
-    /// States counted since the last drawing: `[pairs × bins × bins]`, by the bins on the left and
-    /// the right axis.
+    /// Counts of the states that are not drawn yet: `[pairs × bins × bins]`, by the bins on the
+    /// left and the right axis of each pair.
     counts: Vec<u32>,
     /// The cells of `counts` that are not zero.
-    touched: Vec<u32>,
-    /// Lines over each pixel, without those still in `counts`: `[height × width]`.
+    nonzero_cells: Vec<u32>,
+    /// Number of lines over each pixel, without the states in `counts`: `[height × width]`.
     pixels: Vec<u32>,
 }
 
@@ -35,12 +36,12 @@ impl Density {
             gap: axes.gap(),
             pairs: axes.pairs(),
             counts: vec![0; axes.pairs() * BINS * BINS],
-            touched: Vec::new(),
+            nonzero_cells: Vec::new(),
             pixels: vec![0; axes.width() * HEIGHT],
         }
     }
 
-    /// Whether this was made for axes of this number and distance.
+    /// Whether this density was made for the same number of axes with the same distance.
     #[must_use]
     pub fn fits(&self, axes: &Axes) -> bool {
         (self.gap, self.pairs) == (axes.gap(), axes.pairs())
@@ -56,16 +57,16 @@ impl Density {
 
     fn count(&mut self, cell: usize, states: u32) {
         if self.counts[cell] == 0 {
-            self.touched.push(cell as u32);
+            self.nonzero_cells.push(cell as u32);
         }
         self.counts[cell] += states;
     }
 
-    /// Draws the states of the round that ends, and returns the cells they are in.
+    /// Draws the states of the current round, and returns the counts of its cells.
     pub fn end_round(&mut self) -> DensityDelta {
-        self.touched.sort_unstable();
+        self.nonzero_cells.sort_unstable();
         let delta = DensityDelta::of(
-            self.touched
+            self.nonzero_cells
                 .iter()
                 .map(|&cell| (cell, self.counts[cell as usize])),
         );
@@ -73,7 +74,7 @@ impl Density {
         delta
     }
 
-    /// Whether all cells of a round exist in this density.
+    /// Whether this density has all cells of a round.
     #[must_use]
     pub fn contains(&self, round: &DensityDelta) -> bool {
         round
@@ -81,7 +82,7 @@ impl Density {
             .all(|(cell, _)| (cell as usize) < self.counts.len())
     }
 
-    /// Lines over each pixel from the given rounds only: `[height × width]`.
+    /// Number of lines of the given rounds over each pixel: `[height × width]`.
     #[must_use]
     pub fn draw_rounds<'a>(&self, rounds: impl Iterator<Item = &'a DensityDelta>) -> Vec<u32> {
         let (counts, pixels) = (vec![0; self.counts.len()], vec![0; self.pixels.len()]);
@@ -89,7 +90,7 @@ impl Density {
             gap: self.gap,
             pairs: self.pairs,
             counts,
-            touched: Vec::new(),
+            nonzero_cells: Vec::new(),
             pixels,
         };
         rounds
@@ -99,23 +100,24 @@ impl Density {
         alone.pixels
     }
 
-    /// Draws all counted states, and returns the lines over each pixel: `[height × width]`.
+    /// Draws all counted states, and returns the number of lines over each pixel: `[height ×
+    /// width]`.
     pub fn draw_all(&mut self) -> &Vec<u32> {
-        for cell in std::mem::take(&mut self.touched) {
+        for cell in std::mem::take(&mut self.nonzero_cells) {
             let count = std::mem::take(&mut self.counts[cell as usize]);
             self.draw(cell as usize, count);
         }
         &self.pixels
     }
 
-    /// Lines over each pixel at the last drawing: `[height × width]`.
+    /// Number of lines over each pixel, without states that are not drawn yet: `[height × width]`.
     #[must_use]
     pub fn pixels(&self) -> &[u32] {
         &self.pixels
     }
 
-    /// Draws a cell as a straight line, one bin high, from axis to axis; the last pair includes the
-    /// last axis.
+    /// Draws a cell as a straight line between two axes, with the height of one bin. The columns of
+    /// the last pair include the last axis.
     fn draw(&mut self, cell: usize, count: u32) {
         let (pair, left, right) = (cell / (BINS * BINS), cell / BINS % BINS, cell % BINS);
         let (left, right) = (row(left), row(right));
@@ -125,8 +127,8 @@ impl Density {
         } else {
             self.gap
         };
-        // Fixed point, in 65,536ths of a pixel: one division per line instead of one per column, and
-        // the same pixels on every machine.
+        // Fixed point, in 65,536ths of a pixel: one division per line instead of one per column,
+        // and the same pixels on every machine.
         let rise = (((right as i64) - (left as i64)) << 16) / self.gap as i64;
         let mut height = ((left as i64) << 16) + (1 << 15);
         for column in 0..columns {
@@ -141,7 +143,7 @@ fn bin(fraction: f32) -> usize {
     ((fraction * BINS as f32) as usize).min(BINS - 1)
 }
 
-/// The row of pixels of a bin; bin 0 is the lowest.
+/// The row of pixels of a bin. Bin 0 is the lowest row.
 fn row(bin: usize) -> usize {
     BINS - 1 - bin
 }
@@ -149,11 +151,11 @@ fn row(bin: usize) -> usize {
 /// Brightness of each pixel: 0 without a line, otherwise from [`MIN_BRIGHTNESS`] (one line) to 255
 /// (`max_lines` lines or more), on a logarithmic scale.
 #[must_use]
-pub fn shade(pixels: &[u32], max_lines: u32) -> Vec<u8> {
-    let whole = log2_fixed(max_lines).max(1);
+pub fn brightness_of_pixels(pixels: &[u32], max_lines: u32) -> Vec<u8> {
+    let whole = log2_in_256ths(max_lines).max(1);
     let brightness = |lines: u32| {
         MIN_BRIGHTNESS
-            + (log2_fixed(lines.min(max_lines)) * u32::from(255 - MIN_BRIGHTNESS) / whole) as u8
+            + (log2_in_256ths(lines.min(max_lines)) * u32::from(255 - MIN_BRIGHTNESS) / whole) as u8
     };
     pixels
         .iter()
@@ -161,9 +163,9 @@ pub fn shade(pixels: &[u32], max_lines: u32) -> Vec<u8> {
         .collect()
 }
 
-/// 256 log₂ `n`, interpolated linearly between powers of two; 0 for 0. Integers only, so that images
-/// have the same bytes on every machine.
-fn log2_fixed(n: u32) -> u32 {
+/// 256 log₂ `n`, interpolated linearly between powers of two; 0 for 0. Integers only, so that
+/// images have the same bytes on every machine.
+fn log2_in_256ths(n: u32) -> u32 {
     let Some(whole) = n.checked_ilog2() else {
         return 0;
     };
@@ -186,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_line_brightens_the_row_of_its_bin() {
+    fn a_horizontal_line_crosses_the_pixels_of_its_bin() {
         let axes = axes(2);
         let mut density = Density::new(&axes);
         density.add(&[0.0, 0.0]);
@@ -198,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rising_line_passes_half_way() {
+    fn a_rising_line_crosses_the_middle_row_half_way() {
         let axes = axes(2);
         let mut density = Density::new(&axes);
         density.add(&[0.0, 1.0]);
@@ -217,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn drawing_more_often_changes_nothing() {
+    fn the_density_does_not_depend_on_the_number_of_drawings() {
         let axes = axes(3);
         let states = [[0.1, 0.5, 0.9], [0.3, 0.3, 0.2], [0.1, 0.5, 0.9]];
         let (mut often, mut once) = (Density::new(&axes), Density::new(&axes));
@@ -230,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn some_rounds_can_be_drawn_without_the_others() {
+    fn single_rounds_can_be_drawn_without_earlier_rounds() {
         let axes = axes(3);
         let states = [
             [0.1, 0.5, 0.9],
@@ -258,21 +260,21 @@ mod tests {
     #[test]
     fn brightness_is_logarithmic() {
         assert_eq!(
-            shade(&[0, 1, 2, 4, 16], 16),
+            brightness_of_pixels(&[0, 1, 2, 4, 16], 16),
             [0, 40, 40 + 53, 40 + 107, 255]
         );
         assert_eq!(
-            shade(&[1, 16], 256),
+            brightness_of_pixels(&[1, 16], 256),
             [40, 40 + 107],
             "the brightest of several images may be another one"
         );
-        assert_eq!(shade(&[0, 0], 0), [0, 0]);
+        assert_eq!(brightness_of_pixels(&[0, 0], 0), [0, 0]);
         assert_eq!(
             (
-                log2_fixed(1),
-                log2_fixed(3),
-                log2_fixed(4),
-                log2_fixed(u32::MAX)
+                log2_in_256ths(1),
+                log2_in_256ths(3),
+                log2_in_256ths(4),
+                log2_in_256ths(u32::MAX)
             ),
             (0, 256 + 128, 512, 31 * 256 + 255)
         );

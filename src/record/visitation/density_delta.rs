@@ -1,15 +1,16 @@
-//! The counts that one round adds to a histogram, in few bytes: those of the latest rounds of every
-//! agent are kept in memory and in checkpoints.
+//! The counts that one round adds to a histogram, in a compact encoding. The counts of the latest
+//! rounds of every agent are kept in memory and in checkpoints.
 
 use serde::{Deserialize, Serialize};
 
-/// The counts that one round adds, by cell. Each cell is stored as its distance from the end of the
-/// one before, followed by its count, both as LEB128 numbers (seven bits per byte, lowest first).
+/// The counts that one round adds, by cell. Each cell is stored as the number of empty cells since
+/// the previous cell, followed by its count, both as LEB128 (seven bits per byte, lowest bits
+/// first).
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DensityDelta(Vec<u8>);
 
 impl DensityDelta {
-    /// From cells in ascending order, with their counts.
+    /// Encodes cells in ascending order, with their counts.
     #[must_use]
     pub fn of(cells: impl Iterator<Item = (u32, u32)>) -> Self {
         let (mut bytes, mut next) = (Vec::new(), 0);
@@ -22,7 +23,7 @@ impl DensityDelta {
         Self(bytes)
     }
 
-    /// The cells, in ascending order, with their counts.
+    /// Decodes the cells in ascending order, with their counts.
     pub fn cells(&self) -> impl Iterator<Item = (u32, u32)> {
         let (mut bytes, mut next) = (self.0.iter().copied(), 0_u32);
         std::iter::from_fn(move || {
@@ -58,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_come_back_as_they_were() {
+    fn decoded_cells_equal_encoded_cells() {
         let cells = [
             (0, 1),
             (1, 127),
@@ -71,8 +72,8 @@ mod tests {
         assert_eq!(DensityDelta::default().cells().count(), 0);
     }
 
-    /// Neighbours that were visited a few times take two bytes each; 300 = 2 · 128 + 44 takes two
-    /// by itself.
+    /// A cell next to the previous one with a count below 128 takes two bytes. The count 300 = 2 ·
+    /// 128 + 44 takes two bytes itself.
     #[test]
     fn a_cell_takes_two_bytes() {
         assert_eq!(
@@ -83,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn torn_bytes_end_the_cells() {
+    fn decoding_stops_at_incomplete_bytes() {
         assert_eq!(
             DensityDelta(vec![5, 3, 7]).cells().collect::<Vec<_>>(),
             [(5, 3)]

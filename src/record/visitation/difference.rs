@@ -1,25 +1,26 @@
 //! The difference between the densities of two agents.
 //!
-//! Differences are shown on a square-root scale: most of them are a small part of the largest one
-//! and would all be black on a linear scale, whereas a logarithm has no zero, which is where two
-//! agents agree.
+//! Differences are shown on a square-root scale. On a linear scale most of them would be black,
+//! because they are small compared with the largest difference. A logarithmic scale has no zero,
+//! which is the difference where two agents agree.
 
-/// Every how many columns of pixels are compared to find the two agents that differ most.
+/// Distance between the columns of pixels that are compared to find the two agents that differ
+/// most.
 const COLUMN_STRIDE: usize = 8;
 
-/// The difference d between the share of `one`'s lines and the share of `other`'s lines that cross
-/// each pixel.
+/// For each pixel, the difference d between the share of the lines of `one` and the share of the
+/// lines of `other` that cross it.
 ///
-/// `one`, `other`: lines over each pixel, `[height × width]`. Returns sign(d) √(|d| / D) for each
-/// pixel, from −1 to 1, and D, the largest |d|.
+/// `one`, `other`: number of lines over each pixel, `[height × width]`. Returns sign(d) √(|d| / D)
+/// for each pixel, from −1 to 1, and D, the largest |d|.
 #[must_use]
 pub fn share_difference(one: &[u32], other: &[u32], width: usize) -> (Vec<f32>, f32) {
-    let shares = |pixels: &[u32]| 1.0 / (lines(pixels, width) as f32).max(1.0);
-    let (of_one, of_other) = (shares(one), shares(other));
+    let shares = |pixels: &[u32]| 1.0 / (line_count(pixels, width) as f32).max(1.0);
+    let (weight_of_one, weight_of_other) = (shares(one), shares(other));
     let differences: Vec<f32> = one
         .iter()
         .zip(other)
-        .map(|(&one, &other)| one as f32 * of_one - other as f32 * of_other)
+        .map(|(&one, &other)| one as f32 * weight_of_one - other as f32 * weight_of_other)
         .collect();
     let largest = differences
         .iter()
@@ -32,10 +33,10 @@ pub fn share_difference(one: &[u32], other: &[u32], width: usize) -> (Vec<f32>, 
     (scaled, largest)
 }
 
-/// The two agents whose densities differ most: those with the largest sum of |d| over every eighth
-/// column of pixels. The first such pair in case of a tie; none in a team of one.
+/// The two agents whose densities differ most, measured by the sum of |d| over every eighth column
+/// of pixels. In case of a tie, the first such pair; `None` for a single agent.
 ///
-/// `densities`: lines over each pixel, `[agents][height × width]`.
+/// `densities`: number of lines over each pixel, `[agents][height × width]`.
 #[must_use]
 pub fn most_different(densities: &[&[u32]], width: usize) -> Option<(usize, usize)> {
     let all_shares: Vec<Vec<f32>> = densities
@@ -44,10 +45,10 @@ pub fn most_different(densities: &[&[u32]], width: usize) -> Option<(usize, usiz
         .collect();
     let mut max = None;
     for (one, column_shares) in all_shares.iter().enumerate() {
-        for (other, of_other) in all_shares.iter().enumerate().skip(one + 1) {
+        for (other, weight_of_other) in all_shares.iter().enumerate().skip(one + 1) {
             let distance: f32 = column_shares
                 .iter()
-                .zip(of_other)
+                .zip(weight_of_other)
                 .map(|(one, other)| (one - other).abs())
                 .sum();
             if max.is_none_or(|(_, largest)| distance > largest) {
@@ -59,7 +60,7 @@ pub fn most_different(densities: &[&[u32]], width: usize) -> Option<(usize, usiz
 }
 
 fn column_shares(pixels: &[u32], width: usize) -> Vec<f32> {
-    let share = 1.0 / (lines(pixels, width) as f32).max(1.0);
+    let share = 1.0 / (line_count(pixels, width) as f32).max(1.0);
     pixels
         .chunks_exact(width)
         .flat_map(|row| {
@@ -70,8 +71,8 @@ fn column_shares(pixels: &[u32], width: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Every line crosses the first column once.
-fn lines(pixels: &[u32], width: usize) -> u64 {
+/// Total number of lines: every line crosses the first column of pixels exactly once.
+fn line_count(pixels: &[u32], width: usize) -> u64 {
     pixels
         .iter()
         .step_by(width)
@@ -83,11 +84,10 @@ fn lines(pixels: &[u32], width: usize) -> u64 {
 mod tests {
     use super::*;
 
-    /// 4 lines of one agent and 2 of the other over two rows and three columns. In the last column
-    /// 3 of 4 lines less 0 of 2 are above: 0.75, the largest; in the middle 2 of 4 less 1 of 2:
-    /// none; in the first 1 of 4 less 2 of 2: −0.75.
+    /// One agent has 4 lines, the other has 2, over two rows and three columns of pixels. The upper
+    /// row has the differences 1/4 − 2/2 = −0.75, 2/4 − 1/2 = 0 and 3/4 − 0/2 = 0.75.
     #[test]
-    fn shares_of_lines_are_subtracted() {
+    fn the_difference_is_that_of_shares_of_lines() {
         let (one, other) = ([1, 2, 3, 3, 2, 1], [2, 1, 0, 0, 1, 2]);
         assert_eq!(
             share_difference(&one, &other, 3),
@@ -100,10 +100,10 @@ mod tests {
         assert_eq!(share_difference(&[0, 0], &[0, 0], 1), (vec![0.0, 0.0], 0.0));
     }
 
-    /// Differences of 0.25 and 0.0625 in share: the smaller one is a quarter of the larger and gets
-    /// half its color.
+    /// Of the differences 0.25 and 0.0625, the smaller one is a quarter of the larger one, and its
+    /// value on the square-root scale is ½.
     #[test]
-    fn small_differences_are_raised_by_a_root() {
+    fn differences_have_a_square_root_scale() {
         let (scaled, largest) = share_difference(&[8, 3, 5], &[4, 4, 8], 1);
         assert_eq!(
             (scaled, largest),
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn the_two_that_differ_most_are_found() {
+    fn the_two_agents_with_the_largest_difference_are_found() {
         let pictures: [&[u32]; 4] = [&[5, 5], &[6, 4], &[10, 0], &[2, 8]];
         assert_eq!(most_different(&pictures, 1), Some((2, 3)));
         assert_eq!(

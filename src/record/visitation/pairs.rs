@@ -1,4 +1,4 @@
-//! Plots of one observation against another: a row of square panels with one point per state.
+//! Scatter plots of pairs of observations: a row of square panels with one point per state.
 
 use super::axes::{Axis, VisitedState};
 use crate::record::PairChoice;
@@ -18,12 +18,13 @@ pub struct Pairs {
 }
 
 impl Pairs {
-    /// The chosen pairs of a task's observations. A single observation is plotted against the step
-    /// within the episode.
+    /// The pairs of observations chosen in a scenario. If the task has only one observation, it is
+    /// paired with the step within the episode.
     ///
     /// # Panics
-    /// If a chosen name is not an observation of the task, which
-    /// [`check_task`](crate::record::RecordingSettings::check_task) reports as an error.
+    /// If a chosen name is not an observation of the task. This is prevented by
+    /// [`check_task`](crate::record::RecordingSettings::check_task), which reports such names as
+    /// errors.
     #[must_use]
     pub fn of(spec: &Spec, choice: &PairChoice) -> Self {
         let observed = spec.observations.len();
@@ -43,7 +44,8 @@ impl Pairs {
             PairChoice::First(_) if observed == 1 => {
                 vec![[Axis::step(spec.time_limit), observation(0)]]
             }
-            // The last of an odd number of observations is paired with the one before it.
+            // If the number of observations is odd, the last one is paired with the observation
+            // before it.
             PairChoice::First(max_pairs) => (0..observed.div_ceil(2).min(max_pairs.get() as usize))
                 .map(|pair| (2 * pair).min(observed - 2))
                 .map(|first| [observation(first), observation(first + 1)])
@@ -105,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbors_are_paired_by_default() {
+    fn neighboring_observations_are_paired_by_default() {
         let first = PairChoice::First(known_count(3));
         assert_eq!(names(1, &first), [["step", "o0"]]);
         assert_eq!(names(3, &first), [["o0", "o1"], ["o1", "o2"]]);
@@ -115,10 +117,10 @@ mod tests {
         assert_eq!(names(3, &these), [["o2", "o0"]]);
     }
 
-    /// At a quarter of the first panel's width and at the top; in the second panel, 60 pixels
-    /// further, in the middle of the left side.
+    /// The state is at a quarter of the width and at the top of the first panel, and in the middle
+    /// of the left side of the second panel, which is 60 pixels further right.
     #[test]
-    fn a_state_is_a_point_in_each_panel() {
+    fn a_state_has_a_point_in_each_panel() {
         let pairs = Pairs::of(&spec(&[[0.0, 4.0]; 4]), &PairChoice::First(known_count(4)));
         assert_eq!(pairs.width(), 100);
         let points: Vec<[f32; 2]> = pairs.points(&state_at(0, &[1.0, 4.0, 0.0, 2.0])).collect();

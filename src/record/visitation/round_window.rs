@@ -1,4 +1,4 @@
-//! Keeps what was counted in each of the latest rounds.
+//! Keeps one value, such as counts, for each of the latest rounds.
 
 use std::collections::VecDeque;
 
@@ -19,7 +19,8 @@ impl<V> Default for RoundWindow<V> {
 }
 
 impl<V> RoundWindow<V> {
-    /// Adds the value of `round`, and forgets the rounds before the latest `window`.
+    /// Adds the value of `round`, and removes the values of rounds before the latest `window`
+    /// rounds.
     pub fn add(&mut self, round: u32, value: V, window: u32) {
         self.rounds.push_back((round, value));
         while self
@@ -37,7 +38,7 @@ impl<V> RoundWindow<V> {
     }
 }
 
-/// The first of the `window` rounds that end with `round`; round 0 if there were fewer.
+/// The first of the latest `window` rounds up to `round`; 0 if there were fewer rounds.
 #[must_use]
 pub fn first_round(round: u32, window: u32) -> u32 {
     (u64::from(round) + 1).saturating_sub(u64::from(window)) as u32
@@ -47,9 +48,10 @@ pub fn first_round(round: u32, window: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Round r has the value r; a window of three rounds ends with each of them.
+    /// Round r has the value r. After each round, the window has the values of the latest three
+    /// rounds.
     #[test]
-    fn a_window_has_as_many_rounds_as_it_says() {
+    fn a_window_has_at_most_its_number_of_rounds() {
         let mut values = RoundWindow::default();
         let mut windows = Vec::new();
         for round in 0..6 {
@@ -71,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn rounds_that_were_not_recorded_count() {
+    fn a_window_counts_rounds_that_were_not_added() {
         let mut values = RoundWindow::default();
         for (round, value) in [(11, 'a'), (58, 'b'), (61, 'c')] {
             values.add(round, value, 50);

@@ -1,28 +1,29 @@
 //! Chooses the states that are drawn as lines and points.
 //!
 //! The viewer shows the lines of a window of episodes on top of each other, and beyond about 1,000
-//! lines they are a solid block. So each round gets an equal share of the wanted number, and each of
-//! its episodes an equal share of that. Within an episode, one state is drawn at random from each of
-//! equally long parts: every part of the episode is shown, yet no fixed stride that a periodic
-//! motion could fall in step with. The random stream is that of recordings, so that learning does
-//! not depend on what is drawn.
+//! lines they are a solid block. So each round gets an equal share of the wanted number, and each
+//! of its episodes an equal share of that. Within an episode, one state is drawn at random from
+//! each of equally long parts: every part of the episode is shown, yet no fixed stride that a
+//! periodic motion could fall in step with. The random stream is that of recordings, so that
+//! learning does not depend on what is drawn.
 
 use rand::RngExt;
 
 use seedbed_env::random::Stream;
 
-/// How many states become lines, so that no more than the wanted number are visible at once.
+/// How many states of each round are drawn as lines, so that at most a given number is visible at
+/// once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineQuota {
-    /// Number of rounds and episodes whose lines are visible together.
+    /// Number of latest rounds and episodes whose lines are visible at once.
     pub window: u32,
-    /// Lines per agent and round.
+    /// Number of lines per agent and round.
     pub per_round: u32,
 }
 
 impl LineQuota {
-    /// For `lines` visible lines per agent from the latest `window` episodes, or from as many
-    /// episodes as there are lines if those are fewer.
+    /// The quota for at most `lines` visible lines per agent, from the latest `window` episodes. If
+    /// `lines` is smaller than `window`, only the latest `lines` episodes have lines.
     #[must_use]
     pub fn of(lines: u32, window: u32) -> Self {
         let window = lines.clamp(1, window);
@@ -32,17 +33,17 @@ impl LineQuota {
         }
     }
 
-    /// Lines of the episode at `index` of the `episodes` that an agent finished in a round.
+    /// Number of lines of episode `index` of the `episodes` that an agent finished in a round.
     #[must_use]
     pub fn of_episode(self, index: usize, episodes: usize) -> usize {
-        let until = |episode: usize| self.per_round as usize * episode / episodes;
-        until(index + 1) - until(index)
+        let lines_before = |episode: usize| self.per_round as usize * episode / episodes;
+        lines_before(index + 1) - lines_before(index)
     }
 }
 
-/// Picks `count` of `states` states in ascending order: one at random from each of `count` parts of
-/// the episode; all of them if there are no more than `count`.
-pub fn pick_states(states: usize, count: usize, random: &mut Stream) -> Vec<usize> {
+/// Samples indices of `count` out of `states` states, in ascending order: one at random from each
+/// of `count` equal parts of the episode. Returns all states if there are no more than `count`.
+pub fn sample_states(states: usize, count: usize, random: &mut Stream) -> Vec<usize> {
     if count >= states {
         return (0..states).collect();
     }
@@ -58,7 +59,7 @@ mod tests {
     use seedbed_env::random::{Purpose, stream};
 
     #[test]
-    fn the_quota_never_exceeds_the_wanted_number() {
+    fn the_quota_does_not_exceed_the_requested_number() {
         assert_eq!(
             LineQuota::of(1000, 50),
             LineQuota {
@@ -94,17 +95,17 @@ mod tests {
     }
 
     #[test]
-    fn picked_states_are_spread_over_the_episode() {
+    fn sampled_states_are_spread_over_the_episode() {
         let mut random = stream(1, Purpose::Recording, 0, 0);
-        let picked = pick_states(200, 20, &mut random);
+        let sampled = sample_states(200, 20, &mut random);
         assert!(
-            picked
+            sampled
                 .iter()
                 .enumerate()
                 .all(|(part, &state)| state / 10 == part),
-            "{picked:?}"
+            "{sampled:?}"
         );
-        assert_eq!(pick_states(3, 20, &mut random), [0, 1, 2]);
-        assert_eq!(pick_states(3, 0, &mut random), [0_usize; 0]);
+        assert_eq!(sample_states(3, 20, &mut random), [0, 1, 2]);
+        assert_eq!(sample_states(3, 0, &mut random), [0_usize; 0]);
     }
 }

@@ -18,7 +18,7 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
     text
 }
 
-/// Sentences below the table.
+/// Notes below the table.
 fn notes(results: &Results) -> Vec<String> {
     let mut notes = Vec::new();
     let mut claims = results.study.claims.iter();
@@ -29,7 +29,7 @@ fn notes(results: &Results) -> Vec<String> {
     notes
 }
 
-/// Reasons why the table is not final.
+/// Text above the table with the reasons why the results are not final; empty if they are final.
 fn caveats(results: &Results) -> String {
     let [_, failed, missing] = results.counts();
     let mut caveats = Vec::new();

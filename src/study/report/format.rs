@@ -1,4 +1,4 @@
-//! Numbers, intervals and comparisons as text.
+//! Formats numbers, intervals and comparisons as text.
 
 use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
@@ -6,8 +6,8 @@ use crate::study::file::{Claim, ClaimDirection, Test};
 use crate::text::pluralize;
 use seedbed_stats::{Estimate, Interval, Verdict};
 
-/// Smaller magnitudes are shown as 0: they are rounding errors.
-const ROUNDING: f64 = 1e-9;
+/// Numbers with a smaller magnitude are rounding errors and shown as 0.
+const MIN_SHOWN_MAGNITUDE: f64 = 1e-9;
 
 /// A number with three or four significant digits, no trailing zeros, and a true minus sign.
 pub(super) fn number(value: f64) -> String {
@@ -26,7 +26,7 @@ pub(super) fn number(value: f64) -> String {
         100.0.. => 1,
         10.0.. => 2,
         0.1.. => 3,
-        ROUNDING.. => (2.0 - value.abs().log10().floor()) as usize,
+        MIN_SHOWN_MAGNITUDE.. => (2.0 - value.abs().log10().floor()) as usize,
         _ => 0,
     };
     let text = format!("{value:.decimals$}");
@@ -79,8 +79,8 @@ pub(super) fn estimate(estimate: Estimate) -> String {
     )
 }
 
-/// The effect of a comparison with its interval. If only bounds of the effect are known, such as
-/// `between 4 and 8 (−15.5 to 32)`.
+/// The effect of a comparison with its interval. If only bounds of the effect are known, it has the
+/// form `between 4 and 8 (−15.5 to 32)`.
 pub(super) fn effect(comparison: &Comparison) -> String {
     let [low, high] = comparison.effect_bounds;
     if comparison.effect.value.is_nan() && low.is_finite() && high.is_finite() {
@@ -94,7 +94,7 @@ pub(super) fn effect(comparison: &Comparison) -> String {
     estimate(comparison.effect)
 }
 
-/// A p-value.
+/// A p-value, such as `0.0312` or `< 0.0001`.
 pub(super) fn p_value(p: f64) -> String {
     if p < 0.0001 {
         "< 0.0001".to_owned()
@@ -113,8 +113,8 @@ pub(super) fn p_equation(p: f64) -> String {
     }
 }
 
-/// The p-value of a claim. Claims of no effect have none: a high p-value of a test for a difference
-/// is no evidence that there is none.
+/// The p-value of a claim, or `–` for claims of no effect: a high p-value of a test for a
+/// difference is not evidence that there is no difference.
 pub(super) fn p_value_of_claim(claim: &Claim, p: f64) -> String {
     if claim.direction.is_null() {
         "–".to_owned()
@@ -123,33 +123,34 @@ pub(super) fn p_value_of_claim(claim: &Claim, p: f64) -> String {
     }
 }
 
-/// Explains p-values of claims.
+/// Note that explains the p-values of claims.
 pub(super) const P_VALUE_NOTE: &str = "p-values are those of tests for a difference, with Holm's correction over \
     all claims. Claims of no effect have no p-value: a high one would be no evidence for them.";
 
-/// Summary of all claims, such as `5 of 8 claims replicated, 2 of them smaller than claimed`.
+/// Summary of the verdicts on all claims, such as `5 of 8 claims replicated, 2 of them smaller than
+/// claimed`.
 #[must_use]
 pub fn summarize_claims(claim_results: &[ClaimResult]) -> String {
-    let held = claim_results
+    let replicated = claim_results
         .iter()
         .filter(|claim_result| claim_result.verdict == Verdict::Replicated)
         .count();
-    let smaller = claim_results
+    let smaller_than_claimed = claim_results
         .iter()
         .filter(|claim_result| claim_result.is_smaller)
         .count();
-    let smaller = if smaller > 0 {
-        format!(", {smaller} of them smaller than claimed")
+    let smaller_than_claimed = if smaller_than_claimed > 0 {
+        format!(", {smaller_than_claimed} of them smaller than claimed")
     } else {
         String::new()
     };
     format!(
-        "{held} of {} replicated{smaller}",
+        "{replicated} of {} replicated{smaller_than_claimed}",
         pluralize(claim_results.len(), "claim")
     )
 }
 
-/// ClaimDirection effect, such as `above 0, by 25`.
+/// The claimed effect, such as `above 0, by 25`.
 pub(super) fn claimed_effect(claim: &Claim) -> String {
     let size = number(claim.size.get());
     match claim.direction {
@@ -182,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_small_p_value_has_one_relation() {
+    fn small_p_values_are_formatted_as_bounds() {
         assert_eq!(
             [0.03125, 0.00002].map(p_equation),
             ["p = 0.0312", "p < 0.0001"]
@@ -190,8 +191,8 @@ mod tests {
     }
 
     #[test]
-    fn numbers_have_significant_digits() {
-        let written = [
+    fn numbers_have_three_or_four_significant_digits() {
+        let formatted = [
             0.0,
             -1e-10,
             -0.00001,
@@ -204,7 +205,7 @@ mod tests {
         ]
         .map(number);
         assert_eq!(
-            written,
+            formatted,
             [
                 "0",
                 "0",

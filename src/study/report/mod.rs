@@ -18,11 +18,11 @@ use super::results::Results;
 use crate::run::files;
 use seedbed_figure::Figure;
 
-/// Pixels of a PNG per CSS pixel.
+/// Number of PNG pixels per CSS pixel, along each side.
 const PNG_SCALE: f64 = 2.0;
 
-/// Removes figures and tables of an earlier report, which this one may not have.
-fn clear(folder: &Path) -> io::Result<()> {
+/// Deletes figures and `claims.md` of an earlier report, because the new report may not have them.
+fn delete_outdated_files(folder: &Path) -> io::Result<()> {
     if let Ok(entries) = std::fs::read_dir(folder.join("figures")) {
         for entry in entries.flatten() {
             if is_figure(&entry.path()) {
@@ -36,7 +36,7 @@ fn clear(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether it is a file of a report's figures, such as `3-curves.svg`.
+/// Whether a file is a figure of a report, such as `3-curves.svg`.
 fn is_figure(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
     let number = name.and_then(|name| name.split('-').next());
@@ -49,16 +49,16 @@ fn is_figure(path: &Path) -> bool {
 
 /// A figure with its title and caption.
 struct ReportFigure {
-    /// Number and kind, such as `3-curves`, for the names of its files.
+    /// Name of the figure's files, such as `3-curves`.
     name: String,
     title: String,
-    /// What the figure shows, and how it was computed.
+    /// Caption, which says what the figure shows and how it was computed.
     caption: String,
     picture: Figure,
 }
 
-/// Writes `report.html`, `results.csv`, `tables.md`, `claims.md`, and `figures/` into `folder` for
-/// the runs that are finished. Returns the path of the page.
+/// Writes `report.html`, `results.csv`, `tables.md`, `claims.md` and `figures/` for all finished
+/// runs into `folder`. Returns the path of `report.html`.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -68,7 +68,7 @@ pub fn write(
     folder: &Path,
 ) -> io::Result<PathBuf> {
     let figures = figures::draw(results);
-    clear(folder)?;
+    delete_outdated_files(folder)?;
     for figure in &figures {
         let path = folder.join("figures").join(&figure.name);
         let png = figure

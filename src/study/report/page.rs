@@ -1,4 +1,4 @@
-//! `report.html`: a page without external files, readable offline and on any screen.
+//! `report.html`: a page that loads no external files, so that it can be read offline.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -13,8 +13,8 @@ use crate::study::results::{CellResults, Results};
 use crate::text::{pluralize, shell_word};
 use seedbed_stats::{MIN_RUNS, Verdict};
 
-/// Percentile intervals of fewer runs come with a warning.
-const FEW_RUNS: u64 = 20;
+/// Minimum number of runs per cell without a warning about narrow intervals.
+const RUNS_WITHOUT_WARNING: u64 = 20;
 
 const STYLE: &str = include_str!("page.css");
 
@@ -57,7 +57,7 @@ pub(super) fn html(
     page.into_string()
 }
 
-/// Numbers of cells and runs, and the seeds.
+/// Numbers of cells and finished runs, and the run seeds.
 fn summary(results: &Results) -> Markup {
     let [finished, _, _] = results.counts();
     let manifest = &results.manifest;
@@ -71,14 +71,14 @@ fn summary(results: &Results) -> Markup {
     }
 }
 
-/// Reasons why these results may not be final or not be precise.
+/// Warnings that results are not final or not precise.
 fn warnings(results: &Results) -> Markup {
     let [_, failed, missing] = results.counts();
     let manifest = &results.manifest;
     html! {
-        @if manifest.repeats < FEW_RUNS {
+        @if manifest.repeats < RUNS_WITHOUT_WARNING {
             (warning("Few runs.", &format!(
-                "Intervals from fewer than {FEW_RUNS} runs are too narrow: when there is no effect, an \
+                "Intervals from fewer than {RUNS_WITHOUT_WARNING} runs are too narrow: when there is no effect, an \
                  interval should exclude 0 in 1 of 20 studies, but from 5 runs it does so in about 1 \
                  of 6, and from 10 runs in about 1 of 11."
             )))
@@ -100,7 +100,7 @@ fn warnings(results: &Results) -> Markup {
         @if missing > 0 {
             (warning("Incomplete.", &format!(
                 "{} missing. All results below are from the runs that are finished.",
-                are(missing)
+                runs_with_verb(missing)
             )))
         }
         @if failed > 0 {
@@ -132,7 +132,7 @@ fn warning_of_builds(results: &Results) -> Markup {
 }
 
 /// `1 run is`, `2 runs are`.
-fn are(runs: usize) -> String {
+fn runs_with_verb(runs: usize) -> String {
     let verb = if runs == 1 { "is" } else { "are" };
     format!("{} {verb}", pluralize(runs, "run"))
 }
@@ -163,21 +163,21 @@ fn claim_card(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> M
                 (measure.title()) ": " strong { (first) } " − " strong { (second) }
                 ", claimed to be " (format::claimed_effect(claim))
             }
-            @if let Some(sentence) = different_budgets(results, claim, measure) {
+            @if let Some(sentence) = unequal_budgets_sentence(results, claim, measure) {
                 p.evidence { (sentence) }
             }
             @match &claim_result.comparison {
-                Some(comparison) => { (evidence(claim, measure, comparison, claim_result.p)) }
+                Some(comparison) => { (evidence_text(claim, measure, comparison, claim_result.p)) }
                 None => { p.evidence { "There are no runs to compare." } }
             }
         }
     }
 }
 
-/// Sentence about a different number of episodes in both cells. Times need none: they are compared
-/// up to the end of the shortest run.
-fn different_budgets(results: &Results, claim: &Claim, measure: Measure) -> Option<String> {
-    let max_episodes = |name: &str| results.cell(name).map(|cell| cell.about.max_episodes);
+/// Sentence for claims that compare cells with different numbers of episodes. Times need no such
+/// sentence, because they are compared up to the end of the shortest run.
+fn unequal_budgets_sentence(results: &Results, claim: &Claim, measure: Measure) -> Option<String> {
+    let max_episodes = |name: &str| results.cell(name).map(|cell| cell.description.max_episodes);
     let first = max_episodes(&claim.compare.0)?;
     let second = max_episodes(&claim.compare.1)?;
     (first != second && !measure.is_time()).then(|| {
@@ -188,7 +188,7 @@ fn different_budgets(results: &Results, claim: &Claim, measure: Measure) -> Opti
     })
 }
 
-fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) -> Markup {
+fn evidence_text(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) -> Markup {
     let [first, second] = comparison.n;
     html! {
         p.evidence {
@@ -205,7 +205,7 @@ fn evidence(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) ->
     }
 }
 
-/// Probability that a run of the first cell is on the claimed side of a run of the second.
+/// Probability that a run of the first cell is above or below (as claimed) a run of the second.
 fn probability_text(claim: &Claim, comparison: &Comparison) -> String {
     let (side, probability) = if claim.direction.is_upwards() {
         ("above", comparison.probability_above())
@@ -215,7 +215,7 @@ fn probability_text(claim: &Claim, comparison: &Comparison) -> String {
     format!("P(first {side} second) = {}", format::estimate(probability))
 }
 
-/// Definition of the effect and, if there is a p-value, the test that it is from.
+/// Definition of the effect and, if there is a p-value, the test.
 fn method_text(claim: &Claim, measure: Measure) -> String {
     let [effect, test] = format::effect_and_test(claim.test, measure.is_time());
     if claim.direction.is_null() {
@@ -261,7 +261,7 @@ fn figure_section(number: usize, figure: &ReportFigure) -> Markup {
     }
 }
 
-/// The first column is wider than those of numbers.
+/// CSS class of a column. The first column has names and is wider than columns of numbers.
 fn class_of_column(column: usize) -> Option<&'static str> {
     (column == 0).then_some("name")
 }
@@ -300,7 +300,7 @@ fn failures_section(results: &Results) -> Markup {
             ul {
                 @for cell in &results.cells {
                     @for (seed, reason) in &cell.failures {
-                        li { (cell.about.name) ", seed " (seed) ": " (reason) }
+                        li { (cell.description.name) ", seed " (seed) ": " (reason) }
                     }
                 }
             }
@@ -324,9 +324,9 @@ fn reproduction_section(results: &Results) -> Markup {
                 tbody {
                     @for cell in &results.cells {
                         tr {
-                            td.name { (cell.about.name) }
-                            td { (cell.about.agents) }
-                            td { (cell.about.max_episodes) }
+                            td.name { (cell.description.name) }
+                            td { (cell.description.agents) }
+                            td { (cell.description.max_episodes) }
                             td.name { code { (command(cell, manifest.first_seed)) } }
                         }
                     }
@@ -337,7 +337,7 @@ fn reproduction_section(results: &Results) -> Markup {
     }
 }
 
-/// Versions, commits and builds that made the runs, and those that made this page.
+/// Versions, commits and builds of seedbed that made the runs, and that made this page.
 fn provenance_text(results: &Results) -> String {
     let mut runs = format!("seedbed {}", versions(results));
     if !results.commits.is_empty() {
@@ -361,7 +361,7 @@ fn versions(results: &Results) -> String {
     versions.join(", ")
 }
 
-/// Ids of all builds that made runs.
+/// Build ids of all builds that made the runs.
 fn builds(results: &Results) -> String {
     let builds = results.builds.iter().copied();
     let ids: Vec<String> = builds.map(provenance::format_build_id).collect();
@@ -369,9 +369,9 @@ fn builds(results: &Results) -> String {
 }
 
 fn command(cell: &CellResults, seed: u64) -> String {
-    let scenario = shell_word(&cell.about.scenario);
+    let scenario = shell_word(&cell.description.scenario);
     let mut command = format!("seedbed run {scenario} --seed {seed}");
-    for text in &cell.about.overrides {
+    for text in &cell.description.overrides {
         command += &format!(" --set {}", shell_word(text));
     }
     command
@@ -436,7 +436,7 @@ mod tests {
         figures: [Curves(), Agents(), Intervals(), Unsolved(), Profiles()],
     )"#;
 
-    /// Returns of two agents, and when they count as solved.
+    /// A run with the returns of two agents and a threshold.
     fn run(seed: u64, last: f32) -> RunResult {
         let returns: Vec<f32> = (0..40)
             .map(|episode| episode as f32 + seed as f32)
@@ -450,7 +450,7 @@ mod tests {
 
     fn cell(name: &str, max_episodes: u32, last: f32) -> CellResults {
         CellResults {
-            about: ManifestCell {
+            description: ManifestCell {
                 name: name.to_owned(),
                 digest: String::new(),
                 scenario: "it's a scenario.ron".to_owned(),
@@ -466,7 +466,7 @@ mod tests {
         }
     }
 
-    /// Results with every warning.
+    /// Results for which the report has every warning.
     fn results() -> Results {
         let study = input::parse("small.ron", STUDY.to_owned()).unwrap().value;
         let cells = vec![cell("A", 40, 3.0), cell("B", 50, 1.0)];
@@ -479,7 +479,7 @@ mod tests {
                 quick: true,
                 first_seed: 0,
                 repeats: 8,
-                cells: cells.iter().map(|cell| cell.about.clone()).collect(),
+                cells: cells.iter().map(|cell| cell.description.clone()).collect(),
                 late_claims: Vec::new(),
                 earlier_repeats: vec![4],
             },
@@ -491,29 +491,29 @@ mod tests {
         }
     }
 
-    /// Whatever is between tags, and not preformatted or drawn.
-    fn sentences(page: &str) -> Vec<String> {
+    /// All texts between tags of a page, except styles, figures and preformatted text.
+    fn texts_between_tags(page: &str) -> Vec<String> {
         let mut rest = page;
         let mut texts = Vec::new();
         while let Some((text, after)) = rest.split_once('<') {
             texts.push(text.to_owned());
-            let skipped = ["style", "svg", "pre"]
+            let skipped_tag = ["style", "svg", "pre"]
                 .into_iter()
                 .find(|tag| after.starts_with(tag));
-            let end = skipped.map_or(">".to_owned(), |tag| format!("</{tag}>"));
+            let end = skipped_tag.map_or(">".to_owned(), |tag| format!("</{tag}>"));
             rest = after.split_once(&end).map_or("", |(_, rest)| rest);
         }
         texts
     }
 
     #[test]
-    fn no_sentence_has_two_blanks_in_a_row() {
+    fn no_sentence_has_double_spaces() {
         let results = results();
         let claim_results = claims::evaluate(&results);
         let (tables, figures) = (tables::all(&results), figures::draw(&results));
         assert_eq!((tables.len(), figures.len()), (3, 5));
         let page = html(&results, &claim_results, &tables, &figures);
-        let mut texts = sentences(&page);
+        let mut texts = texts_between_tags(&page);
         assert!(texts.iter().any(|text| text.contains("Seeds below 1000")));
         assert!(texts.iter().any(|text| text.contains("Unequal budgets")));
         texts.push(claims_table::markdown(&results, &claim_results));
@@ -524,10 +524,13 @@ mod tests {
     }
 
     #[test]
-    fn commands_can_be_copied() {
+    fn printed_commands_are_quoted_for_the_shell() {
         let command = command(&cell("A", 40, 3.0), 1000);
-        let words = shlex::split(&command).unwrap();
-        assert_eq!(words[2], "it's a scenario.ron");
-        assert_eq!(words[3..], ["--seed", "1000", "--set", "agents.count=2"]);
+        let arguments = shlex::split(&command).unwrap();
+        assert_eq!(arguments[2], "it's a scenario.ron");
+        assert_eq!(
+            arguments[3..],
+            ["--seed", "1000", "--set", "agents.count=2"]
+        );
     }
 }

@@ -30,7 +30,8 @@ const COLUMNS: [&str; 18] = [
     "reason",
 ];
 
-/// One run. Cells of measures that it does not have, or did not reach, are empty.
+/// The columns that `results.csv` has for every study. A cell is empty if the run does not have the
+/// measure or did not reach the time.
 #[derive(Default, Serialize)]
 struct Row<'a> {
     cell: &'a str,
@@ -55,8 +56,8 @@ struct Row<'a> {
     reason: &'a str,
 }
 
-/// The columns of [`Row`], then one for each measure of the study and of its claims, named as in the
-/// study file; `inf` is a time that was not reached.
+/// The bytes of `results.csv`: the columns of [`Row`], and one column per measure of the study and
+/// its claims, named as in the study file. In these columns `inf` is a time that was not reached.
 pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
     let mut writer = csv::WriterBuilder::new()
         .has_headers(false)
@@ -68,17 +69,17 @@ pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
     let names: Vec<String> = names.collect::<io::Result<_>>()?;
     writer.write_record(COLUMNS.into_iter().chain(names.iter().map(String::as_str)))?;
     for cell in &results.cells {
-        let about = Row {
+        let cell_columns = Row {
             seeds: if results.is_tuning() {
                 "tuning"
             } else {
                 "reporting"
             },
-            ..about(cell)
+            ..columns_of_cell(cell)
         };
         for (seed, run) in &cell.runs {
             writer.serialize((
-                finished(&about, *seed, run),
+                columns_of_run(&cell_columns, *seed, run),
                 measures
                     .iter()
                     .map(|measure| measure.of(run))
@@ -90,7 +91,7 @@ pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
                 seed: *seed,
                 state: "failed",
                 reason,
-                ..about
+                ..cell_columns
             };
             writer.serialize((row, vec![None::<f64>; measures.len()]))?;
         }
@@ -100,9 +101,9 @@ pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
         .map_err(|error| io::Error::other(error.to_string()))
 }
 
-/// Measures of the study and of its claims, each once.
+/// Measures of the study and of its claims, without duplicates.
 fn measures(results: &Results) -> Vec<Measure> {
-    let of_claims = results
+    let measures_of_claims = results
         .study
         .claims
         .iter()
@@ -113,7 +114,7 @@ fn measures(results: &Results) -> Vec<Measure> {
         .measures
         .iter()
         .map(|measure| **measure)
-        .chain(of_claims)
+        .chain(measures_of_claims)
     {
         if !measures.contains(&measure) {
             measures.push(measure);
@@ -122,35 +123,35 @@ fn measures(results: &Results) -> Vec<Measure> {
     measures
 }
 
-fn about(cell: &CellResults) -> Row<'_> {
+fn columns_of_cell(cell: &CellResults) -> Row<'_> {
     Row {
-        cell: &cell.about.name,
-        task: &cell.about.task,
-        agents: cell.about.agents,
+        cell: &cell.description.name,
+        task: &cell.description.task,
+        agents: cell.description.agents,
         ..Row::default()
     }
 }
 
-fn finished<'a>(about: &Row<'a>, seed: u64, run: &RunResult) -> Row<'a> {
-    let of = |measure: Measure| measure.of(run).filter(|value| value.is_finite());
+fn columns_of_run<'a>(cell_columns: &Row<'a>, seed: u64, run: &RunResult) -> Row<'a> {
+    let finite_value = |measure: Measure| measure.of(run).filter(|value| value.is_finite());
     Row {
         seed,
         state: "finished",
         episodes: Some(run.episodes_per_agent()),
         env_steps: Some(run.env_steps),
-        episodes_to_solve: of(Measure::EpisodesToSolve),
-        env_steps_to_solve: of(Measure::EnvStepsToSolve),
-        final_return: of(Measure::FinalReturn {
+        episodes_to_solve: finite_value(Measure::EpisodesToSolve),
+        env_steps_to_solve: finite_value(Measure::EnvStepsToSolve),
+        final_return: finite_value(Measure::FinalReturn {
             window: known_count(25),
         }),
-        mean_return: of(Measure::Mean { of: Curve::Return }),
-        reach: of(Measure::Reach),
-        first_goal: of(Measure::FirstGoal),
-        regret: of(Measure::Regret),
-        team_coverage: of(Measure::Coverage),
-        effective_agents: of(Measure::Last {
+        mean_return: finite_value(Measure::Mean { of: Curve::Return }),
+        reach: finite_value(Measure::Reach),
+        first_goal: finite_value(Measure::FirstGoal),
+        regret: finite_value(Measure::Regret),
+        team_coverage: finite_value(Measure::Coverage),
+        effective_agents: finite_value(Measure::Last {
             of: Curve::EffectiveAgents,
         }),
-        ..*about
+        ..*cell_columns
     }
 }

@@ -1,4 +1,4 @@
-//! Tables of the report, computed on all cores: bootstrap intervals take time.
+//! Tables of the report. They are computed on all cores, because bootstrap intervals take time.
 
 use rayon::prelude::*;
 
@@ -10,21 +10,21 @@ use crate::study::results::{CellResults, Results};
 use seedbed_stats::Interval;
 use seedbed_stats::hypothesis::holm_correction;
 
-/// A table as text. The first column holds names.
+/// A table of texts. The first column has names.
 pub(super) struct Table {
     pub(super) title: String,
     pub(super) head: Vec<&'static str>,
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// One table per measure, then one of comparisons between cells.
+/// All tables of the report: one per measure, and one of paired comparisons between cells.
 pub(super) fn all(results: &Results) -> Vec<Table> {
     let measures = results
         .study
         .measures
         .iter()
-        .map(|measure| of_measure(results, **measure));
-    measures.chain(against_peers(results)).collect()
+        .map(|measure| measure_table(results, **measure));
+    measures.chain(paired_comparisons_table(results)).collect()
 }
 
 /// `tables.md`: all tables, to be included in other documents.
@@ -37,11 +37,11 @@ pub(super) fn markdown(results: &Results, tables: &[Table]) -> String {
 
 impl Table {
     fn markdown(&self) -> String {
-        let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let markdown_row = |cells: &mut dyn Iterator<Item = &str>| {
             format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
         };
-        let head = line(&mut self.head.iter().copied());
-        let rule = "|---".repeat(self.head.len()) + "|\n";
+        let head = markdown_row(&mut self.head.iter().copied());
+        let separator = "|---".repeat(self.head.len()) + "|\n";
         let escaped = |row: &Vec<String>| {
             row.iter()
                 .map(|cell| cell.replace('|', "\\|"))
@@ -51,19 +51,19 @@ impl Table {
             .rows
             .iter()
             .map(escaped)
-            .map(|row| line(&mut row.iter().map(String::as_str)))
+            .map(|row| markdown_row(&mut row.iter().map(String::as_str)))
             .collect();
-        format!("## {}\n\n{head}{rule}{rows}", self.title)
+        format!("## {}\n\n{head}{separator}{rows}", self.title)
     }
 }
 
-/// Summary of the runs of each cell in one measure.
-fn of_measure(results: &Results, measure: Measure) -> Table {
+/// Table of one measure, with a summary of the runs of each cell.
+fn measure_table(results: &Results, measure: Measure) -> Table {
     let is_time = measure.is_time();
-    let reached: &[&str] = if is_time { &["reached"] } else { &[] };
+    let reached_column: &[&str] = if is_time { &["reached"] } else { &[] };
     let head = [
         &["cell", "n"],
-        reached,
+        reached_column,
         &[
             "median",
             "95 % interval",
@@ -74,8 +74,8 @@ fn of_measure(results: &Results, measure: Measure) -> Table {
     ]
     .concat();
     let row = |cell: &CellResults| {
-        let found = aggregate(&cell.scores(measure), is_time);
-        let said = found.map_or_else(
+        let aggregate = aggregate(&cell.scores(measure), is_time);
+        let value_cells = aggregate.map_or_else(
             || {
                 vec![
                     if cell.runs.is_empty() {
@@ -86,9 +86,9 @@ fn of_measure(results: &Results, measure: Measure) -> Table {
                     .to_owned(),
                 ]
             },
-            |found| aggregate_cells(&found, is_time),
+            |aggregate| aggregate_cells(&aggregate, is_time),
         );
-        let mut row = [vec![cell.about.name.clone()], said].concat();
+        let mut row = [vec![cell.description.name.clone()], value_cells].concat();
         row.resize(head.len(), String::new());
         row
     };
@@ -99,40 +99,41 @@ fn of_measure(results: &Results, measure: Measure) -> Table {
     }
 }
 
-fn aggregate_cells(found: &Aggregate, is_time: bool) -> Vec<String> {
+fn aggregate_cells(aggregate: &Aggregate, is_time: bool) -> Vec<String> {
     let (value, interval): (fn(f64) -> String, fn(Interval) -> String) = if is_time {
         (format::time, format::interval_of_time)
     } else {
         (format::number, format::interval)
     };
-    let mut cells = vec![found.n.to_string()];
+    let mut cells = vec![aggregate.n.to_string()];
     if is_time {
-        cells.push(format!("{}/{}", found.reached, found.n));
+        cells.push(format!("{}/{}", aggregate.reached, aggregate.n));
     }
-    let interquartile_mean = found.interquartile_mean.map(format::estimate);
+    let interquartile_mean = aggregate.interquartile_mean.map(format::estimate);
     cells.extend([
-        value(found.median.value),
-        interval(found.median.interval),
+        value(aggregate.median.value),
+        interval(aggregate.median.interval),
         interquartile_mean.unwrap_or_else(|| "–".to_owned()),
-        value(found.range[0]),
-        value(found.range[1]),
+        value(aggregate.range[0]),
+        value(aggregate.range[1]),
     ]);
     cells
 }
 
-/// Each cell against the first cell with the same task and number of agents or, if there are no such
-/// pairs, with the same task: paired by seed, in the main measure.
-fn against_peers(results: &Results) -> Option<Table> {
-    let of_size = pairs(results, |cell| {
-        (cell.about.task.as_str(), cell.about.agents)
+/// Table of paired comparisons in the main measure. Each cell is compared with the first cell with
+/// the same task and number of agents or, if there are no such pairs, with the first cell with the
+/// same task.
+fn paired_comparisons_table(results: &Results) -> Option<Table> {
+    let pairs_of_equal_team_size = pairs(results, |cell| {
+        (cell.description.task.as_str(), cell.description.agents)
     });
-    let pairs = if of_size.is_empty() {
-        pairs(results, |cell| cell.about.task.as_str())
+    let pairs = if pairs_of_equal_team_size.is_empty() {
+        pairs(results, |cell| cell.description.task.as_str())
     } else {
-        of_size
+        pairs_of_equal_team_size
     };
     let measure = results.study.main_measure();
-    let compared = |(cell, first): &(&CellResults, &CellResults)| {
+    let compare_pair = |(cell, first): &(&CellResults, &CellResults)| {
         compare(
             &cell.scores(measure),
             &first.scores(measure),
@@ -140,13 +141,16 @@ fn against_peers(results: &Results) -> Option<Table> {
             Test::Paired,
         )
     };
-    let found: Vec<_> = pairs
+    let comparisons: Vec<_> = pairs
         .par_iter()
-        .filter_map(|pair| compared(pair).map(|comparison| (*pair, comparison)))
+        .filter_map(|pair| compare_pair(pair).map(|comparison| (*pair, comparison)))
         .collect();
-    let p: Vec<f64> = found.iter().map(|(_, comparison)| comparison.p).collect();
-    let mut rows = Vec::with_capacity(found.len());
-    for ((pair, comparison), p) in found.iter().zip(holm_correction(&p)) {
+    let p: Vec<f64> = comparisons
+        .iter()
+        .map(|(_, comparison)| comparison.p)
+        .collect();
+    let mut rows = Vec::with_capacity(comparisons.len());
+    for ((pair, comparison), p) in comparisons.iter().zip(holm_correction(&p)) {
         rows.push(comparison_cells(*pair, comparison, p));
     }
     let title = format!("Paired comparisons: {}", measure.title());
@@ -161,18 +165,24 @@ fn against_peers(results: &Results) -> Option<Table> {
     (!rows.is_empty()).then_some(Table { title, head, rows })
 }
 
-/// Each cell that is not the first of its kind, with the first one.
+/// Pairs of each cell and the first cell of its group, except the first cells themselves. Cells
+/// with equal `group` belong to one group.
 fn pairs<'a, K: PartialEq>(
     results: &'a Results,
-    kind: impl Fn(&'a CellResults) -> K,
+    group: impl Fn(&'a CellResults) -> K,
 ) -> Vec<(&'a CellResults, &'a CellResults)> {
-    let first = |cell| results.cells.iter().find(|other| kind(other) == kind(cell));
+    let first = |cell| {
+        results
+            .cells
+            .iter()
+            .find(|other| group(other) == group(cell))
+    };
     let pairs = results
         .cells
         .iter()
         .filter_map(|cell| Some((cell, first(cell)?)));
     pairs
-        .filter(|(cell, first)| cell.about.name != first.about.name)
+        .filter(|(cell, first)| cell.description.name != first.description.name)
         .collect()
 }
 
@@ -182,8 +192,8 @@ fn comparison_cells(
     p: f64,
 ) -> Vec<String> {
     vec![
-        cell.about.name.clone(),
-        first.about.name.clone(),
+        cell.description.name.clone(),
+        first.description.name.clone(),
         comparison.n[0].to_string(),
         format::effect(comparison),
         format::estimate(comparison.probability_below),

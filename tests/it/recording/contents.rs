@@ -1,4 +1,4 @@
-//! What is in a recording, read with the viewer's own code.
+//! Reads recordings with the decoder of the Rerun SDK.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -10,11 +10,11 @@ use rerun::external::re_log_encoding::rrd::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 
-/// A recording's chunks, by entity, in the order of the file.
-pub(super) struct Contents(BTreeMap<String, Vec<Chunk>>);
+/// The chunks of a recording by entity, in the order of the file.
+pub(super) struct RecordingContents(BTreeMap<String, Vec<Chunk>>);
 
-impl Contents {
-    pub(super) fn of(path: &Path) -> Self {
+impl RecordingContents {
+    pub(super) fn read(path: &Path) -> Self {
         let mut entities: BTreeMap<String, Vec<Chunk>> = BTreeMap::new();
         for message in messages(path) {
             if let LogMsg::ArrowMsg(store, arrow) = message
@@ -45,7 +45,7 @@ impl Contents {
             .collect()
     }
 
-    pub(super) fn numbers(&self, entity: &str, component: &str) -> Vec<f32> {
+    pub(super) fn f32_values(&self, entity: &str, component: &str) -> Vec<f32> {
         let component = ComponentIdentifier::try_new(component).unwrap();
         self.chunks(entity)
             .iter()
@@ -53,7 +53,7 @@ impl Contents {
             .collect()
     }
 
-    pub(super) fn numbers64(&self, entity: &str, component: &str) -> Vec<f64> {
+    pub(super) fn f64_values(&self, entity: &str, component: &str) -> Vec<f64> {
         let component = ComponentIdentifier::try_new(component).unwrap();
         self.chunks(entity)
             .iter()
@@ -61,9 +61,9 @@ impl Contents {
             .collect()
     }
 
-    pub(super) fn words(&self, entity: &str, component: &str) -> Vec<String> {
+    pub(super) fn texts(&self, entity: &str, component: &str) -> Vec<String> {
         let component = ComponentIdentifier::try_new(component).unwrap();
-        let mut words = Vec::new();
+        let mut texts = Vec::new();
         for list in self
             .chunks(entity)
             .iter()
@@ -74,12 +74,12 @@ impl Contents {
                 .as_any()
                 .downcast_ref::<StringArray>()
                 .unwrap();
-            words.extend(values.iter().flatten().map(ToOwned::to_owned));
+            texts.extend(values.iter().flatten().map(ToOwned::to_owned));
         }
-        words
+        texts
     }
 
-    pub(super) fn integers(&self, entity: &str, component: &str) -> Vec<u32> {
+    pub(super) fn u32_values(&self, entity: &str, component: &str) -> Vec<u32> {
         let component = ComponentIdentifier::try_new(component).unwrap();
         self.chunks(entity)
             .iter()
@@ -95,8 +95,8 @@ impl Contents {
             .collect()
     }
 
-    /// The bytes of each picture, of densities or in colour.
-    pub(super) fn pictures(&self, entity: &str) -> Vec<Vec<u8>> {
+    /// The bytes of each image of an entity, for density images and color images.
+    pub(super) fn image_bytes(&self, entity: &str) -> Vec<Vec<u8>> {
         let names = ["DepthImage:buffer", "Image:buffer"]
             .map(|name| ComponentIdentifier::try_new(name).unwrap());
         let bytes = |chunk: &Chunk| -> Vec<Vec<u8>> {
@@ -112,7 +112,7 @@ impl Contents {
         self.chunks(entity).iter().flat_map(bytes).collect()
     }
 
-    /// The rows, counted over all chunks, that have the component.
+    /// Indices of the rows that have the component, counted over all chunks.
     pub(super) fn rows_with(&self, entity: &str, component: &str) -> Vec<usize> {
         self.lists(entity, component)
             .iter()
@@ -142,7 +142,8 @@ impl Contents {
             .collect()
     }
 
-    /// Every column of every entity, row by row, in words; however the rows are cut into chunks.
+    /// Every column of every entity, as one text per row. Does not depend on how rows are divided
+    /// into chunks.
     pub(super) fn columns(&self) -> BTreeMap<String, Vec<String>> {
         let mut columns: BTreeMap<String, Vec<String>> = BTreeMap::new();
         for (entity, chunk) in self

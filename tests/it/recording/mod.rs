@@ -1,4 +1,4 @@
-//! Recordings are read back and compared with what was recorded, number by number.
+//! Tests of recordings: each is read back and compared with the recorded values.
 
 #![allow(
     clippy::iter_over_hash_type,
@@ -29,9 +29,9 @@ use seedbed_learn::experience::Episode;
 use self::contents::Contents;
 use self::synthetic_run::Run;
 
-fn record(run: &Run, folder: &Path, settings: &RecordingSettings) -> PathBuf {
+fn record(run: &SyntheticRun, folder: &Path, settings: &RecordingSettings) -> PathBuf {
     let path = folder.join("run.rrd");
-    let mut recorder = RerunRecorder::create(&path, &run.about(), settings).unwrap();
+    let mut recorder = RerunRecorder::create(&path, &run.run_info(), settings).unwrap();
     run.rounds
         .iter()
         .for_each(|round| round.record(&mut recorder));
@@ -39,8 +39,8 @@ fn record(run: &Run, folder: &Path, settings: &RecordingSettings) -> PathBuf {
     path
 }
 
-/// Each row of `/raw/agent_K` exactly once, in order, with every number unchanged.
-fn compare_raw(run: &Run, contents: &Contents) {
+/// Asserts that `/raw/agent_K` has each row exactly once, in order, with unchanged values.
+fn assert_raw_rows(run: &SyntheticRun, contents: &RecordingContents) {
     for agent in 0..run.agents as usize {
         let episodes: Vec<&Episode> = run
             .rounds
@@ -59,7 +59,7 @@ fn compare_raw(run: &Run, contents: &Contents) {
     }
 }
 
-fn compare_times(episodes: &[&Episode], contents: &Contents, entity: &str) {
+fn assert_times(episodes: &[&Episode], contents: &RecordingContents, entity: &str) {
     let repeated = |value: fn(&Episode) -> u32| -> Vec<i64> {
         episodes
             .iter()
@@ -80,13 +80,13 @@ fn compare_times(episodes: &[&Episode], contents: &Contents, entity: &str) {
     );
 }
 
-/// A row per step, and one for the last observation of each episode.
+/// Number of rows of episodes: one per step, and one for the last observation of each episode.
 fn row_count(episodes: &[&Episode]) -> usize {
     episodes.iter().map(|episode| episode.length() + 1).sum()
 }
 
-fn compare_numbers(episodes: &[&Episode], contents: &Contents, entity: &str) {
-    let column = |name: &str| contents.numbers(entity, &format!("State:{name}"));
+fn assert_values(episodes: &[&Episode], contents: &RecordingContents, entity: &str) {
+    let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     let joined = |values: fn(&Episode) -> &Vec<f32>| -> Vec<f32> {
         episodes
             .iter()
@@ -96,13 +96,13 @@ fn compare_numbers(episodes: &[&Episode], contents: &Contents, entity: &str) {
     };
     let observations = joined(|episode| &episode.observations);
     for (index, name) in ["x", "x_dot", "theta", "theta_dot"].iter().enumerate() {
-        let given: Vec<f32> = observations
+        let expected: Vec<f32> = observations
             .iter()
             .skip(index)
             .step_by(4)
             .copied()
             .collect();
-        assert_eq!(column(name), given);
+        assert_eq!(column(name), expected);
     }
     let actions = joined(|episode| &episode.actions);
     let forces = actions
@@ -113,13 +113,13 @@ fn compare_numbers(episodes: &[&Episode], contents: &Contents, entity: &str) {
     assert_eq!(column("log_prob"), joined(|episode| &episode.log_probs));
 }
 
-/// The last row of each episode has an outcome, and every other row has an action.
-fn compare_outcomes(episodes: &[&Episode], contents: &Contents, entity: &str) {
+/// Asserts that the last row of each episode has an outcome, and every other row has an action.
+fn assert_outcomes(episodes: &[&Episode], contents: &RecordingContents, entity: &str) {
     let outcomes: Vec<String> = episodes
         .iter()
-        .map(|episode| outcome_word(episode).to_owned())
+        .map(|episode| outcome_text(episode).to_owned())
         .collect();
-    assert_eq!(contents.words(entity, "State:outcome"), outcomes);
+    assert_eq!(contents.texts(entity, "State:outcome"), outcomes);
     let mut last_rows = Vec::new();
     let mut rows = 0;
     for episode in episodes {
@@ -133,8 +133,8 @@ fn compare_outcomes(episodes: &[&Episode], contents: &Contents, entity: &str) {
     assert_eq!(contents.rows_with(entity, "State:force"), others);
 }
 
-/// The word for the end of an episode, as recordings have it.
-fn outcome_word(episode: &Episode) -> &'static str {
+/// The outcome of an episode as text, as in recordings.
+fn outcome_text(episode: &Episode) -> &'static str {
     if episode.outcome == Status::Terminated {
         "terminated"
     } else {

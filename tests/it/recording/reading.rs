@@ -1,4 +1,5 @@
-//! Recordings as seedbed reads them: whole, cut off, and files that are none.
+//! `Recording::open` and its episodes, for complete recordings, truncated recordings, and other
+//! files.
 
 use std::fs::File;
 use std::path::Path;
@@ -13,9 +14,9 @@ use super::record;
 use super::synthetic_run::Run;
 
 #[test]
-fn episodes_are_read_back_as_they_were() {
+fn read_episodes_equal_recorded_episodes() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(3, 40);
+    let run = SyntheticRun::new(3, 40);
     let path = record(&run, folder.path(), &RecordingSettings::default());
     let recording = Recording::open(&path).unwrap();
     assert_eq!(
@@ -36,18 +37,18 @@ fn episodes_are_read_back_as_they_were() {
         [property("agents"), property("RecordingInfo:name")],
         [Some("3"), Some("cartpole-made-up")]
     );
-    assert_eq!(read_back(&path), played(&run, 40));
+    assert_eq!(read_sorted_episodes(&path), expected_episodes(&run, 40));
 }
 
-/// Without its end, and in the middle of a message, what is complete is read: rows reach the file
-/// in pieces of 2,048 an agent.
+/// A recording that was not finished, or that ends within a message, is read up to its last
+/// complete message. Rows are written in chunks of 2,048 rows per agent.
 #[test]
-fn a_killed_recording_is_read_as_far_as_it_goes() {
+fn complete_episodes_of_a_truncated_recording_are_read() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(2, 60);
+    let run = SyntheticRun::new(2, 60);
     let mut recorder = RerunRecorder::create(
         &folder.path().join("run.rrd"),
-        &run.about(),
+        &run.run_info(),
         &RecordingSettings::default(),
     )
     .unwrap();
@@ -61,52 +62,52 @@ fn a_killed_recording_is_read_as_far_as_it_goes() {
         .iter()
         .for_each(|round| round.record(&mut recorder));
     drop(recorder);
-    assert_eq!(read_back(&part), played(&run, 60));
+    assert_eq!(read_sorted_episodes(&part), expected_episodes(&run, 60));
     File::options()
         .write(true)
         .open(&part)
         .unwrap()
         .set_len(length + 50)
         .unwrap();
-    assert_eq!(read_back(&part), played(&run, 20));
+    assert_eq!(read_sorted_episodes(&part), expected_episodes(&run, 20));
 }
 
 #[test]
-fn other_files_are_refused() {
+fn files_that_are_not_recordings_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("other.rrd");
-    let refusal = |path: &Path| {
+    let open_error = |path: &Path| {
         Recording::open(path)
             .unwrap_err()
             .to_string()
             .replace(path.to_str().unwrap(), "FILE")
     };
     assert_eq!(
-        refusal(&path),
+        open_error(&path),
         "cannot read FILE: No such file or directory (os error 2)"
     );
     std::fs::write(&path, "agent,episode,round\n0,0,0\n").unwrap();
     assert!(
-        refusal(&path).starts_with("cannot read FILE: "),
+        open_error(&path).starts_with("cannot read FILE: "),
         "{}",
-        refusal(&path)
+        open_error(&path)
     );
     let stream = rerun::RecordingStreamBuilder::new("other")
         .save(&path)
         .unwrap();
     stream.log("words", &rerun::TextLog::new("hello")).unwrap();
     drop(stream);
-    let none = "FILE is not a recording that this version of seedbed can read: it has no entity `/scenario/quantities`";
-    assert_eq!(refusal(&path), none);
+    let not_a_run = "FILE is not a recording that this version of seedbed can read: it has no entity `/scenario/quantities`";
+    assert_eq!(open_error(&path), not_a_run);
     let mut bytes = std::fs::read(&path).unwrap();
     bytes[4..8].copy_from_slice(&[0, 9, 0, 0]);
     std::fs::write(&path, bytes).unwrap();
-    let old = "cannot read FILE: Data from Rerun version 0.9.0, which is incompatible with the local Rerun version 0.36.3";
-    assert_eq!(refusal(&path), old);
+    let old_version = "cannot read FILE: Data from Rerun version 0.9.0, which is incompatible with the local Rerun version 0.36.3";
+    assert_eq!(open_error(&path), old_version);
 }
 
-/// By (agent, episode).
-fn read_back(path: &Path) -> Vec<RecordedEpisode> {
+/// All episodes of a recording, sorted by (agent, episode).
+fn read_sorted_episodes(path: &Path) -> Vec<RecordedEpisode> {
     let episodes = Recording::open(path).unwrap().episodes().unwrap();
     let mut episodes: Vec<RecordedEpisode> = episodes.collect::<Result<_, _>>().unwrap();
     assert!(
@@ -139,6 +140,6 @@ fn played(run: &Run, rounds: usize) -> Vec<RecordedEpisode> {
             outcome: episode.outcome,
         })
         .collect();
-    played.sort_by_key(|episode| (episode.agent, episode.episode));
-    played
+    expected_episodes.sort_by_key(|episode| (episode.agent, episode.episode));
+    expected_episodes
 }

@@ -1,4 +1,5 @@
-//! States and curves: the recording holds every number as it was.
+//! Recorded states, actions, advantages and curves equal the values that were passed to the
+//! recorder.
 
 use std::path::Path;
 
@@ -14,26 +15,27 @@ use super::synthetic_run::Run;
 use super::{compare_raw, record};
 
 #[test]
-fn every_state_and_action_is_read_back_as_it_was() {
+fn recorded_states_and_actions_are_unchanged() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(4, 12);
+    let run = SyntheticRun::new(4, 12);
     let path = record(&run, folder.path(), &RecordingSettings::default());
     assert!(!folder.path().join("run.rrd.part").exists());
-    compare_raw(&run, &Contents::of(&path));
+    assert_raw_rows(&run, &RecordingContents::read(&path));
 }
 
 #[test]
-fn curves_hold_the_rows_of_the_tables() {
+fn recorded_curves_equal_the_table_columns() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(3, 30);
-    let contents = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
+    let run = SyntheticRun::new(3, 30);
+    let contents =
+        RecordingContents::read(&record(&run, folder.path(), &RecordingSettings::default()));
     let returns: Vec<f64> = run
         .rounds
         .iter()
         .map(|round| round.episode_rows[1].r#return)
         .collect();
     assert_eq!(
-        contents.numbers64("/curves/return/agent_1", "Scalars:scalars"),
+        contents.f64_values("/curves/return/agent_1", "Scalars:scalars"),
         returns
     );
     let coverage: Vec<f64> = run
@@ -43,7 +45,7 @@ fn curves_hold_the_rows_of_the_tables() {
         .map(|row| row.coverage)
         .collect();
     assert_eq!(
-        contents.numbers64("/curves/coverage", "Scalars:scalars"),
+        contents.f64_values("/curves/coverage", "Scalars:scalars"),
         coverage
     );
     let effective: Vec<f64> = run
@@ -52,7 +54,7 @@ fn curves_hold_the_rows_of_the_tables() {
         .map(|round| round.round_rows[0].effective_agents)
         .collect();
     assert_eq!(
-        contents.numbers64("/curves/effective_agents", "Scalars:scalars"),
+        contents.f64_values("/curves/effective_agents", "Scalars:scalars"),
         effective
     );
     let mean = |rows: &[EpisodeRow]| rows.iter().map(|row| row.r#return).sum::<f64>() / 3.0;
@@ -62,58 +64,59 @@ fn curves_hold_the_rows_of_the_tables() {
         .map(|round| mean(&round.episode_rows))
         .collect();
     assert_eq!(
-        contents.numbers64("/curves/return/team_mean", "Scalars:scalars"),
+        contents.f64_values("/curves/return/team_mean", "Scalars:scalars"),
         means
     );
     let last_25 = means[5..].iter().sum::<f64>() / 25.0;
     approx::assert_relative_eq!(
-        contents.numbers64("/curves/return/team_mean_25", "Scalars:scalars")[29],
+        contents.f64_values("/curves/return/team_mean_25", "Scalars:scalars")[29],
         last_25
     );
 }
 
-/// Every third episode is on record, on the agent's own steps of all episodes; the file says so.
+/// With `raw_every: 3`, `/raw` has every third episode. Step numbers count the steps of all
+/// episodes, and the property `raw_every` is recorded.
 #[test]
-fn a_part_of_the_episodes_can_be_on_record() {
+fn raw_every_records_every_nth_episode() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(2, 8);
+    let run = SyntheticRun::new(2, 8);
     let settings = RecordingSettings {
         raw_every: known_count(3),
         ..RecordingSettings::default()
     };
-    let contents = Contents::of(&record(&run, folder.path(), &settings));
-    let (mut steps, mut rewards, mut next) = (Vec::new(), Vec::<f32>::new(), 0);
+    let contents = RecordingContents::read(&record(&run, folder.path(), &settings));
+    let (mut steps, mut rewards, mut next_step) = (Vec::new(), Vec::<f32>::new(), 0);
     for round in &run.rounds {
         let rows = round.episodes[1].length() as i64 + 1;
         if round.round % 3 == 0 {
-            steps.extend(next..next + rows);
+            steps.extend(next_step..next_step + rows);
             rewards.extend(&round.episodes[1].rewards);
         }
-        next += rows;
+        next_step += rows;
     }
     assert_eq!(contents.times("/raw/agent_1", "env_step"), steps);
-    assert_eq!(contents.numbers("/raw/agent_1", "State:reward"), rewards);
-    assert_eq!(contents.words("/__properties/run", "raw_every"), ["3"]);
+    assert_eq!(contents.f32_values("/raw/agent_1", "State:reward"), rewards);
+    assert_eq!(contents.texts("/__properties/run", "raw_every"), ["3"]);
     assert_eq!(
         contents
-            .numbers64("/curves/return/agent_1", "Scalars:scalars")
+            .f64_values("/curves/return/agent_1", "Scalars:scalars")
             .len(),
         8,
-        "returns are of all episodes"
+        "the curve must have the returns of all episodes"
     );
 }
 
-/// The column is there with the axis, and only then.
+/// The column `advantage` is recorded if an axis shows advantages, and only then.
 #[test]
-fn advantages_are_on_record_where_an_axis_tells_them() {
-    let (folder, run) = (tempfile::tempdir().unwrap(), Run::new(2, 3));
+fn advantages_are_recorded_only_if_an_axis_shows_them() {
+    let (folder, run) = (tempfile::tempdir().unwrap(), SyntheticRun::new(2, 3));
     let recorded = |axes: Vec<AxisChoice>| {
         let settings = RecordingSettings {
             axes: axes.into(),
             ..RecordingSettings::default()
         };
-        let contents = Contents::of(&record(&run, folder.path(), &settings));
-        compare_raw(&run, &contents);
+        let contents = RecordingContents::read(&record(&run, folder.path(), &settings));
+        assert_raw_rows(&run, &contents);
         contents
     };
     let advantage = AxisChoice::Advantage {
@@ -121,18 +124,18 @@ fn advantages_are_on_record_where_an_axis_tells_them() {
         to: known::<FiniteNumber>(170.0).into(),
     };
     let with = recorded(vec![AxisChoice::Observations, advantage]);
-    let given: Vec<f32> = run
+    let expected: Vec<f32> = run
         .rounds
         .iter()
         .flat_map(|round| &round.step_data[1].advantages)
         .copied()
         .collect();
-    assert_eq!(with.numbers("/raw/agent_1", "State:advantage"), given);
+    assert_eq!(with.f32_values("/raw/agent_1", "State:advantage"), expected);
     assert_eq!(
         with.rows_with("/raw/agent_1", "State:advantage"),
         with.rows_with("/raw/agent_1", "State:force")
     );
-    let names = with.words("/visitation/axes/labels", "Points2D:labels");
+    let names = with.texts("/visitation/axes/labels", "Points2D:labels");
     assert!(
         names.iter().any(|name| name.starts_with("advantage")),
         "{names:?}"
@@ -145,10 +148,10 @@ fn advantages_are_on_record_where_an_axis_tells_them() {
     );
 }
 
-/// Without a baseline, ratios, seeds and discount, an action's advantage is what its episode still
-/// earned: from T down to 1, as each of the T steps of the cartpole earns 1.
+/// Without baseline, importance ratios, seeds and discount, the advantage of an action is the
+/// return from its step on. Each of the T steps has reward 1, so the advantages are T, T − 1, …, 1.
 #[test]
-fn the_column_holds_what_agents_estimated() {
+fn the_advantage_column_has_the_estimates_of_the_agents() {
     let overrides = [
         "algorithm=SeedPg(value_data: Own, policy_data: Own, discount: 1, value_target: MonteCarlo(importance: Off), \
          advantage: MonteCarlo(baseline: Off), standardise: PerTrajectory)",
@@ -167,7 +170,11 @@ fn the_column_holds_what_agents_estimated() {
     for number in 0..2 {
         let round = trainer.advance().unwrap();
         let episodes = trainer.newest_episodes();
-        expected.extend((1..=episodes[1].length()).rev().map(|left| left as f32));
+        expected.extend(
+            (1..=episodes[1].length())
+                .rev()
+                .map(|steps_to_go| steps_to_go as f32),
+        );
         let (episode_rows, round_rows) = (&round.rows.episodes[..], &round.rows.updates[..]);
         recorder
             .record_round(&RoundRecord {
@@ -182,7 +189,7 @@ fn the_column_holds_what_agents_estimated() {
     }
     recorder.finish().unwrap();
     assert_eq!(
-        Contents::of(&path).numbers("/raw/agent_1", "State:advantage"),
+        RecordingContents::read(&path).f32_values("/raw/agent_1", "State:advantage"),
         expected
     );
 }

@@ -1,4 +1,4 @@
-//! Scenes: bodies in motion, what pushes them, and who is followed.
+//! Recorded scenes: poses of bodies, forces, traces, and the camera.
 
 use seedbed::record::{BodyTrajectory, RecordingSettings, SceneSettings};
 use seedbed_env::input::numbers::known_count;
@@ -10,11 +10,12 @@ use super::record;
 use super::synthetic_run::Run;
 
 #[test]
-fn the_filmed_episodes_move_and_leave_a_trace() {
+fn recorded_scenes_have_poses_and_traces() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(2, 12);
-    let contents = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
-    let filmed: usize = [0, 10]
+    let run = SyntheticRun::new(2, 12);
+    let contents =
+        RecordingContents::read(&record(&run, folder.path(), &RecordingSettings::default()));
+    let expected_rows: usize = [0, 10]
         .iter()
         .map(|&round: &usize| run.rounds[round].episodes[0].length() + 1)
         .sum();
@@ -22,7 +23,7 @@ fn the_filmed_episodes_move_and_leave_a_trace() {
         contents
             .times("/scene/agent_0/bodies/pole", "env_step")
             .len(),
-        filmed
+        expected_rows
     );
     assert_eq!(contents.times("/scene/agent_0/trace", "episode"), [0, 10]);
     assert!(
@@ -33,11 +34,13 @@ fn the_filmed_episodes_move_and_leave_a_trace() {
 }
 
 #[test]
-fn scenes_of_several_agents_have_their_own_episodes_and_forces() {
+fn each_recorded_agent_has_its_own_poses_and_forces() {
     let folder = tempfile::tempdir().unwrap();
-    let mut run = Run::new(3, 12);
+    let mut run = SyntheticRun::new(3, 12);
     for round in &mut run.rounds {
-        round.body_trajectories = [0, 2].map(|agent| pushed(&round.episodes[agent])).to_vec();
+        round.body_trajectories = [0, 2]
+            .map(|agent| trajectory_with_forces(&round.episodes[agent]))
+            .to_vec();
     }
     let scene = SceneSettings {
         agents: vec![0.into(), 2.into()].into(),
@@ -47,7 +50,7 @@ fn scenes_of_several_agents_have_their_own_episodes_and_forces() {
         scene: Some(scene),
         ..RecordingSettings::default()
     };
-    let contents = Contents::of(&record(&run, folder.path(), &settings));
+    let contents = RecordingContents::read(&record(&run, folder.path(), &settings));
     assert!(contents.chunks("/scene/agent_1/bodies/pole").is_empty());
     for agent in [0, 2] {
         let rows: usize = run
@@ -59,29 +62,29 @@ fn scenes_of_several_agents_have_their_own_episodes_and_forces() {
         assert_eq!(poses, (0..rows as i64).collect::<Vec<_>>());
         let action = format!("/scene/agent_{agent}/forces/action");
         assert_eq!(contents.times(&action, "env_step"), poses);
-        let pushes = rows - run.rounds.len();
+        let action_forces = rows - run.rounds.len();
         assert_eq!(
-            contents.numbers(&action, "Force:newtons"),
-            vec![5.0; pushes],
-            "no force led to a first row"
+            contents.f32_values(&action, "Force:newtons"),
+            vec![5.0; action_forces],
+            "the first state of an episode has no force"
         );
         let contacts = format!("/scene/agent_{agent}/forces/contacts");
         assert_eq!(
             contents.times(&contacts, "env_step").len(),
             run.rounds.len(),
-            "an empty row an episode"
+            "one empty row per episode"
         );
     }
 }
 
-/// Bodies that move 1 cm in every step, pushed by 5 N.
-fn pushed(episode: &Episode) -> BodyTrajectory {
+/// A trajectory of two bodies that move 1 cm per step under a force of 5 N.
+fn trajectory_with_forces(episode: &Episode) -> BodyTrajectory {
     let force = Force {
         source: ForceSource::Action,
         at: [0.5, 0.1],
         newtons: [3.0, -4.0],
     };
-    let at = |step: usize| Pose {
+    let pose_at = |step: usize| Pose {
         x: 0.01 * step as f32,
         ..Pose::default()
     };
@@ -89,7 +92,7 @@ fn pushed(episode: &Episode) -> BodyTrajectory {
         agent: episode.agent,
         episode: episode.episode,
         poses: (0..=episode.length())
-            .flat_map(|step| [Pose::default(), at(step), at(step)])
+            .flat_map(|step| [Pose::default(), pose_at(step), pose_at(step)])
             .collect(),
         forces: vec![force; episode.length()],
         forces_per_row: std::iter::once(0)
@@ -99,15 +102,16 @@ fn pushed(episode: &Episode) -> BodyTrajectory {
 }
 
 #[test]
-fn a_tracked_body_is_followed() {
+fn the_camera_follows_the_tracked_body() {
     let folder = tempfile::tempdir().unwrap();
-    let mut run = Run::new(2, 12);
+    let mut run = SyntheticRun::new(2, 12);
     run.scene.tracked = Some(1);
-    let contents = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
-    let followed = contents.times("/scene/agent_0/camera", "env_step");
-    assert!(!followed.is_empty());
+    let contents =
+        RecordingContents::read(&record(&run, folder.path(), &RecordingSettings::default()));
+    let camera_steps = contents.times("/scene/agent_0/camera", "env_step");
+    assert!(!camera_steps.is_empty());
     assert_eq!(
-        followed,
+        camera_steps,
         contents.times("/scene/agent_0/bodies/cart", "env_step")
     );
 }

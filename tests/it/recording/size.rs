@@ -1,4 +1,4 @@
-//! How large recordings are; `benches/recording.rs` measures how quickly they are made.
+//! Size of recordings in bytes per state. `benches/recording.rs` measures the speed of recording.
 
 use std::path::Path;
 
@@ -10,52 +10,53 @@ use super::contents::messages;
 use super::record;
 use super::synthetic_run::Run;
 
-/// What an agent saw and did costs at most 45 bytes a state with four observations, an action, a
-/// reward, its probability, a bonus and an outcome; a further observation at most 6.
+/// A row of `/raw` with four observations, action, reward, log-probability and bonus takes at most
+/// 45 bytes; each further observation takes at most 6 bytes.
 #[test]
-fn a_state_takes_few_bytes() {
+fn raw_data_takes_few_bytes_per_state() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(2, 400);
+    let run = SyntheticRun::new(2, 400);
     let states: usize = run
         .rounds
         .iter()
         .flat_map(|round| &round.episodes)
         .map(|episode| episode.length() + 1)
         .sum();
-    let narrow = raw_bytes(&record(&run, folder.path(), &RecordingSettings::default())) as f64
+    let bytes_per_state = raw_bytes(&record(&run, folder.path(), &RecordingSettings::default()))
+        as f64
         / states as f64;
-    let wide = raw_bytes(&record(
-        &widened(run),
+    let bytes_with_fifth_observation = raw_bytes(&record(
+        &with_fifth_observation(run),
         folder.path(),
         &RecordingSettings::default(),
     )) as f64
         / states as f64;
-    assert!(narrow <= 45.0, "{narrow} bytes a state");
+    assert!(bytes_per_state <= 45.0, "{bytes_per_state} bytes per state");
     assert!(
-        wide - narrow <= 6.0,
+        bytes_with_fifth_observation - bytes_per_state <= 6.0,
         "{} bytes for a further column",
-        wide - narrow
+        bytes_with_fifth_observation - bytes_per_state
     );
 }
 
-/// The same run with a fifth observation, as hard to compress as the others.
-fn widened(mut run: Run) -> Run {
+/// The same run with a fifth observation that compresses as badly as the others.
+fn with_fifth_observation(mut run: SyntheticRun) -> SyntheticRun {
     let fifth = Quantity {
         name: "fifth".to_owned(),
         ..run.spec.observations[1].clone()
     };
     run.spec.observations.push(fifth);
     for episode in run.rounds.iter_mut().flat_map(|round| &mut round.episodes) {
-        let wide = episode
+        let bytes_with_fifth_observation = episode
             .observations
             .chunks_exact(4)
             .flat_map(|row| [row, &[row[1].sin() + row[3]]].concat());
-        episode.observations = wide.collect();
+        episode.observations = bytes_with_fifth_observation.collect();
     }
     run
 }
 
-/// Bytes that `/raw` takes in the file.
+/// Number of bytes of all messages of `/raw` in a file.
 fn raw_bytes(path: &Path) -> u64 {
     let is_raw = |message: &&LogMsg| match message {
         LogMsg::ArrowMsg(_, arrow) => Chunk::from_arrow_msg(arrow)
@@ -66,10 +67,10 @@ fn raw_bytes(path: &Path) -> u64 {
         _ => false,
     };
     let messages = messages(path);
-    let encoded = |messages: Vec<&LogMsg>| {
+    let encoded_length = |messages: Vec<&LogMsg>| {
         rerun::external::re_log_encoding::rrd::Encoder::encode(messages.into_iter().map(Ok))
             .unwrap()
             .len() as u64
     };
-    encoded(messages.iter().filter(is_raw).collect())
+    encoded_length(messages.iter().filter(is_raw).collect())
 }

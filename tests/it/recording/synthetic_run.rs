@@ -1,19 +1,19 @@
-//! A made-up team to record.
+//! A synthetic run, with episodes that were not produced by training, as input for recorders.
 
 use seedbed::record::{BodyTrajectory, BonusRange, EpisodeRow, Recorder, RoundRecord, RoundRow};
 use seedbed::record::{Focus, RunInfo};
 use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
 use seedbed_learn::experience::{Episode, StepData};
 
-/// A made-up team whose poles stay up longer and longer.
-pub(super) struct Run {
+/// A synthetic cart-pole run whose episodes become longer from round to round.
+pub(super) struct SyntheticRun {
     pub(super) agents: u32,
     pub(super) spec: Spec,
     pub(super) scene: Scene,
-    pub(super) rounds: Vec<Round>,
+    pub(super) rounds: Vec<SyntheticRound>,
 }
 
-pub(super) struct Round {
+pub(super) struct SyntheticRound {
     pub(super) round: u32,
     pub(super) episodes: Vec<Episode>,
     pub(super) episode_rows: Vec<EpisodeRow>,
@@ -22,7 +22,7 @@ pub(super) struct Round {
     pub(super) body_trajectories: Vec<BodyTrajectory>,
 }
 
-impl Round {
+impl SyntheticRound {
     pub(super) fn record(&self, recorder: &mut impl Recorder) {
         let round = RoundRecord {
             round: self.round,
@@ -38,11 +38,11 @@ impl Round {
     }
 }
 
-impl Run {
+impl SyntheticRun {
     pub(super) fn new(agents: u32, rounds: u32) -> Self {
         let mut env_steps = 0;
         let rounds = (0..rounds)
-            .map(|round| made_up_round(agents, round, rounds, &mut env_steps))
+            .map(|round| synthetic_round(agents, round, rounds, &mut env_steps))
             .collect();
         Self {
             agents,
@@ -52,7 +52,7 @@ impl Run {
         }
     }
 
-    pub(super) fn about(&self) -> RunInfo<'_> {
+    pub(super) fn run_info(&self) -> RunInfo<'_> {
         RunInfo {
             name: "cartpole-made-up",
             focus: Focus::Learning,
@@ -124,10 +124,10 @@ fn cart_and_pole() -> Scene {
     }
 }
 
-fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> Round {
+fn synthetic_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> SyntheticRound {
     let skill = (f64::from(round) / f64::from(rounds)).min(0.9);
     let played: Vec<(Episode, BodyTrajectory)> = (0..agents)
-        .map(|agent| made_up_episode(agent, round, skill))
+        .map(|agent| synthetic_episode(agent, round, skill))
         .collect();
     let row = |episode: &Episode| {
         *env_steps += episode.length() as u64;
@@ -146,12 +146,12 @@ fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> R
         }
     };
     let episodes: Vec<Episode> = played.iter().map(|(episode, _)| episode.clone()).collect();
-    Round {
+    SyntheticRound {
         round,
         episode_rows: episodes.iter().map(row).collect(),
         step_data: episodes.iter().map(made_up_step_data).collect(),
         round_rows: (0..agents)
-            .map(|agent| made_up_update(agent, round, skill))
+            .map(|agent| synthetic_update(agent, round, skill))
             .collect(),
         body_trajectories: round
             .is_multiple_of(10)
@@ -162,7 +162,7 @@ fn made_up_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> R
     }
 }
 
-fn made_up_update(agent: u32, round: u32, skill: f64) -> RoundRow {
+fn synthetic_update(agent: u32, round: u32, skill: f64) -> RoundRow {
     let wave = ((round + 9 * agent) as f32 * 0.7).sin() * 0.05;
     let left = 1.0 - skill as f32;
     RoundRow {
@@ -186,10 +186,11 @@ fn made_up_update(agent: u32, round: u32, skill: f64) -> RoundRow {
     }
 }
 
-/// A pole held up by a controller that heeds its state more often with growing skill.
-fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajectory) {
-    let mut noise = Noise((u64::from(agent) << 32) | (u64::from(round) << 8) | 1);
-    let mut state = [0.0_f64; 4].map(|_| noise.symmetric() * 0.05);
+/// An episode of a linear controller that reacts to the state more often the larger `skill` is, and
+/// otherwise pushes at random.
+fn synthetic_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajectory) {
+    let mut noise = UniformNoise((u64::from(agent) << 32) | (u64::from(round) << 8) | 1);
+    let mut state = [0.0_f64; 4].map(|_| noise.uniform() * 0.05);
     let mut episode = Episode {
         agent,
         episode: round,
@@ -207,22 +208,22 @@ fn made_up_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajecto
         ..BodyTrajectory::default()
     };
     while episode.length() < 200 {
-        let lean = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5)
+        let tilt = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5)
             + 0.1 * state[1]
             + state[2]
             + 0.3 * state[3];
-        let heed = noise.symmetric().abs() < skill + 0.1;
-        let push = if heed {
-            lean > 0.0
+        let reacts_to_state = noise.uniform().abs() < skill + 0.1;
+        let push = if reacts_to_state {
+            tilt > 0.0
         } else {
-            noise.symmetric() > 0.0
+            noise.uniform() > 0.0
         };
-        state = moved(state, if push { 10.0 } else { -10.0 });
+        state = next_state(state, if push { 10.0 } else { -10.0 });
         episode.actions.push(f32::from(u8::from(push)));
         episode.rewards.push(1.0);
         episode
             .log_probs
-            .push(-(1.0 + noise.symmetric().abs() as f32).ln());
+            .push(-(1.0 + noise.uniform().abs() as f32).ln());
         episode.observations.extend(state.map(|x| x as f32));
         body_trajectories.poses.extend(poses(state));
         if state[0].abs() > 2.4 || state[2].abs() > 0.209 {
@@ -258,7 +259,7 @@ fn poses([x, _, theta, _]: [f64; 4]) -> [Pose; 3] {
     ]
 }
 
-fn moved([x, v, theta, omega]: [f64; 4], force: f64) -> [f64; 4] {
+fn next_state([x, v, theta, omega]: [f64; 4], force: f64) -> [f64; 4] {
     let push = (force + 0.05 * omega * omega * theta.sin()) / 1.1;
     let alpha = (9.8 * theta.sin() - theta.cos() * push)
         / (0.5 * (4.0 / 3.0 - 0.1 * theta.cos().powi(2) / 1.1));
@@ -271,11 +272,11 @@ fn moved([x, v, theta, omega]: [f64; 4], force: f64) -> [f64; 4] {
     ]
 }
 
-struct Noise(u64);
+struct UniformNoise(u64);
 
-impl Noise {
-    /// Evenly between −1 and 1.
-    fn symmetric(&mut self) -> f64 {
+impl UniformNoise {
+    /// Draws a number uniformly from −1 to 1.
+    fn uniform(&mut self) -> f64 {
         self.0 = self
             .0
             .wrapping_mul(6_364_136_223_846_793_005)

@@ -1,5 +1,4 @@
-//! Recordings of teams that learn: they hold what the agents' own episodes hold, whatever the
-//! number of threads.
+//! Recordings of training runs equal the episodes of the trainer, for any number of threads.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -12,11 +11,11 @@ use seedbed::run::{Factories, Observer, Options, Plan, Progress, RunOutcome, exe
 use seedbed_env::Choice;
 use seedbed_learn::experience::{Episode, StepData};
 
-use super::contents::Contents;
-use super::{compare_times, outcome_word};
+use super::contents::RecordingContents;
+use super::{assert_times, outcome_text};
 
-/// Three agents with curiosity that play two episodes a round, all numbers of which are on record.
-const CURIOUS: [&str; 5] = [
+/// Three agents with a bonus and two episodes per round; every column of `/raw` is recorded.
+const WITH_BONUS: [&str; 5] = [
     "agents.count=3",
     "stop=Episodes(8)",
     "schedule=Synchronous(episodes: 2)",
@@ -24,17 +23,17 @@ const CURIOUS: [&str; 5] = [
     "recording.axes=[Observations, Advantage()]",
 ];
 
-/// Agents that do not wait for each other, with several continuous actions at once.
-const HOPPING: [&str; 4] = [
+/// Two asynchronous agents in a task with several continuous action components.
+const ASYNCHRONOUS_HOPPER: [&str; 4] = [
     "environment=\"hopper\"",
     "agents.count=2",
     "stop=Episodes(4)",
     "schedule=Asynchronous(training: (env_steps: 30))",
 ];
 
-struct Nobody;
+struct IgnoreProgress;
 
-impl Observer for Nobody {
+impl Observer for IgnoreProgress {
     fn begun(&mut self, _: &Progress) {}
 
     fn round_finished(&mut self, _: &Progress) {}
@@ -102,10 +101,13 @@ fn played(plan: &Plan) -> Vec<AgentHistory> {
 }
 
 #[test]
-fn a_recording_holds_what_the_agents_saw_and_did() {
-    for overrides in [&CURIOUS[..], &HOPPING[..]] {
+fn recorded_values_equal_those_of_the_trainer() {
+    for overrides in [&WITH_BONUS[..], &ASYNCHRONOUS_HOPPER[..]] {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
-        let (contents, agents) = (recorded(&plan, folder.path(), 2), played(&plan));
+        let (contents, agents) = (
+            record_run(&plan, folder.path(), 2),
+            episodes_by_agent(&plan),
+        );
         assert_ne!(
             agents[0].episodes[0].observations, agents[1].episodes[0].observations,
             "agents that do the same could be mistaken"
@@ -131,12 +133,12 @@ fn compare(plan: &Plan, contents: &Contents, entity: &str, history: &AgentHistor
     compare_rewards(plan, contents, entity, episodes);
     compare_step_data(plan, contents, entity, step_data);
     let episodes: Vec<&Episode> = episodes.iter().collect();
-    compare_times(&episodes, contents, entity);
+    assert_times(&episodes, contents, entity);
     let outcomes: Vec<&str> = episodes
         .iter()
-        .map(|episode| outcome_word(episode))
+        .map(|episode| outcome_text(episode))
         .collect();
-    assert_eq!(contents.words(entity, "State:outcome"), outcomes);
+    assert_eq!(contents.texts(entity, "State:outcome"), outcomes);
 }
 
 /// Component `index` of the values of each step, of which each step has `width`.
@@ -153,34 +155,39 @@ fn component<T>(
         .collect()
 }
 
-fn compare_observations_and_actions(
+fn assert_observations_and_actions(
     plan: &Plan,
-    contents: &Contents,
+    contents: &RecordingContents,
     entity: &str,
     episodes: &[Episode],
 ) {
     let spec = plan.description.spec();
-    let column = |name: &str| contents.numbers(entity, &format!("State:{name}"));
+    let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     for (index, quantity) in spec.observations.iter().enumerate() {
         let width = spec.observations.len();
-        let seen = component(episodes, |episode| &episode.observations, index, width);
-        assert_eq!(column(&quantity.name), seen, "{entity} {}", quantity.name);
+        let expected = component(episodes, |episode| &episode.observations, index, width);
+        assert_eq!(
+            column(&quantity.name),
+            expected,
+            "{entity} {}",
+            quantity.name
+        );
     }
     for (index, action) in spec.actions.iter().enumerate() {
         let width = spec.actions.len();
-        let mut done = component(episodes, |episode| &episode.actions, index, width);
+        let mut expected = component(episodes, |episode| &episode.actions, index, width);
         if let Choice::Discrete(values) = &action.choice {
-            for action in &mut done {
+            for action in &mut expected {
                 *action = values[*action as usize];
             }
         }
         let name = &action.quantity.name;
-        assert_eq!(column(name), done, "{entity} {name}");
+        assert_eq!(column(name), expected, "{entity} {name}");
     }
 }
 
-fn compare_rewards(plan: &Plan, contents: &Contents, entity: &str, episodes: &[Episode]) {
-    let column = |name: &str| contents.numbers(entity, &format!("State:{name}"));
+fn assert_rewards(plan: &Plan, contents: &RecordingContents, entity: &str, episodes: &[Episode]) {
+    let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     let joined = |values| component(episodes, values, 0, 1);
     assert_eq!(column("reward"), joined(|episode| &episode.rewards));
     let log_probs = joined(|episode| &episode.log_probs);
@@ -208,20 +215,20 @@ fn compare_step_data(plan: &Plan, contents: &Contents, entity: &str, step_data: 
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_recording() {
-    for overrides in [&CURIOUS[..], &HOPPING[..]] {
+fn recordings_do_not_depend_on_the_number_of_threads() {
+    for overrides in [&WITH_BONUS[..], &ASYNCHRONOUS_HOPPER[..]] {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
         let [one, three] = [1, 3].map(|threads| {
-            recorded(&plan, &folder.path().join(threads.to_string()), threads).columns()
+            record_run(&plan, &folder.path().join(threads.to_string()), threads).columns()
         });
         assert!(
             one.contains_key("/raw/agent_1 State:reward")
                 && one.contains_key("/visitation/agent_1/latest DepthImage:buffer")
         );
-        let share_difference = one
+        let differing_column = one
             .iter()
             .find(|(name, rows)| three.get(*name) != Some(rows))
             .map(|(name, _)| name);
-        assert_eq!((share_difference, one.len()), (None, three.len()));
+        assert_eq!((differing_column, one.len()), (None, three.len()));
     }
 }

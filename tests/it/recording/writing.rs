@@ -1,4 +1,4 @@
-//! Recordings that are broken off, gone on with, or cannot be written.
+//! Recordings that are interrupted, resumed, or cannot be written.
 
 use std::fs::File;
 
@@ -10,14 +10,15 @@ use super::synthetic_run::Run;
 use super::{compare_raw, record};
 
 #[test]
-fn a_killed_and_resumed_run_equals_an_uninterrupted_one() {
+fn a_resumed_recording_equals_an_uninterrupted_one() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(4, 30);
-    let whole = Contents::of(&record(&run, folder.path(), &RecordingSettings::default()));
+    let run = SyntheticRun::new(4, 30);
+    let complete =
+        RecordingContents::read(&record(&run, folder.path(), &RecordingSettings::default()));
 
     let path = folder.path().join("killed.rrd");
     let settings = RecordingSettings::default();
-    let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
+    let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings).unwrap();
     run.rounds[..13]
         .iter()
         .for_each(|round| round.record(&mut recorder));
@@ -28,22 +29,23 @@ fn a_killed_and_resumed_run_equals_an_uninterrupted_one() {
     drop(recorder);
     assert!(!path.exists());
 
-    let mut recorder = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).unwrap();
+    let mut recorder =
+        RerunRecorder::resume(&path, &run.run_info(), &settings, &checkpoint).unwrap();
     run.rounds[13..]
         .iter()
         .for_each(|round| round.record(&mut recorder));
     recorder.finish().unwrap();
-    let resumed = Contents::of(&path);
-    compare_raw(&run, &resumed);
-    assert_eq!(whole.columns(), resumed.columns());
+    let resumed = RecordingContents::read(&path);
+    assert_raw_rows(&run, &resumed);
+    assert_eq!(complete.columns(), resumed.columns());
 }
 
 #[test]
-fn a_torn_file_is_resumed_from_its_checkpoint() {
+fn a_truncated_recording_is_resumed_from_its_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
-    let (run, settings) = (Run::new(2, 8), RecordingSettings::default());
+    let (run, settings) = (SyntheticRun::new(2, 8), RecordingSettings::default());
     let path = folder.path().join("run.rrd");
-    let mut recorder = RerunRecorder::create(&path, &run.about(), &settings).unwrap();
+    let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings).unwrap();
     run.rounds[..4]
         .iter()
         .for_each(|round| round.record(&mut recorder));
@@ -63,12 +65,12 @@ fn a_torn_file_is_resumed_from_its_checkpoint() {
 
     for _ in 0..2 {
         let mut recorder =
-            RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint).unwrap();
+            RerunRecorder::resume(&path, &run.run_info(), &settings, &checkpoint).unwrap();
         run.rounds[4..]
             .iter()
             .for_each(|round| round.record(&mut recorder));
         recorder.finish().unwrap();
-        compare_raw(&run, &Contents::of(&path));
+        assert_raw_rows(&run, &RecordingContents::read(&path));
     }
 
     File::options()
@@ -77,7 +79,7 @@ fn a_torn_file_is_resumed_from_its_checkpoint() {
         .unwrap()
         .set_len(length / 2)
         .unwrap();
-    let error = RerunRecorder::resume(&path, &run.about(), &settings, &checkpoint)
+    let error = RerunRecorder::resume(&path, &run.run_info(), &settings, &checkpoint)
         .map(drop)
         .unwrap_err()
         .to_string();
@@ -85,15 +87,20 @@ fn a_torn_file_is_resumed_from_its_checkpoint() {
         error.starts_with("cannot resume ") && error.contains("ends before the checkpoint"),
         "{error}"
     );
-    let error = RerunRecorder::resume(&path, &run.about(), &settings, b"nonsense")
+    let error = RerunRecorder::resume(&path, &run.run_info(), &settings, b"nonsense")
         .map(drop)
         .unwrap_err()
         .to_string();
     assert!(error.contains("the checkpoint is damaged"), "{error}");
-    let error = RerunRecorder::resume(&path, &Run::new(3, 1).about(), &settings, &checkpoint)
-        .map(drop)
-        .unwrap_err()
-        .to_string();
+    let error = RerunRecorder::resume(
+        &path,
+        &SyntheticRun::new(3, 1).run_info(),
+        &settings,
+        &checkpoint,
+    )
+    .map(drop)
+    .unwrap_err()
+    .to_string();
     assert!(
         error.contains("the checkpoint belongs to another scenario"),
         "{error}"
@@ -101,26 +108,29 @@ fn a_torn_file_is_resumed_from_its_checkpoint() {
 }
 
 #[test]
-fn a_recording_that_is_dropped_early_stays_readable() {
+fn a_dropped_recorder_leaves_a_readable_recording() {
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(2, 5);
+    let run = SyntheticRun::new(2, 5);
     let path = folder.path().join("run.rrd");
     let mut recorder =
-        RerunRecorder::create(&path, &run.about(), &RecordingSettings::default()).unwrap();
+        RerunRecorder::create(&path, &run.run_info(), &RecordingSettings::default()).unwrap();
     run.rounds
         .iter()
         .for_each(|round| round.record(&mut recorder));
     drop(recorder);
-    compare_raw(&run, &Contents::of(&folder.path().join("run.rrd.part")));
+    assert_raw_rows(
+        &run,
+        &RecordingContents::read(&folder.path().join("run.rrd.part")),
+    );
 }
 
 #[test]
-fn a_missing_folder_is_an_error_at_once() {
+fn creating_a_recording_in_a_missing_folder_fails() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("nowhere/run.rrd");
     let error = RerunRecorder::create(
         &path,
-        &Run::new(1, 1).about(),
+        &SyntheticRun::new(1, 1).run_info(),
         &RecordingSettings::default(),
     )
     .map(drop)
@@ -134,13 +144,13 @@ fn a_missing_folder_is_an_error_at_once() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_is_an_error_at_once() {
+fn creating_a_recording_on_a_full_disk_fails() {
     let folder = tempfile::tempdir().unwrap();
     std::os::unix::fs::symlink("/dev/full", folder.path().join("run.rrd.part")).unwrap();
     let path = folder.path().join("run.rrd");
     let error = RerunRecorder::create(
         &path,
-        &Run::new(1, 1).about(),
+        &SyntheticRun::new(1, 1).run_info(),
         &RecordingSettings::default(),
     )
     .map(drop)

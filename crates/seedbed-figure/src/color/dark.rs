@@ -6,8 +6,8 @@ use colorous::{Gradient, INFERNO, VIRIDIS};
 
 use super::Color;
 
-/// The color of the series with this index on a dark background. Eight hues; indices 8–15 have
-/// lighter and indices 16–23 darker tints of the same, then colors repeat.
+/// The color of the series with this index on a dark background. There are eight hues; indices 8–15
+/// have lighter tints and indices 16–23 darker tints of the same hues, and then colors repeat.
 #[must_use]
 pub fn categorical_color(index: u32) -> Color {
     let hue = HUES[index as usize % HUES.len()];
@@ -31,54 +31,54 @@ const HUES: [Color; 8] = [
     [170, 170, 170],
 ];
 
-/// The color of a value from 0 (dark) to 1 (bright): Viridis without its darkest tenth, which is hard
-/// to see on black.
+/// The color of a value from 0 (dark) to 1 (bright): Viridis without its darkest tenth, which is
+/// hard to see on black.
 #[must_use]
 pub fn sequential_color(share: f32) -> Color {
-    static LEVELS: Levels = LazyLock::new(|| levels(VIRIDIS, 0.1));
-    LEVELS[level(share)]
+    static COLOR_MAP: ColorMap = LazyLock::new(|| color_map(VIRIDIS, 0.1));
+    COLOR_MAP[index_in_map(share)]
 }
 
 /// The color of a density from 0 (black) to 1 (bright): Inferno.
 #[must_use]
 pub fn density_color(share: f32) -> Color {
-    static LEVELS: Levels = LazyLock::new(|| levels(INFERNO, 0.0));
-    LEVELS[level(share)]
+    static COLOR_MAP: ColorMap = LazyLock::new(|| color_map(INFERNO, 0.0));
+    COLOR_MAP[index_in_map(share)]
 }
 
-/// The color of a difference from −1 (blue) over 0 (black) to 1 (orange).
+/// The color of a difference between −1 (blue) and 1 (orange); 0 is black.
 #[must_use]
 pub fn diverging_color(difference: f32) -> Color {
-    let [half, end] = if difference < 0.0 {
+    let [middle_color, end_color] = if difference < 0.0 {
         [[30, 110, 220], [150, 205, 255]]
     } else {
         [[215, 95, 10], [255, 200, 120]]
     };
     let share = 2.0 * difference.abs().min(1.0);
     if share < 1.0 {
-        mix([0, 0, 4], half, share)
+        interpolate([0, 0, 4], middle_color, share)
     } else {
-        mix(half, end, share - 1.0)
+        interpolate(middle_color, end_color, share - 1.0)
     }
 }
 
-fn mix(one: Color, other: Color, share: f32) -> Color {
+fn interpolate(one: Color, other: Color, share: f32) -> Color {
     std::array::from_fn(|channel| {
         (f32::from(one[channel]) * (1.0 - share) + f32::from(other[channel]) * share).round() as u8
     })
 }
 
-fn level(share: f32) -> usize {
+fn index_in_map(share: f32) -> usize {
     (share.clamp(0.0, 1.0) * 255.0).round() as usize
 }
 
-type Levels = LazyLock<[Color; 256]>;
+type ColorMap = LazyLock<[Color; 256]>;
 
-/// The colors of a map from position `from` to its end.
-fn levels(gradient: Gradient, from: f64) -> [Color; 256] {
-    std::array::from_fn(|level| {
+/// 256 colors of a gradient, from its position `from` to its end.
+fn color_map(gradient: Gradient, from: f64) -> [Color; 256] {
+    std::array::from_fn(|index_in_map| {
         gradient
-            .eval_continuous(from + (1.0 - from) * level as f64 / 255.0)
+            .eval_continuous(from + (1.0 - from) * index_in_map as f64 / 255.0)
             .as_array()
     })
 }
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn twenty_four_series_have_twenty_four_colors() {
+    fn the_first_24_categorical_colors_differ() {
         let mut colors: Vec<_> = (0..24).map(categorical_color).collect();
         colors.sort_unstable();
         colors.dedup();
@@ -110,7 +110,7 @@ mod tests {
 
     /// Viridis ends with (253, 231, 37), Inferno begins with (0, 0, 4).
     #[test]
-    fn maps_grow_brighter_throughout() {
+    fn color_maps_become_brighter_monotonically() {
         let share = |step: u8| f32::from(step) / 50.0;
         let blue = |share: f32| diverging_color(-share);
         for map in [sequential_color, density_color, diverging_color, blue] {
@@ -118,13 +118,14 @@ mod tests {
                 (0..50).all(|step| lightness(map(share(step))) < lightness(map(share(step + 1))))
             );
         }
-        let near = |one: Color, other: Color| {
+        let is_close = |one: Color, other: Color| {
             one.iter()
                 .zip(other)
                 .all(|(one, other)| one.abs_diff(other) < 6)
         };
         assert!(
-            near(sequential_color(1.0), [253, 231, 37]) && near(density_color(0.0), [0, 0, 4]),
+            is_close(sequential_color(1.0), [253, 231, 37])
+                && is_close(density_color(0.0), [0, 0, 4]),
             "{:?} {:?}",
             sequential_color(1.0),
             density_color(0.0)

@@ -1,5 +1,5 @@
-//! The blueprint: how the viewer opens a recording. Images of visited states are on the left;
-//! returns, updates and the scene on the right.
+//! The blueprint, which determines the views in which the viewer opens a recording. Views of
+//! visited states are on the left; returns, updates and the scene are on the right.
 
 mod motion;
 mod visitation;
@@ -29,13 +29,13 @@ use crate::record::Focus;
 use crate::record::metrics::{Metric, Range, Scope};
 use crate::record::visitation::LineQuota;
 
-/// Maximum number of agents with a legend; a larger one would cover the curves.
+/// Maximum number of agents in a legend. A larger legend would cover the curves.
 const AGENTS_IN_LEGEND: u32 = 8;
 
-/// The color of a density image where no state was visited.
+/// Color of density images where no state was visited.
 const BACKGROUND: [u8; 3] = [0, 0, 4];
 
-/// What the blueprint depends on.
+/// Properties of a recording on which its blueprint depends.
 #[derive(Clone)]
 pub(super) struct BlueprintConfig {
     pub(super) agents: u32,
@@ -46,11 +46,11 @@ pub(super) struct BlueprintConfig {
     pub(super) time_limit: u32,
     pub(super) control_step: f64,
     pub(super) focus: Focus,
-    /// What the color of lines and points shows.
+    /// Quantity shown by the color of lines and points.
     pub(super) colored_by: &'static str,
     /// Whether agents have a bonus.
     pub(super) has_bonus: bool,
-    /// The agents that are compared.
+    /// The two agents that are compared.
     pub(super) difference: Difference,
     pub(super) scenes: Vec<SceneView>,
 }
@@ -62,11 +62,11 @@ pub(super) struct SceneView {
     pub(super) agent: u32,
     /// The entity whose frame the view shows.
     pub(super) origin: String,
-    /// The part of the scene that is shown at first.
+    /// The bounds of the scene that are shown when the recording is opened.
     pub(super) bounds: Option<Bounds>,
 }
 
-/// The messages that make the viewer open the recording with this blueprint.
+/// Messages that contain the blueprint and activate it.
 pub(super) fn messages(
     application: &'static str,
     config: &BlueprintConfig,
@@ -87,7 +87,7 @@ pub(super) fn messages(
     Ok(messages)
 }
 
-/// The messages of a blueprint, which the SDK returns through a stream only.
+/// Messages of a blueprint. The SDK returns them through a stream only.
 fn encoded(
     application: &'static str,
     blueprint: &Blueprint,
@@ -104,7 +104,7 @@ fn encoded(
         .collect())
 }
 
-/// Builds views, and collects those of their properties for which the SDK has no setters.
+/// Builds views, and collects properties of views for which the SDK has no setters.
 #[derive(Default)]
 struct ViewBuilder {
     properties: Vec<(EntityPath, Box<dyn AsComponents>)>,
@@ -165,7 +165,7 @@ impl ViewBuilder {
         view
     }
 
-    /// Shows a plot from the first to the last moment, on any timeline.
+    /// Makes a plot show all rows, from the first to the last, on every timeline.
     fn all_times(&mut self, view: &ContainerLike) {
         let always = TimeRange {
             start: TimeRangeBoundary::Infinite,
@@ -212,7 +212,8 @@ impl ViewBuilder {
     }
 }
 
-/// Columns with these shares of the width, and the viewer's own panels closed.
+/// A blueprint of columns with the given shares of the width, in which the panels of the viewer are
+/// closed.
 fn blueprint_of_columns(
     columns: impl IntoIterator<Item = ContainerLike>,
     shares: [f32; 2],
@@ -226,7 +227,7 @@ fn blueprint_of_columns(
         .with_time_panel(time.with_state(PanelState::Collapsed))
 }
 
-/// Such as `Clipped fraction`.
+/// The title of a view of a metric, such as `Clipped fraction`.
 fn title(metric: &Metric) -> String {
     let label = metric.label();
     label[..1].to_uppercase() + &label[1..]

@@ -1,4 +1,4 @@
-//! The blueprint of a recording about motion: large scenes, played at their own speed.
+//! The blueprint of a recording of motion: large scenes, played in real time.
 
 use rerun::blueprint::components::{LoopMode, PlayState};
 use rerun::blueprint::{
@@ -25,7 +25,7 @@ impl ViewBuilder {
         blueprint_of_columns(columns, [2.0, 1.0], time)
     }
 
-    /// The scenes of all agents that have one.
+    /// The scenes of all agents with a recorded scene.
     pub(super) fn scenes(&mut self, config: &BlueprintConfig) -> Option<ContainerLike> {
         let mut scenes: Vec<ContainerLike> = config
             .scenes
@@ -46,7 +46,7 @@ impl ViewBuilder {
         }
     }
 
-    /// All states so far, of the team and of each agent.
+    /// Densities of all visited states so far, of the team and of each agent.
     fn visited_states(&mut self, config: &BlueprintConfig) -> ContainerLike {
         let agents = self.density(config, false, "density");
         if config.agents == 1 {

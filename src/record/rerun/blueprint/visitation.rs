@@ -11,7 +11,7 @@ use super::super::rows::{ENV_STEP, EPISODE, ROUND};
 use super::{BlueprintConfig, ViewBuilder};
 use crate::record::Difference;
 
-/// A view of images that share a layout.
+/// A view of images with a common layout.
 struct ImageViewSpec<'a> {
     layout: PanelLayout,
     /// The view's title.
@@ -20,11 +20,11 @@ struct ImageViewSpec<'a> {
     root: &'a str,
     /// Whether the view shows the whole team instead of each agent.
     of_team: bool,
-    /// The entity below each agent or the team.
+    /// Name of the entity below the entity of each agent or of the team.
     name: &'a str,
     /// The color scale beside the images.
     scale: &'a str,
-    /// Whether the rows of the latest episodes are shown on top of each other.
+    /// Whether the view shows the rows of the latest episodes on top of each other.
     accumulates: bool,
 }
 
@@ -290,7 +290,7 @@ fn team_above_agents(team: ContainerLike, agents: ContainerLike, tab: String) ->
         .into()
 }
 
-/// None if no agents are compared.
+/// The title of the view of differences; `None` if no agents are compared.
 fn difference_title(difference: &Difference) -> Option<String> {
     match difference {
         Difference::Off => None,
@@ -330,8 +330,8 @@ fn sample_title(config: &BlueprintConfig, of_team: bool) -> String {
 }
 
 /// The latest episodes on each timeline. On the timeline of steps, the range is that of one episode
-/// of maximum length, or of 2 steps per episode if that is longer: an episode has at least two rows,
-/// so that no more than the wanted number of episodes is visible.
+/// of maximum length, or of 2 steps per episode if that is longer: an episode has at least two
+/// rows, so that no more than the wanted number of episodes is visible.
 fn visible_ranges(config: &BlueprintConfig) -> [VisibleTimeRange; 3] {
     let latest = |timeline: &str, length: u32| VisibleTimeRange {
         timeline: timeline.into(),

@@ -1,8 +1,8 @@
-//! Figures of one number per run: intervals, survival curves, performance profiles.
+//! Figures of measures: intervals, survival curves, performance profiles.
 
 use rayon::prelude::*;
 
-use super::{Drawing, capitalized, color, in_one_panel};
+use super::{UnnumberedFigure, capitalized, color, in_one_panel};
 use crate::study::comparison::{aggregate, times_to_event};
 use crate::study::measure::Measure;
 use crate::study::results::CellResults;
@@ -12,24 +12,24 @@ use seedbed_stats::profile::performance_profile;
 use seedbed_stats::survival::kaplan_meier;
 use seedbed_stats::{Estimate, Interval, bootstrap_strata};
 
-/// Cells that are shown as one, because their runs are pooled.
+/// Cells whose runs are pooled and shown as one row or curve.
 pub(super) struct Group<'a> {
     name: String,
-    /// One cell per task over which runs are pooled.
+    /// One cell per pooled task.
     cells: Vec<&'a CellResults>,
 }
 
-/// Groups cells whose names differ only in parts that are listed in `over`, in the order of the first
-/// cell of each group. Without `over`, every cell is a group.
+/// Groups cells whose names differ only in parts that `over` contains. Groups are in the order of
+/// their first cells. If `over` is empty, every cell is a group.
 pub(super) fn groups<'a>(cells: &[&'a CellResults], over: &[String]) -> Vec<Group<'a>> {
     let mut groups: Vec<Group<'a>> = Vec::new();
     for cell in cells {
-        let words = cell
-            .about
+        let unpooled_parts = cell
+            .description
             .name
             .split(", ")
-            .filter(|word| !over.iter().any(|pooled| pooled == word));
-        let name = words.collect::<Vec<_>>().join(", ");
+            .filter(|part| !over.iter().any(|pooled| pooled == part));
+        let name = unpooled_parts.collect::<Vec<_>>().join(", ");
         match groups
             .iter_mut()
             .find(|group| group.name == name && !over.is_empty())
@@ -45,7 +45,7 @@ pub(super) fn groups<'a>(cells: &[&'a CellResults], over: &[String]) -> Vec<Grou
 }
 
 impl Group<'_> {
-    /// Scores `[task][run]`, without tasks in which no run has the measure.
+    /// Scores `[task][run]`, without tasks in which no run has a score.
     fn scores(&self, measure: Measure) -> Vec<Vec<f64>> {
         let scores = |cell: &&CellResults| {
             cell.scores(measure)
@@ -60,10 +60,10 @@ impl Group<'_> {
             .collect()
     }
 
-    /// Median with its interval; if tasks are pooled, the interquartile mean of all runs, with a
-    /// bootstrap interval stratified by task. And the number of runs.
-    fn center(&self, measure: Measure, pooled: bool) -> Option<(Estimate, usize)> {
-        if let ([cell], false) = (&self.cells[..], pooled) {
+    /// Estimate with its interval, and number of runs. The estimate is the median or, if tasks are
+    /// pooled, the interquartile mean of all runs with a bootstrap interval stratified by task.
+    fn estimate_with_count(&self, measure: Measure, is_pooled: bool) -> Option<(Estimate, usize)> {
+        if let ([cell], false) = (&self.cells[..], is_pooled) {
             let aggregate = aggregate(&cell.scores(measure), measure.is_time())?;
             return Some((aggregate.median, aggregate.n));
         }
@@ -78,10 +78,10 @@ impl Group<'_> {
     }
 }
 
-pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Drawing {
-    let pooled = groups.iter().any(|group| group.cells.len() > 1);
+pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> UnnumberedFigure {
+    let is_pooled = groups.iter().any(|group| group.cells.len() > 1);
     let row = |(number, group): (usize, &Group<'_>)| {
-        let (center, n) = group.center(measure, pooled)?;
+        let (center, n) = group.estimate_with_count(measure, is_pooled)?;
         let interval = match center.interval {
             Interval::Known { low, high } if low.is_finite() => Some([low, high]),
             _ => None,
@@ -96,7 +96,7 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Drawing {
         })
     };
     let rows: Vec<IntervalRow> = groups.par_iter().enumerate().filter_map(row).collect();
-    let statistic = if pooled {
+    let statistic = if is_pooled {
         "interquartile mean of"
     } else {
         "median of"
@@ -106,13 +106,13 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Drawing {
         rows,
         ..Intervals::default()
     };
-    let how = match (pooled, measure.is_time()) {
+    let method = match (is_pooled, measure.is_time()) {
         (true, _) => "bootstrap over the runs of all tasks, stratified by task",
         (_, true) => "Kaplan–Meier; runs that ended without reaching it are censored",
         _ => "bootstrap",
     };
     let caption = format!(
-        "{} {} with its 95 % interval ({how}).",
+        "{} {} with its 95 % interval ({method}).",
         capitalized(statistic),
         measure.title()
     );
@@ -127,7 +127,7 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Drawing {
         width: 760.0,
         rows: vec![row],
     };
-    Drawing {
+    UnnumberedFigure {
         kind: "intervals",
         title: capitalized(&measure.title()),
         caption,
@@ -135,20 +135,20 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> Drawing {
     }
 }
 
-pub(super) fn unsolved(cells: &[&CellResults]) -> Drawing {
+pub(super) fn unsolved(cells: &[&CellResults]) -> UnnumberedFigure {
     let series = cells.iter().enumerate().map(|(number, cell)| {
         let times = times_to_event(&cell.scores(Measure::EpisodesToSolve));
-        let end = times.iter().map(|time| time.time).fold(0.0, f64::max);
+        let end_of_last_run = times.iter().map(|time| time.time).fold(0.0, f64::max);
         let steps = kaplan_meier(&times).steps;
-        let last = steps.last().map_or(1.0, |step| step.survival);
+        let last_survival = steps.last().map_or(1.0, |step| step.survival);
         let points = steps.iter().map(|step| [step.time, step.survival]);
         let points = [[0.0, 1.0]]
             .into_iter()
             .chain(points)
-            .chain([[end, last]])
+            .chain([[end_of_last_run, last_survival]])
             .collect();
         Series {
-            name: cell.about.name.clone(),
+            name: cell.description.name.clone(),
             color: color(number),
             points,
             steps: true,
@@ -165,7 +165,7 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> Drawing {
     };
     let caption =
         "Share of runs that have not solved their task yet (Kaplan–Meier estimate).".to_owned();
-    Drawing {
+    UnnumberedFigure {
         kind: "unsolved",
         title: "Runs not solved yet".to_owned(),
         caption,
@@ -173,37 +173,37 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> Drawing {
     }
 }
 
-pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Drawing {
+pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> UnnumberedFigure {
     let groups: Vec<&Group<'_>> = groups
         .iter()
         .filter(|group| !group.scores(measure).is_empty())
         .collect();
-    let all = groups
+    let finite_scores = groups
         .iter()
         .flat_map(|group| group.scores(measure))
         .flatten()
         .filter(|value| value.is_finite());
-    let ends = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+    let ends = finite_scores.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
         [low.min(value), high.max(value)]
     });
     let profile = |(number, group): (usize, &&Group<'_>)| profile(group, measure, ends, number);
-    let better = if measure.is_better_below() {
+    let side = if measure.is_better_below() {
         "below"
     } else {
         "above"
     };
     let curves = Curves {
         x_label: measure.title(),
-        y_label: format!("share of runs {better}"),
+        y_label: format!("share of runs {side}"),
         series: groups.par_iter().enumerate().map(profile).collect(),
         y_range: Some([0.0, 1.0]),
         legend: true,
         ..Curves::default()
     };
     let caption = format!(
-        "Share of runs {better} each value, with pointwise 95 % bootstrap bands (performance profiles)."
+        "Share of runs {side} each value, with pointwise 95 % bootstrap bands (performance profiles)."
     );
-    Drawing {
+    UnnumberedFigure {
         kind: "profiles",
         title: format!("Performance profiles: {}", measure.title()),
         caption,
@@ -212,17 +212,17 @@ pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> Drawing {
 }
 
 fn profile(group: &Group<'_>, measure: Measure, ends: [f64; 2], number: usize) -> Series {
-    let shares = steps_of_profile(group.scores(measure), measure.is_better_below(), ends);
+    let shares = profile_steps(group.scores(measure), measure.is_better_below(), ends);
     let band = shares
         .iter()
-        .filter_map(|(place, share)| match share.interval {
-            Interval::Known { low, high } => Some([*place, low, high]),
+        .filter_map(|(position, share)| match share.interval {
+            Interval::Known { low, high } => Some([*position, low, high]),
             Interval::TooFewRuns { .. } => None,
         });
     let band: Vec<[f64; 3]> = band.collect();
     let points = shares
         .iter()
-        .map(|(place, share)| [*place, share.value])
+        .map(|(position, share)| [*position, share.value])
         .collect();
     let band = (!band.is_empty()).then_some(band);
     Series {
@@ -235,41 +235,49 @@ fn profile(group: &Group<'_>, measure: Measure, ends: [f64; 2], number: usize) -
     }
 }
 
-/// Steps of a profile: places on the axis, and the share of runs above, or `below`, from there to the
-/// next place. Places are the values of runs and both ends of the figure.   `scores: [task][run]`
-fn steps_of_profile(
+/// Steps of a profile: places on the axis, and the share of runs above, or `is_below`, from there
+/// to the next place. Places are the values of runs and both ends of the figure.   `scores:
+/// [task][run]`
+fn profile_steps(
     mut scores: Vec<Vec<f64>>,
-    below: bool,
+    is_below: bool,
     [low, high]: [f64; 2],
 ) -> Vec<(f64, Estimate)> {
-    let places: Vec<f64> = [low]
+    let positions: Vec<f64> = [low]
         .into_iter()
-        .chain(distinct(scores.iter().flatten().copied()))
+        .chain(sorted_distinct(scores.iter().flatten().copied()))
         .chain([high])
         .collect();
-    // Shares count runs above a threshold. For shares below, scores and thresholds are negated. The
-    // first place shows the share just before its value: all runs, or none. `next_up` and `next_down`
-    // include or exclude runs at a threshold itself.
-    let before = if below { -low } else { low.next_down() };
-    let after = |place: &f64| if below { -place.next_up() } else { *place };
-    let thresholds: Vec<f64> = [before]
+    // A performance profile is the share of runs above a threshold. For shares below, scores and
+    // thresholds are negated. The share at the first position is that just before its value: all
+    // runs, or none. `next_up` and `next_down` include or exclude runs whose score equals the
+    // threshold.
+    let first_threshold = if is_below { -low } else { low.next_down() };
+    let threshold_after = |position: &f64| {
+        if is_below {
+            -position.next_up()
+        } else {
+            *position
+        }
+    };
+    let thresholds: Vec<f64> = [first_threshold]
         .into_iter()
-        .chain(places[1..].iter().map(after))
+        .chain(positions[1..].iter().map(threshold_after))
         .collect();
-    if below {
+    if is_below {
         scores
             .iter_mut()
             .flatten()
             .for_each(|score| *score = -*score);
     }
-    places
+    positions
         .into_iter()
         .zip(performance_profile(&scores, &thresholds))
         .collect()
 }
 
-/// Finite values in ascending order, each once.
-fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
+/// Finite values in ascending order, without duplicates.
+fn sorted_distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     values.sort_unstable_by(f64::total_cmp);
     values.dedup();
@@ -280,19 +288,19 @@ fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Of 1, 2, 2, 4 and a time not reached: above 1 are four of five, above 2 two, above 4 one;
-    /// below or at them 1, 3 and 4.
+    /// Of the scores 1, 2, 2, 4 and ∞, four are above 1, two above 2, and one above 4; one is at
+    /// most 1, three at most 2, and four at most 4.
     #[test]
-    fn profiles_step_at_the_values_of_runs() {
-        let steps = |below: bool| {
-            let steps = steps_of_profile(
+    fn profiles_have_steps_at_the_values_of_runs() {
+        let steps = |is_below: bool| {
+            let steps = profile_steps(
                 vec![vec![4.0, 2.0, f64::INFINITY], vec![1.0, 2.0]],
-                below,
+                is_below,
                 [0.5, 5.0],
             );
             steps
                 .into_iter()
-                .map(|(place, share)| [place, share.value])
+                .map(|(position, share)| [position, share.value])
                 .collect::<Vec<_>>()
         };
         assert_eq!(
@@ -303,9 +311,9 @@ mod tests {
             steps(true),
             [[0.5, 0.0], [1.0, 0.2], [2.0, 0.6], [4.0, 0.8], [5.0, 0.8]]
         );
-        // A run at the very end of the figure is a step there.
+        // A run whose value is the end of the figure has a step there.
         assert_eq!(
-            steps_of_profile(vec![vec![1.0]], false, [1.0, 1.0])[..2]
+            profile_steps(vec![vec![1.0]], false, [1.0, 1.0])[..2]
                 .iter()
                 .map(|(_, share)| share.value)
                 .collect::<Vec<_>>(),

@@ -10,7 +10,7 @@ use crate::plotting::axis;
 use crate::record::BonusRange;
 use crate::record::visitation::{Axes, Density, VisitedState};
 use crate::study::figure::{EpisodeWindow, Figure};
-use crate::study::measure::{Curve, moving_average, widened};
+use crate::study::measure::{Curve, moving_average, to_f64};
 use crate::study::results::{CellResults, Results};
 use seedbed_env::{Quantity, Spec};
 use seedbed_figure::color::categorical_color;
@@ -22,34 +22,34 @@ use seedbed_stats::aggregate::median;
 use seedbed_stats::bootstrap::bootstrap_statistics;
 use seedbed_stats::{Interval, MIN_RUNS};
 
-/// Approximate number of places along a curve at which its band is computed.
-const BAND_PLACES: usize = 50;
+/// Approximate number of points of a curve at which its band is computed.
+const BAND_POINTS: usize = 50;
 
-/// All figures of a study, except those without any finished run.
+/// Draws all figures of a study, except figures whose cells have no finished runs.
 pub(super) fn draw(results: &Results) -> Vec<ReportFigure> {
-    let drawn = results
+    let drawings = results
         .study
         .figures
         .par_iter()
         .map(|figure| draw_figure(results, figure));
-    let drawn: Vec<Option<Drawing>> = drawn.collect();
+    let drawings: Vec<Option<UnnumberedFigure>> = drawings.collect();
     let mut figures = Vec::new();
-    for drawing in drawn.into_iter().flatten() {
-        figures.push(drawing.numbered(figures.len() + 1));
+    for drawing in drawings.into_iter().flatten() {
+        figures.push(drawing.with_number(figures.len() + 1));
     }
     figures
 }
 
-/// A figure before it has a number.
-struct Drawing {
+/// A drawn figure without its number in the report.
+struct UnnumberedFigure {
     kind: &'static str,
     title: String,
     caption: String,
     picture: Picture,
 }
 
-impl Drawing {
-    fn numbered(self, number: usize) -> ReportFigure {
+impl UnnumberedFigure {
+    fn with_number(self, number: usize) -> ReportFigure {
         let picture = Picture {
             title: self.title.clone(),
             description: self.caption.clone(),
@@ -64,28 +64,28 @@ impl Drawing {
     }
 }
 
-fn draw_figure(results: &Results, figure: &Figure) -> Option<Drawing> {
+fn draw_figure(results: &Results, figure: &Figure) -> Option<UnnumberedFigure> {
     let cells: Vec<&CellResults> = results
-        .shown_by(figure)
+        .cells_of_figure(figure)
         .into_iter()
         .filter(|cell| !cell.runs.is_empty())
         .collect();
     if cells.is_empty() {
         return None;
     }
-    let main = results.study.main_measure();
+    let main_measure = results.study.main_measure();
     let drawing = match figure {
         Figure::Curves { of, window, .. } => curves(&cells, **of, window.get() as usize),
         Figure::Agents { window, .. } => agents(&cells, window.get() as usize),
         Figure::Visitation { episodes, .. } => visitation(&cells, episodes)?,
         Figure::Intervals { measure, over, .. } => intervals(
             &groups(&cells, over),
-            measure.as_ref().map_or(main, |measure| **measure),
+            measure.as_ref().map_or(main_measure, |measure| **measure),
         ),
         Figure::Unsolved { .. } => unsolved(&cells),
         Figure::Profiles { measure, over, .. } => profiles(
             &groups(&cells, over),
-            measure.as_ref().map_or(main, |measure| **measure),
+            measure.as_ref().map_or(main_measure, |measure| **measure),
         ),
     };
     let title = if figure.title().is_empty() {
@@ -93,7 +93,7 @@ fn draw_figure(results: &Results, figure: &Figure) -> Option<Drawing> {
     } else {
         figure.title().to_owned()
     };
-    Some(Drawing { title, ..drawing })
+    Some(UnnumberedFigure { title, ..drawing })
 }
 
 fn in_one_panel(curves: Curves) -> Picture {
@@ -110,15 +110,17 @@ fn in_one_panel(curves: Curves) -> Picture {
     }
 }
 
-/// Color of the cell with this number in a figure.
+/// Color of a cell, by the number of the cell in its figure.
 fn color(number: usize) -> [u8; 3] {
-    categorical_color(COLORS[number % COLORS.len()] + 8 * (number / COLORS.len()) as u32)
+    categorical_color(
+        COLOR_INDICES[number % COLOR_INDICES.len()] + 8 * (number / COLOR_INDICES.len()) as u32,
+    )
 }
 
-/// Indices of agents' colors, starting with those that differ most.
-const COLORS: [u32; 8] = [4, 5, 2, 6, 0, 1, 7, 3];
+/// Indices of categorical colors, in an order in which the first ones differ most.
+const COLOR_INDICES: [u32; 8] = [4, 5, 2, 6, 0, 1, 7, 3];
 
-fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Drawing {
+fn curves(cells: &[&CellResults], of: Curve, window: usize) -> UnnumberedFigure {
     let series: Vec<Series> = cells
         .par_iter()
         .enumerate()
@@ -141,7 +143,7 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Drawing {
         },
         ended_early(cells)
     );
-    let y_logarithmic = are_far_apart(&series);
+    let y_logarithmic = differ_by_orders_of_magnitude(&series);
     let curves = Curves {
         x_label: "episodes of each agent".to_owned(),
         y_label: format!("{label}{}", if y_logarithmic { " (log scale)" } else { "" }),
@@ -155,7 +157,7 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Drawing {
         legend: true,
         ..Curves::default()
     };
-    Drawing {
+    UnnumberedFigure {
         kind: "curves",
         title,
         caption: caption.trim().to_owned(),
@@ -163,12 +165,14 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> Drawing {
     }
 }
 
-/// Ratio between curves from which a linear axis would flatten the lower one.
-const FAR_APART: f64 = 100.0;
+/// Maximum ratio between the medians of two curves on a linear axis. With a larger ratio, the lower
+/// curve would look flat.
+const MAX_RATIO_ON_LINEAR_AXIS: f64 = 100.0;
 
-/// Whether all values are above 0, and the medians of two curves differ by more than that ratio.
-fn are_far_apart(series: &[Series]) -> bool {
-    let heights = |series: &Series| {
+/// Whether the medians of two curves differ by more than [`MAX_RATIO_ON_LINEAR_AXIS`] and all
+/// values are above 0.
+fn differ_by_orders_of_magnitude(series: &[Series]) -> bool {
+    let y_values = |series: &Series| {
         series
             .points
             .iter()
@@ -179,23 +183,23 @@ fn are_far_apart(series: &[Series]) -> bool {
         .iter()
         .flat_map(|series| series.band.iter().flatten().map(|band| band[1]));
     if bands
-        .chain(series.iter().flat_map(heights))
+        .chain(series.iter().flat_map(y_values))
         .any(|value| value <= 0.0)
     {
         return false;
     }
     let medians = series
         .iter()
-        .map(heights)
-        .filter(|heights| !heights.is_empty())
-        .map(|heights| median(&heights));
+        .map(y_values)
+        .filter(|y_values| !y_values.is_empty())
+        .map(|y_values| median(&y_values));
     let [low, high] = medians.fold([f64::INFINITY, 0.0], |[low, high], value| {
         [low.min(value), high.max(value)]
     });
-    high > FAR_APART * low
+    high > MAX_RATIO_ON_LINEAR_AXIS * low
 }
 
-/// Sentence about runs that ended earlier than others, if there are any.
+/// Sentence for the caption if some runs ended earlier than others; otherwise empty.
 fn ended_early(cells: &[&CellResults]) -> &'static str {
     let lengths = |cell: &&CellResults| {
         cell.runs
@@ -203,18 +207,18 @@ fn ended_early(cells: &[&CellResults]) -> &'static str {
             .map(|(_, run)| run.episodes_per_agent())
             .collect::<Vec<_>>()
     };
-    let uneven = cells
+    let lengths_differ = cells
         .iter()
         .map(lengths)
         .any(|lengths| lengths.iter().min() != lengths.iter().max());
-    if uneven {
+    if lengths_differ {
         "Runs that ended early, for example by solving their task, keep their last value."
     } else {
         ""
     }
 }
 
-/// Return from which the task counts as solved, if it is the same for all runs.
+/// Line at the return at which the task counts as solved, if it is equal for all runs.
 fn thresholds(cells: &[&CellResults]) -> Vec<Threshold> {
     let mut values: Vec<f64> = cells
         .iter()
@@ -241,23 +245,26 @@ fn mean_curve(cell: &CellResults, of: Curve, window: usize, number: usize) -> Se
         .map(|run| run.curve_episodes(of))
         .unwrap_or_default();
     let window = window.clamp(1, episodes.len().max(1));
-    let mut smooth: Vec<Vec<f64>> = cell
+    let mut moving_averages: Vec<Vec<f64>> = cell
         .runs
         .iter()
         .map(|(_, run)| moving_average(&run.curve(of), window))
         .collect();
-    let length = smooth.iter().map(Vec::len).max().unwrap_or(0);
-    smooth.retain(|run| !run.is_empty());
-    for run in &mut smooth {
+    let length = moving_averages.iter().map(Vec::len).max().unwrap_or(0);
+    moving_averages.retain(|run| !run.is_empty());
+    for run in &mut moving_averages {
         run.resize(length, run.last().copied().unwrap_or_default());
     }
-    let x = |place: usize| f64::from(episodes[place + window - 1]);
-    let mean =
-        |place: usize| smooth.iter().map(|run| run[place]).sum::<f64>() / smooth.len() as f64;
-    let points = (0..length).map(|place| [x(place), mean(place)]).collect();
-    let band = (smooth.len() >= MIN_RUNS).then(|| band(&smooth, x));
+    let x = |position: usize| f64::from(episodes[position + window - 1]);
+    let mean = |position: usize| {
+        moving_averages.iter().map(|run| run[position]).sum::<f64>() / moving_averages.len() as f64
+    };
+    let points = (0..length)
+        .map(|position| [x(position), mean(position)])
+        .collect();
+    let band = (moving_averages.len() >= MIN_RUNS).then(|| band(&moving_averages, x));
     Series {
-        name: cell.about.name.clone(),
+        name: cell.description.name.clone(),
         color: color(number),
         points,
         band,
@@ -265,42 +272,48 @@ fn mean_curve(cell: &CellResults, of: Curve, window: usize, number: usize) -> Se
     }
 }
 
-/// 95 % bootstrap intervals of the mean over runs.   `smooth: [runs][places]` → (x, low, high)
-fn band(smooth: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
-    let last = smooth[0].len() - 1;
-    let parts = BAND_PLACES.min(last).max(1);
-    let places: Vec<usize> = (0..=parts).map(|part| part * last / parts).collect();
-    let runs: Vec<f64> = (0..smooth.len()).map(|run| run as f64).collect();
-    let means = |redrawn: &[Vec<f64>], means: &mut [f64]| {
-        for (mean, &place) in means.iter_mut().zip(&places) {
-            *mean = redrawn[0]
+/// 95 % bootstrap intervals of the mean over runs.   `moving_averages: [runs][positions]` → (x,
+/// low, high)
+fn band(moving_averages: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]> {
+    let last = moving_averages[0].len() - 1;
+    let sections = BAND_POINTS.min(last).max(1);
+    let positions: Vec<usize> = (0..=sections)
+        .map(|section| section * last / sections)
+        .collect();
+    let runs: Vec<f64> = (0..moving_averages.len()).map(|run| run as f64).collect();
+    let means = |resampled_runs: &[Vec<f64>], means: &mut [f64]| {
+        for (mean, &position) in means.iter_mut().zip(&positions) {
+            *mean = resampled_runs[0]
                 .iter()
-                .map(|&run| smooth[run as usize][place])
+                .map(|&run| moving_averages[run as usize][position])
                 .sum::<f64>()
-                / redrawn[0].len() as f64;
+                / resampled_runs[0].len() as f64;
         }
     };
-    let found = bootstrap_statistics(&[runs], places.len(), means);
-    let known = |(place, interval): (&usize, Interval)| match interval {
-        Interval::Known { low, high } => Some([x(*place), low, high]),
+    let estimates = bootstrap_statistics(&[runs], positions.len(), means);
+    let band_point = |(position, interval): (&usize, Interval)| match interval {
+        Interval::Known { low, high } => Some([x(*position), low, high]),
         Interval::TooFewRuns { .. } => None,
     };
-    places
+    positions
         .iter()
-        .zip(found.into_iter().map(|estimate| estimate.interval))
-        .filter_map(known)
+        .zip(estimates.into_iter().map(|estimate| estimate.interval))
+        .filter_map(band_point)
         .collect()
 }
 
-fn agents(cells: &[&CellResults], window: usize) -> Drawing {
-    let full: Vec<String> = cells.iter().map(|cell| cell.about.name.clone()).collect();
-    let names = if full
+fn agents(cells: &[&CellResults], window: usize) -> UnnumberedFigure {
+    let full_names: Vec<String> = cells
+        .iter()
+        .map(|cell| cell.description.name.clone())
+        .collect();
+    let names = if full_names
         .iter()
         .all(|name| name.chars().count() <= MAX_PANEL_TITLE)
     {
-        full
+        full_names
     } else {
-        short_names(cells)
+        names_without_common_parts(cells)
     };
     let panels: Vec<Curves> = cells
         .iter()
@@ -313,7 +326,7 @@ fn agents(cells: &[&CellResults], window: usize) -> Drawing {
         "Returns of each agent and their mean (black) in the run with seed {seed}, moving average over \
          {window} episodes."
     );
-    Drawing {
+    UnnumberedFigure {
         kind: "agents",
         title,
         caption,
@@ -321,7 +334,8 @@ fn agents(cells: &[&CellResults], window: usize) -> Drawing {
     }
 }
 
-/// Max number of letters of a cell's name that is a panel's title without being shortened.
+/// Maximum number of characters of the name of a cell that is used as the title of a panel without
+/// shortening.
 const MAX_PANEL_TITLE: usize = 30;
 
 fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
@@ -331,12 +345,12 @@ fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
         moving_average(values, window)
             .iter()
             .enumerate()
-            .map(|(place, &mean)| [(place + window) as f64, mean])
+            .map(|(position, &mean)| [(position + window) as f64, mean])
             .collect()
     };
-    let of_agent = |(agent, returns): (u32, &Vec<f32>)| Series {
+    let agent_series = |(agent, returns): (u32, &Vec<f32>)| Series {
         color: categorical_color(agent),
-        points: curve(&widened(returns)),
+        points: curve(&to_f64(returns)),
         ..Series::default()
     };
     let mean = Series {
@@ -350,46 +364,49 @@ fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
         y_label: "return".to_owned(),
         series: (0..)
             .zip(&run.returns)
-            .map(of_agent)
+            .map(agent_series)
             .chain([mean])
             .collect(),
         ..Curves::default()
     }
 }
 
-/// Names of cells for narrow panels, without the parts that all of them have.
-fn short_names(cells: &[&CellResults]) -> Vec<String> {
-    let words = |cell: &&CellResults| {
-        cell.about
+/// Names of cells for narrow panels, without the parts that all names have in common.
+fn names_without_common_parts(cells: &[&CellResults]) -> Vec<String> {
+    let name_parts = |cell: &&CellResults| {
+        cell.description
             .name
             .split(", ")
             .map(str::to_owned)
             .collect::<Vec<String>>()
     };
-    let is_shared =
-        |word: &String| cells.len() > 1 && cells.iter().all(|cell| words(cell).contains(word));
-    let own = |cell| {
-        words(cell)
+    let is_in_all_names =
+        |part: &String| cells.len() > 1 && cells.iter().all(|cell| name_parts(cell).contains(part));
+    let distinct_parts = |cell| {
+        name_parts(cell)
             .into_iter()
-            .filter(|word| !is_shared(word))
+            .filter(|part| !is_in_all_names(part))
             .collect::<Vec<String>>()
             .join(", ")
     };
     cells
         .iter()
         .map(|cell| {
-            Some(own(cell))
+            Some(distinct_parts(cell))
                 .filter(|name| !name.is_empty())
-                .unwrap_or(cell.about.name.clone())
+                .unwrap_or(cell.description.name.clone())
         })
         .collect()
 }
 
-/// Width of panels that are side by side.
+/// Width of panels of visited states.
 const PANEL_WIDTH: f64 = 300.0;
 
-fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Drawing> {
-    let rows: Vec<Vec<Dense>> = windows.iter().map(|&upto| densities(cells, upto)).collect();
+fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<UnnumberedFigure> {
+    let rows: Vec<Vec<CellDensity>> = windows
+        .iter()
+        .map(|&window| densities(cells, window))
+        .collect();
     let columns = rows
         .iter()
         .map(Vec::len)
@@ -417,7 +434,7 @@ fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Drawi
             .map(row_of_densities)
             .collect(),
     };
-    Some(Drawing {
+    Some(UnnumberedFigure {
         kind: "visitation",
         title: "Visited states".to_owned(),
         caption,
@@ -425,17 +442,17 @@ fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Drawi
     })
 }
 
-/// Density of the states of one cell, with a title and its axes.
-struct Dense {
+/// Density of the visited states of one cell, with title and axes.
+struct CellDensity {
     title: String,
     axes: Vec<Quantity>,
     density: Density,
 }
 
-/// Densities of all cells whose states were kept.
-fn densities(cells: &[&CellResults], upto: EpisodeWindow) -> Vec<Dense> {
-    let of_cell = |(cell, name): (&&CellResults, String)| {
-        let (visited, states) = cell.states(upto)?;
+/// Densities of all cells whose visited states were stored.
+fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> {
+    let density_of_cell = |(cell, name): (&&CellResults, String)| {
+        let (visited, states) = cell.states(window)?;
         let spec = spec(cell);
         let axes = axes(&spec);
         let mut density = Density::new(&axes);
@@ -444,13 +461,13 @@ fn densities(cells: &[&CellResults], upto: EpisodeWindow) -> Vec<Dense> {
             axes.project(&VisitedState::state(0, state, 0.0), &mut fractions);
             density.add(&fractions);
         }
-        let part = match upto {
+        let episodes_text = match window {
             EpisodeWindow::First(episodes) if episodes.get() == 1 => "first episode".to_owned(),
             EpisodeWindow::First(episodes) => format!("first {} episodes", episodes.get()),
             EpisodeWindow::All => "all episodes".to_owned(),
         };
-        let title = format!("{name}: {part}, {visited} states");
-        Some(Dense {
+        let title = format!("{name}: {episodes_text}, {visited} states");
+        Some(CellDensity {
             title,
             axes: axes
                 .all()
@@ -462,23 +479,29 @@ fn densities(cells: &[&CellResults], upto: EpisodeWindow) -> Vec<Dense> {
     };
     cells
         .iter()
-        .zip(short_names(cells))
-        .filter_map(of_cell)
+        .zip(names_without_common_parts(cells))
+        .filter_map(density_of_cell)
         .collect()
 }
 
-fn row_of_densities(mut row: Vec<Dense>) -> Row {
-    let drawn: Vec<Vec<u32>> = row
+fn row_of_densities(mut row: Vec<CellDensity>) -> Row {
+    let pixels_per_cell: Vec<Vec<u32>> = row
         .iter_mut()
         .map(|dense| dense.density.draw_all().clone())
         .collect();
-    let most = drawn.iter().flatten().copied().max().unwrap_or(1).max(1);
-    let panel = |(Dense { title, axes, .. }, pixels): (Dense, Vec<u32>)| {
+    let max_count = pixels_per_cell
+        .iter()
+        .flatten()
+        .copied()
+        .max()
+        .unwrap_or(1)
+        .max(1);
+    let panel = |(CellDensity { title, axes, .. }, pixels): (CellDensity, Vec<u32>)| {
         let width = pixels.len() / crate::record::visitation::HEIGHT;
         let states = States::Density(DensityImage {
             pixels,
             width,
-            max_count: most,
+            max_count,
         });
         Panel::ParallelCoordinates(ParallelCoordinates {
             title,
@@ -488,11 +511,11 @@ fn row_of_densities(mut row: Vec<Dense>) -> Row {
     };
     let key = Some(Key::Counts {
         label: "lines".to_owned(),
-        max_count: most,
+        max_count,
     });
     Row {
         height: 250.0,
-        panels: row.into_iter().zip(drawn).map(panel).collect(),
+        panels: row.into_iter().zip(pixels_per_cell).map(panel).collect(),
         key,
     }
 }
@@ -501,7 +524,7 @@ fn axes(spec: &Spec) -> Axes {
     Axes::of_quantities(&spec.observations, spec.time_limit, BonusRange::None)
 }
 
-/// Description of a task as far as its axes need it.
+/// Specification of a task, with the fields that its axes need.
 fn spec(cell: &CellResults) -> Spec {
     let quantity = |(name, unit, range): &(String, String, [f32; 2])| Quantity {
         name: name.clone(),
@@ -509,9 +532,9 @@ fn spec(cell: &CellResults) -> Spec {
         range: *range,
     };
     Spec {
-        name: cell.about.task.clone(),
+        name: cell.description.task.clone(),
         description: String::new(),
-        observations: cell.about.observations.iter().map(quantity).collect(),
+        observations: cell.description.observations.iter().map(quantity).collect(),
         actions: Vec::new(),
         control_step: 1.0,
         time_limit: 1,
@@ -519,10 +542,10 @@ fn spec(cell: &CellResults) -> Spec {
     }
 }
 
-fn capitalized(words: &str) -> String {
-    let mut letters = words.chars();
-    letters.next().map_or_else(String::new, |first| {
-        first.to_uppercase().chain(letters).collect()
+fn capitalized(text: &str) -> String {
+    let mut characters = text.chars();
+    characters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().chain(characters).collect()
     })
 }
 
@@ -530,30 +553,36 @@ fn capitalized(words: &str) -> String {
 mod tests {
     use super::*;
 
-    fn level(height: f64) -> Series {
+    fn constant_series(height: f64) -> Series {
         Series {
             points: vec![[0.0, 2.0], [1.0, height], [2.0, height]],
             ..Series::default()
         }
     }
 
-    /// The first value of each, 2, is not the median.
+    /// Curves with a constant value after the first point, which does not change the median.
     #[test]
-    fn curves_far_apart_have_a_logarithmic_axis() {
-        assert!(are_far_apart(&[level(200.0), level(1.0)]));
+    fn curves_that_differ_by_orders_of_magnitude_have_a_logarithmic_axis() {
+        assert!(differ_by_orders_of_magnitude(&[
+            constant_series(200.0),
+            constant_series(1.0)
+        ]));
         assert!(
-            !are_far_apart(&[level(200.0), level(3.0)]),
-            "all can be seen"
+            !differ_by_orders_of_magnitude(&[constant_series(200.0), constant_series(3.0)]),
+            "both curves are visible on a linear axis"
         );
         assert!(
-            !are_far_apart(&[level(200.0), level(0.0)]),
+            !differ_by_orders_of_magnitude(&[constant_series(200.0), constant_series(0.0)]),
             "0 has no logarithm"
         );
-        let below = Series {
+        let band_below_zero = Series {
             band: Some(vec![[0.0, -1.0, 3.0]]),
-            ..level(1.0)
+            ..constant_series(1.0)
         };
-        assert!(!are_far_apart(&[level(200.0), below]));
-        assert!(!are_far_apart(&[]));
+        assert!(!differ_by_orders_of_magnitude(&[
+            constant_series(200.0),
+            band_below_zero
+        ]));
+        assert!(!differ_by_orders_of_magnitude(&[]));
     }
 }
