@@ -403,16 +403,16 @@ mod tests {
 
     /// A row in which only metrics of visits are measured.
     fn row_without_measurements() -> RoundRow {
-        let mut columns: Vec<&str> = columns().map(|metric| metric.key).collect();
+        let mut keys: Vec<&str> = columns().map(|metric| metric.key).collect();
         let mut cells: Vec<&str> = columns()
             .map(|metric| match metric.group {
                 Group::Visits | Group::Team => "0.5",
                 _ => "",
             })
             .collect();
-        columns.extend(["agent", "round"]);
+        keys.extend(["agent", "round"]);
         cells.extend(["3", "7"]);
-        read_row(&format!("{}\n{}\n", columns.join(","), cells.join(",")))
+        read_row(&format!("{}\n{}\n", keys.join(","), cells.join(",")))
     }
 
     fn read_row(table: &str) -> RoundRow {

@@ -1,4 +1,4 @@
-//! Rules on dependencies between modules and crates that the compiler does not check.
+//! The house rules that a compiler does not check: who may import what.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,9 +6,9 @@ use std::process::Command;
 
 use super::util::{REPOSITORY, files_below};
 
-/// Path and text of each source file of the workbench, `seedbed-env` and `seedbed-learn`. Paths are
-/// relative to the repository; comment lines are removed from the text.
-fn library_source_files() -> Vec<(String, String)> {
+/// The files of the workbench and of its crates, by their path from the repository, with their
+/// text; comments do not count.
+fn code() -> Vec<(String, String)> {
     let root = Path::new(REPOSITORY);
     let read = |path: PathBuf| {
         let name = path
@@ -31,7 +31,7 @@ fn library_source_files() -> Vec<(String, String)> {
         .collect()
 }
 
-/// Names of all packages that `package` depends on, beginning with `package` itself.
+/// The packages that `package` is built from, itself included; names only.
 fn dependencies(package: &str) -> Vec<String> {
     dependencies_with(&["--package", package])
 }
@@ -51,10 +51,10 @@ fn dependencies_with(selection: &[&str]) -> Vec<String> {
         .collect()
 }
 
-/// Library crates build without the recording SDK, network libraries and the command line.
+/// What each library crate must be buildable without.
 #[test]
-fn library_crates_do_not_depend_on_heavy_packages() {
-    const HEAVY_PACKAGES: [&str; 13] = [
+fn library_crates_stay_small() {
+    const HEAVY: [&str; 13] = [
         "rerun", "re_sdk", "re_types", "arrow", "tonic", "tokio", "hyper", "mio", "socket2",
         "rustls", "ureq", "clap", "seedbed",
     ];
@@ -72,10 +72,10 @@ fn library_crates_do_not_depend_on_heavy_packages() {
     ] {
         let used = dependencies(package);
         assert!(used.len() > 3 && used[0] == package, "{used:?}");
-        for name in HEAVY_PACKAGES.iter().chain(banned) {
+        for name in HEAVY.iter().chain(banned) {
             assert!(
                 !used.iter().any(|used| used == name),
-                "{package} must not depend on {name}"
+                "{package} needs {name}"
             );
         }
     }
@@ -108,8 +108,8 @@ fn names(text: &str, path: &str) -> bool {
 }
 
 #[test]
-fn each_heavy_crate_is_imported_by_one_module_only() {
-    for (crate_path, importer_folder) in [
+fn each_heavy_crate_has_a_sole_importer() {
+    for (crate_path, home) in [
         ("rerun::", "src/record/rerun/"),
         ("re_protos::", "src/record/rerun/"),
         ("tonic::", "src/record/rerun/"),
@@ -117,24 +117,23 @@ fn each_heavy_crate_is_imported_by_one_module_only() {
         ("rapier2d::", "crates/seedbed-env/src/physics/"),
         ("parry2d::", "crates/seedbed-env/src/physics/"),
     ] {
-        let importers: Vec<String> = library_source_files()
+        let importers: Vec<String> = code()
             .into_iter()
-            .filter(|(_, text)| contains_path(text, crate_path))
+            .filter(|(_, text)| names(text, crate_path))
             .map(|(file, _)| file)
             .collect();
-        assert!(!importers.is_empty(), "no module imports {crate_path}");
+        assert!(!importers.is_empty(), "nobody imports {crate_path}");
         for file in importers {
             assert!(
-                file.starts_with(importer_folder),
-                "{file} imports {crate_path}; only {importer_folder} may import it"
+                file.starts_with(home),
+                "{file} names {crate_path}, which only {home} may"
             );
         }
     }
 }
 
-/// The modules of the workbench, the lowest layer first. A module may import modules of lower
-/// layers.
-const LAYERS: [&[&str]; 7] = [
+/// The workbench's modules from the ground up; a module may use those before it and its own.
+const FLOORS: [&[&str]; 7] = [
     &["plotting", "text"],
     &["record"],
     &["scenario"],
@@ -145,74 +144,71 @@ const LAYERS: [&[&str]; 7] = [
 ];
 
 #[test]
-fn modules_import_only_lower_layers() {
-    let layer_of = |module: &str| {
-        LAYERS
+fn dependencies_go_one_way() {
+    let floor_of = |room: &str| {
+        FLOORS
             .iter()
-            .position(|modules| modules.contains(&module))
-            .unwrap_or(LAYERS.len())
+            .position(|rooms| rooms.contains(&room))
+            .unwrap_or(FLOORS.len())
     };
-    let mut file_count = 0;
-    for (file, text) in library_source_files() {
-        let Some(module) = file
+    let mut files_seen = 0;
+    for (file, text) in code() {
+        let Some(room) = file
             .strip_prefix("src/")
             .and_then(|rest| rest.split(['/', '.']).next())
         else {
             continue;
         };
-        if module == "main" || module == "lib" {
+        if room == "main" || room == "lib" {
             continue;
         }
-        file_count += 1;
+        files_seen += 1;
         assert!(
-            layer_of(module) < LAYERS.len(),
-            "{file}: add the module `{module}` to LAYERS"
+            floor_of(room) < FLOORS.len(),
+            "{file}: `{room}` has no place in FLOORS"
         );
         for (at, _) in text.match_indices("crate::") {
             let used: String = text[at + 7..]
                 .chars()
                 .take_while(|c| c.is_alphanumeric() || *c == '_')
                 .collect();
-            let allowed = used == module || layer_of(&used) < layer_of(module);
+            let allowed = used == room || floor_of(&used) < floor_of(room);
             assert!(
                 allowed,
-                "{file} imports crate::{used}, whose layer is not below that of {module}"
+                "{file} uses crate::{used}, which is not below {room}"
             );
         }
     }
-    assert!(file_count > 30, "only {file_count} files were checked");
+    assert!(files_seen > 30, "{files_seen} files seen");
 }
 
 #[test]
-fn library_crates_use_no_threads_files_or_clocks() {
-    for (file, text) in library_source_files() {
-        let Some(path_in_crates) = file.strip_prefix("crates/") else {
+fn tasks_and_learning_know_no_threads_files_or_clocks() {
+    for (file, text) in code() {
+        let Some(inside) = file.strip_prefix("crates/") else {
             continue;
         };
         for banned in ["std::thread", "std::time", "ThreadPoolBuilder", "HashMap"] {
-            assert!(!text.contains(banned), "{file} must not use {banned}");
+            assert!(!text.contains(banned), "{file} names {banned}");
         }
         let reads_files = ["std::fs", "File::"].iter().any(|name| text.contains(name));
         let allowed = ["seedbed-env/src/file", "seedbed-env/src/input"];
         assert!(
-            !reads_files
-                || allowed
-                    .iter()
-                    .any(|place| path_in_crates.starts_with(place)),
-            "{file} must not read or write files"
+            !reads_files || allowed.iter().any(|place| inside.starts_with(place)),
+            "{file} touches files"
         );
     }
 }
 
 #[test]
-fn only_the_analytic_model_names_cartpole_quantities() {
-    for (file, text) in library_source_files() {
+fn nothing_of_the_cartpole_is_in_code_but_its_analytic_model() {
+    for (file, text) in code() {
         if file.starts_with("crates/seedbed-env/src/analytic") {
             continue;
         }
         let code = text.split("#[cfg(test)]").next().unwrap();
         for word in ["theta_dot", "pole_mass", "cart_mass", "half_length"] {
-            assert!(!code.contains(word), "{file} contains {word}");
+            assert!(!code.contains(word), "{file} knows {word}");
         }
     }
 }

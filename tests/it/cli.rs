@@ -28,12 +28,12 @@ fn every_file_of_the_repository_passes() {
     arguments.extend(files.iter().map(|path| path.to_str().unwrap()));
     let output = seedbed(&arguments);
     assert!(output.status.success(), "{}", stderr(&output));
-    let printed = stdout(&output);
-    assert_eq!(printed.lines().count(), files.len(), "{printed}");
-    for (file, line) in files.iter().zip(printed.lines()) {
+    let answers = stdout(&output);
+    assert_eq!(answers.lines().count(), files.len(), "{answers}");
+    for (file, answer) in files.iter().zip(answers.lines()) {
         assert!(
-            line.starts_with(&format!("ok: {}: ", file.display())),
-            "{line}"
+            answer.starts_with(&format!("ok: {}: ", file.display())),
+            "{answer}"
         );
     }
     // One file of each kind, in case the files of a kind are no longer found.
@@ -45,7 +45,7 @@ fn every_file_of_the_repository_passes() {
         "/scenarios/thesis/fig_6_4a.ron: study",
         "/scenarios/benchmark/deep_sea.ron: study",
     ] {
-        assert!(printed.contains(known), "{known} in {printed}");
+        assert!(answers.contains(known), "{known} in {answers}");
     }
 }
 
@@ -55,7 +55,7 @@ fn every_file_of_the_repository_passes() {
 fn a_tabular_run_writes_its_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
-    let run = |extra_arguments: &[&str]| {
+    let run = |more: &[&str]| {
         let base = [
             "run",
             "scenarios/tabular/bipolar_chain.ron",
@@ -64,7 +64,7 @@ fn a_tabular_run_writes_its_files() {
             "--out",
             path.to_str().unwrap(),
         ];
-        seedbed(&[&base, extra_arguments].concat())
+        seedbed(&[&base, more].concat())
     };
     let output = run(&[]);
     assert!(output.status.success(), "{}", stderr(&output));
@@ -196,7 +196,10 @@ fn ctrl_c_ends_a_tabular_run() {
         "--out",
         path.to_str().unwrap(),
     ]);
-    let mut child = command.stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let mut child = command
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
     let recording = path.join("run.rrd.part");
     wait_until("the run has begun", || {
         assert_eq!(child.try_wait().unwrap(), None, "the run ended early");
@@ -217,7 +220,7 @@ fn ctrl_c_ends_a_tabular_run() {
 }
 
 #[test]
-fn bench_compares_tabular_scenarios_by_regret() {
+fn tabular_scenarios_are_compared_by_regret() {
     let files = [
         "scenarios/tabular/parallel_chains.ron",
         "scenarios/tabular/parallel_chains_ucrl.ron",
@@ -328,22 +331,22 @@ fn a_run_of_one_round_prints_its_speed() {
         .replace(',', "")
         .parse()
         .unwrap();
-    assert!(steps_per_second > 0, "{line}");
+    assert!(rate > 0, "{line}");
 }
 
 /// A run of the resolved scenario has the same episodes, even if the task's file was changed since.
 #[test]
-fn the_stored_scenario_gives_the_same_episodes_again() {
+fn the_resolved_scenario_repeats_the_run() {
     let folder = tempfile::tempdir().unwrap();
-    let (workspace, first, second) = (
+    let (lab, first, second) = (
         folder.path().join("lab"),
         folder.path().join("first"),
         folder.path().join("second"),
     );
-    std::fs::create_dir_all(workspace.join("envs")).unwrap();
+    std::fs::create_dir_all(lab.join("envs")).unwrap();
     let task = std::fs::read_to_string("envs/cartpole.ron").unwrap();
-    std::fs::write(workspace.join("envs/cartpole.ron"), &task).unwrap();
-    let scenario = workspace.join("short.ron");
+    std::fs::write(lab.join("envs/cartpole.ron"), &task).unwrap();
+    let scenario = lab.join("short.ron");
     std::fs::write(
         &scenario,
         r#"Scenario(environment: "cartpole", stop: Episodes(6))"#,
@@ -362,7 +365,7 @@ fn the_stored_scenario_gives_the_same_episodes_again() {
     };
     run(&scenario, &first);
     std::fs::write(
-        workspace.join("envs/cartpole.ron"),
+        lab.join("envs/cartpole.ron"),
         task.replace("mass: 0.1", "mass: 0.3"),
     )
     .unwrap();
@@ -373,7 +376,7 @@ fn the_stored_scenario_gives_the_same_episodes_again() {
     assert_ne!(
         read(&first),
         read(&folder.path().join("third")),
-        "the changed task file must change the episodes"
+        "the other task does make a difference"
     );
 }
 
@@ -417,8 +420,8 @@ fn nothing_is_overwritten_without_overwrite() {
 fn a_directory_with_other_files_is_not_touched() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("thesis.tex"), "precious").unwrap();
-    for extra_arguments in [&[][..], &["--overwrite"], &["--resume"]] {
-        let refused = small_run(folder.path(), extra_arguments);
+    for more in [&[][..], &["--overwrite"], &["--resume"]] {
+        let refused = small_run(folder.path(), more);
         assert_eq!(refused.status.code(), Some(2));
         assert!(
             stderr(&refused).contains("is not empty"),
@@ -430,7 +433,7 @@ fn a_directory_with_other_files_is_not_touched() {
 }
 
 #[test]
-fn the_error_for_a_misspelled_field_of_set_suggests_the_field() {
+fn overrides_are_explained() {
     let output = seedbed(&[
         "run",
         "scenarios/cartpole.ron",
@@ -490,10 +493,10 @@ fn list_searches_parent_directories() {
         lab.path().join("notes/today"),
         lab.path().canonicalize().unwrap(),
     );
-    std::fs::create_dir_all(&subfolder).unwrap();
+    std::fs::create_dir_all(&deep).unwrap();
     let list = |what| {
         let output = command(&["list", what])
-            .current_dir(&subfolder)
+            .current_dir(&deep)
             .output()
             .unwrap();
         assert!(output.status.success(), "{}", stderr(&output));
@@ -506,29 +509,28 @@ fn list_searches_parent_directories() {
     );
     assert!(list("scenarios").contains("no directory `scenarios` in "));
 
-    std::fs::create_dir(workspace.join("envs")).unwrap();
-    std::fs::create_dir(workspace.join("scenarios")).unwrap();
-    std::fs::copy("envs/cartpole.ron", workspace.join("envs/broom.ron")).unwrap();
-    let one_agent_scenario =
-        r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
-    std::fs::write(workspace.join("scenarios/lonely.ron"), one_agent_scenario).unwrap();
+    std::fs::create_dir(lab.join("envs")).unwrap();
+    std::fs::create_dir(lab.join("scenarios")).unwrap();
+    std::fs::copy("envs/cartpole.ron", lab.join("envs/broom.ron")).unwrap();
+    let lonely = r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
+    std::fs::write(lab.join("scenarios/lonely.ron"), lonely).unwrap();
     let found = list("environments");
     assert!(
         found.starts_with(&format!(
             "Environments ({})\n  broom\n",
-            workspace.join("envs/").display()
+            lab.join("envs/").display()
         )),
         "{found}"
     );
     std::fs::copy(
-        workspace.join("scenarios/lonely.ron"),
-        workspace.join("scenarios/alone.ron"),
+        lab.join("scenarios/lonely.ron"),
+        lab.join("scenarios/alone.ron"),
     )
     .unwrap();
-    let folder = workspace.join("scenarios/").display().to_string();
-    let description = "1 agent in broom, at most 1 episode each";
+    let folder = lab.join("scenarios/").display().to_string();
+    let words = "1 agent in broom, at most 1 episode each";
     let expected = format!(
-        "Scenarios ({folder})\n  {folder}alone.ron  {description}\n  {folder}lonely.ron {description}\n\n"
+        "Scenarios ({folder})\n  {folder}alone.ron  {words}\n  {folder}lonely.ron {words}\n\n"
     );
     assert_eq!(
         list("scenarios"),
@@ -538,7 +540,7 @@ fn list_searches_parent_directories() {
 }
 
 #[test]
-fn preview_records_episodes_of_a_task() {
+fn preview_records_a_task_without_training() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new").join("look.rrd");
     let output = seedbed(&[
@@ -559,24 +561,24 @@ fn preview_records_episodes_of_a_task() {
     );
     assert!(path.metadata().unwrap().len() > 10_000);
 
-    let misspelled = seedbed(&["preview", "cartpol"]);
-    assert_eq!(misspelled.status.code(), Some(2));
+    let mistyped = seedbed(&["preview", "cartpol"]);
+    assert_eq!(mistyped.status.code(), Some(2));
     assert!(
-        stderr(&misspelled).ends_with("  = help: did you mean `cartpole`?\n"),
+        stderr(&mistyped).ends_with("  = help: did you mean `cartpole`?\n"),
         "{}",
-        stderr(&misspelled)
+        stderr(&mistyped)
     );
 }
 
 #[test]
 fn non_finite_numbers_end_the_run() {
     let folder = tempfile::tempdir().unwrap();
-    let non_finite_parameters = [
+    let exploding = [
         "--set",
         "agents.seeds=Normal(sigma: 1e30)",
         "--no-recording",
     ];
-    let output = small_run(&folder.path().join("learning"), &non_finite_parameters);
+    let output = small_run(&folder.path().join("learning"), &exploding);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(
         stderr(&output).contains("non-finite network parameters (agent"),
@@ -679,7 +681,7 @@ fn contradicting_settings_are_refused() {
 /// A trained policy keeps the pole up longer with greedy than with nearly random actions; the same run
 /// seed plays the same episodes.
 #[test]
-fn evaluate_measures_trained_policies() {
+fn a_run_is_evaluated() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let run = path.to_str().unwrap();
@@ -694,8 +696,8 @@ fn evaluate_measures_trained_policies() {
         "stop=Episodes(40)",
     ];
     assert!(seedbed(&trained).status.success());
-    let team_mean = |extra_arguments: &[&str]| -> f64 {
-        let output = seedbed(&[&["evaluate", run, "--episodes", "5"], extra_arguments].concat());
+    let team_mean = |more: &[&str]| -> f64 {
+        let output = seedbed(&[&["evaluate", run, "--episodes", "5"], more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         let printed = String::from_utf8(output.stdout).unwrap();
         assert_eq!(
@@ -720,16 +722,16 @@ fn evaluate_measures_trained_policies() {
     assert_eq!(team_mean(&[]), team_mean(&["--actions", "sampled"]));
     assert_ne!(team_mean(&[]), team_mean(&["--seed", "1"]));
 
-    let invalid = seedbed(&["evaluate", run, "--temperature", "-1"]);
+    let wrong = seedbed(&["evaluate", run, "--temperature", "-1"]);
     assert_eq!(
-        (invalid.status.code(), stderr(&invalid)),
+        (wrong.status.code(), stderr(&wrong)),
         (
             Some(2),
             "error: --temperature: expected a number above 0, found -1.0\n".to_owned()
         )
     );
-    let missing_folder = folder.path().join("nowhere");
-    let nothing = seedbed(&["evaluate", missing_folder.to_str().unwrap()]);
+    let nowhere = folder.path().join("nowhere");
+    let nothing = seedbed(&["evaluate", nowhere.to_str().unwrap()]);
     assert_eq!(nothing.status.code(), Some(2));
     assert!(
         stderr(&nothing).contains("scenario.ron: no such file"),
@@ -740,7 +742,7 @@ fn evaluate_measures_trained_policies() {
 
 /// A replay plays the episodes of an evaluation, and records the bodies of the selected agents.
 #[test]
-fn replay_records_the_episodes_that_evaluate_measures() {
+fn a_run_is_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let run = path.to_str().unwrap();
@@ -864,7 +866,7 @@ fn bench_of_two(seeds: &str) -> Vec<String> {
                 "scenarios/cartpole_1.ron",
                 "scenarios/cartpole.ron",
             ],
-            early_stop.as_slice(),
+            easy.as_slice(),
         ]
         .concat(),
     );
@@ -905,8 +907,8 @@ fn a_benchmark_is_reproducible() {
 }
 
 #[test]
-fn a_benchmark_with_four_run_seeds_prints_no_intervals() {
-    let lines = bench_lines_without_speed("4");
+fn a_benchmark_of_few_seeds_has_no_intervals() {
+    let lines = bench_of_two("4");
     assert_eq!(
         lines.last().map(String::as_str),
         Some("No intervals: 5 run seeds are needed, found 4.")

@@ -21,7 +21,7 @@ fn text(repeats: u32, more: &str) -> String {
             repeats: {repeats},
             measures: [FinalReturn(window: 5), Coverage],
             figures: [Curves(window: 3), Visitation(cells: ["σ 9"], episodes: [First(2), All])],
-            {extra_fields}
+            {more}
         )"#,
         scenario.display()
     )
@@ -31,7 +31,7 @@ fn text(repeats: u32, more: &str) -> String {
 fn study_in_folder(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("small.ron");
-    fs::write(&study, study_text).unwrap();
+    fs::write(&study, text).unwrap();
     let (study, out) = (
         study.to_str().unwrap().to_owned(),
         folder.path().join("out"),
@@ -39,14 +39,8 @@ fn study_in_folder(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     (folder, study, out)
 }
 
-fn run(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
-    seedbed(
-        &[
-            &["study", study, "--out", out.to_str().unwrap()],
-            extra_arguments,
-        ]
-        .concat(),
-    )
+fn run(study: &str, out: &Path, more: &[&str]) -> Output {
+    seedbed(&[&["study", study, "--out", out.to_str().unwrap()], more].concat())
 }
 
 /// Number of bytes of the build's hash at the end of a result file.
@@ -69,7 +63,7 @@ fn result_files(out: &Path) -> Vec<PathBuf> {
 fn results_depend_neither_on_jobs_nor_on_processes() {
     let (_folder, study, out) = study_in_folder(&text(2, ""));
     assert!(run(&study, &out, &["--jobs", "2"]).status.success());
-    let whole = result_bytes_by_name(&out);
+    let whole = results(&out);
     assert_eq!(whole.len(), 6);
     let (_folder, _, alone) = study_in_folder("");
     assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
@@ -77,23 +71,19 @@ fn results_depend_neither_on_jobs_nor_on_processes() {
 
     let (_folder, _, single) = study_in_folder("");
     for index in ["4", "0", "5", "1", "2", "3"] {
-        assert!(
-            run(&study, &single_run, &["--index", index])
-                .status
-                .success()
-        );
+        assert!(run(&study, &single, &["--index", index]).status.success());
     }
-    assert_eq!(result_bytes_by_name(&single_run), whole);
-    let out_of_range = run(&study, &single_run, &["--index", "6"]);
-    assert_eq!(out_of_range.status.code(), Some(2));
+    assert_eq!(results(&single), whole);
+    let beyond = run(&study, &single, &["--index", "6"]);
+    assert_eq!(beyond.status.code(), Some(2));
     let expected = "error: --index 6: expected an index from 0 to 5; --list shows all\n";
-    assert_eq!(stderr(&out_of_range), expected);
-    let list_output = stdout(&run(&study, &single_run, &["--list"]));
+    assert_eq!(stderr(&beyond), expected);
+    let listed = stdout(&run(&study, &single, &["--list"]));
     assert_eq!(
-        list_output.lines().next(),
+        listed.lines().next(),
         Some("     0  finished  run seed 1000    σ 0")
     );
-    assert_eq!(list_output.lines().count(), 6);
+    assert_eq!(listed.lines().count(), 6);
 }
 
 /// The study crashes when two of twelve runs are finished.
@@ -149,12 +139,9 @@ fn verify_finds_runs_that_are_not_reproduced() {
         "error: {} contains no runs of this study to verify\n",
         out.display()
     );
-    assert_eq!(
-        (without_runs.status.code(), stderr(&without_runs)),
-        (Some(2), expected)
-    );
+    assert_eq!((empty.status.code(), stderr(&empty)), (Some(2), expected));
     assert!(run(&study, &out, &[]).status.success());
-    let before = result_bytes_by_name(&out);
+    let before = results(&out);
     let verified = run(&study, &out, &["--verify=4"]);
     assert!(verified.status.success(), "{verified:?}");
     assert_eq!(
@@ -205,9 +192,9 @@ fn a_report_names_the_builds_of_its_runs() {
         "{}",
         page()
     );
-    let edit_result = |index: usize, edit: fn(&mut Vec<u8>)| {
-        let (name, mut bytes) = result_bytes_by_name(&out).into_iter().nth(index).unwrap();
-        edit(&mut bytes);
+    let change = |number: usize, change: fn(&mut Vec<u8>)| {
+        let (name, mut bytes) = results(&out).into_iter().nth(number).unwrap();
+        change(&mut bytes);
         fs::write(out.join("runs").join(name), bytes).unwrap();
         let output = stdout(&run(&study, &out, &[]));
         assert!(
@@ -221,7 +208,7 @@ fn a_report_names_the_builds_of_its_runs() {
         "{}",
         page()
     );
-    edit_result(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
+    change(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
     assert!(
         page().contains("The runs were made by 3 builds of seedbed (unknown, ")
             && page().contains(" --verify</code>.")
@@ -235,11 +222,7 @@ fn a_report_names_the_builds_of_its_runs() {
 fn ctrl_c_ends_the_second_of_two_studies() {
     let (folder, study, _) = study_in_folder(&text(1, ""));
     let long = folder.path().join("long.ron");
-    fs::write(
-        &long,
-        study_text(30, "").replace("Episodes(8)", "Episodes(100)"),
-    )
-    .unwrap();
+    fs::write(&long, text(30, "").replace("Episodes(8)", "Episodes(100)")).unwrap();
     let mut command = command(&["study", &study, long.to_str().unwrap(), "--jobs", "1"]);
     let mut child = command
         .current_dir(folder.path())
@@ -249,7 +232,7 @@ fn ctrl_c_ends_the_second_of_two_studies() {
         .unwrap();
     // One of its 90 runs is finished, so another is in progress.
     let runs = folder.path().join("recordings/studies/long/runs");
-    wait_until("the first run of the second study is finished", || {
+    wait_until("the second study's first run is finished", || {
         assert_eq!(child.try_wait().unwrap(), None, "the studies ended early");
         runs.is_dir() && !files_below(&runs, "run").is_empty()
     });
@@ -280,8 +263,8 @@ fn ctrl_c_ends_the_second_of_two_studies() {
 fn a_changed_study_repeats_affected_runs_only() {
     let (_folder, study, out) = study_in_folder(&text(2, ""));
     assert!(run(&study, &out, &[]).status.success());
-    let to_run = |study_text: &str| {
-        fs::write(&study, study_text).unwrap();
+    let to_run = |text: &str| {
+        fs::write(&study, text).unwrap();
         let output = run(&study, &out, &[]);
         assert!(output.status.success(), "{output:?}");
         let printed = stdout(&output);
@@ -294,18 +277,15 @@ fn a_changed_study_repeats_affected_runs_only() {
             .unwrap()
             .to_owned()
     };
+    assert_eq!(to_run(&text(2, "").replace("Small", "Another")), "0 to run");
+    assert_eq!(to_run(&text(3, "")), "3 to run");
     assert_eq!(
-        to_run(&study_text(2, "").replace("Small", "Another")),
-        "0 to run"
-    );
-    assert_eq!(to_run(&study_text(3, "")), "3 to run");
-    assert_eq!(
-        to_run(&study_text(3, "").replace("sigma: 9", "sigma: 8")),
+        to_run(&text(3, "").replace("sigma: 9", "sigma: 8")),
         "3 to run"
     );
     // States are kept of the first run of a cell only, so only that run is repeated.
     assert_eq!(
-        to_run(&study_text(3, "").replace("First(2)", "First(3)")),
+        to_run(&text(3, "").replace("First(2)", "First(3)")),
         "1 to run"
     );
 }
@@ -348,9 +328,9 @@ fn a_report_has_the_numbers_of_single_runs() {
     assert!(run(&study, &out, &[]).status.success());
     let rows = rows(&out);
     assert_eq!(rows.len(), 15);
-    let mut final_returns = Vec::new();
+    let mut finals = Vec::new();
     for row in rows.iter().filter(|row| row["cell"] == "σ 9") {
-        let single_run = folder.path().join(&row["seed"]);
+        let single = folder.path().join(&row["seed"]);
         let set = [
             "--set",
             "agents.count=2",
@@ -369,31 +349,29 @@ fn a_report_has_the_numbers_of_single_runs() {
             "--out",
         ];
         assert!(
-            seedbed(&[&base, &[single_run.to_str().unwrap()][..], &set].concat())
+            seedbed(&[&base, &[single.to_str().unwrap()][..], &set].concat())
                 .status
                 .success()
         );
-        let mut reader = csv::Reader::from_path(single_run.join("episodes.csv")).unwrap();
+        let mut reader = csv::Reader::from_path(single.join("episodes.csv")).unwrap();
         let episodes: Vec<BTreeMap<String, String>> =
             reader.deserialize().map(|row| row.unwrap()).collect();
         let mean = |from: usize| {
-            let later_episodes = episodes
+            let late = episodes
                 .iter()
                 .filter(|row| row["episode"].parse::<usize>().unwrap() >= from);
-            let returns: Vec<f64> = later_episodes
-                .map(|row| row["return"].parse().unwrap())
-                .collect();
+            let returns: Vec<f64> = late.map(|row| row["return"].parse().unwrap()).collect();
             returns.iter().sum::<f64>() / returns.len() as f64
         };
         assert!((row["mean_return"].parse::<f64>().unwrap() - mean(0)).abs() < 1e-9);
-        final_returns.push(mean(3));
+        finals.push(mean(3));
         let summary: serde_json::Value =
-            serde_json::from_slice(&fs::read(single_run.join("summary.json")).unwrap()).unwrap();
+            serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
         let coverage: f64 = row["team_coverage"].parse().unwrap();
         assert!((coverage - summary["team_coverage"].as_f64().unwrap()).abs() < 1e-6);
         assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     }
-    final_returns.sort_by(f64::total_cmp);
+    finals.sort_by(f64::total_cmp);
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     let table = &page[page
         .find("<h3>return over the last 5 episodes</h3>")
@@ -403,8 +381,8 @@ fn a_report_has_the_numbers_of_single_runs() {
     assert_eq!(cells[1], "5");
     let median: f64 = cells[2].parse().unwrap();
     assert!(
-        (median - final_returns[2]).abs() <= 0.005,
-        "{median} for {final_returns:?}"
+        (median - finals[2]).abs() <= 0.005,
+        "{median} for {finals:?}"
     );
 }
 
@@ -458,14 +436,14 @@ fn tabular_scenarios_are_studied() {
         .iter()
         .filter(|row| row["cell"] == "bipolar_chain, seeds")
     {
-        assert_row_equals_single_run(row, folder.path());
+        assert_as_single_run(row, folder.path());
     }
     assert!(
         rows.iter()
             .filter(|row| row["cell"].starts_with("deep_sea"))
             .all(|row| row["episodes"] == "40")
     );
-    assert_comparisons_within_tasks(&out);
+    assert_pairs_of_one_task(&out);
     assert_smaller_than_claimed(&out);
     assert_figures(&out);
     let alone = study_in_folder("").2;
@@ -487,18 +465,18 @@ fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
         "--seed",
         &row["seed"],
         "--out",
-        single_run.to_str().unwrap(),
+        single.to_str().unwrap(),
     ];
     assert!(seedbed(&arguments).status.success());
     let summary: serde_json::Value =
-        serde_json::from_slice(&fs::read(single_run.join("summary.json")).unwrap()).unwrap();
-    let value_of = |column: &str| row[column].parse::<f64>().unwrap();
+        serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+    let number = |column: &str| row[column].parse::<f64>().unwrap();
     assert!(
-        (value_of("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4,
+        (number("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4,
         "{row:?}"
     );
     let visited = summary["states_visited"].as_f64().unwrap() / summary["states"].as_f64().unwrap();
-    assert!((value_of("team_coverage") - visited).abs() < 1e-6);
+    assert!((number("team_coverage") - visited).abs() < 1e-6);
     assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     assert_eq!(
         (row["episodes_to_solve"].as_str(), row["episodes"].as_str()),
@@ -533,14 +511,11 @@ fn assert_smaller_than_claimed(out: &Path) {
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
     // All six pairs have the same sign: p = 2/2⁶, times three claims.
     let row = table.lines().nth(2).unwrap();
-    let (row_start, row_end) = (
+    let (head, tail) = (
         "| less regret | regret per agent: deep_sea, seeds − deep_sea, random, claimed below 0, by 5 | −",
         " | 6 | 0.0938 | replicated |",
     );
-    assert!(
-        row.starts_with(row_start) && row.ends_with(row_end),
-        "{table}"
-    );
+    assert!(row.starts_with(head) && row.ends_with(tail), "{table}");
     assert!(
         table
             .lines()
@@ -557,7 +532,7 @@ fn assert_smaller_than_claimed(out: &Path) {
     );
 }
 
-fn assert_figure_files(out: &Path) {
+fn assert_figures(out: &Path) {
     for file in [
         "1-curves.svg",
         "2-visitation.svg",
@@ -572,8 +547,8 @@ fn assert_figure_files(out: &Path) {
         "titles leave out what all panels have in common"
     );
     let pooled = fs::read_to_string(out.join("figures/4-intervals.svg")).unwrap();
-    for expected in [">seeds<", "n = 12", ">crowd<", "n = 6"] {
-        assert!(pooled.contains(expected), "{expected}");
+    for words in [">seeds<", "n = 12", ">crowd<", "n = 6"] {
+        assert!(pooled.contains(words), "{words}");
     }
 }
 
@@ -599,13 +574,13 @@ fn a_claim_without_an_effect_is_not_replicated() {
     }
     // Without any difference p is 1, which is no evidence that there is none.
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    let p_values: Vec<&str> = table
+    let p: Vec<&str> = table
         .lines()
         .skip(2)
         .take(3)
         .map(|row| row.split(" | ").nth(4).unwrap())
         .collect();
-    assert_eq!(p_values, ["1.0000", "1.0000", "–"]);
+    assert_eq!(p, ["1.0000", "1.0000", "–"]);
     assert!(
         table.contains("\n\np-values are those of tests for a difference"),
         "{table}"
@@ -642,19 +617,19 @@ fn a_report_of_an_unfinished_study_says_what_is_missing() {
         "{output:?}"
     );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    for expected in [
+    for words in [
         "15 runs are missing",
         "none: 2 runs are too few",
         "Small &amp; &lt;small&gt;",
         "no runs",
         "role=\"img\"",
     ] {
-        assert!(page.contains(expected), "{expected}");
+        assert!(page.contains(words), "{words}");
     }
-    for external_reference in ["<script", "<link", "src=\"http", "url(http"] {
+    for foreign in ["<script", "<link", "src=\"http", "url(http"] {
         assert!(
-            !page.contains(external_reference),
-            "the page must not load external files, but contains `{external_reference}`"
+            !page.contains(foreign),
+            "the page needs no network: {foreign}"
         );
     }
     for file in [
@@ -667,11 +642,11 @@ fn a_report_of_an_unfinished_study_says_what_is_missing() {
         assert!(out.join(file).is_file(), "{file}");
     }
 
-    let not_a_study = seedbed(&["report", out.join("runs").to_str().unwrap()]);
-    assert_eq!(not_a_study.status.code(), Some(2));
+    let nothing = seedbed(&["report", out.join("runs").to_str().unwrap()]);
+    assert_eq!(nothing.status.code(), Some(2));
     assert!(
-        stderr(&not_a_study).starts_with("error: not the results of a study: "),
-        "{not_a_study:?}"
+        stderr(&nothing).starts_with("error: not the results of a study: "),
+        "{nothing:?}"
     );
 }
 
@@ -709,7 +684,7 @@ fn a_claim_that_was_written_after_its_runs_is_late() {
         format!(r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: {size})],"#)
     };
     let verdict = |size: u32, out: &Path, study: &str| {
-        fs::write(study, study_text(6, &claim(size))).unwrap();
+        fs::write(study, text(6, &claim(size))).unwrap();
         assert!(run(study, out, &[]).status.success());
         let page = fs::read_to_string(out.join("report.html")).unwrap();
         assert_eq!(
@@ -737,17 +712,17 @@ fn changed_repeats_are_reported() {
         assert!(run(&study, &out, &[]).status.success());
         let [page, table] =
             ["report.html", "claims.md"].map(|file| fs::read_to_string(out.join(file)).unwrap());
-        let expected = table
+        let words = table
             .lines()
             .find(|line| line.starts_with("The number of runs per cell was "))
             .unwrap_or_default()
             .to_owned();
         assert_eq!(
             page.contains("The number of runs per cell was "),
-            !expected.is_empty()
+            !words.is_empty()
         );
-        assert!(page.contains(&expected));
-        expected
+        assert!(page.contains(&words));
+        words
     };
     assert_eq!([reported(5), reported(5)], ["", ""]);
     // Without runs there were no results that could have motivated the change.
@@ -790,26 +765,23 @@ fn a_directory_has_one_study() {
         assert_eq!(output.status.code(), Some(2), "{output:?}");
         stderr(&output)
     };
-    let expected_error = format!(
+    let holds = format!(
         "error: {} contains the study `small`; choose another directory with --out\n",
         out.display()
     );
-    assert_eq!(refused(run(&study, &out, &["--quick"])), expected_error);
+    assert_eq!(refused(run(&study, &out, &["--quick"])), holds);
     let other = folder.path().join("other.ron");
     fs::copy(&study, &other).unwrap();
-    assert_eq!(
-        refused(run(other.to_str().unwrap(), &out, &[])),
-        expected_error
-    );
+    assert_eq!(refused(run(other.to_str().unwrap(), &out, &[])), holds);
     fs::create_dir(folder.path().join("b")).unwrap();
     let same_name = folder.path().join("b/small.ron");
     fs::copy(&study, &same_name).unwrap();
     let both = refused(seedbed(&["study", &study, same_name.to_str().unwrap()]));
     assert!(
-        same_name_error.starts_with(
+        both.starts_with(
             "error: two studies are named `small` and would both write to recordings/studies/small"
         ),
-        "{same_name_error}"
+        "{both}"
     );
 }
 

@@ -68,8 +68,8 @@ fn scene_view(scene: &SceneWriter, trajectories: &[BodyTrajectory]) -> blueprint
     let of_agent = trajectories
         .iter()
         .find(|trajectory| trajectory.agent == scene.agent());
-    /// If the first recorded episode of an agent is in a later round, its scene has the bounds of
-    /// the scene of another agent.
+    // If the first recorded episode of an agent is in a later round, its scene has the bounds of
+    // the scene of another agent.
     let bounds = of_agent
         .or(trajectories.first())
         .and_then(|trajectory| scene.view(trajectory));

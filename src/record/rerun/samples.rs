@@ -14,7 +14,7 @@ use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk, strips};
 use crate::record::RecordingSettings;
 use crate::record::RunInfo;
-use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, pick_states};
+use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, sample_states};
 use seedbed_env::random::Stream;
 use seedbed_figure::color::dark::categorical_color;
 use seedbed_learn::experience::{Episode, StepData};
@@ -83,9 +83,10 @@ impl VisitationStyle {
         random: &mut Stream,
     ) {
         let states = episode.length() + usize::from(!self.axes.need_actions());
-        let picked = pick_states(states, counts.of_agent, random);
-        let shared = pick_states(picked.len(), counts.of_team.min(picked.len()), random);
-        let (mut fractions, mut next) = (Vec::new(), picked.iter().enumerate().peekable());
+        let sampled = sample_states(states, counts.of_agent, random);
+        let sampled_for_team =
+            sample_states(sampled.len(), counts.of_team.min(sampled.len()), random);
+        let (mut fractions, mut remaining) = (Vec::new(), sampled.iter().enumerate().peekable());
         let visited = VisitedState::of_episode(episode, step_data).take(states);
         for (step, state) in visited.enumerate() {
             self.axes.project(&state, &mut fractions);

@@ -216,8 +216,8 @@ impl TabularMeasures {
 
     fn finish(mut self, team: &TabularTeam) -> RunResult {
         let diversity = self.diversity(team);
-        let mut curves = Vec::with_capacity(Curve::OF_ROUNDS.len());
-        for &curve in Curve::OF_ROUNDS {
+        let mut curves = Vec::with_capacity(Curve::WITH_ROUND_VALUES.len());
+        for &curve in Curve::WITH_ROUND_VALUES {
             let value = self.final_value(curve, team, diversity);
             curves.push(value.map(|value| value as f32).into_iter().collect());
         }

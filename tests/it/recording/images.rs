@@ -8,9 +8,9 @@ use seedbed_env::Status;
 use seedbed_env::input::numbers::known_count;
 use seedbed_figure::color::dark::sequential_color;
 
-use super::contents::{Contents, messages};
+use super::contents::{RecordingContents, messages};
 use super::record;
-use super::synthetic_run::{Round, Run};
+use super::synthetic_run::{SyntheticRound, SyntheticRun};
 
 #[test]
 fn visible_lines_do_not_exceed_the_setting() {

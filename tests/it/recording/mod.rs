@@ -26,8 +26,8 @@ use seedbed::record::{Recorder, RecordingSettings};
 use seedbed_env::Status;
 use seedbed_learn::experience::Episode;
 
-use self::contents::Contents;
-use self::synthetic_run::Run;
+use self::contents::RecordingContents;
+use self::synthetic_run::SyntheticRun;
 
 fn record(run: &SyntheticRun, folder: &Path, settings: &RecordingSettings) -> PathBuf {
     let path = folder.join("run.rrd");
@@ -48,14 +48,17 @@ fn assert_raw_rows(run: &SyntheticRun, contents: &RecordingContents) {
             .map(|round| &round.episodes[agent])
             .collect();
         let entity = format!("/raw/agent_{agent}");
-        compare_times(&episodes, contents, &entity);
-        compare_numbers(&episodes, contents, &entity);
-        let bonuses = run.rounds.iter().map(|round| &round.step_data[agent]);
-        let bonuses: Vec<f32> = bonuses
+        assert_times(&episodes, contents, &entity);
+        assert_values(&episodes, contents, &entity);
+        let step_data = run.rounds.iter().map(|round| &round.step_data[agent]);
+        let intrinsic_rewards: Vec<f32> = step_data
             .flat_map(|data| data.intrinsic_rewards.iter().copied())
             .collect();
-        assert_eq!(contents.numbers(&entity, "State:intrinsic_reward"), bonuses);
-        compare_outcomes(&episodes, contents, &entity);
+        assert_eq!(
+            contents.f32_values(&entity, "State:intrinsic_reward"),
+            intrinsic_rewards
+        );
+        assert_outcomes(&episodes, contents, &entity);
     }
 }
 

@@ -11,7 +11,7 @@ use seedbed::record::visitation::Axes;
 use seedbed::record::{BonusRange, Recorder, RecordingSettings};
 
 use super::record;
-use super::synthetic_run::Run;
+use super::synthetic_run::SyntheticRun;
 
 #[test]
 fn read_episodes_equal_recorded_episodes() {
@@ -119,12 +119,12 @@ fn read_sorted_episodes(path: &Path) -> Vec<RecordedEpisode> {
     episodes
 }
 
-fn played(run: &Run, rounds: usize) -> Vec<RecordedEpisode> {
+fn expected_episodes(run: &SyntheticRun, rounds: usize) -> Vec<RecordedEpisode> {
     let all = run.rounds[..rounds].iter().flat_map(|round| {
         let step_data = round.step_data.clone();
         round.episodes.clone().into_iter().zip(step_data)
     });
-    let mut played: Vec<RecordedEpisode> = all
+    let mut expected_episodes: Vec<RecordedEpisode> = all
         .map(|(episode, step_data)| RecordedEpisode {
             agent: episode.agent,
             episode: episode.episode,

@@ -10,9 +10,9 @@ use seedbed::run::trainer::Trainer;
 use seedbed_env::input::numbers::{FiniteNumber, known, known_count};
 
 use super::super::util::REPOSITORY;
-use super::contents::Contents;
-use super::synthetic_run::Run;
-use super::{compare_raw, record};
+use super::contents::RecordingContents;
+use super::synthetic_run::SyntheticRun;
+use super::{assert_raw_rows, record};
 
 #[test]
 fn recorded_states_and_actions_are_unchanged() {
@@ -163,9 +163,9 @@ fn the_advantage_column_has_the_estimates_of_the_agents() {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.rrd");
-    let synthetic_run = Run::new(2, 2);
+    let synthetic_run = SyntheticRun::new(2, 2);
     let mut recorder =
-        RerunRecorder::create(&path, &synthetic_run.about(), &plan.scenario.recording).unwrap();
+        RerunRecorder::create(&path, &synthetic_run.run_info(), &plan.scenario.recording).unwrap();
     let mut expected = Vec::new();
     for number in 0..2 {
         let round = trainer.advance().unwrap();

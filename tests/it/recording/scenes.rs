@@ -5,9 +5,9 @@ use seedbed_env::input::numbers::known_count;
 use seedbed_env::{Force, ForceSource, Pose};
 use seedbed_learn::experience::Episode;
 
-use super::contents::Contents;
+use super::contents::RecordingContents;
 use super::record;
-use super::synthetic_run::Run;
+use super::synthetic_run::SyntheticRun;
 
 #[test]
 fn recorded_scenes_have_poses_and_traces() {

@@ -8,7 +8,7 @@ use seedbed_env::Quantity;
 
 use super::contents::messages;
 use super::record;
-use super::synthetic_run::Run;
+use super::synthetic_run::SyntheticRun;
 
 /// A row of `/raw` with four observations, action, reward, log-probability and bonus takes at most
 /// 45 bytes; each further observation takes at most 6 bytes.

@@ -1,4 +1,5 @@
-//! Recordings of training runs equal the episodes of the trainer, for any number of threads.
+//! Recordings of teams that learn: they hold what the agents' own episodes hold, whatever the
+//! number of threads.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -14,8 +15,8 @@ use seedbed_learn::experience::{Episode, StepData};
 use super::contents::RecordingContents;
 use super::{assert_times, outcome_text};
 
-/// Three agents with a bonus and two episodes per round; every column of `/raw` is recorded.
-const WITH_BONUS: [&str; 5] = [
+/// Three agents with curiosity that play two episodes a round, all numbers of which are on record.
+const CURIOUS: [&str; 5] = [
     "agents.count=3",
     "stop=Episodes(8)",
     "schedule=Synchronous(episodes: 2)",
@@ -23,17 +24,17 @@ const WITH_BONUS: [&str; 5] = [
     "recording.axes=[Observations, Advantage()]",
 ];
 
-/// Two asynchronous agents in a task with several continuous action components.
-const ASYNCHRONOUS_HOPPER: [&str; 4] = [
+/// Agents that do not wait for each other, with several continuous actions at once.
+const HOPPING: [&str; 4] = [
     "environment=\"hopper\"",
     "agents.count=2",
     "stop=Episodes(4)",
     "schedule=Asynchronous(training: (env_steps: 30))",
 ];
 
-struct IgnoreProgress;
+struct Nobody;
 
-impl Observer for IgnoreProgress {
+impl Observer for Nobody {
     fn begun(&mut self, _: &Progress) {}
 
     fn round_finished(&mut self, _: &Progress) {}
@@ -55,7 +56,7 @@ fn factories(folder: &RunFolder) -> Factories {
     vec![Box::new(tables), Box::new(recording)]
 }
 
-fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
+fn recorded(plan: &Plan, folder: &Path, threads: usize) -> RecordingContents {
     let folder = RunFolder::new(folder);
     let _lock = folder.lock().unwrap();
     let options = Options {
@@ -72,7 +73,7 @@ fn recorded(plan: &Plan, folder: &Path, threads: usize) -> Contents {
     )
     .unwrap();
     assert!(matches!(ending, RunOutcome::Finished(_)));
-    Contents::of(&folder.recording())
+    RecordingContents::read(&folder.recording())
 }
 
 /// What one agent played and learned.
@@ -101,13 +102,10 @@ fn played(plan: &Plan) -> Vec<AgentHistory> {
 }
 
 #[test]
-fn recorded_values_equal_those_of_the_trainer() {
-    for overrides in [&WITH_BONUS[..], &ASYNCHRONOUS_HOPPER[..]] {
+fn a_recording_holds_what_the_agents_saw_and_did() {
+    for overrides in [&CURIOUS[..], &HOPPING[..]] {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
-        let (contents, agents) = (
-            record_run(&plan, folder.path(), 2),
-            episodes_by_agent(&plan),
-        );
+        let (contents, agents) = (recorded(&plan, folder.path(), 2), played(&plan));
         assert_ne!(
             agents[0].episodes[0].observations, agents[1].episodes[0].observations,
             "agents that do the same could be mistaken"
@@ -124,7 +122,7 @@ fn recorded_values_equal_those_of_the_trainer() {
 
 /// Every number of every episode, in order; an episode's end has a last observation and nothing
 /// else.
-fn compare(plan: &Plan, contents: &Contents, entity: &str, history: &AgentHistory) {
+fn compare(plan: &Plan, contents: &RecordingContents, entity: &str, history: &AgentHistory) {
     let AgentHistory {
         episodes,
         step_data,
@@ -155,7 +153,7 @@ fn component<T>(
         .collect()
 }
 
-fn assert_observations_and_actions(
+fn compare_observations_and_actions(
     plan: &Plan,
     contents: &RecordingContents,
     entity: &str,
@@ -165,28 +163,23 @@ fn assert_observations_and_actions(
     let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     for (index, quantity) in spec.observations.iter().enumerate() {
         let width = spec.observations.len();
-        let expected = component(episodes, |episode| &episode.observations, index, width);
-        assert_eq!(
-            column(&quantity.name),
-            expected,
-            "{entity} {}",
-            quantity.name
-        );
+        let seen = component(episodes, |episode| &episode.observations, index, width);
+        assert_eq!(column(&quantity.name), seen, "{entity} {}", quantity.name);
     }
     for (index, action) in spec.actions.iter().enumerate() {
         let width = spec.actions.len();
-        let mut expected = component(episodes, |episode| &episode.actions, index, width);
+        let mut done = component(episodes, |episode| &episode.actions, index, width);
         if let Choice::Discrete(values) = &action.choice {
-            for action in &mut expected {
+            for action in &mut done {
                 *action = values[*action as usize];
             }
         }
         let name = &action.quantity.name;
-        assert_eq!(column(name), expected, "{entity} {name}");
+        assert_eq!(column(name), done, "{entity} {name}");
     }
 }
 
-fn assert_rewards(plan: &Plan, contents: &RecordingContents, entity: &str, episodes: &[Episode]) {
+fn compare_rewards(plan: &Plan, contents: &RecordingContents, entity: &str, episodes: &[Episode]) {
     let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     let joined = |values| component(episodes, values, 0, 1);
     assert_eq!(column("reward"), joined(|episode| &episode.rewards));
@@ -200,12 +193,17 @@ fn assert_rewards(plan: &Plan, contents: &RecordingContents, entity: &str, episo
     );
 }
 
-fn compare_step_data(plan: &Plan, contents: &Contents, entity: &str, step_data: &[StepData]) {
+fn compare_step_data(
+    plan: &Plan,
+    contents: &RecordingContents,
+    entity: &str,
+    step_data: &[StepData],
+) {
     if plan.scenario.algorithm.largest_intrinsic_reward().is_none() {
         assert!(step_data.is_empty());
         return;
     }
-    let column = |name: &str| contents.numbers(entity, &format!("State:{name}"));
+    let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     let joined = |values| component(step_data, values, 0, 1);
     assert_eq!(
         column("intrinsic_reward"),
@@ -215,20 +213,20 @@ fn compare_step_data(plan: &Plan, contents: &Contents, entity: &str, step_data: 
 }
 
 #[test]
-fn recordings_do_not_depend_on_the_number_of_threads() {
-    for overrides in [&WITH_BONUS[..], &ASYNCHRONOUS_HOPPER[..]] {
+fn any_number_of_threads_gives_the_same_recording() {
+    for overrides in [&CURIOUS[..], &HOPPING[..]] {
         let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
         let [one, three] = [1, 3].map(|threads| {
-            record_run(&plan, &folder.path().join(threads.to_string()), threads).columns()
+            recorded(&plan, &folder.path().join(threads.to_string()), threads).columns()
         });
         assert!(
             one.contains_key("/raw/agent_1 State:reward")
                 && one.contains_key("/visitation/agent_1/latest DepthImage:buffer")
         );
-        let differing_column = one
+        let share_difference = one
             .iter()
             .find(|(name, rows)| three.get(*name) != Some(rows))
             .map(|(name, _)| name);
-        assert_eq!((differing_column, one.len()), (None, three.len()));
+        assert_eq!((share_difference, one.len()), (None, three.len()));
     }
 }

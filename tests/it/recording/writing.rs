@@ -5,9 +5,9 @@ use std::fs::File;
 use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::{Recorder, RecordingSettings};
 
-use super::contents::Contents;
-use super::synthetic_run::Run;
-use super::{compare_raw, record};
+use super::contents::RecordingContents;
+use super::synthetic_run::SyntheticRun;
+use super::{assert_raw_rows, record};
 
 #[test]
 fn a_resumed_recording_equals_an_uninterrupted_one() {

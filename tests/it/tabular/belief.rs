@@ -7,19 +7,19 @@ use seedbed_env::tabular::{
     BipolarChain, DeepSea, Mdp, Model, Outcome, ParallelChains, Prior, Reward, TaskFamily,
 };
 
-/// An MDP with one state and one action, whose reward θ is unknown.
-fn model_with_one_unknown_reward(prior: Prior) -> Model {
-    let repeated = Outcome {
+/// One state, one action, whose reward is θ.
+fn one_reward(prior: Prior) -> Model {
+    let again = Outcome {
         state: 0,
         reward: Reward::unknown(0, 1.0),
     };
-    let mut model = Model::new(0, 1, &[vec![vec![repeated]]]);
+    let mut model = Model::new(0, 1, &[vec![vec![again]]]);
     model.parameters = vec![prior];
     model
 }
 
-/// An MDP with one state and one action with three outcomes of prior weight `weight`.
-fn model_with_three_outcomes(weight: f64) -> Model {
+/// One state, one action with three outcomes of prior weight `weight`.
+fn three_outcomes(weight: f64) -> Model {
     let outcomes = vec![
         Outcome {
             state: 0,
@@ -32,7 +32,7 @@ fn model_with_three_outcomes(weight: f64) -> Model {
     model
 }
 
-fn empty_mdp(model: &Model) -> Mdp {
+fn empty(model: &Model) -> Mdp {
     Mdp {
         values: vec![0.0; model.parameters.len()],
         probabilities: vec![1.0; model.outcomes().len()],
@@ -68,7 +68,7 @@ fn log_normal_posteriors_are_gaussian_in_the_logarithm() {
         deviation: 1.0,
         noise: 1.0,
     };
-    let model = model_with_one_unknown_reward(prior);
+    let model = one_reward(prior);
     let mut belief = Belief::new(&model);
     belief.update(&model, 0, 0, libm::exp(0.5));
     let Posterior::Gaussian { mean, variance } = belief.posterior(0) else {
@@ -83,8 +83,8 @@ fn log_normal_posteriors_are_gaussian_in_the_logarithm() {
     );
 }
 
-/// Prior Dirichlet(½, ½, ½), outcomes observed 2, 1 and 0 times: α = (2.5, 1.5, 0.5), mean 2.5/4.5
-/// = 5/9, variance 5/9 · 4/9 / 5.5.
+/// Dirichlet(½, ½, ½) after 2, 1, 0: α = (2.5, 1.5, 0.5), mean 2.5/4.5 = 5/9, variance 5/9 · 4/9 /
+/// 5.5.
 #[test]
 fn outcome_probabilities_are_dirichlet() {
     let model = three_outcomes(0.5);
@@ -129,9 +129,9 @@ fn over_seeds_rewards_are_distributed_as_the_posterior() {
     for observation in [3.0, 5.0] {
         belief.update(&model, 0, 0, observation);
     }
-    let mut mdp = empty_mdp(&model);
+    let mut mdp = empty(&model);
     for kind in 0..3 {
-        let mut within_one_deviation = 0;
+        let mut within = 0;
         let (mean, variance) = moments(20_000, |agent| {
             match kind {
                 0 => AgentSeed::new(&model, 1, agent).sample(
@@ -156,7 +156,7 @@ fn over_seeds_rewards_are_distributed_as_the_posterior() {
                     sample_posterior(&model, &belief, &mut random, &mut mdp);
                 }
             }
-            within_one_deviation += u32::from((mdp.values[0] - 11.0 / 3.0).abs() < 2.0 / 3.0);
+            within += u32::from((mdp.values[0] - 11.0 / 3.0).abs() < 2.0 / 3.0);
             mdp.values[0]
         });
         assert!((mean - 11.0 / 3.0).abs() < 0.019, "{kind}: mean {mean}");
@@ -165,8 +165,8 @@ fn over_seeds_rewards_are_distributed_as_the_posterior() {
             "{kind}: variance {variance}"
         );
         assert!(
-            (f64::from(within_one_deviation) / 20_000.0 - 0.6827).abs() < 0.013,
-            "{kind}: {within_one_deviation} within one deviation"
+            (f64::from(within) / 20_000.0 - 0.6827).abs() < 0.013,
+            "{kind}: {within} within"
         );
     }
 }
@@ -183,7 +183,7 @@ fn over_seeds_transitions_are_distributed_as_the_dirichlet() {
     for outcome in [0, 1] {
         late.update(&model, 0, outcome, 0.0);
     }
-    let mut mdp = empty_mdp(&model);
+    let mut mdp = empty(&model);
     let (mean, variance) = moments(20_000, |agent| {
         let mut seed = AgentSeed::new(&model, 2, agent);
         seed.sample(&model, &early, RewardSeeds::StandardGaussian, &mut mdp);
@@ -248,16 +248,16 @@ fn seeds_of_exactly_observed_rewards() {
     assert_eq!(sample(&belief, RewardSeeds::StandardGaussian), 7.0);
 }
 
-/// The properties adaptivity, commitment and diversity (arXiv 1802.01282 §2).
+/// Adaptivity, commitment, diversity (arXiv 1802.01282 §2).
 #[test]
-fn seed_samples_adapt_commit_and_differ() {
+fn seeds_adapt_commit_and_differ() {
     for task in [
         TaskFamily::BipolarChain(BipolarChain::default()),
         TaskFamily::ParallelChains(ParallelChains::default()),
     ] {
         let model = task.model(0);
         let mut belief = Belief::new(&model);
-        let (mut mdp, mut repeated) = (empty_mdp(&model), empty_mdp(&model));
+        let (mut mdp, mut again) = (empty(&model), empty(&model));
         let sample = |agent: u32, belief: &Belief, mdp: &mut Mdp| {
             AgentSeed::new(&model, 0, agent).sample(
                 &model,
@@ -269,7 +269,7 @@ fn seed_samples_adapt_commit_and_differ() {
         let mut distinct: Vec<f64> = (0..20)
             .map(|agent| {
                 sample(agent, &belief, &mut mdp);
-                sample(agent, &belief, &mut repeated);
+                sample(agent, &belief, &mut again);
                 assert_eq!(
                     mdp, again,
                     "an agent samples the same MDP from the same belief"

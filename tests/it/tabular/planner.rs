@@ -20,8 +20,8 @@ fn optimal_value(task: &TaskFamily, seed: u64) -> f64 {
     Planner::new(&model).optimal_value(&model, &task.draw(&model, seed))
 }
 
-/// From vertex 50 of 100, the left end is 50 steps away and the right end 49 steps. Each step but
-/// the last costs 1, so the values are 100 − 49 and 100 − 48.
+/// From vertex 50 of 100, the left end is 50 steps away and the right one 49; all but the last cost
+/// 1: 100 − 49 or 100 − 48.
 #[test]
 fn optimal_value_of_a_bipolar_chain() {
     let task = TaskFamily::BipolarChain(BipolarChain::default());
@@ -34,10 +34,10 @@ fn optimal_value_of_a_bipolar_chain() {
         Planner::new(&model).optimal_value(&model, &mdp)
     };
     assert_eq!((value(-1.0), value(1.0)), (51.0, 52.0));
-    let mut distinct_values: Vec<f64> = (0..20).map(|seed| optimal_value(&task, seed)).collect();
-    distinct_values.sort_by(f64::total_cmp);
-    distinct_values.dedup();
-    assert_eq!(distinct_values, [51.0, 52.0]);
+    let mut drawn: Vec<f64> = (0..20).map(|seed| optimal_value(&task, seed)).collect();
+    drawn.sort_by(f64::total_cmp);
+    drawn.dedup();
+    assert_eq!(drawn, [51.0, 52.0]);
 }
 
 /// The optimal value of parallel chains is the largest θ.
@@ -46,8 +46,8 @@ fn optimal_value_of_parallel_chains() {
     let task = TaskFamily::ParallelChains(ParallelChains::default());
     for seed in 0..5 {
         let model = task.model(seed);
-        let true_mdp = task.draw(&model, seed);
-        let largest = true_mdp
+        let truth = task.draw(&model, seed);
+        let largest = truth
             .values
             .iter()
             .copied()
@@ -68,7 +68,7 @@ fn optimal_value_of_deep_sea() {
     // 0.005) is the value of the corner; in the other state of that row, moving right only costs.
     let slipping = task("DeepSea(size: 2, slip: 0.5)");
     assert_relative_eq!(
-        optimal_value(&with_slip, 0),
+        optimal_value(&slipping, 0),
         0.5 * (-0.005 + 0.5 * 0.995),
         max_relative = 1e-12
     );
@@ -105,7 +105,7 @@ fn paths_in_random_graphs_are_optimal() {
     for seed in 0..5 {
         let task = task("MaximumRewardPath(vertices: 8, steps: 5)");
         let model = task.model(seed);
-        let true_mdp = task.draw(&model, seed);
+        let truth = task.draw(&model, seed);
         assert_relative_eq!(
             optimal_value(&task, seed),
             exhaustive_value(&model, &truth, 0, 5),

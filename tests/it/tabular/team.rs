@@ -12,7 +12,7 @@ fn scenario(text: &str) -> TabularScenario {
         .value
 }
 
-fn run_scenario(scenario: &TabularScenario) -> Results {
+fn play(scenario: &TabularScenario) -> Results {
     let mut team = TabularTeam::new(scenario);
     let mut episodes: Vec<Episode> = Vec::new();
     while let Some(step) = team.advance() {
@@ -21,10 +21,10 @@ fn run_scenario(scenario: &TabularScenario) -> Results {
     Results::of("test", scenario, &team, episodes)
 }
 
-/// Mean regret per agent over the run seeds 0 to `runs` − 1.
-fn mean_regret(text: &str, runs: u64) -> f64 {
+/// Mean regret per agent over runs 0 to `runs` − 1.
+fn regret(text: &str, runs: u64) -> f64 {
     let run = |seed| {
-        run_scenario(&TabularScenario {
+        play(&TabularScenario {
             seed,
             ..scenario(text)
         })
@@ -35,7 +35,7 @@ fn mean_regret(text: &str, runs: u64) -> f64 {
 }
 
 #[test]
-fn the_same_run_seed_gives_the_same_results() {
+fn the_same_seed_gives_the_same_bits() {
     for algorithm in [
         "SeedSampling(rewards: MartingaleGaussian)",
         "ThompsonResampling",
@@ -51,19 +51,15 @@ fn the_same_run_seed_gives_the_same_results() {
                 "task: {task}, agents: (count: 12), episodes: 2, algorithm: {algorithm}"
             ));
             let text = scenario.resolved();
-            let repeated: TabularScenario = input::parse("test", text).unwrap().value;
-            assert_eq!(
-                run_scenario(&scenario),
-                run_scenario(&repeated),
-                "{task}, {algorithm}"
-            );
+            let again: TabularScenario = input::parse("test", text).unwrap().value;
+            assert_eq!(play(&scenario), play(&again), "{task}, {algorithm}");
             let other = TabularScenario {
                 seed: 1,
                 ..scenario.clone()
             };
             assert_ne!(
-                run_scenario(&scenario).episodes,
-                run_scenario(&other).episodes,
+                play(&scenario).episodes,
+                play(&other).episodes,
                 "{task}, {algorithm}"
             );
         }
@@ -78,7 +74,7 @@ fn one_agent_chooses_the_better_end_half_the_time() {
     let text = "task: BipolarChain(vertices: 20), agents: (count: 1)";
     let regrets: Vec<f64> = (0..60)
         .map(|seed| {
-            run_scenario(&TabularScenario {
+            play(&TabularScenario {
                 seed,
                 ..scenario(text)
             })
@@ -92,10 +88,10 @@ fn one_agent_chooses_the_better_end_half_the_time() {
             .all(|regret| [0.0, 39.0, 41.0].contains(regret)),
         "{regrets:?}"
     );
-    let worse_end_count = regrets.iter().filter(|regret| **regret > 0.0).count();
+    let wrong = regrets.iter().filter(|regret| **regret > 0.0).count();
     assert!(
-        (15..=45).contains(&worse_end_count),
-        "{worse_end_count} of 60, where 30 ± 15 are four deviations"
+        (15..=45).contains(&wrong),
+        "{wrong} of 60, where 30 ± 15 are four deviations"
     );
 }
 
@@ -107,18 +103,17 @@ fn seed_sampling_has_the_least_regret_on_the_bipolar_chain() {
         let text = format!(
             "task: BipolarChain(vertices: 40), agents: (count: {agents}), algorithm: {algorithm}"
         );
-        mean_regret(&text, 20)
+        regret(&text, 20)
     };
-    let of_seed_sampling = [1, 10, 100].map(|agents| mean_regret("SeedSampling()", agents));
+    let seeded = [1, 10, 100].map(|agents| regret("SeedSampling()", agents));
     assert!(
-        of_seed_sampling[0] > of_seed_sampling[1]
-            && of_seed_sampling[1] > 2.0 * of_seed_sampling[2],
-        "{of_seed_sampling:?}"
+        seeded[0] > seeded[1] && seeded[1] > 2.0 * seeded[2],
+        "{seeded:?}"
     );
-    let of_thompson_resampling = mean_regret("ThompsonResampling", 100);
+    let resampled = regret("ThompsonResampling", 100);
     assert!(
-        of_thompson_resampling > 3.0 * of_seed_sampling[2],
-        "{of_thompson_resampling} against {of_seed_sampling:?}"
+        resampled > 3.0 * seeded[2],
+        "{resampled} against {seeded:?}"
     );
 }
 
@@ -127,9 +122,9 @@ fn seed_sampling_has_the_least_regret_on_the_bipolar_chain() {
 fn every_algorithm_has_less_regret_than_random_actions() {
     let regret = |algorithm: &str| {
         let text = format!("task: ParallelChains(), agents: (count: 50), algorithm: {algorithm}");
-        mean_regret(&text, 20)
+        regret(&text, 20)
     };
-    let random = mean_regret("Random");
+    let random = regret("Random");
     for algorithm in [
         "SeedSampling()",
         "ThompsonResampling",
@@ -138,24 +133,24 @@ fn every_algorithm_has_less_regret_than_random_actions() {
         "Ucrl()",
         "EpsilonGreedy()",
     ] {
-        let mean_regret_of_algorithm = mean_regret(algorithm);
+        let learned = regret(algorithm);
         assert!(
-            mean_regret_of_algorithm < 0.8 * random,
-            "{algorithm}: {mean_regret_of_algorithm} against {random}"
+            learned < 0.8 * random,
+            "{algorithm}: {learned} against {random}"
         );
     }
 }
 
 /// Ten episodes of four agents: rows add up to the summary and are in the order of their ends.
 #[test]
-fn rows_of_episodes_and_visits_sum_to_the_summary() {
+fn results_add_up() {
     let scenario =
         scenario("task: DeepSea(size: 4), agents: (count: 4, starts: Together), episodes: 10");
     let Results {
         summary,
         episodes,
         visits,
-    } = run_scenario(&scenario);
+    } = play(&scenario);
     assert_eq!((episodes.len(), summary.env_steps), (40, 160));
     assert!(episodes.is_sorted_by(|one, other| one.ended <= other.ended));
     let total: f64 = episodes.iter().map(|episode| episode.regret).sum();
