@@ -72,7 +72,7 @@ fn run_all(
     let mut benches = Vec::with_capacity(experiments.len());
     for experiment in experiments {
         let bench = Bench::run(&**experiment, run_seeds.clone(), args.whole, &pool)?;
-        printer.print_row(report.columns(), &bench.name, &report.cells(&bench));
+        printer.print_row(report.columns(), &bench.name, &report.table_row(&bench));
         benches.push(bench);
     }
     Ok(benches)

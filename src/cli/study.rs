@@ -67,7 +67,7 @@ fn check_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
 }
 
 /// Refuses a directory that belongs to another study, or to this study with another value of `--quick`.
-fn check_owner(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
+fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
     let Ok(manifest) = folder.manifest() else {
         return Ok(());
     };
@@ -119,7 +119,7 @@ fn run_one(
         );
         return Err(CliError::Usage(message));
     };
-    check_owner(plan, folder)?;
+    check_same_study(plan, folder)?;
     let _claim = claim(folder, false)?;
     folder
         .write_manifest(plan)
@@ -150,7 +150,7 @@ fn run_one(
 }
 
 fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
-    check_owner(plan, folder)?;
+    check_same_study(plan, folder)?;
     let _claim = claim(folder, true)?;
     folder
         .write_manifest(plan)
@@ -194,7 +194,7 @@ fn verify(
     folder: &StudyFolder,
     max: usize,
 ) -> Result<usize, CliError> {
-    check_owner(plan, folder)?;
+    check_same_study(plan, folder)?;
     let stored: Vec<PlannedRun<'_>> = plan
         .distinct_runs()
         .into_iter()

@@ -31,7 +31,7 @@ pub struct RecordedEpisode {
 pub enum ReadError {
     /// The file cannot be opened or read, is damaged, or was written by another version of Rerun.
     #[error("cannot read {path}: {reason}")]
-    File {
+    Unreadable {
         /// The file.
         path: PathBuf,
         /// Why it cannot be read.

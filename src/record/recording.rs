@@ -110,9 +110,9 @@ impl Recording {
     /// Fails.
     ///
     /// # Errors
-    /// Always [`ReadError::File`].
+    /// Always [`ReadError::Unreadable`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        Err(ReadError::File {
+        Err(ReadError::Unreadable {
             path: path.to_owned(),
             reason: UNAVAILABLE.to_owned(),
         })

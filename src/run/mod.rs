@@ -58,8 +58,8 @@ pub struct Options {
     pub threads: usize,
 }
 
-/// Factories of a run's recorders. Pass the same ones, in the same order, to resume a run.
-pub type Factories = Vec<Box<dyn RecorderFactory>>;
+/// RecorderFactories of a run's recorders. Pass the same ones, in the same order, to resume a run.
+pub type RecorderFactories = Vec<Box<dyn RecorderFactory>>;
 
 /// Receives the progress of a run.
 pub trait Observer {
@@ -177,7 +177,7 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
 pub fn execute(
     plan: &Plan,
     options: &Options,
-    factories: Factories,
+    factories: RecorderFactories,
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<RunOutcome, RunError> {
@@ -247,11 +247,11 @@ fn report_warnings(recorders: &mut Recorders, observer: &mut dyn Observer) {
 fn create_recorders(
     plan: &Plan,
     options: &Options,
-    factories: Factories,
+    factories: RecorderFactories,
     trainer: &Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
-    write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
+    replace_file(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
     write(
         &folder.task(&plan.description.spec().name),
         plan.environment_text.as_bytes(),
@@ -266,7 +266,7 @@ fn create_recorders(
 fn resume_run(
     plan: &Plan,
     options: &Options,
-    factories: Factories,
+    factories: RecorderFactories,
     trainer: &mut Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
@@ -286,7 +286,7 @@ fn resume_run(
         return Err(damaged(reason).into());
     }
     check_end(plan, options, trainer)?;
-    write(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
+    replace_file(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
     with_info(plan, trainer, |info| {
         let resume = |(factory, state): (Box<dyn RecorderFactory>, &Vec<u8>)| {
             Ok(factory.resume(info, &plan.scenario.recording, state)?)
@@ -390,11 +390,11 @@ fn finish(
         path: path.clone(),
         error,
     })?;
-    write(&path, format!("{text}\n").as_bytes())?;
+    replace_file(&path, format!("{text}\n").as_bytes())?;
     Ok(RunOutcome::Finished(Box::new(summary)))
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     files::replace(path, bytes).map_err(|error| RunError::File {
         path: path.to_owned(),
         error,

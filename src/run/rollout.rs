@@ -97,7 +97,7 @@ struct StepBuffers {
 }
 
 impl EpisodeSlots {
-    /// Slots of `count` agents, with the streams of `round`.
+    /// Slots for `count` agents, with the random streams of round number `round`.
     pub(super) fn new(run_seed: u64, count: usize, round: u32) -> Self {
         let agents = 0..count as u32;
         Self {

@@ -285,7 +285,7 @@ impl Trainer {
             check_episode(self.environment.spec(), episode)?;
             episode.round = self.round;
         }
-        self.buffer.push(episodes);
+        self.buffer.add_episodes(episodes);
         Ok(())
     }
 

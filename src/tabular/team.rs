@@ -212,20 +212,21 @@ impl TabularTeam {
     /// Executes an action, a pair of the agent's state, in the true MDP, and updates the belief.
     fn execute(&mut self, turn: Turn, pair: usize) -> Step {
         let agent = &mut self.agents[turn.agent as usize];
-        let outcome = self.model.sample(&self.true_mdp, pair, &mut agent.outcomes);
+        let outcome_index = self.model.sample(&self.true_mdp, pair, &mut agent.outcomes);
         let observation = self
             .model
-            .observe(&self.true_mdp, outcome, &mut agent.outcomes);
-        let (from, to) = (agent.state, self.model.outcomes()[outcome].state);
-        let reward = self.model.reward(outcome, observation);
+            .observe(&self.true_mdp, outcome_index, &mut agent.outcomes);
+        let (from, to) = (agent.state, self.model.outcomes()[outcome_index].state);
+        let reward = self.model.reward(outcome_index, observation);
         agent.enter(
             to,
             reward,
-            self.model.mean_reward(outcome, &self.true_mdp.values),
+            self.model.mean_reward(outcome_index, &self.true_mdp.values),
         );
         let episode = agent.episode.episode;
         self.steps += 1;
-        self.belief.update(&self.model, pair, outcome, observation);
+        self.belief
+            .update(&self.model, pair, outcome_index, observation);
         self.count_visit(turn.agent);
         let action = (pair - self.model.pairs(from).start) as u32;
         Step {

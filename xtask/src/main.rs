@@ -31,13 +31,15 @@ const GOLDEN_TESTS: [(&str, &str); 2] = [("seedbed-env", "broken_envs"), ("seedb
 fn bless() -> Result<(), String> {
     for (package, tests) in GOLDEN_TESTS {
         let arguments = ["test", "--package", package, "--test", "it", tests];
-        run_command(cargo(&arguments).env("UPDATE_EXPECT", "1"))?;
+        run_command(cargo_command(&arguments).env("UPDATE_EXPECT", "1"))?;
     }
     Ok(())
 }
 
 fn docs() -> Result<(), String> {
-    run_command(cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings"))
+    run_command(
+        cargo_command(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings"),
+    )
 }
 
 /// Runs the commands of `recordings/README.md`: the first command records the sample, the others
@@ -69,7 +71,7 @@ fn run_seedbed(arguments: &str) -> Result<(), String> {
     run_command(Command::new("sh").args(["-c", &line]))
 }
 
-fn cargo(arguments: &[&str]) -> Command {
+fn cargo_command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO"));
     command.args(arguments);
     command

@@ -121,10 +121,10 @@ impl KinematicTree {
 
 impl Link {
     fn new(joint: &Joint, task: &BodyTask) -> Self {
-        let reference =
+        let frame_at_zero_coordinates =
             |body: usize| Frame::at(task.bodies[body].position, task.bodies[body].angle);
-        let parent = joint.parent.map_or(Frame::WORLD, reference);
-        let child = reference(joint.child);
+        let parent = joint.parent.map_or(Frame::WORLD, frame_at_zero_coordinates);
+        let child = frame_at_zero_coordinates(joint.child);
         Self {
             parent: joint.parent,
             child: joint.child,

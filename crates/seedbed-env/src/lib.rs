@@ -234,7 +234,7 @@ pub struct Spec {
     pub name: String,
     /// One sentence for people.
     pub description: String,
-    /// Components of an observation, in order.
+    /// The observed quantities, in order.
     pub observations: Vec<Quantity>,
     /// Components of an action, in order.
     pub actions: Vec<Action>,

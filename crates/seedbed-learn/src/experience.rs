@@ -137,7 +137,7 @@ impl SharedBuffer {
     ///
     /// # Panics
     /// If they are not in agent order.
-    pub fn push(&mut self, episodes: Vec<Episode>) {
+    pub fn add_episodes(&mut self, episodes: Vec<Episode>) {
         assert!(
             episodes.is_sorted_by_key(|episode| episode.agent),
             "episodes must be in agent order"
@@ -195,7 +195,7 @@ mod tests {
             rewards: vec![0.0; length],
             ..episode(0)
         };
-        buffer.push(vec![of_length(0), of_length(3), of_length(2)]);
+        buffer.add_episodes(vec![of_length(0), of_length(3), of_length(2)]);
         assert_eq!(
             [0, 2, 3, 100].map(|transitions| buffer.count_before_newest(transitions)),
             [3, 2, 1, 0]
@@ -205,8 +205,8 @@ mod tests {
     #[test]
     fn removed_episodes_are_counted() {
         let mut buffer = SharedBuffer::default();
-        buffer.push(vec![episode(0), episode(1)]);
-        buffer.push(vec![episode(0), episode(2)]);
+        buffer.add_episodes(vec![episode(0), episode(1)]);
+        buffer.add_episodes(vec![episode(0), episode(2)]);
         buffer.remove_first(1);
         let agents = |count| {
             buffer

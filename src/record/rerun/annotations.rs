@@ -77,7 +77,11 @@ impl PanelLayout {
 
     /// The layout of pairs of observations, with one row of panels per agent or, without `agents`,
     /// one row of the team.
-    pub(super) fn of_pairs(pairs: &Pairs, agents: Option<u32>, viewport: Viewport) -> Self {
+    pub(super) fn for_observation_pairs(
+        pairs: &Pairs,
+        agents: Option<u32>,
+        viewport: Viewport,
+    ) -> Self {
         Self::new(
             agents,
             [pairs.width() as f32, CELLS as f32],
@@ -88,13 +92,13 @@ impl PanelLayout {
     }
 
     /// A layout with `name_lines` lines of labels above each image and `scale_lines` lines below
-    /// the color scale. If axes have no names, there are `beside` points on either side of an
+    /// the color scale. If axes have no names, there are `side_margin` points on either side of an
     /// image.
     fn new(
         agents: Option<u32>,
         size: [f32; 2],
         viewport: Viewport,
-        [name_lines, beside]: [f32; 2],
+        [name_lines, side_margin]: [f32; 2],
         scale_lines: f32,
     ) -> Self {
         let count = agents.unwrap_or(1);
@@ -105,7 +109,7 @@ impl PanelLayout {
         let labels = LabelSpace {
             above,
             below: if has_names { 1.3 } else { 0.4 },
-            beside: if has_names { SIDE_MARGIN } else { beside },
+            side_margin: if has_names { SIDE_MARGIN } else { side_margin },
             scale_lines,
         };
         Self {

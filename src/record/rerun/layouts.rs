@@ -99,8 +99,8 @@ impl Layouts {
         Self {
             axes: PanelLayout::of_axes(axes, Some(agents), viewport(axes_size)),
             team_axes: PanelLayout::of_axes(axes, None, viewport(team_axes_size)),
-            pairs: PanelLayout::of_pairs(pairs, Some(agents), viewport(pairs_size)),
-            team_pairs: PanelLayout::of_pairs(pairs, None, viewport(team_pairs_size)),
+            pairs: PanelLayout::for_observation_pairs(pairs, Some(agents), viewport(pairs_size)),
+            team_pairs: PanelLayout::for_observation_pairs(pairs, None, viewport(team_pairs_size)),
         }
     }
 

@@ -129,8 +129,8 @@ impl RerunRecorder {
         started.map_err(|error| paths.error(Attempt::Write, &error))
     }
 
-    /// Resumes the recording at `path` from where [`checkpoint`](Recorder::checkpoint) returned
-    /// `bytes`.
+    /// Resumes the recording at `path` from a checkpoint: `bytes` is what
+    /// [`checkpoint`](Recorder::checkpoint) returned.
     ///
     /// # Errors
     /// The bytes are not a checkpoint of this recording, or the file could not be read or written.

@@ -192,7 +192,7 @@ impl Rows {
         entity: &EntityPath,
         columns: &RawColumns,
     ) -> Result<Chunk, RecordingError> {
-        let is_step: Vec<bool> = self.is_last.iter().map(|is_last| !is_last).collect();
+        let row_is_step: Vec<bool> = self.is_last.iter().map(|is_last| !is_last).collect();
         let observed = columns
             .observations
             .iter()
@@ -217,7 +217,7 @@ impl Rows {
         let done = named
             .zip(done)
             .chain(afterwards)
-            .map(|(name, values)| f32_column(name, values, Some(is_step.clone())));
+            .map(|(name, values)| f32_column(name, values, Some(row_is_step.clone())));
         let outcome = unit_column(
             columns.outcome.clone(),
             Arc::new(StringArray::from(self.outcomes)),

@@ -288,7 +288,7 @@ struct Chunks {
 
 impl Chunks {
     fn open(path: &Path) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|error| ReadError::File {
+        let file = File::open(path).map_err(|error| ReadError::Unreadable {
             path: path.to_owned(),
             reason: error.to_string(),
         })?;
@@ -301,7 +301,7 @@ impl Chunks {
 
     fn fail(&mut self, reason: String) -> ReadError {
         self.failed = true;
-        ReadError::File {
+        ReadError::Unreadable {
             path: self.path.clone(),
             reason,
         }

@@ -229,10 +229,10 @@ impl RecordingService {
         loop {
             let FileProgress { length, complete } = *self.progress.borrow_and_update();
             while read < length {
-                let mut chunk = vec![0; READ_CHUNK_BYTES.min(length - read) as usize];
-                file.read_exact(&mut chunk).await?;
-                read += chunk.len() as u64;
-                decoder.push_byte_chunk(chunk);
+                let mut bytes = vec![0; READ_CHUNK_BYTES.min(length - read) as usize];
+                file.read_exact(&mut bytes).await?;
+                read += bytes.len() as u64;
+                decoder.push_byte_chunk(bytes);
                 while let Some(message) = decoder.try_read()? {
                     if reader.send(Ok(response(message))).await.is_err() {
                         return Ok(());

@@ -68,7 +68,7 @@ fn filled_box(center: [f32; 2], half_size: [f32; 2], angle: f32) -> Vec<(Vec<[f3
     let half_thickness = half_size[0].min(half_size[1]);
     let frame = |(within, radius): (f32, f32)| {
         let corners = corners(half_size.map(|half| half - within * half_thickness));
-        let corners = corners.map(|corner| rotated_point(corner, angle, center));
+        let corners = corners.map(|corner| rotated_and_shifted(corner, angle, center));
         let sides = [0, 1, 2, 3].map(|side| vec![corners[side], corners[side + 1]]);
         sides.map(|side| (side, Radius::new_scene_units(radius * half_thickness)))
     };
@@ -88,12 +88,12 @@ fn disc(shape: &Shape) -> Option<([f32; 2], Radius)> {
     }
 }
 
-/// The outline of a shape in a trace. `None` for open lines, which belong to fixed bodies.
+/// The outline of a shape. `None` for open lines, which are left out of traces.
 pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     match shape {
         Shape::Ball { center, radius } => {
             let point = |part: u8| {
-                rotated_point(
+                rotated_and_shifted(
                     [*radius, 0.0],
                     f32::from(part) * std::f32::consts::TAU / 16.0,
                     *center,
@@ -107,7 +107,7 @@ pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
             angle,
         } => Some(
             corners(*half_size)
-                .map(|corner| rotated_point(corner, *angle, *center))
+                .map(|corner| rotated_and_shifted(corner, *angle, *center))
                 .to_vec(),
         ),
         Shape::Capsule { from, to, .. } => Some(vec![*from, *to]),
@@ -116,14 +116,14 @@ pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
     }
 }
 
-fn rotated_point([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2] {
+fn rotated_and_shifted([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2] {
     let (sin, cos) = angle.sin_cos();
     [right + cos * x - sin * y, up + sin * x + cos * y]
 }
 
 /// The position in the scene of a point of a body.
 pub(super) fn scene_point(point: [f32; 2], pose: Pose) -> [f32; 2] {
-    let [x, y] = rotated_point(point, pose.angle, [pose.x, pose.y]);
+    let [x, y] = rotated_and_shifted(point, pose.angle, [pose.x, pose.y]);
     [x, -y]
 }
 

@@ -39,7 +39,7 @@ pub(super) struct LabelSpace {
     /// Lines below an image.
     pub(super) below: f32,
     /// Points on either side of an image.
-    pub(super) beside: f32,
+    pub(super) side_margin: f32,
     /// Lines below the color scale.
     pub(super) scale_lines: f32,
 }
@@ -93,7 +93,7 @@ impl Tiles {
         };
         let zoom = |columns: u32| {
             let horizontal_zoom =
-                ((viewport.size[0] - right) / columns as f32 - 2.0 * labels.beside) / size[0];
+                ((viewport.size[0] - right) / columns as f32 - 2.0 * labels.side_margin) / size[0];
             let vertical_zoom =
                 (viewport.size[1] / rows(columns) as f32 - lines(columns) * LINE_HEIGHT) / size[1];
             horizontal_zoom.min(vertical_zoom).max(0.1)
@@ -110,10 +110,10 @@ impl Tiles {
         let columns = candidates.max_by(compare_layouts).unwrap_or(1);
         let zoom = zoom(columns);
         let step = [
-            size[0] + 2.0 * labels.beside / zoom,
+            size[0] + 2.0 * labels.side_margin / zoom,
             size[1] + lines(columns) * LINE_HEIGHT / zoom,
         ];
-        let margin = [labels.beside / zoom, labels.above * LINE_HEIGHT / zoom];
+        let margin = [labels.side_margin / zoom, labels.above * LINE_HEIGHT / zoom];
         Self {
             count,
             size,
@@ -209,7 +209,7 @@ mod tests {
     const LABELS: LabelSpace = LabelSpace {
         above: 3.0,
         below: 1.0,
-        beside: 20.0,
+        side_margin: 20.0,
         scale_lines: 3.0,
     };
 

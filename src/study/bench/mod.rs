@@ -67,7 +67,7 @@ pub trait BenchReport: Debug + Sync {
     fn columns(&self) -> &'static [Column];
 
     /// Cells of a row of that table.
-    fn cells(&self, bench: &Bench) -> Vec<String>;
+    fn table_row(&self, bench: &Bench) -> Vec<String>;
 
     /// How many agents reached the goal by themselves, if that is known: for whole runs.
     fn exploration(&self, _benches: &[Bench]) -> Option<BenchTable> {

@@ -39,7 +39,7 @@ impl BenchReport for RegretReport {
         &REGRET
     }
 
-    fn cells(&self, bench: &Bench) -> Vec<String> {
+    fn table_row(&self, bench: &Bench) -> Vec<String> {
         let regrets = regrets(bench);
         let regret = bootstrap_sample(&regrets, mean);
         let mut shares = Vec::with_capacity(bench.outcomes.len());

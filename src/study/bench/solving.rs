@@ -57,7 +57,7 @@ impl BenchReport for SolvingReport {
         &SOLVING
     }
 
-    fn cells(&self, bench: &Bench) -> Vec<String> {
+    fn table_row(&self, bench: &Bench) -> Vec<String> {
         let outcomes = &bench.outcomes;
         let curve = kaplan_meier(&times_to_event(&scores(outcomes, episodes)));
         let env_steps = kaplan_meier(&times_to_event(&scores(outcomes, |outcome| {
@@ -94,7 +94,7 @@ impl BenchReport for SolvingReport {
         }
         Some(BenchTable {
             above: vec![
-                "Agents with an episode of their own that reached the threshold, the median number of that episode, and"
+                "Agents that reached the threshold in an episode of their own, the median number of their first such episode, and"
                     .to_owned(),
                 "the mean share of the state space that the team visited.".to_owned(),
             ],
@@ -278,7 +278,7 @@ mod tests {
     }
 
     fn row(max_episodes: u32, words: &str) -> Vec<String> {
-        SolvingReport.cells(&bench(4, max_episodes, words))
+        SolvingReport.table_row(&bench(4, max_episodes, words))
     }
 
     /// The interval is that of `lifelines` for these data, which are in

@@ -9,7 +9,7 @@ use crate::record::table::TableFiles;
 use crate::record::{RecorderFactory, RecordingSettings};
 use crate::run::summary::{FINAL_WINDOW, Summary};
 use crate::run::trainer::Trainer;
-use crate::run::{self, Factories, Observer, Options, Plan, RunError, RunOutcome};
+use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, RunOutcome};
 use crate::scenario::Scenario;
 use crate::study::bench::{BenchReport, SolvingReport};
 use crate::study::measure::{Measure, Needs};
@@ -106,7 +106,7 @@ impl Experiment for Plan {
         observer: &mut dyn Observer,
         interrupted: &AtomicBool,
     ) -> Result<RunEnding, RunError> {
-        let mut factories: Factories = vec![Box::new(TableFiles {
+        let mut factories: RecorderFactories = vec![Box::new(TableFiles {
             folder: options.folder.path().to_owned(),
         })];
         factories.extend(recording);

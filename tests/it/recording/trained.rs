@@ -8,7 +8,7 @@ use seedbed::record::recording::RecordingFile;
 use seedbed::record::table::TableFiles;
 use seedbed::run::folder::RunFolder;
 use seedbed::run::trainer::Trainer;
-use seedbed::run::{Factories, Observer, Options, Plan, Progress, RunOutcome, execute};
+use seedbed::run::{Observer, Options, Plan, Progress, RecorderFactories, RunOutcome, execute};
 use seedbed_env::Choice;
 use seedbed_learn::experience::{Episode, StepData};
 
@@ -45,7 +45,7 @@ fn plan(overrides: &[&str]) -> Plan {
     Plan::load(Path::new("scenarios/cartpole.ron"), &overrides).unwrap()
 }
 
-fn factories(folder: &RunFolder) -> Factories {
+fn factories(folder: &RunFolder) -> RecorderFactories {
     let tables = TableFiles {
         folder: folder.path().to_owned(),
     };

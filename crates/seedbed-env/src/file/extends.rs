@@ -72,13 +72,13 @@ impl MergedText {
             files: vec![root],
             lines: Vec::new(),
         };
-        let fields = merged.collect(0, parts)?;
+        let fields = merged.merged_fields(0, parts)?;
         merged.write(&fields);
         Ok(merged)
     }
 
     /// The fields of a file, completed by those of the files that it extends.
-    fn collect(
+    fn merged_fields(
         &mut self,
         file: usize,
         mut parts: FileParts,
@@ -92,7 +92,7 @@ impl MergedText {
         };
         let mut own = of_file(file, parts.fields);
         let mut fields = Vec::new();
-        for inherited in self.collect(base, base_parts)? {
+        for inherited in self.merged_fields(base, base_parts)? {
             // A field that is given twice in a file stays twice: the parser reports it.
             let position = own
                 .iter()
@@ -343,7 +343,7 @@ mod tests {
         }
     }
 
-    const BASE: &str = r#"// A disc on a rail.
+    const BASE_FILE_TEXT: &str = r#"// A disc on a rail.
 Environment(
     description: "A disc on a rail.", // said to people, not to agents
     gravity: (0.0, -9.8), control_step: 0.02,
@@ -362,7 +362,7 @@ Environment(
         let folder = Folder::new(
             "replaces",
             &[
-                ("base.ron", BASE),
+                ("base.ron", BASE_FILE_TEXT),
                 (
                     "mine.ron",
                     r#"Environment(extends: "base", time_limit: 7, reward: "x", terminated: "x > 1")"#,
@@ -388,9 +388,9 @@ Environment(
 
     #[test]
     fn a_file_that_extends_nothing_keeps_its_text() {
-        let folder = Folder::new("alone", &[("base.ron", BASE)]);
+        let folder = Folder::new("alone", &[("base.ron", BASE_FILE_TEXT)]);
         let (_, text) = load_with_text(&folder.0.join("base.ron")).unwrap();
-        assert_eq!(text, BASE);
+        assert_eq!(text, BASE_FILE_TEXT);
     }
 
     #[test]
@@ -398,9 +398,9 @@ Environment(
         let folder = Folder::new(
             "errors",
             &[
-                ("base.ron", &BASE.replace("-9.8)", "\"down\")")),
+                ("base.ron", &BASE_FILE_TEXT.replace("-9.8)", "\"down\")")),
                 ("first.ron", "Environment(\n    extends: \"base\",\n)"),
-                ("good.ron", BASE),
+                ("good.ron", BASE_FILE_TEXT),
                 (
                     "second.ron",
                     "Environment(\n    extends: \"good\",\n    time_limit: 5, reward: \"y\",\n)",

@@ -129,7 +129,7 @@ impl Batch {
         }
     }
 
-    /// Stops bodies that have hit a wall.
+    /// Moves bodies that have passed an inelastic wall back to it, and stops them.
     fn stop_at_walls(&mut self, template: &CopyTemplate) {
         for joint in template.joints.iter().filter(|joint| joint.has_walls()) {
             for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {

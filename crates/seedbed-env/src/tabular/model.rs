@@ -20,7 +20,7 @@ pub struct Model {
     pub coordinates: Vec<Coordinate>,
     /// Coordinates of each state: `[states × coordinates]`.
     pub places: Vec<f32>,
-    /// Prior of each unknown parameter θ of the rewards: `[parameters]`.
+    /// Priors of the unknown parameters θ of the rewards, one per parameter.
     pub parameters: Vec<Prior>,
     /// Concentration α₀ of the symmetric Dirichlet prior over the outcomes of a pair that has
     /// several.

@@ -43,11 +43,11 @@ fn tasks() -> Vec<(TaskDescription, Physics)> {
     tasks
 }
 
-fn resets(copy: usize, episode: u32) -> Stream {
+fn reset_stream(copy: usize, episode: u32) -> Stream {
     stream(7, Purpose::Reset, copy as u32, episode)
 }
 
-fn actions(copy: usize) -> Stream {
+fn action_stream(copy: usize) -> Stream {
     stream(7, Purpose::Action, copy as u32, 0)
 }
 
@@ -79,9 +79,9 @@ impl Crowd {
     fn new(task: &TaskDescription, physics: Physics, names: &[usize]) -> Self {
         let mut environment = fresh(task, physics, names.len());
         for (copy, &name) in names.iter().enumerate() {
-            environment.reset(copy, &mut resets(name, 0));
+            environment.reset(copy, &mut reset_stream(name, 0));
         }
-        let random = names.iter().map(|&name| actions(name)).collect();
+        let random = names.iter().map(|&name| action_stream(name)).collect();
         Self {
             environment,
             random,
@@ -89,9 +89,9 @@ impl Crowd {
         }
     }
 
-    /// One step of all; `names` as before. Copies whose name is not in `restarting` stay where they
+    /// One step of all; `names` as before. Copies whose name is not in `names_to_restart` stay where they
     /// ended.
-    fn step(&mut self, names: &[usize], restarting: &[usize]) {
+    fn step(&mut self, names: &[usize], names_to_restart: &[usize]) {
         let rows: Vec<_> = self
             .random
             .iter_mut()
@@ -99,10 +99,12 @@ impl Crowd {
             .collect();
         self.environment.step(&rows.concat());
         for (copy, name) in names.iter().enumerate() {
-            if self.environment.statuses()[copy] != Status::Running && restarting.contains(name) {
+            if self.environment.statuses()[copy] != Status::Running
+                && names_to_restart.contains(name)
+            {
                 self.episodes[copy] += 1;
                 self.environment
-                    .reset(copy, &mut resets(*name, self.episodes[copy]));
+                    .reset(copy, &mut reset_stream(*name, self.episodes[copy]));
             }
         }
     }
@@ -212,12 +214,12 @@ fn a_copy_does_not_depend_on_the_others() {
             for (crowd, names) in &mut crowds {
                 // In every other batch only our copy starts again, so that it ends up alone among
                 // idle ones.
-                let restarting = if names.len() % 2 == 0 {
+                let names_to_restart = if names.len() % 2 == 0 {
                     names.clone()
                 } else {
                     vec![5]
                 };
-                crowd.step(names, &restarting);
+                crowd.step(names, &names_to_restart);
                 assert_eq!(
                     crowd.bits(names.len() / 2),
                     alone.bits(0),
@@ -238,9 +240,9 @@ fn a_reset_equals_a_fresh_build() {
         (0..150).for_each(|_| used.step(&names, &[0, 2]));
         let mut new = fresh(&task, physics, names.len());
         for copy in names {
-            used.environment.reset(copy, &mut resets(copy, 50));
-            new.reset(copy, &mut resets(copy, 50));
-            used.random[copy] = actions(copy);
+            used.environment.reset(copy, &mut reset_stream(copy, 50));
+            new.reset(copy, &mut reset_stream(copy, 50));
+            used.random[copy] = action_stream(copy);
         }
         let mut new = Crowd {
             environment: new,

@@ -66,7 +66,7 @@ fn larger(a: State, b: State) -> State {
     std::array::from_fn(|i| a[i].max(b[i]))
 }
 
-/// States from anywhere that a controlled pole gets to, rounded as a rigid body holds them.
+/// A random state in the range that a controlled pole reaches, rounded to f32 as in rigid bodies.
 fn random_state(random: &mut Stream) -> State {
     [2.0, 0.5, 2.0, 2.0].map(|most| f64::from(random.random_range(-most..most) as f32))
 }

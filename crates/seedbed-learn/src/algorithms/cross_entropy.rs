@@ -228,7 +228,7 @@ impl Team for CrossEntropyTeam {
         for episode in fresh {
             self.scaling.update(episode.states());
         }
-        let is_finite = self
+        let parameters_are_finite = self
             .mean
             .iter()
             .chain(&self.deviation)
@@ -236,7 +236,7 @@ impl Team for CrossEntropyTeam {
         let update = |agent| AgentUpdate {
             agent,
             update: UpdateReport::default().into(),
-            is_finite,
+            is_finite: parameters_are_finite,
         };
         let learners = request.learners.iter();
         learners.map(|learner| update(learner.agent)).collect()

@@ -127,15 +127,15 @@ impl Standardizer {
     }
 
     fn exact_deviation(&self, column: usize) -> f64 {
-        self.bounded_root(self.squares[column], 0.0)
+        self.root_mean_square_with_minimum(self.squares[column], 0.0)
     }
 
     fn exact_root_mean_square(&self, column: usize) -> f64 {
-        self.bounded_root(self.squares[column], self.mean[column])
+        self.root_mean_square_with_minimum(self.squares[column], self.mean[column])
     }
 
     /// √(squares/n + center²), but at least 10⁻⁴.
-    fn bounded_root(&self, squares: f64, center: f64) -> f64 {
+    fn root_mean_square_with_minimum(&self, squares: f64, center: f64) -> f64 {
         if self.count == 0 {
             return 1.0;
         }

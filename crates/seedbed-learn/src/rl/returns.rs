@@ -255,11 +255,11 @@ mod tests {
         );
     }
 
-    /// The same with c = 1. Products from step 0 on are 2, 1, 3, capped to 1, 1, 1: G̃₀ = 1 + ½·2 +
-    /// ¼·4 =
-    /// 3. From step 1 on ½, 3/2, capped to ½, 1: G̃₁ = ½·2 + ½·4 = 3. From step 2 on 3, capped to
-    /// 1: G̃₂ =
-    /// 4. With capped ratios instead of products, G̃₀ would be 1 + ½·½·2 + ¼·½·4 = 2.
+    /// The same with products of ratios capped at c = 1.
+    /// From step 0 on, the products are 2, 1, 3, capped 1, 1, 1, so G̃₀ = 1 + ½·2 + ¼·4 = 3.
+    /// From step 1 on, they are ½, 3/2, capped ½, 1, so G̃₁ = ½·2 + ½·4 = 3.
+    /// From step 2 on, the product is 3, capped 1, so G̃₂ = 4.
+    /// If ratios were capped instead of products, G̃₀ would be 1 + ½·½·2 + ¼·½·4 = 2.
     #[test]
     fn products_of_ratios_are_capped() {
         assert_eq!(

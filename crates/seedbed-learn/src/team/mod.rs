@@ -74,10 +74,10 @@ pub struct ActionRequest<'a> {
     pub playing: &'a [bool],
     /// Random streams from which the agents draw their actions: `[K]`.
     pub random: &'a mut [Stream],
-    /// Actions of agents that play, to be written; a discrete action is the index of its value:
+    /// Output: the actions of the agents that play. A discrete action is the index of its value:
     /// `[K × action width]`.
     pub actions: &'a mut [f32],
-    /// Log-probability of each component of the actions, to be written: `[K × action width]`.
+    /// Output: the log-probability of each component of these actions: `[K × action width]`.
     pub log_probs: &'a mut [f32],
 }
 

@@ -48,7 +48,8 @@ impl WorldTemplate {
         let insert =
             |(index, link)| insert_link(index, link, task, &handles, &mut bodies, &mut joints);
         let links: Vec<_> = tree.links().iter().enumerate().map(insert).collect();
-        let multibodies = undamped(&bodies, &handles, &mut joints);
+        let multibodies = multibody_indices(&handles, &joints);
+        remove_default_damping(&multibodies, &bodies, &mut joints);
         links
             .iter()
             .zip(&task.joints)
@@ -180,11 +181,10 @@ fn root(body: usize, task: &BodyTask) -> Root {
     Root::new(body, task.bodies[body].inertial.com, is_linked)
 }
 
-/// Removes the damping that Rapier gives to every hinge by default, and lists the multibodies.
-fn undamped(
-    bodies: &RigidBodySet,
+/// The multibodies of the bodies, each once.
+fn multibody_indices(
     handles: &[RigidBodyHandle],
-    joints: &mut MultibodyJointSet,
+    joints: &MultibodyJointSet,
 ) -> Vec<MultibodyIndex> {
     let mut indices: Vec<_> = Vec::new();
     for link in handles
@@ -195,11 +195,19 @@ fn undamped(
             indices.push(link.multibody);
         }
     }
-    for &index in &indices {
+    indices
+}
+
+/// Removes the damping that Rapier gives to every hinge by default.
+fn remove_default_damping(
+    multibodies: &[MultibodyIndex],
+    bodies: &RigidBodySet,
+    joints: &mut MultibodyJointSet,
+) {
+    for &index in multibodies {
         if let Some(multibody) = joints.get_multibody_mut(index) {
             multibody.forward_kinematics(bodies, true);
             multibody.damping_mut().fill(0.0);
         }
     }
-    indices
 }

@@ -159,7 +159,7 @@ pub enum AdvantageEstimate {
     /// Return minus baseline. With `value_target: MonteCarlo` it is the return of the value target,
     /// otherwise the per-decision return with products of ratios of at most 1.
     MonteCarlo {
-        /// How often the importance ratio of the action itself is applied.
+        /// Whether the importance ratio of the action itself is applied once or twice.
         #[serde(default)]
         importance: RatioCount,
         /// Baseline that is subtracted from the return (thesis §1.5.1).
@@ -187,7 +187,7 @@ pub enum AdvantageEstimate {
     VTrace(VTrace),
 }
 
-/// How often the importance ratio of the action itself is applied in the policy's loss.
+/// Whether the importance ratio of the action itself is applied once or twice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum RatioCount {
     /// Once, in the loss: A = rₜ₊₁ + `z_{k,t+1}` + γ G̃ₜ₊₁ − v(sₜ).

@@ -44,7 +44,8 @@ pub struct SeedPgAgent {
     config: SeedPg,
     run_seed: u64,
     agent: u32,
-    /// Reward seeds `z_{k,1} … z_{k,T}`, with T the time limit.
+    /// Reward seeds `z_{k,1} … z_{k,T}`: the number that this agent adds to the reward of each step,
+    /// up to the time limit T.
     reward_seeds: Vec<f32>,
     scaling: Scaling,
     policy: Policy,

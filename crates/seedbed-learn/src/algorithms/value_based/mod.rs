@@ -20,7 +20,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use self::config::{Composition, Following};
-use self::model::{Evaluation, LearningContext, ValueModel};
+use self::model::{LearningContext, ValueBuffers, ValueModel};
 use crate::agent::bonus::Bonus;
 use crate::agent::scaling::Scaling;
 use crate::agent::{Tensor, Update, UpdateReport};
@@ -64,7 +64,7 @@ struct ActionBuffers {
     observations: Vec<f32>,
     /// The same, scaled.
     scaled: Vec<f32>,
-    evaluation: Evaluation,
+    value_buffers: ValueBuffers,
     /// Values of all choices of each agent: `[K × choices]`.
     values: Vec<f32>,
 }
@@ -153,7 +153,7 @@ impl ValueTeam {
             self.scaling
                 .apply(&buffers.observations, &mut buffers.scaled);
             let rows = model
-                .values(&buffers.scaled, &mut buffers.evaluation)
+                .values(&buffers.scaled, &mut buffers.value_buffers)
                 .chunks_exact(self.choices);
             for (agent, row) in playing_followers().zip(rows) {
                 let range = agent * self.choices..(agent + 1) * self.choices;

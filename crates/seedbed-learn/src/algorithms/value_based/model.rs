@@ -53,7 +53,7 @@ struct Prior {
 
 /// Buffers for the values of many states.
 #[derive(Debug, Default)]
-pub(super) struct Evaluation {
+pub(super) struct ValueBuffers {
     activations: Activations,
     values: Vec<f32>,
 }
@@ -68,11 +68,11 @@ struct Workspace {
     scaled_next: Vec<f32>,
     bonuses: Vec<f32>,
     /// Values of the states before the actions.
-    now: Evaluation,
+    now: ValueBuffers,
     /// Values of the next states by the target network.
-    next: Evaluation,
+    next: ValueBuffers,
     /// Values of the next states by the trained network.
-    online_next: Evaluation,
+    online_next: ValueBuffers,
     targets: Vec<f32>,
     gradient: Vec<f32>,
 }
@@ -154,14 +154,18 @@ impl ValueModel {
     }
 
     /// Values Q(s, ·) of scaled observations.   `states: [B × width]` → `[B × choices]`
-    pub(super) fn values<'a>(&self, states: &[f32], buffers: &'a mut Evaluation) -> &'a mut [f32] {
+    pub(super) fn values<'a>(
+        &self,
+        states: &[f32],
+        buffers: &'a mut ValueBuffers,
+    ) -> &'a mut [f32] {
         self.values_with(self.network.parameters(), states, buffers);
         &mut buffers.values
     }
 
     /// Values under the given parameters, plus the prior.
-    fn values_with(&self, parameters: &[f32], states: &[f32], buffers: &mut Evaluation) {
-        let Evaluation {
+    fn values_with(&self, parameters: &[f32], states: &[f32], buffers: &mut ValueBuffers) {
+        let ValueBuffers {
             activations,
             values,
         } = buffers;
