@@ -11,7 +11,7 @@ use seedbed::record::{Recorder, RecordingSettings};
 #[path = "../tests/it/recording/synthetic_run.rs"]
 mod synthetic_run;
 
-use synthetic_run::Run;
+use synthetic_run::SyntheticRun;
 
 criterion_group!(benches, recording);
 criterion_main!(benches);

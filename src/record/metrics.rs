@@ -468,8 +468,8 @@ mod tests {
     #[test]
     fn team_values_ignore_agents_without_a_value() {
         let row_with = |entropy, largest_ratio| RoundRow {
-            entropy,
             largest_ratio,
+            entropy,
             ..row_without_measurements()
         };
         let updates = [

@@ -140,6 +140,9 @@ impl StoredRun {
     }
 
     /// Whether a repetition of the run has bit-identical results.
+    ///
+    /// # Panics
+    /// Never: plain data always serializes.
     #[must_use]
     pub fn is_reproduced_by(&self, outcome: &Result<RunResult, String>) -> bool {
         let bytes = |outcome: &Result<RunResult, String>| {

@@ -212,3 +212,37 @@ fn nothing_of_the_cartpole_is_in_code_but_its_analytic_model() {
         }
     }
 }
+
+/// The relative links of a Markdown page, without anchors; text in code blocks does not count.
+fn relative_links(page: &str) -> Vec<String> {
+    let text: Vec<&str> = page
+        .lines()
+        .filter(|line| !line.starts_with("    "))
+        .collect();
+    let text = text.join("\n");
+    let targets = text.split("](").skip(1);
+    targets
+        .filter_map(|rest| rest.split([')', '#']).next())
+        .filter(|target| !target.is_empty() && !target.contains("://"))
+        .map(str::to_owned)
+        .collect()
+}
+
+#[test]
+fn links_between_pages_lead_to_files() {
+    let root = Path::new(REPOSITORY);
+    let mut pages = files_below(&root.join("docs"), "md");
+    for folder in ["envs", "scenarios", "recordings"] {
+        pages.extend(files_below(&root.join(folder), "md"));
+    }
+    pages.extend(["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(|page| root.join(page)));
+    let mut links = 0;
+    for page in pages {
+        for target in relative_links(&fs::read_to_string(&page).unwrap()) {
+            links += 1;
+            let path = page.parent().unwrap().join(&target);
+            assert!(path.exists(), "{} links to {target}", page.display());
+        }
+    }
+    assert!(links > 50, "{links} links found");
+}

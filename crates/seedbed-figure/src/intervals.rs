@@ -80,7 +80,7 @@ impl Intervals {
                 TextStyle::new(LABEL_SIZE, Anchor::End).color(MUTED_COLOR),
             );
             svg.clipped(&widened_for_dots(&area), |svg| {
-                row.draw(&scale, &area, y, svg)
+                row.draw(&scale, &area, y, svg);
             });
         }
     }

@@ -38,7 +38,7 @@ impl Recording {
             let chunk = chunk?;
             match chunk.entity_path().to_string().as_str() {
                 entity if entity.starts_with("/__properties") => {
-                    collect_properties(&chunk, &mut properties)
+                    collect_properties(&chunk, &mut properties);
                 }
                 quantities::ENTITY => {
                     let quantities = quantities::read(&chunk).ok_or_else(|| missing(path))?;

@@ -100,10 +100,15 @@ fn measure_table(results: &Results, measure: Measure) -> Table {
 }
 
 fn aggregate_cells(aggregate: &Aggregate, is_time: bool) -> Vec<String> {
-    let (value, interval): (fn(f64) -> String, fn(Interval) -> String) = if is_time {
-        (format::time, format::interval_of_time)
+    let value = if is_time {
+        format::time
     } else {
-        (format::number, format::interval)
+        format::number
+    };
+    let interval = if is_time {
+        format::interval_of_time
+    } else {
+        format::interval
     };
     let mut cells = vec![aggregate.n.to_string()];
     if is_time {
