@@ -110,9 +110,10 @@ pub struct RoundRecord<'a> {
 }
 
 impl RoundRecord<'_> {
-    /// What updates computed for the steps of an episode, if anything.
+    /// Intrinsic rewards and advantages that an update computed for the steps of an episode; `None` if
+    /// it computed none.
     #[must_use]
-    pub fn steps_of(&self, episode: &Episode) -> Option<&StepData> {
+    pub fn step_data_of(&self, episode: &Episode) -> Option<&StepData> {
         let key = (episode.agent, episode.episode);
         let data_key = |data: &StepData| (data.agent, data.episode);
         let index = self.step_data.binary_search_by_key(&key, data_key).ok()?;

@@ -135,7 +135,9 @@ impl Measure {
             Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::Solved => Needs::Threshold,
             Self::FirstGoal | Self::Reach => Needs::Goal,
             Self::Regret => Needs::Tables,
-            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => needs_of_curve(of),
+            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => {
+                required_of_runs_for_curve(of)
+            }
             Self::FinalReturn { .. }
             | Self::ReturnAt { .. }
             | Self::SpreadOfAgents { .. }
@@ -215,7 +217,7 @@ impl Measure {
 }
 
 /// Requirement that a run must fulfill for a curve.
-fn needs_of_curve(curve: Curve) -> Needs {
+fn required_of_runs_for_curve(curve: Curve) -> Needs {
     match curve.metric().runs {
         Runs::All => Needs::Nothing,
         Runs::Training => Needs::Rounds,

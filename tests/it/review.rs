@@ -267,29 +267,29 @@ fn the_command_in_the_recordings_readme_reproduces_the_sample() {
         ]
         .concat(),
     );
-    let rerun_episodes = Recording::open(&path.join("run.rrd")).unwrap();
-    let rerun_episodes: Vec<RecordedEpisode> = rerun_episodes
+    let repeated_episodes = Recording::open(&path.join("run.rrd")).unwrap();
+    let repeated_episodes: Vec<RecordedEpisode> = repeated_episodes
         .episodes()
         .unwrap()
         .collect::<Result<_, _>>()
         .unwrap();
     let sample = sample_episodes();
-    assert_eq!((sample.len(), rerun_episodes.len()), (4 * 30, 4 * 30));
+    assert_eq!((sample.len(), repeated_episodes.len()), (4 * 30, 4 * 30));
     for episode in sample.iter().filter(|episode| episode.round == 0) {
-        let rerun_episode = rerun_episodes
+        let repeated_episode = repeated_episodes
             .iter()
             .find(|candidate| {
                 (candidate.agent, candidate.episode) == (episode.agent, episode.episode)
             })
             .unwrap();
-        assert_eq!(episode.actions, rerun_episode.actions);
+        assert_eq!(episode.actions, repeated_episode.actions);
         let observations_are_close = episode
             .observations
             .iter()
-            .zip(&rerun_episode.observations)
+            .zip(&repeated_episode.observations)
             .all(|(one, candidate)| (one - candidate).abs() < 1e-4);
         assert!(
-            observations_are_close && episode.outcome == rerun_episode.outcome,
+            observations_are_close && episode.outcome == repeated_episode.outcome,
             "{episode:?}"
         );
     }

@@ -115,7 +115,7 @@ impl BodyEnvironment {
     fn new(task: &BodyTask, dynamics: Box<dyn Dynamics>, copies: usize) -> Self {
         let columns = task.column_layout();
         let formulas = &task.formulas;
-        let previous = columns.first_previous()..columns.count();
+        let previous = columns.first_previous_value()..columns.count();
         let observations = formulas.observations.iter();
         let forces = task.formula_forces.iter();
         Self {
@@ -173,13 +173,13 @@ impl Environment for BodyEnvironment {
         if self.reads_previous {
             self.table.copy_columns(
                 0..self.columns.first_action(),
-                self.columns.first_previous(),
+                self.columns.first_previous_value(),
             );
         }
         self.compute_formula_forces();
         self.dynamics.step(
             self.table
-                .columns(self.columns.first_action()..self.columns.first_previous()),
+                .columns(self.columns.first_action()..self.columns.first_previous_value()),
         );
         self.observe(0..self.copies());
         self.compute_rewards_and_statuses();

@@ -79,7 +79,7 @@ impl Intervals {
                 &row.numbers_text(),
                 TextStyle::new(LABEL_SIZE, Anchor::End).color(MUTED_COLOR),
             );
-            svg.clipped(&widened_for_dots(&area), |svg| {
+            svg.clipped(&clip_area_with_dots(&area), |svg| {
                 row.draw(&scale, &area, y, svg);
             });
         }
@@ -126,7 +126,7 @@ impl Intervals {
 }
 
 /// The area of the plot, widened so that dots at its edges are not clipped.
-fn widened_for_dots(area: &Rect) -> Rect {
+fn clip_area_with_dots(area: &Rect) -> Rect {
     Rect {
         x: area.x - DOT_RADIUS,
         width: area.width + 2.0 * DOT_RADIUS,

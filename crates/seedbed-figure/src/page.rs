@@ -23,7 +23,7 @@ impl Figure {
     }
 
     /// Sets the width and height of the page. The heights of the rows keep their proportions.
-    pub fn fit(&mut self, width: f64, height: f64) {
+    pub fn resize(&mut self, width: f64, height: f64) {
         let height_without_rows =
             self.height() - self.rows.iter().map(|row| row.height).sum::<f64>();
         let factor =
@@ -326,7 +326,7 @@ mod tests {
             (1200, 2 * figure_with_all_panels().height() as u32)
         );
         let mut wide = figure_with_all_panels();
-        wide.fit(1e6, 100.0);
+        wide.resize(1e6, 100.0);
         assert!(
             wide.png(2.0)
                 .unwrap_err()
@@ -338,7 +338,7 @@ mod tests {
     #[test]
     fn fit_sets_the_width_and_height() {
         let mut figure = figure_with_all_panels();
-        figure.fit(800.0, 700.0);
+        figure.resize(800.0, 700.0);
         assert!((figure.height() - 700.0).abs() < 1e-9 && figure.width == 800.0);
     }
 

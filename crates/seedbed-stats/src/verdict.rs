@@ -26,7 +26,7 @@ pub enum Direction {
 pub enum Verdict {
     /// The interval excludes 0 in the claimed direction.
     Replicated,
-    /// The interval does not exclude 0 in the claimed direction, and excludes the claimed size.
+    /// The interval includes 0 or values against the claim, and is entirely below the claimed size.
     NotReplicated,
     /// The interval includes both 0 and the claimed size, or there are too few runs.
     Inconclusive,

@@ -118,7 +118,7 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     let runs = read(args)?;
     let mut figure = PlotPage { args, runs: &runs }.figure()?;
     if let Some([width, height]) = args.size {
-        figure.fit(width, height);
+        figure.resize(width, height);
     }
     let bytes = if is_png {
         figure

@@ -33,7 +33,7 @@ pub(super) struct PanelLayout {
     /// Whether each image is labeled with its agent.
     has_agent_labels: bool,
     /// Whether axes have names and ranges.
-    has_names: bool,
+    has_axis_names: bool,
     /// Whether every other name is one line higher.
     staggered: bool,
     /// Number of lines for names and ranges above an image.
@@ -62,7 +62,7 @@ impl PanelLayout {
         } else {
             Self::new(agents, size, viewport, [2.2, 8.0], 3.3)
         };
-        let is_crowded = unstaggered.has_names
+        let is_crowded = unstaggered.has_axis_names
             && (axes.x(1) - axes.x(0)) * unstaggered.tiles.zoom
                 < max_name_width(axes, unstaggered.units_fit(axes));
         if is_crowded {
@@ -103,19 +103,23 @@ impl PanelLayout {
     ) -> Self {
         let count = agents.unwrap_or(1);
         let has_agent_labels = agents.is_some_and(|agents| agents > 1);
-        let has_names = count <= MAX_LABELED;
-        let name_lines = if has_names { name_lines } else { 0.2 };
+        let has_axis_names = count <= MAX_LABELED;
+        let name_lines = if has_axis_names { name_lines } else { 0.2 };
         let above = name_lines + if has_agent_labels { 1.0 } else { 0.0 };
         let labels = LabelSpace {
             above,
-            below: if has_names { 1.3 } else { 0.4 },
-            side_margin: if has_names { SIDE_MARGIN } else { side_margin },
+            below: if has_axis_names { 1.3 } else { 0.4 },
+            side_margin: if has_axis_names {
+                SIDE_MARGIN
+            } else {
+                side_margin
+            },
             scale_lines,
         };
         Self {
             tiles: Tiles::new(count, size, viewport, labels),
             has_agent_labels,
-            has_names,
+            has_axis_names,
             staggered: false,
             name_lines,
         }
@@ -219,7 +223,7 @@ impl PanelLayout {
                 (low, [x, bottom], RANGE_COLOR),
             ]
         };
-        if self.has_names {
+        if self.has_axis_names {
             axes.all().iter().enumerate().flat_map(labels).collect()
         } else {
             Vec::new()
@@ -249,7 +253,7 @@ impl PanelLayout {
                 ),
             ]
         };
-        if self.has_names {
+        if self.has_axis_names {
             pairs.panels().iter().enumerate().flat_map(labels).collect()
         } else {
             Vec::new()

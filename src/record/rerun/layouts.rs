@@ -206,7 +206,8 @@ fn max_and_note_labels(bar: &ColorBar, note: f32) -> Vec<Label> {
     color_bar_labels(bar, &[("", 1.05), ("", note)])
 }
 
-/// The color of a density, from a single line (0, not black) to the maximum (1).
+/// The color at a share of the color scale: 0 is the color of a pixel with a single line (dark, but
+/// not black), 1 that of the maximum.
 fn line_density_color(share: f32) -> [u8; 3] {
     let min = f32::from(MIN_BRIGHTNESS) / 255.0;
     density_color(min + (1.0 - min) * share)

@@ -83,7 +83,7 @@ impl RerunRecorder {
                 of_team: of_agent.div_ceil(self.writers.agents.len()),
             };
             let (first_moment, end) = self.episode_moments(episode);
-            let step_data = round.steps_of(episode);
+            let step_data = round.step_data_of(episode);
             let writers = &mut self.writers.agents[agent];
             if episode.episode.is_multiple_of(self.settings.raw_every) {
                 writers.raw.add(episode, step_data, first_moment);

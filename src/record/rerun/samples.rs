@@ -156,17 +156,20 @@ impl SampleWriter {
             return Ok(Vec::new());
         }
         let (axes, panels) = (style.axes.all().len(), style.pairs.panels().len());
-        let line = |coordinates, states| {
+        let lines_column = |coordinates, states| {
             (
                 LineStrips2D::descriptor_strips(),
                 strips(coordinates, vec![axes; states]),
             )
         };
-        let point = |coordinates, _| (Points2D::descriptor_positions(), positions(coordinates));
-        let lines = self.lines.take(1, LineStrips2D::descriptor_colors(), line);
+        let points_column =
+            |coordinates, _| (Points2D::descriptor_positions(), positions(coordinates));
+        let lines = self
+            .lines
+            .take(1, LineStrips2D::descriptor_colors(), lines_column);
         let points = self
             .points
-            .take(panels, Points2D::descriptor_colors(), point);
+            .take(panels, Points2D::descriptor_colors(), points_column);
         lines.into_iter().chain(points).collect()
     }
 

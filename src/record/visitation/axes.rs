@@ -448,7 +448,7 @@ pub(super) mod tests {
     /// On an axis from −4 to 4, the advantage 2 has position 0.75, and −5 is outside the axis. The
     /// last state has no action and so no advantage.
     #[test]
-    fn a_chosen_axis_shows_advantages() {
+    fn advantages_have_positions_on_an_axis_of_advantages() {
         let advantage = AxisChoice::Advantage {
             from: known(-4.0),
             to: known::<FiniteNumber>(4.0).into(),

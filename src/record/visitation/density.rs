@@ -74,7 +74,7 @@ impl Density {
         delta
     }
 
-    /// Whether this density has all cells of a round.
+    /// Whether all cells of a round lie within the grid of this density.
     #[must_use]
     pub fn contains(&self, round: &DensityDelta) -> bool {
         round

@@ -10,7 +10,7 @@ use seedbed_stats::paired::{differences, signed_rank_test};
 #[derive(Clone, Copy, Debug)]
 pub struct RegretReport;
 
-const REGRET: [Column; 7] = [
+const REGRET_COLUMNS: [Column; 7] = [
     ("agents", 6),
     ("regret", 8),
     ("95 % interval", 18),
@@ -20,7 +20,7 @@ const REGRET: [Column; 7] = [
     ("steps/s", 9),
 ];
 
-const PAIRED: [Column; 3] = [("difference", 10), ("95 % interval", 20), ("p (Holm)", 12)];
+const PAIRED_COLUMNS: [Column; 3] = [("difference", 10), ("95 % interval", 20), ("p (Holm)", 12)];
 
 impl BenchReport for RegretReport {
     fn measure(&self) -> &'static str {
@@ -36,7 +36,7 @@ impl BenchReport for RegretReport {
     }
 
     fn columns(&self) -> &'static [Column] {
-        &REGRET
+        &REGRET_COLUMNS
     }
 
     fn table_row(&self, bench: &Bench) -> Vec<String> {
@@ -73,7 +73,7 @@ impl BenchReport for RegretReport {
                 ),
                 "Wilcoxon's signed-rank test, corrected by Holm's method.".to_owned(),
             ],
-            columns: &PAIRED,
+            columns: &PAIRED_COLUMNS,
             rows: comparison_rows(first, &others),
             below: Vec::new(),
         })

@@ -12,7 +12,7 @@ use seedbed_stats::survival::kaplan_meier;
 #[derive(Clone, Copy, Debug)]
 pub struct SolvingReport;
 
-const SOLVING: [Column; 8] = [
+const SOLVING_COLUMNS: [Column; 8] = [
     ("agents", 6),
     ("solved", 7),
     ("median", 7),
@@ -23,14 +23,14 @@ const SOLVING: [Column; 8] = [
     ("steps/s", 8),
 ];
 
-const EXPLORATION: [Column; 4] = [
+const EXPLORATION_COLUMNS: [Column; 4] = [
     ("agents", 8),
     ("reached", 9),
     ("in episode", 10),
     ("coverage", 8),
 ];
 
-const PAIRED: [Column; 5] = [
+const PAIRED_COLUMNS: [Column; 5] = [
     ("difference", 10),
     ("95 % interval", 17),
     ("P(faster)", 9),
@@ -54,7 +54,7 @@ impl BenchReport for SolvingReport {
     }
 
     fn columns(&self) -> &'static [Column] {
-        &SOLVING
+        &SOLVING_COLUMNS
     }
 
     fn table_row(&self, bench: &Bench) -> Vec<String> {
@@ -98,7 +98,7 @@ impl BenchReport for SolvingReport {
                     .to_owned(),
                 "the mean share of the state space that the team visited.".to_owned(),
             ],
-            columns: &EXPLORATION,
+            columns: &EXPLORATION_COLUMNS,
             rows,
             below: Vec::new(),
         })
@@ -127,7 +127,7 @@ impl BenchReport for SolvingReport {
                 "that a run is faster, and p value of Wilcoxon's signed-rank test, corrected by Holm's method."
                     .to_owned(),
             ],
-            columns: &PAIRED,
+            columns: &PAIRED_COLUMNS,
             rows: comparison_rows(first, others),
             below: below.iter().map(|&line| line.to_owned()).collect(),
         })

@@ -7,7 +7,6 @@ use crate::study::comparison::{Aggregate, Comparison, aggregate, compare};
 use crate::study::file::Test;
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
-use seedbed_stats::Interval;
 use seedbed_stats::hypothesis::holm_correction;
 
 /// A table of texts. The first column has names.

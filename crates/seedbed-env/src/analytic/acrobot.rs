@@ -6,9 +6,12 @@
 //! equations are
 //!
 //! ```text
-//! A α̈ + K cos δ β̈ − K sin δ β̇² = Q₁ + weight of link 1 and of m₂ at the elbow      A = I₁ + m₁
-//! c₁² + m₂ e² K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + weight of link 2
-//! B = I₂ + m₂ c₂² ```
+//! A α̈ + K cos δ β̈ − K sin δ β̇² = Q₁ + weight of link 1 and of m₂ at the elbow
+//! K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + weight of link 2
+//!
+//! A = I₁ + m₁ c₁² + m₂ e²
+//! B = I₂ + m₂ c₂²
+//! ```
 //!
 //! with K = m₂ |e| |c₂| and δ the angle from e to c₂ (from T = ½ A α̇² + ½ B β̇² + K cos δ α̇ β̇).
 //! The shoulder's torque τ₁ turns the upper link, the elbow's τ₂ the lower link and its reaction
@@ -34,7 +37,7 @@ pub struct Acrobot {
     /// Gravity to the right and upwards, m/s².
     pub gravity: [f64; 2],
     /// δ when both frames are parallel.
-    offset: f64,
+    delta_offset: f64,
     /// α and β − α at coordinates 0.
     reference: [f64; 2],
     /// For shoulder and elbow: +1 if the coordinate grows counter-clockwise, else −1.
@@ -104,7 +107,7 @@ impl Acrobot {
             upper_moment: [0, 1].map(|i| upper.mass * c1[i] + lower.mass * e[i]),
             lower_moment: c2.map(|length| lower.mass * length),
             gravity: task.gravity,
-            offset: libm::atan2(c2[1], c2[0]) - libm::atan2(e[1], e[0]),
+            delta_offset: libm::atan2(c2[1], c2[0]) - libm::atan2(e[1], e[0]),
             reference: [first.angle, second.angle],
             signs,
             shoulder,
@@ -120,7 +123,7 @@ impl Acrobot {
         [alpha, beta, alpha_rate, beta_rate]: [f64; 4],
         [shoulder, elbow]: [f64; 2],
     ) -> [f64; 2] {
-        let (sine, cosine) = libm::sincos(beta - alpha + self.offset);
+        let (sine, cosine) = libm::sincos(beta - alpha + self.delta_offset);
         // K cos δ and K sin δ.
         let (inertial_coupling, rate_coupling) = (self.coupling * cosine, self.coupling * sine);
         let upper = shoulder - elbow
@@ -142,12 +145,13 @@ impl Acrobot {
         x * self.gravity[1] - y * self.gravity[0]
     }
 
-    /// Total energy T + V of the state α, β, α̇, β̇, J.
+    /// Total energy T + V, in joules, of the state α, β, α̇, β̇.
     #[must_use]
     pub fn energy(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> f64 {
         let work_of_gravity =
             |moment, angle| dot(Frame::at([0.0; 2], angle).point(moment), self.gravity);
-        let coupled = self.coupling * (beta - alpha + self.offset).cos() * alpha_rate * beta_rate;
+        let coupled =
+            self.coupling * (beta - alpha + self.delta_offset).cos() * alpha_rate * beta_rate;
         let kinetic = 0.5
             * (self.upper_inertia * alpha_rate.powi(2) + self.lower_inertia * beta_rate.powi(2))
             + coupled;

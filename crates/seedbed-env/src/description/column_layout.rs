@@ -41,13 +41,13 @@ impl ColumnLayout {
 
     /// Column of the first sensor's value before the step.
     #[must_use]
-    pub fn first_previous(&self) -> usize {
+    pub fn first_previous_value(&self) -> usize {
         self.first_formula_force() + self.formula_forces
     }
 
     /// Number of columns.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.first_previous() + self.sensors + self.observations
+        self.first_previous_value() + self.sensors + self.observations
     }
 }

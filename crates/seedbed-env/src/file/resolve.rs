@@ -284,7 +284,7 @@ impl<'a> Resolver<'a> {
             .map(|(column, sensor)| Variable {
                 name: sensor.name.value().as_ref().to_owned(),
                 column,
-                previous: Some(self.columns.first_previous() + column),
+                previous: Some(self.columns.first_previous_value() + column),
             })
             .collect()
     }
@@ -314,12 +314,12 @@ impl<'a> Resolver<'a> {
     /// Observations, then the sensors that are not observed under their own name, then actions.
     fn all_variables(&self) -> Vec<Variable> {
         let observations = self.file.observations.iter().enumerate();
-        let first_previous = self.columns.first_previous() + self.columns.sensors;
+        let first_previous_observation = self.columns.first_previous_value() + self.columns.sensors;
         let mut variables: Vec<_> = observations
             .map(|(index, seen)| Variable {
                 name: seen.name.value().as_ref().to_owned(),
                 column: self.columns.first_observation() + index,
-                previous: Some(first_previous + index),
+                previous: Some(first_previous_observation + index),
             })
             .collect();
         for sensor in self.sensor_variables() {

@@ -106,11 +106,11 @@ fn end_of_value(lines: &[&str], start: usize, indent: &str) -> usize {
     if !lines[start].ends_with(['(', '[', '{']) {
         return start + 1;
     }
-    let closes = |line: &&str| {
+    let closes_value = |line: &&str| {
         line.strip_prefix(indent)
             .is_some_and(|rest| rest.starts_with([')', ']', '}']))
     };
-    let rest = lines[start + 1..].iter().position(closes);
+    let rest = lines[start + 1..].iter().position(closes_value);
     rest.map_or(lines.len(), |offset| start + offset + 2)
 }
 

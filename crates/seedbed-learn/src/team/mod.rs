@@ -74,7 +74,7 @@ pub struct ActionRequest<'a> {
     pub playing: &'a [bool],
     /// Random streams from which the agents draw their actions: `[K]`.
     pub random: &'a mut [Stream],
-    /// Output: the actions of the agents that play. A discrete action is the index of its value:
+    /// Output: the actions of the agents for which `playing` is true. A discrete action is the index of its value:
     /// `[K × action width]`.
     pub actions: &'a mut [f32],
     /// Output: the log-probability of each component of these actions: `[K × action width]`.

@@ -154,7 +154,7 @@ fn the_factored_form_is_that_of_materialised_gradients() {
 /// proportional to λ. Mostly the explicit step gives less, as a wider posterior mostly lowers the
 /// likelihood (g_σ < 0).
 #[test]
-fn the_explicit_step_agrees_as_it_shrinks() {
+fn explicit_and_second_order_gains_agree_for_small_steps() {
     let (network, data) = (
         network(),
         Transitions::pendulum(&mut stream(2, Purpose::Preview, 0, 0), 200, [-1.0, 1.0]),

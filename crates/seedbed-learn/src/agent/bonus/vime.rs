@@ -56,8 +56,8 @@ pub enum ModelSeeds {
     Scale,
     /// μ ← μ + σ z: Standard-Gaussian seed sampling (thesis §2.3).
     Shift,
-    /// The noise for drawing weights is always ε = z: one fixed draw in place of the draws of
-    /// `gain`.
+    /// Weights are always drawn with the agent's own fixed noise, ε = z, instead of the fresh draws
+    /// that `gain` sets.
     FixedSample,
 }
 
