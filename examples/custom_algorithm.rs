@@ -15,7 +15,7 @@ use seedbed::env::random::{Purpose, Stream, stream};
 use seedbed::env::{Physics, Spec};
 use seedbed::learn::agent::UpdateReport;
 use seedbed::learn::agent::{ActScratch, Agent, AgentContext, TeamConfig, Tensor, Update};
-use seedbed::learn::experience::Experience;
+use seedbed::learn::experience::{Episode, Experience};
 use seedbed::learn::team::{IndependentLearners, LearningTiming, TeamContext};
 use seedbed::run::trainer::{Trainer, TrainingSettings};
 
@@ -64,7 +64,7 @@ impl Agent for HillClimber {
             .fresh
             .iter()
             .filter(|episode| episode.agent == self.agent);
-        let total = own.next().map_or(0.0, |episode| episode.total_reward());
+        let total = own.next().map_or(0.0, Episode::total_reward);
         if total >= self.best_return {
             self.best_return = total;
             self.best.clone_from(&self.weights);

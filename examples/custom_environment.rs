@@ -61,11 +61,11 @@ impl Environment for Line {
     }
 
     fn step(&mut self, actions: &[f32]) {
-        for copy in 0..self.copies() {
+        for (copy, &action) in actions.iter().enumerate() {
             if self.statuses[copy] != Status::Running {
                 continue;
             }
-            self.positions[copy] += if actions[copy] == 1.0 { 1.0 } else { -1.0 };
+            self.positions[copy] += if action == 1.0 { 1.0 } else { -1.0 };
             self.steps[copy] += 1;
             let arrived = self.positions[copy] == 5.0;
             self.rewards[copy] = if arrived { 1.0 } else { 0.0 };

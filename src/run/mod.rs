@@ -252,7 +252,7 @@ fn create_recorders(
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
     replace_file(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
-    write(
+    replace_file(
         &folder.task(&plan.description.spec().name),
         plan.environment_text.as_bytes(),
     )?;

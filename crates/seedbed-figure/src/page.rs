@@ -193,8 +193,7 @@ mod tests {
         })
     }
 
-    /// A figure with one panel of each kind.
-    fn figure_with_all_panels() -> Figure {
+    fn panels_of_states() -> Vec<Panel> {
         let line = StateLine {
             fractions: vec![0.0, 0.5, 1.0],
             color: [0; 3],
@@ -204,12 +203,19 @@ mod tests {
             width: 2,
             max_count: 9,
         };
+        vec![
+            states(States::Lines(vec![line; 3])),
+            states(States::Density(density)),
+        ]
+    }
+
+    fn panels_of_pairs() -> Vec<Panel> {
+        let (x, y, title) = (quantity("x"), quantity("y"), "pair".to_owned());
         let point = ScatterPoint {
             position: [0.0, 9.0],
             color: [1, 2, 3],
         };
-        let (x, y, title) = (quantity("x"), quantity("y"), "pair".to_owned());
-        let heat = HeatMap {
+        let heat_map = HeatMap {
             title: title.clone(),
             x: x.clone(),
             y: y.clone(),
@@ -217,6 +223,16 @@ mod tests {
             columns: 2,
             max_count: 3,
         };
+        let scatter = Scatter {
+            title,
+            x,
+            y,
+            points: vec![point; 4],
+        };
+        vec![Panel::Scatter(scatter), Panel::HeatMap(heat_map)]
+    }
+
+    fn panel_of_intervals() -> Panel {
         let row = IntervalRow {
             name: "a".to_owned(),
             estimate: Some(1.0),
@@ -224,54 +240,38 @@ mod tests {
             n: 5,
             color: [0; 3],
         };
-        let rows: Vec<(Vec<Panel>, Option<Key>)> = vec![
-            (vec![Panel::Curves(curves()), Panel::Blank], None),
-            (
-                vec![
-                    states(States::Lines(vec![line; 3])),
-                    states(States::Density(density)),
-                ],
-                Some(Key::Counts {
-                    label: "states".to_owned(),
-                    max_count: 9,
-                }),
-            ),
-            (
-                vec![
-                    Panel::Scatter(Scatter {
-                        title,
-                        x,
-                        y,
-                        points: vec![point; 4],
-                    }),
-                    Panel::HeatMap(heat),
-                ],
-                Some(Key::Continuous {
-                    label: "episode".to_owned(),
-                    range: [0.0, 50.0],
-                }),
-            ),
-            (
-                vec![Panel::Intervals(Intervals {
-                    rows: vec![row; 2],
-                    ..Intervals::default()
-                })],
-                Some(Key::Categories(vec![("agent 0".to_owned(), [9; 3])])),
-            ),
-        ];
-        let rows = rows
-            .into_iter()
-            .map(|(panels, key)| Row {
-                height: 200.0,
-                panels,
-                key,
-            })
-            .collect();
+        Panel::Intervals(Intervals {
+            rows: vec![row; 2],
+            ..Intervals::default()
+        })
+    }
+
+    /// A figure with one panel of each kind.
+    fn figure_with_all_panels() -> Figure {
+        let row = |panels, key| Row {
+            height: 200.0,
+            panels,
+            key,
+        };
+        let counts = Key::Counts {
+            label: "states".to_owned(),
+            max_count: 9,
+        };
+        let episodes = Key::Continuous {
+            label: "episode".to_owned(),
+            range: [0.0, 50.0],
+        };
+        let agents = Key::Categories(vec![("agent 0".to_owned(), [9; 3])]);
         Figure {
             title: "A & B".to_owned(),
             description: "All panels".to_owned(),
             width: 600.0,
-            rows,
+            rows: vec![
+                row(vec![Panel::Curves(curves()), Panel::Blank], None),
+                row(panels_of_states(), Some(counts)),
+                row(panels_of_pairs(), Some(episodes)),
+                row(vec![panel_of_intervals()], Some(agents)),
+            ],
         }
     }
 

@@ -276,12 +276,9 @@ fn holms_correction_equals_statsmodels() {
     for case in cases {
         let computed = holm_correction(&case.p);
         assert_eq!(computed.len(), case.corrected.len());
-        computed
-            .iter()
-            .zip(&case.corrected)
-            .for_each(|(computed, &reference)| {
-                assert_relatively_close("Holm", *computed, reference)
-            });
+        for (computed, &reference) in computed.iter().zip(&case.corrected) {
+            assert_relatively_close("Holm", *computed, reference);
+        }
     }
 }
 

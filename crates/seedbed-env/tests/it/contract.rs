@@ -246,7 +246,7 @@ fn a_reset_equals_a_fresh_build() {
         }
         let mut new = Crowd {
             environment: new,
-            random: names.map(actions).to_vec(),
+            random: names.map(action_stream).to_vec(),
             episodes: vec![50; 4],
         };
         used.episodes = vec![50; 4];
