@@ -4,13 +4,12 @@
 //! differently because each carries its own fixed random seed. Data flows one way:
 //!
 //! ```text
-//! scenario.ron → Scenario → environments + agents → rounds of concurrent episodes → shared buffer
+//! scenario.ron → Scenario → environments + team → rounds of concurrent episodes → shared buffer
 //!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
 //! ```
 //!
 //! and so do the modules' dependencies: [`cli`] → [`study`] → [`tabular`] → [`run`] → [`scenario`]
-//! → [`agent`], [`mod@env`], [`record`] → [`rl`], [`nn`], [`experience`], [`seed`] → [`input`],
-//! [`random`]. `ARCHITECTURE.md` is the map.
+//! → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md` is the map.
 
 pub mod cli;
 pub mod plotting;

@@ -1,7 +1,7 @@
 //! Rollouts: every agent acts in its own copy of the environment, all copies one step at a time
 //! (thesis Alg. 3).
 //!
-//! [`play`] plays a round that starts and ends for all agents together. An [`EpisodeSlot`] holds the
+//! [`play`] plays a round that starts and ends for all agents together. An `EpisodeSlot` holds the
 //! current episode of one agent; asynchronous rollouts use it as well.
 
 use serde::{Deserialize, Serialize};

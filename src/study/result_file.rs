@@ -1,7 +1,7 @@
 //! Result files, each of which has one stored run of a study.
 //!
 //! A file is plain data in `postcard`'s encoding. Files of an older layout are still read; see
-//! [`OLDER_LAYOUT`].
+//! `OLDER_LAYOUT`.
 
 use std::collections::HashMap;
 
@@ -18,7 +18,7 @@ const LAYOUT: u32 = 3;
 /// instead of unmeasured values.
 const OLDER_LAYOUT: u32 = 2;
 
-/// Curves in files of [`OLDER_LAYOUT`], in the order of the file, each with its placeholder for
+/// Curves in files of `OLDER_LAYOUT`, in the order of the file, each with its placeholder for
 /// unmeasured values.
 const OLDER_CURVES: [(Curve, f32); 14] = [
     (Curve::ValueLoss, 0.0),
@@ -52,7 +52,7 @@ pub struct StoredRun {
     pub seed: u64,
     /// Result, or the reason why the run failed.
     pub outcome: Result<RunResult, String>,
-    /// Whether the run was read from a file of [`OLDER_LAYOUT`].
+    /// Whether the run was read from a file of `OLDER_LAYOUT`.
     is_older: bool,
 }
 
@@ -70,7 +70,7 @@ struct ResultFile {
     outcome: Result<RunResult, String>,
 }
 
-/// Contents of a file of [`OLDER_LAYOUT`].
+/// Contents of a file of `OLDER_LAYOUT`.
 #[derive(Deserialize)]
 struct OlderResultFile {
     _layout: u32,
