@@ -167,7 +167,7 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
     seedbed_env::build(description, scenario.physics, 1).map(|_| ())
 }
 
-/// Trains until the scenario's `stop` is reached or `interrupted` is set. `factories` make the
+/// Trains until the scenario's `stop` is reached or `interrupted` is set. `recorder_factories` make the
 /// recorders; a resumed run continues with the recorders that it began with, and further factories
 /// are dropped.
 ///
@@ -177,15 +177,15 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
 pub fn execute(
     plan: &Plan,
     options: &Options,
-    factories: RecorderFactories,
+    recorder_factories: RecorderFactories,
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<RunOutcome, RunError> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, options.threads)?;
     let mut recorders = if options.resume {
-        resume_run(plan, options, factories, &mut trainer)?
+        resume_run(plan, options, recorder_factories, &mut trainer)?
     } else {
-        create_recorders(plan, options, factories, &trainer)?
+        create_recorders(plan, options, recorder_factories, &trainer)?
     };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
@@ -247,7 +247,7 @@ fn report_warnings(recorders: &mut Recorders, observer: &mut dyn Observer) {
 fn create_recorders(
     plan: &Plan,
     options: &Options,
-    factories: RecorderFactories,
+    recorder_factories: RecorderFactories,
     trainer: &Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
@@ -259,14 +259,14 @@ fn create_recorders(
     with_info(plan, trainer, |info| {
         let create =
             |factory: Box<dyn RecorderFactory>| Ok(factory.create(info, &plan.scenario.recording)?);
-        factories.into_iter().map(create).collect()
+        recorder_factories.into_iter().map(create).collect()
     })
 }
 
 fn resume_run(
     plan: &Plan,
     options: &Options,
-    factories: RecorderFactories,
+    recorder_factories: RecorderFactories,
     trainer: &mut Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
@@ -277,7 +277,7 @@ fn resume_run(
         reason,
     };
     trainer.restore(&checkpoint.trainer).map_err(damaged)?;
-    let (states, most) = (&checkpoint.recorders, factories.len());
+    let (states, most) = (&checkpoint.recorders, recorder_factories.len());
     if states.is_empty() || states.len() > most {
         let reason = format!(
             "it has the states of {} recorders; expected 1 to {most}",
@@ -291,7 +291,11 @@ fn resume_run(
         let resume = |(factory, state): (Box<dyn RecorderFactory>, &Vec<u8>)| {
             Ok(factory.resume(info, &plan.scenario.recording, state)?)
         };
-        factories.into_iter().zip(states).map(resume).collect()
+        recorder_factories
+            .into_iter()
+            .zip(states)
+            .map(resume)
+            .collect()
     })
 }
 

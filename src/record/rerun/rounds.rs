@@ -47,7 +47,7 @@ impl RerunRecorder {
         let latest_episode = latest_episode.map_or(0, i64::from);
         self.state.latest = Some((round.round.into(), latest_episode));
         self.state.has_latest_images = false;
-        let end = self.latest_moment();
+        let end = self.end_of_latest_round();
         self.writers.curves.add_round(
             round.episode_rows,
             round.round_rows,
@@ -141,7 +141,7 @@ impl RerunRecorder {
     }
 
     /// The end of the latest round, at the largest step number of any agent.
-    fn latest_moment(&self) -> Moment {
+    fn end_of_latest_round(&self) -> Moment {
         let (round, episode) = self.state.latest.unwrap_or_default();
         let next_step = self.state.next_steps.iter().max();
         Moment {
@@ -158,12 +158,12 @@ impl RerunRecorder {
 
     /// Adds images of the states visited so far and in the latest rounds.
     pub(super) fn add_images(&mut self) {
-        let latest_moment = self.latest_moment();
+        let end_of_latest_round = self.end_of_latest_round();
         self.writers.images.push(
             &self.state.visits,
             &self.style,
             self.settings.window,
-            latest_moment,
+            end_of_latest_round,
         );
         self.state.has_latest_images = true;
     }

@@ -11,10 +11,10 @@ const LINE_HEIGHT: f32 = 19.0;
 pub(super) const CHAR_WIDTH: f32 = 6.7;
 
 /// Width of a color bar, in points.
-const BAR_WIDTH: f32 = 14.0;
+const COLOR_BAR_WIDTH: f32 = 14.0;
 
 /// Minimum height of a legible color bar, in points.
-const MIN_BAR_HEIGHT: f32 = 120.0;
+const MIN_COLOR_BAR_HEIGHT: f32 = 120.0;
 
 /// Images may be smaller by this share than the largest size that fits, if this reduces the number
 /// of empty tiles.
@@ -155,10 +155,10 @@ impl Tiles {
     /// The color bar beside the top row, with space for two lines above.
     pub(super) fn bar(&self) -> ColorBar {
         let middle = self.bounds()[0][1] - self.half_scale;
-        let half_width = 0.5 * BAR_WIDTH / self.zoom;
+        let half_width = 0.5 * COLOR_BAR_WIDTH / self.zoom;
         let top = (2.3 * self.line() - self.margin[1]).max(0.0);
         let height = if self.count > self.columns {
-            self.size[1].max(MIN_BAR_HEIGHT / self.zoom)
+            self.size[1].max(MIN_COLOR_BAR_HEIGHT / self.zoom)
         } else {
             self.size[1]
         };

@@ -106,11 +106,11 @@ impl Experiment for Plan {
         observer: &mut dyn Observer,
         interrupted: &AtomicBool,
     ) -> Result<RunEnding, RunError> {
-        let mut factories: RecorderFactories = vec![Box::new(TableFiles {
+        let mut recorder_factories: RecorderFactories = vec![Box::new(TableFiles {
             folder: options.folder.path().to_owned(),
         })];
-        factories.extend(recording);
-        let ending = run::execute(self, options, factories, observer, interrupted)?;
+        recorder_factories.extend(recording);
+        let ending = run::execute(self, options, recorder_factories, observer, interrupted)?;
         Ok(match ending {
             RunOutcome::Finished(summary) => RunEnding::Finished(report(&summary, options)),
             RunOutcome::Interrupted { rounds } => RunEnding::Interrupted {

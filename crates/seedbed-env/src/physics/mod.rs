@@ -85,7 +85,7 @@ struct SavedState {
 }
 
 impl RigidBodies {
-    /// Builds `copies` copies of a task, none of them live.
+    /// Builds `copies` copies of a task. None of them moves until it is started.
     #[must_use]
     pub fn new(task: &BodyTask, copies: usize) -> Self {
         let template = CopyTemplate::new(task, &KinematicTree::new(task));

@@ -67,9 +67,9 @@ struct Workspace {
     /// Samples of the next gradient step.
     samples: Samples,
     /// All samples of the policy, from which minibatches of steps are drawn.
-    policy_pool: Samples,
+    all_policy_samples: Samples,
     /// All samples of the value function.
-    value_pool: Samples,
+    all_value_samples: Samples,
     /// Order in which samples of a pool are drawn.
     rows: Vec<usize>,
     /// log π of each component of the actions of `samples`: `[N × C]`.
@@ -247,17 +247,19 @@ impl SeedPgAgent {
         self.fill_pools(fresh);
         let (weight, bias) = self.value.output_layer();
         self.normalizer
-            .update(&self.work.value_pool.targets, weight, bias);
+            .update(&self.work.all_value_samples.targets, weight, bias);
         let mut rows = std::mem::take(&mut self.work.rows);
-        shuffle_rows(&mut rows, self.work.policy_pool.len(), random);
+        shuffle_rows(&mut rows, self.work.all_policy_samples.len(), random);
         for rows in rows.chunks(size) {
-            self.work.samples.gather(&self.work.policy_pool, rows);
+            self.work
+                .samples
+                .gather(&self.work.all_policy_samples, rows);
             self.compute_ratios();
             self.improve_policy(descent, totals);
         }
-        shuffle_rows(&mut rows, self.work.value_pool.len(), random);
+        shuffle_rows(&mut rows, self.work.all_value_samples.len(), random);
         for rows in rows.chunks(size) {
-            self.work.samples.gather(&self.work.value_pool, rows);
+            self.work.samples.gather(&self.work.all_value_samples, rows);
             self.estimate_values();
             self.improve_value(descent, totals);
         }
@@ -266,23 +268,23 @@ impl SeedPgAgent {
 
     /// Collects the samples of all chosen trajectories.
     fn fill_pools(&mut self, fresh: &[Episode]) {
-        self.work.policy_pool.clear();
-        self.work.value_pool.clear();
+        self.work.all_policy_samples.clear();
+        self.work.all_value_samples.clear();
         for position in 0..self.work.order.len() {
             let index = self.work.order[position];
             let [value_learns, policy_learns] = self.networks_that_learn_from(&fresh[index]);
             self.load_trajectory(&fresh[index], index);
             let Workspace {
                 samples,
-                policy_pool,
-                value_pool,
+                all_policy_samples,
+                all_value_samples,
                 ..
             } = &mut self.work;
             if value_learns {
-                value_pool.append(samples);
+                all_value_samples.append(samples);
             }
             if policy_learns {
-                policy_pool.append(samples);
+                all_policy_samples.append(samples);
             }
         }
     }
