@@ -71,8 +71,16 @@ fn run_seedbed(arguments: &str) -> Result<(), String> {
     run_command(Command::new("sh").args(["-c", &line]))
 }
 
+/// A command of Cargo without the variables that `cargo xtask` sets for this program: build scripts
+/// of dependencies look at some of them, so that Cargo would rebuild these dependencies.
 fn cargo_command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO"));
+    for (name, _) in std::env::vars() {
+        let is_of_xtask = name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_");
+        if is_of_xtask || name.starts_with("CARGO_BIN_") {
+            command.env_remove(name);
+        }
+    }
     command.args(arguments);
     command
 }
