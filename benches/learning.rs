@@ -29,7 +29,7 @@ const STEPS: usize = 200;
 /// Updates with one round of episodes. Every update starts from the same parameters.
 fn update(criterion: &mut Criterion) {
     let task = cart_pole();
-    let fresh: Vec<Episode> = (0..AGENTS).map(|number| play(&task, number)).collect();
+    let episodes: Vec<Episode> = (0..AGENTS).map(|number| play(&task, number)).collect();
     let mut learner = agent(task.spec(), 0);
     let saved = learner.save();
     let mut group = criterion.benchmark_group("update");
@@ -42,9 +42,9 @@ fn update(criterion: &mut Criterion) {
                     .expect("these are the agent's own bytes");
                 let start = Instant::now();
                 black_box(learner.update(&Experience {
-                    fresh: &fresh,
-                    kept: &fresh,
-                    round: 0,
+                    new_episodes: &episodes,
+                    all_episodes: &episodes,
+                    earlier_updates: 0,
                 }));
                 start.elapsed()
             };

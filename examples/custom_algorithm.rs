@@ -61,7 +61,7 @@ impl Agent for HillClimber {
 
     fn update(&mut self, experience: &Experience<'_>) -> Update {
         let mut own = experience
-            .fresh
+            .new_episodes
             .iter()
             .filter(|episode| episode.agent == self.agent);
         let total = own.next().map_or(0.0, Episode::total_reward);
@@ -75,7 +75,7 @@ impl Agent for HillClimber {
             self.run_seed,
             Purpose::Shuffle,
             self.agent,
-            experience.round,
+            experience.earlier_updates,
         );
         for (weight, best) in self.weights.iter_mut().zip(&self.best) {
             let change: f32 = StandardNormal.sample(&mut random);

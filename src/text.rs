@@ -1,6 +1,7 @@
-//! Text that people read or copy: counted nouns and command lines.
+//! Text that people read or copy: counted nouns, numbers, names of files and command lines.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 /// Number and noun, such as `1 run` and `3 runs`.
 #[must_use]
@@ -10,6 +11,26 @@ pub fn pluralize(count: usize, noun: &str) -> String {
     } else {
         format!("{count} {noun}s")
     }
+}
+
+/// A decimal number as text without trailing zeros, such as `1.5` for `1.500`; `0` for `-0.0`.
+#[must_use]
+pub fn without_trailing_zeros(number: &str) -> &str {
+    let short = if number.contains('.') {
+        number.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        number
+    };
+    if short == "-0" { "0" } else { short }
+}
+
+/// Name of a file without its extension; `fallback` for a path without a file name, such as `..`.
+#[must_use]
+pub fn file_stem(path: &Path, fallback: &str) -> String {
+    path.file_stem().map_or_else(
+        || fallback.to_owned(),
+        |stem| stem.to_string_lossy().into_owned(),
+    )
 }
 
 /// A word of a command line, quoted where a POSIX shell would otherwise change it.
@@ -29,6 +50,21 @@ mod tests {
             [0, 1, 2].map(|count| pluralize(count, "run")),
             ["0 runs", "1 run", "2 runs"]
         );
+    }
+
+    #[test]
+    fn trailing_zeros_are_removed_behind_the_point_only() {
+        let texts = ["1.500", "20.0", "100", "-0.00", "-0", "0.05"];
+        assert_eq!(
+            texts.map(without_trailing_zeros),
+            ["1.5", "20", "100", "0", "0", "0.05"]
+        );
+    }
+
+    #[test]
+    fn a_path_without_a_file_name_has_the_fallback() {
+        assert_eq!(file_stem(Path::new("a/cartpole.ron"), "run"), "cartpole");
+        assert_eq!(file_stem(Path::new(".."), "run"), "run");
     }
 
     #[test]

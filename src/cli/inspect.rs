@@ -15,6 +15,7 @@ use crate::run::review::recording_stats::{RecordingStats, ValueDistribution};
 use crate::run::review::{LoadRunError, LoadedRun, final_mean};
 use crate::run::summary::FINAL_WINDOW;
 use crate::study::experiment::NO_THRESHOLD;
+use crate::text::without_trailing_zeros;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -387,16 +388,7 @@ fn number(value: f64) -> String {
         value.abs().log10().floor() as i32 + 1
     };
     let text = format!("{value:.*}", (4 - digits).clamp(0, 6) as usize);
-    let text = if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        &text
-    };
-    if text == "-0" {
-        "0".to_owned()
-    } else {
-        text.to_owned()
-    }
+    without_trailing_zeros(&text).to_owned()
 }
 
 fn grouped(number: u64) -> String {

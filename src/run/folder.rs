@@ -90,8 +90,8 @@ impl RunFolder {
             self.replay(),
             self.scenario(),
             self.policies(),
-            self.regret(),
-            self.visits(),
+            self.regret_file(),
+            self.visits_file(),
         ];
         for path in files.into_iter().chain(unfinished).chain(self.tables()) {
             remove(fs::remove_file(path))?;
@@ -126,13 +126,13 @@ impl RunFolder {
 
     /// The regret of each episode of a tabular run.
     #[must_use]
-    pub fn regret(&self) -> PathBuf {
+    pub fn regret_file(&self) -> PathBuf {
         self.path.join("regret.csv")
     }
 
     /// The number of visits to each state of a tabular run.
     #[must_use]
-    pub fn visits(&self) -> PathBuf {
+    pub fn visits_file(&self) -> PathBuf {
         self.path.join("visits.csv")
     }
 

@@ -31,6 +31,7 @@ use self::summary::{FINAL_WINDOW, Summary};
 use self::trainer::{Diverged, Round, Trainer};
 use crate::record::{Focus, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
 use crate::scenario::{self, Scenario};
+use crate::text::file_stem;
 use seedbed_env::TaskDescription;
 use seedbed_env::input::{self, Document, InputError};
 
@@ -144,9 +145,7 @@ impl Plan {
         let (description, environment_text) = seedbed_env::load_with_text(&environment)?;
         check(&document, &description)?;
         Ok(Self {
-            name: path
-                .file_stem()
-                .map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned()),
+            name: file_stem(path, "run"),
             environment_text,
             scenario: document.value,
             description,

@@ -164,7 +164,7 @@ impl Trainer {
             run_seed: scenario.seed,
             config: &scenario.agents,
             spec: environment.spec(),
-            timing: timing(scenario.schedule),
+            timing: learning_timing(scenario.schedule),
             record_advantages: scenario.recording.has_advantages(),
         });
         let settings = TrainingSettings {
@@ -239,9 +239,10 @@ impl Trainer {
         let workers = Workers::new(self.pool.as_ref());
         let (environment, team) = (&mut *self.environment, &mut *self.team);
         let played = rollout::play(environment, team, &plan, Some(workers));
-        let fresh = self.buffer.total();
+        let learned_before = self.buffer.total();
         self.share(played.episodes)?;
-        let learners = (0..self.team.agent_count() as u32).map(|agent| (agent, fresh, self.round));
+        let learners =
+            (0..self.team.agent_count() as u32).map(|agent| (agent, learned_before, self.round));
         let updates = self.learn(&learners.collect::<Vec<_>>())?;
         Ok((updates, played.body_trajectories))
     }
@@ -270,8 +271,8 @@ impl Trainer {
             let mut learners = Vec::new();
             for agent in agents {
                 let total = self.buffer.total();
-                let (fresh, round) = rollout.begin_update(agent, total, &config);
-                learners.push((agent, fresh, round));
+                let (learned_before, earlier_updates) = rollout.begin_update(agent, total, &config);
+                learners.push((agent, learned_before, earlier_updates));
             }
             updates.extend(self.learn(&learners)?);
         }
@@ -292,18 +293,18 @@ impl Trainer {
     /// Some agents learn at once.   `learners`: (agent, number of the team's episodes that it has
     /// learned from before, how often it has learned), in agent order
     fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<AgentUpdate>, Diverged> {
-        let kept = self.buffer.after(0);
-        let removed = self.buffer.total() - kept.len() as u64;
+        let episodes = self.buffer.after(0);
+        let removed = self.buffer.total() - episodes.len() as u64;
         let learners: Vec<Learner> = learners
             .iter()
-            .map(|&(agent, fresh, round)| Learner {
+            .map(|&(agent, learned_before, earlier_updates)| Learner {
                 agent,
-                first_fresh: fresh.saturating_sub(removed) as usize,
-                round,
+                first_new_episode: learned_before.saturating_sub(removed) as usize,
+                earlier_updates,
             })
             .collect();
         let request = LearningRequest {
-            kept,
+            episodes,
             learners: &learners,
         };
         let workers = Workers::new(self.pool.as_ref());
@@ -443,7 +444,7 @@ fn thread_pool(threads: usize) -> ThreadPool {
         .expect("the system starts threads")
 }
 
-fn timing(schedule: Schedule) -> LearningTiming {
+fn learning_timing(schedule: Schedule) -> LearningTiming {
     match schedule {
         Schedule::Lockstep { learn_every } => LearningTiming::EverySteps(learn_every.get()),
         Schedule::Synchronous { .. } | Schedule::Asynchronous { .. } => {

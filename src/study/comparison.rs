@@ -13,7 +13,7 @@ use seedbed_stats::{Estimate, Interval, bootstrap_sample, bootstrap_strata};
 
 /// Value of a measure for one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Score {
+pub struct RunScore {
     /// Run seed.
     pub seed: u64,
     /// Value of the measure; infinite for a time that was not reached.
@@ -57,7 +57,7 @@ pub struct Comparison {
     pub horizon: f64,
 }
 
-impl Score {
+impl RunScore {
     /// Score of a run in a measure; `None` if the run does not have this measure.
     #[must_use]
     pub fn of(measure: Measure, seed: u64, run: &RunResult) -> Option<Self> {
@@ -90,13 +90,13 @@ impl Score {
 /// Converts scores of times to times for survival analysis. Times that were not reached are
 /// censored.
 #[must_use]
-pub fn times_to_event(scores: &[Score]) -> Vec<TimeToEvent> {
+pub fn times_to_event(scores: &[RunScore]) -> Vec<TimeToEvent> {
     scores.iter().map(|score| score.time_to_event()).collect()
 }
 
 /// Summarizes scores. With `are_times`, infinite scores are censored times. `None` without scores.
 #[must_use]
-pub fn aggregate(scores: &[Score], are_times: bool) -> Option<Aggregate> {
+pub fn summarize_scores(scores: &[RunScore], are_times: bool) -> Option<Aggregate> {
     let values: Vec<f64> = scores.iter().map(|score| score.value).collect();
     if values.is_empty() {
         return None;
@@ -128,8 +128,8 @@ pub fn aggregate(scores: &[Score], are_times: bool) -> Option<Aggregate> {
 /// the cells have no run seed in common.
 #[must_use]
 pub fn compare(
-    first: &[Score],
-    second: &[Score],
+    first: &[RunScore],
+    second: &[RunScore],
     are_times: bool,
     test: Test,
 ) -> Option<Comparison> {
@@ -185,7 +185,7 @@ impl Comparison {
     }
 }
 
-fn common_seeds(first: &[Score], second: &[Score]) -> (Vec<Score>, Vec<Score>) {
+fn common_seeds(first: &[RunScore], second: &[RunScore]) -> (Vec<RunScore>, Vec<RunScore>) {
     let mut pairs = (Vec::new(), Vec::new());
     for score in first {
         if let Some(score_of_second) = second.iter().find(|candidate| candidate.seed == score.seed)
@@ -201,7 +201,7 @@ fn common_seeds(first: &[Score], second: &[Score]) -> (Vec<Score>, Vec<Score>) {
 ///
 /// A run with a smaller budget of episodes may not reach its time for that reason only. So cells
 /// are compared over the time during which all runs were observed.
-fn horizon<'a>(scores: impl Iterator<Item = &'a Score>) -> f64 {
+fn horizon<'a>(scores: impl Iterator<Item = &'a RunScore>) -> f64 {
     let scores_without_time = scores.filter(|score| score.value.is_infinite());
     scores_without_time
         .map(|score| score.observed_until)
@@ -209,7 +209,7 @@ fn horizon<'a>(scores: impl Iterator<Item = &'a Score>) -> f64 {
 }
 
 /// Values of scores, where times after the horizon are infinite (not reached).
-fn values_censored_after(horizon: f64, scores: &[Score]) -> Vec<f64> {
+fn values_censored_after(horizon: f64, scores: &[RunScore]) -> Vec<f64> {
     let mut values = Vec::with_capacity(scores.len());
     for score in scores {
         let is_within = score.value <= horizon;
@@ -285,7 +285,11 @@ fn bounded_effect(estimate_assuming: impl Fn(f64) -> Estimate) -> Effect {
     }
 }
 
-fn compare_samples(scores: [&[Score]; 2], [x, y]: [&[f64]; 2], are_times: bool) -> (Effect, f64) {
+fn compare_samples(
+    scores: [&[RunScore]; 2],
+    [x, y]: [&[f64]; 2],
+    are_times: bool,
+) -> (Effect, f64) {
     let statistic = if are_times { median } else { mean };
     let samples = [x.to_vec(), y.to_vec()];
     let effect = bounded_effect(|unknown| {
@@ -310,7 +314,7 @@ mod tests {
 
     /// Scores of times such as `10 50+`, where `50+` is a run that ended at 50 without reaching its
     /// time. Run seeds count from 0.
-    fn times(text: &str) -> Vec<Score> {
+    fn times(text: &str) -> Vec<RunScore> {
         let score = |(seed, token): (usize, &str)| {
             let time = token.trim_end_matches('+').parse().unwrap();
             let (value, observed_until) = if token.ends_with('+') {
@@ -318,7 +322,7 @@ mod tests {
             } else {
                 (time, f64::INFINITY)
             };
-            Score {
+            RunScore {
                 seed: seed as u64,
                 value,
                 observed_until,
@@ -431,10 +435,10 @@ mod tests {
     /// comparison uses all runs: 20 − 5 = 15.
     #[test]
     fn paired_comparisons_use_common_seeds() {
-        let scores = |first: u64, values: &[f64]| -> Vec<Score> {
+        let scores = |first: u64, values: &[f64]| -> Vec<RunScore> {
             (first..)
                 .zip(values)
-                .map(|(seed, &value)| Score {
+                .map(|(seed, &value)| RunScore {
                     seed,
                     value,
                     observed_until: f64::INFINITY,
@@ -456,7 +460,7 @@ mod tests {
     /// mean.
     #[test]
     fn the_aggregate_of_times_censors_runs_that_did_not_reach_them() {
-        let aggregate = aggregate(&times("10 20 50+ 50+ 50+"), true).unwrap();
+        let aggregate = summarize_scores(&times("10 20 50+ 50+ 50+"), true).unwrap();
         assert_eq!(
             (aggregate.n, aggregate.reached, aggregate.median.value),
             (5, 2, f64::INFINITY)

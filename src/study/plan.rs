@@ -8,6 +8,7 @@ use super::experiment::{self, Experiment, LoadError, LoadStep};
 use super::figure::{EpisodeWindow, Figure};
 use super::file::{Axis, NamedCell, Study};
 use super::measure::Measure;
+use crate::text::file_stem;
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
 
 /// A checked study that can be run.
@@ -71,10 +72,7 @@ impl StudyPlan {
             .check(&names)
             .map_err(|error| document.locate(error))?;
         check_measures(&document.value, &cells).map_err(|error| document.locate(error))?;
-        let name = path.file_stem().map_or_else(
-            || "study".into(),
-            |file_stem| file_stem.to_string_lossy().into_owned(),
-        );
+        let name = file_stem(path, "study");
         Ok(Self {
             name,
             path: path.to_owned(),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::comparison::Score;
+use super::comparison::RunScore;
 use super::figure::{EpisodeWindow, Figure};
 use super::file::{FIRST_REPORTING_SEED, Study};
 use super::measure::Measure;
@@ -138,10 +138,10 @@ impl Results {
 impl CellResults {
     /// Scores of all runs that have the measure.
     #[must_use]
-    pub fn scores(&self, measure: Measure) -> Vec<Score> {
+    pub fn scores(&self, measure: Measure) -> Vec<RunScore> {
         self.runs
             .iter()
-            .filter_map(|(seed, run)| Score::of(measure, *seed, run))
+            .filter_map(|(seed, run)| RunScore::of(measure, *seed, run))
             .collect()
     }
 

@@ -99,7 +99,7 @@ impl RunResult {
 
     /// Share of episodes without regret, over all agents; `None` if regrets are not known.
     #[must_use]
-    pub fn share_without_regret(&self) -> Option<f64> {
+    pub fn share_of_episodes_without_regret(&self) -> Option<f64> {
         let all = || self.regrets.iter().flatten();
         let without = all().filter(|&&regret| f64::from(regret) < NO_REGRET);
         (all().count() > 0).then(|| without.count() as f64 / all().count() as f64)
@@ -152,7 +152,7 @@ impl RunResult {
 
     /// After how many episodes of each agent a curve has its values.
     #[must_use]
-    pub fn curve_episodes(&self, curve: Curve) -> Vec<u32> {
+    pub fn episodes_of_curve(&self, curve: Curve) -> Vec<u32> {
         match curve {
             Curve::Return | Curve::Regret => (1..=self.episodes_per_agent() as u32).collect(),
             _ => self
@@ -179,7 +179,7 @@ impl RunResult {
     #[must_use]
     pub fn curve_at(&self, curve: Curve, episode: u32) -> Option<f64> {
         let before = self
-            .curve_episodes(curve)
+            .episodes_of_curve(curve)
             .partition_point(|&episodes| episodes <= episode);
         self.curve(curve).get(before.checked_sub(1)?).copied()
     }

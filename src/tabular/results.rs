@@ -110,8 +110,8 @@ impl Results {
     /// If a file cannot be written.
     pub fn write(&self, scenario: &TabularScenario, folder: &RunFolder) -> std::io::Result<()> {
         files::replace(&folder.scenario(), scenario.resolved().as_bytes())?;
-        files::replace(&folder.regret(), &to_csv(&self.episodes)?)?;
-        files::replace(&folder.visits(), &to_csv(&self.visits)?)?;
+        files::replace(&folder.regret_file(), &to_csv(&self.episodes)?)?;
+        files::replace(&folder.visits_file(), &to_csv(&self.visits)?)?;
         let summary = serde_json::to_string_pretty(&self.summary).map_err(std::io::Error::other)?;
         files::replace(&folder.summary(), format!("{summary}\n").as_bytes())
     }

@@ -10,6 +10,7 @@ use super::team::{Episode, TabularTeam};
 use crate::record::RecorderFactory;
 use crate::run::summary::FINAL_WINDOW;
 use crate::run::{Observer, Options, Progress, RunError};
+use crate::text::file_stem;
 use seedbed_env::Spec;
 
 /// A tabular scenario that can be run.
@@ -39,9 +40,8 @@ impl TabularPlan {
     /// The plan of a scenario that was read from `path`.
     #[must_use]
     pub fn new(path: &Path, scenario: TabularScenario) -> Self {
-        let stem = path.file_stem();
         Self {
-            name: stem.map_or_else(|| "run".into(), |stem| stem.to_string_lossy().into_owned()),
+            name: file_stem(path, "run"),
             // All tasks that a family draws have the same states and actions.
             spec: spec(&scenario, &scenario.task.model(0)),
             scenario,

@@ -8,17 +8,21 @@ use seedbed::run::trainer::Trainer;
 use super::util::REPOSITORY;
 
 /// A trainer for `scenarios/SCENARIO`, without a recording.
-fn load_trainer(scenario: &str, overrides: &[&str], threads: usize) -> Trainer {
+fn load_trainer(scenario_file: &str, overrides: &[&str], threads: usize) -> Trainer {
     let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
-    let path = Path::new(REPOSITORY).join("scenarios").join(scenario);
+    let path = Path::new(REPOSITORY).join("scenarios").join(scenario_file);
     let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
     Trainer::from_scenario(&plan.scenario, &plan.description, threads).unwrap()
 }
 
 /// Number of episodes per agent until the team solves the task, or `None` if it does not solve the
 /// task within `max_episodes`.
-fn episodes_until_solved(scenario: &str, overrides: &[&str], max_episodes: usize) -> Option<usize> {
-    let mut trainer = load_trainer(scenario, overrides, 2);
+fn episodes_until_solved(
+    scenario_file: &str,
+    overrides: &[&str],
+    max_episodes: usize,
+) -> Option<usize> {
+    let mut trainer = load_trainer(scenario_file, overrides, 2);
     while trainer.measures().episodes_per_agent() < max_episodes && !trainer.is_solved() {
         trainer.advance().unwrap();
     }
@@ -32,14 +36,17 @@ fn episodes_until_solved(scenario: &str, overrides: &[&str], max_episodes: usize
 /// alters single runs.
 fn is_solved_in(
     min_solved: usize,
-    scenario: &str,
+    scenario_file: &str,
     overrides: &[&str],
     max_episodes: usize,
 ) -> bool {
     let mut solved = 0;
     for run_seed in ["seed=0", "seed=1", "seed=2"] {
-        let episodes =
-            episodes_until_solved(scenario, &[overrides, &[run_seed]].concat(), max_episodes);
+        let episodes = episodes_until_solved(
+            scenario_file,
+            &[overrides, &[run_seed]].concat(),
+            max_episodes,
+        );
         solved += usize::from(episodes.is_some());
         if solved == min_solved {
             return true;
@@ -59,9 +66,10 @@ fn four_agents_of_seed_pg_solve_the_cartpole() {
 
 #[test]
 fn sixteen_agents_solve_the_cartpole_sooner_than_four() {
-    let episodes_of_two_runs = |scenario: &str| -> usize {
+    let episodes_of_two_runs = |scenario_file: &str| -> usize {
         let episodes_of_run = |run_seed| {
-            episodes_until_solved(scenario, &["physics=Analytic", run_seed], 300).unwrap_or(300)
+            episodes_until_solved(scenario_file, &["physics=Analytic", run_seed], 300)
+                .unwrap_or(300)
         };
         ["seed=0", "seed=1"].into_iter().map(episodes_of_run).sum()
     };
@@ -129,15 +137,15 @@ fn bootstrapped_dqn_solves_deep_sea_and_epsilon_greedy_does_not() {
 /// The numbers of episodes are at least those of the tests above.
 #[test]
 fn random_teams_solve_no_task() {
-    for (scenario, max_episodes) in [
+    for (scenario_file, max_episodes) in [
         ("cartpole.ron", 350),
         ("cartpole_1.ron", 600),
         ("cartpole_continuous.ron", 400),
         ("cartpole_q.ron", 300),
         ("pendulum.ron", 200),
     ] {
-        let episodes = episodes_until_solved(scenario, &["algorithm=Random"], max_episodes);
-        assert_eq!(episodes, None, "{scenario}");
+        let episodes = episodes_until_solved(scenario_file, &["algorithm=Random"], max_episodes);
+        assert_eq!(episodes, None, "{scenario_file}");
     }
 }
 
@@ -164,8 +172,8 @@ fn agents_with_a_bonus_reach_the_goal_more_often() {
 }
 
 /// The metric `bonus_agreement` of the third round.
-fn bonus_agreement_after_three_rounds(scenario: &str, overrides: &[&str]) -> Option<f32> {
-    let mut trainer = load_trainer(scenario, overrides, 1);
+fn bonus_agreement_after_three_rounds(scenario_file: &str, overrides: &[&str]) -> Option<f32> {
+    let mut trainer = load_trainer(scenario_file, overrides, 1);
     (0..3)
         .map(|_| trainer.advance().unwrap().rows.updates[0].bonus_agreement)
         .last()

@@ -162,7 +162,9 @@ impl IntervalRow {
             .map_or("not reached".to_owned(), format_number);
         let interval = match self.interval {
             None => String::new(),
-            Some([low, high]) if high == f64::INFINITY => format!(" [from {}]", format_number(low)),
+            Some([low, high]) if high == f64::INFINITY => {
+                format!(" [at least {}]", format_number(low))
+            }
             Some([low, high]) => format!(" [{}, {}]", format_number(low), format_number(high)),
         };
         format!("{estimate}{interval}, n = {}", self.n)
@@ -188,7 +190,7 @@ mod tests {
         );
         assert_eq!(
             row(None, Some([210.0, f64::INFINITY])).numbers_text(),
-            "not reached [from 210], n = 10"
+            "not reached [at least 210], n = 10"
         );
         assert_eq!(row(None, None).numbers_text(), "not reached, n = 10");
         assert_eq!(row(Some(-6.0), None).numbers_text(), "−6, n = 10");

@@ -125,11 +125,11 @@ pub struct SharedBuffer {
 #[derive(Clone, Copy, Debug)]
 pub struct Experience<'a> {
     /// The team's episodes that this agent has not learned from before, including its own.
-    pub fresh: &'a [Episode],
-    /// All episodes of the team that are still in the buffer; the fresh ones are the last.
-    pub kept: &'a [Episode],
+    pub new_episodes: &'a [Episode],
+    /// All episodes of the team that are still in the buffer; the new ones are the last.
+    pub all_episodes: &'a [Episode],
     /// Number of this agent's earlier updates.
-    pub round: u32,
+    pub earlier_updates: u32,
 }
 
 impl SharedBuffer {

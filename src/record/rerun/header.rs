@@ -26,7 +26,7 @@ impl RerunRecorder {
             self.layouts
                 .annotations(&self.style, &self.writers.images)?,
         );
-        chunks.extend(self.writers.styles(&self.style, self.settings.quota)?);
+        chunks.extend(self.writers.styles(&self.style, self.constants.quota)?);
         self.sink.send_chunks(&chunks)
     }
 
@@ -44,19 +44,19 @@ impl RerunRecorder {
     }
 
     fn blueprint_config(&self, trajectories: &[BodyTrajectory]) -> blueprint::BlueprintConfig {
-        let settings = &self.settings;
+        let constants = &self.constants;
         let scenes = self.writers.scenes.iter();
         blueprint::BlueprintConfig {
             agents: self.writers.agents.len() as u32,
             layouts: self.layouts,
-            quota: settings.quota,
-            window: settings.window,
-            time_limit: settings.spec.time_limit,
-            control_step: settings.spec.control_step,
-            focus: settings.focus,
+            quota: constants.quota,
+            window: constants.window,
+            time_limit: constants.spec.time_limit,
+            control_step: constants.spec.control_step,
+            focus: constants.focus,
             colored_by: self.style.coloring.title(),
-            has_bonus: settings.bonus.exists(),
-            difference: settings.difference.clone(),
+            has_bonus: constants.bonus.exists(),
+            difference: constants.difference.clone(),
             scenes: scenes
                 .map(|scene| scene_view(scene, trajectories))
                 .collect(),

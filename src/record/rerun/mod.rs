@@ -22,10 +22,10 @@ mod read;
 mod resume;
 mod rounds;
 mod rows;
+mod run_constants;
 mod samples;
 mod scene;
 mod serve;
-mod settings;
 mod shapes;
 mod sink;
 mod tiles;
@@ -42,9 +42,9 @@ use self::layouts::Layouts;
 pub use self::live::{DEFAULT_VIEWER, Viewer};
 pub use self::read::Recording;
 use self::resume::State;
+use self::run_constants::RunConstants;
 use self::samples::VisitationStyle;
 pub use self::serve::Server;
-use self::settings::Settings;
 use self::sink::{Sink, Storage};
 use self::writers::Writers;
 use super::{
@@ -99,7 +99,7 @@ impl RecorderFactory for RecordingFile {
 pub struct RerunRecorder {
     paths: Paths,
     sink: Sink,
-    settings: Settings,
+    constants: RunConstants,
     style: VisitationStyle,
     layouts: Layouts,
     writers: Writers,
@@ -196,7 +196,7 @@ impl RerunRecorder {
         Ok(Self {
             paths,
             sink,
-            settings: Settings::of(info, settings),
+            constants: RunConstants::of(info, settings),
             layouts: Layouts::new(info.agents, &style.axes, &style.pairs),
             style,
             writers: Writers::new(info, settings)?,

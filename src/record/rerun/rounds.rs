@@ -41,7 +41,7 @@ impl RerunRecorder {
             self.add_episodes(round, episodes, &mut rows);
         }
         for visits in &mut self.state.visits {
-            visits.end_round(round.round, self.settings.window);
+            visits.end_round(round.round, self.constants.window);
         }
         let latest_episode = round.episodes.iter().map(|episode| episode.episode).max();
         let latest_episode = latest_episode.map_or(0, i64::from);
@@ -54,7 +54,7 @@ impl RerunRecorder {
             end,
             &mut self.state.latest_returns,
         );
-        if has_images(round.round, self.settings.density_every) {
+        if has_images(round.round, self.constants.density_every) {
             self.add_images();
         }
         self.write_chunks(false)
@@ -71,13 +71,13 @@ impl RerunRecorder {
     ) {
         let agent = episodes[0].agent as usize;
         let mut random = stream(
-            self.settings.run_seed,
+            self.constants.run_seed,
             Purpose::Recording,
             episodes[0].agent,
             round.round,
         );
         for (index, episode) in episodes.iter().enumerate() {
-            let of_agent = self.settings.quota.of_episode(index, episodes.len());
+            let of_agent = self.constants.quota.of_episode(index, episodes.len());
             let sample_counts = SampleCounts {
                 of_agent,
                 of_team: of_agent.div_ceil(self.writers.agents.len()),
@@ -85,7 +85,7 @@ impl RerunRecorder {
             let (first_moment, end) = self.episode_moments(episode);
             let step_data = round.step_data_of(episode);
             let writers = &mut self.writers.agents[agent];
-            if episode.episode.is_multiple_of(self.settings.raw_every) {
+            if episode.episode.is_multiple_of(self.constants.raw_every) {
                 writers.raw.add(episode, step_data, first_moment);
             }
             self.style.add(
@@ -162,7 +162,7 @@ impl RerunRecorder {
         self.writers.images.push(
             &self.state.visits,
             &self.style,
-            self.settings.window,
+            self.constants.window,
             end_of_latest_round,
         );
         self.state.has_latest_images = true;
@@ -171,13 +171,13 @@ impl RerunRecorder {
     /// Sets the color scale of states for the whole run, using the returns of the first round.
     fn set_color_range(&mut self, first_round_episodes: &[&Episode]) {
         let Self {
-            settings, style, ..
+            constants, style, ..
         } = self;
         let range = Coloring::range(
             style.coloring.by,
-            &settings.spec,
-            settings.max_episodes,
-            settings.bonus,
+            &constants.spec,
+            constants.max_episodes,
+            constants.bonus,
             first_round_episodes,
         );
         style.coloring.range = range;

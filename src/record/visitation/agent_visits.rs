@@ -47,8 +47,11 @@ impl AgentVisits {
                 .all(|cell| (cell.cell as usize) < cells)
         };
         let bonuses_fit = self.bonuses.as_ref().is_none_or(bonus_fits);
-        let is_drawn =
-            self.density.fits(axes) && self.recent.all().all(|delta| self.density.contains(delta));
+        let is_drawn = self.density.fits(axes)
+            && self
+                .recent
+                .all()
+                .all(|delta| self.density.has_cells_of(delta));
         is_drawn && bonuses_fit && self.bonuses.is_some() == has_bonus
     }
 

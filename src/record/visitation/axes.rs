@@ -159,7 +159,7 @@ impl Axes {
 
     /// Number of pairs of neighboring axes.
     #[must_use]
-    pub fn pairs(&self) -> usize {
+    pub fn pair_count(&self) -> usize {
         self.axes.len() - 1
     }
 
@@ -171,7 +171,7 @@ impl Axes {
     /// Width of the image, in pixels.
     #[must_use]
     pub fn width(&self) -> usize {
-        self.pairs() * self.gap + 1
+        self.pair_count() * self.gap + 1
     }
 
     /// Horizontal position of an axis in pixels: the middle of its column of pixels.
@@ -364,7 +364,7 @@ pub(super) mod tests {
             &ALL,
             BonusRange::None,
         );
-        assert_eq!((axes.pairs(), axes.width()), (2, 193));
+        assert_eq!((axes.pair_count(), axes.width()), (2, 193));
         let fractions = projected(&axes, &state_at(0, &[1.0, 2.5, -1.0]));
         assert_eq!(fractions, [0.75, 0.25, 0.0]);
         assert_eq!(

@@ -34,8 +34,8 @@ impl Density {
     pub fn new(axes: &Axes) -> Self {
         Self {
             gap: axes.gap(),
-            pairs: axes.pairs(),
-            counts: vec![0; axes.pairs() * BINS * BINS],
+            pairs: axes.pair_count(),
+            counts: vec![0; axes.pair_count() * BINS * BINS],
             nonzero_cells: Vec::new(),
             pixels: vec![0; axes.width() * HEIGHT],
         }
@@ -44,7 +44,7 @@ impl Density {
     /// Whether this density was made for the same number of axes with the same distance.
     #[must_use]
     pub fn fits(&self, axes: &Axes) -> bool {
-        (self.gap, self.pairs) == (axes.gap(), axes.pairs())
+        (self.gap, self.pairs) == (axes.gap(), axes.pair_count())
             && self.pixels.len() == axes.width() * HEIGHT
     }
 
@@ -76,7 +76,7 @@ impl Density {
 
     /// Whether all cells of a round lie within the grid of this density.
     #[must_use]
-    pub fn contains(&self, round: &DensityDelta) -> bool {
+    pub fn has_cells_of(&self, round: &DensityDelta) -> bool {
         round
             .cells()
             .all(|(cell, _)| (cell as usize) < self.counts.len())
@@ -252,8 +252,8 @@ mod tests {
         states[2..].iter().for_each(|state| later.add(state));
         assert_eq!(all.draw_rounds(rounds[2..].iter()), *later.draw_all());
         assert!(
-            all.contains(&rounds[3])
-                && !all.contains(&DensityDelta::of([(2 * 64 * 64, 1)].into_iter()))
+            all.has_cells_of(&rounds[3])
+                && !all.has_cells_of(&DensityDelta::of([(2 * 64 * 64, 1)].into_iter()))
         );
     }
 

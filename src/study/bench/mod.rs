@@ -48,7 +48,7 @@ pub struct Outcome {
     /// Mean over agents of their regrets, summed over episodes; NaN if unknown.
     pub regret: f64,
     /// Share of episodes without regret; NaN if unknown.
-    pub share_without_regret: f64,
+    pub share_of_episodes_without_regret: f64,
     /// Environment steps of the team in the whole run.
     pub env_steps: u64,
     /// Duration of the run.
@@ -159,7 +159,9 @@ impl Outcome {
             first_goals: run.first_goals(),
             coverage: run.team_coverage(),
             regret: Measure::Regret.of(run).unwrap_or(f64::NAN),
-            share_without_regret: run.share_without_regret().unwrap_or(f64::NAN),
+            share_of_episodes_without_regret: run
+                .share_of_episodes_without_regret()
+                .unwrap_or(f64::NAN),
             env_steps: run.env_steps,
             seconds,
         }

@@ -44,7 +44,7 @@ impl BenchReport for RegretReport {
         let regret = bootstrap_sample(&regrets, mean);
         let mut shares = Vec::with_capacity(bench.outcomes.len());
         for outcome in &bench.outcomes {
-            shares.push(outcome.share_without_regret);
+            shares.push(outcome.share_of_episodes_without_regret);
         }
         vec![
             bench.agents.to_string(),

@@ -1,7 +1,7 @@
 //! Episodes until training solves its task.
 
 use super::{Bench, BenchReport, BenchTable, Column, Outcome, format_interval, format_p};
-use crate::study::comparison::{Comparison, Score, compare, times_to_event};
+use crate::study::comparison::{Comparison, RunScore, compare, times_to_event};
 use crate::study::file::Test;
 use seedbed_stats::aggregate::median;
 use seedbed_stats::hypothesis::holm_correction;
@@ -139,20 +139,20 @@ fn episodes(outcome: &Outcome) -> u64 {
 }
 
 /// Times of runs, in the order of their run seeds.
-fn scores(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<Score> {
+fn scores(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<RunScore> {
     (0..)
         .zip(outcomes)
         .map(|(seed, outcome)| score(outcome, seed, time(outcome) as f64))
         .collect()
 }
 
-fn score(outcome: &Outcome, seed: u64, time: f64) -> Score {
+fn score(outcome: &Outcome, seed: u64, time: f64) -> RunScore {
     let (value, observed_until) = if outcome.solved {
         (time, f64::INFINITY)
     } else {
         (f64::INFINITY, time)
     };
-    Score {
+    RunScore {
         seed,
         value,
         observed_until,
@@ -259,7 +259,7 @@ mod tests {
                 first_goals: vec![solved.then_some(episodes / 10), None],
                 coverage: 0.25,
                 regret: f64::NAN,
-                share_without_regret: f64::NAN,
+                share_of_episodes_without_regret: f64::NAN,
                 env_steps,
                 seconds: 1.0,
             }

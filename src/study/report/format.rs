@@ -3,7 +3,7 @@
 use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, ClaimDirection, Test};
-use crate::text::pluralize;
+use crate::text::{pluralize, without_trailing_zeros};
 use seedbed_stats::{Estimate, Interval, Verdict};
 
 /// Numbers with a smaller magnitude are rounding errors and shown as 0.
@@ -30,16 +30,7 @@ pub(super) fn number(value: f64) -> String {
         _ => 0,
     };
     let text = format!("{value:.decimals$}");
-    let text = if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        &text
-    };
-    if text == "-0" {
-        "0".to_owned()
-    } else {
-        text.replace('-', "−")
-    }
+    without_trailing_zeros(&text).replace('-', "−")
 }
 
 /// A time, or `not reached`.

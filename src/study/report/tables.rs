@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::format;
-use crate::study::comparison::{Aggregate, Comparison, aggregate, compare};
+use crate::study::comparison::{Aggregate, Comparison, compare, summarize_scores};
 use crate::study::file::Test;
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
@@ -73,7 +73,7 @@ fn measure_table(results: &Results, measure: Measure) -> Table {
     ]
     .concat();
     let row = |cell: &CellResults| {
-        let aggregate = aggregate(&cell.scores(measure), is_time);
+        let aggregate = summarize_scores(&cell.scores(measure), is_time);
         let value_cells = aggregate.map_or_else(
             || {
                 vec![

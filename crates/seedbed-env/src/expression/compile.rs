@@ -410,8 +410,8 @@ fn not_a_formula(expression: &Expr) -> ExpressionError {
     }
 }
 
-/// The parser's message if brackets do not match or a character cannot begin a token. It has no
-/// position, which [`tokenization_error`] finds.
+/// The message of syn if brackets do not match or a character cannot begin a token. The error does
+/// not say where; [`tokenization_error`] finds the position.
 const TOKENIZER_MESSAGE: &str = "cannot parse string into token stream";
 
 fn syntax_error(text: &str, parse_error: &syn::Error) -> ExpressionError {

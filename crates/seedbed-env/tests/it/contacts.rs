@@ -494,8 +494,8 @@ fn rays_measure_distances() {
     }
 }
 
-/// Of a free body that is drawn at (0.5, 2) and turned by 1, the height is drawn anew and the rest
-/// keeps its place.
+/// The file places a free body at (0.5, 2) with angle 1. A reset that gives a position for its height
+/// only leaves the other positions as in the file.
 #[test]
 fn a_start_without_a_position_is_where_the_file_draws_it() {
     let text = r#"Environment(

@@ -75,36 +75,39 @@ struct Crowd {
 }
 
 impl Crowd {
-    /// `names` says which stream each copy draws from.
-    fn new(task: &TaskDescription, physics: Physics, names: &[usize]) -> Self {
-        let mut environment = fresh(task, physics, names.len());
-        for (copy, &name) in names.iter().enumerate() {
-            environment.reset(copy, &mut reset_stream(name, 0));
+    /// `stream_indices` are the random streams from which the copies draw.
+    fn new(task: &TaskDescription, physics: Physics, stream_indices: &[usize]) -> Self {
+        let mut environment = fresh(task, physics, stream_indices.len());
+        for (copy, &index) in stream_indices.iter().enumerate() {
+            environment.reset(copy, &mut reset_stream(index, 0));
         }
-        let random = names.iter().map(|&name| action_stream(name)).collect();
+        let random = stream_indices
+            .iter()
+            .map(|&index| action_stream(index))
+            .collect();
         Self {
             environment,
             random,
-            episodes: vec![0; names.len()],
+            episodes: vec![0; stream_indices.len()],
         }
     }
 
-    /// One step of all; `names` as before. Copies whose name is not in `names_to_restart` stay where they
+    /// One step of all; `stream_indices` as before. Copies whose stream is not in `streams_to_restart` stay where they
     /// ended.
-    fn step(&mut self, names: &[usize], names_to_restart: &[usize]) {
+    fn step(&mut self, stream_indices: &[usize], streams_to_restart: &[usize]) {
         let rows: Vec<_> = self
             .random
             .iter_mut()
             .map(|random| random_action(&*self.environment, random))
             .collect();
         self.environment.step(&rows.concat());
-        for (copy, name) in names.iter().enumerate() {
+        for (copy, index) in stream_indices.iter().enumerate() {
             if self.environment.statuses()[copy] != Status::Running
-                && names_to_restart.contains(name)
+                && streams_to_restart.contains(index)
             {
                 self.episodes[copy] += 1;
                 self.environment
-                    .reset(copy, &mut reset_stream(*name, self.episodes[copy]));
+                    .reset(copy, &mut reset_stream(*index, self.episodes[copy]));
             }
         }
     }
@@ -214,12 +217,12 @@ fn a_copy_does_not_depend_on_the_others() {
             for (crowd, names) in &mut crowds {
                 // In every other batch only our copy starts again, so that it ends up alone among
                 // idle ones.
-                let names_to_restart = if names.len() % 2 == 0 {
+                let streams_to_restart = if names.len() % 2 == 0 {
                     names.clone()
                 } else {
                     vec![5]
                 };
-                crowd.step(names, &names_to_restart);
+                crowd.step(names, &streams_to_restart);
                 assert_eq!(
                     crowd.bits(names.len() / 2),
                     alone.bits(0),

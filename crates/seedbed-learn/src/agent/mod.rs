@@ -116,7 +116,7 @@ pub struct ActScratch {
 pub struct Update {
     /// Statistics of the update.
     pub report: UpdateReport,
-    /// Intrinsic rewards and advantages of the steps of the agent's own fresh episodes. Episodes
+    /// Intrinsic rewards and advantages of the steps of the agent's own new episodes. Episodes
     /// that have neither may be missing.
     pub step_data: Vec<StepData>,
 }
@@ -148,7 +148,7 @@ pub struct UpdateReport {
     pub entropy: Option<f32>,
     /// Mean bonus per step of the agent's own episodes.
     pub intrinsic_reward: Option<f32>,
-    /// Mean squared error of the bonus model on fresh episodes, before it learned from them.
+    /// Mean squared error of the bonus model on new episodes, before it learned from them.
     pub prediction_error: Option<f32>,
     /// Mean rank correlation between the bonuses that pairs of agents compute for the same steps;
     /// the same for the whole team. None if fewer than two agents compute bonuses.

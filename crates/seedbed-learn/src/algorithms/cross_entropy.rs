@@ -222,10 +222,10 @@ impl Team for CrossEntropyTeam {
         let Some(first) = request.learners.first() else {
             return Vec::new();
         };
-        let fresh = &request.kept[first.first_fresh..];
-        let elite = self.elite(fresh);
+        let new_episodes = &request.episodes[first.first_new_episode..];
+        let elite = self.elite(new_episodes);
         self.fit(&elite);
-        for episode in fresh {
+        for episode in new_episodes {
             self.scaling.update(episode.states());
         }
         let parameters_are_finite = self
@@ -333,12 +333,12 @@ mod tests {
         let learners: Vec<Learner> = (0..team.agent_count() as u32)
             .map(|agent| Learner {
                 agent,
-                first_fresh: 0,
-                round,
+                first_new_episode: 0,
+                earlier_updates: round,
             })
             .collect();
         let request = LearningRequest {
-            kept: episodes,
+            episodes,
             learners: &learners,
         };
         let updates = team.learn(&request, Workers::CURRENT_THREAD);

@@ -69,9 +69,9 @@ impl Team for IndependentLearners {
         workers.map(learning_agents, |(agent, learner)| AgentUpdate {
             agent: learner.agent,
             update: agent.update(&Experience {
-                fresh: &request.kept[learner.first_fresh..],
-                kept: request.kept,
-                round: learner.round,
+                new_episodes: &request.episodes[learner.first_new_episode..],
+                all_episodes: request.episodes,
+                earlier_updates: learner.earlier_updates,
             }),
             is_finite: agent.is_finite(),
         })

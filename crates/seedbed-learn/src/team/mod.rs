@@ -85,7 +85,7 @@ pub struct ActionRequest<'a> {
 #[derive(Clone, Copy, Debug)]
 pub struct LearningRequest<'a> {
     /// All episodes of the team that are still in the buffer.
-    pub kept: &'a [Episode],
+    pub episodes: &'a [Episode],
     /// The agents that learn, in agent order.
     pub learners: &'a [Learner],
 }
@@ -95,11 +95,11 @@ pub struct LearningRequest<'a> {
 pub struct Learner {
     /// The agent's number, from 0.
     pub agent: u32,
-    /// Index in [`LearningRequest::kept`] of the first episode that this agent has not learned
+    /// Index in [`LearningRequest::episodes`] of the first episode that this agent has not learned
     /// from.
-    pub first_fresh: usize,
+    pub first_new_episode: usize,
     /// Number of its earlier updates.
-    pub round: u32,
+    pub earlier_updates: u32,
 }
 
 /// The update of one agent of a team.

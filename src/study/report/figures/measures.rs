@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{UnnumberedFigure, capitalized, color, in_one_panel};
-use crate::study::comparison::{aggregate, times_to_event};
+use crate::study::comparison::{summarize_scores, times_to_event};
 use crate::study::measure::Measure;
 use crate::study::results::CellResults;
 use seedbed_figure::{Curves, Figure as Picture, IntervalRow, Intervals, Panel, Row, Series};
@@ -64,7 +64,7 @@ impl Group<'_> {
     /// pooled, the interquartile mean of all runs with a bootstrap interval stratified by task.
     fn estimate_with_count(&self, measure: Measure, is_pooled: bool) -> Option<(Estimate, usize)> {
         if let ([cell], false) = (&self.cells[..], is_pooled) {
-            let aggregate = aggregate(&cell.scores(measure), measure.is_time())?;
+            let aggregate = summarize_scores(&cell.scores(measure), measure.is_time())?;
             return Some((aggregate.median, aggregate.n));
         }
         let tasks = self.scores(measure);

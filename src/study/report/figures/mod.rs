@@ -242,7 +242,7 @@ fn mean_curve(cell: &CellResults, of: Curve, window: usize, number: usize) -> Se
         .map(|(_, run)| run)
         .max_by_key(|run| run.curve(of).len());
     let episodes = longest
-        .map(|run| run.curve_episodes(of))
+        .map(|run| run.episodes_of_curve(of))
         .unwrap_or_default();
     let window = window.clamp(1, episodes.len().max(1));
     let mut moving_averages: Vec<Vec<f64>> = cell

@@ -165,9 +165,9 @@ fn an_armature_adds_inertia_without_weight() {
     assert!((state[1] + 5.0).abs() < 1e-4, "{state:?}");
 }
 
-/// A velocity servo under a load comes to where kv (target − q̇) = load; a position servo to where
-/// kp (target − q) = load. Here the load is friction of the drive's own making: a damper for the
-/// one, a spring for the other.
+/// Under a load, a velocity servo settles at kv (target − q̇) = load, and a position servo at
+/// kp (target − q) = load. Here the load is a damper for the velocity servo and a spring for the
+/// position servo.
 #[test]
 fn servos_settle_where_their_gains_say() {
     let velocity = r#"(name: "push", type: VelocityServo(joint: "joint", kv: 6.0), control: Continuous(-5.0, 5.0), gear: 2.0)"#;
@@ -227,8 +227,9 @@ fn actuators_add_up() {
     }
 }
 
-/// Pushed or falling against either end of its range, a joint overshoots by millimeters, comes to
-/// rest there, and gives back at most a fifth of its speed; on a leaf's rail it stops dead.
+/// A joint that is pushed or falls against an end of its range overshoots by millimeters, settles at
+/// that end, and rebounds with at most a fifth of its speed. The slider of a body without children
+/// stops without rebound.
 #[test]
 fn ranges_hold() {
     for (kind, _) in KINDS {

@@ -172,10 +172,10 @@ impl BonusModel {
         })
     }
 
-    /// Computes the bonus of every step of the chosen fresh episodes, before the model learns from
+    /// Computes the bonus of every step of the chosen new episodes, before the model learns from
     /// them, and then adds the median of the agent's own gains to the scale.
     ///
-    /// `chosen` are indices of fresh episodes; `bonuses` gets one list per fresh episode, which is
+    /// `chosen` are indices of new episodes; `bonuses` gets one list per new episode, which is
     /// empty for episodes that are not chosen.
     pub(crate) fn compute_bonuses(
         &mut self,
@@ -222,13 +222,13 @@ impl BonusModel {
             self.run_seed,
             Purpose::BonusNoise,
             self.agent,
-            experience.round,
+            experience.earlier_updates,
         );
-        bonuses.resize_with(experience.fresh.len().max(bonuses.len()), Vec::new);
+        bonuses.resize_with(experience.new_episodes.len().max(bonuses.len()), Vec::new);
         bonuses.iter_mut().for_each(Vec::clear);
         self.own_gains.clear();
         for &index in chosen {
-            let (episode, bonuses) = (&experience.fresh[index], &mut bonuses[index]);
+            let (episode, bonuses) = (&experience.new_episodes[index], &mut bonuses[index]);
             self.compute_gains(episode, 1, &mut random, bonuses);
             if is_own(episode) {
                 self.own_gains.extend_from_slice(bonuses);
@@ -266,7 +266,7 @@ impl BonusModel {
         gains
     }
 
-    /// Trains the model, unless it is frozen. Returns its mean squared error on the fresh episodes
+    /// Trains the model, unless it is frozen. Returns its mean squared error on the new episodes
     /// before training, in the units of its targets.
     pub(crate) fn learn(&mut self, experience: &Experience<'_>) -> f32 {
         let owner = stream_owner(self.sharing, self.agent);
@@ -274,17 +274,17 @@ impl BonusModel {
             self.run_seed,
             Purpose::ModelTraining,
             owner,
-            experience.round,
+            experience.earlier_updates,
         );
         let is_used = |episode: &&Episode| {
             self.sharing != ModelSharing::Independent || episode.agent == self.agent
         };
-        let fresh: Vec<&Episode> = experience.fresh.iter().filter(is_used).collect();
-        let kept: Vec<&Episode> = experience.kept.iter().filter(is_used).collect();
+        let new_episodes: Vec<&Episode> = experience.new_episodes.iter().filter(is_used).collect();
+        let all_episodes: Vec<&Episode> = experience.all_episodes.iter().filter(is_used).collect();
         let frozen = self.sharing == ModelSharing::Frozen;
         match &mut self.model {
-            Model::Vime(model) => model.learn(&kept, &fresh, frozen, &mut random),
-            Model::Rnd(model) => model.learn(&fresh, frozen, &mut random),
+            Model::Vime(model) => model.learn(&all_episodes, &new_episodes, frozen, &mut random),
+            Model::Rnd(model) => model.learn(&new_episodes, frozen, &mut random),
         }
     }
 
@@ -403,13 +403,13 @@ mod tests {
         episode
     }
 
-    fn learn(bonus_model: &mut BonusModel, fresh: &[Episode], rounds: u32) -> Vec<f32> {
+    fn learn(bonus_model: &mut BonusModel, episodes: &[Episode], rounds: u32) -> Vec<f32> {
         (0..rounds)
             .map(|round| {
                 bonus_model.learn(&Experience {
-                    fresh,
-                    kept: fresh,
-                    round,
+                    new_episodes: episodes,
+                    all_episodes: episodes,
+                    earlier_updates: round,
                 })
             })
             .collect()
@@ -429,15 +429,15 @@ mod tests {
     /// All copies of a shared model keep the same bits; independent models do not.
     #[test]
     fn copies_of_a_shared_model_stay_equal() {
-        let fresh = [episode(0), episode(1)];
+        let episodes = [episode(0), episode(1)];
         for (sharing, same) in [
             (ModelSharing::Shared, true),
             (ModelSharing::Independent, false),
         ] {
             let [mut one, mut other] =
                 [0, 1].map(|agent| bonus_model(&vime(sharing, ModelSeeds::Off), agent));
-            learn(&mut one, &fresh, 2);
-            learn(&mut other, &fresh, 2);
+            learn(&mut one, &episodes, 2);
+            learn(&mut other, &episodes, 2);
             assert_eq!(
                 gains(&mut one, 0) == gains(&mut other, 0),
                 same,
@@ -473,7 +473,7 @@ mod tests {
 
     #[test]
     fn prediction_errors_fall_unless_frozen() {
-        let fresh = [episode(0), episode(1)];
+        let episodes = [episode(0), episode(1)];
         for (bonus, learns) in [
             (vime(ModelSharing::Shared, ModelSeeds::Off), true),
             (vime(ModelSharing::Frozen, ModelSeeds::Off), false),
@@ -493,7 +493,7 @@ mod tests {
                 false,
             ),
         ] {
-            let errors = learn(&mut bonus_model(&bonus, 0), &fresh, 20);
+            let errors = learn(&mut bonus_model(&bonus, 0), &episodes, 20);
             // The first error is measured before targets are scaled by running moments.
             assert_eq!(
                 errors[19] < 0.5 * errors[1],
@@ -507,12 +507,12 @@ mod tests {
     #[test]
     fn bonuses_are_scaled_by_earlier_medians() {
         let mut model = bonus_model(&vime(ModelSharing::Shared, ModelSeeds::Off), 0);
-        let fresh = [episode(0), episode(1)];
+        let episodes = [episode(0), episode(1)];
         let mut bonuses = vec![];
         let experience = |round| Experience {
-            fresh: &fresh,
-            kept: &fresh,
-            round,
+            new_episodes: &episodes,
+            all_episodes: &episodes,
+            earlier_updates: round,
         };
         model.compute_bonuses(&experience(0), &[0, 1], &mut bonuses);
         assert!(
@@ -529,7 +529,7 @@ mod tests {
 
     #[test]
     fn a_restored_bonus_model_continues_with_the_same_bits() {
-        let fresh = [episode(0), episode(1)];
+        let episodes = [episode(0), episode(1)];
         for bonus in [
             vime(ModelSharing::Shared, ModelSeeds::Shift),
             Bonus::Rnd(Rnd::default()),
@@ -537,19 +537,19 @@ mod tests {
             let [mut original, mut restored] = [0, 0].map(|agent| bonus_model(&bonus, agent));
             original.compute_bonuses(
                 &Experience {
-                    fresh: &fresh,
-                    kept: &fresh,
-                    round: 0,
+                    new_episodes: &episodes,
+                    all_episodes: &episodes,
+                    earlier_updates: 0,
                 },
                 &[0],
                 &mut vec![],
             );
-            learn(&mut original, &fresh, 2);
+            learn(&mut original, &episodes, 2);
             restored.restore(&original.save()).unwrap();
             assert_eq!(restored.save(), original.save());
             assert_eq!(
-                learn(&mut restored, &fresh, 3),
-                learn(&mut original, &fresh, 3)
+                learn(&mut restored, &episodes, 3),
+                learn(&mut original, &episodes, 3)
             );
             assert_eq!(gains(&mut restored, 0), gains(&mut original, 0));
             assert!(restored.restore(&[7]).is_err());

@@ -105,14 +105,19 @@ impl RndModel {
         gains.extend(self.gradient.chunks_exact(width).map(mean_square));
     }
 
-    /// Trains on minibatches of the fresh episodes, unless `frozen`. Returns the mean squared error
-    /// on the fresh episodes before training.
-    pub(crate) fn learn(&mut self, fresh: &[&Episode], frozen: bool, random: &mut Stream) -> f32 {
-        let error = self.prediction_error(fresh);
-        for episode in fresh {
+    /// Trains on minibatches of the new episodes, unless `frozen`. Returns the mean squared error
+    /// on the new episodes before training.
+    pub(crate) fn learn(
+        &mut self,
+        new_episodes: &[&Episode],
+        frozen: bool,
+        random: &mut Stream,
+    ) -> f32 {
+        let error = self.prediction_error(new_episodes);
+        for episode in new_episodes {
             self.transitions.update_moments(episode);
         }
-        if frozen || fresh.iter().all(|episode| episode.length() == 0) {
+        if frozen || new_episodes.iter().all(|episode| episode.length() == 0) {
             return error;
         }
         let descent = Descent {
@@ -122,7 +127,7 @@ impl RndModel {
         };
         for _ in 0..self.config.minibatches.get() {
             self.transitions.sample(
-                fresh,
+                new_episodes,
                 self.config.minibatch.get() as usize,
                 random,
                 &mut self.rows,

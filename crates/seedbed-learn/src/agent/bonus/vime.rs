@@ -269,20 +269,24 @@ impl VimeModel {
     }
 
     /// Trains on minibatches, unless `frozen`. Returns the mean squared error of the mean weights
-    /// on the fresh episodes before training.
+    /// on the new episodes before training.
     pub(crate) fn learn(
         &mut self,
-        kept: &[&Episode],
-        fresh: &[&Episode],
+        all_episodes: &[&Episode],
+        new_episodes: &[&Episode],
         frozen: bool,
         random: &mut Stream,
     ) -> f32 {
-        let error = self.prediction_error(fresh);
-        for episode in fresh {
+        let error = self.prediction_error(new_episodes);
+        for episode in new_episodes {
             self.transitions.update_moments(episode);
         }
         let is_cleared = self.config.buffer == ModelBuffer::Cleared;
-        let source = if is_cleared { fresh } else { kept };
+        let source = if is_cleared {
+            new_episodes
+        } else {
+            all_episodes
+        };
         let total: usize = source.iter().map(|episode| episode.length()).sum();
         if frozen || total == 0 {
             return error;

@@ -60,9 +60,9 @@ pub struct SeedPgAgent {
 /// Buffers that are reused from one trajectory to the next.
 #[derive(Default)]
 struct Workspace {
-    /// Indices of the fresh episodes to learn from.
+    /// Indices of the new episodes to learn from.
     order: Vec<usize>,
-    /// Bonuses of the steps of each fresh episode; empty without a bonus.
+    /// Bonuses of the steps of each new episode; empty without a bonus.
     bonuses: Vec<Vec<f32>>,
     /// Samples of the next gradient step.
     samples: Samples,
@@ -123,9 +123,9 @@ impl SeedPgAgent {
         }
     }
 
-    /// Chooses the fresh episodes that this agent learns from: its own, and those that others share
+    /// Chooses the new episodes that this agent learns from: its own, and those that others share
     /// with it.
-    fn choose_episodes(&mut self, fresh: &[Episode], random: &mut Stream) {
+    fn choose_episodes(&mut self, new_episodes: &[Episode], random: &mut Stream) {
         let Self {
             agent,
             config,
@@ -133,9 +133,9 @@ impl SeedPgAgent {
             ..
         } = self;
         let shares = config.value_data == Data::Shared || config.policy_data == Data::Shared;
-        let (own, others): (Vec<usize>, Vec<usize>) = (0..fresh.len())
-            .filter(|&index| fresh[index].length() > 0)
-            .partition(|&index| fresh[index].agent == *agent);
+        let (own, others): (Vec<usize>, Vec<usize>) = (0..new_episodes.len())
+            .filter(|&index| new_episodes[index].length() > 0)
+            .partition(|&index| new_episodes[index].agent == *agent);
         work.order = own;
         match config.sharing {
             _ if !shares => {}
@@ -155,14 +155,14 @@ impl SeedPgAgent {
     /// Intrinsic rewards and, if they are recorded, advantages of the agent's own steps, before it
     /// learns from them. Estimates draw no random numbers and change only what the next estimate
     /// overwrites, so learning continues with the same bits.
-    fn own_step_data(&mut self, fresh: &[Episode]) -> Vec<StepData> {
+    fn own_step_data(&mut self, new_episodes: &[Episode]) -> Vec<StepData> {
         let mut step_data = Vec::new();
         if self.bonus_model.is_none() && !self.record_advantages {
             return step_data;
         }
         for position in 0..self.work.order.len() {
             let index = self.work.order[position];
-            let episode = &fresh[index];
+            let episode = &new_episodes[index];
             if episode.agent != self.agent {
                 continue;
             }
@@ -191,7 +191,7 @@ impl SeedPgAgent {
     /// One pass over the chosen episodes.
     fn learn_for_an_epoch(
         &mut self,
-        fresh: &[Episode],
+        new_episodes: &[Episode],
         descent: &Descent,
         random: &mut Stream,
         totals: &mut Totals,
@@ -201,12 +201,12 @@ impl SeedPgAgent {
                 let mut order = std::mem::take(&mut self.work.order);
                 order.shuffle(random);
                 for &index in &order {
-                    self.learn_from_trajectory(fresh, index, descent, totals);
+                    self.learn_from_trajectory(new_episodes, index, descent, totals);
                 }
                 self.work.order = order;
             }
             Minibatch::Steps(size) => {
-                self.learn_from_steps(fresh, size.get() as usize, descent, random, totals);
+                self.learn_from_steps(new_episodes, size.get() as usize, descent, random, totals);
             }
         }
     }
@@ -214,13 +214,13 @@ impl SeedPgAgent {
     /// Learns from one trajectory as one minibatch: each network takes at most one step.
     fn learn_from_trajectory(
         &mut self,
-        fresh: &[Episode],
+        new_episodes: &[Episode],
         index: usize,
         descent: &Descent,
         totals: &mut Totals,
     ) {
-        let [value_learns, policy_learns] = self.networks_that_learn_from(&fresh[index]);
-        self.load_trajectory(&fresh[index], index);
+        let [value_learns, policy_learns] = self.networks_that_learn_from(&new_episodes[index]);
+        self.load_trajectory(&new_episodes[index], index);
         if value_learns {
             let (weight, bias) = self.value.output_layer();
             self.normalizer
@@ -238,13 +238,13 @@ impl SeedPgAgent {
     /// takes one step per minibatch.
     fn learn_from_steps(
         &mut self,
-        fresh: &[Episode],
+        new_episodes: &[Episode],
         size: usize,
         descent: &Descent,
         random: &mut Stream,
         totals: &mut Totals,
     ) {
-        self.fill_pools(fresh);
+        self.fill_pools(new_episodes);
         let (weight, bias) = self.value.output_layer();
         self.normalizer
             .update(&self.work.all_value_samples.targets, weight, bias);
@@ -267,13 +267,13 @@ impl SeedPgAgent {
     }
 
     /// Collects the samples of all chosen trajectories.
-    fn fill_pools(&mut self, fresh: &[Episode]) {
+    fn fill_pools(&mut self, new_episodes: &[Episode]) {
         self.work.all_policy_samples.clear();
         self.work.all_value_samples.clear();
         for position in 0..self.work.order.len() {
             let index = self.work.order[position];
-            let [value_learns, policy_learns] = self.networks_that_learn_from(&fresh[index]);
-            self.load_trajectory(&fresh[index], index);
+            let [value_learns, policy_learns] = self.networks_that_learn_from(&new_episodes[index]);
+            self.load_trajectory(&new_episodes[index], index);
             let Workspace {
                 samples,
                 all_policy_samples,
@@ -298,7 +298,7 @@ impl SeedPgAgent {
     }
 
     /// Turns a trajectory into samples, with targets and advantages under the present policy and
-    /// value function.   `index`: that of the episode among the fresh ones
+    /// value function.   `index`: that of the episode among the new ones
     fn estimate(&mut self, episode: &Episode, index: usize) {
         let samples = &mut self.work.samples;
         self.scaling.apply(episode.states(), &mut samples.states);
@@ -580,25 +580,29 @@ impl Agent for SeedPgAgent {
     }
 
     fn update(&mut self, experience: &Experience<'_>) -> Update {
-        let &Experience { fresh, round, .. } = experience;
+        let &Experience {
+            new_episodes,
+            earlier_updates: round,
+            ..
+        } = experience;
         let mut random = stream(self.run_seed, Purpose::Shuffle, self.agent, round);
         let (descent, mut totals) = (self.descent(round), Totals::default());
-        self.choose_episodes(fresh, &mut random);
+        self.choose_episodes(new_episodes, &mut random);
         if let Some(bonus_model) = &mut self.bonus_model {
             bonus_model.compute_bonuses(experience, &self.work.order, &mut self.work.bonuses);
             totals.set_bonuses(
                 self.agent,
-                fresh,
+                new_episodes,
                 &self.work.bonuses,
                 bonus_model.learn(experience),
             );
         }
-        let step_data = self.own_step_data(fresh);
+        let step_data = self.own_step_data(new_episodes);
         for _ in 0..self.config.epochs.get() {
-            self.learn_for_an_epoch(fresh, &descent, &mut random, &mut totals);
+            self.learn_for_an_epoch(new_episodes, &descent, &mut random, &mut totals);
         }
         for &index in &self.work.order {
-            self.scaling.update(fresh[index].states());
+            self.scaling.update(new_episodes[index].states());
         }
         Update {
             report: totals.report(),

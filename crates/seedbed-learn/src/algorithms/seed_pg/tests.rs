@@ -71,11 +71,11 @@ fn update(learner: &mut SeedPgAgent, agents: impl IntoIterator<Item = u32>, roun
     )
 }
 
-fn update_on(learner: &mut SeedPgAgent, fresh: &[Episode], round: u32) -> Update {
+fn update_on(learner: &mut SeedPgAgent, episodes: &[Episode], round: u32) -> Update {
     learner.update(&Experience {
-        fresh,
-        kept: fresh,
-        round,
+        new_episodes: episodes,
+        all_episodes: episodes,
+        earlier_updates: round,
     })
 }
 

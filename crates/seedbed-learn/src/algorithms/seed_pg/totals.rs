@@ -56,15 +56,15 @@ impl Totals {
     }
 
     /// Sets the mean bonus of the agent's own steps and the bonus model's prediction error.
-    /// `bonuses`: those of each of the `fresh` episodes
+    /// `bonuses`: those of each of the new episodes
     pub(super) fn set_bonuses(
         &mut self,
         agent: u32,
-        fresh: &[Episode],
+        new_episodes: &[Episode],
         bonuses: &[Vec<f32>],
         prediction_error: f32,
     ) {
-        let own = fresh
+        let own = new_episodes
             .iter()
             .zip(bonuses)
             .filter(|(episode, _)| episode.agent == agent)

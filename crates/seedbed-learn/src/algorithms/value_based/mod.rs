@@ -173,11 +173,11 @@ impl ValueTeam {
         workers.for_each(&mut self.models, |model| model.learn(&context));
     }
 
-    /// Every model computes the bonuses of its followers' fresh episodes; then its bonus model
-    /// learns from all fresh episodes.
+    /// Every model computes the bonuses of its followers' new episodes; then its bonus model
+    /// learns from all new episodes.
     fn update_bonus_models(&mut self, experience: &Experience<'_>, workers: Workers<'_>) {
         let mut own_episodes: Vec<Vec<usize>> = vec![Vec::new(); self.models.len()];
-        for (index, episode) in experience.fresh.iter().enumerate() {
+        for (index, episode) in experience.new_episodes.iter().enumerate() {
             own_episodes[self.following[episode.agent as usize]].push(index);
         }
         let models: Vec<(&mut ValueModel, Vec<usize>)> =
@@ -188,7 +188,7 @@ impl ValueTeam {
             bonuses
         });
         self.own_bonuses.iter_mut().for_each(Vec::clear);
-        for (index, episode) in experience.fresh.iter().enumerate() {
+        for (index, episode) in experience.new_episodes.iter().enumerate() {
             let agent = episode.agent as usize;
             let bonuses_of_model = &bonuses[self.following[agent]];
             self.own_bonuses[agent].push(StepData {
@@ -263,9 +263,9 @@ impl Team for ValueTeam {
             return Vec::new();
         };
         let experience = Experience {
-            fresh: &request.kept[first.first_fresh..],
-            kept: request.kept,
-            round: first.round,
+            new_episodes: &request.episodes[first.first_new_episode..],
+            all_episodes: request.episodes,
+            earlier_updates: first.earlier_updates,
         };
         if self.timing == LearningTiming::AfterEpisodes {
             self.learn_from_replay(workers);
@@ -273,7 +273,7 @@ impl Team for ValueTeam {
         if !self.own_bonuses.is_empty() {
             self.update_bonus_models(&experience, workers);
         }
-        for episode in experience.fresh {
+        for episode in experience.new_episodes {
             self.scaling.update(episode.states());
         }
         let agents = request.learners.iter();

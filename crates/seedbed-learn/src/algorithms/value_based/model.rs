@@ -105,7 +105,7 @@ impl ValueModel {
         first_follower: &AgentContext<'_>,
     ) -> Self {
         let (run_seed, team) = (first_follower.run_seed, first_follower.team);
-        let seed = mlp.initial(
+        let initial_parameters = mlp.initial(
             team.initial,
             &mut stream(run_seed, Purpose::InitialParameters, index, 0),
         );
@@ -116,7 +116,11 @@ impl ValueModel {
             ),
             scale: composition.prior_scale,
         });
-        let network = Network::new(mlp, seed.clone(), composition.learning.optimiser);
+        let network = Network::new(
+            mlp,
+            initial_parameters.clone(),
+            composition.learning.optimiser,
+        );
         let seeds = composition.seeded.then_some(team.seeds);
         let bonus_model = BonusModel::new(&composition.bonus, first_follower);
         let minibatch = bonus_model.as_ref().map_or_else(Minibatch::default, |_| {
@@ -125,7 +129,7 @@ impl ValueModel {
         Self {
             start: matches!(composition.fit, Fit::Lsvi { .. }).then(|| network.learned().clone()),
             network,
-            target: seed,
+            target: initial_parameters,
             prior,
             perturbation: Perturbation {
                 run_seed,
@@ -340,8 +344,8 @@ impl ValueModel {
         self.totals.entropy += f64::from(categorical::entropy(row));
     }
 
-    /// Computes the bonuses of the followers' episodes, whose indices among the fresh ones are
-    /// `own`; then trains the bonus model on all fresh episodes.
+    /// Computes the bonuses of the followers' episodes, whose indices among the new ones are
+    /// `own`; then trains the bonus model on all new episodes.
     pub fn update_bonus_model(
         &mut self,
         experience: &Experience<'_>,

@@ -252,7 +252,7 @@ fn agents_of_an_ensemble_share_its_models() {
     assert_eq!(team(config.compose(4), 4, 0.1).models.len(), 4);
 }
 
-/// An agent's values depend on its own observation only, whichever other agents play.
+/// The values of an agent depend only on its own observation, not on which other agents play.
 #[test]
 fn values_do_not_depend_on_other_agents() {
     let config = SeedTd {

@@ -6,7 +6,7 @@ use crate::record::{Focus, RunInfo};
 use seedbed_env::Spec;
 
 /// Constants of a run and its scenario that a recorder needs.
-pub(super) struct Settings {
+pub(super) struct RunConstants {
     pub(super) focus: Focus,
     pub(super) spec: Spec,
     pub(super) bonus: BonusRange,
@@ -24,7 +24,7 @@ pub(super) struct Settings {
     pub(super) difference: Difference,
 }
 
-impl Settings {
+impl RunConstants {
     pub(super) fn of(info: &RunInfo<'_>, settings: &RecordingSettings) -> Self {
         Self {
             focus: info.focus,
