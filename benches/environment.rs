@@ -1,6 +1,7 @@
-//! Control steps per second on one core. Measured for every task in `envs/` with 16 copies and random actions,
-//! including observations, rewards, terminations and resets, with rigid bodies and with the analytic model. Also
-//! for the cart-pole by number of copies, and for the motion of its rigid bodies alone.
+//! Control steps per second on one core, for every task in `envs/` with 16 copies and random
+//! actions, including observations, rewards, terminations and resets, with rigid bodies and with
+//! the analytic model. For the cart-pole also with other numbers of copies, and for its rigid
+//! bodies alone.
 
 use std::path::Path;
 
@@ -13,16 +14,18 @@ use seedbed_env::{Action, Choice, Physics, Status, TaskDescription, build, build
 criterion_group!(benches, tasks, cart_pole, idle_copies, formulas);
 criterion_main!(benches);
 
-const COPIES: [usize; 3] = [1, 16, 64];
+/// Numbers of copies for which the cart-pole is measured.
+const COPY_COUNTS: [usize; 3] = [1, 16, 64];
 
-/// Number of steps of random actions, which are drawn before the measurement and repeated.
+/// Number of steps whose random actions are drawn before the measurement. After the last of these
+/// steps, the same actions are used again.
 const STEPS: usize = 1024;
 
 fn tasks(criterion: &mut Criterion) {
     const COPIES: usize = 16;
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("envs");
     let mut files: Vec<_> = std::fs::read_dir(folder)
-        .expect("the folder is there")
+        .expect("the folder can be listed")
         .flatten()
         .map(|entry| entry.path())
         .collect();
@@ -32,13 +35,13 @@ fn tasks(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(COPIES as u64));
     for task in files
         .iter()
-        .map(|path| load(path).expect("the task file is right"))
+        .map(|path| load(path).expect("the task file is valid"))
     {
         let analytic = task.has_analytic_model().then_some(Physics::Analytic);
         for physics in [Physics::Rapier].into_iter().chain(analytic) {
             let name = format!("{physics:?}").to_lowercase();
             group.bench_function(BenchmarkId::new(&task.spec().name, name), |bencher| {
-                bencher.iter(whole(&task, physics, COPIES));
+                bencher.iter(step_environment(&task, physics, COPIES));
             });
         }
     }
@@ -47,28 +50,29 @@ fn tasks(criterion: &mut Criterion) {
 
 fn cart_pole(criterion: &mut Criterion) {
     let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron"))
-        .expect("the task file is right");
+        .expect("the task file is valid");
     let mut group = criterion.benchmark_group("cartpole");
-    for copies in COPIES {
+    for copies in COPY_COUNTS {
         group.throughput(Throughput::Elements(copies as u64));
         group.bench_function(BenchmarkId::new("bare", copies), |bencher| {
-            bencher.iter(bare(&task, copies));
+            bencher.iter(step_bodies(&task, copies));
         });
         for physics in [Physics::Rapier, Physics::Analytic] {
             let name = format!("{physics:?}").to_lowercase();
             group.bench_function(BenchmarkId::new(name, copies), |bencher| {
-                bencher.iter(whole(&task, physics, copies));
+                bencher.iter(step_environment(&task, physics, copies));
             });
         }
     }
     group.finish();
 }
 
-/// Cost of idle copies: one active copy and 63 copies whose episodes have ended.
+/// Cost of idle copies: one control step with one active copy and 63 copies whose episodes have
+/// ended.
 fn idle_copies(criterion: &mut Criterion) {
     let task = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron"))
-        .expect("the task file is right");
-    let task = task.bodies().expect("it is no tabular task");
+        .expect("the task file is valid");
+    let task = task.body_task().expect("the task is not tabular");
     let mut bodies = build_dynamics(task, Physics::Rapier, 64).expect("every task has bodies");
     bodies.start(20, &[0.0, 0.05], &[0.0, 0.0]);
     criterion.bench_function("cartpole/one live of 64", |bencher| {
@@ -97,7 +101,7 @@ fn formulas(criterion: &mut Criterion) {
         .for_each(|(index, value)| *value = 0.03 * index as f32);
     let mut group = criterion.benchmark_group("formula");
     group.throughput(Throughput::Elements(COPIES as u64));
-    for (kind, text) in [
+    for (value_type, formula) in [
         (
             Type::Boolean,
             "abs(x) > 2.4 || abs(a) > 12 * degree || v > 10",
@@ -108,18 +112,19 @@ fn formulas(criterion: &mut Criterion) {
         ),
         (Type::Number, "cos(a) - 0.1 * x * x - 0.01 * v * v"),
     ] {
-        let program = compile(text, kind, &variables).expect("the formula is right");
-        let mut formula = Evaluator::new(&program, COPIES);
-        group.bench_function(text, |bencher| {
-            bencher.iter(|| formula.evaluate(table.view(), 0..COPIES)[0]);
+        let program = compile(formula, value_type, &variables).expect("the formula is valid");
+        let mut evaluator = Evaluator::new(&program, COPIES);
+        group.bench_function(formula, |bencher| {
+            bencher.iter(|| evaluator.evaluate(table.view(), 0..COPIES)[0]);
         });
     }
     group.finish();
 }
 
-/// One control step of all copies under random forces, without terminations and observations.
-fn bare(task: &TaskDescription, copies: usize) -> impl FnMut() {
-    let task = task.bodies().expect("it is no tabular task");
+/// Returns a function that performs one control step of all copies under random forces, without
+/// terminations and observations.
+fn step_bodies(task: &TaskDescription, copies: usize) -> impl FnMut() {
+    let task = task.body_task().expect("the task is not tabular");
     let mut bodies = build_dynamics(task, Physics::Rapier, copies).expect("every task has bodies");
     (0..copies).for_each(|copy| bodies.start(copy, &[0.0, 0.05], &[0.0, 0.0]));
     let forces: Vec<_> = random_choices(copies)
@@ -133,16 +138,17 @@ fn bare(task: &TaskDescription, copies: usize) -> impl FnMut() {
     }
 }
 
-/// One control step of all copies under random actions. Copies whose episode has ended are reset.
-fn whole(task: &TaskDescription, physics: Physics, copies: usize) -> impl FnMut() {
+/// Returns a function that performs one control step of all copies with random actions, and resets
+/// copies whose episode has ended.
+fn step_environment(task: &TaskDescription, physics: Physics, copies: usize) -> impl FnMut() {
     let mut environment = build(task, physics, copies).expect("the task has this physics");
     let mut random = stream(0, Purpose::Preview, 1, 0);
     (0..copies).for_each(|copy| environment.reset(copy, &mut random));
-    let row = copies * task.spec().action_width();
+    let values_per_step = copies * task.spec().action_width();
     let actions = random_actions(&task.spec().actions, copies);
     let mut step = 0;
     move || {
-        environment.step(&actions[step * row..][..row]);
+        environment.step(&actions[step * values_per_step..][..values_per_step]);
         for copy in 0..copies {
             if environment.statuses()[copy] != Status::Running {
                 environment.reset(copy, &mut random);

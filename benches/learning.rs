@@ -1,5 +1,6 @@
-//! Cost of learning on one core: an update of one of 16 agents with 16 cart-pole episodes of 200 steps, one step of
-//! acting, the matrix products of a layer with a batch of 200, and the capped returns of 200 steps.
+//! Cost of learning on one core: an update of one of 16 agents with 16 cart-pole episodes of 200
+//! steps, the choice of one action, forward and backward passes of networks with a batch of 200,
+//! and the capped returns of 200 steps.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -7,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use rand::RngExt;
-use seedbed_env::input::numbers::known_count;
+use seedbed_env::input::numbers::ranged_count;
 use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Physics, Spec, Status, TaskDescription, build, load};
 use seedbed_learn::agent::{ActScratch, Agent, AgentContext, TeamConfig};
@@ -20,23 +21,25 @@ use seedbed_learn::rl::returns;
 criterion_group!(benches, update, act, layers, network, capped_returns);
 criterion_main!(benches);
 
-/// Number of agents K.
+/// Number of agents, K.
 const AGENTS: u32 = 16;
 
-/// Number of steps per episode T.
+/// Number of steps per episode, T.
 const STEPS: usize = 200;
 
-/// Updates with one round of episodes. Every update starts from the same parameters.
+/// Measures updates with one round of episodes. Every update starts from the same parameters.
 fn update(criterion: &mut Criterion) {
     let task = cart_pole();
-    let episodes: Vec<Episode> = (0..AGENTS).map(|number| play(&task, number)).collect();
-    let mut learner = agent(task.spec(), 0);
+    let episodes: Vec<Episode> = (0..AGENTS)
+        .map(|agent| play_episode(&task, agent))
+        .collect();
+    let mut learner = build_agent(task.spec(), 0);
     let saved = learner.save();
     let mut group = criterion.benchmark_group("update");
     group.throughput(Throughput::Elements(u64::from(AGENTS) * STEPS as u64));
     group.bench_function("one agent of 16, a round of 16 × 200 steps", |bencher| {
         bencher.iter_custom(|iterations| {
-            let timed = |_| {
+            let update_duration = |_| {
                 learner
                     .restore(&saved)
                     .expect("these are the agent's own bytes");
@@ -48,7 +51,7 @@ fn update(criterion: &mut Criterion) {
                 }));
                 start.elapsed()
             };
-            (0..iterations).map(timed).sum::<Duration>()
+            (0..iterations).map(update_duration).sum::<Duration>()
         });
     });
     group.finish();
@@ -57,7 +60,7 @@ fn update(criterion: &mut Criterion) {
 fn act(criterion: &mut Criterion) {
     let task = cart_pole();
     let spec = task.spec();
-    let actor = agent(spec, 0);
+    let actor = build_agent(spec, 0);
     let (mut random, mut scratch) = (stream(0, Purpose::Action, 0, 0), ActScratch::default());
     let (mut action, mut log_prob) = ([0.0], [0.0]);
     criterion.bench_function("act/one step", |bencher| {
@@ -74,10 +77,10 @@ fn act(criterion: &mut Criterion) {
     });
 }
 
-/// One linear layer: its forward product, and the products of the gradient of its parameters.
+/// One linear layer: forward pass, and gradient of all parameters.
 fn layers(criterion: &mut Criterion) {
     for (inputs, outputs) in [(4, 32), (32, 32), (32, 2), (64, 64)] {
-        network_of(
+        bench_network(
             criterion,
             &format!("layer {inputs}-{outputs}"),
             &[inputs, outputs],
@@ -87,22 +90,25 @@ fn layers(criterion: &mut Criterion) {
 
 /// A network with tanh: forward pass, gradient of all parameters, and one step of Adam.
 fn network(criterion: &mut Criterion) {
-    network_of(criterion, "network 4-32-32-2", &[4, 32, 32, 2]);
-    network_of(criterion, "network 4-64-64-1", &[4, 64, 64, 1]);
+    bench_network(criterion, "network 4-32-32-2", &[4, 32, 32, 2]);
+    bench_network(criterion, "network 4-64-64-1", &[4, 64, 64, 1]);
     let network = Mlp::new(&[4, 32, 32, 2]);
-    let (mut parameters, gradient) = (parameters_of(&network), numbers(network.parameter_count()));
+    let (mut parameters, gradient) = (
+        initial_parameters(&network),
+        random_numbers(network.parameter_count()),
+    );
     let mut optimiser = Adam::new(AdamSettings::default(), parameters.len());
     criterion.bench_function("network 4-32-32-2/adam", |bencher| {
         bencher.iter(|| optimiser.descend(&mut parameters, black_box(&gradient), 1.0));
     });
 }
 
-fn network_of(criterion: &mut Criterion, name: &str, sizes: &[usize]) {
+fn bench_network(criterion: &mut Criterion, name: &str, sizes: &[usize]) {
     let network = Mlp::new(sizes);
-    let parameters = parameters_of(&network);
+    let parameters = initial_parameters(&network);
     let (inputs, output_gradient) = (
-        numbers(STEPS * network.inputs()),
-        numbers(STEPS * network.outputs()),
+        random_numbers(STEPS * network.inputs()),
+        random_numbers(STEPS * network.outputs()),
     );
     let (mut activations, mut gradient) = (Activations::default(), vec![0.0; parameters.len()]);
     let mut group = criterion.benchmark_group(name);
@@ -127,7 +133,7 @@ fn network_of(criterion: &mut Criterion, name: &str, sizes: &[usize]) {
 }
 
 fn capped_returns(criterion: &mut Criterion) {
-    let ratios: Vec<f32> = numbers(STEPS)
+    let ratios: Vec<f32> = random_numbers(STEPS)
         .iter()
         .map(|number| (0.2 * number).exp())
         .collect();
@@ -152,17 +158,17 @@ fn capped_returns(criterion: &mut Criterion) {
 
 fn cart_pole() -> TaskDescription {
     load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("envs/cartpole.ron"))
-        .expect("the task file is right")
+        .expect("the task file is valid")
 }
 
-fn agent(spec: &Spec, number: u32) -> Box<dyn Agent> {
+fn build_agent(spec: &Spec, agent: u32) -> Box<dyn Agent> {
     let team = TeamConfig {
-        count: known_count(AGENTS),
+        count: ranged_count(AGENTS),
         ..TeamConfig::default()
     };
     let context = AgentContext {
         run_seed: 0,
-        agent: number,
+        agent,
         team: &team,
         spec,
         record_advantages: false,
@@ -170,18 +176,19 @@ fn agent(spec: &Spec, number: u32) -> Box<dyn Agent> {
     Box::new(SeedPgAgent::new(&SeedPg::default(), &context))
 }
 
-/// An episode made of consecutive first episodes of an agent: after the pole has fallen, it continues from a reset.
-fn play(task: &TaskDescription, number: u32) -> Episode {
+/// An episode of [`STEPS`] steps with the initial policy of an agent. When the pole falls, the
+/// environment is reset and the episode continues.
+fn play_episode(task: &TaskDescription, agent: u32) -> Episode {
     let mut environment =
         build(task, Physics::Analytic, 1).expect("the task has an analytic model");
     let (mut resets, mut actions) = (
-        stream(0, Purpose::Reset, number, 0),
-        stream(0, Purpose::Action, number, 0),
+        stream(0, Purpose::Reset, agent, 0),
+        stream(0, Purpose::Action, agent, 0),
     );
-    let (actor, mut scratch) = (agent(task.spec(), number), ActScratch::default());
+    let (actor, mut scratch) = (build_agent(task.spec(), agent), ActScratch::default());
     let mut episode = Episode {
         outcome: Status::Truncated,
-        ..Episode::start(number, 0, 0, task.spec())
+        ..Episode::start(agent, 0, 0, task.spec())
     };
     let (mut action, mut log_prob) = ([0.0], [0.0]);
     environment.reset(0, &mut resets);
@@ -210,15 +217,15 @@ fn play(task: &TaskDescription, number: u32) -> Episode {
     episode
 }
 
-fn parameters_of(network: &Mlp) -> Vec<f32> {
-    network.initial(
+fn initial_parameters(network: &Mlp) -> Vec<f32> {
+    network.initial_parameters(
         Initial::Random,
         &mut stream(0, Purpose::InitialParameters, 0, 0),
     )
 }
 
 /// Random numbers, uniform between −1 and 1.
-fn numbers(count: usize) -> Vec<f32> {
+fn random_numbers(count: usize) -> Vec<f32> {
     let mut random = stream(0, Purpose::Preview, 0, 0);
     (0..count)
         .map(|_| random.random_range(-1.0..=1.0))

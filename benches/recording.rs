@@ -1,4 +1,5 @@
-//! Cost of a recording: states per second for creating it and recording 50 rounds of four agents.
+//! Cost of recordings: time to create a recording, and states per second when a recording with 50
+//! rounds of four agents is written.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use seedbed::record::rerun::RerunRecorder;
@@ -6,7 +7,7 @@ use seedbed::record::{Recorder, RecordingSettings};
 
 #[allow(
     clippy::struct_field_names,
-    reason = "a round's rows are named as in the record"
+    reason = "the rows of a round have the names of `RoundRecord`"
 )]
 #[path = "../tests/it/recording/synthetic_run.rs"]
 mod synthetic_run;
@@ -20,7 +21,7 @@ fn recording(criterion: &mut Criterion) {
     let run = SyntheticRun::new(4, 50);
     let episodes = run.rounds.iter().flat_map(|round| &round.episodes);
     let states: usize = episodes.map(|episode| episode.length() + 1).sum();
-    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let folder = tempfile::tempdir().expect("a temporary folder can be created");
     let path = folder.path().join("run.rrd");
     let mut group = criterion.benchmark_group("recording");
     group.sample_size(10);

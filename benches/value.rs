@@ -1,5 +1,5 @@
-//! Cost of value-based learners on one core: a round of 100 agents of a seed ensemble (30 models) in the swing-up
-//! task, acting without learning, and acting and learning.
+//! Cost of value-based learners on one core: a round of 100 agents of a seed ensemble (30 models)
+//! in the swing-up task, without learning and with learning.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -12,14 +12,14 @@ use seedbed::run::trainer::Trainer;
 criterion_group!(benches, acting, learning);
 criterion_main!(benches);
 
-/// Number of steps of each agent in a round, T.
+/// Number of steps per agent and round, T.
 const STEPS: u64 = 3000;
 
-/// Number of agents K.
+/// Number of agents, K.
 const AGENTS: u64 = 100;
 
 fn acting(criterion: &mut Criterion) {
-    let mut trainer = trainer();
+    let mut trainer = load_trainer();
     let mut group = criterion.benchmark_group("seed ensemble of 100");
     group
         .throughput(Throughput::Elements(AGENTS * STEPS))
@@ -41,7 +41,7 @@ fn acting(criterion: &mut Criterion) {
 }
 
 fn learning(criterion: &mut Criterion) {
-    let mut trainer = trainer();
+    let mut trainer = load_trainer();
     let mut group = criterion.benchmark_group("seed ensemble of 100");
     group
         .throughput(Throughput::Elements(AGENTS * STEPS))
@@ -59,10 +59,10 @@ fn learning(criterion: &mut Criterion) {
     group.finish();
 }
 
-fn trainer() -> Trainer {
+fn load_trainer() -> Trainer {
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("scenarios/swingup_concurrent_seed_ensemble.ron");
     let plan =
-        Plan::load(&scenario, &["agents.count=100".to_owned()]).expect("the scenario is right");
+        Plan::load(&scenario, &["agents.count=100".to_owned()]).expect("the scenario is valid");
     Trainer::from_scenario(&plan.scenario, &plan.description, 1).expect("the task can be built")
 }

@@ -1,8 +1,8 @@
-//! An algorithm of one's own: hill climbing, from nothing.
+//! A custom algorithm: hill climbing.
 //!
-//! Each agent has a linear policy. It tries a random change of its weights for an episode, and keeps
-//! the change if the return is not lower than the best so far. Everything that training needs
-//! is in the implementation of [`Agent`].
+//! Each agent has a linear policy. It tries a random change of its weights for an episode, and
+//! keeps the change if the return is not lower than the best return so far. An algorithm only has
+//! to implement [`Agent`].
 //!
 //! Run with `cargo run --release --example custom_algorithm`, and its test with
 //! `cargo test --example custom_algorithm`.
@@ -19,12 +19,12 @@ use seedbed::learn::experience::{Episode, Experience};
 use seedbed::learn::team::{IndependentLearners, LearningTiming, TeamContext};
 use seedbed::run::trainer::{Trainer, TrainingSettings};
 
-/// A linear policy over two actions, and the best one so far.
+/// An agent with a linear policy for two actions, and the best weights that it has found so far.
 struct HillClimber {
     run_seed: u64,
     agent: u32,
     weights: Vec<f32>,
-    best: Vec<f32>,
+    best_weights: Vec<f32>,
     best_return: f64,
 }
 
@@ -35,7 +35,7 @@ impl HillClimber {
             run_seed: context.run_seed,
             agent: context.agent,
             weights: vec![0.0; width],
-            best: vec![0.0; width],
+            best_weights: vec![0.0; width],
             best_return: f64::NEG_INFINITY,
         }
     }
@@ -60,26 +60,26 @@ impl Agent for HillClimber {
     }
 
     fn update(&mut self, experience: &Experience<'_>) -> Update {
-        let mut own = experience
+        let mut own_episodes = experience
             .new_episodes
             .iter()
             .filter(|episode| episode.agent == self.agent);
-        let total = own.next().map_or(0.0, Episode::total_reward);
-        if total >= self.best_return {
-            self.best_return = total;
-            self.best.clone_from(&self.weights);
+        let episode_return = own_episodes.next().map_or(0.0, Episode::total_reward);
+        if episode_return >= self.best_return {
+            self.best_return = episode_return;
+            self.best_weights.clone_from(&self.weights);
         }
-        // Randomness comes from a stream named by run seed, purpose, agent and round, so that a
-        // run gives the same bits on any number of threads.
+        // Run seed, purpose, agent and round determine the stream of random numbers, so a run gives
+        // the same bits for any number of threads.
         let mut random = stream(
             self.run_seed,
             Purpose::Shuffle,
             self.agent,
             experience.earlier_updates,
         );
-        for (weight, best) in self.weights.iter_mut().zip(&self.best) {
+        for (weight, best_weight) in self.weights.iter_mut().zip(&self.best_weights) {
             let change: f32 = StandardNormal.sample(&mut random);
-            *weight = best + 0.5 * change;
+            *weight = best_weight + 0.5 * change;
         }
         UpdateReport::default().into()
     }
@@ -91,12 +91,12 @@ impl Agent for HillClimber {
     fn tensors(&self) -> Vec<Tensor<'_>> {
         vec![Tensor {
             name: "policy.weight".to_owned(),
-            shape: vec![self.best.len(), 1],
-            values: self.best.as_slice().into(),
+            shape: vec![self.best_weights.len(), 1],
+            values: self.best_weights.as_slice().into(),
         }]
     }
 
-    // A run of this example is never interrupted.
+    // This example never resumes a run, so its checkpoints are empty.
     fn save(&self) -> Vec<u8> {
         Vec::new()
     }
@@ -106,7 +106,8 @@ impl Agent for HillClimber {
     }
 }
 
-/// The mean over agents of the last 25 returns, on CartPole.
+/// Trains a team on the cart-pole task, and returns the mean return over all agents and their last
+/// 25 episodes.
 fn final_return(agents: u32, run_seed: u64) -> Result<f64, Box<dyn Error>> {
     let task = seedbed::env::load(Path::new("envs/cartpole.ron"))?;
     let environment = seedbed::env::build(&task, Physics::Analytic, agents as usize)?;
@@ -141,10 +142,10 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 #[cfg(test)]
 mod tests {
-    /// A random policy earns about 22 per episode, at most 200 are possible.
+    /// Random actions have a mean return of about 22; the maximum is 200.
     #[test]
     fn hill_climbing_learns() {
-        let found = super::final_return(8, 1).expect("the task is there");
-        assert!(found > 100.0, "{found}");
+        let mean_return = super::final_return(8, 1).expect("the task file is valid");
+        assert!(mean_return > 100.0, "{mean_return}");
     }
 }

@@ -1,6 +1,6 @@
-//! An environment of one's own, and a team of the library that learns it.
+//! A custom environment, and a team that learns in it with an algorithm of the library.
 //!
-//! A walker on a line starts at 0, goes left or right, and is paid when it stands at +5.
+//! A walker on a line starts at 0 and goes left or right. It gets the reward 1 when it reaches +5.
 //!
 //! Run with `cargo run --release --example custom_environment`.
 
@@ -13,10 +13,11 @@ use seedbed::learn::algorithms::Algorithm;
 use seedbed::learn::team::{LearningTiming, TeamContext};
 use seedbed::run::trainer::{Trainer, TrainingSettings};
 
-/// Copies of the line.
+/// Copies of the environment, each a line with one walker.
 struct Line {
     spec: Spec,
     positions: Vec<f32>,
+    /// Steps since the reset, per copy.
     steps: Vec<u32>,
     rewards: Vec<f32>,
     statuses: Vec<Status>,
@@ -67,9 +68,9 @@ impl Environment for Line {
             }
             self.positions[copy] += if action == 1.0 { 1.0 } else { -1.0 };
             self.steps[copy] += 1;
-            let arrived = self.positions[copy] == 5.0;
-            self.rewards[copy] = if arrived { 1.0 } else { 0.0 };
-            self.statuses[copy] = if arrived {
+            let is_at_goal = self.positions[copy] == 5.0;
+            self.rewards[copy] = if is_at_goal { 1.0 } else { 0.0 };
+            self.statuses[copy] = if is_at_goal {
                 Status::Terminated
             } else if self.steps[copy] == self.spec.time_limit {
                 Status::Truncated
@@ -91,7 +92,7 @@ impl Environment for Line {
         &self.statuses
     }
 
-    // Nothing of this environment outlives a round, so a checkpoint needs nothing of it.
+    // Each round begins with a reset of all copies, so a checkpoint needs no state of them.
     fn save(&self) -> Vec<u8> {
         Vec::new()
     }
@@ -116,8 +117,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     while !trainer.is_done() {
         trainer.advance()?;
     }
-    let reached = trainer.measures().recent_return(25).unwrap_or_default();
-    println!("share of the last 25 episodes that reach the goal: {reached:.2}");
-    assert!(reached > 0.9, "a team that learns finds the goal");
+    let success_rate = trainer.measures().recent_return(25).unwrap_or_default();
+    println!("share of the last 25 episodes that reach the goal: {success_rate:.2}");
+    assert!(
+        success_rate > 0.9,
+        "the team has not learned to reach the goal"
+    );
     Ok(())
 }

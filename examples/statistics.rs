@@ -1,4 +1,5 @@
-//! The statistics alone, for results of any origin: intervals, and a comparison of two samples.
+//! Uses only the statistics, for results from any source: intervals, and a comparison of two
+//! samples.
 //!
 //! Run with `cargo run --release --example statistics`.
 
@@ -12,11 +13,14 @@ fn main() {
     let ours = [195.0, 188.0, 200.0, 171.0, 199.0, 200.0, 183.0, 192.0];
     let theirs = [160.0, 181.0, 175.0, 149.0, 190.0, 172.0, 168.0, 180.0];
     for (name, returns) in [("ours", ours), ("theirs", theirs)] {
-        let middle = bootstrap_sample(&returns, median);
-        println!("{name}: median return {}", written(&middle));
+        let median_return = bootstrap_sample(&returns, median);
+        println!("{name}: median return {}", format_estimate(&median_return));
     }
-    let middle = bootstrap_sample(&ours, interquartile_mean);
-    println!("ours: interquartile mean {}", written(&middle));
+    let interquartile_return = bootstrap_sample(&ours, interquartile_mean);
+    println!(
+        "ours: interquartile mean {}",
+        format_estimate(&interquartile_return)
+    );
     if let Some(test) = welch_test(&ours, &theirs) {
         println!("Welch's test of equal means: p = {:.4}", test.p);
     }
@@ -24,15 +28,18 @@ fn main() {
     // Two of six runs had not solved their task when they ended, after 200 episodes.
     let solved = [90.0, 120.0, 151.0, 160.0].map(TimeToEvent::observed);
     let unsolved = [200.0; 2].map(TimeToEvent::censored);
-    let curve = kaplan_meier(&[solved.as_slice(), &unsolved].concat());
-    let estimate = Estimate {
-        value: curve.median().unwrap_or(f64::INFINITY),
-        interval: curve.median_interval(),
+    let survival_curve = kaplan_meier(&[solved.as_slice(), &unsolved].concat());
+    let median_episodes = Estimate {
+        value: survival_curve.median().unwrap_or(f64::INFINITY),
+        interval: survival_curve.median_interval(),
     };
-    println!("episodes until solved: median {}", written(&estimate));
+    println!(
+        "episodes until solved: median {}",
+        format_estimate(&median_episodes)
+    );
 }
 
-fn written(estimate: &Estimate) -> String {
+fn format_estimate(estimate: &Estimate) -> String {
     match estimate.interval {
         Interval::Known { low, high } => format!("{:.1} ({low:.1} to {high:.1})", estimate.value),
         Interval::TooFewRuns { n } => format!("{:.1} (no interval from {n} runs)", estimate.value),

@@ -1,15 +1,16 @@
 //! A workbench for coordinated exploration in concurrent reinforcement learning.
 //!
-//! K agents act at once in K copies of one environment, share what they see, and explore
-//! differently because each carries its own fixed random seed. Data flows one way:
+//! K agents act at once in K copies of one environment, share their experience, and explore
+//! differently because each agent has its own fixed agent seed. Data flows in one direction:
 //!
 //! ```text
 //! scenario.ron → Scenario → environments + team → rounds of concurrent episodes → shared buffer
 //!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
 //! ```
 //!
-//! and so do the modules' dependencies: [`cli`] → [`study`] → [`tabular`] → [`run`] → [`scenario`]
-//! → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md` is the map.
+//! Each module may depend on the modules to its right: [`cli`] → [`study`] → [`tabular`] → [`run`]
+//! → [`scenario`] → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
+//! describes all modules.
 
 pub mod cli;
 pub mod plotting;

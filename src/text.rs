@@ -33,7 +33,7 @@ pub fn file_stem(path: &Path, fallback: &str) -> String {
     )
 }
 
-/// A word of a command line, quoted where a POSIX shell would otherwise change it.
+/// A word of a command line, in quotes if a POSIX shell would change it without them.
 #[must_use]
 pub fn shell_word(word: &str) -> Cow<'_, str> {
     // Only a word with a zero byte cannot be quoted, and no argument of a process has one.
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_has_no_plural() {
+    fn only_one_has_no_plural_s() {
         assert_eq!(
             [0, 1, 2].map(|count| pluralize(count, "run")),
             ["0 runs", "1 run", "2 runs"]
@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn trailing_zeros_are_removed_behind_the_point_only() {
+    fn only_zeros_after_the_decimal_point_are_removed() {
         let texts = ["1.500", "20.0", "100", "-0.00", "-0", "0.05"];
         assert_eq!(
             texts.map(without_trailing_zeros),
@@ -62,13 +62,13 @@ mod tests {
     }
 
     #[test]
-    fn a_path_without_a_file_name_has_the_fallback() {
+    fn a_path_without_a_file_name_gives_the_fallback() {
         assert_eq!(file_stem(Path::new("a/cartpole.ron"), "run"), "cartpole");
         assert_eq!(file_stem(Path::new(".."), "run"), "run");
     }
 
     #[test]
-    fn a_shell_takes_a_quoted_word_for_one() {
+    fn a_shell_reads_a_quoted_word_as_one_word() {
         for word in [
             "plain/path.ron",
             "agents.seeds=Normal(sigma: 9)",

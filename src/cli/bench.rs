@@ -10,7 +10,7 @@ use crate::study::experiment::{self, Experiment, LoadError};
 use seedbed_stats::MIN_RUNS;
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
-    let experiments = load(args)?;
+    let experiments = load_scenarios(args)?;
     let Some(first) = experiments.first() else {
         return Ok(());
     };
@@ -30,8 +30,8 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Loads all scenarios, which must be compared by the same measure.
-fn load(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError> {
+/// Loads all scenarios; an error unless all are compared by the same measure.
+fn load_scenarios(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError> {
     let loaded: Result<Vec<_>, LoadError> = args
         .scenarios
         .iter()
@@ -42,13 +42,13 @@ fn load(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError> {
         .iter()
         .map(|experiment| experiment.bench_report().measure())
         .collect();
-    if let Some(other) = measures.iter().position(|measure| *measure != measures[0]) {
+    if let Some(differing) = measures.iter().position(|measure| *measure != measures[0]) {
         return Err(CliError::Usage(format!(
             "cannot compare {}, which is measured by {}, with {}, which is measured by {}",
             args.scenarios[0].display(),
             measures[0],
-            args.scenarios[other].display(),
-            measures[other],
+            args.scenarios[differing].display(),
+            measures[differing],
         )));
     }
     Ok(experiments)
@@ -62,8 +62,8 @@ fn run_all(
     args: &BenchArgs,
 ) -> Result<Vec<Bench>, CliError> {
     let pool = thread_pool(args)?;
-    let seeds = pluralize(args.seeds as usize, "run seed");
-    for line in report.introduction(&format!("{seeds} from {}", args.first_seed)) {
+    let seed_count = pluralize(args.seeds as usize, "run seed");
+    for line in report.introduction(&format!("{seed_count} from {}", args.first_seed)) {
         say!("{line}");
     }
     say!("");
@@ -127,11 +127,15 @@ impl TablePrinter {
             .map(|(title, _)| (*title).to_owned())
             .collect();
         self.print_row(columns, "scenario", &titles);
-        let rules: Vec<String> = columns
+        let separators: Vec<String> = columns
             .iter()
             .map(|(_, width)| format!("{}:|", "-".repeat(width + 1)))
             .collect();
-        say!("|{}|{}", "-".repeat(self.name_width + 2), rules.concat());
+        say!(
+            "|{}|{}",
+            "-".repeat(self.name_width + 2),
+            separators.concat()
+        );
     }
 
     fn print_row(&self, columns: &[Column], name: &str, cells: &[String]) {

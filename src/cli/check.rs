@@ -12,7 +12,7 @@ use seedbed_env::{self, Choice, Spec};
 /// Maximum number of observations that are listed by name.
 pub(super) const MAX_NAMED_OBSERVATIONS: usize = 30;
 
-/// Checks every file; fails if any is invalid.
+/// Checks every file and prints the result; an error if a file is invalid.
 pub(super) fn check(files: &[PathBuf]) -> Result<(), CliError> {
     let mut invalid = 0;
     for path in files {
@@ -77,21 +77,25 @@ pub(super) fn describe_tabular(path: &Path) -> Result<String, InputError> {
 }
 
 fn describe_spaces(spec: &Spec) -> String {
-    let observations: Vec<&str> = spec
+    let observation_names: Vec<&str> = spec
         .observations
         .iter()
         .map(|quantity| quantity.name.as_str())
         .collect();
-    let shown = match observations.get(..MAX_NAMED_OBSERVATIONS) {
-        Some(first) => format!("{}, … ({} in total)", first.join(", "), observations.len()),
-        None => observations.join(", "),
+    let listed = match observation_names.get(..MAX_NAMED_OBSERVATIONS) {
+        Some(first_names) => format!(
+            "{}, … ({} in total)",
+            first_names.join(", "),
+            observation_names.len()
+        ),
+        None => observation_names.join(", "),
     };
-    format!("observations {shown}; actions {}", format_actions(spec))
+    format!("observations {listed}; actions {}", format_actions(spec))
 }
 
 /// Names and values of the actions, e.g. `force (-10 or 10 N)`.
 pub(super) fn format_actions(spec: &Spec) -> String {
-    let described = spec.actions.iter().map(|action| {
+    let action_texts = spec.actions.iter().map(|action| {
         let quantity = &action.quantity;
         let values = match &action.choice {
             Choice::Discrete(values) => values
@@ -107,5 +111,5 @@ pub(super) fn format_actions(spec: &Spec) -> String {
             format!("{values} {}", quantity.unit).trim_end()
         )
     });
-    described.collect::<Vec<_>>().join(", ")
+    action_texts.collect::<Vec<_>>().join(", ")
 }

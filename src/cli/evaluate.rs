@@ -1,35 +1,47 @@
 //! `seedbed evaluate`.
 
 use super::{ActionsArg, CliError, EvaluateArgs, PlayArgs};
-use crate::run::evaluate::{self, Evaluation};
+use crate::run::evaluate::{self, EvaluationSettings};
 use seedbed_env::input::numbers::Positive;
 use seedbed_learn::agent::policy::ActionSelection;
 
 pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), CliError> {
-    let evaluation = evaluation(args.episodes, &args.play)?;
-    let (plan, episodes) = evaluate::evaluate(&evaluate::run_folder(&args.run), &evaluation)?;
+    let settings = evaluation_settings(args.episodes, &args.play)?;
+    let (plan, episodes) = evaluate::evaluate(&evaluate::run_folder(&args.run), &settings)?;
     let (task, count) = (&plan.description.spec().name, args.episodes);
     say!(
         "{task}: {count} episode{} per agent, {}\n",
         if count == 1 { "" } else { "s" },
-        describe_actions(evaluation.actions)
+        describe_actions(settings.action_selection)
     );
-    let rows: Vec<_> = episodes
+    let episode_results: Vec<EpisodeResult> = episodes
         .iter()
-        .map(|episode| (episode.agent, episode.total_reward(), episode.length()))
+        .map(|episode| EpisodeResult {
+            agent: episode.agent,
+            r#return: episode.total_reward(),
+            length: episode.length(),
+        })
         .collect();
-    print_table(&rows);
+    print_table(&episode_results);
     Ok(())
 }
 
-/// Prints one row per agent and one for the team. `episodes` has agent, return and length of each
-/// episode, in agent order.
-pub(super) fn print_table(episodes: &[(u32, f64, usize)]) {
+/// What the table of returns needs to know about an episode.
+pub(super) struct EpisodeResult {
+    pub(super) agent: u32,
+    pub(super) r#return: f64,
+    /// Number of environment steps.
+    pub(super) length: usize,
+}
+
+/// Prints one row of return statistics per agent, and one row for a team of several agents.
+/// `episodes` are in agent order.
+pub(super) fn print_table(episodes: &[EpisodeResult]) {
     say!("| agent | mean return | std. dev. | min | max | mean length |");
     say!("|---|---|---|---|---|---|");
     let mut agents = 0;
-    for own in episodes.chunk_by(|one, next| one.0 == next.0) {
-        say!("| {} {}", own[0].0, statistics_cells(own));
+    for of_agent in episodes.chunk_by(|one, next| one.agent == next.agent) {
+        say!("| {} {}", of_agent[0].agent, statistics_cells(of_agent));
         agents += 1;
     }
     if agents > 1 {
@@ -38,15 +50,19 @@ pub(super) fn print_table(episodes: &[(u32, f64, usize)]) {
 }
 
 /// Settings of an evaluation of `episodes` episodes per agent.
-pub(super) fn evaluation(episodes: u32, args: &PlayArgs) -> Result<Evaluation, CliError> {
-    Ok(Evaluation {
+pub(super) fn evaluation_settings(
+    episodes: u32,
+    args: &PlayArgs,
+) -> Result<EvaluationSettings, CliError> {
+    Ok(EvaluationSettings {
         episodes,
-        actions: actions(args.actions, args.temperature)?,
+        action_selection: action_selection(args.actions, args.temperature)?,
         seed: args.seed,
     })
 }
 
-fn actions(
+/// How actions are chosen; `None`: as in training.
+fn action_selection(
     actions: Option<ActionsArg>,
     temperature: Option<f64>,
 ) -> Result<Option<ActionSelection>, CliError> {
@@ -74,8 +90,8 @@ pub(super) fn describe_actions(actions: Option<ActionSelection>) -> String {
     }
 }
 
-fn statistics_cells(episodes: &[(u32, f64, usize)]) -> String {
-    let returns: Vec<f64> = episodes.iter().map(|episode| episode.1).collect();
+fn statistics_cells(episodes: &[EpisodeResult]) -> String {
+    let returns: Vec<f64> = episodes.iter().map(|episode| episode.r#return).collect();
     let count = returns.len() as f64;
     let mean = returns.iter().sum::<f64>() / count;
     let deviation = (returns
@@ -89,6 +105,10 @@ fn statistics_cells(episodes: &[(u32, f64, usize)]) -> String {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
             (low.min(x), high.max(x))
         });
-    let length = episodes.iter().map(|episode| episode.2 as f64).sum::<f64>() / count;
-    format!("| {mean:.2} | {deviation:.2} | {min:.2} | {max:.2} | {length:.1} |")
+    let mean_length = episodes
+        .iter()
+        .map(|episode| episode.length as f64)
+        .sum::<f64>()
+        / count;
+    format!("| {mean:.2} | {deviation:.2} | {min:.2} | {max:.2} | {mean_length:.1} |")
 }

@@ -11,6 +11,7 @@ use super::progress::ReadCounter;
 use super::sparkline::sparkline;
 use super::{CliError, pluralize};
 use crate::record::RoundRow;
+use crate::run::measures::visitation::Visitation;
 use crate::run::review::recording_stats::{RecordingStats, ValueDistribution};
 use crate::run::review::{LoadRunError, LoadedRun, final_mean};
 use crate::run::summary::FINAL_WINDOW;
@@ -26,11 +27,11 @@ pub(super) struct InspectArgs {
     run: PathBuf,
 }
 
-/// Maximum team size for which the overlap of each pair is printed.
-const MAX_PAIRED: usize = 16;
+/// Maximum number of agents for which the overlap of each pair of agents is printed.
+const MAX_AGENTS_IN_OVERLAP_TABLE: usize = 16;
 
 /// Maximum number of agents with a row in the table of agents.
-const MAX_ROWS: usize = 64;
+const MAX_AGENT_ROWS: usize = 64;
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     let mut run = LoadedRun::open(&args.run)?;
@@ -43,18 +44,18 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
         .size_checked()
         .map_or(110, |(_, columns)| usize::from(columns))
         .clamp(60, 160);
-    let page = Page {
+    let summary = TerminalSummary {
         run: &run,
         stats: stats.as_ref(),
         width,
     };
     let sections = [
-        page.heading(),
-        page.returns(),
-        page.agents(),
-        page.overlaps(),
-        page.axes(),
-        page.files(),
+        summary.heading(),
+        summary.returns(),
+        summary.agent_table(),
+        summary.overlap_table(),
+        summary.observation_table(),
+        summary.files(),
     ];
     say!(
         "{}",
@@ -67,16 +68,19 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-struct Page<'a> {
+/// Summary of a run. Each section is a text; a section without data is empty.
+struct TerminalSummary<'a> {
     run: &'a LoadedRun,
+    /// Statistics of the recording, if there is one.
     stats: Option<&'a RecordingStats>,
+    /// Width of the terminal, in characters.
     width: usize,
 }
 
-impl Page<'_> {
+impl TerminalSummary<'_> {
     fn heading(&self) -> String {
         let run = self.run;
-        let per_agent = run.team_returns().len();
+        let episodes_per_agent = run.team_returns().len();
         let env_steps = run.episodes.last().map_or(0, |row| row.env_steps);
         let task = run
             .recording
@@ -86,16 +90,16 @@ impl Page<'_> {
         let mut text = format!(
             "{}: {}{task}, {}{}, {} env steps\n",
             bold(&run.name()),
-            pluralize(run.agents(), "agent"),
-            pluralize(per_agent, "episode"),
-            if run.agents() == 1 { "" } else { " each" },
-            grouped(env_steps)
+            pluralize(run.agent_count(), "agent"),
+            pluralize(episodes_per_agent, "episode"),
+            if run.agent_count() == 1 { "" } else { " each" },
+            with_thousands_separators(env_steps)
         );
-        text += &self.outcome();
+        text += &self.outcome_line();
         text
     }
 
-    fn outcome(&self) -> String {
+    fn outcome_line(&self) -> String {
         let Some(summary) = &self.run.summary else {
             let state = if self.run.folder.is_some() {
                 "not finished: in progress or interrupted"
@@ -104,51 +108,51 @@ impl Page<'_> {
             };
             return format!("{state}\n");
         };
-        // Thresholds are stored in single precision; printed as f64 they would have spurious digits.
+        // Tasks store thresholds in single precision; as f64 they would have spurious digits.
         match (summary.solved_at, summary.episodes_until_solved) {
             (None, _) => format!("finished; solved: {NO_THRESHOLD}\n"),
-            (Some(at), Some(episodes)) => {
+            (Some(threshold), Some(episodes)) => {
                 let solved = Style::new().green().apply_to("solved");
                 format!(
                     "{solved} after {} per agent: the team's mean return over {} reached {}\n",
                     pluralize(episodes, "episode"),
-                    pluralize(at.window, "episode"),
-                    at.r#return as f32
+                    pluralize(threshold.window, "episode"),
+                    threshold.r#return as f32
                 )
             }
-            (Some(at), None) => format!(
+            (Some(threshold), None) => format!(
                 "not solved: the team's mean return over {} did not reach {}\n",
-                pluralize(at.window, "episode"),
-                at.r#return as f32
+                pluralize(threshold.window, "episode"),
+                threshold.r#return as f32
             ),
         }
     }
 
     fn returns(&self) -> String {
         let returns = self.run.team_returns();
-        let Some(last) = final_mean(&returns) else {
+        let Some(final_return) = final_mean(&returns) else {
             return "no episode finished by all agents\n".to_owned();
         };
         let (min, max) = min_max(&returns);
-        let line = sparkline(
+        let curve = sparkline(
             &returns,
             self.width.saturating_sub(30).min(returns.len()),
             [min, max],
         );
         format!(
-            "{}\n  {:>9} {line} {:<9}\n  min {}, max {}, mean of the last {} episodes: {}\n",
+            "{}\n  {:>9} {curve} {:<9}\n  min {}, max {}, mean of the last {} episodes: {}\n",
             bold("mean return of the team per episode, from the first to the last"),
-            number(returns[0]),
-            number(returns[returns.len() - 1]),
-            number(min),
-            number(max),
+            format_number(returns[0]),
+            format_number(returns[returns.len() - 1]),
+            format_number(min),
+            format_number(max),
             FINAL_WINDOW.min(returns.len()),
-            number(last)
+            format_number(final_return)
         )
     }
 
-    fn agents(&self) -> String {
-        let agents = self.run.agents();
+    fn agent_table(&self) -> String {
+        let agents = self.run.agent_count();
         let has_bonus = self
             .run
             .rounds
@@ -171,85 +175,88 @@ impl Page<'_> {
                 String::new()
             }
         );
-        for agent in 0..agents.min(MAX_ROWS) as u32 {
-            text += &self.agent(agent, has_bonus);
+        for agent in 0..agents.min(MAX_AGENT_ROWS) as u32 {
+            text += &self.agent_row(agent, has_bonus);
         }
-        if agents > MAX_ROWS {
-            let _ = writeln!(text, "  and {} more", agents - MAX_ROWS);
+        if agents > MAX_AGENT_ROWS {
+            let _ = writeln!(text, "  and {} more", agents - MAX_AGENT_ROWS);
         }
-        text + &self.team()
+        text + &self.diversity_line()
     }
 
-    fn agent(&self, agent: u32, has_bonus: bool) -> String {
+    fn agent_row(&self, agent: u32, has_bonus: bool) -> String {
         let returns: Vec<f64> = self.run.returns(agent).collect();
         let (min, max) = min_max(&returns);
-        let columns = self
+        let curve_width = self
             .width
             .saturating_sub(if has_bonus { 70 } else { 60 })
             .clamp(8, 50);
-        let update = self.run.rounds.iter().rev().find(|row| row.agent == agent);
-        let bonus = update
+        let last_update = self.run.rounds.iter().rev().find(|row| row.agent == agent);
+        let intrinsic_reward = last_update
             .and_then(|row| row.intrinsic_reward)
             .map_or(f64::NAN, f64::from);
         format!(
             "  {agent:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  {}\n",
             returns.len(),
-            number(final_mean(&returns).unwrap_or(f64::NAN)),
-            number(max),
-            percent(self.coverage(agent, update)),
-            percent(self.evenness(agent, update)),
+            format_number(final_mean(&returns).unwrap_or(f64::NAN)),
+            format_number(max),
+            format_percent(self.coverage(agent, last_update)),
+            format_percent(self.evenness(agent, last_update)),
             if has_bonus {
-                format!(" {:>9}", number(bonus))
+                format!(" {:>9}", format_number(intrinsic_reward))
             } else {
                 String::new()
             },
-            sparkline(&returns, columns.min(returns.len()), [min, max])
+            sparkline(&returns, curve_width.min(returns.len()), [min, max])
         )
     }
 
-    fn coverage(&self, agent: u32, update: Option<&RoundRow>) -> Option<f64> {
-        let counted = self
-            .stats
-            .and_then(|stats| stats.visitation.get(agent as usize));
-        counted
-            .map(crate::run::measures::visitation::Visitation::coverage)
-            .or(update.map(|row| row.coverage))
+    /// Coverage of an agent, from the recording or else from the row of the agent's last update.
+    fn coverage(&self, agent: u32, last_update: Option<&RoundRow>) -> Option<f64> {
+        self.visitation(agent)
+            .map(Visitation::coverage)
+            .or(last_update.map(|row| row.coverage))
     }
 
-    fn evenness(&self, agent: u32, update: Option<&RoundRow>) -> Option<f64> {
-        let counted = self
-            .stats
-            .and_then(|stats| stats.visitation.get(agent as usize));
-        let counted = counted.map(|visitation| visitation.entropy() / visitation.max_entropy());
-        counted.or(update.map(|row| row.visitation_evenness))
+    /// Visitation evenness of an agent, from the recording or else from the row of the agent's last
+    /// update.
+    fn evenness(&self, agent: u32, last_update: Option<&RoundRow>) -> Option<f64> {
+        self.visitation(agent)
+            .map(|visitation| visitation.entropy() / visitation.max_entropy())
+            .or(last_update.map(|row| row.visitation_evenness))
     }
 
-    /// Line with the diversity of the agents' visited states; empty for a single agent.
-    fn team(&self) -> String {
-        let agents = self.run.agents();
-        let counted = self
+    /// Visit counts of an agent, from the recording.
+    fn visitation(&self, agent: u32) -> Option<&Visitation> {
+        self.stats?.visitation.get(agent as usize)
+    }
+
+    /// Line with the diversity of the team's visited states; empty for a single agent.
+    fn diversity_line(&self) -> String {
+        let agents = self.run.agent_count();
+        let from_recording = self
             .stats
             .map(RecordingStats::diversity)
-            .map(|team| (team.overlap, team.effective_agents));
+            .map(|diversity| (diversity.overlap, diversity.effective_agents));
         let from_rounds = self
             .run
             .rounds
             .last()
             .map(|row| (row.team_overlap, row.effective_agents));
-        match counted.or(from_rounds) {
-            Some((overlap, effective)) if agents > 1 => format!(
+        match from_recording.or(from_rounds) {
+            Some((overlap, effective_agents)) if agents > 1 => format!(
                 "  effective agents: {} of {agents} (overlap {})\n",
-                number(effective),
-                percent(Some(overlap))
+                format_number(effective_agents),
+                format_percent(Some(overlap))
             ),
             _ => String::new(),
         }
     }
 
-    fn overlaps(&self) -> String {
+    fn overlap_table(&self) -> String {
         let Some(stats) = self
             .stats
-            .filter(|stats| (2..=MAX_PAIRED).contains(&stats.visitation.len()))
+            .filter(|stats| (2..=MAX_AGENTS_IN_OVERLAP_TABLE).contains(&stats.visitation.len()))
         else {
             return String::new();
         };
@@ -272,7 +279,8 @@ impl Page<'_> {
         text + "\n"
     }
 
-    fn axes(&self) -> String {
+    /// Smallest, median and largest value of each observation and of the intrinsic reward.
+    fn observation_table(&self) -> String {
         let Some(stats) = self.stats.filter(|stats| {
             stats
                 .distributions
@@ -281,16 +289,19 @@ impl Page<'_> {
         }) else {
             return String::new();
         };
-        let distributions: Vec<&ValueDistribution> =
-            stats.distributions.iter().chain(&stats.bonus).collect();
-        let widest = distributions
+        let distributions: Vec<&ValueDistribution> = stats
+            .distributions
+            .iter()
+            .chain(&stats.intrinsic_rewards)
+            .collect();
+        let name_width = distributions
             .iter()
             .map(|distribution| label(distribution).chars().count())
             .max()
             .unwrap_or(0);
-        let states = grouped(stats.distributions[0].count);
+        let states = with_thousands_separators(stats.distributions[0].count);
         let mut text = format!(
-            "{}\n  {:widest$} {:>10} {:>10} {:>10} {:>22} {:>8}\n",
+            "{}\n  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}\n",
             bold(&format!("observations in {states} states")),
             "",
             "min",
@@ -303,47 +314,34 @@ impl Page<'_> {
             .into_iter()
             .filter(|distribution| distribution.count > 0)
         {
-            let [low, high] = distribution
-                .quantity
-                .range
-                .map(|end| number(f64::from(end)));
-            let _ = writeln!(
-                text,
-                "  {:widest$} {:>10} {:>10} {:>10} {:>22} {:>8}",
-                label(distribution),
-                number(f64::from(distribution.min)),
-                number(distribution.median().map_or(f64::NAN, f64::from)),
-                number(f64::from(distribution.max)),
-                format!("{low} to {high}"),
-                percent(Some(
-                    distribution.outside as f64 / distribution.count as f64
-                ))
-            );
+            text += &distribution_row(distribution, name_width);
         }
         text
     }
 
     fn files(&self) -> String {
         let run = self.run;
-        let of_folder = run.folder.iter().flat_map(|folder| {
-            let [episodes, rounds] = folder.tables();
-            let named = folder.summary();
-            let recording = folder.recording();
+        let run_files = run.folder.iter().flat_map(|folder| {
+            let [episodes, rounds] = folder.table_files();
+            let recording = folder.recording_file();
             let part = recording.with_added_extension("part");
             [
                 recording,
                 part,
                 episodes,
                 rounds,
-                folder.scenario(),
-                named,
-                folder.policies(),
+                folder.scenario_file(),
+                folder.summary_file(),
+                folder.policies_file(),
             ]
         });
-        let alone = run.folder.is_none().then(|| run.path.clone());
+        let single_recording = run.folder.is_none().then(|| run.path.clone());
         let mut text = bold("files") + "\n";
-        for path in of_folder.chain(alone).filter(|path| path.is_file()) {
-            let _ = writeln!(text, "  {} ({})", path.display(), size(&path));
+        for path in run_files
+            .chain(single_recording)
+            .filter(|path| path.is_file())
+        {
+            let _ = writeln!(text, "  {} ({})", path.display(), file_size(&path));
         }
         text + &format!(
             "  to draw visited states: seedbed plot {}\n",
@@ -352,12 +350,32 @@ impl Page<'_> {
     }
 }
 
-fn size(path: &Path) -> String {
+/// Row of the table of observations, with a name column of `name_width` characters.
+fn distribution_row(distribution: &ValueDistribution, name_width: usize) -> String {
+    let [low, high] = distribution
+        .quantity
+        .range
+        .map(|end| format_number(f64::from(end)));
+    format!(
+        "  {:name_width$} {:>10} {:>10} {:>10} {:>22} {:>8}\n",
+        label(distribution),
+        format_number(f64::from(distribution.min)),
+        format_number(distribution.median().map_or(f64::NAN, f64::from)),
+        format_number(f64::from(distribution.max)),
+        format!("{low} to {high}"),
+        format_percent(Some(
+            distribution.outside as f64 / distribution.count as f64
+        ))
+    )
+}
+
+fn file_size(path: &Path) -> String {
     path.metadata().map_or("?".to_owned(), |metadata| {
         HumanBytes(metadata.len()).to_string()
     })
 }
 
+/// Name and unit of the quantity, e.g. `x [m]`.
 fn label(distribution: &ValueDistribution) -> String {
     let quantity = &distribution.quantity;
     if quantity.unit.is_empty() {
@@ -371,27 +389,28 @@ fn bold(text: &str) -> String {
     Style::new().bold().apply_to(text).to_string()
 }
 
-fn percent(share: Option<f64>) -> String {
+fn format_percent(share: Option<f64>) -> String {
     share
         .filter(|share| share.is_finite())
         .map_or("–".to_owned(), |share| format!("{:.1} %", 100.0 * share))
 }
 
-/// Formats a number with at most four significant digits.
-fn number(value: f64) -> String {
+/// Formats a number with four significant digits, but at most six decimals, without trailing zeros.
+/// Digits before the decimal point are never rounded.
+fn format_number(value: f64) -> String {
     if !value.is_finite() {
         return "–".to_owned();
     }
-    let digits = if value == 0.0 {
+    let integer_digits = if value == 0.0 {
         0
     } else {
         value.abs().log10().floor() as i32 + 1
     };
-    let text = format!("{value:.*}", (4 - digits).clamp(0, 6) as usize);
+    let text = format!("{value:.*}", (4 - integer_digits).clamp(0, 6) as usize);
     without_trailing_zeros(&text).to_owned()
 }
 
-fn grouped(number: u64) -> String {
+fn with_thousands_separators(number: u64) -> String {
     indicatif::HumanCount(number).to_string()
 }
 
@@ -408,7 +427,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short() {
+    fn numbers_have_four_significant_digits() {
         let numbers = [
             0.0,
             195.0,
@@ -418,7 +437,7 @@ mod tests {
             f64::NAN,
             -0.000_000_1,
         ]
-        .map(number);
+        .map(format_number);
         assert_eq!(
             numbers,
             ["0", "195", "-1235", "0.01234", "1000000", "–", "0"]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::check::{MAX_NAMED_OBSERVATIONS, describe_tabular, format_actions};
-use super::{Listed, pluralize};
+use super::{ListKind, pluralize};
 use crate::run::Plan;
 use crate::scenario::{self, Scenario};
 use crate::study::plan::StudyPlan;
@@ -12,21 +12,21 @@ use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_learn::algorithms::Algorithm;
 use seedbed_learn::algorithms::catalogue::Parameter;
 
-pub(super) fn list(what: Option<Listed>) {
-    let wanted = |kind| what.is_none() || what == Some(kind);
-    if wanted(Listed::Environments) {
-        environments();
+pub(super) fn list(only_kind: Option<ListKind>) {
+    let is_listed = |kind: ListKind| only_kind.is_none_or(|only_kind| kind == only_kind);
+    if is_listed(ListKind::Environments) {
+        print_environments();
     }
-    if wanted(Listed::Scenarios) {
-        scenarios();
+    if is_listed(ListKind::Scenarios) {
+        print_scenarios();
     }
-    if wanted(Listed::Algorithms) {
-        algorithms();
+    if is_listed(ListKind::Algorithms) {
+        print_algorithms();
     }
 }
 
-fn environments() {
-    for_each_file("Environments", "envs", |path, _| {
+fn print_environments() {
+    print_files("Environments", "envs", |path, _| {
         match seedbed_env::load(path) {
             Ok(description) => print_environment(description.spec()),
             Err(error) => say!("  {}\n      invalid: {error}", path.display()),
@@ -36,9 +36,13 @@ fn environments() {
 
 fn print_environment(spec: &seedbed_env::Spec) {
     say!("  {}\n      {}", spec.name, spec.description);
-    let few = spec.observation_width() < MAX_NAMED_OBSERVATIONS;
-    let shown = &spec.observations[..if few { spec.observation_width() } else { 3 }];
-    let width = shown
+    let lists_all = spec.observation_width() < MAX_NAMED_OBSERVATIONS;
+    let listed_observations = &spec.observations[..if lists_all {
+        spec.observation_width()
+    } else {
+        3
+    }];
+    let name_width = listed_observations
         .iter()
         .map(|quantity| quantity.name.chars().count())
         .max()
@@ -47,14 +51,14 @@ fn print_environment(spec: &seedbed_env::Spec) {
         name,
         unit,
         range: [low, high],
-    } in shown
+    } in listed_observations
     {
         say!(
             "{}",
-            format!("      observation  {name:<width$} {low} to {high} {unit}").trim_end()
+            format!("      observation  {name:<name_width$} {low} to {high} {unit}").trim_end()
         );
     }
-    if !few {
+    if !lists_all {
         say!("      observation  … {} in total", spec.observation_width());
     }
     say!("      action       {}", format_actions(spec));
@@ -65,10 +69,10 @@ fn print_environment(spec: &seedbed_env::Spec) {
     );
 }
 
-fn scenarios() {
-    for_each_file("Scenarios", "scenarios", |path, width| {
+fn print_scenarios() {
+    print_files("Scenarios", "scenarios", |path, width| {
         match describe(path) {
-            Ok(words) => say!("  {:<width$} {words}", path.display()),
+            Ok(description) => say!("  {:<width$} {description}", path.display()),
             Err(error) => say!("  {}\n      invalid: {error}", path.display()),
         }
     });
@@ -102,33 +106,35 @@ fn describe_scenario(plan: &Plan) -> String {
     )
 }
 
-/// Calls `print` for every file in the directories of this name, here and in parent directories,
-/// which is where names are looked up. The second argument is the length of the longest path.
-fn for_each_file(title: &str, folder: &str, print: impl Fn(&Path, usize)) {
-    let here = std::env::current_dir().unwrap_or_default();
-    let folders = input::folders_upwards(&here, folder);
+/// Calls `print_file` with every `.ron` file in the directories named `folder_name` in the working
+/// directory and in its parent directories: the same directories in which names are looked up.
+/// Prints `title` before the files of each directory. The second argument of `print_file` is the
+/// length of the longest path, in characters.
+fn print_files(title: &str, folder_name: &str, print_file: impl Fn(&Path, usize)) {
+    let working_directory = std::env::current_dir().unwrap_or_default();
+    let folders = input::folders_upwards(&working_directory, folder_name);
     if folders.is_empty() {
         say!(
-            "{title}: none; no directory `{folder}` in {} or its parent directories\n",
-            here.display()
+            "{title}: none; no directory `{folder_name}` in {} or its parent directories\n",
+            working_directory.display()
         );
     }
-    for found in folders.iter().map(|found| scenario::relative_path(found)) {
-        say!("{title} ({})", found.join("").display());
-        let files = ron_files(&found);
-        let longest = files
+    for folder in folders.iter().map(|folder| scenario::relative_path(folder)) {
+        say!("{title} ({})", folder.join("").display());
+        let files = ron_files(&folder);
+        let max_length = files
             .iter()
             .map(|path| path.display().to_string().chars().count())
             .max()
             .unwrap_or(0);
         for path in &files {
-            print(path, longest);
+            print_file(path, max_length);
         }
         say!("");
     }
 }
 
-fn algorithms() {
+fn print_algorithms() {
     say!("Algorithms (`algorithm:` in a scenario)");
     for info in Algorithm::catalogue() {
         say!("  {}\n      {}", info.name, info.purpose);
@@ -162,22 +168,22 @@ fn print_parameter(parameter: &Parameter) {
     }
 }
 
-/// Prints a sentence, each line after `indent`.
+/// Prints a sentence in lines of at most `MAX_LINE_WIDTH` characters, each after `indent`.
 fn print_wrapped(sentence: &str, indent: &str) {
-    for line in wrapped(sentence, WIDTH) {
+    for line in wrap(sentence, MAX_LINE_WIDTH) {
         say!("{indent}{line}");
     }
 }
 
-/// Maximum width of a description, in characters.
-const WIDTH: usize = 100;
+/// Maximum width of a line of a description without its indent, in characters.
+const MAX_LINE_WIDTH: usize = 100;
 
-/// Breaks a sentence between words into lines of at most `width` characters.
-fn wrapped(sentence: &str, width: usize) -> Vec<String> {
+/// Breaks a sentence between words into lines of at most `max_width` characters.
+fn wrap(sentence: &str, max_width: usize) -> Vec<String> {
     let mut lines: Vec<String> = vec![String::new()];
     for word in sentence.split(' ') {
-        let line = lines.last_mut().expect("there is a line");
-        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > width {
+        let line = lines.last_mut().expect("there is at least one line");
+        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > max_width {
             lines.push(word.to_owned());
         } else {
             line.push_str(if line.is_empty() { "" } else { " " });

@@ -1,7 +1,7 @@
 //! The command line: parses arguments, calls the library, prints results, and sets the exit status.
 //!
-//! Exit status: 0 success, 1 failure or interruption, 2 invalid input. Rules of training must not be
-//! implemented here.
+//! Exit status: 0 success, 1 failure or interruption, 2 invalid input. Rules of training must not
+//! be implemented here.
 
 /// Prints a line to the standard output. If the reader has closed the pipe (e.g. `head`), ends the
 /// process with exit status 0.
@@ -80,7 +80,7 @@ enum Command {
     List {
         /// List only this kind [default: all]
         #[arg(value_enum, value_name = "KIND")]
-        what: Option<Listed>,
+        kind: Option<ListKind>,
     },
     /// Record a few episodes of random actions in an environment
     Preview(PreviewArgs),
@@ -134,7 +134,8 @@ struct RunArgs {
     #[arg(conflicts_with = "no_recording")]
     live: Option<String>,
     /// Let any number of viewers on this machine connect during the run (`rerun --connect`). Each
-    /// receives everything recorded so far, then all new data [default PORT: 9876; 0: any free port]
+    /// receives everything recorded so far, then all new data [default PORT: 9876; 0: any free
+    /// port]
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "9876")]
     #[arg(conflicts_with_all = ["no_recording", "live"])]
     serve: Option<u16>,
@@ -188,7 +189,7 @@ struct BenchArgs {
     /// Number of run seeds per scenario
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     seeds: u64,
-    /// First run seed; the others follow it
+    /// First of the consecutive run seeds
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=u64::MAX - 100_000))]
     first_seed: u64,
     /// Number of simultaneous runs, one thread each [default: number of cores]
@@ -318,8 +319,9 @@ enum ActionsArg {
     Greedy,
 }
 
+/// What `seedbed list` lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Listed {
+enum ListKind {
     /// Environments in `envs/`
     #[value(alias = "envs")]
     Environments,
@@ -350,8 +352,8 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check { files } => check::check(&files),
-        Command::List { what } => {
-            list::list(what);
+        Command::List { kind } => {
+            list::list(kind);
             Ok(())
         }
         Command::Preview(args) => preview::preview(&args),
@@ -366,6 +368,7 @@ pub fn main() -> ExitCode {
     let Err(error) = result else {
         return ExitCode::SUCCESS;
     };
+    // The error of a single invalid file was printed already; a count would add nothing.
     if !matches!(error, CliError::InvalidFiles(1)) {
         eprintln!("error: {error}");
     }
@@ -415,7 +418,7 @@ impl From<LiveError> for CliError {
 impl From<RunError> for CliError {
     fn from(error: RunError) -> Self {
         match error {
-            RunError::Input(_) | RunError::AnotherRun(_) => Self::Usage(error.to_string()),
+            RunError::Input(_) | RunError::CannotResume(_) => Self::Usage(error.to_string()),
             RunError::Record(_)
             | RunError::Checkpoint(_)
             | RunError::File { .. }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::run::recording_at;
+use super::run::recorder_factory_at;
 use super::{CliError, PreviewArgs, pluralize};
 use crate::run::preview;
 use crate::scenario;
@@ -11,7 +11,7 @@ use seedbed_env::input::numbers::Count;
 use seedbed_env::{self, Physics};
 
 pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
-    let description = seedbed_env::load(&task_file(&args.environment)?)?;
+    let description = seedbed_env::load(&environment_file(&args.environment)?)?;
     let episodes = Count::try_from(args.episodes)
         .map_err(|message| CliError::Usage(format!("--episodes: {message}")))?;
     let physics = if args.analytic {
@@ -33,7 +33,7 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
         physics,
         episodes,
         args.seed,
-        recording_at(&path),
+        recorder_factory_at(&path),
     )?;
     for row in rows {
         let outcome = format!("{:?}", row.outcome).to_lowercase();
@@ -44,7 +44,7 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
             row.r#return
         );
     }
-    say!("\nopen it with\n  rerun {}", path.display());
+    say!("\nopen the recording with\n  rerun {}", path.display());
     Ok(())
 }
 
@@ -54,8 +54,9 @@ fn default_path(name: &str) -> PathBuf {
         .join(format!("{name}.rrd"))
 }
 
-/// The environment file: a path as it is, a name looked up in the nearest directory `envs`.
-fn task_file(environment: &str) -> Result<PathBuf, InputError> {
+/// Path of the environment file. `environment` is this path, or a name that is looked up in the
+/// nearest directory `envs`.
+fn environment_file(environment: &str) -> Result<PathBuf, InputError> {
     let path = PathBuf::from(environment);
     if path.is_file() {
         return Ok(path);
@@ -65,14 +66,15 @@ fn task_file(environment: &str) -> Result<PathBuf, InputError> {
             origin: environment.to_owned(),
             position: None,
             field: String::new(),
-            message: not_found(&known),
+            message: not_found_message(&known),
             help: seedbed_env::input::nearest_name(environment, known.iter().map(String::as_str))
                 .map(|name| format!("did you mean `{name}`?")),
         },
     )
 }
 
-fn not_found(known: &[String]) -> String {
+/// Error message, with the names of all environments that were found.
+fn not_found_message(known: &[String]) -> String {
     if known.is_empty() {
         return "no such file, and no directory `envs` with environments here or in a parent directory"
             .to_owned();

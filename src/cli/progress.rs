@@ -8,7 +8,7 @@ use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use crate::run::{Observer, Progress};
 use crate::study::plan::PlannedRun;
 
-/// Prints warnings only.
+/// Shows no progress; prints warnings only.
 pub(super) struct NoProgress;
 
 impl Observer for NoProgress {
@@ -21,29 +21,29 @@ impl Observer for NoProgress {
     }
 }
 
-/// Aborts the process when a number of rounds is finished, without any cleanup: a crash at a known
-/// moment, for tests of resuming.
+/// Aborts the process without cleanup when a number of rounds is finished. So tests of resuming get
+/// a crash at a known moment.
 pub(super) struct AbortAfter {
     rounds_left: u32,
-    shown: Box<dyn Observer>,
+    inner: Box<dyn Observer>,
 }
 
 impl AbortAfter {
-    pub(super) fn new(rounds: u32, shown: Box<dyn Observer>) -> Self {
+    pub(super) fn new(rounds: u32, inner: Box<dyn Observer>) -> Self {
         Self {
             rounds_left: rounds,
-            shown,
+            inner,
         }
     }
 }
 
 impl Observer for AbortAfter {
     fn begun(&mut self, progress: &Progress) {
-        self.shown.begun(progress);
+        self.inner.begun(progress);
     }
 
     fn round_finished(&mut self, progress: &Progress) {
-        self.shown.round_finished(progress);
+        self.inner.round_finished(progress);
         self.rounds_left = self.rounds_left.saturating_sub(1);
         if self.rounds_left == 0 {
             std::process::abort();
@@ -51,17 +51,18 @@ impl Observer for AbortAfter {
     }
 
     fn warn(&mut self, warning: &str) {
-        self.shown.warn(warning);
+        self.inner.warn(warning);
     }
 }
 
 /// Progress of a run: a bar on a terminal, otherwise one line per tenth of the run.
 pub(super) struct RunProgress {
-    drawn: Option<ProgressBar>,
+    bar: Option<ProgressBar>,
     started: Instant,
-    /// Environment steps before the run was resumed.
-    first_steps: u64,
-    tenths: usize,
+    /// Environment steps of a resumed run before this process; otherwise 0.
+    steps_before: u64,
+    /// Number of tenths of the run for which a line was printed.
+    printed_tenths: usize,
 }
 
 impl RunProgress {
@@ -69,36 +70,36 @@ impl RunProgress {
         let style = ProgressStyle::with_template(
             "{prefix} {bar:32} {pos}/{len} episodes · {msg} · {eta} left",
         );
-        let drawn = std::io::stderr().is_terminal().then(|| {
+        let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::no_length().with_prefix(name.to_owned());
             bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
         });
         Self {
-            drawn,
+            bar,
             started: Instant::now(),
-            first_steps: 0,
-            tenths: 0,
+            steps_before: 0,
+            printed_tenths: 0,
         }
     }
 }
 
 impl Observer for RunProgress {
     fn begun(&mut self, progress: &Progress) {
-        (self.started, self.first_steps) = (Instant::now(), progress.env_steps);
-        if let Some(bar) = &self.drawn {
+        (self.started, self.steps_before) = (Instant::now(), progress.env_steps);
+        if let Some(bar) = &self.bar {
             bar.set_length(progress.max_episodes as u64);
         }
     }
 
     fn round_finished(&mut self, progress: &Progress) {
-        let rate = (progress.env_steps - self.first_steps) as f64
+        let rate = (progress.env_steps - self.steps_before) as f64
             / self.started.elapsed().as_secs_f64().max(1e-3);
         let rate = HumanCount(rate as u64);
         let message = format!(
             "mean return {:.1} · {rate} env steps/s",
             progress.recent_return
         );
-        match &self.drawn {
+        match &self.bar {
             Some(bar) => {
                 bar.set_position(progress.episodes as u64);
                 bar.set_message(message);
@@ -108,7 +109,7 @@ impl Observer for RunProgress {
     }
 
     fn warn(&mut self, warning: &str) {
-        match &self.drawn {
+        match &self.bar {
             Some(bar) => bar.suspend(|| eprintln!("warning: {warning}")),
             None => eprintln!("warning: {warning}"),
         }
@@ -118,8 +119,8 @@ impl Observer for RunProgress {
 impl RunProgress {
     fn print_line(&mut self, progress: &Progress, message: &str) {
         let tenths = 10 * progress.episodes / progress.max_episodes.max(1);
-        if tenths > self.tenths {
-            self.tenths = tenths;
+        if tenths > self.printed_tenths {
+            self.printed_tenths = tenths;
             eprintln!(
                 "{}/{} episodes · {message}",
                 progress.episodes, progress.max_episodes
@@ -130,7 +131,7 @@ impl RunProgress {
 
 impl Drop for RunProgress {
     fn drop(&mut self) {
-        if let Some(bar) = &self.drawn {
+        if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
@@ -138,12 +139,14 @@ impl Drop for RunProgress {
 
 /// Progress of a study: a bar on a terminal, otherwise one line per tenth of the work.
 pub(super) struct StudyProgress {
-    drawn: Option<ProgressBar>,
+    bar: Option<ProgressBar>,
     runs: usize,
-    finished: usize,
+    finished_runs: usize,
+    /// Estimated cost of all runs.
     cost: f64,
-    done: f64,
-    tenths: usize,
+    finished_cost: f64,
+    /// Number of tenths of the cost for which a line was printed.
+    printed_tenths: usize,
     started: Instant,
 }
 
@@ -151,60 +154,60 @@ impl StudyProgress {
     pub(super) fn new(name: &str, planned: &[PlannedRun<'_>]) -> Self {
         let style = ProgressStyle::with_template("{prefix} {bar:32} {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
-        let drawn = std::io::stderr().is_terminal().then(|| {
+        let bar = std::io::stderr().is_terminal().then(|| {
             ProgressBar::new(BAR_STEPS)
                 .with_prefix(name.to_owned())
                 .with_style(style)
         });
         let cost = planned.iter().map(|run| run.cell.experiment.cost()).sum();
-        let bar = Self {
-            drawn,
+        let progress = Self {
+            bar,
             runs: planned.len(),
-            finished: 0,
+            finished_runs: 0,
             cost,
-            done: 0.0,
-            tenths: 0,
+            finished_cost: 0.0,
+            printed_tenths: 0,
             started: Instant::now(),
         };
-        bar.show();
-        bar
+        progress.show();
+        progress
     }
 
-    pub(super) fn finished(&mut self, run: &PlannedRun<'_>) {
-        self.finished += 1;
-        self.done += run.cell.experiment.cost();
+    pub(super) fn run_finished(&mut self, run: &PlannedRun<'_>) {
+        self.finished_runs += 1;
+        self.finished_cost += run.cell.experiment.cost();
         self.show();
-        let tenths = (10.0 * self.share() + 1e-9) as usize;
-        if self.drawn.is_none() && tenths > self.tenths {
-            self.tenths = tenths;
+        let tenths = (10.0 * self.finished_share() + 1e-9) as usize;
+        if self.bar.is_none() && tenths > self.printed_tenths {
+            self.printed_tenths = tenths;
             eprintln!("{}", self.message());
         }
     }
 
     fn show(&self) {
-        if let Some(bar) = &self.drawn {
-            bar.set_position((BAR_STEPS as f64 * self.share()) as u64);
+        if let Some(bar) = &self.bar {
+            bar.set_position((BAR_STEPS as f64 * self.finished_share()) as u64);
             bar.set_message(self.message());
         }
     }
 
     /// Finished share of the work, by the estimated costs of runs.
-    fn share(&self) -> f64 {
-        if self.finished == self.runs {
+    fn finished_share(&self) -> f64 {
+        if self.finished_runs == self.runs {
             1.0
         } else {
-            self.done / self.cost
+            self.finished_cost / self.cost
         }
     }
 
     fn message(&self) -> String {
         let elapsed = self.started.elapsed().as_secs_f64();
-        let left = if self.finished == 0 {
+        let left = if self.finished_runs == 0 {
             String::new()
         } else {
-            remaining_time(elapsed * (1.0 / self.share() - 1.0))
+            remaining_time(elapsed * (1.0 / self.finished_share() - 1.0))
         };
-        format!("{}/{} runs{left}", self.finished, self.runs)
+        format!("{}/{} runs{left}", self.finished_runs, self.runs)
     }
 }
 
@@ -217,18 +220,18 @@ fn remaining_time(seconds: f64) -> String {
     }
 }
 
-/// Resolution of the bar.
+/// Number of steps into which the bar of a study is divided.
 const BAR_STEPS: u64 = 1000;
 
 impl Drop for StudyProgress {
     fn drop(&mut self) {
-        if let Some(bar) = &self.drawn {
+        if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
 }
 
-/// Bar that counts to `total`; hidden if the output is not a terminal.
+/// Bar that counts to `total` units `what`; hidden if the output is not a terminal.
 pub(super) fn episode_bar(total: u32, what: &str) -> ProgressBar {
     let bar = ProgressBar::new(total.into());
     let style =

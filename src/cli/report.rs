@@ -13,36 +13,31 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
         .try_for_each(|folder| write_and_print(&StudyFolder::new(folder)).map(|_| ()))
 }
 
-/// Writes the report of a study, and prints verdicts and paths of files. Returns the number of failed runs.
+/// Writes the report of a study, and prints the verdicts and the paths of the files. Returns the
+/// number of failed runs.
 pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
     let results = Results::read(folder).map_err(|error| match error {
         ResultsError::Folder(_) | ResultsError::Study(_) => CliError::Usage(error.to_string()),
     })?;
     let claim_results = claims::evaluate(&results);
-    let written = report::write(&results, &claim_results, folder.path());
-    let page =
-        written.map_err(|error| CliError::Runtime(format!("cannot write the report: {error}")))?;
-    let [finished, failed, missing] = results.counts();
-    let others = [(failed, "failed"), (missing, "missing")]
-        .into_iter()
-        .filter(|(count, _)| *count > 0);
-    let counts: Vec<String> = others
-        .map(|(count, what)| format!("{count} {what}"))
-        .collect();
-    say!(
-        "runs       {}",
-        [vec![format!("{finished} finished")], counts]
-            .concat()
-            .join(", ")
-    );
+    let report_path = report::write(&results, &claim_results, folder.path())
+        .map_err(|error| CliError::Runtime(format!("cannot write the report: {error}")))?;
+    let [finished, failed, missing] = results.run_counts();
+    let mut run_counts = vec![format!("{finished} finished")];
+    for (count, state) in [(failed, "failed"), (missing, "missing")] {
+        if count > 0 {
+            run_counts.push(format!("{count} {state}"));
+        }
+    }
+    say!("runs       {}", run_counts.join(", "));
     print_claims(&results.study, &claim_results);
     say!("results    {}", folder.path().join("results.csv").display());
-    say!("report     {}", page.display());
+    say!("report     {}", report_path.display());
     Ok(failed)
 }
 
 fn print_claims(study: &Study, claim_results: &[ClaimResult]) {
-    let widest = claim_results
+    let verdict_width = claim_results
         .iter()
         .map(|claim_result| claim_result.verdict_text().len())
         .max()
@@ -55,7 +50,7 @@ fn print_claims(study: &Study, claim_results: &[ClaimResult]) {
             format!(" ({})", claim.source)
         };
         say!(
-            "{:<widest$} {}{source}",
+            "{:<verdict_width$} {}{source}",
             claim_result.verdict_text(),
             claim.text
         );

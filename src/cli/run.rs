@@ -21,7 +21,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let folder = args.out.clone();
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
     let live = live_target(args, &*experiment)?;
-    let lock = lock_output_dir(args, &folder)?;
+    let lock = prepare_output_folder(args, &folder)?;
     let options = Options {
         folder,
         resume: args.resume,
@@ -35,9 +35,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     }
     let started = Instant::now();
     let mut observer = observer(args, experiment.name());
-    let interrupted = interruption("stopping, at the latest after this round");
-    let recording = recording_of_run(args, &options.folder, live);
-    let ending = experiment.run_in_folder(&options, recording, &mut *observer, &interrupted);
+    let interrupted = interruption_flag("stopping, at the latest after this round");
+    let recorder_factory = run_recorder_factory(args, &options.folder, live);
+    let ending = experiment.run_in_folder(&options, recorder_factory, &mut *observer, &interrupted);
     drop(observer);
     match ending.map_err(|error| with_resume_hint(error, args, &options.folder))? {
         RunEnding::Interrupted { after, can_resume } => {
@@ -48,27 +48,28 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
                 .map_err(|error| CliError::Runtime(error.to_string()))?;
             if !args.quiet {
                 let seconds = started.elapsed().as_secs_f64();
-                print(args, &*experiment, &report, &options, seconds);
+                print_report(args, &*experiment, &report, &options, seconds);
             }
             Ok(())
         }
     }
 }
 
-/// The recording, unless the user or the build wants none. A resumed run continues with the
-/// recorders that it began with, so it is handed one in any case.
-fn recording_of_run(
+/// Factory of the recorder that writes the recording; `None` if the user or the build excludes
+/// recordings. A resumed run always gets the factory, because it continues with the recorders with
+/// which it began.
+fn run_recorder_factory(
     args: &RunArgs,
     folder: &RunFolder,
     live: Option<LiveTarget>,
 ) -> Option<Box<dyn RecorderFactory>> {
-    let path = folder.recording();
+    let path = folder.recording_file();
     let is_recorded = args.resume || (recording::AVAILABLE && !args.no_recording);
     is_recorded.then(|| Box::new(RecordingFile { path, live }) as Box<dyn RecorderFactory>)
 }
 
-/// A recording at `path` that no viewer is shown while it is written.
-pub(super) fn recording_at(path: &Path) -> Box<dyn RecorderFactory> {
+/// Factory of the recorder that writes a recording to `path`, without a live viewer.
+pub(super) fn recorder_factory_at(path: &Path) -> Box<dyn RecorderFactory> {
     Box::new(RecordingFile {
         path: path.to_owned(),
         live: None,
@@ -76,24 +77,25 @@ pub(super) fn recording_at(path: &Path) -> Box<dyn RecorderFactory> {
 }
 
 fn observer(args: &RunArgs, name: &str) -> Box<dyn Observer> {
-    let shown: Box<dyn Observer> = if args.quiet {
+    let progress: Box<dyn Observer> = if args.quiet {
         Box::new(NoProgress)
     } else {
         Box::new(RunProgress::new(name))
     };
     match args.abort_after_rounds {
-        Some(rounds) => Box::new(AbortAfter::new(rounds, shown)),
-        None => shown,
+        Some(rounds) => Box::new(AbortAfter::new(rounds, progress)),
+        None => progress,
     }
 }
 
-/// The viewer or server that shows the recording during the run.
+/// The viewer or server that shows the recording during the run; `None` without `--live` and
+/// `--serve`.
 fn live_target(
     args: &RunArgs,
     experiment: &dyn Experiment,
 ) -> Result<Option<LiveTarget>, CliError> {
-    let is_shown = args.live.is_some() || args.serve.is_some();
-    if let (true, Some(obstacle)) = (is_shown, experiment.recording_obstacle()) {
+    let is_live = args.live.is_some() || args.serve.is_some();
+    if let (true, Some(obstacle)) = (is_live, experiment.recording_obstacle()) {
         let scenario = args.scenario.display();
         return Err(CliError::Usage(format!(
             "cannot show {scenario} in a viewer: {obstacle}"
@@ -122,8 +124,8 @@ fn interruption_error(after: &str, can_resume: bool, args: &RunArgs) -> CliError
     })
 }
 
-/// The error, with the command that resumes from the newest checkpoint if writing failed and there
-/// is one.
+/// The error. If a file could not be written and the run has a checkpoint, the message includes the
+/// command that resumes from it.
 fn with_resume_hint(error: RunError, args: &RunArgs, folder: &RunFolder) -> CliError {
     let is_write_error = matches!(
         error,
@@ -154,59 +156,60 @@ fn resume_command(args: &RunArgs) -> String {
     words.join(" ")
 }
 
-/// Locks the output directory for this process, and clears it unless the run is resumed. Refuses to
-/// overwrite a run without `--overwrite`.
-fn lock_output_dir(args: &RunArgs, folder: &RunFolder) -> Result<FolderLock, CliError> {
-    let shown = folder.path().display();
+/// Locks the output directory for this process, and clears it unless the run is resumed. An error
+/// if a run would be overwritten without `--overwrite`.
+fn prepare_output_folder(args: &RunArgs, folder: &RunFolder) -> Result<FolderLock, CliError> {
+    let path = folder.path().display();
     let elsewhere = if args.out.is_some() {
         "another --out"
     } else {
         "another --seed or --out"
     };
-    let before = folder.contents();
-    if let Some(refusal) = refusal(args, before, &shown.to_string(), elsewhere) {
+    let contents = folder.contents();
+    if let Some(refusal) = refusal(args, contents, &path.to_string(), elsewhere) {
         return Err(CliError::Usage(refusal));
     }
     let write_error =
-        |error: std::io::Error| CliError::Runtime(format!("cannot write to {shown}: {error}"));
+        |error: std::io::Error| CliError::Runtime(format!("cannot write to {path}: {error}"));
     let lock = folder.lock().map_err(write_error)?;
     let lock = lock.ok_or_else(|| {
         CliError::Usage(format!(
-            "another seedbed process is writing to {shown}; choose {elsewhere}"
+            "another seedbed process is writing to {path}; choose {elsewhere}"
         ))
     })?;
-    if !args.resume && before != Contents::Nothing {
+    if !args.resume && contents != Contents::Nothing {
         folder.clear().map_err(write_error)?;
     }
     Ok(lock)
 }
 
-/// Why a run must not write to a directory with these contents.
-fn refusal(args: &RunArgs, before: Contents, shown: &str, elsewhere: &str) -> Option<String> {
+/// Why the run must not write to the directory `path` with these contents; `None` if it may.
+fn refusal(args: &RunArgs, contents: Contents, path: &str, elsewhere: &str) -> Option<String> {
     let choice = format!("{elsewhere} to keep both, or --overwrite to replace it");
-    match (before, args.resume, args.overwrite) {
+    match (contents, args.resume, args.overwrite) {
         (Contents::OtherFiles, _, _) => Some(format!(
-            "{shown} is not empty and does not contain a seedbed run; choose {elsewhere}"
+            "{path} is not empty and does not contain a seedbed run; choose {elsewhere}"
         )),
         (Contents::FinishedRun, true, _) => Some(format!(
-            "the run in {shown} is finished; there is nothing to resume"
+            "the run in {path} is finished; there is nothing to resume"
         )),
         (Contents::Nothing | Contents::RunWithoutCheckpoint, true, _) => Some(format!(
-            "{shown} contains no checkpoint to resume from; start a new run without --resume"
+            "{path} contains no checkpoint to resume from; start a new run without --resume"
         )),
         (Contents::FinishedRun, false, false) => {
-            Some(format!("{shown} contains a finished run; choose {choice}"))
+            Some(format!("{path} contains a finished run; choose {choice}"))
         }
         (Contents::UnfinishedRun, false, false) => Some(format!(
-            "{shown} contains an interrupted run; choose --resume to continue it, {choice}"
+            "{path} contains an interrupted run; choose --resume to continue it, {choice}"
         )),
         _ => None,
     }
 }
 
-/// Flag that the first Ctrl-C sets after printing `message`; the second ends the process immediately.
-/// There is one flag per process.
-pub(super) fn interruption(message: &'static str) -> Arc<AtomicBool> {
+/// Flag that is set when the user presses Ctrl-C, which also prints `message`. The second Ctrl-C
+/// ends the process immediately. All calls in a process return the same flag, which keeps the
+/// message of the first call.
+pub(super) fn interruption_flag(message: &'static str) -> Arc<AtomicBool> {
     static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     let interrupted = INTERRUPTED.get_or_init(|| {
         let interrupted = Arc::new(AtomicBool::new(false));
@@ -227,7 +230,7 @@ pub(super) fn interruption(message: &'static str) -> Arc<AtomicBool> {
     Arc::clone(interrupted)
 }
 
-fn print(
+fn print_report(
     args: &RunArgs,
     experiment: &dyn Experiment,
     report: &RunReport,
@@ -245,12 +248,12 @@ fn print(
     for (label, text) in &report.lines {
         say!("{label:<10} {text}");
     }
-    let path = options.folder.recording();
+    let path = options.folder.recording_file();
     if path.is_file() {
         say!(
             "recording  {} ({}); open it with",
             path.display(),
-            size(&path)
+            file_size(&path)
         );
         say!("             rerun {}", path.display());
     } else if let Some(obstacle) = recording_obstacle(args, experiment) {
@@ -258,7 +261,8 @@ fn print(
     }
 }
 
-/// Why a run that the user wants to record is not recorded.
+/// Why a run that the user wants to record is not recorded; `None` if it is recorded, or if the
+/// user wants no recording.
 fn recording_obstacle(args: &RunArgs, experiment: &dyn Experiment) -> Option<String> {
     if args.no_recording {
         None
@@ -269,7 +273,7 @@ fn recording_obstacle(args: &RunArgs, experiment: &dyn Experiment) -> Option<Str
     }
 }
 
-fn size(path: &Path) -> String {
+fn file_size(path: &Path) -> String {
     let bytes = path.metadata().map_or(0, |metadata| metadata.len());
     indicatif::HumanBytes(bytes).to_string()
 }

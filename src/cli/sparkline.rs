@@ -2,13 +2,19 @@
 
 const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// Draws `values` with `columns` block characters. The height of each block is the mean of its part of the values,
-/// on a scale from `low` to `high`.
+/// Draws `values` with `columns` block characters, or fewer if there are fewer values. Each block
+/// shows the mean of consecutive values by its height, on a scale from `low` to `high`.
 pub(super) fn sparkline(values: &[f64], columns: usize, [low, high]: [f64; 2]) -> String {
     let columns = columns.min(values.len());
-    let bound = |column: usize| column * values.len() / columns.max(1);
+    let first_index = |column: usize| column * values.len() / columns.max(1);
     (0..columns)
-        .map(|column| block(mean(&values[bound(column)..bound(column + 1)]), low, high))
+        .map(|column| {
+            block(
+                mean(&values[first_index(column)..first_index(column + 1)]),
+                low,
+                high,
+            )
+        })
         .collect()
 }
 
@@ -17,12 +23,12 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 fn block(value: f64, low: f64, high: f64) -> char {
-    let share = if high > low {
+    let height = if high > low {
         (value - low) / (high - low)
     } else {
         0.0
     };
-    BLOCKS[((share * 8.0) as usize).min(7)]
+    BLOCKS[((height * 8.0) as usize).min(7)]
 }
 
 #[cfg(test)]

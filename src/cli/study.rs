@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use super::progress::StudyProgress;
-use super::run::interruption;
+use super::run::interruption_flag;
 use super::{CliError, StudyArgs, pluralize, report};
 use crate::study::plan::{PlannedRun, StudyPlan};
 use crate::study::runner;
@@ -19,44 +19,49 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
         .map(|path| StudyPlan::load(path, args.quick))
         .collect();
     let plans = plans?;
-    check_folders(&plans)?;
+    check_distinct_folders(&plans)?;
     if plans.len() > 1 && (args.out.is_some() || args.index.is_some()) {
         return Err(CliError::Usage(
             "--out and --index can be used with one study only".to_owned(),
         ));
     }
-    let mut failed = 0;
+    let mut failed_runs = 0;
     for plan in &plans {
         let folder = StudyFolder::new(args.out.clone().unwrap_or_else(|| plan.default_folder()));
-        failed += match (args.index, args.verify) {
-            _ if args.list => list(plan, &folder),
+        failed_runs += match (args.index, args.verify) {
+            _ if args.list => {
+                list(plan, &folder);
+                0
+            }
             (Some(index), _) => run_one(args, plan, &folder, index)?,
-            (None, Some(max)) => verify(args, plan, &folder, max.into())?,
+            (None, Some(max_runs)) => verify(args, plan, &folder, max_runs.into())?,
             (None, None) => run_all(args, plan, &folder)?,
         };
     }
-    let what = if args.verify.is_some() {
+    let failure = if args.verify.is_some() {
         "not reproduced"
     } else {
         "failed"
     };
-    if failed == 0 {
+    if failed_runs == 0 {
         Ok(())
     } else {
         Err(CliError::Runtime(format!(
-            "{} {what}",
-            pluralize(failed, "run")
+            "{} {failure}",
+            pluralize(failed_runs, "run")
         )))
     }
 }
 
-/// Refuses two studies in one directory: each would take the other's runs for its own.
-fn check_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
-    let twice = plans
-        .iter()
-        .enumerate()
-        .find(|(number, plan)| plans[..*number].iter().any(|other| other.name == plan.name));
-    twice.map_or(Ok(()), |(_, plan)| {
+/// An error if two studies would write to one directory: each would take the other's runs for its
+/// own.
+fn check_distinct_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
+    let repeated_name = plans.iter().enumerate().find(|(index, plan)| {
+        plans[..*index]
+            .iter()
+            .any(|earlier| earlier.name == plan.name)
+    });
+    repeated_name.map_or(Ok(()), |(_, plan)| {
         let folder = plan.default_folder();
         Err(CliError::Usage(format!(
             "two studies are named `{}` and would both write to {}; run them one at a time with --out",
@@ -66,7 +71,8 @@ fn check_folders(plans: &[StudyPlan]) -> Result<(), CliError> {
     })
 }
 
-/// Refuses a directory that belongs to another study, or to this study with another value of `--quick`.
+/// An error if the directory belongs to another study, or to this study with another value of
+/// `--quick`.
 fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliError> {
     let Ok(manifest) = folder.manifest() else {
         return Ok(());
@@ -87,7 +93,7 @@ fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliErr
 }
 
 /// Prints all runs with their indices and states.
-fn list(plan: &StudyPlan, folder: &StudyFolder) -> usize {
+fn list(plan: &StudyPlan, folder: &StudyFolder) {
     for run in plan.runs() {
         let state = match folder.stored_run(&run).map(|stored| stored.outcome) {
             Some(Ok(_)) => "finished",
@@ -97,14 +103,14 @@ fn list(plan: &StudyPlan, folder: &StudyFolder) -> usize {
         say!(
             "{:>6}  {state:<8}  run seed {:<6}  {}",
             run.index,
-            run.seed,
+            run.run_seed,
             run.cell.name
         );
     }
-    0
 }
 
-/// Executes a single run; other processes may work in the same directory.
+/// Executes a single run; other processes may work in the same directory. Returns the number of
+/// failed runs, 0 or 1.
 fn run_one(
     args: &StudyArgs,
     plan: &StudyPlan,
@@ -120,48 +126,50 @@ fn run_one(
         return Err(CliError::Usage(message));
     };
     check_same_study(plan, folder)?;
-    let _claim = claim(folder, false)?;
+    let _lock = lock_folder(folder, false)?;
     folder
         .write_manifest(plan)
         .map_err(|error| CliError::Runtime(error.to_string()))?;
-    let file = folder.file(&run.cell.digest, run.seed);
-    let before = folder
+    let file = folder.result_file(&run.cell.digest, run.run_seed);
+    let was_stored = folder
         .stored_run(run)
-        .filter(|stored| keeps_result(args, stored));
-    if before.is_none() {
-        print_failures(&run_missing(args, &[*run], folder, &plan.name)?);
+        .is_some_and(|stored| keeps_result(args, &stored));
+    if !was_stored {
+        print_failures(&execute_runs(args, &[*run], folder, &plan.name)?);
     }
     let Some(stored) = folder.stored_run(run) else {
         return Err(interruption_error(&plan.name));
     };
-    let status = if before.is_some() {
-        "already stored: "
-    } else {
-        ""
-    };
+    let status = if was_stored { "already stored: " } else { "" };
     say!(
         "{}",
         describe_run(run, &format!("{status}{}", file.display()))
     );
-    if let (Some(_), Err(reason)) = (&before, &stored.outcome) {
+    if let (true, Err(reason)) = (was_stored, &stored.outcome) {
         print_failures(&[describe_run(run, reason)]);
     }
     Ok(usize::from(stored.outcome.is_err()))
 }
 
+/// Executes all runs that have no stored result, and writes the report. Returns the number of
+/// failed runs.
 fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
     check_same_study(plan, folder)?;
-    let _claim = claim(folder, true)?;
+    let _lock = lock_folder(folder, true)?;
     folder
         .write_manifest(plan)
         .map_err(|error| CliError::Runtime(error.to_string()))?;
     let runs = plan.distinct_runs();
-    let is_there = |run: &&PlannedRun<'_>| {
+    let has_result = |run: &&PlannedRun<'_>| {
         folder
             .stored_run(run)
             .is_some_and(|stored| keeps_result(args, &stored))
     };
-    let missing: Vec<PlannedRun<'_>> = runs.iter().filter(|run| !is_there(run)).copied().collect();
+    let missing: Vec<PlannedRun<'_>> = runs
+        .iter()
+        .filter(|run| !has_result(run))
+        .copied()
+        .collect();
     let (cells, runs) = (
         pluralize(plan.cells.len(), "cell"),
         pluralize(plan.repeats() as usize, "run"),
@@ -172,14 +180,14 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
         missing.len()
     );
     let started = Instant::now();
-    let failures = run_missing(args, &missing, folder, &plan.name)?;
+    let failures = execute_runs(args, &missing, folder, &plan.name)?;
     if !missing.is_empty() {
-        let (done, threads) = (
+        let (run_count, thread_count) = (
             pluralize(missing.len(), "run"),
             pluralize(jobs(args), "thread"),
         );
         say!(
-            "finished   {done} in {:.1} s on {threads}",
+            "finished   {run_count} in {:.1} s on {thread_count}",
             started.elapsed().as_secs_f64()
         );
     }
@@ -187,12 +195,13 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
     report::write_and_print(folder)
 }
 
-/// Repeats some of the stored runs and compares the results.
+/// Repeats at most `max_runs` of the stored runs and compares the results. Returns the number of
+/// runs whose result differs.
 fn verify(
     args: &StudyArgs,
     plan: &StudyPlan,
     folder: &StudyFolder,
-    max: usize,
+    max_runs: usize,
 ) -> Result<usize, CliError> {
     check_same_study(plan, folder)?;
     let stored: Vec<PlannedRun<'_>> = plan
@@ -206,56 +215,63 @@ fn verify(
             folder.path().display()
         )));
     }
-    let chosen = evenly_spaced(&stored, max);
-    let stop = interruption("stopping; stored results are unchanged");
-    let bar = Mutex::new(StudyProgress::new(&plan.name, &chosen));
-    let others = Mutex::new(Vec::new());
-    runner::verify(&chosen, folder, jobs(args), &stop, &|run, is_same| {
-        bar.lock()
-            .expect("no thread fails while it holds the lock")
-            .finished(run);
+    let to_repeat = evenly_spaced(&stored, max_runs);
+    let differing = repeat_and_compare(args, &to_repeat, folder, &plan.name)?;
+    print_verification(plan, folder, [to_repeat.len(), stored.len()], &differing);
+    Ok(differing.len())
+}
+
+/// Repeats stored runs. Returns the runs whose result differs from the stored result, in the order
+/// of their indices.
+fn repeat_and_compare<'a>(
+    args: &StudyArgs,
+    runs: &'a [PlannedRun<'a>],
+    folder: &StudyFolder,
+    study_name: &str,
+) -> Result<Vec<PlannedRun<'a>>, CliError> {
+    let stop = interruption_flag("stopping; stored results are unchanged");
+    let progress = Mutex::new(StudyProgress::new(study_name, runs));
+    let differing = Mutex::new(Vec::new());
+    runner::verify(runs, folder, jobs(args), &stop, &|run, is_same| {
+        progress.lock().expect(LOCK_IS_INTACT).run_finished(run);
         if !is_same {
-            others
-                .lock()
-                .expect("no thread fails while it holds the lock")
-                .push(*run);
+            differing.lock().expect(LOCK_IS_INTACT).push(*run);
         }
     });
-    drop(bar);
+    drop(progress);
     if stop.load(Ordering::Relaxed) {
         return Err(CliError::Runtime(
             "interrupted; stored results are unchanged".to_owned(),
         ));
     }
-    let others = others
-        .into_inner()
-        .expect("no thread fails while it holds the lock");
-    print_verification(plan, folder, [chosen.len(), stored.len()], &others);
-    Ok(others.len())
+    let mut differing = differing.into_inner().expect(LOCK_IS_INTACT);
+    differing.sort_by_key(|run| run.index);
+    Ok(differing)
 }
+
+/// Why locking cannot fail.
+const LOCK_IS_INTACT: &str = "no thread panics while it holds the lock";
 
 fn print_verification(
     plan: &StudyPlan,
     folder: &StudyFolder,
-    [chosen, stored]: [usize; 2],
-    others: &[PlannedRun<'_>],
+    [repeated, stored]: [usize; 2],
+    differing: &[PlannedRun<'_>],
 ) {
-    let same = chosen - others.len();
+    let same = repeated - differing.len();
     say!(
-        "verified   {}: {same} of {chosen} repeated runs are bit-identical ({} stored)",
+        "verified   {}: {same} of {repeated} repeated runs are bit-identical ({} stored)",
         plan.name,
         pluralize(stored, "run")
     );
-    let mut others: Vec<&PlannedRun<'_>> = others.iter().collect();
-    others.sort_by_key(|run| run.index);
-    for run in &others {
-        let file = folder.file(&run.cell.digest, run.seed);
+    for run in differing {
+        let file = folder.result_file(&run.cell.digest, run.run_seed);
         eprintln!(
             "differs    {}",
             describe_run(run, &file.display().to_string())
         );
     }
-    if !others.is_empty() {
+    if !differing.is_empty() {
         eprintln!(
             "the stored results come from other code or another kind of machine; delete {} to repeat all runs",
             folder.runs_folder().display()
@@ -263,39 +279,42 @@ fn print_verification(
     }
 }
 
-/// At most `max` runs, evenly spaced over the study.
-fn evenly_spaced<'a>(runs: &[PlannedRun<'a>], max: usize) -> Vec<PlannedRun<'a>> {
-    let count = max.min(runs.len());
+/// At most `max_runs` of the runs, evenly spaced over the study.
+fn evenly_spaced<'a>(runs: &[PlannedRun<'a>], max_runs: usize) -> Vec<PlannedRun<'a>> {
+    let count = max_runs.min(runs.len());
     (0..count)
-        .map(|number| runs[number * runs.len() / count])
+        .map(|index| runs[index * runs.len() / count])
         .collect()
 }
 
-/// Whether a stored run is kept: with `--retry`, failed runs are repeated.
+/// Whether the result of a stored run is kept. With `--retry`, runs that failed are repeated
+/// instead.
 fn keeps_result(args: &StudyArgs, stored: &StoredRun) -> bool {
     !(args.retry && stored.outcome.is_err())
 }
 
-/// Runs `runs`; returns the failures as `cell, run seed N: reason`.
-fn run_missing(
+/// Executes runs and stores their results. Returns the failures as `cell, run seed N: reason`.
+fn execute_runs(
     args: &StudyArgs,
     runs: &[PlannedRun<'_>],
     folder: &StudyFolder,
-    name: &str,
+    study_name: &str,
 ) -> Result<Vec<String>, CliError> {
-    let stop =
-        interruption("stopping; finished runs are kept, and the same command resumes the study");
-    let bar = Mutex::new(StudyProgress::new(name, runs));
+    let stop = interruption_flag(
+        "stopping; finished runs are kept, and the same command resumes the study",
+    );
+    let progress = Mutex::new(StudyProgress::new(study_name, runs));
     let failures = Mutex::new(Vec::new());
     let finished_runs = AtomicUsize::new(0);
-    let report_finished = |finished: &runner::Finished<'_>| {
-        bar.lock()
-            .expect("no thread fails while it holds the lock")
-            .finished(finished.run);
+    let report_finished = |finished: &runner::FinishedRun<'_>| {
+        progress
+            .lock()
+            .expect(LOCK_IS_INTACT)
+            .run_finished(finished.run);
         if let Some(reason) = finished.failure {
             failures
                 .lock()
-                .expect("no thread fails while it holds the lock")
+                .expect(LOCK_IS_INTACT)
                 .push(describe_run(finished.run, reason));
         }
         if Some(finished_runs.fetch_add(1, Ordering::Relaxed) + 1) == args.abort_after_runs {
@@ -303,43 +322,45 @@ fn run_missing(
         }
     };
     let result = runner::run(runs, folder, jobs(args), &stop, &report_finished);
-    drop(bar);
+    drop(progress);
     result.map_err(|error| CliError::Runtime(format!("cannot write {error}")))?;
     if stop.load(Ordering::Relaxed) {
-        return Err(interruption_error(name));
+        return Err(interruption_error(study_name));
     }
-    let mut failures = failures
-        .into_inner()
-        .expect("no thread fails while it holds the lock");
+    let mut failures = failures.into_inner().expect(LOCK_IS_INTACT);
     failures.sort();
     Ok(failures)
 }
 
 fn print_failures(failures: &[String]) {
-    const SHOWN: usize = 10;
-    for failure in failures.iter().take(SHOWN) {
+    const MAX_PRINTED: usize = 10;
+    for failure in failures.iter().take(MAX_PRINTED) {
         eprintln!("failed     {failure}");
     }
-    if failures.len() > SHOWN {
-        eprintln!("failed     and {} more", failures.len() - SHOWN);
+    if failures.len() > MAX_PRINTED {
+        eprintln!("failed     and {} more", failures.len() - MAX_PRINTED);
     }
 }
 
 /// A run with a message, e.g. `σ 0.1, run seed 1000: message`.
 fn describe_run(run: &PlannedRun<'_>, message: &str) -> String {
-    format!("{}, run seed {}: {message}", run.cell.name, run.seed)
+    format!("{}, run seed {}: {message}", run.cell.name, run.run_seed)
 }
 
-fn interruption_error(name: &str) -> CliError {
-    CliError::Runtime(format!("interrupted; repeat the command to resume {name}"))
+fn interruption_error(study_name: &str) -> CliError {
+    CliError::Runtime(format!(
+        "interrupted; repeat the command to resume {study_name}"
+    ))
 }
 
-fn claim(folder: &StudyFolder, alone: bool) -> Result<StudyLock, CliError> {
+/// Locks the directory of a study for this process alone if `is_exclusive`, otherwise together with
+/// other processes that each execute a single run.
+fn lock_folder(folder: &StudyFolder, is_exclusive: bool) -> Result<StudyLock, CliError> {
     let path: &Path = folder.path();
-    let claimed = folder
-        .lock(alone)
+    let lock = folder
+        .lock(is_exclusive)
         .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", path.display())))?;
-    claimed.ok_or_else(|| {
+    lock.ok_or_else(|| {
         CliError::Usage(format!(
             "another process is running a study in {}; wait for it, or choose another directory with --out",
             path.display()
@@ -347,6 +368,7 @@ fn claim(folder: &StudyFolder, alone: bool) -> Result<StudyLock, CliError> {
     })
 }
 
+/// Number of simultaneous runs.
 fn jobs(args: &StudyArgs) -> usize {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     args.jobs.map_or_else(cores, usize::from)

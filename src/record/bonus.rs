@@ -17,7 +17,7 @@ impl BonusRange {
         self != Self::None
     }
 
-    /// The largest bonus that a step can have.
+    /// The largest bonus that a step can have; `None` if no step has a bonus.
     #[must_use]
     pub fn max(self) -> Option<f32> {
         match self {
@@ -26,8 +26,8 @@ impl BonusRange {
         }
     }
 
-    /// The upper end of color scales and axes of bonuses: the largest bonus or, if all bonuses are
-    /// 0 because their weight is 0, 1.
+    /// The upper end of color scales and axes of bonuses: the largest bonus, or 1 if all bonuses
+    /// are 0 because their weight is 0.
     #[must_use]
     pub fn scale_end(self) -> Option<f32> {
         self.max().map(|max| if max > 0.0 { max } else { 1.0 })

@@ -24,7 +24,7 @@ pub enum LiveError {
         /// What the operating system said.
         reason: io::Error,
     },
-    /// The build has no recordings.
+    /// This build cannot write or show recordings.
     #[error("{}", super::UNAVAILABLE)]
     Unavailable,
 }

@@ -1,10 +1,11 @@
 //! The table of metrics: the numbers that are measured during a run, and where each of them
 //! appears.
 //!
-//! A metric is one entry of the table below. From it derive its column of `rounds.csv` (the field
-//! of [`RoundRow`]), its curve in the recording (`/curves/KEY`), its panel of `seedbed plot`, its
-//! [`Curve`] in studies, its title in figures and reports, and its row of the table in the README.
-//! Adding a metric means adding an entry here and computing its value where a [`RoundRow`] is made.
+//! A metric is one entry of the table below. The entry determines its column of `rounds.csv` (the
+//! field of [`RoundRow`]), its curve in the recording (`/curves/KEY`), its panel of `seedbed plot`,
+//! its [`Curve`] in studies, its title in figures and reports, and its row of the table in the
+//! README. Adding a metric means adding an entry here and computing its value where a [`RoundRow`]
+//! is made.
 //!
 //! A metric that an algorithm or a round does not have is `None`, never 0: an empty cell of
 //! `rounds.csv`, no point of a curve, and not measured in studies.
@@ -30,9 +31,9 @@ pub struct Metric {
     /// Range of possible values.
     pub range: Range,
     /// How the values of all agents in a round are combined into one value.
-    pub over_agents: OverAgents,
+    pub team_aggregation: TeamAggregation,
     /// The kind of runs that have this metric.
-    pub runs: Runs,
+    pub runs: RunKind,
     /// Subject of the metric. Metrics are shown in the order of their groups.
     pub group: Group,
     /// Source of its values.
@@ -42,7 +43,7 @@ pub struct Metric {
     /// Whether `seedbed plot` draws a panel of this metric.
     pub plotted: bool,
     /// Whether axes show the whole range of possible values instead of the range of the data.
-    pub full_axis: bool,
+    pub axis_shows_full_range: bool,
 }
 
 /// Whether each agent or the team has a value.
@@ -73,7 +74,7 @@ pub enum Range {
 
 /// How the values of all agents in a round are combined into one value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OverAgents {
+pub enum TeamAggregation {
     /// Mean over agents.
     Mean,
     /// Maximum over agents.
@@ -82,7 +83,7 @@ pub enum OverAgents {
 
 /// The kind of runs that have a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Runs {
+pub enum RunKind {
     /// All runs.
     All,
     /// Runs in which agents with networks learn in rounds.
@@ -129,13 +130,13 @@ const DEFAULT_METRIC: Metric = Metric {
     curve: Curve::Return,
     scope: Scope::Agent,
     range: Range::Any,
-    over_agents: OverAgents::Mean,
-    runs: Runs::Training,
+    team_aggregation: TeamAggregation::Mean,
+    runs: RunKind::Training,
     group: Group::Rewards,
     source: Source::Episode,
     recorded: true,
     plotted: false,
-    full_axis: false,
+    axis_shows_full_range: false,
 };
 
 /// A field of a row: a number, or `None` if it was not measured.
@@ -210,10 +211,10 @@ macro_rules! metrics {
 metrics! {
     episodes {
         /// Sum of the environment's rewards in one episode.
-        "return" as Return { title: "return", runs: Runs::All }
+        "return" as Return { title: "return", runs: RunKind::All }
         /// Expected return of the optimal policy minus expected return of the agent's actions, in
         /// one episode.
-        "regret" as Regret { title: "regret per episode", range: Range::NotNegative, runs: Runs::Tabular }
+        "regret" as Regret { title: "regret per episode", range: Range::NotNegative, runs: RunKind::Tabular }
     }
     rounds {
         /// Half the mean squared error of the value function against its (normalized) target.
@@ -222,19 +223,19 @@ metrics! {
         }
         /// Surrogate loss of the policy.
         policy_loss: Option<f32> as PolicyLoss { title: "policy loss", group: Group::Losses }
-        /// Mean |ρ − 1| + 1 of the importance ratios ρ (thesis Fig. 5.4).
+        /// 1 + mean of |ρ − 1| over the importance ratios ρ of all samples (thesis Fig. 5.4).
         ratio_deviation: Option<f32> as RatioDeviation {
             title: "ratio deviation", range: Range::FromOne, group: Group::Ratios, plotted: true
         }
         /// Largest importance ratio ρ of all samples.
         largest_ratio: Option<f32> as LargestRatio {
             title: "largest ratio", range: Range::NotNegative, group: Group::Ratios,
-            over_agents: OverAgents::Max
+            team_aggregation: TeamAggregation::Max
         }
         /// Share of samples whose policy gradient is 0 because of clipping.
         clipped_fraction: Option<f32> as ClippedFraction {
             title: "clipped fraction", range: Range::Share, group: Group::Ratios, plotted: true,
-            full_axis: true
+            axis_shows_full_range: true
         }
         /// Mean entropy of the policy.
         entropy: Option<f32> as Entropy {
@@ -256,7 +257,7 @@ metrics! {
         }
         /// Share of the state space that the agent has visited so far.
         coverage: f64 as Coverage {
-            title: "coverage per agent", range: Range::Share, runs: Runs::All, group: Group::Visits,
+            title: "coverage per agent", range: Range::Share, runs: RunKind::All, group: Group::Visits,
             plotted: true
         }
         /// Entropy of the agent's visits so far.
@@ -270,19 +271,19 @@ metrics! {
         }
         /// Share of the state space that any agent has visited so far.
         team_coverage: f64 as TeamCoverage {
-            title: "team coverage", range: Range::Share, scope: Scope::Team, runs: Runs::All,
+            title: "team coverage", range: Range::Share, scope: Scope::Team, runs: RunKind::All,
             group: Group::Team
         }
         /// Overlap of the agents' visits: 0 if no two agents visit the same states, 1 if all visit
         /// the same.
         team_overlap: f64 as TeamOverlap {
-            title: "team overlap", range: Range::Share, scope: Scope::Team, runs: Runs::All,
+            title: "team overlap", range: Range::Share, scope: Scope::Team, runs: RunKind::All,
             group: Group::Team
         }
         /// Effective number of agents: number of agents without overlap that would be equally
         /// diverse.
         effective_agents: f64 as EffectiveAgents {
-            title: "effective agents", range: Range::Agents, scope: Scope::Team, runs: Runs::All,
+            title: "effective agents", range: Range::Agents, scope: Scope::Team, runs: RunKind::All,
             group: Group::Team, plotted: true
         }
     }
@@ -316,9 +317,9 @@ impl Metric {
         if values.is_empty() {
             return None;
         }
-        Some(match self.over_agents {
-            OverAgents::Mean => values.iter().sum::<f64>() / values.len() as f64,
-            OverAgents::Max => values.into_iter().fold(f64::NEG_INFINITY, f64::max),
+        Some(match self.team_aggregation {
+            TeamAggregation::Mean => values.iter().sum::<f64>() / values.len() as f64,
+            TeamAggregation::Max => values.into_iter().fold(f64::NEG_INFINITY, f64::max),
         })
     }
 
@@ -329,15 +330,15 @@ impl Metric {
     }
 }
 
-/// Metrics with a column of `rounds.csv`, in the order of the columns.
-pub fn columns() -> impl Iterator<Item = &'static Metric> {
+/// Metrics of rounds, in the order of their columns of `rounds.csv`.
+pub fn round_metrics() -> impl Iterator<Item = &'static Metric> {
     METRICS.iter().filter(|metric| metric.has_column())
 }
 
-/// Metrics with a column of `rounds.csv`, in the order in which they are shown.
+/// Metrics of rounds, in the order in which they are shown.
 #[must_use]
-pub fn columns_in_display_order() -> Vec<&'static Metric> {
-    let mut metrics: Vec<&'static Metric> = columns().collect();
+pub fn round_metrics_in_display_order() -> Vec<&'static Metric> {
+    let mut metrics: Vec<&'static Metric> = round_metrics().collect();
     metrics.sort_by_key(|metric| metric.group);
     metrics
 }
@@ -363,11 +364,11 @@ impl Curve {
 
 /// The table of metrics in `docs/recording.md`, as Markdown: one row per column of `rounds.csv`.
 #[must_use]
-pub fn markdown() -> String {
-    let head = "| Column of `rounds.csv` | Meaning | Range | Unit | Of | Name in studies |\n\
+pub fn markdown_table() -> String {
+    let head = "| Column of `rounds.csv` | Meaning | Range | Unit | Values per | Name in studies |\n\
                 |---|---|---|---|---|---|\n";
     let mut table = head.to_owned();
-    for metric in columns() {
+    for metric in round_metrics() {
         let scope = match metric.scope {
             Scope::Agent => "agent",
             Scope::Team => "team",
@@ -401,10 +402,10 @@ impl std::fmt::Display for Range {
 mod tests {
     use super::*;
 
-    /// A row in which only metrics of visits are measured.
-    fn row_without_measurements() -> RoundRow {
-        let mut keys: Vec<&str> = columns().map(|metric| metric.key).collect();
-        let mut cells: Vec<&str> = columns()
+    /// A row in which only the metrics of visits have a value.
+    fn row_with_visits_only() -> RoundRow {
+        let mut keys: Vec<&str> = round_metrics().map(|metric| metric.key).collect();
+        let mut cells: Vec<&str> = round_metrics()
             .map(|metric| match metric.group {
                 Group::Visits | Group::Team => "0.5",
                 _ => "",
@@ -435,17 +436,17 @@ mod tests {
 
     #[test]
     fn csv_columns_are_the_keys_of_metrics() {
-        let keys: Vec<&str> = columns().map(|metric| metric.key).collect();
+        let keys: Vec<&str> = round_metrics().map(|metric| metric.key).collect();
         let header = format!("agent,round,{}", keys.join(","));
         assert_eq!(
-            csv_of(&row_without_measurements()).lines().next(),
+            csv_of(&row_with_visits_only()).lines().next(),
             Some(header.as_str())
         );
     }
 
     #[test]
     fn unmeasured_values_are_empty_cells() {
-        let row = row_without_measurements();
+        let row = row_with_visits_only();
         assert_eq!((row.value_loss, row.intrinsic_reward), (None, None));
         let text = csv_of(&row);
         assert_eq!(
@@ -458,8 +459,7 @@ mod tests {
     /// Tables of older versions have 0 instead of empty cells for unmeasured values.
     #[test]
     fn zeros_in_tables_of_older_versions_are_read() {
-        let table =
-            csv_of(&row_without_measurements()).replace(",,,,,,,,,,", ",0.0,0,1,1,0,0.6,0,0,,");
+        let table = csv_of(&row_with_visits_only()).replace(",,,,,,,,,,", ",0.0,0,1,1,0,0.6,0,0,,");
         let row = read_row(&table);
         assert_eq!((row.value_loss, row.entropy), (Some(0.0), Some(0.6)));
         assert_eq!(row.bonus_agreement, None);
@@ -470,7 +470,7 @@ mod tests {
         let row_with = |entropy, largest_ratio| RoundRow {
             largest_ratio,
             entropy,
-            ..row_without_measurements()
+            ..row_with_visits_only()
         };
         let updates = [
             row_with(Some(1.0), Some(2.0)),
@@ -491,16 +491,19 @@ mod tests {
         let (text_before, text_from_table) = page.split_once("<!-- metrics:begin -->\n").unwrap();
         let (table, text_after) = text_from_table.split_once("<!-- metrics:end -->").unwrap();
         if std::env::var_os("UPDATE_EXPECT").is_some() {
-            let new_section = format!("<!-- metrics:begin -->\n{}<!-- metrics:end -->", markdown());
+            let new_section = format!(
+                "<!-- metrics:begin -->\n{}<!-- metrics:end -->",
+                markdown_table()
+            );
             std::fs::write(&path, format!("{text_before}{new_section}{text_after}")).unwrap();
         } else {
-            assert_eq!(table, markdown(), "run `cargo xtask bless`");
+            assert_eq!(table, markdown_table(), "run `cargo xtask bless`");
         }
     }
 
     #[test]
-    fn columns_are_shown_group_by_group() {
-        let keys: Vec<&str> = columns_in_display_order()
+    fn metrics_of_rounds_are_shown_group_by_group() {
+        let keys: Vec<&str> = round_metrics_in_display_order()
             .iter()
             .filter(|metric| metric.recorded)
             .map(|metric| metric.key)

@@ -1,10 +1,10 @@
 //! Recordings: the files of a run that show its course, for viewers and for other tools.
 //!
-//! The training loop is handed a [`RecorderFactory`] for each file and calls the [`Recorder`] that
-//! it makes. [`recording`] writes `run.rrd`; with the feature `rerun` it is the module `rerun`, the
-//! sole importer of the Rerun SDK. [`table`] writes `episodes.csv` and `rounds.csv`, whose columns
-//! are the [`metrics`]. [`visitation`] computes what images of visited states show. Must not depend
-//! on training.
+//! The training loop gets one [`RecorderFactory`] per file, and passes each round to the
+//! [`Recorder`] that the factory makes. [`recording`] writes `run.rrd`; in builds with the feature
+//! `rerun` it is the module `rerun`, and only that module imports the Rerun SDK. [`table`] writes
+//! `episodes.csv` and `rounds.csv`, whose columns are the [`metrics`]. [`visitation`] computes what
+//! images of visited states show. These modules must not depend on training.
 
 mod bonus;
 mod live_error;
@@ -23,8 +23,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// Recordings in the format that this build was made for; without one, a module of the same
-/// interface whose every call says that there is none.
+/// The module that writes and reads recordings. In builds without the feature `rerun`, another
+/// module has the same interface, and its calls return errors.
 #[cfg(feature = "rerun")]
 pub use self::rerun as recording;
 pub use bonus::BonusRange;
@@ -37,8 +37,8 @@ pub use settings::{AxisChoice, ColorBy, Difference, PairChoice, RecordingSetting
 use seedbed_env::{Force, Pose, Status};
 use seedbed_learn::experience::{Episode, StepData};
 
-/// What a build without the feature `rerun` says where a recording is asked for.
-pub(crate) const UNAVAILABLE: &str = "this build of seedbed has no recordings: build it with the feature `rerun`, which is on by default";
+/// Error message of builds without the feature `rerun` when a recording is requested.
+pub(crate) const UNAVAILABLE: &str = "this build of seedbed cannot write, show or read recordings: build it with the feature `rerun`, which is on by default";
 
 /// Records each round after it is finished. Must not change what is learned.
 pub trait Recorder {
@@ -61,8 +61,9 @@ pub trait Recorder {
     /// The file could not be completed; what was written before stays readable.
     fn finish(&mut self) -> Result<(), RecordError>;
 
-    /// The latest warning since the last call. A warning concerns users, but no data is lost.
-    fn warning(&mut self) -> Option<String> {
+    /// Takes the latest warning since the last call. A warning does not mean that
+    /// data is lost.
+    fn take_warning(&mut self) -> Option<String> {
         None
     }
 }
@@ -102,16 +103,16 @@ pub struct RoundRecord<'a> {
     pub episode_rows: &'a [EpisodeRow],
     /// One row per update, in the order in which agents learned.
     pub round_rows: &'a [RoundRow],
-    /// What updates computed for the steps of episodes, in (agent, episode) order; none of episodes
-    /// that nothing was computed for.
+    /// Values that updates computed for the steps of episodes, in (agent, episode) order. An
+    /// episode for which nothing was computed has no entry.
     pub step_data: &'a [StepData],
-    /// The bodies' trajectories in those episodes of this round whose scene is recorded.
+    /// Trajectories of the bodies, in the episodes of this round whose scene is recorded.
     pub body_trajectories: &'a [BodyTrajectory],
 }
 
 impl RoundRecord<'_> {
-    /// Intrinsic rewards and advantages that an update computed for the steps of an episode; `None` if
-    /// it computed none.
+    /// Intrinsic rewards and advantages that an update computed for the steps of an episode; `None`
+    /// if it computed none.
     #[must_use]
     pub fn step_data_of(&self, episode: &Episode) -> Option<&StepData> {
         let key = (episode.agent, episode.episode);
@@ -139,7 +140,7 @@ pub struct BodyTrajectory {
 /// One row of `episodes.csv`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpisodeRow {
-    /// The agent.
+    /// Number of the agent, from 0.
     pub agent: u32,
     /// Number of the agent's episode, from 0.
     pub episode: u32,

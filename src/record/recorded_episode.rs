@@ -1,4 +1,4 @@
-//! What is read back from a recording.
+//! Episodes that are read from a recording, and errors of reading it.
 
 use std::path::PathBuf;
 
@@ -7,16 +7,17 @@ use seedbed_env::Status;
 /// One episode as it was recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedEpisode {
-    /// The agent.
+    /// Number of the agent, from 0.
     pub agent: u32,
     /// Number of the agent's episode, from 0.
     pub episode: u32,
     /// Number of the round, from 0.
     pub round: u32,
-    /// Observations: row t is the one before action t, the last row the one at the end.
+    /// Observations: row t is the observation before action t, the last row is the observation at
+    /// the end of the episode.
     /// `[(T+1) × observation width]`
     pub observations: Vec<f32>,
-    /// Actions, as values instead of indices: `[T × action width]`
+    /// Actions. Discrete actions are stored as values, not as indices: `[T × action width]`
     pub actions: Vec<f32>,
     /// Rewards of the environment: `[T]`
     pub rewards: Vec<f32>,
@@ -26,7 +27,7 @@ pub struct RecordedEpisode {
     pub outcome: Status,
 }
 
-/// The recording cannot be read.
+/// Error: a recording cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file cannot be opened or read, is damaged, or was written by another version of Rerun.
@@ -44,7 +45,7 @@ pub enum ReadError {
     NotARun {
         /// The file.
         path: PathBuf,
-        /// The entity that every recording has.
+        /// Name of the missing entity, which every recording of this version has.
         missing: String,
     },
 }

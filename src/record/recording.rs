@@ -1,5 +1,5 @@
-//! Stands in for the module `rerun` in builds without the feature `rerun`: every call fails and says
-//! why. Types that only a recording could yield have no values.
+//! Replaces the module `rerun` in builds without the feature `rerun`: every call returns an error
+//! with the reason. Types that only a successful call could return have no values.
 
 use std::collections::BTreeMap;
 use std::iter;
@@ -13,7 +13,7 @@ use super::{
     RecorderFactory, RecordingSettings, RunInfo, UNAVAILABLE,
 };
 
-/// Whether this build can write and read recordings: with the feature `rerun` it can.
+/// Whether this build can write and read recordings. Builds with the feature `rerun` can.
 pub const AVAILABLE: bool = false;
 
 /// The address at which a viewer listens by default.
@@ -22,9 +22,9 @@ pub const DEFAULT_VIEWER: &str = "rerun+http://127.0.0.1:9876/proxy";
 /// A recording that cannot be written.
 #[derive(Debug)]
 pub struct RecordingFile {
-    /// Where it would be.
+    /// Path that the recording would have.
     pub path: PathBuf,
-    /// No viewers.
+    /// Always `None`, because this build cannot show recordings.
     pub live: Option<LiveTarget>,
 }
 
@@ -68,7 +68,7 @@ pub enum LiveTarget {
     Serve(Server),
 }
 
-/// A running viewer: there is none.
+/// A running viewer, which this build cannot connect to.
 #[derive(Debug)]
 pub enum Viewer {}
 
@@ -82,7 +82,7 @@ impl Viewer {
     }
 }
 
-/// A server of recordings: there is none.
+/// A server of recordings, which this build cannot start.
 #[derive(Debug)]
 pub enum Server {}
 
@@ -102,7 +102,7 @@ impl Server {
     }
 }
 
-/// An opened recording: there is none.
+/// An opened recording, which this build cannot read.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Recording {}
 
@@ -145,7 +145,7 @@ impl Recording {
     /// All episodes.
     ///
     /// # Errors
-    /// None.
+    /// Never: a recording cannot be opened.
     pub fn episodes(&self) -> Result<iter::Empty<Result<RecordedEpisode, ReadError>>, ReadError> {
         match *self {}
     }

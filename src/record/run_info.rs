@@ -29,7 +29,7 @@ pub struct RunInfo<'a> {
     /// Range of the intrinsic rewards, if the agents have any.
     pub bonus: BonusRange,
     /// Maximum number of episodes per agent.
-    pub episodes: u32,
+    pub max_episodes: u32,
     /// The run seed, from which the choice of drawn states is derived.
     pub run_seed: u64,
     /// The resolved scenario, in RON.

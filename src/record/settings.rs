@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use seedbed_env::Spec;
-use seedbed_env::input::numbers::{Count, FiniteNumber, known, known_count};
+use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count, ranged_number};
 use seedbed_env::input::{Located, ValidationError};
 
 /// Contents of a recording, and how much of each is recorded.
@@ -125,14 +125,14 @@ pub struct SceneSettings {
 impl Default for RecordingSettings {
     fn default() -> Self {
         Self {
-            lines: known_count(1000),
-            window: known_count(50),
+            lines: ranged_count(1000),
+            window: ranged_count(50),
             color: ColorBy::default().into(),
             axes: vec![AxisChoice::Observations, AxisChoice::IntrinsicReward].into(),
-            pairs: PairChoice::First(known_count(4)),
+            pairs: PairChoice::First(ranged_count(4)),
             difference: Difference::default(),
-            density_every: known_count(10),
-            raw_every: known_count(1),
+            density_every: ranged_count(10),
+            raw_every: ranged_count(1),
             scene: Some(SceneSettings::default()),
         }
     }
@@ -142,22 +142,22 @@ impl Default for SceneSettings {
     fn default() -> Self {
         Self {
             agents: vec![0.into()].into(),
-            every: known_count(10),
+            every: ranged_count(10),
         }
     }
 }
 
 fn minus_one() -> FiniteNumber {
-    known(-1.0)
+    ranged_number(-1.0)
 }
 
 fn plus_one() -> Located<FiniteNumber> {
-    known::<FiniteNumber>(1.0).into()
+    ranged_number::<FiniteNumber>(1.0).into()
 }
 
 impl RecordingSettings {
-    /// Checks that the settings are valid for a team of `agents` with or without bonuses and
-    /// estimated advantages.
+    /// Checks that the settings are valid for a team of `agents` agents. The other parameters say
+    /// whether the agents have bonuses and whether they estimate advantages.
     ///
     /// # Errors
     /// The invalid field, and the reason.
@@ -197,7 +197,7 @@ impl RecordingSettings {
     }
 
     /// The settings without axes of advantages, for agents that do not learn. If no axis remains,
-    /// all observations are the axes.
+    /// there is one axis per observation.
     #[must_use]
     pub fn without_advantages(mut self) -> Self {
         if self.has_advantages() {
@@ -236,33 +236,37 @@ impl RecordingSettings {
     ///
     /// # Errors
     /// The first name that is not an observation.
-    pub fn check_task(&self, spec: &Spec) -> Result<(), ValidationError> {
+    pub fn check_pairs(&self, spec: &Spec) -> Result<(), ValidationError> {
         let PairChoice::These(pairs) = &self.pairs else {
             return Ok(());
         };
-        let known = spec
+        let observations = spec
             .observations
             .iter()
             .map(|quantity| quantity.name.as_str());
-        let unknown = |name: &&Located<String>| !known.clone().any(|known| known == name.as_str());
-        let named = pairs
+        let is_unknown = |name: &&Located<String>| {
+            !observations
+                .clone()
+                .any(|observation| observation == name.as_str())
+        };
+        let mut names_in_pairs = pairs
             .iter()
             .flat_map(|(horizontal, vertical)| [horizontal, vertical]);
-        named.into_iter().find(unknown).map_or(Ok(()), |name| {
-            Err(name.unknown_name("observation", known.clone()))
+        names_in_pairs.find(is_unknown).map_or(Ok(()), |name| {
+            Err(name.unknown_name("observation", observations.clone()))
         })
     }
 }
 
 impl SceneSettings {
-    fn check(&self, count: u32) -> Result<(), ValidationError> {
+    fn check(&self, team_size: u32) -> Result<(), ValidationError> {
         if self.agents.is_empty() {
             return Err(self
                 .agents
                 .error("expected at least one agent; `scene: None` records no bodies"));
         }
         for (index, agent) in self.agents.iter().enumerate() {
-            check_agent(agent, count)?;
+            check_agent(agent, team_size)?;
             if self.agents[..index].iter().any(|other| **other == **agent) {
                 return Err(agent.error(format!("duplicate agent {}", **agent)));
             }
@@ -278,13 +282,13 @@ impl SceneSettings {
     }
 }
 
-fn check_agent(agent: &Located<u32>, count: u32) -> Result<(), ValidationError> {
-    if **agent < count {
+fn check_agent(agent: &Located<u32>, team_size: u32) -> Result<(), ValidationError> {
+    if **agent < team_size {
         return Ok(());
     }
     Err(agent.error(format!(
-        "expected an agent from 0 to {}: the team has {count} agents",
-        count - 1
+        "expected an agent from 0 to {}: the team has {team_size} agents",
+        team_size - 1
     )))
 }
 
@@ -311,7 +315,7 @@ mod tests {
             from: minus_one(),
             to: plus_one(),
         };
-        let left = |axes: Vec<AxisChoice>| {
+        let remaining_axes = |axes: Vec<AxisChoice>| {
             let settings = RecordingSettings {
                 axes: axes.into(),
                 ..RecordingSettings::default()
@@ -320,14 +324,17 @@ mod tests {
             settings.without_advantages().axes.to_vec()
         };
         assert_eq!(
-            left(vec![AxisChoice::Step, advantage, AxisChoice::Action]),
+            remaining_axes(vec![AxisChoice::Step, advantage, AxisChoice::Action]),
             [AxisChoice::Step, AxisChoice::Action]
         );
-        assert_eq!(left(vec![advantage]), [AxisChoice::Observations]);
-        let others = RecordingSettings {
+        assert_eq!(remaining_axes(vec![advantage]), [AxisChoice::Observations]);
+        let settings_without_advantage = RecordingSettings {
             axes: vec![AxisChoice::IntrinsicReward].into(),
             ..RecordingSettings::default()
         };
-        assert_eq!(others.clone().without_advantages(), others);
+        assert_eq!(
+            settings_without_advantage.clone().without_advantages(),
+            settings_without_advantage
+        );
     }
 }

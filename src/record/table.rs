@@ -14,7 +14,7 @@ use super::{
 /// The tables that a run will write.
 #[derive(Debug)]
 pub struct TableFiles {
-    /// The folder that will hold both.
+    /// The folder that will contain both files.
     pub folder: PathBuf,
 }
 
@@ -37,7 +37,7 @@ impl RecorderFactory for TableFiles {
     }
 }
 
-/// Writes both tables of a run.
+/// Writes `episodes.csv` and `rounds.csv` of a run.
 pub struct TableRecorder {
     episodes: Table,
     rounds: Table,

@@ -9,16 +9,16 @@
 /// 1)), which takes O(K·N) instead of O(K²·N).
 #[must_use]
 pub(super) fn mean_rank_correlation(rewards: &[Vec<f32>]) -> Option<f64> {
-    let (count, steps) = (rewards.len() as f64, rewards.first()?.len());
+    let (agents, steps) = (rewards.len() as f64, rewards.first()?.len());
     let mut sum = vec![0.0; steps];
-    for own in rewards {
-        let standardized = standardized(&ranks(own))?;
+    for rewards_of_agent in rewards {
+        let standardized_ranks = standardized(&ranks(rewards_of_agent))?;
         sum.iter_mut()
-            .zip(standardized)
+            .zip(standardized_ranks)
             .for_each(|(sum, z)| *sum += z);
     }
-    let square = sum.iter().map(|sum| sum * sum).sum::<f64>() / steps as f64;
-    (rewards.len() > 1).then(|| (square - count) / (count * (count - 1.0)))
+    let mean_square = sum.iter().map(|sum| sum * sum).sum::<f64>() / steps as f64;
+    (rewards.len() > 1).then(|| (mean_square - agents) / (agents * (agents - 1.0)))
 }
 
 /// Ranks of values, from 1; equal values share the mean of their ranks. `values: [N]` → `[N]`
@@ -37,6 +37,7 @@ fn ranks(values: &[f32]) -> Vec<f64> {
     ranks
 }
 
+/// Ranks with mean 0 and standard deviation 1; `None` if all ranks are equal.
 fn standardized(ranks: &[f64]) -> Option<Vec<f64>> {
     let count = ranks.len() as f64;
     let mean = ranks.iter().sum::<f64>() / count;
@@ -53,10 +54,10 @@ mod tests {
         assert_eq!(ranks(&[3.0, 1.0, 3.0, 2.0]), [3.5, 1.0, 3.5, 2.0]);
     }
 
-    /// Ranks 1 2 3 4 and 2 1 4 3: 1 − 6 Σd²/(n(n² − 1)) = 1 − 6·4/60 = 0.6. A third that agrees
-    /// with the first: (0.6 + 1 + 0.6)/3.
+    /// Ranks 1 2 3 4 and 2 1 4 3: 1 − 6 Σd²/(n(n² − 1)) = 1 − 6·4/60 = 0.6. With a third agent
+    /// whose rewards equal those of the first, the mean over pairs is (1 + 0.6 + 0.6)/3.
     #[test]
-    fn correlations_by_hand() {
+    fn correlations_equal_those_computed_by_hand() {
         let (one, other) = (vec![1.0, 5.0, 6.0, 90.0], vec![0.2, 0.1, 0.4, 0.3]);
         let close = |value: Option<f64>, expected: f64| (value.unwrap() - expected).abs() < 1e-12;
         assert!(close(

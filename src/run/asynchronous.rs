@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::rollout::{EpisodeSlots, Played};
+use super::rollout::{EpisodeSlots, PlayedEpisodes};
 use crate::record::SceneSettings;
 use seedbed_env::Environment;
 use seedbed_learn::team::Team;
@@ -19,11 +19,12 @@ pub(super) struct AsyncRollout {
 /// The schedule of one agent.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct AgentClock {
-    /// Number of episodes that it has started.
+    /// Number of episodes that the agent has started.
     started: u32,
-    /// Number of environment steps until its current update is complete; it does not act meanwhile.
+    /// Number of environment steps until the current update of the agent is complete; the agent
+    /// does not act during this time.
     steps_until_learned: u32,
-    /// Number of the team's episodes that it has learned from.
+    /// Number of the team's episodes that the agent has learned from.
     learned_episodes: u64,
 }
 
@@ -46,16 +47,17 @@ impl AsyncRollout {
         }
     }
 
-    /// Continues until at least one episode ends, and returns those that ended in that step, in
-    /// agent order; none if every agent has played all of its episodes.
+    /// Continues until a step in which at least one episode ends, and returns the episodes that
+    /// ended in this step, in agent order; no episodes if every agent has played all of its
+    /// episodes.
     pub(super) fn play(
         &mut self,
         environment: &mut dyn Environment,
         team: &mut dyn Team,
         config: &AsyncConfig<'_>,
-    ) -> Played {
-        let mut ended = Played::default();
-        while ended.episodes.is_empty() && self.has_more(config) {
+    ) -> PlayedEpisodes {
+        let mut ended = PlayedEpisodes::default();
+        while ended.episodes.is_empty() && self.has_episodes_left(config) {
             self.begin_episodes(environment, config);
             if self.slots.any_playing() {
                 self.slots.step(environment, team);
@@ -73,8 +75,9 @@ impl AsyncRollout {
         ended
     }
 
-    /// Registers that an agent now learns from the team's first `total` episodes. Returns how many of
-    /// them it has learned from before, and the number of its earlier updates.
+    /// Registers that an agent now learns from the team's first `total` episodes. Returns the
+    /// number of the team's episodes that it has learned from before, and the number of its earlier
+    /// updates.
     pub(super) fn begin_update(
         &mut self,
         agent: u32,
@@ -83,8 +86,8 @@ impl AsyncRollout {
     ) -> (u64, u32) {
         let clock = &mut self.clocks[agent as usize];
         clock.steps_until_learned = config.steps_per_update;
-        let learned = std::mem::replace(&mut clock.learned_episodes, total);
-        (learned, clock.started - 1)
+        let learned_before = std::mem::replace(&mut clock.learned_episodes, total);
+        (learned_before, clock.started - 1)
     }
 
     /// Number of the team's episodes that every agent has learned from.
@@ -93,12 +96,12 @@ impl AsyncRollout {
         learned.min().unwrap_or(u64::MAX)
     }
 
-    fn has_more(&self, config: &AsyncConfig<'_>) -> bool {
-        let waiting = self
+    fn has_episodes_left(&self, config: &AsyncConfig<'_>) -> bool {
+        let any_to_start = self
             .clocks
             .iter()
             .any(|clock| clock.started < config.episodes);
-        waiting || self.slots.any_playing()
+        any_to_start || self.slots.any_playing()
     }
 
     fn begin_episodes(&mut self, environment: &mut dyn Environment, config: &AsyncConfig<'_>) {

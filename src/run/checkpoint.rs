@@ -1,5 +1,5 @@
-//! Checkpoints: all that is needed to resume a run. A crash at any moment leaves the newest complete
-//! checkpoint.
+//! Checkpoints: all that is needed to resume a run. A crash at any moment leaves the newest
+//! complete checkpoint.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use super::files;
 /// The contents of `checkpoint/state.bin`.
 #[derive(Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Version of the format; files of other versions are refused.
+    /// Version of the format; files of other versions cannot be read.
     version: u32,
     /// The state of the [`Trainer`](super::trainer::Trainer).
     pub trainer: Vec<u8>,
@@ -29,10 +29,11 @@ pub struct CheckpointError {
     pub reason: String,
 }
 
+/// Version of the format that this program reads and writes.
 const VERSION: u32 = 6;
 
 impl Checkpoint {
-    /// A checkpoint of this version.
+    /// A checkpoint in the version of the format that this program writes.
     #[must_use]
     pub fn new(trainer: Vec<u8>, recorders: Vec<Vec<u8>>) -> Self {
         Self {
@@ -45,7 +46,7 @@ impl Checkpoint {
     /// Replaces the checkpoint in a run's folder.
     ///
     /// # Errors
-    /// The file cannot be written; the old checkpoint stays.
+    /// The file cannot be written; then the old checkpoint is kept.
     ///
     /// # Panics
     /// Never: bytes always serialize.
@@ -61,22 +62,22 @@ impl Checkpoint {
     /// Reads the checkpoint in a run's folder.
     ///
     /// # Errors
-    /// The file is missing, damaged, or of another version.
+    /// The file is missing, is damaged, or has another version.
     pub fn read(folder: &Path) -> Result<Self, CheckpointError> {
         let path = file(folder);
-        let fault = |reason: String| CheckpointError {
+        let error_with = |reason: String| CheckpointError {
             path: path.clone(),
             reason,
         };
-        let bytes = fs::read(&path).map_err(|error| fault(error.to_string()))?;
-        let (version, _) =
-            postcard::take_from_bytes::<u32>(&bytes).map_err(|error| fault(error.to_string()))?;
+        let bytes = fs::read(&path).map_err(|error| error_with(error.to_string()))?;
+        let (version, _) = postcard::take_from_bytes::<u32>(&bytes)
+            .map_err(|error| error_with(error.to_string()))?;
         if version != VERSION {
-            return Err(fault(format!(
+            return Err(error_with(format!(
                 "is of format {version}; this seedbed reads format {VERSION}"
             )));
         }
-        postcard::from_bytes(&bytes).map_err(|error| fault(format!("is damaged: {error}")))
+        postcard::from_bytes(&bytes).map_err(|error| error_with(format!("is damaged: {error}")))
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::checkpoint::{self, Checkpoint, CheckpointError};
 use super::folder::RunFolder;
-use super::rollout::{Played, RoundPlan};
+use super::rollout::{PlayedEpisodes, RoundPlan};
 use super::summary::Summary;
 use super::trainer::Trainer;
 use super::{Plan, RunError};
@@ -15,12 +15,13 @@ use seedbed_learn::experience::Episode;
 
 /// How policies are evaluated.
 #[derive(Clone, Copy, Debug)]
-pub struct Evaluation {
+pub struct EvaluationSettings {
     /// Number of episodes per agent.
     pub episodes: u32,
     /// How actions are chosen; `None` chooses them as in training.
-    pub actions: Option<ActionSelection>,
-    /// Seed of the initial states and of the actions.
+    pub action_selection: Option<ActionSelection>,
+    /// Run seed of the evaluation, for initial states and actions; independent of the run seed of
+    /// the training.
     pub seed: u64,
 }
 
@@ -39,36 +40,36 @@ pub fn run_folder(path: &Path) -> RunFolder {
 /// episode) order.
 ///
 /// # Errors
-/// The folder has no checkpoint, or one of another version.
+/// The folder has no checkpoint, or the checkpoint has another version.
 pub fn evaluate(
     folder: &RunFolder,
-    evaluation: &Evaluation,
+    settings: &EvaluationSettings,
 ) -> Result<(Plan, Vec<Episode>), RunError> {
-    let (plan, mut trainer) = load_trained(folder, evaluation.actions)?;
+    let (plan, mut trainer) = load_trained(folder, settings.action_selection)?;
     let rounds =
-        (0..evaluation.episodes).map(|number| play_episode(&mut trainer, evaluation, number, None));
+        (0..settings.episodes).map(|number| play_episode(&mut trainer, settings, number, None));
     let mut episodes: Vec<Episode> = rounds.flat_map(|played| played.episodes).collect();
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     Ok((plan, episodes))
 }
 
-/// Restores the newest checkpoint of the run in `folder`.
+/// The plan of the run in `folder`, and its trainer as in the newest checkpoint.
 ///
 /// # Errors
-/// The folder has no checkpoint, or one of another version.
+/// The folder has no checkpoint, or the checkpoint has another version.
 pub(super) fn load_trained(
     folder: &RunFolder,
-    actions: Option<ActionSelection>,
+    action_selection: Option<ActionSelection>,
 ) -> Result<(Plan, Trainer), RunError> {
-    let mut plan = Plan::load(&folder.scenario(), &[])?;
+    let mut plan = Plan::load(&folder.scenario_file(), &[])?;
     plan.name = scenario_name(folder).unwrap_or(plan.name);
-    if let Some(actions) = actions {
+    if let Some(action_selection) = action_selection {
         plan.scenario.algorithm = plan
             .scenario
             .algorithm
             .value()
             .clone()
-            .with_actions(actions)
+            .with_actions(action_selection)
             .into();
     }
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1)?;
@@ -80,9 +81,10 @@ pub(super) fn load_trained(
     Ok((plan, trainer))
 }
 
-/// The scenario's name, from the summary: the file in the folder is always `scenario.ron`.
+/// The scenario's name, from the summary. The file name does not show it: the scenario in the
+/// folder is always named `scenario.ron`.
 fn scenario_name(folder: &RunFolder) -> Option<String> {
-    let summary = std::fs::read(folder.summary()).ok()?;
+    let summary = std::fs::read(folder.summary_file()).ok()?;
     serde_json::from_slice::<Summary>(&summary)
         .ok()
         .map(|summary| summary.scenario)
@@ -92,12 +94,12 @@ fn scenario_name(folder: &RunFolder) -> Option<String> {
 /// training never reaches.
 pub(super) fn play_episode(
     trainer: &mut Trainer,
-    evaluation: &Evaluation,
+    settings: &EvaluationSettings,
     number: u32,
     scene: Option<&SceneSettings>,
-) -> Played {
+) -> PlayedEpisodes {
     let plan = RoundPlan {
-        run_seed: evaluation.seed,
+        run_seed: settings.seed,
         round: u32::MAX - number,
         episodes: 1,
         scene,
@@ -106,8 +108,8 @@ pub(super) fn play_episode(
     for episode in &mut played.episodes {
         (episode.episode, episode.round) = (number, number);
     }
-    for body_trajectories in &mut played.body_trajectories {
-        body_trajectories.episode = number;
+    for trajectory in &mut played.body_trajectories {
+        trajectory.episode = number;
     }
     played
 }

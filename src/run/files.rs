@@ -7,19 +7,19 @@ use std::path::Path;
 /// Replaces the file at `path`, and creates its folder if necessary.
 ///
 /// # Errors
-/// The operating system reports an error; the old file stays.
+/// The operating system reports an error; then the old file is kept.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder)?;
     }
-    let part = path.with_added_extension("part");
-    let written = write(&part, bytes).and_then(|()| fs::rename(&part, path));
+    let part_path = path.with_added_extension("part");
+    let written = write(&part_path, bytes).and_then(|()| fs::rename(&part_path, path));
     if written.is_err() {
         // Only the first error is reported.
-        let _ = fs::remove_file(&part);
+        let _ = fs::remove_file(&part_path);
     }
     written?;
-    // The renaming is durable only when the folder itself is synced.
+    // After a crash, the new name is certain to exist only if the folder itself was synced.
     path.parent()
         .filter(|folder| !folder.as_os_str().is_empty())
         .map_or(Ok(()), |folder| File::open(folder)?.sync_all())

@@ -45,7 +45,7 @@ impl RunFolder {
     /// What the directory contains now.
     #[must_use]
     pub fn contents(&self) -> Contents {
-        if self.summary().is_file() {
+        if self.summary_file().is_file() {
             Contents::FinishedRun
         } else if checkpoint::file(&self.path).is_file() {
             Contents::UnfinishedRun
@@ -77,27 +77,31 @@ impl RunFolder {
         }
     }
 
-    /// Removes the files of a run and nothing else.
+    /// Removes the files of a run, and no other files.
     ///
     /// # Errors
     /// If a file cannot be removed.
     pub fn clear(&self) -> io::Result<()> {
-        let recording = self.recording();
+        let recording = self.recording_file();
         let unfinished = ["part", "resuming"].map(|suffix| recording.with_added_extension(suffix));
         let files = [
-            self.summary(),
+            self.summary_file(),
             recording,
-            self.replay(),
-            self.scenario(),
-            self.policies(),
+            self.replay_file(),
+            self.scenario_file(),
+            self.policies_file(),
             self.regret_file(),
             self.visits_file(),
         ];
-        for path in files.into_iter().chain(unfinished).chain(self.tables()) {
-            remove(fs::remove_file(path))?;
+        for path in files
+            .into_iter()
+            .chain(unfinished)
+            .chain(self.table_files())
+        {
+            ignore_not_found(fs::remove_file(path))?;
         }
-        remove(fs::remove_dir_all(self.tasks()))?;
-        remove(fs::remove_dir_all(self.path.join("checkpoint")))
+        ignore_not_found(fs::remove_dir_all(self.tasks_folder()))?;
+        ignore_not_found(fs::remove_dir_all(self.path.join("checkpoint")))
     }
 
     /// The path of the directory.
@@ -106,61 +110,62 @@ impl RunFolder {
         &self.path
     }
 
-    /// The recording.
+    /// Path of the recording.
     #[must_use]
-    pub fn recording(&self) -> PathBuf {
+    pub fn recording_file(&self) -> PathBuf {
         self.path.join("run.rrd")
     }
 
-    /// The recording that `seedbed replay` writes.
+    /// Path of the recording that `seedbed replay` writes.
     #[must_use]
-    pub fn replay(&self) -> PathBuf {
+    pub fn replay_file(&self) -> PathBuf {
         self.path.join("replay.rrd")
     }
 
-    /// `episodes.csv` and `rounds.csv`.
+    /// Paths of `episodes.csv` and `rounds.csv`.
     #[must_use]
-    pub fn tables(&self) -> [PathBuf; 2] {
+    pub fn table_files(&self) -> [PathBuf; 2] {
         [self.path.join("episodes.csv"), self.path.join("rounds.csv")]
     }
 
-    /// The regret of each episode of a tabular run.
+    /// Path of the table with the regret of each episode of a tabular run.
     #[must_use]
     pub fn regret_file(&self) -> PathBuf {
         self.path.join("regret.csv")
     }
 
-    /// The number of visits to each state of a tabular run.
+    /// Path of the table with the number of visits to each state of a tabular run.
     #[must_use]
     pub fn visits_file(&self) -> PathBuf {
         self.path.join("visits.csv")
     }
 
-    /// The scenario with all defaults. It refers to the copy of the task in this directory.
+    /// Path of the scenario with all defaults, which refers to the copy of the task in this
+    /// directory.
     #[must_use]
-    pub fn scenario(&self) -> PathBuf {
+    pub fn scenario_file(&self) -> PathBuf {
         self.path.join("scenario.ron")
     }
 
-    /// The copy of the task `name`.
+    /// Path of the copy of the task `name`.
     #[must_use]
-    pub fn task(&self, name: &str) -> PathBuf {
-        self.tasks().join(format!("{name}.ron"))
+    pub fn task_file(&self, name: &str) -> PathBuf {
+        self.tasks_folder().join(format!("{name}.ron"))
     }
 
-    /// The summary; its presence marks a finished run.
+    /// Path of the summary. If the file exists, the run is finished.
     #[must_use]
-    pub fn summary(&self) -> PathBuf {
+    pub fn summary_file(&self) -> PathBuf {
         self.path.join("summary.json")
     }
 
-    /// The weights of all networks.
+    /// Path of the weights of all networks.
     #[must_use]
-    pub fn policies(&self) -> PathBuf {
+    pub fn policies_file(&self) -> PathBuf {
         self.path.join("policies.safetensors")
     }
 
-    fn tasks(&self) -> PathBuf {
+    fn tasks_folder(&self) -> PathBuf {
         self.path.join("envs")
     }
 
@@ -180,7 +185,8 @@ impl FolderLock {
     }
 }
 
-fn remove(result: io::Result<()>) -> io::Result<()> {
+/// Success if the file or directory to remove did not exist.
+fn ignore_not_found(result: io::Result<()>) -> io::Result<()> {
     match result {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         _ => Ok(()),

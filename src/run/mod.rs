@@ -2,7 +2,7 @@
 //! Alg. 3), and the files of a run.
 //!
 //! [`execute`] is the loop. A [`trainer`] holds environment, team and shared buffer; [`rollout`]
-//! plays the episodes of a round (`asynchronous`: without a common start and end); [`measures`]
+//! plays the episodes of a round, `asynchronous` those without a common start and end; [`measures`]
 //! computes coverage and returns; [`checkpoint`] and [`folder`] store a run, and [`review`] reads
 //! its results. Must not contain formulas of learning.
 
@@ -48,18 +48,18 @@ pub struct Plan {
     pub environment_text: String,
 }
 
-/// How a plan is run. Options never change its results.
+/// How a plan is run. Options never change the results.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The directory of the results.
     pub folder: RunFolder,
     /// Whether to resume from the folder's checkpoint.
     pub resume: bool,
-    /// Threads for updates; 0 is one per core.
+    /// Number of threads for updates; 0 is the number of cores.
     pub threads: usize,
 }
 
-/// RecorderFactories of a run's recorders. Pass the same ones, in the same order, to resume a run.
+/// Factories of a run's recorders. To resume a run, pass the same factories in the same order.
 pub type RecorderFactories = Vec<Box<dyn RecorderFactory>>;
 
 /// Receives the progress of a run.
@@ -70,7 +70,7 @@ pub trait Observer {
     /// Called after each round; in tabular runs, which have no rounds, after each episode.
     fn round_finished(&mut self, progress: &Progress);
 
-    /// Called with a message that users should see although no data is lost.
+    /// Called with a message that the user should see. No data is lost.
     fn warn(&mut self, _warning: &str) {}
 }
 
@@ -79,7 +79,7 @@ pub trait Observer {
 pub struct Progress {
     /// Number of finished episodes: per agent in training, of the whole team in tabular runs.
     pub episodes: usize,
-    /// Maximum number of episodes, counted likewise.
+    /// Maximum number of episodes, counted in the same way.
     pub max_episodes: usize,
     /// Mean return over all agents and their latest episodes; 0 before the first episode ends.
     pub recent_return: f64,
@@ -92,7 +92,7 @@ pub struct Progress {
 pub enum RunOutcome {
     /// The scenario's `stop` was reached.
     Finished(Box<Summary>),
-    /// The user interrupted it; it can be resumed.
+    /// The user interrupted the run, which can be resumed.
     Interrupted {
         /// Number of finished rounds.
         rounds: u32,
@@ -116,12 +116,12 @@ pub enum RunError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         error: std::io::Error,
     },
-    /// The folder contains a different run from the one to resume.
+    /// The run in the folder cannot be resumed with this plan.
     #[error("{0}")]
-    AnotherRun(String),
+    CannotResume(String),
     /// An observation, reward or network parameter is not finite.
     #[error(transparent)]
     Diverged(#[from] Diverged),
@@ -133,14 +133,14 @@ impl Plan {
     /// # Errors
     /// A mistake in either file, with its location.
     pub fn load(path: &Path, overrides: &[String]) -> Result<Self, InputError> {
-        Self::of(scenario::load(path, overrides)?, path)
+        Self::from_document(scenario::load(path, overrides)?, path)
     }
 
     /// Checks the scenario that was read from `path`, and reads its task.
     ///
     /// # Errors
     /// A mistake in either file, with its location.
-    pub fn of(document: Document<Scenario>, path: &Path) -> Result<Self, InputError> {
+    pub fn from_document(document: Document<Scenario>, path: &Path) -> Result<Self, InputError> {
         let environment = scenario::environment_path(&document, path)?;
         let (description, environment_text) = seedbed_env::load_with_text(&environment)?;
         check(&document, &description)?;
@@ -159,20 +159,20 @@ fn check(document: &Document<Scenario>, description: &TaskDescription) -> Result
     scenario.check().map_err(|error| document.locate(error))?;
     scenario
         .recording
-        .check_task(description.spec())
+        .check_pairs(description.spec())
         .map_err(|error| document.locate(error))?;
-    let fits = scenario.algorithm.config().check_task(description.spec());
-    fits.map_err(|message| document.locate(scenario.algorithm.error(message)))?;
+    let task_check = scenario.algorithm.config().check_task(description.spec());
+    task_check.map_err(|message| document.locate(scenario.algorithm.error(message)))?;
     seedbed_env::build(description, scenario.physics, 1).map(|_| ())
 }
 
-/// Trains until the scenario's `stop` is reached or `interrupted` is set. `recorder_factories` make the
-/// recorders; a resumed run continues with the recorders that it began with, and further factories
-/// are dropped.
+/// Trains until the scenario's `stop` is reached or `interrupted` is set. `recorder_factories` make
+/// the recorders. A resumed run continues with the recorders with which it began; further factories
+/// are ignored.
 ///
 /// # Errors
 /// A file could not be read or written, or a number is not finite. Files that were written before
-/// stay readable.
+/// the error can still be read.
 pub fn execute(
     plan: &Plan,
     options: &Options,
@@ -188,18 +188,18 @@ pub fn execute(
     };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
-        play_round(&mut trainer, &mut recorders)?;
+        advance_and_record(&mut trainer, &mut recorders)?;
         report_warnings(&mut recorders, observer);
         observer.round_finished(&progress(plan, &trainer));
-        let interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
-        if interrupted
+        let is_interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
+        if is_interrupted
             || trainer
                 .rounds()
                 .is_multiple_of(plan.scenario.checkpoint_every.get())
         {
             write_checkpoint(options, &trainer, &mut recorders)?;
         }
-        if interrupted {
+        if is_interrupted {
             return Ok(RunOutcome::Interrupted {
                 rounds: trainer.rounds(),
             });
@@ -212,8 +212,8 @@ pub fn execute(
 
 type Recorders = Vec<Box<dyn Recorder>>;
 
-/// Plays one round, updates the team, and records the round.
-fn play_round(
+/// Plays one round, updates the team, and records the round. Returns the rows of the tables.
+fn advance_and_record(
     trainer: &mut Trainer,
     recorders: &mut [Box<dyn Recorder>],
 ) -> Result<RoundRows, RunError> {
@@ -239,7 +239,7 @@ fn play_round(
 fn report_warnings(recorders: &mut Recorders, observer: &mut dyn Observer) {
     recorders
         .iter_mut()
-        .filter_map(|recorder| recorder.warning())
+        .filter_map(|recorder| recorder.take_warning())
         .for_each(|warning| observer.warn(&warning));
 }
 
@@ -250,12 +250,12 @@ fn create_recorders(
     trainer: &Trainer,
 ) -> Result<Recorders, RunError> {
     let folder = &options.folder;
-    replace_file(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
+    replace_file(&folder.scenario_file(), plan.scenario.resolved().as_bytes())?;
     replace_file(
-        &folder.task(&plan.description.spec().name),
+        &folder.task_file(&plan.description.spec().name),
         plan.environment_text.as_bytes(),
     )?;
-    with_info(plan, trainer, |info| {
+    with_run_info(plan, trainer, |info| {
         let create =
             |factory: Box<dyn RecorderFactory>| Ok(factory.create(info, &plan.scenario.recording)?);
         recorder_factories.into_iter().map(create).collect()
@@ -276,17 +276,17 @@ fn resume_run(
         reason,
     };
     trainer.restore(&checkpoint.trainer).map_err(damaged)?;
-    let (states, most) = (&checkpoint.recorders, recorder_factories.len());
-    if states.is_empty() || states.len() > most {
+    let (states, max_states) = (&checkpoint.recorders, recorder_factories.len());
+    if states.is_empty() || states.len() > max_states {
         let reason = format!(
-            "it has the states of {} recorders; expected 1 to {most}",
+            "it has the states of {} recorders; expected 1 to {max_states}",
             states.len()
         );
         return Err(damaged(reason).into());
     }
-    check_end(plan, options, trainer)?;
-    replace_file(&folder.scenario(), plan.scenario.resolved().as_bytes())?;
-    with_info(plan, trainer, |info| {
+    check_max_episodes(plan, options, trainer)?;
+    replace_file(&folder.scenario_file(), plan.scenario.resolved().as_bytes())?;
+    with_run_info(plan, trainer, |info| {
         let resume = |(factory, state): (Box<dyn RecorderFactory>, &Vec<u8>)| {
             Ok(factory.resume(info, &plan.scenario.recording, state)?)
         };
@@ -298,40 +298,41 @@ fn resume_run(
     })
 }
 
-/// A resumed run cannot end before the episodes that it has.
-fn check_end(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), RunError> {
+/// Checks that the run to resume does not have more episodes than the plan allows.
+fn check_max_episodes(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), RunError> {
     let episodes = trainer.measures().episodes_per_agent();
     let max_episodes = plan.scenario.max_episodes();
     if episodes <= max_episodes as usize {
         return Ok(());
     }
-    Err(RunError::AnotherRun(format!(
+    Err(RunError::CannotResume(format!(
         "the run in {} has {episodes} episodes per agent already; it cannot end after {max_episodes}",
         options.folder.path().display(),
     )))
 }
 
-/// Checks that the folder holds the run of this plan. `stop` may differ, so that a run can be
+/// Checks that the folder contains a run of this plan. `stop` may differ, so that a run can be
 /// extended.
 fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
-    let path = options.folder.scenario();
+    let path = options.folder.scenario_file();
     let mut stored: Document<Scenario> = input::read(&path)?;
     stored.value.stop = plan.scenario.stop.clone();
-    let (stored, wanted) = (stored.value.resolved(), plan.scenario.resolved());
-    let differs = stored
+    let (stored_text, plan_text) = (stored.value.resolved(), plan.scenario.resolved());
+    let differing_lines = stored_text
         .lines()
-        .zip(wanted.lines())
-        .find(|(stored, wanted)| stored != wanted);
-    let task_changed = input::read_text(&options.folder.task(&plan.description.spec().name))?
-        != plan.environment_text;
-    match differs {
-        Some((stored, wanted)) => Err(RunError::AnotherRun(format!(
-            "{} holds another run, which cannot be resumed as this one: it has `{}`, this one has `{}`",
+        .zip(plan_text.lines())
+        .find(|(stored, planned)| stored != planned);
+    let is_task_changed =
+        input::read_text(&options.folder.task_file(&plan.description.spec().name))?
+            != plan.environment_text;
+    match differing_lines {
+        Some((stored, planned)) => Err(RunError::CannotResume(format!(
+            "the run in {} cannot be resumed with this scenario: the run has `{}`, the scenario has `{}`",
             options.folder.path().display(),
             stored.trim().trim_end_matches(','),
-            wanted.trim().trim_end_matches(',')
+            planned.trim().trim_end_matches(',')
         ))),
-        None if task_changed => Err(RunError::AnotherRun(format!(
+        None if is_task_changed => Err(RunError::CannotResume(format!(
             "the task `{}` has changed since the run in {} began",
             plan.description.spec().name,
             options.folder.path().display()
@@ -340,8 +341,8 @@ fn check_same_run(plan: &Plan, options: &Options) -> Result<(), RunError> {
     }
 }
 
-/// Calls `f` with what recordings say about the run.
-fn with_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>) -> R) -> R {
+/// Calls `f` with the information about the run that recordings contain.
+fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>) -> R) -> R {
     let scenario = plan.scenario.resolved();
     f(&RunInfo {
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
@@ -350,7 +351,7 @@ fn with_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>) -> 
         scene: trainer.environment().scene(),
         agents: trainer.agent_count() as u32,
         bonus: plan.scenario.algorithm.largest_intrinsic_reward().into(),
-        episodes: plan.scenario.max_episodes(),
+        max_episodes: plan.scenario.max_episodes(),
         run_seed: plan.scenario.seed,
         scenario: &scenario,
         properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
@@ -381,14 +382,14 @@ fn finish(
     recorders
         .iter_mut()
         .try_for_each(|recorder| recorder.finish())?;
-    let policies = options.folder.policies();
+    let policies = options.folder.policies_file();
     weights::write(&policies, &trainer.tensors()).map_err(|error| RunError::File {
         path: policies,
         error,
     })?;
     let summary = Summary::of(&plan.name, plan.scenario.seed, trainer);
     let text = serde_json::to_string_pretty(&summary).map_err(std::io::Error::other);
-    let path = options.folder.summary();
+    let path = options.folder.summary_file();
     let text = text.map_err(|error| RunError::File {
         path: path.clone(),
         error,

@@ -1,19 +1,20 @@
-//! Previews: records a few episodes with random actions, so that the author of a task sees it move.
+//! Previews: records a few episodes of random actions, so that the author of a task sees how its
+//! bodies move.
 
 use super::trainer::Trainer;
-use super::{Recorders, RunError, play_round};
+use super::{Recorders, RunError, advance_and_record};
 use crate::record::{
     BonusRange, EpisodeRow, Focus, RecorderFactory, RecordingSettings, RunInfo, SceneSettings,
 };
 use crate::scenario::{Scenario, Schedule, Stop};
 use seedbed_env::Physics;
 use seedbed_env::TaskDescription;
-use seedbed_env::input::numbers::{Count, known_count};
+use seedbed_env::input::numbers::{Count, ranged_count};
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::Algorithm;
 
-/// Plays `episodes` episodes of a task with random actions and records all of them, bodies
-/// included, with what `recording` makes.
+/// Plays `episodes` episodes of a task with random actions, and records all of them including the
+/// bodies, with the recorder that `recorder_factory` makes.
 ///
 /// Returns one row per episode.
 ///
@@ -23,12 +24,12 @@ pub fn record(
     description: &TaskDescription,
     physics: Physics,
     episodes: Count,
-    seed: u64,
-    recording: Box<dyn RecorderFactory>,
+    run_seed: u64,
+    recorder_factory: Box<dyn RecorderFactory>,
 ) -> Result<Vec<EpisodeRow>, RunError> {
-    let scenario = scenario(description, physics, episodes, seed);
+    let scenario = preview_scenario(description, physics, episodes, run_seed);
     let mut trainer = Trainer::from_scenario(&scenario, description, 1)?;
-    let text = scenario.resolved();
+    let scenario_text = scenario.resolved();
     let info = RunInfo {
         name: &format!("{}-preview", description.spec().name),
         focus: Focus::Motion,
@@ -36,48 +37,48 @@ pub fn record(
         scene: trainer.environment().scene(),
         agents: 1,
         bonus: BonusRange::None,
-        episodes: episodes.get(),
-        run_seed: seed,
-        scenario: &text,
+        max_episodes: episodes.get(),
+        run_seed,
+        scenario: &scenario_text,
         properties: &[],
     };
-    let mut recorders: Recorders = vec![recording.create(&info, &scenario.recording)?];
-    let mut all = Vec::new();
+    let mut recorders: Recorders = vec![recorder_factory.create(&info, &scenario.recording)?];
+    let mut rows = Vec::new();
     while !trainer.is_done() {
-        all.extend(play_round(&mut trainer, &mut recorders)?.episodes);
+        rows.extend(advance_and_record(&mut trainer, &mut recorders)?.episodes);
     }
     recorders
         .iter_mut()
         .try_for_each(|recorder| recorder.finish())?;
-    Ok(all)
+    Ok(rows)
 }
 
 /// A scenario with one random agent, whose bodies are drawn in every episode.
-fn scenario(
+fn preview_scenario(
     description: &TaskDescription,
     physics: Physics,
     episodes: Count,
-    seed: u64,
+    run_seed: u64,
 ) -> Scenario {
     Scenario {
         environment: description.spec().name.clone().into(),
         physics,
         agents: TeamConfig {
-            count: known_count(1),
+            count: ranged_count(1),
             ..TeamConfig::default()
         },
         algorithm: Algorithm::Random.into(),
         schedule: Schedule::default(),
         stop: Stop::Episodes(episodes),
         recording: RecordingSettings {
-            density_every: known_count(1),
+            density_every: ranged_count(1),
             scene: Some(SceneSettings {
-                every: known_count(1),
+                every: ranged_count(1),
                 ..SceneSettings::default()
             }),
             ..Default::default()
         },
         checkpoint_every: episodes,
-        seed,
+        seed: run_seed,
     }
 }

@@ -1,7 +1,7 @@
-//! Replays: records episodes of trained policies, which no longer learn, with the moving bodies of
-//! chosen agents.
+//! Replays: records episodes of trained policies without learning, with the moving bodies of chosen
+//! agents.
 
-use super::evaluate::{Evaluation, load_trained, play_episode};
+use super::evaluate::{EvaluationSettings, load_trained, play_episode};
 use super::folder::RunFolder;
 use super::measures::Measures;
 use super::trainer::Trainer;
@@ -11,21 +11,22 @@ use crate::record::{
     RunInfo, SceneSettings,
 };
 use seedbed_env::input::InputError;
-use seedbed_env::input::numbers::known_count;
+use seedbed_env::input::numbers::ranged_count;
 
 /// What a replay shows.
 #[derive(Clone, Copy, Debug)]
-pub struct Replay<'a> {
-    /// How many episodes, and how actions are chosen.
-    pub evaluation: Evaluation,
-    /// The agents whose bodies are drawn in every episode; `None` chooses those of the scenario, or
-    /// agent 0.
-    pub agents: Option<&'a [u32]>,
+pub struct ReplaySettings<'a> {
+    /// Number of episodes, and how actions are chosen.
+    pub evaluation: EvaluationSettings,
+    /// The agents whose bodies are drawn in every episode; `None` chooses the agents whose bodies
+    /// the scenario records, or else agent 0.
+    pub drawn_agents: Option<&'a [u32]>,
 }
 
-/// Plays the policies of the run in `folder` and records all agents' episodes with what `recording`
-/// makes. They are the episodes that [`evaluate`](super::evaluate::evaluate) plays with the same
-/// seed. `finished` is called with the number of episodes that each agent has played.
+/// Plays the policies of the run in `folder`, and records the episodes of all agents with the
+/// recorder that `recorder_factory` makes. [`evaluate`](super::evaluate::evaluate) with
+/// `settings.evaluation` plays the same episodes. `on_finished` is called with the number of
+/// episodes that each agent has played.
 ///
 /// Returns one row per episode, in (agent, episode) order.
 ///
@@ -33,55 +34,58 @@ pub struct Replay<'a> {
 /// The folder has no checkpoint, the team has no such agent, or the recording could not be written.
 pub fn replay(
     folder: &RunFolder,
-    replay: &Replay<'_>,
-    recording: Box<dyn RecorderFactory>,
-    finished: &mut dyn FnMut(u32),
+    settings: &ReplaySettings<'_>,
+    recorder_factory: Box<dyn RecorderFactory>,
+    on_finished: &mut dyn FnMut(u32),
 ) -> Result<(Plan, Vec<EpisodeRow>), RunError> {
-    let (plan, mut trainer) = load_trained(folder, replay.evaluation.actions)?;
-    let settings = settings(&plan, replay.agents)?;
-    let mut recorder = recorder(&plan, &trainer, replay, recording, &settings)?;
+    let (plan, mut trainer) = load_trained(folder, settings.evaluation.action_selection)?;
+    let recording = recording_settings(&plan, settings.drawn_agents)?;
+    let mut recorder = create_recorder(&plan, &trainer, settings, recorder_factory, &recording)?;
     let mut measures = Measures::new(trainer.spec(), trainer.agent_count());
     let mut rows = Vec::new();
-    for number in 0..replay.evaluation.episodes {
+    for number in 0..settings.evaluation.episodes {
         let played = play_episode(
             &mut trainer,
-            &replay.evaluation,
+            &settings.evaluation,
             number,
-            settings.scene.as_ref(),
+            recording.scene.as_ref(),
         );
         let episodes: Vec<_> = played.episodes.iter().collect();
-        let measured = measures
+        let episode_rows = measures
             .add_round(trainer.spec(), number, &episodes, &[])
             .episodes;
         recorder.record_round(&RoundRecord {
             round: number,
             episodes: &episodes,
-            episode_rows: &measured,
+            episode_rows: &episode_rows,
             round_rows: &[],
             step_data: &[],
             body_trajectories: &played.body_trajectories,
         })?;
-        rows.extend(measured);
-        finished(number + 1);
+        rows.extend(episode_rows);
+        on_finished(number + 1);
     }
     recorder.finish()?;
     rows.sort_by_key(|row| (row.agent, row.episode));
     Ok((plan, rows))
 }
 
-/// The scenario's settings, except that every episode is recorded in full. There are no advantages,
-/// because no agent learns.
-fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, InputError> {
-    let count = plan.scenario.agents.count.get();
-    if let Some(agent) = agents
+/// The recording settings of the scenario, except that every episode is recorded in full.
+/// Advantages are not recorded, because no agent learns.
+fn recording_settings(
+    plan: &Plan,
+    drawn_agents: Option<&[u32]>,
+) -> Result<RecordingSettings, InputError> {
+    let agent_count = plan.scenario.agents.count.get();
+    if let Some(agent) = drawn_agents
         .unwrap_or_default()
         .iter()
-        .find(|agent| **agent >= count)
+        .find(|agent| **agent >= agent_count)
     {
         let message = format!(
             "there is no agent {agent}; the team of `{}` has agents 0 to {}",
             plan.name,
-            count - 1
+            agent_count - 1
         );
         return Err(InputError {
             origin: "--agents".to_owned(),
@@ -92,7 +96,7 @@ fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, In
         });
     }
     let mut settings = plan.scenario.recording.clone().without_advantages();
-    let mut drawn_agents: Vec<u32> = match (agents, &settings.scene) {
+    let mut drawn_agents: Vec<u32> = match (drawn_agents, &settings.scene) {
         (Some(agents), _) => agents.to_vec(),
         (None, Some(scene)) => scene.agents.iter().map(|agent| **agent).collect(),
         (None, None) => vec![0],
@@ -102,18 +106,18 @@ fn settings(plan: &Plan, agents: Option<&[u32]>) -> Result<RecordingSettings, In
     let agents: Vec<_> = drawn_agents.into_iter().map(Into::into).collect();
     settings.scene = Some(SceneSettings {
         agents: agents.into(),
-        every: known_count(1),
+        every: ranged_count(1),
     });
-    settings.raw_every = known_count(1);
+    settings.raw_every = ranged_count(1);
     Ok(settings)
 }
 
-fn recorder(
+fn create_recorder(
     plan: &Plan,
     trainer: &Trainer,
-    replay: &Replay<'_>,
-    recording: Box<dyn RecorderFactory>,
-    settings: &RecordingSettings,
+    settings: &ReplaySettings<'_>,
+    recorder_factory: Box<dyn RecorderFactory>,
+    recording: &RecordingSettings,
 ) -> Result<Box<dyn Recorder>, RunError> {
     let info = RunInfo {
         name: &format!("{}-seed-{}-replay", plan.name, plan.scenario.seed),
@@ -122,13 +126,13 @@ fn recorder(
         scene: trainer.environment().scene(),
         agents: trainer.agent_count() as u32,
         bonus: BonusRange::None,
-        episodes: replay.evaluation.episodes,
+        max_episodes: settings.evaluation.episodes,
         run_seed: plan.scenario.seed,
         scenario: &plan.scenario.resolved(),
         properties: &[
             ("replay_after_round", trainer.rounds().to_string()),
-            ("replay_seed", replay.evaluation.seed.to_string()),
+            ("replay_seed", settings.evaluation.seed.to_string()),
         ],
     };
-    Ok(recording.create(&info, settings)?)
+    Ok(recorder_factory.create(&info, recording)?)
 }

@@ -21,14 +21,14 @@ pub struct RoundPlan<'a> {
     pub round: u32,
     /// Number of episodes that each agent plays.
     pub episodes: u32,
-    /// Which bodies are recorded, if any.
+    /// Whose bodies are recorded, and in which episodes; `None` records no bodies.
     pub scene: Option<&'a SceneSettings>,
 }
 
-/// The episodes of a round.
+/// The episodes of a round or of a part of it.
 #[derive(Debug, Default)]
-pub struct Played {
-    /// In (agent, episode) order.
+pub struct PlayedEpisodes {
+    /// The episodes, in (agent, episode) order.
     pub episodes: Vec<Episode>,
     /// The recorded bodies, in the order in which their episodes ended.
     pub body_trajectories: Vec<BodyTrajectory>,
@@ -41,19 +41,19 @@ pub fn play(
     team: &mut dyn Team,
     plan: &RoundPlan<'_>,
     learning: Option<Workers<'_>>,
-) -> Played {
+) -> PlayedEpisodes {
     team.begin_round(plan.round);
     let count = team.agent_count();
     let mut slots = EpisodeSlots::new(plan.run_seed, count, plan.round);
-    let mut finished: Vec<Vec<Episode>> = vec![Vec::new(); count];
+    let mut finished_by_agent: Vec<Vec<Episode>> = vec![Vec::new(); count];
     let mut body_trajectories = Vec::new();
-    let first = plan.round.wrapping_mul(plan.episodes);
+    let first_episode = plan.round.wrapping_mul(plan.episodes);
     for slot in &mut slots.slots {
-        slot.start(environment, first, plan.round, plan.scene);
+        slot.start(environment, first_episode, plan.round, plan.scene);
     }
     while slots.any_playing() {
         slots.step(environment, team);
-        for (slot, finished) in slots.slots.iter_mut().zip(&mut finished) {
+        for (slot, finished) in slots.slots.iter_mut().zip(&mut finished_by_agent) {
             let ended = slot.observe(environment);
             if let Some(newest) = ended.as_ref().or(slot.playing.as_ref())
                 && learning.is_some()
@@ -64,7 +64,7 @@ pub fn play(
             body_trajectories.extend(slot.body_trajectory.take());
             finished.push(episode);
             if finished.len() < plan.episodes as usize {
-                let next = first.wrapping_add(finished.len() as u32);
+                let next = first_episode.wrapping_add(finished.len() as u32);
                 slot.start(environment, next, plan.round, plan.scene);
             }
         }
@@ -72,8 +72,8 @@ pub fn play(
             team.end_step(workers);
         }
     }
-    Played {
-        episodes: finished.into_iter().flatten().collect(),
+    PlayedEpisodes {
+        episodes: finished_by_agent.into_iter().flatten().collect(),
         body_trajectories,
     }
 }
@@ -112,7 +112,7 @@ impl EpisodeSlots {
         }
     }
 
-    /// Gives an agent a new slot, with the streams of `round`.
+    /// Gives an agent a new slot, with the random streams of round number `round`.
     pub(super) fn renew(&mut self, run_seed: u64, agent: u32, round: u32) -> &mut EpisodeSlot {
         self.action_streams[agent as usize] = stream(run_seed, Purpose::Action, agent, round);
         let slot = &mut self.slots[agent as usize];
@@ -159,12 +159,12 @@ pub(super) struct EpisodeSlot {
     agent: u32,
     resets: Stream,
     playing: Option<Episode>,
-    /// The bodies of the episode that is playing or has just ended, if they are recorded.
+    /// The bodies during the episode that is playing or has just ended, if they are recorded.
     pub(super) body_trajectory: Option<BodyTrajectory>,
 }
 
 impl EpisodeSlot {
-    /// A slot whose start states are those of (run seed, agent, `round`).
+    /// A slot that draws start states from the random stream of (run seed, agent, `round`).
     fn new(run_seed: u64, agent: u32, round: u32) -> Self {
         Self {
             agent,
@@ -216,6 +216,7 @@ impl EpisodeSlot {
         Some(episode)
     }
 
+    /// Observation of the agent's copy of the environment.
     fn observation<'a>(&self, environment: &'a dyn Environment) -> &'a [f32] {
         let width = environment.spec().observation_width();
         let copy = self.agent as usize;
@@ -228,13 +229,19 @@ impl EpisodeSlot {
             return;
         };
         let copy = self.agent as usize;
-        let start = trajectory.poses.len();
-        let bodies = scene.bodies.len();
-        trajectory.poses.resize(start + bodies, Pose::default());
-        environment.poses(copy, &mut trajectory.poses[start..]);
-        let before = trajectory.forces.len();
-        environment.forces(copy, &trajectory.poses[start..], &mut trajectory.forces);
-        let added = trajectory.forces.len() - before;
-        trajectory.forces_per_row.push(added);
+        let first_pose = trajectory.poses.len();
+        let body_count = scene.bodies.len();
+        trajectory
+            .poses
+            .resize(first_pose + body_count, Pose::default());
+        environment.poses(copy, &mut trajectory.poses[first_pose..]);
+        let forces_before = trajectory.forces.len();
+        environment.forces(
+            copy,
+            &trajectory.poses[first_pose..],
+            &mut trajectory.forces,
+        );
+        let added_forces = trajectory.forces.len() - forces_before;
+        trajectory.forces_per_row.push(added_forces);
     }
 }

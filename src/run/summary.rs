@@ -25,7 +25,7 @@ pub struct Summary {
     pub solved_at: Option<SolvedAt>,
     /// Number of episodes per agent until the threshold was reached; `None` if it was not.
     pub episodes_until_solved: Option<usize>,
-    /// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each.
+    /// Mean return over agents and over the last [`FINAL_WINDOW`] episodes of each agent.
     pub final_return: f64,
     /// Share of the state space that each agent visited, 0 to 1: `[K]`.
     pub coverage: Vec<f64>,
@@ -33,12 +33,12 @@ pub struct Summary {
     pub team_coverage: f64,
     /// Entropy of each agent's visits, nats: `[K]`.
     pub visitation_entropy: Vec<f64>,
-    /// That entropy as a share of the largest one, 0 to 1: `[K]`.
+    /// `visitation_entropy` divided by its maximum, 0 to 1: `[K]`.
     pub visitation_evenness: Vec<f64>,
     /// Overlap of the agents' visited states, 0 to 1.
     pub team_overlap: f64,
-    /// Effective number of agents: the number of agents without any overlap that would be as diverse,
-    /// 1 to K.
+    /// Effective number of agents, 1 to K: the number of agents without overlap that would be as
+    /// diverse as the team.
     pub effective_agents: f64,
 }
 
@@ -59,7 +59,7 @@ impl Summary {
     #[must_use]
     pub fn of(scenario: &str, seed: u64, trainer: &Trainer) -> Self {
         let measures = trainer.measures();
-        let (threshold, visits) = (trainer.threshold(), measures.visits());
+        let (threshold, visits) = (trainer.threshold(), measures.visit_statistics());
         Self {
             scenario: scenario.to_owned(),
             environment: trainer.spec().name.clone(),

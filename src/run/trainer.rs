@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::agreement;
 use super::asynchronous::{AsyncConfig, AsyncRollout};
 use super::measures::{Measures, RoundRows};
-use super::rollout::{self, Played, RoundPlan};
+use super::rollout::{self, PlayedEpisodes, RoundPlan};
 use crate::record::{BodyTrajectory, SceneSettings};
 use crate::scenario::{Scenario, Schedule, Stop, Threshold};
 use seedbed_env::TaskDescription;
@@ -28,13 +28,14 @@ pub struct Trainer {
     team: Box<dyn Team>,
     buffer: SharedBuffer,
     /// Number of the team's episodes before the newest round.
-    recorded: u64,
-    /// `None` in other schedules than `Asynchronous`, and before the first round.
+    episodes_before_round: u64,
+    /// State of the rollout with `Asynchronous`; `None` with other schedules, and before the first
+    /// round.
     rollout: Option<AsyncRollout>,
     measures: Measures,
     round: u32,
-    /// None on a single thread: a pool of one would only hand work back and forth, and would let a
-    /// waiting caller take up other work.
+    /// `None` with a single thread: a pool of one thread would only pass work back and forth, and a
+    /// caller that waits for it could start other work meanwhile.
     pool: Option<ThreadPool>,
 }
 
@@ -47,13 +48,13 @@ pub struct TrainingSettings {
     pub schedule: Schedule,
     /// When training ends.
     pub stop: Stop,
-    /// Which bodies are recorded, if any.
+    /// Whose bodies are recorded, and in which episodes; `None` records no bodies.
     pub scene: Option<SceneSettings>,
-    /// Number of the team's transitions that are kept after all have learned from them.
+    /// Number of the team's transitions that are kept after all agents have learned from them.
     pub transitions_kept: u64,
     /// Whether the agents have intrinsic rewards, whose agreement between agents is measured.
     pub has_intrinsic_rewards: bool,
-    /// Number of threads for updates; 0 is the number of cores. The bits do not depend on it.
+    /// Number of threads for updates; 0 is the number of cores. Results do not depend on it.
     pub threads: usize,
 }
 
@@ -74,7 +75,7 @@ impl Default for TrainingSettings {
 /// The result of a round.
 #[derive(Debug)]
 pub struct Round {
-    /// The rows that it adds to the tables.
+    /// The rows that the round adds to the tables.
     pub rows: RoundRows,
     /// What updates computed for the steps of the round's episodes, in (agent, episode) order.
     /// Episodes for which nothing was computed may be missing.
@@ -83,7 +84,7 @@ pub struct Round {
     pub body_trajectories: Vec<BodyTrajectory>,
 }
 
-/// What a trainer continues from: see [`Trainer::save`]. `B`, `R` and `M` are borrowed when it is
+/// The state of a trainer that [`Trainer::save`] writes. `B`, `R` and `M` are borrowed when it is
 /// written.
 #[derive(Serialize, Deserialize)]
 struct Saved<B, R, M> {
@@ -135,16 +136,16 @@ impl Trainer {
     ) -> Self {
         let (copies, agents) = (environment.copies(), team.agent_count());
         assert_eq!(copies, agents, "an environment has one copy per agent");
-        let (threads, several) = (settings.threads, settings.threads != 1 && agents > 1);
+        let (threads, needs_pool) = (settings.threads, settings.threads != 1 && agents > 1);
         Self {
             measures: Measures::new(environment.spec(), agents),
             buffer: SharedBuffer::default(),
-            recorded: 0,
+            episodes_before_round: 0,
             rollout: None,
             environment,
             team,
             round: 0,
-            pool: several.then(|| thread_pool(threads)),
+            pool: needs_pool.then(|| thread_pool(threads)),
             settings,
         }
     }
@@ -188,11 +189,13 @@ impl Trainer {
     /// An observation, a reward or a network's parameters are not finite.
     pub fn advance(&mut self) -> Result<Round, Diverged> {
         self.remove_old_episodes();
-        self.recorded = self.buffer.total();
+        self.episodes_before_round = self.buffer.episodes_added();
         let (updates, body_trajectories) = match self.settings.schedule {
             Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
             Schedule::Lockstep { .. } => self.advance_together(1)?,
-            Schedule::Asynchronous { training } => self.advance_each(training.env_steps)?,
+            Schedule::Asynchronous { training } => {
+                self.advance_asynchronously(training.env_steps)?
+            }
         };
         let bonus_agreement = self.bonus_agreement().map(|agreement| agreement as f32);
         let (mut reports, mut step_data) = (Vec::new(), Vec::new());
@@ -205,7 +208,7 @@ impl Trainer {
             step_data.extend(update.step_data);
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
-        let episodes = newest_episodes(&self.buffer, self.recorded);
+        let episodes = newest_episodes(&self.buffer, self.episodes_before_round);
         let spec = self.environment.spec();
         let rows = self
             .measures
@@ -220,16 +223,18 @@ impl Trainer {
 
     /// Removes episodes that all agents have learned from, except for the transitions to keep.
     fn remove_old_episodes(&mut self) {
-        let learned = self.rollout.as_ref();
-        let learned = learned.map_or(u64::MAX, AsyncRollout::learned_by_all);
-        let kept = self
+        let learned_by_all = self
+            .rollout
+            .as_ref()
+            .map_or(u64::MAX, AsyncRollout::learned_by_all);
+        let before_kept = self
             .buffer
             .count_before_newest(self.settings.transitions_kept);
-        self.buffer.remove_first(learned.min(kept));
+        self.buffer.remove_first(learned_by_all.min(before_kept));
     }
 
     /// Every agent plays `episodes` episodes; then all agents learn.
-    fn advance_together(&mut self, episodes: u32) -> Result<Advance, Diverged> {
+    fn advance_together(&mut self, episodes: u32) -> Result<UpdatesAndBodies, Diverged> {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
             round: self.round,
@@ -239,8 +244,8 @@ impl Trainer {
         let workers = Workers::new(self.pool.as_ref());
         let (environment, team) = (&mut *self.environment, &mut *self.team);
         let played = rollout::play(environment, team, &plan, Some(workers));
-        let learned_before = self.buffer.total();
-        self.share(played.episodes)?;
+        let learned_before = self.buffer.episodes_added();
+        self.add_to_buffer(played.episodes)?;
         let learners =
             (0..self.team.agent_count() as u32).map(|agent| (agent, learned_before, self.round));
         let updates = self.learn(&learners.collect::<Vec<_>>())?;
@@ -248,7 +253,10 @@ impl Trainer {
     }
 
     /// Agents whose episodes have ended learn while the others continue to play.
-    fn advance_each(&mut self, steps_per_update: u32) -> Result<Advance, Diverged> {
+    fn advance_asynchronously(
+        &mut self,
+        steps_per_update: u32,
+    ) -> Result<UpdatesAndBodies, Diverged> {
         let scene = self.settings.scene.clone();
         let config = AsyncConfig {
             run_seed: self.settings.run_seed,
@@ -260,17 +268,17 @@ impl Trainer {
         let rollout = self.rollout.take();
         let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
         let (mut updates, mut body_trajectories) = (Vec::new(), Vec::new());
-        while self.buffer.total() < self.recorded + count as u64 {
+        while self.buffer.episodes_added() < self.episodes_before_round + count as u64 {
             let ended = rollout.play(&mut *self.environment, &mut *self.team, &config);
             if ended.episodes.is_empty() {
                 break;
             }
             let agents: Vec<u32> = ended.episodes.iter().map(|episode| episode.agent).collect();
-            self.share(ended.episodes)?;
+            self.add_to_buffer(ended.episodes)?;
             body_trajectories.extend(ended.body_trajectories);
             let mut learners = Vec::new();
             for agent in agents {
-                let total = self.buffer.total();
+                let total = self.buffer.episodes_added();
                 let (learned_before, earlier_updates) = rollout.begin_update(agent, total, &config);
                 learners.push((agent, learned_before, earlier_updates));
             }
@@ -280,8 +288,8 @@ impl Trainer {
         Ok((updates, body_trajectories))
     }
 
-    /// Adds episodes that ended in the same step to the shared buffer.
-    fn share(&mut self, mut episodes: Vec<Episode>) -> Result<(), Diverged> {
+    /// Checks episodes that ended in the same step, and adds them to the shared buffer.
+    fn add_to_buffer(&mut self, mut episodes: Vec<Episode>) -> Result<(), Diverged> {
         for episode in &mut episodes {
             check_episode(self.environment.spec(), episode)?;
             episode.round = self.round;
@@ -290,11 +298,11 @@ impl Trainer {
         Ok(())
     }
 
-    /// Some agents learn at once.   `learners`: (agent, number of the team's episodes that it has
-    /// learned from before, how often it has learned), in agent order
+    /// Some agents learn at the same time. `learners`: (agent, number of the team's episodes that
+    /// it has learned from before, number of its earlier updates), in agent order
     fn learn(&mut self, learners: &[(u32, u64, u32)]) -> Result<Vec<AgentUpdate>, Diverged> {
-        let episodes = self.buffer.after(0);
-        let removed = self.buffer.total() - episodes.len() as u64;
+        let episodes = self.buffer.episodes_after(0);
+        let removed = self.buffer.episodes_added() - episodes.len() as u64;
         let learners: Vec<Learner> = learners
             .iter()
             .map(|&(agent, learned_before, earlier_updates)| Learner {
@@ -309,8 +317,8 @@ impl Trainer {
         };
         let workers = Workers::new(self.pool.as_ref());
         let updates = self.team.learn(&request, workers);
-        if let Some(lost) = updates.iter().find(|update| !update.is_finite) {
-            let (agent, round) = (lost.agent, self.round);
+        if let Some(diverged) = updates.iter().find(|update| !update.is_finite) {
+            let (agent, round) = (diverged.agent, self.round);
             return Err(Diverged::Learning { agent, round });
         }
         Ok(updates)
@@ -318,21 +326,25 @@ impl Trainer {
 
     /// Plays a round without learning and without measuring it. Episodes are in (agent, episode)
     /// order.
-    pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> Played {
+    pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> PlayedEpisodes {
         rollout::play(&mut *self.environment, &mut *self.team, plan, None)
     }
 
-    /// How far agents agree about the bonuses of the round's first episode.
+    /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see
+    /// [`agreement`].
     fn bonus_agreement(&mut self) -> Option<f64> {
         if !self.settings.has_intrinsic_rewards {
             return None;
         }
-        let probe = self.buffer.after(self.recorded).first()?;
-        let bonuses = self.team.probe_bonuses(probe, self.round);
+        let probe_episode = self
+            .buffer
+            .episodes_after(self.episodes_before_round)
+            .first()?;
+        let bonuses = self.team.probe_bonuses(probe_episode, self.round);
         agreement::mean_rank_correlation(&bonuses)
     }
 
-    /// Whether training is to end.
+    /// Whether the scenario's `stop` is reached.
     #[must_use]
     pub fn is_done(&self) -> bool {
         let stop = &self.settings.stop;
@@ -348,7 +360,7 @@ impl Trainer {
             .is_some_and(|threshold| self.measures.reaches(threshold))
     }
 
-    /// When the task counts as solved.
+    /// The threshold at which the task counts as solved; `None` if none is set.
     #[must_use]
     pub fn threshold(&self) -> Option<Threshold> {
         self.settings.stop.threshold(self.spec())
@@ -372,8 +384,8 @@ impl Trainer {
         self.environment.copies()
     }
 
-    /// The parameters of all networks, named `agent_3.policy.layer_0.weight` and the like; models
-    /// that agents share, `model_3.…`.
+    /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; the
+    /// names of models that agents share begin with `model_3.`.
     #[must_use]
     pub fn tensors(&self) -> Vec<Tensor<'_>> {
         self.team.tensors()
@@ -382,10 +394,10 @@ impl Trainer {
     /// The newest round's episodes, in (agent, episode) order.
     #[must_use]
     pub fn newest_episodes(&self) -> Vec<&Episode> {
-        newest_episodes(&self.buffer, self.recorded)
+        newest_episodes(&self.buffer, self.episodes_before_round)
     }
 
-    /// What was measured so far.
+    /// The measures of the run so far.
     #[must_use]
     pub fn measures(&self) -> &Measures {
         &self.measures
@@ -408,14 +420,15 @@ impl Trainer {
             environment: self.environment.save(),
             team: self.team.save(),
             buffer: &self.buffer,
-            recorded: self.recorded,
+            recorded: self.episodes_before_round,
             rollout: &self.rollout,
             measures: &self.measures,
         };
         postcard::to_stdvec(&saved).expect("plain data always serializes")
     }
 
-    /// Continues from what [`save`](Self::save) wrote, to the same bits.
+    /// Restores the state that [`save`](Self::save) wrote. Results after that are bit-identical to
+    /// those of an uninterrupted run.
     ///
     /// # Errors
     /// The bytes are damaged or belong to another scenario.
@@ -425,7 +438,7 @@ impl Trainer {
         self.environment.restore(&saved.environment)?;
         self.team.restore(&saved.team)?;
         self.buffer = saved.buffer;
-        self.recorded = saved.recorded;
+        self.episodes_before_round = saved.recorded;
         self.rollout = saved.rollout;
         self.measures = saved.measures;
         self.round = saved.round;
@@ -434,7 +447,7 @@ impl Trainer {
 }
 
 /// The updates of a round in the order in which agents learned, and the recorded bodies.
-type Advance = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
+type UpdatesAndBodies = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
 
 fn thread_pool(threads: usize) -> ThreadPool {
     ThreadPoolBuilder::new()
@@ -455,8 +468,8 @@ fn learning_timing(schedule: Schedule) -> LearningTiming {
 
 /// Checks that all numbers of an episode are finite.
 fn check_episode(spec: &Spec, episode: &Episode) -> Result<(), Diverged> {
-    let lost = episode.observations.iter().position(|x| !x.is_finite());
-    let what = if let Some(index) = lost {
+    let non_finite = episode.observations.iter().position(|x| !x.is_finite());
+    let what = if let Some(index) = non_finite {
         let name = &spec.observations[index % spec.observations.len()].name;
         format!("observation `{name}`")
     } else if episode.rewards.iter().any(|reward| !reward.is_finite()) {
@@ -471,9 +484,12 @@ fn check_episode(spec: &Spec, episode: &Episode) -> Result<(), Diverged> {
     })
 }
 
-/// The episodes after the first `recorded`, in (agent, episode) order.
-fn newest_episodes(buffer: &SharedBuffer, recorded: u64) -> Vec<&Episode> {
-    let mut episodes: Vec<&Episode> = buffer.after(recorded).iter().collect();
+/// The team's episodes after the first `episodes_before_round`, in (agent, episode) order.
+fn newest_episodes(buffer: &SharedBuffer, episodes_before_round: u64) -> Vec<&Episode> {
+    let mut episodes: Vec<&Episode> = buffer
+        .episodes_after(episodes_before_round)
+        .iter()
+        .collect();
     episodes.sort_by_key(|episode| (episode.agent, episode.episode));
     episodes
 }

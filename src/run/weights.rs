@@ -9,23 +9,24 @@ use safetensors::{Dtype, SafeTensorError};
 use super::files;
 use seedbed_learn::agent::Tensor;
 
-/// Writes tensors to a safetensors file. Weights are `[in × out]`, biases `[out]`, little-endian f32.
+/// Writes tensors to a safetensors file. Weights are `[in × out]`, biases `[out]`, little-endian
+/// f32.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write(path: &Path, tensors: &[Tensor<'_>]) -> std::io::Result<()> {
-    let bytes = |tensor: &Tensor<'_>| {
+    let to_bytes = |tensor: &Tensor<'_>| {
         tensor
             .values
             .iter()
             .flat_map(|value| value.to_le_bytes())
             .collect()
     };
-    let named: Vec<(&Tensor<'_>, Vec<u8>)> = tensors
+    let tensor_bytes: Vec<(&Tensor<'_>, Vec<u8>)> = tensors
         .iter()
-        .map(|tensor| (tensor, bytes(tensor)))
+        .map(|tensor| (tensor, to_bytes(tensor)))
         .collect();
-    let views: Result<Vec<(&str, TensorView<'_>)>, SafeTensorError> = named
+    let views: Result<Vec<(&str, TensorView<'_>)>, SafeTensorError> = tensor_bytes
         .iter()
         .map(|(tensor, bytes)| {
             Ok((
@@ -34,8 +35,8 @@ pub fn write(path: &Path, tensors: &[Tensor<'_>]) -> std::io::Result<()> {
             ))
         })
         .collect();
-    let bytes = views
+    let file_bytes = views
         .and_then(|views| safetensors::serialize(views, None))
         .map_err(std::io::Error::other)?;
-    files::replace(path, &bytes)
+    files::replace(path, &file_bytes)
 }

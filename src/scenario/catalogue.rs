@@ -5,30 +5,32 @@ use crate::record::RecordingSettings;
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::catalogue::{Parameter, parameters};
 
-/// Fields whose own fields are listed, or that are documented elsewhere.
-const NESTED: [&str; 4] = ["environment", "agents", "algorithm", "recording"];
+/// Fields that are not listed: their own fields are listed instead, or they are documented
+/// elsewhere.
+const OMITTED_FIELDS: [&str; 4] = ["environment", "agents", "algorithm", "recording"];
 
 impl Scenario {
-    /// Parameters of a scenario besides its algorithm's, with their defaults; includes those of its
-    /// team and its recording.
+    /// Parameters of a scenario with their defaults: those of the scenario itself, its team and its
+    /// recording, without those of its algorithm.
     #[must_use]
     pub fn catalogue() -> Vec<Parameter> {
-        let mut all = fields_of("agents", parameters(&TeamConfig::default()));
-        let own = parameters(&Self::with_defaults());
-        all.extend(
-            own.into_iter()
-                .filter(|own| !NESTED.contains(&own.name.as_str())),
+        let mut catalogue = with_prefix("agents", parameters(&TeamConfig::default()));
+        let direct_fields = parameters(&Self::with_defaults());
+        catalogue.extend(
+            direct_fields
+                .into_iter()
+                .filter(|field| !OMITTED_FIELDS.contains(&field.name.as_str())),
         );
-        all.extend(fields_of(
+        catalogue.extend(with_prefix(
             "recording",
             parameters(&RecordingSettings::default()),
         ));
-        all
+        catalogue
     }
 }
 
-/// Parameters of the field `name` of a scenario, with its name as prefix.
-fn fields_of(name: &str, mut parameters: Vec<Parameter>) -> Vec<Parameter> {
+/// Adds the name of a field of the scenario as prefix to the names of the field's parameters.
+fn with_prefix(name: &str, mut parameters: Vec<Parameter>) -> Vec<Parameter> {
     for parameter in &mut parameters {
         parameter.name = format!("{name}.{}", parameter.name);
     }
@@ -41,7 +43,7 @@ mod tests {
 
     #[test]
     fn every_parameter_has_a_meaning_and_a_default() {
-        let all = Scenario::catalogue();
+        let catalogue = Scenario::catalogue();
         for name in [
             "agents.count",
             "physics",
@@ -49,9 +51,12 @@ mod tests {
             "seed",
             "recording.lines",
         ] {
-            assert!(all.iter().any(|parameter| parameter.name == name), "{name}");
+            assert!(
+                catalogue.iter().any(|parameter| parameter.name == name),
+                "{name}"
+            );
         }
-        for parameter in all {
+        for parameter in catalogue {
             assert!(!parameter.meaning.is_empty(), "{parameter:?}");
             assert!(!parameter.default.is_empty(), "{parameter:?}");
         }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::record::RecordingSettings;
 use seedbed_env::input::edit::to_ron_string;
-use seedbed_env::input::numbers::{Count, FiniteNumber, known_count};
+use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count};
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
 use seedbed_env::{Physics, Spec};
 use seedbed_learn::agent::TeamConfig;
@@ -71,8 +71,8 @@ pub enum Schedule {
         #[serde(default)]
         training: Training,
     },
-    /// All agents act step by step, and learn from the newest transitions during their episodes: for
-    /// value-based learners. A round is one episode per agent.
+    /// All agents act step by step, and learn from the newest transitions during their episodes:
+    /// for value-based learners. A round is one episode per agent.
     Lockstep {
         /// Number of steps per agent between two updates.
         #[serde(default = "default_learn_every")]
@@ -127,8 +127,8 @@ impl Stop {
         }
     }
 
-    /// When a task counts as solved: as set here, otherwise at the threshold of the task's file over a
-    /// window of 25 episodes. `None` if neither is set.
+    /// When a task counts as solved: at the return and window set here; otherwise at the return set
+    /// in the task's file, over a window of 25 episodes. `None` if neither is set.
     #[must_use]
     pub fn threshold(&self, task: &Spec) -> Option<Threshold> {
         match self {
@@ -167,7 +167,7 @@ impl Default for Schedule {
 
 impl Default for Stop {
     fn default() -> Self {
-        Self::Episodes(known_count(200))
+        Self::Episodes(ranged_count(200))
     }
 }
 
@@ -176,19 +176,19 @@ fn default_algorithm() -> Located<Algorithm> {
 }
 
 fn default_checkpoint_every() -> Count {
-    known_count(25)
+    ranged_count(25)
 }
 
 fn default_window() -> Located<Count> {
-    known_count(DEFAULT_WINDOW).into()
+    ranged_count(DEFAULT_WINDOW).into()
 }
 
 fn default_learn_every() -> Count {
-    known_count(10)
+    ranged_count(10)
 }
 
 fn one() -> Count<10_000> {
-    known_count(1)
+    ranged_count(1)
 }
 
 /// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.
@@ -211,7 +211,7 @@ pub fn environment_path(
 ) -> Result<PathBuf, InputError> {
     let name = &scenario.value.environment;
     let folder = scenario_path.parent().unwrap_or(Path::new("."));
-    let starts = [
+    let start_folders = [
         folder.canonicalize().unwrap_or_default(),
         std::env::current_dir().unwrap_or_default(),
     ];
@@ -222,24 +222,24 @@ pub fn environment_path(
         }
         return Err(scenario.locate(name.error(format!("no file {}", path.display()))));
     }
-    task_file(name, &starts).map_err(|known| {
+    task_file(name, &start_folders).map_err(|known| {
         scenario.locate(name.unknown_name("environment", known.iter().map(String::as_str)))
     })
 }
 
-/// Path of the file of the task `name` in the nearest directory `envs` that has it, in or above one
-/// of `starts`, which are searched in order.
+/// Path of the file of the task `name` in the nearest directory `envs` that has it. `envs` is
+/// searched in and above each of `start_folders`, in this order.
 ///
 /// # Errors
 /// The names of all tasks in these directories, if there is no such file.
-pub fn task_file(name: &str, starts: &[PathBuf]) -> Result<PathBuf, Vec<String>> {
+pub fn task_file(name: &str, start_folders: &[PathBuf]) -> Result<PathBuf, Vec<String>> {
     let file = format!("{name}.ron");
-    let found = starts
+    let found = start_folders
         .iter()
         .find_map(|start| input::find_upwards(start, "envs", &file));
     found
         .map(|path| relative_path(&path))
-        .ok_or_else(|| known_environments(starts))
+        .ok_or_else(|| known_environments(start_folders))
 }
 
 impl Scenario {
@@ -258,7 +258,7 @@ impl Scenario {
         }
     }
 
-    /// Checks fields against each other.
+    /// Checks whether the values of different fields contradict each other.
     ///
     /// # Errors
     /// The first contradiction, with the field that is to be changed.
@@ -311,9 +311,9 @@ impl overrides::Resolve for Scenario {
     }
 }
 
-/// Names of all tasks in the directories `envs` in or above `starts`.
-fn known_environments(starts: &[PathBuf]) -> Vec<String> {
-    let folders = starts
+/// Names of all tasks in the directories `envs` in or above `start_folders`, sorted.
+fn known_environments(start_folders: &[PathBuf]) -> Vec<String> {
+    let folders = start_folders
         .iter()
         .flat_map(|start| input::folders_upwards(start, "envs"));
     let mut names = Vec::new();
@@ -329,7 +329,8 @@ fn known_environments(starts: &[PathBuf]) -> Vec<String> {
     names
 }
 
-/// The path relative to the working directory, if it is inside; otherwise as it is.
+/// The path relative to the working directory, if the path is inside it; otherwise the path
+/// unchanged.
 #[must_use]
 pub fn relative_path(path: &Path) -> PathBuf {
     let working_directory = std::env::current_dir().unwrap_or_default();

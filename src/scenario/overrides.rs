@@ -45,7 +45,7 @@ pub fn apply<T: Resolve>(
         return Err(invalid("", message.to_owned(), None));
     };
     let (path, value) = (path.trim(), value.trim());
-    input::is_ron_value(value).map_err(|reason| {
+    input::check_ron_value(value).map_err(|reason| {
         let expected = "expected one value, such as 16 or Normal(sigma: 0.1)";
         invalid(path, format!("{expected}: {reason}"), None)
     })?;
@@ -56,7 +56,7 @@ pub fn apply<T: Resolve>(
     let value = input::parse::<T>(&document.origin, text)
         .map_err(|error| invalid(path, error.message, error.help))?
         .value;
-    // Read again, so that later errors show lines of the resolved scenario.
+    // The text is parsed again, so that later errors show lines of the resolved scenario.
     let origin = format!(
         "{} with --set",
         document.origin.trim_end_matches(" with --set")
@@ -66,7 +66,7 @@ pub fn apply<T: Resolve>(
 
 /// Message and help for a name that is not a field.
 fn explain(unknown: &UnknownField) -> (String, Option<String>) {
-    let known = || unknown.known.iter().map(String::as_str);
+    let known = || unknown.known_fields.iter().map(String::as_str);
     let message = format!(
         "there is no field `{}` here, expected one of {}",
         unknown.name,
@@ -92,7 +92,7 @@ mod tests {
         .unwrap()
     }
 
-    fn message(assignment: &str) -> String {
+    fn error_message(assignment: &str) -> String {
         apply(&document(), assignment).unwrap_err().to_string()
     }
 
@@ -128,14 +128,14 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_name_the_override() {
+    fn errors_name_the_override() {
         assert_eq!(
-            message("agents.cout=3"),
+            error_message("agents.cout=3"),
             "--set agents.cout=3: in `agents.cout`: there is no field `cout` here, expected one of `count`, `seeds`, `initial`\n  \
              = help: did you mean `count`?"
         );
         assert_eq!(
-            message("agents.count=0"),
+            error_message("agents.count=0"),
             "--set agents.count=0: in `agents.count`: expected a whole number from 1 to 10000, found 0"
         );
         for (broken, reason) in [
@@ -152,12 +152,12 @@ mod tests {
             let expected =
                 format!("expected one value, such as 16 or Normal(sigma: 0.1): {reason}");
             assert_eq!(
-                message(&format!("agents.seeds={broken}")),
+                error_message(&format!("agents.seeds={broken}")),
                 format!("--set agents.seeds={broken}: in `agents.seeds`: {expected}")
             );
         }
         assert_eq!(
-            message("agents"),
+            error_message("agents"),
             "--set agents: expected PATH=VALUE, such as agents.count=16"
         );
     }

@@ -83,7 +83,7 @@ fn verdict_of_claim(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
     }
 }
 
-/// Whether an effect is in the claimed direction but smaller than claimed. False for claims of no
+/// Whether an effect is in the claimed direction but smaller than claimed; false for claims of no
 /// effect.
 fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
     let Some(comparison) = comparison else {
@@ -100,7 +100,7 @@ fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
 
 /// Verdict on the claim that an effect is between `low_bound` and `high_bound`: replicated if its
 /// whole interval is within the bounds and there are enough runs, not replicated if its whole
-/// interval is outside.
+/// interval is outside the bounds, otherwise inconclusive.
 fn verdict_of_null_claim(
     effect: Interval,
     [low_bound, high_bound]: [f64; 2],
@@ -109,8 +109,7 @@ fn verdict_of_null_claim(
     let Interval::Known { low, high } = effect else {
         return Verdict::Inconclusive;
     };
-    // An infinite bound means that there is no bound, so infinite ends of the interval are within
-    // it.
+    // An infinite bound means that there is no bound, so an infinite end of the interval is inside.
     let is_inside = (low > low_bound || low_bound.is_infinite())
         && (high < high_bound || high_bound.is_infinite());
     let is_outside = low >= high_bound || high <= low_bound;

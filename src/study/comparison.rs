@@ -15,7 +15,7 @@ use seedbed_stats::{Estimate, Interval, bootstrap_sample, bootstrap_strata};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunScore {
     /// Run seed.
-    pub seed: u64,
+    pub run_seed: u64,
     /// Value of the measure; infinite for a time that was not reached.
     pub value: f64,
     /// For a time that was not reached, the end of the run; otherwise infinite.
@@ -29,7 +29,8 @@ pub struct Aggregate {
     pub n: usize,
     /// Number of runs that reached the time. Equals `n` if the measure is not a time.
     pub reached: usize,
-    /// Median. For times this is the Kaplan–Meier median, infinite if S never falls below ½.
+    /// Median. For times this is the Kaplan–Meier median, infinite if the survival curve never
+    /// falls below ½.
     pub median: Estimate,
     /// Interquartile mean; `None` if a run did not reach the time.
     pub interquartile_mean: Option<Estimate>,
@@ -60,7 +61,7 @@ pub struct Comparison {
 impl RunScore {
     /// Score of a run in a measure; `None` if the run does not have this measure.
     #[must_use]
-    pub fn of(measure: Measure, seed: u64, run: &RunResult) -> Option<Self> {
+    pub fn of(measure: Measure, run_seed: u64, run: &RunResult) -> Option<Self> {
         let value = measure.of(run)?;
         let time = if measure.is_time() {
             measure.time_to_event(run)
@@ -72,7 +73,7 @@ impl RunScore {
             _ => f64::INFINITY,
         };
         Some(Self {
-            seed,
+            run_seed,
             value,
             observed_until,
         })
@@ -134,7 +135,7 @@ pub fn compare(
     test: Test,
 ) -> Option<Comparison> {
     let (first, second) = if test == Test::Paired {
-        common_seeds(first, second)
+        pairs_with_common_seeds(first, second)
     } else {
         (first.to_vec(), second.to_vec())
     };
@@ -176,7 +177,7 @@ impl Comparison {
                 low: 1.0 - high,
                 high: 1.0 - low,
             },
-            few @ Interval::TooFewRuns { .. } => few,
+            too_few_runs @ Interval::TooFewRuns { .. } => too_few_runs,
         };
         Estimate {
             value: 1.0 - self.probability_below.value,
@@ -185,10 +186,15 @@ impl Comparison {
     }
 }
 
-fn common_seeds(first: &[RunScore], second: &[RunScore]) -> (Vec<RunScore>, Vec<RunScore>) {
+fn pairs_with_common_seeds(
+    first: &[RunScore],
+    second: &[RunScore],
+) -> (Vec<RunScore>, Vec<RunScore>) {
     let mut pairs = (Vec::new(), Vec::new());
     for score in first {
-        if let Some(score_of_second) = second.iter().find(|candidate| candidate.seed == score.seed)
+        if let Some(score_of_second) = second
+            .iter()
+            .find(|candidate| candidate.run_seed == score.run_seed)
         {
             pairs.0.push(*score);
             pairs.1.push(*score_of_second);
@@ -197,13 +203,13 @@ fn common_seeds(first: &[RunScore], second: &[RunScore]) -> (Vec<RunScore>, Vec<
     pairs
 }
 
-/// Earliest end of a run that did not reach its time; infinite if all runs did.
+/// Earliest end of a run that did not reach its time; infinite if all runs reached their times.
 ///
-/// A run with a smaller budget of episodes may not reach its time for that reason only. So cells
+/// A run can fail to reach its time only because it had fewer episodes than other runs. So cells
 /// are compared over the time during which all runs were observed.
 fn horizon<'a>(scores: impl Iterator<Item = &'a RunScore>) -> f64 {
-    let scores_without_time = scores.filter(|score| score.value.is_infinite());
-    scores_without_time
+    let unreached = scores.filter(|score| score.value.is_infinite());
+    unreached
         .map(|score| score.observed_until)
         .fold(f64::INFINITY, f64::min)
 }
@@ -262,10 +268,10 @@ fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
 ///
 /// `estimate_assuming(d)` estimates the effect if every unknown difference were `d`. Medians never
 /// decrease when one of their values increases. So the estimates for d = −∞ and d = ∞ are the
-/// smallest and the largest that any unknown differences can give, and so are the ends of their
-/// intervals: from the lower end for −∞ to the upper end for ∞ the interval covers all cases. If
-/// both estimates are equal, the effect does not depend on unknown differences; otherwise its value
-/// is NaN.
+/// smallest and the largest that any unknown differences can give. The same holds for the ends of
+/// their intervals, so the interval from the lower end for −∞ to the upper end for ∞ covers all
+/// cases. If both estimates are equal, the effect does not depend on unknown differences; otherwise
+/// its value is NaN.
 fn bounded_effect(estimate_assuming: impl Fn(f64) -> Estimate) -> Effect {
     let (smallest, largest) = (
         estimate_assuming(f64::NEG_INFINITY),
@@ -315,7 +321,7 @@ mod tests {
     /// Scores of times such as `10 50+`, where `50+` is a run that ended at 50 without reaching its
     /// time. Run seeds count from 0.
     fn times(text: &str) -> Vec<RunScore> {
-        let score = |(seed, token): (usize, &str)| {
+        let score = |(run_seed, token): (usize, &str)| {
             let time = token.trim_end_matches('+').parse().unwrap();
             let (value, observed_until) = if token.ends_with('+') {
                 (f64::INFINITY, time)
@@ -323,7 +329,7 @@ mod tests {
                 (time, f64::INFINITY)
             };
             RunScore {
-                seed: seed as u64,
+                run_seed: run_seed as u64,
                 value,
                 observed_until,
             }
@@ -336,8 +342,8 @@ mod tests {
     }
 
     /// The differences −10, −20, −30, −40, −50 have median −30, and p = 2/2⁵ because all have the
-    /// same sign. 10, 20, 30, 40 and 50 are below 5, 4½, 4, 3½ and 3 of the second times, which is
-    /// 20 of 25 pairs.
+    /// same sign. The first times 10, 20, 30, 40 and 50 are below 5, 4½, 4, 3½ and 3 of the second
+    /// times, where a tie counts half: 20 of 25 pairs.
     #[test]
     fn paired_comparisons_use_differences_per_seed() {
         let comparison = paired_times("10 20 30 40 50", "20 40 60 80 100");
@@ -408,12 +414,13 @@ mod tests {
                 high: f64::INFINITY
             }
         );
-        // Of the five differences −9 to −5 and an unknown one, the median is −7.5 or −6.5 if the
-        // unknown difference is −∞ or ∞.
-        let even_number = paired_times("10 10 10 10 10 50+", "15 16 17 18 19 50+");
+        // The median of the differences −9, −8, −7, −6, −5 and an unknown difference is −7.5 if the
+        // unknown difference is −∞, and −6.5 if it is ∞.
+        let even_number_of_pairs = paired_times("10 10 10 10 10 50+", "15 16 17 18 19 50+");
         assert!(
-            even_number.effect.value.is_nan() && even_number.effect_bounds == [-7.5, -6.5],
-            "{even_number:?}"
+            even_number_of_pairs.effect.value.is_nan()
+                && even_number_of_pairs.effect_bounds == [-7.5, -6.5],
+            "{even_number_of_pairs:?}"
         );
         let scores = (times("10 50+ 50+ 50+ 50+"), times("50+ 50+ 50+ 50+ 50+"));
         let samples = compare(&scores.0, &scores.1, true, Test::Independent).unwrap();
@@ -438,8 +445,8 @@ mod tests {
         let scores = |first: u64, values: &[f64]| -> Vec<RunScore> {
             (first..)
                 .zip(values)
-                .map(|(seed, &value)| RunScore {
-                    seed,
+                .map(|(run_seed, &value)| RunScore {
+                    run_seed,
                     value,
                     observed_until: f64::INFINITY,
                 })

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::file::Study;
 use super::measure::{Curve, Measure};
-use seedbed_env::input::numbers::{Count, known_count};
+use seedbed_env::input::numbers::{Count, ranged_count};
 use seedbed_env::input::{Located, ValidationError};
 
 /// A figure of the report.
@@ -202,7 +202,7 @@ impl Figure {
 }
 
 fn default_window() -> Count {
-    known_count(25)
+    ranged_count(25)
 }
 
 fn whole_training() -> Vec<EpisodeWindow> {

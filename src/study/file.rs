@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::figure::Figure;
 use super::measure::Measure;
-use seedbed_env::input::numbers::{Count, Positive, known_count};
+use seedbed_env::input::numbers::{Count, Positive, ranged_count};
 use seedbed_env::input::{Located, ValidationError};
 
-/// First seed for reported results. Smaller seeds are for tuning.
+/// First run seed for reported results. Smaller run seeds are for tuning.
 pub const FIRST_REPORTING_SEED: u64 = 1000;
 
 /// A study file: `Study(…)` in `scenarios/`.
@@ -40,7 +40,7 @@ pub struct Study {
     /// results.
     #[serde(default = "default_first_seed")]
     pub first_seed: Located<u64>,
-    /// Settings of `--quick`.
+    /// Settings of the option `--quick`.
     #[serde(default)]
     pub quick: Quick,
     /// Measures of every run. The first one is the main measure.
@@ -178,7 +178,7 @@ impl ClaimDirection {
 /// How the runs of two cells are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Test {
-    /// Seed by seed, with Wilcoxon's signed-rank test.
+    /// Paired by run seed, with Wilcoxon's signed-rank test.
     #[default]
     Paired,
     /// As two samples, with the log-rank test for times and Welch's test for other measures.
@@ -223,16 +223,16 @@ impl Study {
             .iter()
             .flat_map(|claim| [&claim.compare.0, &claim.compare.1]);
         let drawn = self.figures.iter().flat_map(Figure::cells);
-        let unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
-        if let Some(name) = compared.chain(drawn).find(unknown) {
+        let is_unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
+        if let Some(name) = compared.chain(drawn).find(is_unknown) {
             return Err(name.unknown_name("cell", cells.iter().copied()));
         }
         self.check_pools(cells)?;
-        let other = self
+        let claim_about_one_cell = self
             .claims
             .iter()
             .find(|claim| claim.compare.0 == claim.compare.1);
-        other.map_or(Ok(()), |claim| {
+        claim_about_one_cell.map_or(Ok(()), |claim| {
             Err(claim
                 .compare
                 .1
@@ -281,20 +281,21 @@ impl Study {
         let Some(end) = first_seed.checked_add(count) else {
             return Err(self.first_seed.error("this whole number is too large"));
         };
-        let last = end - 1;
-        let seeded = self.assignments().find(|set| {
-            set.split('=')
+        let last_seed = end - 1;
+        let seed_assignment = self.assignments().find(|assignment| {
+            assignment
+                .split('=')
                 .next()
                 .is_some_and(|path| path.trim() == "seed")
         });
-        if let Some(set) = seeded {
-            return Err(set.error(
+        if let Some(assignment) = seed_assignment {
+            return Err(assignment.error(
                 "the seed cannot be set here; expected `first_seed`, the seed of the first run",
             ));
         }
-        if first_seed < FIRST_REPORTING_SEED && last >= FIRST_REPORTING_SEED {
+        if first_seed < FIRST_REPORTING_SEED && last_seed >= FIRST_REPORTING_SEED {
             return Err(self.first_seed.error(format!(
-                "seeds {first_seed} to {last} include both seeds for tuning (0 to {}) and seeds for reported \
+                "seeds {first_seed} to {last_seed} include both seeds for tuning (0 to {}) and seeds for reported \
                  results; expected fewer `repeats`, or `first_seed: {FIRST_REPORTING_SEED}`",
                 FIRST_REPORTING_SEED - 1
             )));
@@ -320,14 +321,14 @@ impl Study {
 impl Default for Quick {
     fn default() -> Self {
         Self {
-            repeats: known_count(5),
+            repeats: ranged_count(5),
             set: Vec::new(),
         }
     }
 }
 
 fn default_repeats() -> Located<Count<100_000>> {
-    known_count(20).into()
+    ranged_count(20).into()
 }
 
 fn default_first_seed() -> Located<u64> {

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::run_result::RunResult;
 pub use crate::record::metrics::Curve;
-use crate::record::metrics::{Range, Runs};
-use seedbed_env::input::numbers::{Count, known_count};
+use crate::record::metrics::{Range, RunKind};
+use seedbed_env::input::numbers::{Count, ranged_count};
 use seedbed_stats::aggregate::{mean, median};
 use seedbed_stats::survival::TimeToEvent;
 
@@ -135,9 +135,7 @@ impl Measure {
             Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::Solved => Needs::Threshold,
             Self::FirstGoal | Self::Reach => Needs::Goal,
             Self::Regret => Needs::Tables,
-            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => {
-                required_of_runs_for_curve(of)
-            }
+            Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => needs_of_curve(of),
             Self::FinalReturn { .. }
             | Self::ReturnAt { .. }
             | Self::SpreadOfAgents { .. }
@@ -159,7 +157,7 @@ impl Measure {
 
     /// Whether smaller values are better.
     #[must_use]
-    pub fn is_better_below(self) -> bool {
+    pub fn is_smaller_better(self) -> bool {
         self.is_time() || self.needs() == Needs::Tables
     }
 
@@ -217,11 +215,11 @@ impl Measure {
 }
 
 /// Requirement that a run must fulfill for a curve.
-fn required_of_runs_for_curve(curve: Curve) -> Needs {
+fn needs_of_curve(curve: Curve) -> Needs {
     match curve.metric().runs {
-        Runs::All => Needs::Nothing,
-        Runs::Training => Needs::Rounds,
-        Runs::Tabular => Needs::Tables,
+        RunKind::All => Needs::Nothing,
+        RunKind::Training => Needs::Rounds,
+        RunKind::Tabular => Needs::Tables,
     }
 }
 
@@ -239,8 +237,8 @@ fn share_of_agents_with_goal(run: &RunResult) -> f64 {
     goals.iter().filter(|episode| episode.is_finite()).count() as f64 / goals.len() as f64
 }
 
-/// Mean of the last `window` of the first `end` values; of fewer values if there are fewer. `None`
-/// without values.
+/// Mean of the last `window` of the first `end` values, or of fewer values if there are fewer.
+/// `None` without values.
 fn window_mean(values: &[f64], end: usize, window: Count) -> Option<f64> {
     let end = end.min(values.len());
     let start = end.saturating_sub(window.get() as usize);
@@ -283,5 +281,5 @@ pub(super) fn to_f64(values: &[f32]) -> Vec<f64> {
 }
 
 fn default_window() -> Count {
-    known_count(25)
+    ranged_count(25)
 }

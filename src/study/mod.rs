@@ -2,10 +2,10 @@
 //!
 //! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
 //! [`runner`] runs what is still missing, and the [`store`] keeps each result. [`comparison`] and
-//! [`claims`] evaluate the [`results`], and the [`report`] presents them. The unit of all statistics
-//! is a run of the whole team: agents and episodes of one run depend on each other, so they are not
-//! independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a study file. Must not
-//! depend on how agents learn.
+//! [`claims`] evaluate the [`results`], and the [`report`] presents them. The unit of all
+//! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
+//! they are not independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a
+//! study file. This module must not depend on how agents learn.
 
 pub mod bench;
 pub mod claims;

@@ -38,7 +38,7 @@ pub struct Cell {
     pub overrides: Vec<String>,
     /// Experiment to run.
     pub experiment: Arc<dyn Experiment>,
-    /// Hash of all that runs of this cell depend on, besides their seeds.
+    /// Hash of everything on which runs of this cell depend, except their run seeds.
     pub digest: String,
     /// Numbers of first episodes whose visited states are stored for the first run, in ascending
     /// order.
@@ -53,7 +53,7 @@ pub struct PlannedRun<'a> {
     /// Cell of the run.
     pub cell: &'a Cell,
     /// Run seed.
-    pub seed: u64,
+    pub run_seed: u64,
     /// Whether this is the first run of its cell, for which visited states are stored.
     pub is_first: bool,
 }
@@ -91,9 +91,10 @@ impl StudyPlan {
     /// Number of runs per cell.
     #[must_use]
     pub fn repeats(&self) -> u64 {
-        let (full_repeats, quick) = (self.study().repeats.get(), self.study().quick.repeats.get());
+        let (full_repeats, quick_repeats) =
+            (self.study().repeats.get(), self.study().quick.repeats.get());
         u64::from(if self.quick {
-            quick.min(full_repeats)
+            quick_repeats.min(full_repeats)
         } else {
             full_repeats
         })
@@ -109,7 +110,7 @@ impl StudyPlan {
                 runs.push(PlannedRun {
                     index: runs.len(),
                     cell,
-                    seed: first_seed + repeat,
+                    run_seed: first_seed + repeat,
                     is_first: repeat == 0,
                 });
             }
@@ -123,7 +124,7 @@ impl StudyPlan {
         let mut seen = HashSet::new();
         self.runs()
             .into_iter()
-            .filter(|run| seen.insert((run.cell.digest.as_str(), run.seed)))
+            .filter(|run| seen.insert((run.cell.digest.as_str(), run.run_seed)))
             .collect()
     }
 
@@ -160,7 +161,8 @@ struct CellDraft<'a> {
     overrides: Vec<Override<'a>>,
 }
 
-fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, ValidationError> {
+/// Cells of the grid, and named cells. A study with neither has one cell with the name `all`.
+fn cell_drafts(study: &Study) -> Result<Vec<CellDraft<'_>>, ValidationError> {
     let shared_settings = CellDraft {
         scenario: study.scenario.as_ref().map(located_text),
         ..CellDraft::default()
@@ -169,13 +171,13 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Validatio
     let mut drafts = if study.grid.is_empty() {
         Vec::new()
     } else {
-        grid(&shared_settings, &study.grid)?
+        grid_drafts(&shared_settings, &study.grid)?
     };
     drafts.extend(
         study
             .cells
             .iter()
-            .map(|cell| named_cell(&shared_settings, cell)),
+            .map(|cell| named_cell_draft(&shared_settings, cell)),
     );
     if drafts.is_empty() {
         drafts.push(CellDraft {
@@ -183,6 +185,11 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Validatio
             ..shared_settings
         });
     }
+    Ok(drafts)
+}
+
+fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, ValidationError> {
+    let drafts = cell_drafts(study)?;
     let quick_overrides = if quick {
         study.quick.set.as_slice()
     } else {
@@ -196,7 +203,7 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Validatio
             .with_overrides(quick_overrides.iter().map(located_text))
             .build(folder, &study.figures, error_place)?;
         if cells_so_far.iter().any(|other| other.name == cell.name) {
-            return Err(error(
+            return Err(cell_error(
                 error_place,
                 study,
                 &format!("there are two cells named `{}`", cell.name),
@@ -208,14 +215,17 @@ fn cells(study: &Study, path: &Path, quick: bool) -> Result<Vec<Cell>, Validatio
     Ok(cells_so_far)
 }
 
-/// Cells with equal settings share their runs, so each of them gets the windows of all of them.
+/// Gives each cell the windows of all cells with equal settings, because these cells share their
+/// runs.
 fn share_windows(cells: &mut [Cell]) {
-    let shown: Vec<(String, Vec<u32>)> = cells
+    let windows_by_digest: Vec<(String, Vec<u32>)> = cells
         .iter()
         .map(|cell| (cell.digest.clone(), cell.windows.clone()))
         .collect();
     for cell in cells {
-        let shared = shown.iter().filter(|(digest, _)| *digest == cell.digest);
+        let shared = windows_by_digest
+            .iter()
+            .filter(|(digest, _)| *digest == cell.digest);
         cell.windows = shared.flat_map(|(_, windows)| windows).copied().collect();
         cell.windows.sort_unstable();
         cell.windows.dedup();
@@ -227,14 +237,14 @@ fn located_text(text: &Located<String>) -> (&Located<String>, String) {
 }
 
 /// Drafts of all combinations of values of the axes, with the last axis varying fastest.
-fn grid<'a>(
+fn grid_drafts<'a>(
     shared_settings: &CellDraft<'a>,
     axes: &'a [Axis],
 ) -> Result<Vec<CellDraft<'a>>, ValidationError> {
     let mut drafts = vec![shared_settings.clone()];
     for axis in axes {
         let labels = labels(axis)?;
-        check_with(axis)?;
+        check_lists_of_with(axis)?;
         let values = || (0..labels.len()).map(|number| (number, labels[number].as_str()));
         drafts = drafts
             .iter()
@@ -273,7 +283,7 @@ fn labels(axis: &Axis) -> Result<Vec<String>, ValidationError> {
     }
 }
 
-fn check_with(axis: &Axis) -> Result<(), ValidationError> {
+fn check_lists_of_with(axis: &Axis) -> Result<(), ValidationError> {
     let (values, lists) = (axis.values.len(), axis.with.len());
     if lists == 0 || lists == values {
         return Ok(());
@@ -283,7 +293,7 @@ fn check_with(axis: &Axis) -> Result<(), ValidationError> {
     )))
 }
 
-fn named_cell<'a>(shared_settings: &CellDraft<'a>, cell: &'a NamedCell) -> CellDraft<'a> {
+fn named_cell_draft<'a>(shared_settings: &CellDraft<'a>, cell: &'a NamedCell) -> CellDraft<'a> {
     let scenario = cell
         .scenario
         .as_ref()
@@ -297,8 +307,8 @@ fn named_cell<'a>(shared_settings: &CellDraft<'a>, cell: &'a NamedCell) -> CellD
     draft.with_overrides(cell.set.iter().map(located_text))
 }
 
-/// Location in the study file of errors that concern a whole cell: the name of the cell, or the
-/// value of its last axis.
+/// Place in the study file for errors that concern a whole cell: the name of a named cell, the last
+/// override of a cell of the grid, or the scenario of the study.
 fn error_place<'a>(
     study: &'a Study,
     number: usize,
@@ -318,7 +328,7 @@ fn error_place<'a>(
         .or(study.scenario.as_ref())
 }
 
-fn error(place: Option<&Located<String>>, study: &Study, message: &str) -> ValidationError {
+fn cell_error(place: Option<&Located<String>>, study: &Study, message: &str) -> ValidationError {
     place.map_or_else(
         || study.repeats.error(message),
         |place| place.error(message),
@@ -451,7 +461,7 @@ fn missing_measure<'a>(
 ) -> Option<String> {
     let missing_in = |cell: &Cell| {
         cell.experiment
-            .lacks(measure)
+            .measure_obstacle(measure)
             .map(|(missing, help)| (cell.name.clone(), missing, help))
     };
     let (name, missing, help) = cells.find_map(missing_in)?;

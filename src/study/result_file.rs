@@ -1,4 +1,4 @@
-//! Result files, each of which has one stored run of a study.
+//! Result files. Each file has one stored run of a study.
 //!
 //! A file is plain data in `postcard`'s encoding. Files of an older layout are still read; see
 //! `OLDER_LAYOUT`.
@@ -49,14 +49,14 @@ pub struct StoredRun {
     /// Hash of everything on which the run depended, except its run seed.
     pub digest: String,
     /// Run seed.
-    pub seed: u64,
+    pub run_seed: u64,
     /// Result, or the reason why the run failed.
     pub outcome: Result<RunResult, String>,
     /// Whether the run was read from a file of `OLDER_LAYOUT`.
     is_older: bool,
 }
 
-/// Contents of a file. The bytes of the build id follow them.
+/// Contents of a file. In the file, they are followed by the bytes of the build id.
 #[derive(Serialize, Deserialize)]
 struct ResultFile {
     layout: u32,
@@ -83,13 +83,13 @@ struct OlderResultFile {
 impl StoredRun {
     /// A run that was made by this build.
     #[must_use]
-    pub fn new(digest: String, seed: u64, outcome: Result<RunResult, String>) -> Self {
+    pub fn new(digest: String, run_seed: u64, outcome: Result<RunResult, String>) -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: provenance::commit().map(str::to_owned),
             build: provenance::build_id(),
             digest,
-            seed,
+            run_seed,
             outcome,
             is_older: false,
         }
@@ -104,7 +104,7 @@ impl StoredRun {
             version: self.version.clone(),
             commit: self.commit.clone(),
             digest: self.digest.clone(),
-            seed: self.seed,
+            seed: self.run_seed,
             curves: keys.map(str::to_owned).collect(),
             outcome: self.outcome.clone(),
         };
@@ -133,7 +133,7 @@ impl StoredRun {
             commit: file.commit,
             build: postcard::from_bytes(remaining_bytes).ok(),
             digest: file.digest,
-            seed: file.seed,
+            run_seed: file.seed,
             outcome: file.outcome,
             is_older: layout == OLDER_LAYOUT,
         })
@@ -223,8 +223,8 @@ fn without_placeholders(mut run: RunResult) -> RunResult {
 /// values.
 fn in_older_layout(mut run: RunResult) -> RunResult {
     for (curve, values) in Curve::WITH_ROUND_VALUES.iter().zip(&mut run.curves) {
-        let older_file = OLDER_CURVES.iter().find(|(other, _)| other == curve);
-        let Some((_, placeholder)) = older_file else {
+        let older_curve = OLDER_CURVES.iter().find(|(other, _)| other == curve);
+        let Some((_, placeholder)) = older_curve else {
             values.clear();
             continue;
         };
@@ -314,9 +314,9 @@ mod tests {
     /// If there is a policy loss, a clipped fraction of 0 means that nothing was clipped.
     #[test]
     fn a_clipped_fraction_of_zero_is_measured_if_there_is_a_policy_loss() {
-        let mut before = run(OLDER_CURVES.len());
-        before.curves[4] = vec![0.0; ROUNDS];
-        let run = stored_run_of_older_layout(&before).outcome.unwrap();
+        let mut stored = run(OLDER_CURVES.len());
+        stored.curves[4] = vec![0.0; ROUNDS];
+        let run = stored_run_of_older_layout(&stored).outcome.unwrap();
         assert_eq!(run.curve(Curve::ClippedFraction), [0.0; ROUNDS]);
     }
 

@@ -81,8 +81,8 @@ impl Results {
             failures: Vec::new(),
             missing: 0,
         };
-        for seed in self.manifest.first_seed..self.manifest.first_seed + self.manifest.repeats {
-            let Some(stored) = folder.stored(&cell.description.digest, seed, &[]) else {
+        for run_seed in self.manifest.first_seed..self.manifest.first_seed + self.manifest.repeats {
+            let Some(stored) = folder.find_run(&cell.description.digest, run_seed, &[]) else {
                 cell.missing += 1;
                 continue;
             };
@@ -90,8 +90,8 @@ impl Results {
             self.commits.extend(stored.commit);
             self.builds.insert(stored.build);
             match stored.outcome {
-                Ok(run) => cell.runs.push((seed, run)),
-                Err(reason) => cell.failures.push((seed, reason)),
+                Ok(run) => cell.runs.push((run_seed, run)),
+                Err(reason) => cell.failures.push((run_seed, reason)),
             }
         }
         self.cells.push(cell);
@@ -125,7 +125,7 @@ impl Results {
 
     /// Numbers of finished, failed and missing runs.
     #[must_use]
-    pub fn counts(&self) -> [usize; 3] {
+    pub fn run_counts(&self) -> [usize; 3] {
         let total = |count: fn(&CellResults) -> usize| self.cells.iter().map(count).sum();
         [
             total(|cell| cell.runs.len()),
@@ -141,12 +141,12 @@ impl CellResults {
     pub fn scores(&self, measure: Measure) -> Vec<RunScore> {
         self.runs
             .iter()
-            .filter_map(|(seed, run)| RunScore::of(measure, *seed, run))
+            .filter_map(|(run_seed, run)| RunScore::of(measure, *run_seed, run))
             .collect()
     }
 
-    /// Visited states in the first episodes of the first run, if they were stored: their number,
-    /// and a sample of them.
+    /// Number of states visited in the given episodes of the first run, and a sample of these
+    /// states; `None` if they were not stored.
     #[must_use]
     pub fn states(&self, window: EpisodeWindow) -> Option<(u64, &[f32])> {
         let kept_states = self

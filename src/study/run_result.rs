@@ -10,39 +10,42 @@ use crate::run::trainer::Trainer;
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_learn::experience::Episode;
 
-/// Max number of states kept of each window of episodes.
-pub const STATES: usize = 2000;
+/// Maximum number of sampled states of each window of episodes.
+pub const MAX_SAMPLED_STATES: usize = 2000;
 
-/// Smaller regrets are rounding errors.
-const NO_REGRET: f64 = 1e-6;
+/// Smallest regret that is not a rounding error.
+const MIN_REGRET: f64 = 1e-6;
 
-/// Names the random stream that chooses states, instead of a round: no training has so many.
-const SAMPLING: u32 = u32::MAX;
+/// Number of the random stream that samples states. It is used in place of the number of a round,
+/// and no run has so many rounds.
+const SAMPLING_STREAM: u32 = u32::MAX;
 
 /// Result of one run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
     /// Returns of each agent, episode by episode: `[K][episodes]`.
     pub returns: Vec<Vec<f32>>,
-    /// Regrets likewise, in tabular tasks; empty in others.
+    /// Regrets of each agent, episode by episode, in tabular tasks: `[K][episodes]`; empty in other
+    /// tasks.
     pub regrets: Vec<Vec<f32>>,
-    /// Mean return from which the task counts as solved, and over how many episodes of each agent;
-    /// `None` if no threshold is set.
+    /// Mean return at which the task counts as solved, and number of latest episodes of each agent
+    /// over which the mean is taken; `None` if no threshold is set.
     pub threshold: Option<(f64, u32)>,
     /// When the task was solved for the first time.
     pub solved: Option<Milestone>,
     /// Number of steps of the team.
     pub env_steps: u64,
-    /// Episodes of each agent after each round in which any agent learned: `[rounds]`.
+    /// Number of episodes per agent after each round in which any agent learned: `[rounds]`.
     pub episodes: Vec<u32>,
-    /// One row per curve, in the order of [`Curve::WITH_ROUND_VALUES`]: `[curves][rounds]`. Not a
-    /// number in rounds in which it was not measured; empty if it never was.
+    /// One row per curve, in the order of [`Curve::WITH_ROUND_VALUES`]: `[curves][rounds]`. A
+    /// value is NaN if the curve was not measured in this round; a row is empty if the curve was
+    /// never measured.
     pub curves: Vec<Vec<f32>>,
-    /// Visited states, for each window of episodes that was asked for.
+    /// Visited states, for each requested window of episodes.
     pub states: Vec<VisitedStates>,
 }
 
-/// Progress of a run at some moment.
+/// Progress of a run at a moment, such as the moment when the task was solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Milestone {
     /// Number of episodes of each agent.
@@ -54,11 +57,12 @@ pub struct Milestone {
 /// A uniform sample of the states that a team visited in its first episodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VisitedStates {
-    /// Number of first episodes of each agent; larger than all of them for the whole run.
+    /// Number of first episodes of each agent in which the states were visited. For samples of the
+    /// whole run, it is larger than the number of episodes.
     pub episodes: u32,
     /// Number of states that were visited.
     pub visited: u64,
-    /// Sampled states, row by row: `[at most STATES × observation width]`.
+    /// Sampled states, row by row: `[at most MAX_SAMPLED_STATES × observation width]`.
     pub states: Vec<f32>,
 }
 
@@ -97,12 +101,12 @@ impl RunResult {
         }
     }
 
-    /// Share of episodes without regret, over all agents; `None` if regrets are not known.
+    /// Share of the episodes of all agents that have no regret; `None` if regrets are not known.
     #[must_use]
     pub fn share_of_episodes_without_regret(&self) -> Option<f64> {
-        let all = || self.regrets.iter().flatten();
-        let without = all().filter(|&&regret| f64::from(regret) < NO_REGRET);
-        (all().count() > 0).then(|| without.count() as f64 / all().count() as f64)
+        let regrets = || self.regrets.iter().flatten();
+        let without_regret = regrets().filter(|&&regret| f64::from(regret) < MIN_REGRET);
+        (regrets().count() > 0).then(|| without_regret.count() as f64 / regrets().count() as f64)
     }
 
     /// Number of episodes that every agent has finished.
@@ -111,33 +115,33 @@ impl RunResult {
         self.returns.iter().map(Vec::len).min().unwrap_or(0)
     }
 
-    /// Mean over agents of their n-th returns: `[episodes]`.
+    /// Mean return over agents of each episode number: `[episodes]`.
     #[must_use]
     pub fn team_returns(&self) -> Vec<f64> {
         team_means(&self.returns)
     }
 
-    /// Whether it is known what a goal is.
+    /// Whether agents have a goal: a threshold of the return or, in tabular tasks, a regret of 0.
     #[must_use]
     pub fn has_goal(&self) -> bool {
         self.threshold.is_some() || !self.regrets.is_empty()
     }
 
-    /// First episode of each agent, counted from 1, that reached the task's return or, in tabular
-    /// tasks, had no regret; `None` if there was none.   → `[K]`
+    /// First episode of each agent, counted from 1, whose return reached the threshold or, in
+    /// tabular tasks, that had no regret; `None` if there was none.   → `[K]`
     #[must_use]
     pub fn first_goals(&self) -> Vec<Option<u32>> {
         match self.threshold {
-            Some((wanted, _)) => first_episodes(&self.returns, |value| value >= wanted),
+            Some((threshold, _)) => first_episodes(&self.returns, |value| value >= threshold),
             None if !self.regrets.is_empty() => {
-                first_episodes(&self.regrets, |regret| regret < NO_REGRET)
+                first_episodes(&self.regrets, |regret| regret < MIN_REGRET)
             }
             None => vec![None; self.returns.len()],
         }
     }
 
-    /// Values of a curve: one per episode for returns and regrets, one for each round in which it
-    /// was measured for all others.
+    /// Values of a curve. Returns and regrets have one value per episode; other curves have one
+    /// value for each round in which they were measured.
     #[must_use]
     pub fn curve(&self, curve: Curve) -> Vec<f64> {
         match curve {
@@ -150,7 +154,7 @@ impl RunResult {
         }
     }
 
-    /// After how many episodes of each agent a curve has its values.
+    /// Number of episodes per agent after which each value of a curve was measured.
     #[must_use]
     pub fn episodes_of_curve(&self, curve: Curve) -> Vec<u32> {
         match curve {
@@ -162,7 +166,8 @@ impl RunResult {
         }
     }
 
-    /// Of each round in which a curve was measured: episodes of each agent so far, and the value.
+    /// For each round in which a curve was measured, the number of episodes per agent so far and
+    /// the value.
     fn measured_rounds(&self, curve: Curve) -> impl Iterator<Item = (u32, f64)> {
         let index = Curve::WITH_ROUND_VALUES
             .iter()
@@ -178,10 +183,10 @@ impl RunResult {
     /// if the run was shorter.
     #[must_use]
     pub fn curve_at(&self, curve: Curve, episode: u32) -> Option<f64> {
-        let before = self
+        let value_count = self
             .episodes_of_curve(curve)
             .partition_point(|&episodes| episodes <= episode);
-        self.curve(curve).get(before.checked_sub(1)?).copied()
+        self.curve(curve).get(value_count.checked_sub(1)?).copied()
     }
 
     /// Coverage of the team at the end.
@@ -196,17 +201,18 @@ impl RunResult {
 
 /// Keeps uniform samples of states during a run.
 pub struct Reservoir {
-    /// Each with its own random stream, so that the sample of a window does not depend on which
-    /// other windows there are.
-    kept: Vec<(VisitedStates, Stream)>,
+    /// The sample of each window. Each has its own random stream, so that it does not depend on the
+    /// other windows.
+    samples: Vec<(VisitedStates, Stream)>,
 }
 
 impl Reservoir {
-    /// One sample for each of `windows`: numbers of first episodes.
+    /// Begins a sample of the states in the first n episodes of each agent, for each number n in
+    /// `windows`.
     #[must_use]
-    pub fn new(seed: u64, windows: &[u32]) -> Self {
-        let kept = |&episodes: &u32| {
-            let random = stream(seed, Purpose::Recording, episodes, SAMPLING);
+    pub fn new(run_seed: u64, windows: &[u32]) -> Self {
+        let empty_sample = |&episodes: &u32| {
+            let random = stream(run_seed, Purpose::Recording, episodes, SAMPLING_STREAM);
             (
                 VisitedStates {
                     episodes,
@@ -217,18 +223,18 @@ impl Reservoir {
             )
         };
         Self {
-            kept: windows.iter().map(kept).collect(),
+            samples: windows.iter().map(empty_sample).collect(),
         }
     }
 
     /// Adds a state that an agent visited in this episode, counted from 0.
     pub fn add(&mut self, episode: u32, state: &[f32]) {
-        for (kept, random) in self
-            .kept
+        for (sample, random) in self
+            .samples
             .iter_mut()
-            .filter(|(kept, _)| episode < kept.episodes)
+            .filter(|(sample, _)| episode < sample.episodes)
         {
-            kept.add(state, random);
+            sample.add(state, random);
         }
     }
 
@@ -242,21 +248,21 @@ impl Reservoir {
 
     /// The samples.
     #[must_use]
-    pub fn states(self) -> Vec<VisitedStates> {
-        self.kept.into_iter().map(|(kept, _)| kept).collect()
+    pub fn into_samples(self) -> Vec<VisitedStates> {
+        self.samples.into_iter().map(|(sample, _)| sample).collect()
     }
 }
 
 impl VisitedStates {
-    /// Reservoir sampling (Vitter 1985, algorithm R): every state of a window is kept with the same
-    /// probability.
+    /// Adds a visited state by reservoir sampling (Vitter 1985, algorithm R): every state of a
+    /// window is in the sample with the same probability.
     fn add(&mut self, state: &[f32], random: &mut Stream) {
-        if self.states.len() < STATES * state.len() {
+        if self.states.len() < MAX_SAMPLED_STATES * state.len() {
             self.states.extend_from_slice(state);
         } else {
-            let place = random.random_range(0..=self.visited) as usize;
-            if place < STATES {
-                self.states[place * state.len()..(place + 1) * state.len()].copy_from_slice(state);
+            let index = random.random_range(0..=self.visited) as usize;
+            if index < MAX_SAMPLED_STATES {
+                self.states[index * state.len()..(index + 1) * state.len()].copy_from_slice(state);
             }
         }
         self.visited += 1;
@@ -266,21 +272,23 @@ impl VisitedStates {
 /// First episode of each agent, counted from 1, whose value is a goal.   `values: [K][episodes]` →
 /// `[K]`
 fn first_episodes(values: &[Vec<f32>], is_goal: impl Fn(f64) -> bool) -> Vec<Option<u32>> {
-    let mut first = Vec::with_capacity(values.len());
-    for of_agent in values {
-        let index = of_agent.iter().position(|&value| is_goal(value.into()));
-        first.push(index.map(|index| index as u32 + 1));
+    let mut first_episodes = Vec::with_capacity(values.len());
+    for values_of_agent in values {
+        let index = values_of_agent
+            .iter()
+            .position(|&value| is_goal(value.into()));
+        first_episodes.push(index.map(|index| index as u32 + 1));
     }
-    first
+    first_episodes
 }
 
-/// Mean over agents of their n-th values: `[K][episodes]` → `[min episodes]`
+/// Mean over agents of the values of each episode number: `[K][episodes]` → `[min episodes]`
 fn team_means(values: &[Vec<f32>]) -> Vec<f64> {
     let episodes = values.iter().map(Vec::len).min().unwrap_or(0);
     let mut means = Vec::with_capacity(episodes);
     for episode in 0..episodes {
-        let of_agents = values.iter().map(|values| f64::from(values[episode]));
-        means.push(of_agents.sum::<f64>() / values.len() as f64);
+        let values_of_agents = values.iter().map(|values| f64::from(values[episode]));
+        means.push(values_of_agents.sum::<f64>() / values.len() as f64);
     }
     means
 }

@@ -1,5 +1,5 @@
-//! Runs what a study lacks, or verifies what it has, on several threads: a free thread takes the
-//! next run, the longest first.
+//! Runs the missing runs of a study, or verifies its stored runs, on several threads. Each free
+//! thread takes the longest of the remaining runs.
 
 use std::any::Any;
 use std::convert::Infallible;
@@ -12,34 +12,34 @@ use super::plan::PlannedRun;
 use super::run_result::RunResult;
 use super::store::{StoreError, StudyFolder};
 
-/// Report of a run that has ended.
+/// A run that has ended.
 #[derive(Clone, Copy, Debug)]
-pub struct Finished<'a> {
+pub struct FinishedRun<'a> {
     /// The run.
     pub run: &'a PlannedRun<'a>,
-    /// Why it failed; `None` if it did not.
+    /// Why the run failed; `None` if it did not fail.
     pub failure: Option<&'a str>,
 }
 
-/// Runs `runs` on `jobs` threads, one thread per run, and stores each result as soon as it is
-/// there. A run that fails is stored as failed, with its reason, and does not stop the others.
-/// When `interrupted`, unfinished runs leave nothing behind.
+/// Executes `runs` on `jobs` threads, one thread per run, and stores each result when its run has
+/// ended. A run that fails is stored with the reason of its failure, and does not stop other runs.
+/// If `interrupted` is set, unfinished runs are stopped, and nothing of them is stored.
 ///
 /// # Errors
-/// If a result cannot be stored. No further runs are started then.
+/// If a result cannot be stored. After such an error, no further runs are started.
 pub fn run(
     runs: &[PlannedRun<'_>],
     folder: &StudyFolder,
     jobs: usize,
     interrupted: &AtomicBool,
-    on_finished: &(dyn Fn(&Finished<'_>) + Sync),
+    on_finished: &(dyn Fn(&FinishedRun<'_>) + Sync),
 ) -> Result<(), StoreError> {
     for_each(runs, jobs, interrupted, &|run| {
         let Some(outcome) = execute(run, run.windows(), interrupted) else {
             return Ok(());
         };
         let stored = folder.store(run, outcome)?;
-        on_finished(&Finished {
+        on_finished(&FinishedRun {
             run,
             failure: stored.outcome.as_ref().err().map(String::as_str),
         });
@@ -47,8 +47,8 @@ pub fn run(
     })
 }
 
-/// Repeats stored runs, and reports of each whether the result is bit-identical. Stored results are
-/// not changed.
+/// Repeats stored runs, and calls `on_verified` for each run with whether its result is
+/// bit-identical. Stored results are not changed.
 pub fn verify<'a>(
     runs: &'a [PlannedRun<'a>],
     folder: &StudyFolder,
@@ -60,8 +60,8 @@ pub fn verify<'a>(
         let Some(stored) = folder.stored_run(run) else {
             return Ok(());
         };
-        let kept = stored.outcome.iter().flat_map(|run| &run.states);
-        let windows: Vec<u32> = kept.map(|states| states.episodes).collect();
+        let stored_states = stored.outcome.iter().flat_map(|run| &run.states);
+        let windows: Vec<u32> = stored_states.map(|states| states.episodes).collect();
         if let Some(outcome) = execute(run, &windows, interrupted) {
             on_verified(run, stored.is_reproduced_by(&outcome));
         }
@@ -70,8 +70,8 @@ pub fn verify<'a>(
     never.unwrap_or_else(|never| match never {});
 }
 
-/// Does `work` for each run on `jobs` threads, the longest run first, until work fails or is
-/// `interrupted`. Returns the first error.
+/// Calls `work` for each run on `jobs` threads, the longest run first, until a call fails
+/// or `interrupted` is set. Returns the first error.
 fn for_each<'a, E: Send>(
     runs: &'a [PlannedRun<'a>],
     jobs: usize,
@@ -83,10 +83,10 @@ fn for_each<'a, E: Send>(
         let (a, b) = (a.cell.experiment.cost(), b.cell.experiment.cost());
         b.total_cmp(&a)
     });
-    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let (next_index, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
     let first_error: Mutex<Option<E>> = Mutex::new(None);
     let work_through_queue = || {
-        while let Some(run) = queue.get(next.fetch_add(1, Ordering::Relaxed))
+        while let Some(run) = queue.get(next_index.fetch_add(1, Ordering::Relaxed))
             && !interrupted.load(Ordering::Relaxed)
             && !failed.load(Ordering::Relaxed)
         {
@@ -108,15 +108,16 @@ fn for_each<'a, E: Send>(
     first_error.map_or(Ok(()), Err)
 }
 
-/// Executes a run. Errors and panics become the reason why it failed. States of the first episodes
-/// are kept for each of `windows`. `None` if interrupted.
+/// Executes a run. An error or a panic becomes the reason of its failure. `windows` are those of
+/// [`measure_once`](super::experiment::Experiment::measure_once). `None` if interrupted.
 fn execute(
     run: &PlannedRun<'_>,
     windows: &[u32],
     interrupted: &AtomicBool,
 ) -> Option<Result<RunResult, String>> {
     let experiment = &run.cell.experiment;
-    let execute = || experiment.measure_once(run.seed, StopRule::Scenario, windows, interrupted);
+    let execute =
+        || experiment.measure_once(run.run_seed, StopRule::Scenario, windows, interrupted);
     match catch_unwind(AssertUnwindSafe(execute)) {
         Ok(Ok(None)) => None,
         Ok(Ok(Some(result))) => Some(Ok(result)),
@@ -125,7 +126,7 @@ fn execute(
     }
 }
 
-/// Message of a panic: a string that was formatted or is constant.
+/// Message of a panic, which is either a constant or a formatted string.
 fn panic_message(panic: &(dyn Any + Send)) -> &str {
     let constant = panic.downcast_ref::<&str>().copied();
     let formatted = panic.downcast_ref::<String>().map(String::as_str);

@@ -1,7 +1,7 @@
 //! The folder of a study: one file per stored run, and a manifest for the report.
 //!
-//! The name of a result file is a hash of everything on which its run depends, and the run seed. So
-//! after a study is changed, the results that are not affected are found again.
+//! The name of a result file has the run seed and a hash of everything else on which its run
+//! depends. So after a study is changed, the results that are not affected are found again.
 
 use std::fs::{File, TryLockError};
 use std::io;
@@ -117,11 +117,11 @@ impl StudyFolder {
         }
     }
 
-    /// Stored result of a run. `None` if there is none, or if it lacks the visited states for one
-    /// of `windows`.
+    /// Stored result of the run with this digest and run seed. `None` if there is none, or if it
+    /// lacks the visited states for one of `windows`.
     #[must_use]
-    pub fn stored(&self, digest: &str, seed: u64, windows: &[u32]) -> Option<StoredRun> {
-        let bytes = std::fs::read(self.file(digest, seed)).ok()?;
+    pub fn find_run(&self, digest: &str, run_seed: u64, windows: &[u32]) -> Option<StoredRun> {
+        let bytes = std::fs::read(self.result_file(digest, run_seed)).ok()?;
         let stored = StoredRun::from_bytes(&bytes)?;
         let has_window = |run: &RunResult, window: u32| {
             let mut states = run.states.iter();
@@ -131,7 +131,7 @@ impl StudyFolder {
             Ok(run) => windows.iter().all(|&window| has_window(run, window)),
             Err(_) => true,
         };
-        let matches_request = stored.digest == digest && stored.seed == seed;
+        let matches_request = stored.digest == digest && stored.run_seed == run_seed;
         (matches_request && has_states).then_some(stored)
     }
 
@@ -139,7 +139,7 @@ impl StudyFolder {
     /// the run should have.
     #[must_use]
     pub fn stored_run(&self, run: &PlannedRun<'_>) -> Option<StoredRun> {
-        self.stored(&run.cell.digest, run.seed, run.windows())
+        self.find_run(&run.cell.digest, run.run_seed, run.windows())
     }
 
     /// Stores the outcome of a run.
@@ -151,16 +151,16 @@ impl StudyFolder {
         run: &PlannedRun<'_>,
         outcome: Result<RunResult, String>,
     ) -> Result<StoredRun, StoreError> {
-        let stored = StoredRun::new(run.cell.digest.clone(), run.seed, outcome);
-        let path = self.file(&stored.digest, stored.seed);
+        let stored = StoredRun::new(run.cell.digest.clone(), run.run_seed, outcome);
+        let path = self.result_file(&stored.digest, stored.run_seed);
         replace_file(path, &stored.to_bytes())?;
         Ok(stored)
     }
 
     /// Path of the result file of a run.
     #[must_use]
-    pub fn file(&self, digest: &str, seed: u64) -> PathBuf {
-        self.runs_folder().join(format!("{digest}-{seed}.run"))
+    pub fn result_file(&self, digest: &str, run_seed: u64) -> PathBuf {
+        self.runs_folder().join(format!("{digest}-{run_seed}.run"))
     }
 
     /// Path of the folder of all result files.
@@ -194,7 +194,8 @@ impl StudyFolder {
         replace_file(path, text.as_bytes())
     }
 
-    /// Late claims: those of the previous manifest, and new claims whose cells both have runs.
+    /// Late claims: late claims of the previous manifest, and new claims whose cells both have
+    /// runs.
     fn late_claims(&self, plan: &StudyPlan, previous: Option<&Manifest>) -> Vec<String> {
         let study = plan.study();
         let previous_claims = previous.map(Manifest::claims).unwrap_or_default();
@@ -221,8 +222,8 @@ impl StudyFolder {
         has_runs(&claim.compare.0) && has_runs(&claim.compare.1)
     }
 
-    /// Earlier numbers of runs per cell: those of the previous manifest and, if the number has
-    /// changed and there are stored runs, its number of runs per cell.
+    /// Earlier numbers of runs per cell: the earlier numbers in the previous manifest and, if the
+    /// number has changed and there are stored runs, the number of the previous manifest.
     fn earlier_repeats(&self, plan: &StudyPlan, previous: Option<&Manifest>) -> Vec<u64> {
         let Some(previous) = previous else {
             return Vec::new();
@@ -232,7 +233,7 @@ impl StudyFolder {
             let runs = plan.runs();
             let mut stored = runs
                 .iter()
-                .map(|run| self.stored(&run.cell.digest, run.seed, &[]));
+                .map(|run| self.find_run(&run.cell.digest, run.run_seed, &[]));
             stored.any(|stored| stored.is_some())
         };
         if previous.repeats != plan.repeats() && has_runs() {
@@ -281,7 +282,7 @@ impl Manifest {
     /// Sentence for the report if the number of runs per cell was changed after some runs, such as
     /// `The number of runs per cell was extended from 10 to 20 after some of them had been run.`
     #[must_use]
-    pub fn changed_repeats(&self) -> Option<String> {
+    pub fn changed_repeats_sentence(&self) -> Option<String> {
         let last = self.earlier_repeats.last()?;
         let is_extended = self.earlier_repeats.is_sorted() && *last < self.repeats;
         let verb = if is_extended { "extended" } else { "changed" };
@@ -335,6 +336,6 @@ fn observation(quantity: &Quantity) -> (String, String, [f32; 2]) {
 pub struct StoreError {
     /// Path of the file.
     pub path: PathBuf,
-    /// Reason given by the operating system.
+    /// Reason, such as an error of the operating system.
     pub reason: String,
 }

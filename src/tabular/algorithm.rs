@@ -1,36 +1,37 @@
-//! Tabular algorithms: seed sampling, and controls that each lack one of its properties.
+//! Tabular algorithms: seed sampling, and controls that each lack one of the properties of seed
+//! sampling.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::seed::RewardSeeds;
-use seedbed_env::input::numbers::{Fraction, NonNegative, known};
+use seedbed_env::input::numbers::{Fraction, NonNegative, ranged_number};
 use seedbed_learn::algorithms::catalogue::{Choice, choices};
 
 /// How the agents of a tabular scenario explore.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Algorithm {
-    /// Each agent plans in the MDP that its own fixed seed samples from the latest belief: adaptive,
-    /// committed, diverse.
+    /// Each agent plans in the MDP that its own fixed agent seed samples from the latest belief:
+    /// adaptive, committed, diverse.
     SeedSampling {
-        /// How seeds sample rewards from the belief.
+        /// How agent seeds sample rewards from the belief.
         #[serde(default)]
         rewards: RewardSeeds,
     },
     /// Each agent samples a new MDP from the latest belief before every action: without commitment.
     ThompsonResampling,
-    /// All agents have the same seed: without diversity.
+    /// All agents have the same agent seed: without diversity.
     SharedSeed {
-        /// How the seed samples rewards from the belief.
+        /// How the agent seed samples rewards from the belief.
         #[serde(default)]
         rewards: RewardSeeds,
     },
     /// Each agent samples an MDP from the belief when its episode begins, and keeps it until the
     /// episode ends (PSRL): without adaptivity.
     SampleOnce,
-    /// All agents plan in the best MDP within a confidence interval, before every action (concurrent
-    /// UCRL): without diversity.
+    /// All agents plan in the best MDP within a confidence interval, before every action
+    /// (concurrent UCRL): without diversity.
     Ucrl {
         /// Half-width of the confidence interval, in standard deviations of the belief.
         #[serde(default = "default_width")]
@@ -77,9 +78,9 @@ impl Algorithm {
 }
 
 fn default_width() -> NonNegative {
-    known(2.0)
+    ranged_number(2.0)
 }
 
 fn default_epsilon() -> Fraction {
-    known(0.1)
+    ranged_number(0.1)
 }

@@ -1,9 +1,9 @@
 //! A team's posterior over the unknown parts of its task, given all observations of its agents:
-//! conjugate posteriors, one per parameter of the rewards and one per pair.
+//! conjugate posteriors, one per parameter of the rewards and one per state-action pair.
 
 use seedbed_env::tabular::{Model, Prior};
 
-/// Posterior of a team over everything unknown in a task.
+/// Posterior of a team over all unknown parts of a task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Belief {
     /// `[parameters]`
@@ -22,7 +22,7 @@ pub enum Posterior {
     UnknownSign,
     /// θ was observed exactly.
     Known(f64),
-    /// θ, or ln θ where the prior is log-normal, is N(mean, variance).
+    /// θ, or ln θ if the prior is log-normal, is distributed as N(mean, variance).
     Gaussian {
         /// Mean μ.
         mean: f64,
@@ -47,8 +47,9 @@ impl Belief {
         }
     }
 
-    /// Updates the posteriors after a pair had an outcome, whose reward shows `observation` of the
-    /// parameter that it depends on, if any.
+    /// Updates the posteriors after a state-action pair had an outcome. If the reward of the
+    /// outcome depends on an unknown parameter, `observation` is the observed value of this
+    /// parameter.
     pub fn update(&mut self, model: &Model, pair: usize, outcome: usize, observation: f64) {
         if let Some((parameter, _)) = model.outcomes()[outcome].reward.unknown {
             let parameter = parameter as usize;
@@ -122,7 +123,7 @@ impl Posterior {
     /// The posterior after one more observation y with variance s²: 1/σ² ← 1/σ² + 1/s² and
     /// μ/σ² ← μ/σ² + y/s².
     fn updated(self, prior: Prior, observation: f64) -> Self {
-        let (y, noise) = match prior {
+        let (y, noise_variance) = match prior {
             Prior::Sign => return Self::Known(observation),
             Prior::Normal { noise, .. } | Prior::LogNormal { noise, .. } if noise == 0.0 => {
                 return Self::Known(observation);
@@ -135,10 +136,10 @@ impl Posterior {
         let Self::Gaussian { mean, variance } = self else {
             return self;
         };
-        let total = variance + noise;
+        let variance_sum = variance + noise_variance;
         Self::Gaussian {
-            mean: (noise * mean + variance * y) / total,
-            variance: variance * noise / total,
+            mean: (noise_variance * mean + variance * y) / variance_sum,
+            variance: variance * noise_variance / variance_sum,
         }
     }
 
@@ -169,8 +170,8 @@ impl Posterior {
     }
 }
 
-/// θ for a number on the scale on which its prior is Gaussian: the logarithmic scale if the prior is
-/// log-normal.
+/// θ for a number on the scale on which its prior is Gaussian: the logarithmic scale if the prior
+/// is log-normal.
 pub(super) fn from_gaussian_scale(prior: Prior, number: f64) -> f64 {
     if matches!(prior, Prior::LogNormal { .. }) {
         libm::exp(number)

@@ -3,9 +3,9 @@
 //! Exploration in Concurrent Reinforcement Learning", arXiv 1802.01282; thesis §2.3).
 //!
 //! All agents share one [`belief`], which is updated with every transition as soon as it happens.
-//! Before an agent acts, it derives one MDP from the belief, with its own fixed [`seed`] or as
-//! another [`algorithm`] says, and follows the optimal policy of that MDP, found by the [`planner`].
-//! [`team`] is the loop of single actions; [`mod@run`] surrounds it with a recording and result
+//! Before an agent acts, it derives one MDP from the belief, with its own fixed agent [`seed`] or
+//! by another [`algorithm`]. It follows the optimal policy of this MDP, which the [`planner`]
+//! finds. [`team`] is the loop of single actions; [`mod@run`] adds the recording and the result
 //! files. Must not depend on networks.
 
 pub mod algorithm;

@@ -3,10 +3,11 @@
 use super::planner::Policy;
 use seedbed_env::tabular::{Mdp, Model, Prior};
 
-/// One policy for each combination of the unknown signs, in models in which nothing else is unknown.
+/// One policy for each combination of the unknown signs, in models in which nothing else is
+/// unknown.
 pub(super) struct PlanCache {
-    /// Policies by the number that the signs make in binary, once they are needed: `[2^signs]`, or
-    /// empty if the cache is not used.
+    /// Policies, indexed by the signs as binary digits; `None` until the policy is needed:
+    /// `[2^signs]`, or empty if the cache is not used.
     pub(super) policies: Vec<Option<Policy>>,
 }
 
@@ -16,10 +17,10 @@ const MAX_SIGNS: usize = 8;
 impl PlanCache {
     /// An empty cache.
     pub(super) fn new(model: &Model) -> Self {
-        let only_signs = model.parameters.iter().all(|prior| *prior == Prior::Sign);
+        let has_only_signs = model.parameters.iter().all(|prior| *prior == Prior::Sign);
         let is_deterministic = model.outcomes().len() == model.pair_count();
         let signs = model.parameters.len();
-        let is_used = only_signs && is_deterministic && signs <= MAX_SIGNS;
+        let is_used = has_only_signs && is_deterministic && signs <= MAX_SIGNS;
         Self {
             policies: vec![None; if is_used { 1 << signs } else { 0 }],
         }

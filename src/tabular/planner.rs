@@ -25,7 +25,7 @@ impl Planner {
     /// A planner for a model.
     #[must_use]
     pub fn new(model: &Model) -> Self {
-        let states = model.states();
+        let states = model.state_count();
         Self {
             layers: layers(model),
             states,
@@ -46,27 +46,27 @@ impl Planner {
         self.layers.len() * self.states
     }
 
-    /// Sets the optimal actions of `policy` from step `from` on; of equally good actions, the first.
-    /// Values are 0 after the last step, and before that
+    /// Sets the optimal actions of `policy` for `first_step` and all later steps; the first action
+    /// if several are equally good. Values are 0 after the last step, and before that
     ///
     /// Vₕ(s) = maxₐ Σ p (r + Vₕ₊₁(s′)) over the outcomes (p, r, s′) of (s, a).
     ///
-    /// `optimism` is empty, or the share of each outcome, `[outcomes]`: the best outcome of a pair then
-    /// takes its share of the probability of all others, as in the extended value iteration of
+    /// `optimism` is empty, or the share of each outcome, `[outcomes]`: the best outcome of a pair
+    /// then takes its share of the probability of all others, as in the extended value iteration of
     /// Jaksch et al. 2010, §3.1.2.
     pub fn plan(
         &mut self,
         model: &Model,
         mdp: &Mdp,
         optimism: &[f64],
-        from: u32,
+        first_step: u32,
         policy: &mut Policy,
     ) {
         for (outcome, reward) in self.rewards.iter_mut().enumerate() {
             *reward = model.mean_reward(outcome, &mdp.values);
         }
         self.values[0].fill(0.0);
-        for step in (from as usize..self.layers.len()).rev() {
+        for step in (first_step as usize..self.layers.len()).rev() {
             let [next_values, values] = &mut self.values;
             for &state in &self.layers[step] {
                 let backup = Backup {
@@ -84,13 +84,13 @@ impl Planner {
         }
     }
 
-    /// Value of a state at the step `from` of the latest call of [`plan`](Self::plan).
+    /// Value of a state at the `first_step` of the latest call of [`plan`](Self::plan).
     #[must_use]
     pub fn value(&self, state: u32) -> f64 {
         self.values[0][state as usize]
     }
 
-    /// Action of a policy.
+    /// Action that a policy chooses in a state at a step, as its index among the state's actions.
     #[must_use]
     pub fn action(&self, policy: &Policy, step: u32, state: u32) -> usize {
         usize::from(policy[step as usize * self.states + state as usize])
@@ -128,6 +128,7 @@ impl Backup<'_> {
         best
     }
 
+    /// Value of a state-action pair.
     fn pair_value(&self, pair: usize) -> f64 {
         let outcomes = self.model.outcomes_of(pair);
         if outcomes.len() == 1 {
@@ -148,13 +149,13 @@ impl Backup<'_> {
         }
     }
 
-    /// Reward of an outcome plus the value of its state.
+    /// Reward of an outcome plus the value of its next state.
     fn outcome_value(&self, outcome: usize) -> f64 {
         self.rewards[outcome] + self.next_values[self.model.outcomes()[outcome].state as usize]
     }
 }
 
-/// States with actions that can be reached in 0, 1, … steps, each list sorted: `[horizon][…]`.
+/// Entry h has the states with actions that can be reached in h steps, sorted: `[horizon][…]`.
 fn layers(model: &Model) -> Vec<Vec<u32>> {
     let mut layers: Vec<Vec<u32>> = Vec::with_capacity(model.horizon as usize);
     let mut layer = vec![model.start];

@@ -21,7 +21,7 @@ pub struct TabularRecorder {
     spec: Spec,
     /// Current episode of each agent: `[K]`.
     current: Vec<Episode>,
-    /// Finished episodes of rounds that are not complete.
+    /// Finished episodes of rounds in which other agents have not finished their episode.
     finished: Vec<Episode>,
     /// Whether each agent visited each state: `[K][states]`; empty if nothing is recorded.
     visited: Vec<Vec<bool>>,
@@ -32,44 +32,28 @@ pub struct TabularRecorder {
 }
 
 impl TabularRecorder {
-    /// Starts recording with what `recording` makes. Records nothing without it, or if the team is too
-    /// large.
+    /// Starts recording with the recorder that `recorder_factory` makes. Records nothing without a
+    /// factory, or if the team has more than `MAX_AGENTS` agents.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn new(
         name: &str,
         scenario: &TabularScenario,
-        recording: Option<Box<dyn RecorderFactory>>,
+        recorder_factory: Option<Box<dyn RecorderFactory>>,
     ) -> Result<Self, RecordError> {
         let agents = scenario.agents.count.get();
         let model = scenario.task.model(scenario.seed);
         let spec = spec(scenario, &model);
-        let info = RunInfo {
-            name: &format!("{name}-seed-{}", scenario.seed),
-            focus: Focus::Learning,
-            spec: &spec,
-            scene: None,
-            agents,
-            bonus: BonusRange::None,
-            episodes: scenario.episodes.get(),
-            run_seed: scenario.seed,
-            scenario: &scenario.resolved(),
-            properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
-        };
-        let settings = RecordingSettings {
-            scene: None,
-            ..RecordingSettings::default()
-        };
-        let recording = recording.filter(|_| agents <= MAX_AGENTS);
-        let recorder = recording
-            .map(|recording| recording.create(&info, &settings))
+        let recorder = recorder_factory
+            .filter(|_| agents <= MAX_AGENTS)
+            .map(|factory| create_recorder(factory, name, scenario, &spec))
             .transpose()?;
         let recorded_agents = if recorder.is_some() { agents } else { 0 };
         let current = (0..recorded_agents)
-            .map(|agent| first_state(&model, &spec, agent, 0))
+            .map(|agent| start_episode(&model, &spec, agent, 0))
             .collect();
-        let visited = vec![vec![false; model.states()]; recorded_agents as usize];
+        let visited = vec![vec![false; model.state_count()]; recorded_agents as usize];
         Ok(Self {
             recorder,
             model,
@@ -100,10 +84,10 @@ impl TabularRecorder {
         episode.actions.push(step.action as f32);
         episode.rewards.push(step.reward as f32);
         episode.log_probs.push(0.0);
-        if step.ended.is_none() {
+        if step.ended_episode.is_none() {
             return Ok(());
         }
-        let next = first_state(&self.model, &self.spec, step.agent, step.episode + 1);
+        let next = start_episode(&self.model, &self.spec, step.agent, step.episode + 1);
         let mut finished = std::mem::replace(episode, next);
         finished.outcome = if self.model.pairs(step.to).is_empty() {
             Status::Terminated
@@ -114,16 +98,16 @@ impl TabularRecorder {
         self.record_complete_rounds()
     }
 
-    /// Records every round of which all agents have finished their episode. Some agents may be rounds
-    /// ahead of others.
+    /// Records every round in which all agents have finished their episode. Some agents may be
+    /// several rounds ahead of others.
     fn record_complete_rounds(&mut self) -> Result<(), RecordError> {
         loop {
             let round = self.round;
-            let in_round = |episode: &Episode| episode.round == round;
+            let is_in_round = |episode: &Episode| episode.round == round;
             let count = self
                 .finished
                 .iter()
-                .filter(|&episode| in_round(episode))
+                .filter(|&episode| is_in_round(episode))
                 .count();
             if count < self.current.len() {
                 return Ok(());
@@ -131,7 +115,7 @@ impl TabularRecorder {
             let (mut complete, later): (Vec<Episode>, Vec<Episode>) =
                 std::mem::take(&mut self.finished)
                     .into_iter()
-                    .partition(in_round);
+                    .partition(is_in_round);
             self.finished = later;
             complete.sort_by_key(|episode| episode.agent);
             self.record_round(&complete)?;
@@ -158,7 +142,7 @@ impl TabularRecorder {
     fn row(&mut self, episode: &Episode) -> EpisodeRow {
         self.env_steps += episode.length() as u64;
         let visited = &self.visited[episode.agent as usize];
-        let visited_states = visited.iter().filter(|visited| **visited).count();
+        let visited_states = visited.iter().filter(|is_visited| **is_visited).count();
         EpisodeRow {
             agent: episode.agent,
             episode: episode.episode,
@@ -175,11 +159,11 @@ impl TabularRecorder {
         }
     }
 
-    /// A warning about a viewer, if there is one.
-    pub fn warning(&mut self) -> Option<String> {
+    /// The recorder's warning, if there is one.
+    pub fn take_warning(&mut self) -> Option<String> {
         self.recorder
             .as_mut()
-            .and_then(|recorder| recorder.warning())
+            .and_then(|recorder| recorder.take_warning())
     }
 
     /// Completes the file.
@@ -193,8 +177,33 @@ impl TabularRecorder {
     }
 }
 
-/// An episode that has only its first state.
-fn first_state(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode {
+fn create_recorder(
+    factory: Box<dyn RecorderFactory>,
+    name: &str,
+    scenario: &TabularScenario,
+    spec: &Spec,
+) -> Result<Box<dyn Recorder>, RecordError> {
+    let info = RunInfo {
+        name: &format!("{name}-seed-{}", scenario.seed),
+        focus: Focus::Learning,
+        spec,
+        scene: None,
+        agents: scenario.agents.count.get(),
+        bonus: BonusRange::None,
+        max_episodes: scenario.episodes.get(),
+        run_seed: scenario.seed,
+        scenario: &scenario.resolved(),
+        properties: &[("seedbed_version", env!("CARGO_PKG_VERSION").to_owned())],
+    };
+    let settings = RecordingSettings {
+        scene: None,
+        ..RecordingSettings::default()
+    };
+    factory.create(&info, &settings)
+}
+
+/// An episode that has only its start state.
+fn start_episode(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode {
     let round = episode;
     let mut started = Episode::start(agent, episode, round, spec);
     started

@@ -11,7 +11,7 @@ use crate::scenario::overrides::Resolve;
 /// Results of a finished run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Results {
-    /// Summary.
+    /// The numbers of `summary.json`.
     pub summary: Summary,
     /// Episodes in the order in which they ended.
     pub episodes: Vec<Episode>,
@@ -38,9 +38,9 @@ pub struct Summary {
     pub env_steps: u64,
     /// Expected return of an episode under the optimal policy.
     pub optimal_value: f64,
-    /// Regret of all episodes of an agent, mean over agents.
+    /// Sum of the regret over all episodes of an agent, mean over agents.
     pub regret_per_agent: f64,
-    /// Regret of all episodes of all agents.
+    /// Sum of the regret over all episodes of all agents.
     pub cumulative_regret: f64,
     /// Share of episodes without regret.
     pub episodes_without_regret: f64,
@@ -59,12 +59,12 @@ pub struct VisitRow {
     pub place: String,
     /// Number of visits by the whole team.
     pub visits: u64,
-    /// Number of agents that visited it at least once.
+    /// Number of agents that visited the state at least once.
     pub agents: u32,
 }
 
-/// Smaller regrets are rounding errors.
-const NO_REGRET: f64 = 1e-9;
+/// Smallest regret of an episode that counts as regret; smaller values are rounding errors.
+const MIN_REGRET: f64 = 1e-9;
 
 impl Results {
     /// Results of a team that has finished `episodes`.
@@ -75,10 +75,10 @@ impl Results {
         team: &TabularTeam,
         episodes: Vec<Episode>,
     ) -> Self {
-        let cumulative: f64 = episodes.iter().map(|episode| episode.regret).sum();
-        let without = episodes
+        let cumulative_regret: f64 = episodes.iter().map(|episode| episode.regret).sum();
+        let without_regret = episodes
             .iter()
-            .filter(|episode| episode.regret < NO_REGRET)
+            .filter(|episode| episode.regret < MIN_REGRET)
             .count();
         let agents = scenario.agents.count.get();
         let summary = Summary {
@@ -90,11 +90,11 @@ impl Results {
             episodes_per_agent: scenario.episodes.get(),
             env_steps: team.steps(),
             optimal_value: team.optimal_value(),
-            regret_per_agent: cumulative / f64::from(agents),
-            cumulative_regret: cumulative,
-            episodes_without_regret: without as f64 / episodes.len() as f64,
+            regret_per_agent: cumulative_regret / f64::from(agents),
+            cumulative_regret,
+            episodes_without_regret: without_regret as f64 / episodes.len() as f64,
             states_visited: team.states_visited(),
-            states: team.model().states(),
+            states: team.model().state_count(),
         };
         Self {
             summary,
@@ -103,17 +103,17 @@ impl Results {
         }
     }
 
-    /// Writes `scenario.ron`, `regret.csv` and `visits.csv`, and finally `summary.json`, which marks
-    /// the run as finished.
+    /// Writes `scenario.ron`, `regret.csv` and `visits.csv`, and finally `summary.json`, which
+    /// marks the run as finished.
     ///
     /// # Errors
     /// If a file cannot be written.
     pub fn write(&self, scenario: &TabularScenario, folder: &RunFolder) -> std::io::Result<()> {
-        files::replace(&folder.scenario(), scenario.resolved().as_bytes())?;
+        files::replace(&folder.scenario_file(), scenario.resolved().as_bytes())?;
         files::replace(&folder.regret_file(), &to_csv(&self.episodes)?)?;
         files::replace(&folder.visits_file(), &to_csv(&self.visits)?)?;
         let summary = serde_json::to_string_pretty(&self.summary).map_err(std::io::Error::other)?;
-        files::replace(&folder.summary(), format!("{summary}\n").as_bytes())
+        files::replace(&folder.summary_file(), format!("{summary}\n").as_bytes())
     }
 }
 
@@ -124,7 +124,7 @@ fn visit_rows(team: &TabularTeam) -> Vec<VisitRow> {
             rows.push(VisitRow {
                 state,
                 place: format_place(team, state),
-                visits: visits.visits,
+                visits: visits.count,
                 agents: visits.agents,
             });
         }

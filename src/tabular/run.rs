@@ -29,7 +29,7 @@ pub struct TabularPlan {
 pub enum Ending {
     /// All agents have finished all episodes.
     Finished(Box<Summary>),
-    /// It was interrupted, and cannot be resumed.
+    /// The run was interrupted, and cannot be resumed.
     Interrupted {
         /// Number of episodes that the team has finished.
         episodes: usize,
@@ -55,33 +55,33 @@ impl TabularPlan {
 }
 
 /// Runs a plan until all episodes are finished, or until `interrupted` is set, and writes all
-/// results into the run directory. `recording` makes a recorder, if there shall be one.
+/// results into the run directory. `recorder_factory` makes the recorder; `None` records nothing.
 ///
 /// # Errors
 /// If a file cannot be written, or if an interrupted run is to be resumed.
 pub fn execute(
     plan: &TabularPlan,
     options: &Options,
-    recording: Option<Box<dyn RecorderFactory>>,
+    recorder_factory: Option<Box<dyn RecorderFactory>>,
     observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Ending, RunError> {
     let folder = &options.folder;
     if options.resume {
-        return Err(RunError::AnotherRun(format!(
-            "the run in {} cannot be resumed as this one: tabular runs have no checkpoints",
+        return Err(RunError::CannotResume(format!(
+            "the run in {} cannot be resumed: tabular runs have no checkpoints",
             folder.path().display()
         )));
     }
-    let mut recorder = TabularRecorder::new(&plan.name, &plan.scenario, recording)?;
+    let mut recorder = TabularRecorder::new(&plan.name, &plan.scenario, recorder_factory)?;
     let mut team = TabularTeam::new(&plan.scenario);
     let mut episodes = Vec::new();
     observer.begun(&progress(plan, &team, &episodes));
     while let Some(step) = team.advance() {
         recorder.record_step(&step)?;
-        if let Some(episode) = step.ended {
+        if let Some(episode) = step.ended_episode {
             episodes.push(episode);
-            warn(&mut recorder, observer);
+            report_warning(&mut recorder, observer);
             observer.round_finished(&progress(plan, &team, &episodes));
         }
         if interrupted.load(Ordering::Relaxed) && episodes.len() < plan.team_episodes() {
@@ -91,7 +91,7 @@ pub fn execute(
         }
     }
     recorder.finish()?;
-    warn(&mut recorder, observer);
+    report_warning(&mut recorder, observer);
     let results = Results::of(&plan.name, &plan.scenario, &team, episodes);
     let written = results.write(&plan.scenario, folder);
     written.map_err(|error| RunError::File {
@@ -101,13 +101,14 @@ pub fn execute(
     Ok(Ending::Finished(Box::new(results.summary)))
 }
 
-fn warn(recorder: &mut TabularRecorder, observer: &mut dyn Observer) {
-    if let Some(warning) = recorder.warning() {
+fn report_warning(recorder: &mut TabularRecorder, observer: &mut dyn Observer) {
+    if let Some(warning) = recorder.take_warning() {
         observer.warn(&warning);
     }
 }
 
-/// Agents act at times of their own, so progress counts the episodes of the whole team.
+/// Progress counts the episodes of the whole team, because agents finish episodes at different
+/// times.
 fn progress(plan: &TabularPlan, team: &TabularTeam, episodes: &[Episode]) -> Progress {
     let recent = &episodes[episodes.len().saturating_sub(FINAL_WINDOW)..];
     let sum: f64 = recent.iter().map(|episode| episode.r#return).sum();

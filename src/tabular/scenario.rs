@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Algorithm;
 use crate::scenario::overrides::{self, Resolve};
 use seedbed_env::input::edit::to_ron_string;
-use seedbed_env::input::numbers::{Count, NonNegative, known, known_count};
+use seedbed_env::input::numbers::{Count, NonNegative, ranged_count, ranged_number};
 use seedbed_env::input::{self, Document, InputError};
 use seedbed_env::tabular::TaskFamily;
 
@@ -41,14 +41,14 @@ pub struct Agents {
     pub starts: Starts,
 }
 
-/// When agents begin. The time between two actions of an agent is exponentially distributed with mean
-/// 1.
+/// When agents begin. The unit of time is the mean time between two actions of an agent, which is
+/// exponentially distributed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Starts {
-    /// One after the other; the time between two agents is exponentially distributed.
+    /// One after the other; the time between the starts of two agents is exponentially distributed.
     OneByOne {
-        /// Mean of that time.
+        /// Mean time between the starts of two agents.
         #[serde(default = "default_gap")]
         mean_gap: NonNegative,
     },
@@ -59,7 +59,7 @@ pub enum Starts {
 impl Default for Agents {
     fn default() -> Self {
         Self {
-            count: known_count(100),
+            count: ranged_count(100),
             starts: Starts::default(),
         }
     }
@@ -74,11 +74,11 @@ impl Default for Starts {
 }
 
 fn default_gap() -> NonNegative {
-    known(1.0)
+    ranged_number(1.0)
 }
 
 fn one() -> Count<100_000> {
-    known_count(1)
+    ranged_count(1)
 }
 
 /// Reads the scenario at `path` and applies `overrides`, each as `path.to.field=value`.
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_replaced() {
+    fn overrides_replace_values() {
         let document: Document<TabularScenario> =
             input::parse("test", "TabularScenario(task: BipolarChain())".to_owned()).unwrap();
         let assignments = [

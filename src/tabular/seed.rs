@@ -1,9 +1,9 @@
-//! An agent's seed: random numbers, drawn once, that turn any belief into one MDP (arXiv 1802.01282
-//! §3).
+//! Agent seeds of tabular runs: random numbers, drawn once per agent, that turn any belief into one
+//! MDP (arXiv 1802.01282 §3).
 //!
-//! The MDP is a deterministic function of (belief, seed). So an agent adapts to the observations of
-//! all agents, keeps its plan as long as the belief does not change, and differs from other agents.
-//! Over seeds, the MDP is distributed as the posterior.
+//! The MDP is a deterministic function of (belief, agent seed). So an agent adapts to the
+//! observations of all agents, keeps its plan as long as the belief does not change, and differs
+//! from other agents. Over agent seeds, the MDP is distributed as the posterior.
 
 use rand::RngExt;
 use rand_distr::{Distribution, Gamma, StandardNormal};
@@ -14,7 +14,7 @@ use super::belief::{Belief, Posterior, from_gaussian_scale};
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_env::tabular::{Mdp, Model, Prior};
 
-/// How a seed samples a parameter from a Gaussian posterior.
+/// How an agent seed samples a parameter from a Gaussian posterior.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum RewardSeeds {
     /// Standard-Gaussian: θ̂ = μ + σ z, with z ~ N(0, 1) drawn once.
@@ -39,16 +39,17 @@ pub struct AgentSeed {
     weights: Vec<StreamSum>,
 }
 
-/// Sum of the first `count` numbers of a random stream. Since sums only grow, a sum is extended
-/// without drawing the numbers before it again.
+/// Sum of the first `count` numbers of a random stream. Since `count` only grows, the sum is
+/// extended without drawing the first numbers again.
 #[derive(Clone, Copy, Debug, Default)]
 struct StreamSum {
     count: u32,
     total: f64,
 }
 
-/// Position in an outcome's random stream at which its exponential numbers begin, in words. The
-/// Gamma-distributed number before them takes an unknown number of words, but far fewer than this.
+/// Position in an outcome's random stream at which its exponential numbers begin, in words of the
+/// stream. The Gamma-distributed number before them takes an unknown number of words, but far fewer
+/// than this.
 const FIRST_EXPONENTIAL: u128 = 1 << 20;
 
 impl AgentSeed {
@@ -73,7 +74,7 @@ impl AgentSeed {
         }
     }
 
-    /// Sets `mdp` to the MDP that this seed samples from `belief`.
+    /// Sets `mdp` to the MDP that this agent seed samples from `belief`.
     pub fn sample(&mut self, model: &Model, belief: &Belief, rewards: RewardSeeds, mdp: &mut Mdp) {
         for parameter in 0..model.parameters.len() {
             let (prior, posterior) = (model.parameters[parameter], belief.posterior(parameter));
@@ -93,8 +94,8 @@ impl AgentSeed {
         }
     }
 
-    /// Distance of the martingale from the posterior mean after `count` observations, divided by the
-    /// posterior variance: (θ̂₀ − μ₀) / σ₀² + Σ wₙ / s².
+    /// Distance of the martingale from the posterior mean after `count` observations, divided by
+    /// the posterior variance: (θ̂₀ − μ₀) / σ₀² + Σ wₙ / s².
     fn martingale(&mut self, parameter: usize, prior: Prior, count: u32) -> f64 {
         let (Prior::Normal {
             deviation, noise, ..
@@ -107,7 +108,7 @@ impl AgentSeed {
         };
         let start = self.normals[parameter] / deviation;
         if count == 0 {
-            // The noise may be 0.
+            // The sum is empty, and `noise` may be 0.
             return start;
         }
         let sum = &mut self.noise_sums[parameter];
@@ -118,16 +119,16 @@ impl AgentSeed {
                 self.agent,
                 parameter as u32,
             );
-            random.set_word_pos(u128::from(sum.count) * WORDS_OF_NORMAL);
+            random.set_word_pos(u128::from(sum.count) * WORDS_PER_NORMAL);
             sum.extend(count, || box_muller(&mut random));
         }
         start + sum.total / noise
     }
 
     /// Exponential-Dirichlet: the weight of an outcome that was observed n times is a Gamma(α₀)
-    /// number plus the sum of its first n exponential numbers, and p̂ is its share of the weights of
-    /// its pair. A sum of n exponential numbers is Gamma(n), and shares of Gamma-distributed weights
-    /// are Dirichlet-distributed, as the posterior is.
+    /// number plus the sum of its first n exponential numbers, and p̂ is its share of the weights
+    /// of its pair. A sum of n exponential numbers is Gamma(n), and shares of Gamma-distributed
+    /// weights are Dirichlet-distributed, as the posterior is.
     fn sample_transitions(&mut self, model: &Model, belief: &Belief, mdp: &mut Mdp) {
         for pair in 0..model.pair_count() {
             for outcome in model.outcomes_of(pair) {
@@ -147,7 +148,7 @@ impl AgentSeed {
                 self.agent,
                 outcome as u32,
             );
-            random.set_word_pos(FIRST_EXPONENTIAL + u128::from(sum.count) * WORDS_OF_UNIFORM);
+            random.set_word_pos(FIRST_EXPONENTIAL + u128::from(sum.count) * WORDS_PER_UNIFORM);
             sum.extend(count, || -libm::log(uniform(&mut random)));
         }
         sum.total
@@ -155,7 +156,7 @@ impl AgentSeed {
 }
 
 impl StreamSum {
-    /// Adds numbers up to the first `count`.
+    /// Adds the next numbers, until the sum has the first `count` numbers of the stream.
     fn extend(&mut self, count: u32, mut next: impl FnMut() -> f64) {
         for _ in self.count..count {
             self.total += next();
@@ -164,8 +165,9 @@ impl StreamSum {
     }
 }
 
+/// Weight of each outcome before its first observation: `[outcomes]`.
 fn prior_weights(model: &Model, run_seed: u64, agent: u32) -> Vec<StreamSum> {
-    let gamma = gamma(model.outcome_weight);
+    let gamma = gamma_distribution(model.outcome_weight);
     let weight = |outcome| {
         gamma.sample(&mut stream(
             run_seed,
@@ -182,7 +184,7 @@ fn prior_weights(model: &Model, run_seed: u64, agent: u32) -> Vec<StreamSum> {
         .collect()
 }
 
-fn gamma(shape: f64) -> Gamma<f64> {
+fn gamma_distribution(shape: f64) -> Gamma<f64> {
     Gamma::new(shape, 1.0).expect("the shape is above 0")
 }
 
@@ -197,15 +199,15 @@ pub fn sample_posterior(model: &Model, belief: &Belief, random: &mut Stream, mdp
     if model.outcomes().len() > model.pair_count() {
         for outcome in 0..model.outcomes().len() {
             mdp.probabilities[outcome] =
-                gamma(model.outcome_weight + f64::from(belief.outcome_count(outcome)))
+                gamma_distribution(model.outcome_weight + f64::from(belief.outcome_count(outcome)))
                     .sample(random);
         }
         normalize(model, mdp);
     }
 }
 
-/// Divides the weights of each pair's outcomes by their sum. If all are 0, the outcomes get equal
-/// probabilities.
+/// Divides the weights of each pair's outcomes by their sum. If all weights of a pair are 0, its
+/// outcomes get equal probabilities.
 fn normalize(model: &Model, mdp: &mut Mdp) {
     for pair in 0..model.pair_count() {
         let weights = &mut mdp.probabilities[model.outcomes_of(pair)];
@@ -217,10 +219,10 @@ fn normalize(model: &Model, mdp: &mut Mdp) {
 }
 
 /// Number of words of a stream that [`uniform`] takes.
-const WORDS_OF_UNIFORM: u128 = 2;
+const WORDS_PER_UNIFORM: u128 = 2;
 
 /// Number of words of a stream that [`box_muller`] takes.
-const WORDS_OF_NORMAL: u128 = 2 * WORDS_OF_UNIFORM;
+const WORDS_PER_NORMAL: u128 = 2 * WORDS_PER_UNIFORM;
 
 /// A number above 0 and at most 1.
 fn uniform(random: &mut Stream) -> f64 {

@@ -1,10 +1,10 @@
 //! A team in one tabular task: agents act at random times, and each transition updates the shared
 //! belief immediately.
 //!
-//! The next action is always that of the agent with the earliest time, so that each agent knows
-//! everything that happened before. A run is one sequence of actions, on one thread.
+//! The agent with the earliest time acts next, so that each agent knows everything that happened
+//! before its action. A run is one sequence of actions, on one thread.
 
-mod sample_mdp;
+mod planning_mdp;
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -37,7 +37,7 @@ pub struct TabularTeam {
     mdp: Mdp,
     /// Optimism about each outcome, see [`Planner::plan`]: `[outcomes]`, or empty.
     optimism: Vec<f64>,
-    visits: Vec<Visits>,
+    visits: Vec<StateVisits>,
     steps: u64,
 }
 
@@ -45,15 +45,15 @@ pub struct TabularTeam {
 struct Agent {
     seed: Option<AgentSeed>,
     /// Random stream of the times between its actions.
-    clock: Stream,
+    clock_stream: Stream,
     /// Random stream of the outcomes of its actions, and of its random actions.
-    outcomes: Stream,
-    plan: Plan,
-    /// The policy of [`Plan::Own`].
+    outcome_stream: Stream,
+    policy_source: PolicySource,
+    /// The policy to follow with [`PolicySource::Own`].
     policy: Policy,
-    /// Version of the belief that the plan is based on.
-    version: u64,
-    /// First step that the plan covers.
+    /// Version of the belief from which the policy was derived.
+    belief_version: u64,
+    /// First step of the episode that the policy covers.
     planned_from: u32,
     state: u32,
     /// Number of actions in this episode.
@@ -61,18 +61,18 @@ struct Agent {
     /// Number of actions in all episodes.
     actions: u32,
     episode: Episode,
-    /// Whether it visited each state: `[states]`.
+    /// Whether the agent visited each state: `[states]`.
     visited: Vec<bool>,
 }
 
-/// Which policy an agent follows.
+/// Where the policy is that an agent follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Plan {
-    /// None yet.
+enum PolicySource {
+    /// The agent has no policy yet.
     None,
     /// The policy with this index in the plan cache.
     Cached(usize),
-    /// A policy of its own.
+    /// The policy that the agent stores itself.
     Own,
 }
 
@@ -92,7 +92,7 @@ pub struct Step {
     /// State after the action.
     pub to: u32,
     /// The episode, if it ended with this step.
-    pub ended: Option<Episode>,
+    pub ended_episode: Option<Episode>,
 }
 
 /// An episode of one agent: a row of `regret.csv`.
@@ -104,7 +104,7 @@ pub struct Episode {
     pub episode: u32,
     /// Time at which the episode began, in units of the mean time between two actions of an agent.
     pub begun: f64,
-    /// Time of its last action.
+    /// Time of the last action, in the same unit.
     pub ended: f64,
     /// Number of steps.
     pub length: u32,
@@ -117,10 +117,10 @@ pub struct Episode {
 
 /// Visits of one state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Visits {
+pub struct StateVisits {
     /// Number of visits by the whole team.
-    pub visits: u64,
-    /// Number of agents that visited it at least once.
+    pub count: u64,
+    /// Number of agents that visited the state at least once.
     pub agents: u32,
 }
 
@@ -129,7 +129,7 @@ impl TabularTeam {
     #[must_use]
     pub fn new(scenario: &TabularScenario) -> Self {
         let model = scenario.task.model(scenario.seed);
-        let true_mdp = scenario.task.draw(&model, scenario.seed);
+        let true_mdp = scenario.task.draw_mdp(&model, scenario.seed);
         let mut planner = Planner::new(&model);
         let agents: Vec<Agent> = (0..scenario.agents.count.get())
             .map(|agent| Agent::new(scenario, &model, agent))
@@ -145,7 +145,7 @@ impl TabularTeam {
                 probabilities: vec![1.0; model.outcomes().len()],
             },
             optimism: Vec::new(),
-            visits: vec![Visits::default(); model.states()],
+            visits: vec![StateVisits::default(); model.state_count()],
             steps: 0,
             scenario: scenario.clone(),
             model,
@@ -167,10 +167,10 @@ impl TabularTeam {
         let agent = &mut self.agents[turn.agent as usize];
         let is_over = agent.step >= self.model.horizon || self.model.pairs(agent.state).is_empty();
         if !is_over {
-            self.queue.push(Reverse(turn.next(&mut agent.clock)));
+            self.queue.push(Reverse(turn.next(&mut agent.clock_stream)));
             return Some(step);
         }
-        step.ended = Some(Episode {
+        step.ended_episode = Some(Episode {
             ended: turn.time,
             ..agent.episode
         });
@@ -195,7 +195,7 @@ impl TabularTeam {
             regret: self.optimal_value,
             ..Episode::default()
         };
-        let next = turn.next(&mut agent.clock);
+        let next = turn.next(&mut agent.clock_stream);
         self.count_visit(turn.agent);
         next
     }
@@ -204,18 +204,20 @@ impl TabularTeam {
     fn count_visit(&mut self, agent: u32) {
         let agent = &mut self.agents[agent as usize];
         let visits = &mut self.visits[agent.state as usize];
-        let is_first = !std::mem::replace(&mut agent.visited[agent.state as usize], true);
-        visits.visits += 1;
-        visits.agents += u32::from(is_first);
+        let is_first_visit = !std::mem::replace(&mut agent.visited[agent.state as usize], true);
+        visits.count += 1;
+        visits.agents += u32::from(is_first_visit);
     }
 
-    /// Executes an action, a pair of the agent's state, in the true MDP, and updates the belief.
+    /// Executes an action, given as a state-action pair, in the true MDP, and updates the belief.
     fn execute(&mut self, turn: Turn, pair: usize) -> Step {
         let agent = &mut self.agents[turn.agent as usize];
-        let outcome_index = self.model.sample(&self.true_mdp, pair, &mut agent.outcomes);
-        let observation = self
-            .model
-            .observe(&self.true_mdp, outcome_index, &mut agent.outcomes);
+        let outcome_index =
+            self.model
+                .sample_outcome(&self.true_mdp, pair, &mut agent.outcome_stream);
+        let observation =
+            self.model
+                .observe(&self.true_mdp, outcome_index, &mut agent.outcome_stream);
         let (from, to) = (agent.state, self.model.outcomes()[outcome_index].state);
         let reward = self.model.reward(outcome_index, observation);
         agent.enter(
@@ -236,11 +238,11 @@ impl TabularTeam {
             action,
             reward,
             to,
-            ended: None,
+            ended_episode: None,
         }
     }
 
-    /// Chooses the next action of an agent: a pair of its state.
+    /// Chooses the next action of an agent, and returns the state-action pair.
     fn choose_pair(&mut self, agent: u32) -> usize {
         let pairs = self.model.pairs(self.agents[agent as usize].state);
         let epsilon = match self.scenario.algorithm {
@@ -248,7 +250,7 @@ impl TabularTeam {
             Algorithm::EpsilonGreedy { epsilon } => epsilon.get(),
             _ => 0.0,
         };
-        let random = &mut self.agents[agent as usize].outcomes;
+        let random = &mut self.agents[agent as usize].outcome_stream;
         if epsilon > 0.0 && random.random::<f64>() < epsilon {
             return random.random_range(pairs);
         }
@@ -261,33 +263,34 @@ impl TabularTeam {
             self.plan(agent_index);
         }
         let agent = &self.agents[agent_index as usize];
-        let policy = match agent.plan {
-            Plan::Cached(index) => self.plan_cache.policies[index]
+        let policy = match agent.policy_source {
+            PolicySource::Cached(index) => self.plan_cache.policies[index]
                 .as_ref()
                 .expect("the agent's policy is in the cache"),
-            Plan::Own | Plan::None => &agent.policy,
+            PolicySource::Own | PolicySource::None => &agent.policy,
         };
         self.planner.action(policy, agent.step, agent.state)
     }
 
-    /// Whether an agent's plan is still the one that it would make now.
+    /// Whether the agent can follow its policy without planning again.
     fn is_up_to_date(&self, agent: &Agent) -> bool {
-        let has_plan = agent.plan != Plan::None && agent.planned_from <= agent.step;
+        let has_plan =
+            agent.policy_source != PolicySource::None && agent.planned_from <= agent.step;
         match self.scenario.algorithm {
             Algorithm::ThompsonResampling => false,
             Algorithm::SampleOnce => has_plan && agent.step > 0,
-            _ => has_plan && agent.version == self.belief.version(),
+            _ => has_plan && agent.belief_version == self.belief.version(),
         }
     }
 
     /// Plans the remaining steps of an agent's episode.
     fn plan(&mut self, agent_index: u32) {
-        self.sample_mdp(agent_index);
+        self.derive_mdp(agent_index);
         let cached = self.plan_cache.index(&self.mdp);
         let agent = &mut self.agents[agent_index as usize];
-        (agent.version, agent.planned_from) = (self.belief.version(), agent.step);
+        (agent.belief_version, agent.planned_from) = (self.belief.version(), agent.step);
         if let Some(index) = cached {
-            agent.plan = Plan::Cached(index);
+            agent.policy_source = PolicySource::Cached(index);
             let entry = &mut self.plan_cache.policies[index];
             if entry.is_none() {
                 let policy = entry.insert(self.planner.empty_policy());
@@ -295,7 +298,7 @@ impl TabularTeam {
             }
             return;
         }
-        agent.plan = Plan::Own;
+        agent.policy_source = PolicySource::Own;
         agent.policy.resize(self.planner.policy_length(), 0);
         self.planner.plan(
             &self.model,
@@ -320,7 +323,7 @@ impl TabularTeam {
 
     /// Visits of each state: `[states]`.
     #[must_use]
-    pub fn visits(&self) -> &[Visits] {
+    pub fn visits(&self) -> &[StateVisits] {
         &self.visits
     }
 
@@ -342,7 +345,7 @@ impl TabularTeam {
 
 impl Agent {
     fn new(scenario: &TabularScenario, model: &Model, agent: u32) -> Self {
-        let named = |purpose| stream(scenario.seed, purpose, agent, 0);
+        let agent_stream = |purpose| stream(scenario.seed, purpose, agent, 0);
         let seed = match scenario.algorithm {
             Algorithm::SeedSampling { .. } => Some(AgentSeed::new(model, scenario.seed, agent)),
             Algorithm::SharedSeed { .. } => Some(AgentSeed::new(model, scenario.seed, 0)),
@@ -350,31 +353,31 @@ impl Agent {
         };
         Self {
             seed,
-            clock: named(Purpose::TabularClock),
-            outcomes: named(Purpose::TabularOutcomes),
-            plan: Plan::None,
+            clock_stream: agent_stream(Purpose::TabularClock),
+            outcome_stream: agent_stream(Purpose::TabularOutcomes),
+            policy_source: PolicySource::None,
             policy: Policy::new(),
-            version: 0,
+            belief_version: 0,
             planned_from: 0,
             state: model.start,
             step: 0,
             actions: 0,
             episode: Episode::default(),
-            visited: vec![false; model.states()],
+            visited: vec![false; model.state_count()],
         }
     }
 
-    /// Moves to a state, with a reward whose mean is `mean`.
-    fn enter(&mut self, to: u32, reward: f64, mean: f64) {
+    /// Moves to a state, and receives a reward whose mean is `mean_reward`.
+    fn enter(&mut self, to: u32, reward: f64, mean_reward: f64) {
         self.episode.r#return += reward;
-        self.episode.regret -= mean;
+        self.episode.regret -= mean_reward;
         self.episode.length += 1;
         self.state = to;
         self.step += 1;
         self.actions += 1;
     }
 
-    /// Frees memory after the last episode.
+    /// Frees the memory that is not needed after the last episode.
     fn free_memory(&mut self) {
         (self.seed, self.policy) = (None, Policy::new());
     }

@@ -10,7 +10,7 @@ use seedbed_env::random::{Purpose, Stream, stream};
 /// Time of an agent's next action. Turns are ordered by time, then by agent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turn {
-    /// In units of the mean time between two actions of an agent.
+    /// Time, in units of the mean time between two actions of an agent.
     pub(super) time: f64,
     /// Index of the agent.
     pub(super) agent: u32,
@@ -27,7 +27,7 @@ impl Turn {
     }
 }
 
-/// The time at which each agent begins: `[K]`.
+/// The turn at which each agent begins its first episode: `[K]`.
 pub(super) fn first_turns(scenario: &TabularScenario) -> Vec<Turn> {
     let mut arrivals = stream(scenario.seed, Purpose::TabularArrivals, 0, 0);
     let (mut turns, mut time) = (Vec::new(), 0.0);

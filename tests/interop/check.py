@@ -1,8 +1,8 @@
-"""Opens a finished run's recording with Rerun's own tools and compares it with the run's tables.
+"""Opens the recording of a finished run with Rerun's own tools, and compares it with `episodes.csv` of the run.
 
-    check.py RUN     a run's folder, as `seedbed run` leaves it
+    check.py RUN     RUN is the output folder of `seedbed run`
 
-Run by tests/interop/run, which puts the Rerun SDK in place.
+Run by tests/interop/run, which installs the Rerun SDK.
 """
 
 import csv
@@ -13,26 +13,26 @@ import sys
 import rerun as rr
 
 
-def main(folder: pathlib.Path) -> None:
-    recording = folder / "run.rrd"
+def main(run_folder: pathlib.Path) -> None:
+    recording = run_folder / "run.rrd"
     subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", str(recording)], check=True)
-    with (folder / "episodes.csv").open(newline="") as file:
+    with (run_folder / "episodes.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     agents = sorted({int(row["agent"]) for row in rows})
     with rr.server.Server(datasets={"run": [str(recording)]}) as server:
         dataset = server.client().get_dataset("run")
-        states = sum(compare(dataset, agent, [row for row in rows if int(row["agent"]) == agent]) for agent in agents)
-        curves = sum(compare_curve(dataset, agent, [row for row in rows if int(row["agent"]) == agent]) for agent in agents)
-    print(f"rerun-sdk {rr.__version__}: {len(agents)} agents, {len(rows)} episodes, {states} states, {curves} returns: all as in the tables")
+        states = sum(compare_episodes(dataset, agent, [row for row in rows if int(row["agent"]) == agent]) for agent in agents)
+        returns = sum(compare_returns(dataset, agent, [row for row in rows if int(row["agent"]) == agent]) for agent in agents)
+    print(f"rerun-sdk {rr.__version__}: {len(agents)} agents, {len(rows)} episodes, {states} states, {returns} returns: the recording agrees with episodes.csv")
 
 
 def column(table, name: str) -> list:
-    """One value a row, or none: a cell is a list of at most one."""
+    """One value per row, or None: each cell of the table is a list of at most one value."""
     return [cell[0] if cell else None for cell in table.column(name).to_pylist()]
 
 
-def compare(dataset, agent: int, expected: list[dict]) -> int:
-    """Every episode of an agent: its length, return and outcome."""
+def compare_episodes(dataset, agent: int, expected: list[dict]) -> int:
+    """Compares length, return and outcome of each episode of an agent with its row of `episodes.csv`. Returns the number of recorded states."""
     entity = f"/raw/agent_{agent}"
     table = dataset.filter_contents([entity]).reader(index="env_step").to_arrow_table().sort_by("env_step")
     steps = table.column("env_step").to_pylist()
@@ -44,9 +44,9 @@ def compare(dataset, agent: int, expected: list[dict]) -> int:
         last = first + int(row["length"])
         place = f"{entity}, episode {row['episode']}"
         assert set(episodes[first : last + 1]) == {int(row["episode"])}, f"{place}: {int(row['length']) + 1} rows expected"
-        assert outcomes[first:last] == [None] * (last - first), f"{place}: an outcome before its end"
+        assert outcomes[first:last] == [None] * (last - first), f"{place}: an outcome before the last state"
         assert outcomes[last] == row["outcome"], f"{place}: {outcomes[last]}, expected {row['outcome']}"
-        assert rewards[last] is None, f"{place}: a reward after its end"
+        assert rewards[last] is None, f"{place}: a reward in the last state"
         total = sum(rewards[first:last])
         assert abs(total - float(row["return"])) <= 1e-9 * max(1.0, abs(total)), f"{place}: return {total}, expected {row['return']}"
         first = last + 1
@@ -54,7 +54,8 @@ def compare(dataset, agent: int, expected: list[dict]) -> int:
     return len(steps)
 
 
-def compare_curve(dataset, agent: int, expected: list[dict]) -> int:
+def compare_returns(dataset, agent: int, expected: list[dict]) -> int:
+    """Compares the curve of an agent's returns with `episodes.csv`. Returns the number of values."""
     entity = f"/curves/return/agent_{agent}"
     table = dataset.filter_contents([entity]).reader(index="episode").to_arrow_table().sort_by("episode")
     returns = [value for value in column(table, f"{entity}:Scalars:scalars") if value is not None]

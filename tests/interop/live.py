@@ -1,6 +1,6 @@
-"""Streams a run into a server of Rerun's and checks that everything arrived, and that the file is as it is without a viewer.
+"""Streams a run to a Rerun viewer, and checks that the viewer receives as many chunks of raw states as the run's recording has.
 
-    live.py SEEDBED      the program
+    live.py SEEDBED      SEEDBED is the path of the program
 
 Run by tests/interop/run.
 """
@@ -19,35 +19,35 @@ def main(seedbed: str) -> None:
     rerun, port = viewer_binary(), free_port()
     address = f"rerun+http://127.0.0.1:{port}/proxy"
     with tempfile.TemporaryDirectory() as folder:
-        got = pathlib.Path(folder) / "got.rrd"
-        viewer = subprocess.Popen([rerun, "--port", str(port), "--save", str(got)], stdin=subprocess.DEVNULL)
+        received = pathlib.Path(folder) / "received.rrd"
+        viewer = subprocess.Popen([rerun, "--port", str(port), "--save", str(received)], stdin=subprocess.DEVNULL)
         try:
-            wait_for(port)
+            wait_for_viewer(port)
             run = pathlib.Path(folder) / "run"
-            small = ["--set", "agents.count=2", "--set", "stop=Episodes(20)", "--quiet"]
-            subprocess.run([seedbed, "run", "scenarios/cartpole.ron", "--out", run, f"--live={address}", *small], check=True, timeout=120)
-            sent = states(rerun, run / "run.rrd")
-            wait_for_states(rerun, got, sent)
+            short_run = ["--set", "agents.count=2", "--set", "stop=Episodes(20)", "--quiet"]
+            subprocess.run([seedbed, "run", "scenarios/cartpole.ron", "--out", run, f"--live={address}", *short_run], check=True, timeout=120)
+            in_file = count_state_chunks(rerun, run / "run.rrd")
+            wait_for_states(rerun, received, in_file)
         finally:
             viewer.kill()
             viewer.wait()
-        arrived = states(rerun, got)
-        assert sent == arrived and sent > 0, f"{sent} chunks in the file, {arrived} at the viewer"
-    print(f"live: {arrived} chunks of raw states arrived at the viewer, as many as are in the file")
+        in_viewer = count_state_chunks(rerun, received)
+        assert in_file == in_viewer and in_file > 0, f"{in_file} chunks in the file, {in_viewer} received by the viewer"
+    print(f"live: the viewer received all {in_viewer} chunks of raw states of the file")
 
 
 def viewer_binary() -> str:
-    """The wheel's own: the Python wrapper would leave it running."""
+    """Path of the viewer in the installed package. If its Python wrapper were started instead, killing the wrapper would leave the viewer running."""
     return str(pathlib.Path(rr.__file__).parent.parent / "rerun_cli" / "rerun")
 
 
 def free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
+    with socket.socket() as unused_socket:
+        unused_socket.bind(("127.0.0.1", 0))
+        return unused_socket.getsockname()[1]
 
 
-def wait_for(port: int) -> None:
+def wait_for_viewer(port: int) -> None:
     for _ in range(300):
         with socket.socket() as probe:
             if probe.connect_ex(("127.0.0.1", port)) == 0:
@@ -57,14 +57,14 @@ def wait_for(port: int) -> None:
 
 
 def wait_for_states(rerun: str, path: pathlib.Path, expected: int) -> None:
-    """Until as many chunks of raw states are in the file, or for a minute."""
-    patience = time.monotonic() + 60
-    while states(rerun, path) < expected and time.monotonic() < patience:
+    """Waits until the file has the expected number of chunks of raw states, for at most a minute."""
+    deadline = time.monotonic() + 60
+    while count_state_chunks(rerun, path) < expected and time.monotonic() < deadline:
         time.sleep(0.2)
 
 
-def states(rerun: str, path: pathlib.Path) -> int:
-    """Chunks of raw states in a recording."""
+def count_state_chunks(rerun: str, path: pathlib.Path) -> int:
+    """Number of chunks of raw states in a recording."""
     printed = subprocess.run([rerun, "rrd", "print", str(path)], capture_output=True, text=True, timeout=120).stdout
     return sum("/raw/agent_" in line for line in printed.splitlines())
 

@@ -1,4 +1,5 @@
-//! The house rules that a compiler does not check: who may import what.
+//! Rules that the compiler does not check: which modules and crates may depend on which, and which
+//! names may occur where.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,12 +7,12 @@ use std::process::Command;
 
 use super::util::{REPOSITORY, files_below};
 
-/// The files of the workbench and of its crates, by their path from the repository, with their
-/// text; comments do not count.
-fn code() -> Vec<(String, String)> {
+/// Path from the repository and text, without comment lines, of each source file of the workbench,
+/// `seedbed-env` and `seedbed-learn`.
+fn source_files() -> Vec<(String, String)> {
     let root = Path::new(REPOSITORY);
     let read = |path: PathBuf| {
-        let name = path
+        let relative_path = path
             .strip_prefix(root)
             .unwrap()
             .to_string_lossy()
@@ -21,7 +22,7 @@ fn code() -> Vec<(String, String)> {
             .lines()
             .filter(|line| !line.trim_start().starts_with("//"))
             .collect();
-        (name.replace('\\', "/"), code.join("\n"))
+        (relative_path.replace('\\', "/"), code.join("\n"))
     };
     let folders = ["src", "crates/seedbed-env/src", "crates/seedbed-learn/src"];
     folders
@@ -31,16 +32,13 @@ fn code() -> Vec<(String, String)> {
         .collect()
 }
 
-/// The packages that `package` is built from, itself included; names only.
-fn dependencies(package: &str) -> Vec<String> {
-    dependencies_with(&["--package", package])
-}
-
-fn dependencies_with(selection: &[&str]) -> Vec<String> {
+/// Names of the packages that `cargo tree ARGUMENTS` lists: the selected package first, then its
+/// direct and indirect dependencies.
+fn packages_in_tree(arguments: &[&str]) -> Vec<String> {
     let output = Command::new(env!("CARGO"))
         .args(["tree", "--locked", "--edges", "normal", "--prefix", "none"])
         .args(["--format", "{p}"])
-        .args(selection)
+        .args(arguments)
         .current_dir(REPOSITORY)
         .output()
         .unwrap();
@@ -51,9 +49,9 @@ fn dependencies_with(selection: &[&str]) -> Vec<String> {
         .collect()
 }
 
-/// What each library crate must be buildable without.
+/// The library crates depend neither on heavy packages nor on crates that they must not use.
 #[test]
-fn library_crates_stay_small() {
+fn library_crates_do_not_need_heavy_packages() {
     const HEAVY: [&str; 13] = [
         "rerun", "re_sdk", "re_types", "arrow", "tonic", "tokio", "hyper", "mio", "socket2",
         "rustls", "ureq", "clap", "seedbed",
@@ -70,7 +68,7 @@ fn library_crates_stay_small() {
         ("seedbed-stats", &["seedbed-env", "ron", "rayon"]),
         ("seedbed-figure", &["seedbed-env", "ron", "rayon"]),
     ] {
-        let used = dependencies(package);
+        let used = packages_in_tree(&["--package", package]);
         assert!(used.len() > 3 && used[0] == package, "{used:?}");
         for name in HEAVY.iter().chain(banned) {
             assert!(
@@ -81,35 +79,44 @@ fn library_crates_stay_small() {
     }
 }
 
-/// What the root package must be buildable without, when its feature `rerun` is off.
+/// Without the feature `rerun`, the workbench does not depend on packages of the recording SDK.
 #[test]
-fn the_workbench_builds_without_rerun() {
-    let used = dependencies_with(&["--package", "seedbed", "--no-default-features"]);
+fn the_workbench_needs_the_recording_sdk_only_with_its_feature() {
+    let used = packages_in_tree(&["--package", "seedbed", "--no-default-features"]);
     for name in ["rerun", "re_sdk", "re_protos", "arrow", "tonic", "tokio"] {
-        assert!(!used.iter().any(|used| used == name), "needs {name}");
+        assert!(
+            !used.iter().any(|used| used == name),
+            "seedbed needs {name}"
+        );
     }
 }
 
-/// Only the module of recordings may depend on the feature: others use `record::recording`.
+/// Only `record/mod.rs` and `record/rerun/` may name the feature `rerun` or the module
+/// `record::rerun`; all other files use `record::recording`.
 #[test]
-fn only_recordings_ask_for_the_feature_rerun() {
-    for (file, text) in code() {
-        let home = file == "src/record/mod.rs" || file.starts_with("src/record/rerun/");
-        let named = text.contains("record::rerun") || text.contains("feature = \"rerun\"");
-        assert!(home || !named, "{file} names the feature or module `rerun`");
+fn only_the_module_record_names_the_feature_rerun() {
+    for (file, text) in source_files() {
+        let is_allowed = file == "src/record/mod.rs" || file.starts_with("src/record/rerun/");
+        let names_rerun = text.contains("record::rerun") || text.contains("feature = \"rerun\"");
+        assert!(
+            is_allowed || !names_rerun,
+            "{file} names the feature or module `rerun`"
+        );
     }
 }
 
-/// Whether `text` names `path` other than as the tail of a longer one, such as
-/// `crate::record::rerun::` for `rerun::`.
-fn names(text: &str, path: &str) -> bool {
-    text.match_indices(path)
-        .any(|(at, _)| !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':'))
+/// Whether `text` has a path that begins with `crate_path`: `rerun::` occurs in `use rerun::Chunk`,
+/// but not in `use crate::record::rerun::Recording`.
+fn uses_crate(text: &str, crate_path: &str) -> bool {
+    let ends_within_a_path =
+        |before: &str| before.ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':');
+    text.match_indices(crate_path)
+        .any(|(start, _)| !ends_within_a_path(&text[..start]))
 }
 
 #[test]
-fn each_heavy_crate_has_a_sole_importer() {
-    for (crate_path, home) in [
+fn each_heavy_crate_is_used_in_one_folder_only() {
+    for (crate_path, only_folder) in [
         ("rerun::", "src/record/rerun/"),
         ("re_protos::", "src/record/rerun/"),
         ("tonic::", "src/record/rerun/"),
@@ -117,23 +124,24 @@ fn each_heavy_crate_has_a_sole_importer() {
         ("rapier2d::", "crates/seedbed-env/src/physics/"),
         ("parry2d::", "crates/seedbed-env/src/physics/"),
     ] {
-        let importers: Vec<String> = code()
+        let using_files: Vec<String> = source_files()
             .into_iter()
-            .filter(|(_, text)| names(text, crate_path))
+            .filter(|(_, text)| uses_crate(text, crate_path))
             .map(|(file, _)| file)
             .collect();
-        assert!(!importers.is_empty(), "nobody imports {crate_path}");
-        for file in importers {
+        assert!(!using_files.is_empty(), "no file uses {crate_path}");
+        for file in using_files {
             assert!(
-                file.starts_with(home),
-                "{file} names {crate_path}, which only {home} may"
+                file.starts_with(only_folder),
+                "{file} uses {crate_path}, which only files in {only_folder} may use"
             );
         }
     }
 }
 
-/// The workbench's modules from the ground up; a module may use those before it and its own.
-const FLOORS: [&[&str]; 7] = [
+/// The top modules of the workbench in layers. A module may use itself and modules of earlier
+/// layers.
+const LAYERS: [&[&str]; 7] = [
     &["plotting", "text"],
     &["record"],
     &["scenario"],
@@ -144,38 +152,38 @@ const FLOORS: [&[&str]; 7] = [
 ];
 
 #[test]
-fn dependencies_go_one_way() {
-    let floor_of = |room: &str| {
-        FLOORS
+fn modules_use_only_earlier_layers() {
+    let layer_of = |module: &str| {
+        LAYERS
             .iter()
-            .position(|rooms| rooms.contains(&room))
-            .unwrap_or(FLOORS.len())
+            .position(|modules| modules.contains(&module))
+            .unwrap_or(LAYERS.len())
     };
     let mut files_seen = 0;
-    for (file, text) in code() {
-        let Some(room) = file
+    for (file, text) in source_files() {
+        let Some(module) = file
             .strip_prefix("src/")
-            .and_then(|rest| rest.split(['/', '.']).next())
+            .and_then(|path| path.split(['/', '.']).next())
         else {
             continue;
         };
-        if room == "main" || room == "lib" {
+        if module == "main" || module == "lib" {
             continue;
         }
         files_seen += 1;
         assert!(
-            floor_of(room) < FLOORS.len(),
-            "{file}: `{room}` has no place in FLOORS"
+            layer_of(module) < LAYERS.len(),
+            "{file}: add `{module}` to LAYERS"
         );
-        for (at, _) in text.match_indices("crate::") {
-            let used: String = text[at + 7..]
+        for (start, _) in text.match_indices("crate::") {
+            let used: String = text[start + "crate::".len()..]
                 .chars()
                 .take_while(|c| c.is_alphanumeric() || *c == '_')
                 .collect();
-            let allowed = used == room || floor_of(&used) < floor_of(room);
+            let is_allowed = used == module || layer_of(&used) < layer_of(module);
             assert!(
-                allowed,
-                "{file} uses crate::{used}, which is not below {room}"
+                is_allowed,
+                "{file} uses crate::{used}, which is not in an earlier layer than {module}"
             );
         }
     }
@@ -183,46 +191,49 @@ fn dependencies_go_one_way() {
 }
 
 #[test]
-fn tasks_and_learning_know_no_threads_files_or_clocks() {
-    for (file, text) in code() {
-        let Some(inside) = file.strip_prefix("crates/") else {
+fn env_and_learn_use_no_threads_clocks_hash_maps_or_files() {
+    for (file, text) in source_files() {
+        let Some(path_in_crates) = file.strip_prefix("crates/") else {
             continue;
         };
         for banned in ["std::thread", "std::time", "ThreadPoolBuilder", "HashMap"] {
             assert!(!text.contains(banned), "{file} names {banned}");
         }
         let uses_files = ["std::fs", "File::"].iter().any(|name| text.contains(name));
-        let allowed = ["seedbed-env/src/file", "seedbed-env/src/input"];
+        let may_read_files = ["seedbed-env/src/file", "seedbed-env/src/input"];
         assert!(
-            !uses_files || allowed.iter().any(|place| inside.starts_with(place)),
-            "{file} touches files"
+            !uses_files
+                || may_read_files
+                    .iter()
+                    .any(|path| path_in_crates.starts_with(path)),
+            "{file} uses files"
         );
     }
 }
 
 #[test]
-fn nothing_of_the_cartpole_is_in_code_but_its_analytic_model() {
-    for (file, text) in code() {
+fn only_the_analytic_model_names_quantities_of_the_cartpole() {
+    for (file, text) in source_files() {
         if file.starts_with("crates/seedbed-env/src/analytic") {
             continue;
         }
         let code = text.split("#[cfg(test)]").next().unwrap();
         for word in ["theta_dot", "pole_mass", "cart_mass", "half_length"] {
-            assert!(!code.contains(word), "{file} knows {word}");
+            assert!(!code.contains(word), "{file} contains {word}");
         }
     }
 }
 
-/// The relative links of a Markdown page, without anchors; text in code blocks does not count.
+/// The relative links of a Markdown page, without anchors and without links in code blocks.
 fn relative_links(page: &str) -> Vec<String> {
     let text: Vec<&str> = page
         .lines()
         .filter(|line| !line.starts_with("    "))
         .collect();
     let text = text.join("\n");
-    let targets = text.split("](").skip(1);
-    targets
-        .filter_map(|rest| rest.split([')', '#']).next())
+    let texts_after_link_starts = text.split("](").skip(1);
+    texts_after_link_starts
+        .filter_map(|text| text.split([')', '#']).next())
         .filter(|target| !target.is_empty() && !target.contains("://"))
         .map(str::to_owned)
         .collect()
@@ -236,13 +247,17 @@ fn links_between_pages_lead_to_files() {
         pages.extend(files_below(&root.join(folder), "md"));
     }
     pages.extend(["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(|page| root.join(page)));
-    let mut links = 0;
+    let mut link_count = 0;
     for page in pages {
         for target in relative_links(&fs::read_to_string(&page).unwrap()) {
-            links += 1;
+            link_count += 1;
             let path = page.parent().unwrap().join(&target);
-            assert!(path.exists(), "{} links to {target}", page.display());
+            assert!(
+                path.exists(),
+                "{} links to {target}, which does not exist",
+                page.display()
+            );
         }
     }
-    assert!(links > 50, "{links} links found");
+    assert!(link_count > 50, "{link_count} links found");
 }

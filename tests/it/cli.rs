@@ -1,14 +1,16 @@
-//! The command line: messages, exit statuses, and files that are written.
+//! The command line: messages, exit statuses, and the files that commands write.
 
 use std::path::Path;
 use std::process::{Command, Output};
 
+#[cfg(unix)]
+use super::util::interrupt;
 use super::util::{
     REPOSITORY, command, files_below, names_in, seedbed, small_run, stderr, stdout, wait_until,
 };
 
 #[test]
-fn valid_files_pass() {
+fn check_accepts_valid_files() {
     let output = seedbed(&["check", "scenarios/cartpole.ron", "envs/cartpole.ron"]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(
@@ -19,7 +21,7 @@ fn valid_files_pass() {
 }
 
 #[test]
-fn every_file_of_the_repository_passes() {
+fn check_accepts_every_file_of_the_repository() {
     let mut files = Vec::new();
     for folder in ["envs", "scenarios"] {
         files.extend(files_below(&Path::new(REPOSITORY).join(folder), "ron"));
@@ -36,7 +38,7 @@ fn every_file_of_the_repository_passes() {
             "{answer}"
         );
     }
-    // One file of each kind, in case the files of a kind are no longer found.
+    // The list of files must have one file of each kind.
     for known in [
         "/envs/cartpole.ron: environment",
         "/envs/deep_sea.ron: environment",
@@ -49,24 +51,27 @@ fn every_file_of_the_repository_passes() {
     }
 }
 
-/// Regrets are in `regret.csv` and `summary.json`; a second run into the same directory is refused,
-/// and `--overwrite` repeats it to the bit.
+/// Runs `scenarios/tabular/bipolar_chain.ron` with one episode per agent.
+fn run_bipolar_chain(folder: &Path, agents: u32, extra_arguments: &[&str]) -> Output {
+    let agent_count = format!("agents.count={agents}");
+    let base = [
+        "run",
+        "scenarios/tabular/bipolar_chain.ron",
+        "--set",
+        &agent_count,
+        "--out",
+        folder.to_str().unwrap(),
+    ];
+    seedbed(&[&base, extra_arguments].concat())
+}
+
+/// A second run into the same directory is refused. With `--overwrite`, it writes the same bytes
+/// again.
 #[test]
 fn a_tabular_run_writes_its_files() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
-    let run = |more: &[&str]| {
-        let base = [
-            "run",
-            "scenarios/tabular/bipolar_chain.ron",
-            "--set",
-            "agents.count=20",
-            "--out",
-            path.to_str().unwrap(),
-        ];
-        seedbed(&[&base, more].concat())
-    };
-    let output = run(&[]);
+    let output = run_bipolar_chain(&path, 20, &[]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(
         stdout(&output).contains("regret     "),
@@ -83,20 +88,26 @@ fn a_tabular_run_writes_its_files() {
             "visits.csv"
         ]
     );
-    let regret = std::fs::read_to_string(path.join("regret.csv")).unwrap();
+    let read_table = || std::fs::read_to_string(path.join("regret.csv")).unwrap();
+    let table = read_table();
     assert_eq!(
-        regret.lines().next(),
+        table.lines().next(),
         Some("agent,episode,begun,ended,length,return,regret")
     );
-    assert_eq!(regret.lines().count(), 1 + 20);
-    assert_eq!(run(&[]).status.code(), Some(2));
-    assert!(run(&["--overwrite", "--threads", "1"]).status.success());
-    assert_eq!(
-        std::fs::read_to_string(path.join("regret.csv")).unwrap(),
-        regret
-    );
-    let resolved = path.join("scenario.ron");
-    let checked = seedbed(&["check", resolved.to_str().unwrap()]);
+    assert_eq!(table.lines().count(), 1 + 20);
+    let second = run_bipolar_chain(&path, 20, &[]);
+    assert_eq!(second.status.code(), Some(2));
+    let overwrite = run_bipolar_chain(&path, 20, &["--overwrite", "--threads", "1"]);
+    assert!(overwrite.status.success());
+    assert_eq!(read_table(), table);
+}
+
+#[test]
+fn check_accepts_the_scenario_that_a_tabular_run_stores() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert!(run_bipolar_chain(&path, 20, &[]).status.success());
+    let checked = seedbed(&["check", path.join("scenario.ron").to_str().unwrap()]);
     assert!(
         stdout(&checked)
             .ends_with("tabular scenario with 20 agents in BipolarChain, SeedSampling\n"),
@@ -105,19 +116,13 @@ fn a_tabular_run_writes_its_files() {
     );
 }
 
-/// Of 20 agents with one episode each: progress is printed per tenth of all episodes.
+/// Progress is printed whenever a tenth of all episodes is finished: here 20 agents have one
+/// episode each.
 #[test]
 fn a_tabular_run_prints_progress_and_results() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
-    let output = seedbed(&[
-        "run",
-        "scenarios/tabular/bipolar_chain.ron",
-        "--set",
-        "agents.count=20",
-        "--out",
-        path.to_str().unwrap(),
-    ]);
+    let output = run_bipolar_chain(&path, 20, &[]);
     let progress = stderr(&output);
     assert_eq!(progress.lines().count(), 10, "{progress}");
     assert!(
@@ -141,39 +146,36 @@ fn a_tabular_run_prints_progress_and_results() {
     );
 }
 
-/// A team that is too large for a recording cannot be shown in a viewer, and a tabular run has no
-/// checkpoint from which it could be resumed, not even that of another run.
+/// Only teams of at most 64 agents are recorded. A larger team cannot be shown in a viewer either.
 #[test]
-fn tabular_runs_without_recording_or_checkpoint() {
+fn a_tabular_run_of_65_agents_has_no_recording() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
-    let run = |more: &[&str]| {
-        let base = [
-            "run",
-            "scenarios/tabular/bipolar_chain.ron",
-            "--set",
-            "agents.count=65",
-            "--out",
-            path.to_str().unwrap(),
-        ];
-        seedbed(&[&base, more].concat())
-    };
-    let served = run(&["--serve=0"]);
+    let served = run_bipolar_chain(&path, 65, &["--serve=0"]);
     assert_eq!(served.status.code(), Some(2));
     assert_eq!(
         stderr(&served),
         "error: cannot show scenarios/tabular/bipolar_chain.ron in a viewer: only teams of at most 64 agents are recorded\n"
     );
-    let output = run(&[]);
+    let output = run_bipolar_chain(&path, 65, &[]);
     assert!(
         stdout(&output)
             .ends_with("recording  none: only teams of at most 64 agents are recorded\n"),
         "{output:?}"
     );
+}
+
+/// Tabular runs have no checkpoints. A file with the name of a checkpoint in their directory is not
+/// read.
+#[test]
+fn a_tabular_run_cannot_be_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert!(run_bipolar_chain(&path, 65, &[]).status.success());
     std::fs::remove_file(path.join("summary.json")).unwrap();
     std::fs::create_dir(path.join("checkpoint")).unwrap();
     std::fs::write(path.join("checkpoint/state.bin"), "of another run").unwrap();
-    let resumed = run(&["--resume"]);
+    let resumed = run_bipolar_chain(&path, 65, &["--resume"]);
     assert_eq!(resumed.status.code(), Some(2));
     assert!(
         stderr(&resumed).contains("tabular runs have no checkpoints"),
@@ -183,7 +185,7 @@ fn tabular_runs_without_recording_or_checkpoint() {
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_ends_a_tabular_run() {
+fn ctrl_c_interrupts_a_tabular_run() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let mut command = command(&[
@@ -205,10 +207,7 @@ fn ctrl_c_ends_a_tabular_run() {
         assert_eq!(child.try_wait().unwrap(), None, "the run ended early");
         recording.is_file()
     });
-    let interrupted = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
-    assert!(interrupted.unwrap().success());
+    interrupt(&child);
     let output = child.wait_with_output().unwrap();
     let errors = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{errors}");
@@ -220,7 +219,7 @@ fn ctrl_c_ends_a_tabular_run() {
 }
 
 #[test]
-fn tabular_scenarios_are_compared_by_regret() {
+fn bench_compares_tabular_scenarios_by_regret() {
     let files = [
         "scenarios/tabular/parallel_chains.ron",
         "scenarios/tabular/parallel_chains_ucrl.ron",
@@ -234,11 +233,11 @@ fn tabular_scenarios_are_compared_by_regret() {
         .concat(),
     );
     assert!(output.status.success(), "{}", stderr(&output));
-    let text = stdout(&output);
+    let printed = stdout(&output);
     assert!(
-        text.contains("| parallel_chains      |     10 |")
-            && text.contains("Compared with parallel_chains, paired by run seed"),
-        "{text}"
+        printed.contains("| parallel_chains      |     10 |")
+            && printed.contains("Compared with parallel_chains, paired by run seed"),
+        "{printed}"
     );
     let mixed = seedbed(&["bench", files[0], "scenarios/cartpole.ron"]);
     assert_eq!(mixed.status.code(), Some(2));
@@ -266,36 +265,8 @@ fn a_run_writes_its_files() {
         "summary.json",
     ];
     assert_eq!(names_in(&path), expected);
-
-    let episodes = std::fs::read_to_string(path.join("episodes.csv")).unwrap();
-    assert_eq!(
-        episodes.lines().next(),
-        Some(
-            "agent,episode,round,env_steps,return,length,outcome,coverage,visitation_entropy,team_overlap,effective_agents"
-        )
-    );
-    assert_eq!(episodes.lines().count(), 1 + 2 * 6);
-    let rounds = std::fs::read_to_string(path.join("rounds.csv")).unwrap();
-    let header = "agent,round,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage,\
-                  visitation_entropy,visitation_evenness,team_coverage,team_overlap,effective_agents";
-    assert_eq!(rounds.lines().next(), Some(header));
-    assert_eq!(rounds.lines().count(), 1 + 2 * 6);
-
-    let weights = std::fs::read(path.join("policies.safetensors")).unwrap();
-    let tensors = safetensors::SafeTensors::deserialize(&weights).unwrap();
-    assert_eq!(
-        tensors
-            .tensor("agent_1.policy.layer_0.weight")
-            .unwrap()
-            .shape(),
-        [4, 32]
-    );
-    assert_eq!(
-        tensors.names().len(),
-        2 * (2 * 3 * 2 + 2),
-        "agents × (networks × layers × (weight, bias) + moments)"
-    );
-
+    assert_tables_of_small_run(&path);
+    assert_policies_of_small_run(&path);
     let printed = stdout(&output);
     for word in [
         "finished",
@@ -309,7 +280,41 @@ fn a_run_writes_its_files() {
     }
 }
 
-/// The speed includes the first round, which here is the only one.
+/// The tables have one header and one row per agent and episode: 2 agents have 6 episodes each.
+fn assert_tables_of_small_run(folder: &Path) {
+    let episodes = std::fs::read_to_string(folder.join("episodes.csv")).unwrap();
+    assert_eq!(
+        episodes.lines().next(),
+        Some(
+            "agent,episode,round,env_steps,return,length,outcome,coverage,visitation_entropy,team_overlap,effective_agents"
+        )
+    );
+    assert_eq!(episodes.lines().count(), 1 + 2 * 6);
+    let rounds = std::fs::read_to_string(folder.join("rounds.csv")).unwrap();
+    let header = "agent,round,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage,\
+                  visitation_entropy,visitation_evenness,team_coverage,team_overlap,effective_agents";
+    assert_eq!(rounds.lines().next(), Some(header));
+    assert_eq!(rounds.lines().count(), 1 + 2 * 6);
+}
+
+fn assert_policies_of_small_run(folder: &Path) {
+    let bytes = std::fs::read(folder.join("policies.safetensors")).unwrap();
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    assert_eq!(
+        tensors
+            .tensor("agent_1.policy.layer_0.weight")
+            .unwrap()
+            .shape(),
+        [4, 32]
+    );
+    assert_eq!(
+        tensors.names().len(),
+        2 * (2 * 3 * 2 + 2),
+        "agents × (networks × layers × (weight, bias) + moments)"
+    );
+}
+
+/// The printed speed must include the first round, because this run has no other.
 #[test]
 fn a_run_of_one_round_prints_its_speed() {
     let folder = tempfile::tempdir().unwrap();
@@ -323,7 +328,7 @@ fn a_run_of_one_round_prints_its_speed() {
         .lines()
         .find(|line| line.starts_with("6/6 episodes"))
         .unwrap_or_else(|| panic!("{printed}"));
-    let rate: u64 = line
+    let steps_per_second: u64 = line
         .rsplit(" · ")
         .next()
         .unwrap()
@@ -331,22 +336,23 @@ fn a_run_of_one_round_prints_its_speed() {
         .replace(',', "")
         .parse()
         .unwrap();
-    assert!(rate > 0, "{line}");
+    assert!(steps_per_second > 0, "{line}");
 }
 
-/// A run of the resolved scenario has the same episodes, even if the task's file was changed since.
+/// A run of the stored scenario has the same episodes, even if the task file has been changed since
+/// the first run.
 #[test]
-fn the_resolved_scenario_repeats_the_run() {
+fn the_stored_scenario_repeats_the_run() {
     let folder = tempfile::tempdir().unwrap();
-    let (lab, first, second) = (
-        folder.path().join("lab"),
+    let (project, first, second) = (
+        folder.path().join("project"),
         folder.path().join("first"),
         folder.path().join("second"),
     );
-    std::fs::create_dir_all(lab.join("envs")).unwrap();
-    let task = std::fs::read_to_string("envs/cartpole.ron").unwrap();
-    std::fs::write(lab.join("envs/cartpole.ron"), &task).unwrap();
-    let scenario = lab.join("short.ron");
+    std::fs::create_dir_all(project.join("envs")).unwrap();
+    let task_text = std::fs::read_to_string("envs/cartpole.ron").unwrap();
+    std::fs::write(project.join("envs/cartpole.ron"), &task_text).unwrap();
+    let scenario = project.join("short.ron");
     std::fs::write(
         &scenario,
         r#"Scenario(environment: "cartpole", stop: Episodes(6))"#,
@@ -365,23 +371,24 @@ fn the_resolved_scenario_repeats_the_run() {
     };
     run(&scenario, &first);
     std::fs::write(
-        lab.join("envs/cartpole.ron"),
-        task.replace("mass: 0.1", "mass: 0.3"),
+        project.join("envs/cartpole.ron"),
+        task_text.replace("mass: 0.1", "mass: 0.3"),
     )
     .unwrap();
     run(&first.join("scenario.ron"), &second);
-    let read = |folder: &Path| std::fs::read_to_string(folder.join("episodes.csv")).unwrap();
-    assert_eq!(read(&first), read(&second));
+    let read_episodes =
+        |folder: &Path| std::fs::read_to_string(folder.join("episodes.csv")).unwrap();
+    assert_eq!(read_episodes(&first), read_episodes(&second));
     run(&scenario, &folder.path().join("third"));
     assert_ne!(
-        read(&first),
-        read(&folder.path().join("third")),
-        "the other task does make a difference"
+        read_episodes(&first),
+        read_episodes(&folder.path().join("third")),
+        "the original scenario must use the changed task file"
     );
 }
 
 #[test]
-fn nothing_is_overwritten_without_overwrite() {
+fn a_finished_run_is_replaced_only_with_overwrite() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     assert!(
@@ -420,8 +427,8 @@ fn nothing_is_overwritten_without_overwrite() {
 fn a_directory_with_other_files_is_not_touched() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("thesis.tex"), "precious").unwrap();
-    for more in [&[][..], &["--overwrite"], &["--resume"]] {
-        let refused = small_run(folder.path(), more);
+    for extra_arguments in [&[][..], &["--overwrite"], &["--resume"]] {
+        let refused = small_run(folder.path(), extra_arguments);
         assert_eq!(refused.status.code(), Some(2));
         assert!(
             stderr(&refused).contains("is not empty"),
@@ -433,7 +440,7 @@ fn a_directory_with_other_files_is_not_touched() {
 }
 
 #[test]
-fn overrides_are_explained() {
+fn an_override_of_an_unknown_field_is_explained() {
     let output = seedbed(&[
         "run",
         "scenarios/cartpole.ron",
@@ -453,10 +460,10 @@ fn overrides_are_explained() {
 }
 
 #[test]
-fn a_directory_that_cannot_be_written_is_one_error() {
+fn a_file_in_place_of_the_parent_directory_is_one_error() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
-    std::fs::write(&file, "in the way").unwrap();
+    std::fs::write(&file, "not a directory").unwrap();
     let output = small_run(&file.join("run"), &[]);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert_eq!(
@@ -485,55 +492,60 @@ fn list_prints_environments_scenarios_and_algorithms() {
     }
 }
 
-/// Files are listed from where names are looked up: the working directory and its parents.
+/// Prints `seedbed list WHAT` in a folder.
+fn list_in(folder: &Path, what: &str) -> String {
+    let output = command(&["list", what])
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    stdout(&output)
+}
+
+#[test]
+fn list_explains_missing_directories() {
+    let folder = tempfile::tempdir().unwrap();
+    let subfolder = folder.path().join("notes/today");
+    std::fs::create_dir_all(&subfolder).unwrap();
+    let printed = list_in(&subfolder, "environments");
+    assert!(
+        printed.contains("no directory `envs` in ") && printed.contains("notes/today"),
+        "{printed}"
+    );
+    assert!(list_in(&subfolder, "scenarios").contains("no directory `scenarios` in "));
+}
+
+/// `list` searches the same directories as the lookup of environments and scenarios by name: the
+/// working directory and its parents.
 #[test]
 fn list_searches_parent_directories() {
-    let lab = tempfile::tempdir().unwrap();
-    let (deep, lab) = (
-        lab.path().join("notes/today"),
-        lab.path().canonicalize().unwrap(),
-    );
-    std::fs::create_dir_all(&deep).unwrap();
-    let list = |what| {
-        let output = command(&["list", what])
-            .current_dir(&deep)
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", stderr(&output));
-        stdout(&output)
-    };
-    let nothing = list("environments");
+    let folder = tempfile::tempdir().unwrap();
+    let project = folder.path().canonicalize().unwrap();
+    let subfolder = project.join("notes/today");
+    for name in ["envs", "scenarios", "notes/today"] {
+        std::fs::create_dir_all(project.join(name)).unwrap();
+    }
+    std::fs::copy("envs/cartpole.ron", project.join("envs/broom.ron")).unwrap();
+    let one_agent = r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
+    for name in ["alone", "lonely"] {
+        let path = project.join("scenarios").join(name).with_extension("ron");
+        std::fs::write(path, one_agent).unwrap();
+    }
+    let environments = list_in(&subfolder, "environments");
     assert!(
-        nothing.contains("no directory `envs` in ") && nothing.contains("notes/today"),
-        "{nothing}"
-    );
-    assert!(list("scenarios").contains("no directory `scenarios` in "));
-
-    std::fs::create_dir(lab.join("envs")).unwrap();
-    std::fs::create_dir(lab.join("scenarios")).unwrap();
-    std::fs::copy("envs/cartpole.ron", lab.join("envs/broom.ron")).unwrap();
-    let lonely = r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
-    std::fs::write(lab.join("scenarios/lonely.ron"), lonely).unwrap();
-    let found = list("environments");
-    assert!(
-        found.starts_with(&format!(
+        environments.starts_with(&format!(
             "Environments ({})\n  broom\n",
-            lab.join("envs/").display()
+            project.join("envs/").display()
         )),
-        "{found}"
+        "{environments}"
     );
-    std::fs::copy(
-        lab.join("scenarios/lonely.ron"),
-        lab.join("scenarios/alone.ron"),
-    )
-    .unwrap();
-    let folder = lab.join("scenarios/").display().to_string();
-    let words = "1 agent in broom, at most 1 episode each";
+    let scenarios = project.join("scenarios/").display().to_string();
+    let description = "1 agent in broom, at most 1 episode each";
     let expected = format!(
-        "Scenarios ({folder})\n  {folder}alone.ron  {words}\n  {folder}lonely.ron {words}\n\n"
+        "Scenarios ({scenarios})\n  {scenarios}alone.ron  {description}\n  {scenarios}lonely.ron {description}\n\n"
     );
     assert_eq!(
-        list("scenarios"),
+        list_in(&subfolder, "scenarios"),
         expected,
         "descriptions begin after the longest path"
     );
@@ -571,30 +583,35 @@ fn preview_records_a_task_without_training() {
 }
 
 #[test]
-fn non_finite_numbers_end_the_run() {
+fn non_finite_parameters_end_the_run() {
     let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
     let exploding = [
         "--set",
         "agents.seeds=Normal(sigma: 1e30)",
         "--no-recording",
     ];
-    let output = small_run(&folder.path().join("learning"), &exploding);
+    let output = small_run(&path, &exploding);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(
         stderr(&output).contains("non-finite network parameters (agent"),
         "{}",
         stderr(&output)
     );
-    assert!(!folder.path().join("learning/summary.json").exists());
+    assert!(!path.join("summary.json").exists());
+}
 
+#[test]
+fn a_non_finite_reward_ends_the_run() {
+    let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("envs")).unwrap();
-    let task = std::fs::read_to_string("envs/cartpole.ron")
+    let task_text = std::fs::read_to_string("envs/cartpole.ron")
         .unwrap()
         .replace("reward: \"1\"", "reward: \"1 / (x - x)\"");
-    std::fs::write(folder.path().join("envs/absurd.ron"), task).unwrap();
+    std::fs::write(folder.path().join("envs/absurd.ron"), task_text).unwrap();
     let scenario = folder.path().join("absurd.ron");
     std::fs::write(&scenario, r#"Scenario(environment: "absurd")"#).unwrap();
-    let out = folder.path().join("simulation");
+    let out = folder.path().join("run");
     let output = seedbed(&[
         "run",
         scenario.to_str().unwrap(),
@@ -611,7 +628,7 @@ fn non_finite_numbers_end_the_run() {
 }
 
 #[test]
-fn one_run_at_a_time_writes_to_a_directory() {
+fn only_one_run_at_a_time_writes_to_a_directory() {
     let folder = tempfile::tempdir().unwrap();
     let lock = seedbed::run::folder::RunFolder::new(folder.path().join("run"))
         .lock()
@@ -624,8 +641,8 @@ fn one_run_at_a_time_writes_to_a_directory() {
         stderr(&output)
     );
     drop(lock);
-    // A process that another test is starting may have a copy of the lock for a moment.
-    wait_until("a run that was broken off does not prevent another", || {
+    // A process that another test is starting at this moment may have inherited the lock.
+    wait_until("a run starts after the lock is released", || {
         small_run(&folder.path().join("run"), &["--no-recording"])
             .status
             .success()
@@ -633,7 +650,7 @@ fn one_run_at_a_time_writes_to_a_directory() {
 }
 
 #[test]
-fn contradicting_settings_are_refused() {
+fn invalid_settings_are_refused() {
     for (setting, expected) in [
         (
             "algorithm.policy_loss=SimplePg",
@@ -678,14 +695,33 @@ fn contradicting_settings_are_refused() {
     }
 }
 
-/// A trained policy keeps the pole up longer with greedy than with nearly random actions; the same run
-/// seed plays the same episodes.
+/// Mean return of the team as printed by `seedbed evaluate RUN --episodes 5`.
+fn evaluated_return(run: &str, extra_arguments: &[&str]) -> f64 {
+    let output = seedbed(&[&["evaluate", run, "--episodes", "5"], extra_arguments].concat());
+    let rows = table_rows(&output);
+    assert_eq!(rows.len(), 1 + 1 + 16 + 1, "{rows:?}");
+    let team = rows.iter().find(|row| row.starts_with("| team")).unwrap();
+    team.split('|').nth(2).unwrap().trim().parse().unwrap()
+}
+
+/// The lines of the table that a successful command printed.
+fn table_rows(output: &Output) -> Vec<String> {
+    assert!(output.status.success(), "{}", stderr(output));
+    stdout(output)
+        .lines()
+        .filter(|line| line.starts_with('|'))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// A trained policy keeps the pole up longer with greedy than with nearly random actions; the same
+/// run seed plays the same episodes.
 #[test]
 fn a_run_is_evaluated() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let run = path.to_str().unwrap();
-    let trained = [
+    let train = [
         "run",
         "scenarios/cartpole_16.ron",
         "--quiet",
@@ -695,102 +731,89 @@ fn a_run_is_evaluated() {
         "--set",
         "stop=Episodes(40)",
     ];
-    assert!(seedbed(&trained).status.success());
-    let team_mean = |more: &[&str]| -> f64 {
-        let output = seedbed(&[&["evaluate", run, "--episodes", "5"], more].concat());
-        assert!(output.status.success(), "{}", stderr(&output));
-        let printed = String::from_utf8(output.stdout).unwrap();
-        assert_eq!(
-            printed
-                .lines()
-                .filter(|line| line.starts_with("| "))
-                .count(),
-            1 + 16 + 1,
-            "{printed}"
-        );
-        let team = printed
-            .lines()
-            .find(|line| line.starts_with("| team"))
-            .unwrap();
-        team.split('|').nth(2).unwrap().trim().parse().unwrap()
-    };
-    let (greedy, random) = (
-        team_mean(&["--actions", "greedy"]),
-        team_mean(&["--temperature", "100"]),
+    assert!(seedbed(&train).status.success());
+    let (greedy, nearly_random) = (
+        evaluated_return(run, &["--actions", "greedy"]),
+        evaluated_return(run, &["--temperature", "100"]),
     );
-    assert!(greedy > 100.0 && random < 50.0, "{greedy} {random}");
-    assert_eq!(team_mean(&[]), team_mean(&["--actions", "sampled"]));
-    assert_ne!(team_mean(&[]), team_mean(&["--seed", "1"]));
+    assert!(
+        greedy > 100.0 && nearly_random < 50.0,
+        "{greedy} {nearly_random}"
+    );
+    let default = evaluated_return(run, &[]);
+    assert_eq!(default, evaluated_return(run, &["--actions", "sampled"]));
+    assert_ne!(default, evaluated_return(run, &["--seed", "1"]));
+}
 
-    let wrong = seedbed(&["evaluate", run, "--temperature", "-1"]);
+#[test]
+fn evaluate_explains_invalid_arguments() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert!(
+        small_run(&path, &["--quiet", "--no-recording"])
+            .status
+            .success()
+    );
+    let evaluate = ["evaluate", path.to_str().unwrap(), "--temperature", "-1"];
+    let negative_temperature = seedbed(&evaluate);
     assert_eq!(
-        (wrong.status.code(), stderr(&wrong)),
+        (
+            negative_temperature.status.code(),
+            stderr(&negative_temperature)
+        ),
         (
             Some(2),
             "error: --temperature: expected a number above 0, found -1.0\n".to_owned()
         )
     );
-    let nowhere = folder.path().join("nowhere");
-    let nothing = seedbed(&["evaluate", nowhere.to_str().unwrap()]);
-    assert_eq!(nothing.status.code(), Some(2));
+    let missing_path = folder.path().join("nowhere");
+    let missing_run = seedbed(&["evaluate", missing_path.to_str().unwrap()]);
+    assert_eq!(missing_run.status.code(), Some(2));
     assert!(
-        stderr(&nothing).contains("scenario.ron: no such file"),
+        stderr(&missing_run).contains("scenario.ron: no such file"),
         "{}",
-        stderr(&nothing)
+        stderr(&missing_run)
     );
 }
 
-/// A replay plays the episodes of an evaluation, and records the bodies of the selected agents.
+/// A replay plays the episodes of an evaluation with the same run seed. It records the raw data of
+/// all agents, and the bodies of the selected agents.
 #[test]
 fn a_run_is_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run");
     let run = path.to_str().unwrap();
     assert!(small_run(&path, &["--quiet"]).status.success());
-    let table = |output: &Output| -> Vec<String> {
-        assert!(output.status.success(), "{}", stderr(output));
-        stdout(output)
-            .lines()
-            .filter(|line| line.starts_with('|'))
-            .map(str::to_owned)
-            .collect()
-    };
-    let replayed = seedbed(&[
-        "replay",
-        run,
-        "--episodes",
-        "3",
-        "--agents",
-        "1",
-        "--seed",
-        "4",
-    ]);
-    assert_eq!(
-        table(&replayed),
-        table(&seedbed(&[
-            "evaluate",
-            run,
-            "--episodes",
-            "3",
-            "--seed",
-            "4"
-        ]))
-    );
+    let three_episodes = ["--episodes", "3", "--seed", "4"];
+    let evaluated = seedbed(&[&["evaluate", run], &three_episodes[..]].concat());
+    let replayed = seedbed(&[&["replay", run, "--agents", "1"], &three_episodes[..]].concat());
+    assert_eq!(table_rows(&replayed), table_rows(&evaluated));
     let recording = path.join("replay.rrd");
     assert!(
-        stdout(&replayed).ends_with(&format!("open it with\n  rerun {}\n", recording.display())),
+        stdout(&replayed).ends_with(&format!(
+            "open the recording with\n  rerun {}\n",
+            recording.display()
+        )),
         "{}",
         stdout(&replayed)
     );
     let bytes = std::fs::read(&recording).unwrap();
-    let holds = |name: &str| {
+    let has_entity = |name: &str| {
         bytes
             .windows(name.len())
             .any(|window| window == name.as_bytes())
     };
-    assert!(holds("/scene/agent_1") && !holds("/scene/agent_0") && holds("/raw/agent_0"));
+    assert!(has_entity("/raw/agent_0"));
+    assert!(has_entity("/scene/agent_1") && !has_entity("/scene/agent_0"));
+}
 
-    for (more, expected) in [
+#[test]
+fn replay_explains_invalid_arguments() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    assert!(small_run(&path, &["--quiet"]).status.success());
+    for (extra_arguments, expected) in [
         (
             &["--agents", "0,2"][..],
             "error: --agents: there is no agent 2; the team of `cartpole` has agents 0 to 1\n"
@@ -807,7 +830,7 @@ fn a_run_is_replayed() {
             "error: --temperature: expected a number above 0, found 0.0\n".to_owned(),
         ),
     ] {
-        let refused = seedbed(&[&["replay", run], more].concat());
+        let refused = seedbed(&[&["replay", run], extra_arguments].concat());
         assert_eq!(
             (refused.status.code(), stderr(&refused)),
             (Some(2), expected)
@@ -816,7 +839,7 @@ fn a_run_is_replayed() {
 }
 
 #[test]
-fn a_closed_pipe_is_no_error() {
+fn a_closed_pipe_is_not_an_error() {
     let command = format!("{} list | head -1", env!("CARGO_BIN_EXE_seedbed"));
     let output = Command::new("sh")
         .args(["-c", &command])
@@ -828,7 +851,7 @@ fn a_closed_pipe_is_no_error() {
 }
 
 #[test]
-fn an_unknown_environment_is_reported_with_known_names() {
+fn check_lists_the_known_environments_if_a_name_is_unknown() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wrong.ron");
     std::fs::write(&path, "Scenario(\n    environment: \"cartpol\",\n)").unwrap();
@@ -850,14 +873,15 @@ fn an_unknown_environment_is_reported_with_known_names() {
     );
 }
 
-/// Lines of a benchmark without speeds, which differ between machines. Random actions keep the pole up
-/// for about 20 steps.
-fn bench_of_two(seeds: &str) -> Vec<String> {
-    let easy = [
+/// The lines that `bench` prints for two scenarios, without speeds, which differ from run to run.
+/// The threshold is low, so that the runs are short: random actions keep the pole up for about 20
+/// steps.
+fn bench_lines_without_speeds(run_seeds: &str) -> Vec<String> {
+    let short_runs = [
         "--set",
         "stop=Solved(return: 25, window: 1, at_most: 40)",
         "--seeds",
-        seeds,
+        run_seeds,
     ];
     let output = seedbed(
         &[
@@ -866,7 +890,7 @@ fn bench_of_two(seeds: &str) -> Vec<String> {
                 "scenarios/cartpole_1.ron",
                 "scenarios/cartpole.ron",
             ],
-            easy.as_slice(),
+            short_runs.as_slice(),
         ]
         .concat(),
     );
@@ -883,8 +907,8 @@ fn bench_of_two(seeds: &str) -> Vec<String> {
 
 #[test]
 fn a_benchmark_is_reproducible() {
-    let lines = bench_of_two("6");
-    assert_eq!(lines, bench_of_two("6"));
+    let lines = bench_lines_without_speeds("6");
+    assert_eq!(lines, bench_lines_without_speeds("6"));
     let rows: Vec<&String> = lines
         .iter()
         .filter(|line| line.starts_with("| cartpole"))
@@ -907,8 +931,8 @@ fn a_benchmark_is_reproducible() {
 }
 
 #[test]
-fn a_benchmark_of_few_seeds_has_no_intervals() {
-    let lines = bench_of_two("4");
+fn a_benchmark_of_four_run_seeds_has_no_intervals() {
+    let lines = bench_lines_without_speeds("4");
     assert_eq!(
         lines.last().map(String::as_str),
         Some("No intervals: 5 run seeds are needed, found 4.")

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use rerun::TimelineName;
@@ -24,10 +24,11 @@ const SHORT_RUN: [&str; 6] = [
     "checkpoint_every=5",
 ];
 
-/// Numbers of the recorded steps, by entity `/raw/agent_K`, as far as a recording can be read.
+/// Numbers of the recorded steps, by entity `/raw/agent_K`, up to the first message that cannot be
+/// read.
 fn recorded_steps(path: &Path) -> BTreeMap<String, Vec<i64>> {
     let mut steps: BTreeMap<String, Vec<i64>> = BTreeMap::new();
-    // Decoding stops at an incomplete message; nothing should follow it.
+    // Decoding stops at an incomplete message, which must be the last message.
     for message in
         DecoderApp::decode_lazy(BufReader::new(File::open(path).unwrap())).map_while(Result::ok)
     {
@@ -49,7 +50,7 @@ fn recorded_steps(path: &Path) -> BTreeMap<String, Vec<i64>> {
 
 /// Number of rows that `/raw/agent_0` should have for the first `episodes` episodes, computed from
 /// `episodes.csv`: one row per step, and one for the last observation of each episode.
-fn steps_in_table(folder: &Path, episodes: usize) -> usize {
+fn expected_row_count(folder: &Path, episodes: usize) -> usize {
     let table = std::fs::read_to_string(folder.join("episodes.csv")).unwrap();
     let rows = table
         .lines()
@@ -101,7 +102,7 @@ fn a_crashed_run_leaves_a_readable_recording() {
             &crashed,
             &[&SHORT_RUN[..], extra_arguments].concat(),
         ));
-        let steps_at_checkpoint = steps_in_table(&uninterrupted, episodes_at_checkpoint);
+        let steps_at_checkpoint = expected_row_count(&uninterrupted, episodes_at_checkpoint);
         assert_recorded_without_gaps(
             &crashed.join("run.rrd.part"),
             "/raw/agent_0",
@@ -127,26 +128,8 @@ fn a_run_that_fills_the_disk_can_be_resumed() {
         finish_uninterrupted_run(folder.path()),
         folder.path().join("full"),
     );
-    let blocks = std::fs::metadata(uninterrupted.join("run.rrd"))
-        .unwrap()
-        .len()
-        * 2
-        / 3
-        / 512;
-    let command = run_command(&disk_full, &[&SHORT_RUN[..], &["--quiet"]].concat());
-    let quoted_arguments = [command.get_program()]
-        .into_iter()
-        .chain(command.get_args())
-        .map(|word| format!("'{}'", word.display()));
-    let shell_command = format!(
-        "trap '' XFSZ; ulimit -f {blocks}; exec {}",
-        quoted_arguments.collect::<Vec<_>>().join(" ")
-    );
-    let output = Command::new("sh")
-        .args(["-c", &shell_command])
-        .current_dir(REPOSITORY)
-        .output()
-        .unwrap();
+    let recording = std::fs::metadata(uninterrupted.join("run.rrd")).unwrap();
+    let output = run_with_file_size_limit(&disk_full, recording.len() * 2 / 3);
     let printed = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{printed}");
     assert!(
@@ -175,8 +158,32 @@ fn a_run_that_fills_the_disk_can_be_resumed() {
     );
     assert_same_results(&uninterrupted, &disk_full);
     let steps = recorded_steps(&disk_full.join("run.rrd"));
-    assert_eq!(steps["/raw/agent_0"].len(), steps_in_table(&disk_full, 60));
+    assert_eq!(
+        steps["/raw/agent_0"].len(),
+        expected_row_count(&disk_full, 60)
+    );
     assert_eq!(steps, recorded_steps(&uninterrupted.join("run.rrd")));
+}
+
+/// Starts a run that cannot write files longer than `max_bytes`, rounded down to blocks of 512
+/// bytes.
+#[cfg(unix)]
+fn run_with_file_size_limit(folder: &Path, max_bytes: u64) -> Output {
+    let command = run_command(folder, &[&SHORT_RUN[..], &["--quiet"]].concat());
+    let quoted_arguments = [command.get_program()]
+        .into_iter()
+        .chain(command.get_args())
+        .map(|word| format!("'{}'", word.display()));
+    let shell_command = format!(
+        "trap '' XFSZ; ulimit -f {}; exec {}",
+        max_bytes / 512,
+        quoted_arguments.collect::<Vec<_>>().join(" ")
+    );
+    Command::new("sh")
+        .args(["-c", &shell_command])
+        .current_dir(REPOSITORY)
+        .output()
+        .unwrap()
 }
 
 /// No user can create a folder in `/proc`.
@@ -233,7 +240,7 @@ fn results_do_not_depend_on_a_viewer_that_hangs() {
     let folder = tempfile::tempdir().unwrap();
     let (uninterrupted, with_viewer) = (
         finish_uninterrupted_run(folder.path()),
-        folder.path().join("watched"),
+        folder.path().join("with_viewer"),
     );
     let unresponsive_viewer = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!(
@@ -339,7 +346,7 @@ fn results_do_not_depend_on_serving_viewers() {
     );
 }
 
-/// Peak resident memory of a run of 32 random agents, in bytes.
+/// Runs 32 random agents, and returns the peak resident memory of the process in bytes.
 #[cfg(target_os = "linux")]
 fn peak_memory(folder: &Path, episodes: u32) -> u64 {
     let stop = format!("stop=Episodes({episodes})");

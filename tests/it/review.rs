@@ -7,7 +7,7 @@ use seedbed::record::RecordedEpisode;
 use seedbed::record::recording::Recording;
 use seedbed::run::review::LoadedRun;
 
-use super::util::{REPOSITORY, refuse, small_run, stderr, succeed};
+use super::util::{REPOSITORY, command, refuse, small_run, stderr, succeed};
 
 const SAMPLE: &str = "recordings/sample/run.rrd";
 
@@ -19,8 +19,8 @@ fn finish_small_run(folder: &Path, extra_arguments: &[&str]) -> PathBuf {
     path
 }
 
-/// `inspect` prints the same statistics of agents and states for a run folder as for its recording
-/// alone.
+/// `inspect` prints the same statistics of agents and states for a run folder and for a copy of its
+/// recording without tables.
 #[test]
 fn inspect_prints_the_same_statistics_with_and_without_tables() {
     let folder = tempfile::tempdir().unwrap();
@@ -35,10 +35,6 @@ fn inspect_prints_the_same_statistics_with_and_without_tables() {
             "{page}"
         );
     }
-    let statistics_section = |page: &str| {
-        let (_, rest) = page.split_once("mean return of the team").unwrap();
-        rest.split_once("files").unwrap().0.to_owned()
-    };
     assert_eq!(
         statistics_section(&printed_with_tables),
         statistics_section(&printed_without_tables)
@@ -56,19 +52,28 @@ fn inspect_prints_the_same_statistics_with_and_without_tables() {
     let run_folder = LoadedRun::open(&run).unwrap();
     let mut recording_only = LoadedRun::open(&recording_path).unwrap();
     recording_only.compute_stats(|_| ()).unwrap();
-    let columns_of_episodes = |rows: &[EpisodeRow]| -> Vec<EpisodeRow> {
-        let without_round_statistics = |row: &EpisodeRow| EpisodeRow {
+    assert_eq!(
+        without_round_statistics(&recording_only.episodes),
+        without_round_statistics(&run_folder.episodes)
+    );
+}
+
+/// The part of the output of `inspect` that is computed from episodes.
+fn statistics_section(page: &str) -> &str {
+    let (_, after_heading) = page.split_once("mean return of the team").unwrap();
+    after_heading.split_once("files").unwrap().0
+}
+
+/// Rows without the columns that a recording alone does not provide: statistics of whole rounds.
+fn without_round_statistics(rows: &[EpisodeRow]) -> Vec<EpisodeRow> {
+    rows.iter()
+        .map(|row| EpisodeRow {
             visitation_entropy: 0.0,
             team_overlap: 0.0,
             effective_agents: 0.0,
             ..row.clone()
-        };
-        rows.iter().map(without_round_statistics).collect()
-    };
-    assert_eq!(
-        columns_of_episodes(&recording_only.episodes),
-        columns_of_episodes(&run_folder.episodes)
-    );
+        })
+        .collect()
 }
 
 #[test]
@@ -105,12 +110,15 @@ fn inspect_explains_why_a_path_is_not_a_run() {
         refuse(&["inspect", empty]),
         format!("error: {empty} contains no run: expected episodes.csv or run.rrd in it\n")
     );
-    let broken = folder.path().join("episodes.csv");
-    std::fs::write(&broken, "agent,episode\n0,zero\n").unwrap();
+    let broken_table = folder.path().join("episodes.csv");
+    std::fs::write(&broken_table, "agent,episode\n0,zero\n").unwrap();
     std::fs::write(folder.path().join("rounds.csv"), "").unwrap();
     let error = refuse(&["inspect", empty]);
     assert!(
-        error.starts_with(&format!("error: cannot read {}: CSV ", broken.display())),
+        error.starts_with(&format!(
+            "error: cannot read {}: CSV ",
+            broken_table.display()
+        )),
         "{error}"
     );
 }
@@ -143,50 +151,36 @@ fn plot_explains_invalid_options() {
     assert!(plot(&["--episodes", "5..5"]).contains("the range is empty"));
 }
 
+/// Runs `seedbed plot recordings/sample/run.rrd --what visitation --agents 3 EXTRA_ARGUMENTS` and
+/// returns the figure as SVG.
+fn plot_visitation_of_agent_3(extra_arguments: &[&str]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let figure = folder.path().join("figure.svg");
+    let out = ["--out", figure.to_str().unwrap()];
+    let base = ["plot", SAMPLE, "--what", "visitation", "--agents", "3"];
+    succeed(&[&base, extra_arguments, &out].concat());
+    std::fs::read_to_string(&figure).unwrap()
+}
+
 /// With `--agents 3 --episodes 0..5`, the figure has one line per recorded state of these episodes.
 #[test]
 fn plot_draws_each_selected_state_as_one_line() {
-    let folder = tempfile::tempdir().unwrap();
-    let figure = folder.path().join("figure.svg");
-    let out = figure.to_str().unwrap();
     let states: usize = sample_episodes()
         .iter()
-        .filter(|e| e.agent == 3 && e.episode < 5)
-        .map(|e| e.length() + 1)
+        .filter(|episode| episode.agent == 3 && episode.episode < 5)
+        .map(|episode| episode.length() + 1)
         .sum();
-    succeed(&[
-        "plot",
-        SAMPLE,
-        "--what",
-        "visitation",
-        "--agents",
-        "3",
-        "--episodes",
-        "0..5",
-        "--out",
-        out,
-    ]);
-    let svg = std::fs::read_to_string(&figure).unwrap();
+    let svg = plot_visitation_of_agent_3(&["--episodes", "0..5"]);
     assert_eq!(svg.matches("stroke-width=\"0.7\"").count(), states);
     assert!(
         svg.contains(&format!(">agent 3: {states} states</text>")),
         "{states}"
     );
-    succeed(&[
-        "plot",
-        SAMPLE,
-        "--what",
-        "visitation",
-        "--agents",
-        "3",
-        "--colour",
-        "episode",
-        "--lines",
-        "50",
-        "--out",
-        out,
-    ]);
-    let svg = std::fs::read_to_string(&figure).unwrap();
+}
+
+#[test]
+fn plot_draws_at_most_the_chosen_number_of_lines() {
+    let svg = plot_visitation_of_agent_3(&["--colour", "episode", "--lines", "50"]);
     assert_eq!(svg.matches("stroke-width=\"0.7\"").count(), 50);
     assert!(svg.contains(">agent 3: 50 of "));
 }
@@ -231,15 +225,36 @@ fn plot_supports_every_color_option() {
     assert!(line.contains("panels"), "{line}");
 }
 
+/// The episodes of the sample recording, sorted by (round, agent).
 fn sample_episodes() -> Vec<RecordedEpisode> {
-    let recording = Recording::open(&Path::new(REPOSITORY).join(SAMPLE)).unwrap();
-    let mut episodes: Vec<RecordedEpisode> = recording
+    let mut episodes = read_episodes(&Path::new(REPOSITORY).join(SAMPLE));
+    episodes.sort_by_key(|episode| (episode.round, episode.agent));
+    episodes
+}
+
+fn read_episodes(recording: &Path) -> Vec<RecordedEpisode> {
+    let recording = Recording::open(recording).unwrap();
+    recording
         .episodes()
         .unwrap()
         .collect::<Result<_, _>>()
-        .unwrap();
-    episodes.sort_by_key(|episode| (episode.round, episode.agent));
-    episodes
+        .unwrap()
+}
+
+/// The arguments of the first command `seedbed …` in `recordings/README.md`, which records the
+/// sample.
+fn sample_arguments() -> Vec<String> {
+    let page = std::fs::read_to_string(Path::new(REPOSITORY).join("recordings/README.md")).unwrap();
+    let command = page
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("seedbed "))
+        .unwrap()
+        .replace('\'', "");
+    let (before_comment, _) = command.split_once("  ").unwrap_or((&command, ""));
+    before_comment
+        .split_whitespace()
+        .map(str::to_owned)
+        .collect()
 }
 
 /// Runs the command of `recordings/README.md` and compares the first round with the sample. Later
@@ -248,31 +263,10 @@ fn sample_episodes() -> Vec<RecordedEpisode> {
 fn the_command_in_the_recordings_readme_reproduces_the_sample() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sample");
-    let page = std::fs::read_to_string(Path::new(REPOSITORY).join("recordings/README.md")).unwrap();
-    let command = page
-        .lines()
-        .find_map(|line| line.trim().strip_prefix("seedbed "))
-        .unwrap()
-        .replace('\'', "");
-    let arguments: Vec<&str> = command
-        .split("  ")
-        .next()
-        .unwrap()
-        .split_whitespace()
-        .collect();
-    succeed(
-        &[
-            &arguments[..],
-            &["--quiet", "--out", path.to_str().unwrap()],
-        ]
-        .concat(),
-    );
-    let repeated_episodes = Recording::open(&path.join("run.rrd")).unwrap();
-    let repeated_episodes: Vec<RecordedEpisode> = repeated_episodes
-        .episodes()
-        .unwrap()
-        .collect::<Result<_, _>>()
-        .unwrap();
+    let mut command = command(&sample_arguments());
+    let status = command.args(["--quiet", "--out"]).arg(&path).status();
+    assert!(status.unwrap().success());
+    let repeated_episodes = read_episodes(&path.join("run.rrd"));
     let sample = sample_episodes();
     assert_eq!((sample.len(), repeated_episodes.len()), (4 * 30, 4 * 30));
     for episode in sample.iter().filter(|episode| episode.round == 0) {
@@ -287,7 +281,7 @@ fn the_command_in_the_recordings_readme_reproduces_the_sample() {
             .observations
             .iter()
             .zip(&repeated_episode.observations)
-            .all(|(one, candidate)| (one - candidate).abs() < 1e-4);
+            .all(|(one, other)| (one - other).abs() < 1e-4);
         assert!(
             observations_are_close && episode.outcome == repeated_episode.outcome,
             "{episode:?}"

@@ -3,13 +3,15 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 
+#[cfg(unix)]
+use super::util::interrupt;
 use super::util::{REPOSITORY, command, crash, files_below, seedbed, stderr, stdout, wait_until};
 
-/// A study of two agents and few episodes: two cells that differ, and a third with the settings of the
-/// first.
-fn text(repeats: u32, more: &str) -> String {
+/// A study of two agents and few episodes. It has three cells: the results of `σ 0` and `σ 9`
+/// differ, those of `σ 0 again` equal those of `σ 0`.
+fn study_text(repeats: u32, extra_fields: &str) -> String {
     let scenario = Path::new(REPOSITORY).join("scenarios/cartpole.ron");
     format!(
         r#"Study(
@@ -21,14 +23,15 @@ fn text(repeats: u32, more: &str) -> String {
             repeats: {repeats},
             measures: [FinalReturn(window: 5), Coverage],
             figures: [Curves(window: 3), Visitation(cells: ["σ 9"], episodes: [First(2), All])],
-            {more}
+            {extra_fields}
         )"#,
         scenario.display()
     )
 }
 
-/// A temporary directory, the path of a study file in it, and a path for its results.
-fn study_in_folder(text: &str) -> (tempfile::TempDir, String, PathBuf) {
+/// Writes a study file in a temporary directory. Returns the directory, the path of the study file,
+/// and a path for results.
+fn write_study(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("small.ron");
     fs::write(&study, text).unwrap();
@@ -39,20 +42,26 @@ fn study_in_folder(text: &str) -> (tempfile::TempDir, String, PathBuf) {
     (folder, study, out)
 }
 
-fn run(study: &str, out: &Path, more: &[&str]) -> Output {
-    seedbed(&[&["study", study, "--out", out.to_str().unwrap()], more].concat())
+fn run_study(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
+    seedbed(
+        &[
+            &["study", study, "--out", out.to_str().unwrap()],
+            extra_arguments,
+        ]
+        .concat(),
+    )
 }
 
-/// Number of bytes of the build's hash at the end of a result file.
-const BUILD_HASH: usize = 8;
+/// Number of bytes of the hash of the build, which is at the end of a result file.
+const BUILD_HASH_LENGTH: usize = 8;
 
-/// Contents of the result files, by file name.
-fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
-    let named = |path: PathBuf| {
+/// Contents of the result files of runs, by file name.
+fn stored_results(out: &Path) -> BTreeMap<String, Vec<u8>> {
+    let name_and_bytes = |path: PathBuf| {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         (name, fs::read(path).unwrap())
     };
-    result_files(out).into_iter().map(named).collect()
+    result_files(out).into_iter().map(name_and_bytes).collect()
 }
 
 fn result_files(out: &Path) -> Vec<PathBuf> {
@@ -61,24 +70,32 @@ fn result_files(out: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn results_depend_neither_on_jobs_nor_on_processes() {
-    let (_folder, study, out) = study_in_folder(&text(2, ""));
-    assert!(run(&study, &out, &["--jobs", "2"]).status.success());
-    let whole = results(&out);
-    assert_eq!(whole.len(), 6);
-    let (_folder, _, alone) = study_in_folder("");
-    assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
-    assert_eq!(results(&alone), whole);
+    let (_folder, study, out) = write_study(&study_text(2, ""));
+    assert!(run_study(&study, &out, &["--jobs", "2"]).status.success());
+    let results = stored_results(&out);
+    assert_eq!(results.len(), 6);
+    let (_folder, _, one_job) = write_study("");
+    assert!(
+        run_study(&study, &one_job, &["--jobs", "1"])
+            .status
+            .success()
+    );
+    assert_eq!(stored_results(&one_job), results);
 
-    let (_folder, _, single) = study_in_folder("");
+    let (_folder, _, one_process_per_run) = write_study("");
     for index in ["4", "0", "5", "1", "2", "3"] {
-        assert!(run(&study, &single, &["--index", index]).status.success());
+        assert!(
+            run_study(&study, &one_process_per_run, &["--index", index])
+                .status
+                .success()
+        );
     }
-    assert_eq!(results(&single), whole);
-    let beyond = run(&study, &single, &["--index", "6"]);
+    assert_eq!(stored_results(&one_process_per_run), results);
+    let beyond = run_study(&study, &one_process_per_run, &["--index", "6"]);
     assert_eq!(beyond.status.code(), Some(2));
     let expected = "error: --index 6: expected an index from 0 to 5; --list shows all\n";
     assert_eq!(stderr(&beyond), expected);
-    let listed = stdout(&run(&study, &single, &["--list"]));
+    let listed = stdout(&run_study(&study, &one_process_per_run, &["--list"]));
     assert_eq!(
         listed.lines().next(),
         Some("     0  finished  run seed 1000    σ 0")
@@ -88,8 +105,8 @@ fn results_depend_neither_on_jobs_nor_on_processes() {
 
 /// The study crashes when two of twelve runs are finished.
 #[test]
-fn a_crashed_study_runs_its_missing_runs() {
-    let (_folder, study, out) = study_in_folder(&text(4, ""));
+fn a_crashed_study_runs_only_its_missing_runs() {
+    let (_folder, study, out) = write_study(&study_text(4, ""));
     let path = out.to_str().unwrap();
     let arguments = ["study", &study, "--out", path, "--jobs", "1"];
     crash(command(
@@ -97,71 +114,62 @@ fn a_crashed_study_runs_its_missing_runs() {
     ));
     assert_eq!(result_files(&out).len(), 2);
 
-    let output = run(&study, &out, &[]);
+    let output = run_study(&study, &out, &[]);
     assert!(output.status.success(), "{output:?}");
     assert!(
         stdout(&output).starts_with("study      small: 3 cells, 4 runs each, 10 to run\n"),
         "{output:?}"
     );
-    let (_folder, _, without_crash) = study_in_folder("");
-    assert!(run(&study, &without_crash, &[]).status.success());
-    assert_eq!(results(&out), results(&without_crash));
+    let (_folder, _, without_crash) = write_study("");
+    assert!(run_study(&study, &without_crash, &[]).status.success());
+    assert_eq!(stored_results(&out), stored_results(&without_crash));
 }
 
-/// Two cells with equal settings are run once and reported twice, with the states that either of them
-/// needs.
+/// Two cells with equal settings are run once and reported twice. The stored runs have the visited
+/// states that the figures of either cell need.
 #[test]
 fn cells_with_equal_settings_share_their_runs() {
-    let text = text(1, "")
+    let text = study_text(1, "")
         .replace("TwoPoint(sigma: 0)", "Normal(sigma: 0.0)")
         .replace(r#"cells: ["σ 9"]"#, r#"cells: ["σ 0 again"]"#);
-    let (_folder, study, out) = study_in_folder(&text);
-    let output = stdout(&run(&study, &out, &[]));
+    let (_folder, study, out) = write_study(&text);
+    let output = stdout(&run_study(&study, &out, &[]));
     assert!(
         output.starts_with("study      small: 3 cells, 1 run each, 2 to run\n"),
         "{output}"
     );
     assert_eq!(result_files(&out).len(), 2);
     assert!(
-        stdout(&run(&study, &out, &[]))
+        stdout(&run_study(&study, &out, &[]))
             .starts_with("study      small: 3 cells, 1 run each, 0 to run\n")
     );
     let table = fs::read_to_string(out.join("results.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + 3, "{table}");
 }
 
-/// Changed bytes of a stored result stand for results of other code.
+/// The test changes stored results, as if another version of the program had computed them.
 #[test]
 fn verify_finds_runs_that_are_not_reproduced() {
-    let (_folder, study, out) = study_in_folder(&text(2, ""));
-    let empty = run(&study, &out, &["--verify"]);
+    let (_folder, study, out) = write_study(&study_text(2, ""));
+    let without_runs = run_study(&study, &out, &["--verify"]);
     let expected = format!(
         "error: {} contains no runs of this study to verify\n",
         out.display()
     );
-    assert_eq!((empty.status.code(), stderr(&empty)), (Some(2), expected));
-    assert!(run(&study, &out, &[]).status.success());
-    let before = results(&out);
-    let verified = run(&study, &out, &["--verify=4"]);
+    assert_eq!(
+        (without_runs.status.code(), stderr(&without_runs)),
+        (Some(2), expected)
+    );
+    assert!(run_study(&study, &out, &[]).status.success());
+    let verified = run_study(&study, &out, &["--verify=4"]);
     assert!(verified.status.success(), "{verified:?}");
     assert_eq!(
         stdout(&verified),
         "verified   small: 4 of 4 repeated runs are bit-identical (6 runs stored)\n"
     );
 
-    let results_of = |seed: u64| {
-        before
-            .keys()
-            .filter(move |name| name.ends_with(&format!("-{seed}.run")))
-    };
-    for name in results_of(1001) {
-        let mut bytes = before[name].clone();
-        // The curves are stored before the build's hash: this changes the sign of one value.
-        let last = bytes.len() - BUILD_HASH - 2;
-        bytes[last] ^= 0x80;
-        fs::write(out.join("runs").join(name), bytes).unwrap();
-    }
-    let verified = run(&study, &out, &["--verify"]);
+    change_stored_curves(&out, 1001);
+    let verified = run_study(&study, &out, &["--verify"]);
     let errors = stderr(&verified);
     assert_eq!(verified.status.code(), Some(1), "{errors}");
     assert_eq!(
@@ -178,12 +186,25 @@ fn verify_finds_runs_that_are_not_reproduced() {
     );
 }
 
-/// A result without a build's hash is from an older version, one with another hash from another
-/// build.
+/// Changes the sign of one value in the stored results of all runs with a run seed.
+fn change_stored_curves(out: &Path, run_seed: u64) {
+    let file_end = format!("-{run_seed}.run");
+    for (name, mut bytes) in stored_results(out) {
+        if name.ends_with(&file_end) {
+            // The curves are stored just before the hash of the build.
+            let sign_byte = bytes.len() - BUILD_HASH_LENGTH - 2;
+            bytes[sign_byte] ^= 0x80;
+            fs::write(out.join("runs").join(name), bytes).unwrap();
+        }
+    }
+}
+
+/// A stored run without a hash of the build is from an older version of the program. A stored run
+/// with another hash is from another build.
 #[test]
 fn a_report_names_the_builds_of_its_runs() {
-    let (_folder, study, out) = study_in_folder(&text(1, ""));
-    assert!(run(&study, &out, &[]).status.success());
+    let (_folder, study, out) = write_study(&study_text(1, ""));
+    assert!(run_study(&study, &out, &[]).status.success());
     let page = || fs::read_to_string(out.join("report.html")).unwrap();
     assert!(
         !page().contains("Several builds.")
@@ -192,37 +213,41 @@ fn a_report_names_the_builds_of_its_runs() {
         "{}",
         page()
     );
-    let change = |number: usize, change: fn(&mut Vec<u8>)| {
-        let (name, mut bytes) = results(&out).into_iter().nth(number).unwrap();
+    let change_result = |index: usize, change: fn(&mut Vec<u8>)| {
+        let (name, mut bytes) = stored_results(&out).into_iter().nth(index).unwrap();
         change(&mut bytes);
         fs::write(out.join("runs").join(name), bytes).unwrap();
-        let output = stdout(&run(&study, &out, &[]));
+        let output = stdout(&run_study(&study, &out, &[]));
         assert!(
             output.starts_with("study      small: 3 cells, 1 run each, 0 to run\n"),
             "{output}"
         );
     };
-    change(0, |bytes| bytes.truncate(bytes.len() - BUILD_HASH));
+    change_result(0, |bytes| bytes.truncate(bytes.len() - BUILD_HASH_LENGTH));
     assert!(
         page().contains("The runs were made by 2 builds of seedbed (unknown, "),
         "{}",
         page()
     );
-    change(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
+    change_result(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
     assert!(
         page().contains("The runs were made by 3 builds of seedbed (unknown, ")
             && page().contains(" --verify</code>.")
     );
-    assert!(run(&study, &out, &["--verify"]).status.success());
+    assert!(run_study(&study, &out, &["--verify"]).status.success());
 }
 
-/// Ctrl-C interrupts the study that is in progress.
+/// Ctrl-C interrupts the study that is in progress. The first study is finished already.
 #[cfg(unix)]
 #[test]
-fn ctrl_c_ends_the_second_of_two_studies() {
-    let (folder, study, _) = study_in_folder(&text(1, ""));
+fn ctrl_c_interrupts_the_second_of_two_studies() {
+    let (folder, study, _) = write_study(&study_text(1, ""));
     let long = folder.path().join("long.ron");
-    fs::write(&long, text(30, "").replace("Episodes(8)", "Episodes(100)")).unwrap();
+    fs::write(
+        &long,
+        study_text(30, "").replace("Episodes(8)", "Episodes(100)"),
+    )
+    .unwrap();
     let mut command = command(&["study", &study, long.to_str().unwrap(), "--jobs", "1"]);
     let mut child = command
         .current_dir(folder.path())
@@ -230,19 +255,13 @@ fn ctrl_c_ends_the_second_of_two_studies() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // One of its 90 runs is finished, so another is in progress.
+    // When one of the 90 runs of this study is finished, another run is in progress.
     let runs = folder.path().join("recordings/studies/long/runs");
     wait_until("the second study's first run is finished", || {
         assert_eq!(child.try_wait().unwrap(), None, "the studies ended early");
         runs.is_dir() && !files_below(&runs, "run").is_empty()
     });
-    assert!(
-        Command::new("kill")
-            .args(["-INT", &child.id().to_string()])
-            .status()
-            .unwrap()
-            .success()
-    );
+    interrupt(&child);
     let output = child.wait_with_output().unwrap();
     let errors = stderr(&output);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
@@ -261,11 +280,11 @@ fn ctrl_c_ends_the_second_of_two_studies() {
 
 #[test]
 fn a_changed_study_repeats_affected_runs_only() {
-    let (_folder, study, out) = study_in_folder(&text(2, ""));
-    assert!(run(&study, &out, &[]).status.success());
-    let to_run = |text: &str| {
+    let (_folder, study, out) = write_study(&study_text(2, ""));
+    assert!(run_study(&study, &out, &[]).status.success());
+    let runs_to_repeat = |text: &str| {
         fs::write(&study, text).unwrap();
-        let output = run(&study, &out, &[]);
+        let output = run_study(&study, &out, &[]);
         assert!(output.status.success(), "{output:?}");
         let printed = stdout(&output);
         printed
@@ -277,24 +296,27 @@ fn a_changed_study_repeats_affected_runs_only() {
             .unwrap()
             .to_owned()
     };
-    assert_eq!(to_run(&text(2, "").replace("Small", "Another")), "0 to run");
-    assert_eq!(to_run(&text(3, "")), "3 to run");
     assert_eq!(
-        to_run(&text(3, "").replace("sigma: 9", "sigma: 8")),
+        runs_to_repeat(&study_text(2, "").replace("Small", "Another")),
+        "0 to run"
+    );
+    assert_eq!(runs_to_repeat(&study_text(3, "")), "3 to run");
+    assert_eq!(
+        runs_to_repeat(&study_text(3, "").replace("sigma: 9", "sigma: 8")),
         "3 to run"
     );
-    // States are kept of the first run of a cell only, so only that run is repeated.
+    // Visited states are stored only for the first run of a cell, so only this run is repeated.
     assert_eq!(
-        to_run(&text(3, "").replace("First(2)", "First(3)")),
+        runs_to_repeat(&study_text(3, "").replace("First(2)", "First(3)")),
         "1 to run"
     );
 }
 
 #[test]
-fn a_failed_run_is_reported() {
-    let (_folder, study, out) = study_in_folder(&text(5, "").replace("sigma: 9", "sigma: 1e30"));
+fn failed_runs_are_reported_and_repeated_with_retry() {
+    let (_folder, study, out) = write_study(&study_text(5, "").replace("sigma: 9", "sigma: 1e30"));
     for to_run in ["15 to run", "0 to run"] {
-        let output = run(&study, &out, &[]);
+        let output = run_study(&study, &out, &[]);
         assert_eq!(output.status.code(), Some(1), "{output:?}");
         assert!(
             stdout(&output).contains(to_run) && stdout(&output).contains("10 finished, 5 failed"),
@@ -309,69 +331,85 @@ fn a_failed_run_is_reported() {
     assert!(
         page.contains("σ 9, seed 1000: non-finite network parameters (agent")
             && page.contains("5 runs failed."),
-        "the page gives the reason"
+        "the report must give the reason"
     );
-    assert!(stdout(&run(&study, &out, &["--retry"])).contains("5 to run"));
+    assert!(stdout(&run_study(&study, &out, &["--retry"])).contains("5 to run"));
 }
 
-/// Rows of `results.csv`, by column.
-fn rows(out: &Path) -> Vec<BTreeMap<String, String>> {
+/// Rows of `results.csv`, each as values by column.
+fn result_rows(out: &Path) -> Vec<BTreeMap<String, String>> {
     let mut reader = csv::Reader::from_path(out.join("results.csv")).unwrap();
     reader.deserialize().map(|row| row.unwrap()).collect()
 }
 
-/// Each run is repeated by `seedbed run`, and its numbers are computed from `episodes.csv` and
-/// `summary.json`.
+/// Repeats each run of the cell `σ 9` with `seedbed run`, and compares the numbers of the report
+/// with those of `episodes.csv` and `summary.json`.
 #[test]
 fn a_report_has_the_numbers_of_single_runs() {
-    let (folder, study, out) = study_in_folder(&text(5, ""));
-    assert!(run(&study, &out, &[]).status.success());
-    let rows = rows(&out);
+    let (folder, study, out) = write_study(&study_text(5, ""));
+    assert!(run_study(&study, &out, &[]).status.success());
+    let rows = result_rows(&out);
     assert_eq!(rows.len(), 15);
-    let mut finals = Vec::new();
+    let mut final_returns = Vec::new();
     for row in rows.iter().filter(|row| row["cell"] == "σ 9") {
-        let single = folder.path().join(&row["seed"]);
-        let set = [
-            "--set",
-            "agents.count=2",
-            "--set",
-            "stop=Episodes(8)",
-            "--set",
-            "agents.seeds=Normal(sigma: 9)",
-        ];
-        let base = [
-            "run",
-            "scenarios/cartpole.ron",
-            "--no-recording",
-            "--quiet",
-            "--seed",
-            &row["seed"],
-            "--out",
-        ];
-        assert!(
-            seedbed(&[&base, &[single.to_str().unwrap()][..], &set].concat())
-                .status
-                .success()
-        );
-        let mut reader = csv::Reader::from_path(single.join("episodes.csv")).unwrap();
-        let episodes: Vec<BTreeMap<String, String>> =
-            reader.deserialize().map(|row| row.unwrap()).collect();
-        let mean = |from: usize| {
-            let late = episodes
-                .iter()
-                .filter(|row| row["episode"].parse::<usize>().unwrap() >= from);
-            let returns: Vec<f64> = late.map(|row| row["return"].parse().unwrap()).collect();
-            returns.iter().sum::<f64>() / returns.len() as f64
-        };
-        assert!((row["mean_return"].parse::<f64>().unwrap() - mean(0)).abs() < 1e-9);
-        finals.push(mean(3));
-        let summary: serde_json::Value =
-            serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+        let single_run = folder.path().join(&row["seed"]);
+        run_cell_with_sigma_9(&single_run, &row["seed"]);
+        let mean_return = row["mean_return"].parse::<f64>().unwrap();
+        assert!((mean_return - mean_return_from(&single_run, 0)).abs() < 1e-9);
+        final_returns.push(mean_return_from(&single_run, 3));
+        let summary = read_summary(&single_run);
         let coverage: f64 = row["team_coverage"].parse().unwrap();
         assert!((coverage - summary["team_coverage"].as_f64().unwrap()).abs() < 1e-6);
         assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     }
-    finals.sort_by(f64::total_cmp);
+    final_returns.sort_by(f64::total_cmp);
+    let median = reported_median_of_final_returns(&out);
+    assert!(
+        (median - final_returns[2]).abs() <= 0.005,
+        "{median} for {final_returns:?}"
+    );
+}
+
+/// Runs the scenario of the cell `σ 9` with `seedbed run`.
+fn run_cell_with_sigma_9(out: &Path, run_seed: &str) {
+    let arguments = [
+        "run",
+        "scenarios/cartpole.ron",
+        "--no-recording",
+        "--quiet",
+        "--seed",
+        run_seed,
+        "--set",
+        "agents.count=2",
+        "--set",
+        "stop=Episodes(8)",
+        "--set",
+        "agents.seeds=Normal(sigma: 9)",
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    assert!(seedbed(&arguments).status.success());
+}
+
+/// Mean return of all agents' episodes from number `first_episode` on, from the table of a run.
+fn mean_return_from(run: &Path, first_episode: usize) -> f64 {
+    let mut reader = csv::Reader::from_path(run.join("episodes.csv")).unwrap();
+    let rows: Vec<BTreeMap<String, String>> =
+        reader.deserialize().map(|row| row.unwrap()).collect();
+    let returns: Vec<f64> = rows
+        .iter()
+        .filter(|row| row["episode"].parse::<usize>().unwrap() >= first_episode)
+        .map(|row| row["return"].parse().unwrap())
+        .collect();
+    returns.iter().sum::<f64>() / returns.len() as f64
+}
+
+fn read_summary(run: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap()
+}
+
+/// The median that the report gives for the cell `σ 9`, over five runs.
+fn reported_median_of_final_returns(out: &Path) -> f64 {
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     let table = &page[page
         .find("<h3>return over the last 5 episodes</h3>")
@@ -379,15 +417,11 @@ fn a_report_has_the_numbers_of_single_runs() {
     let row = table[table.find("<td class=\"name\">σ 9</td>").unwrap()..].replace("</td>", "");
     let cells: Vec<&str> = row.split("<td>").take(3).collect();
     assert_eq!(cells[1], "5");
-    let median: f64 = cells[2].parse().unwrap();
-    assert!(
-        (median - finals[2]).abs() <= 0.005,
-        "{median} for {finals:?}"
-    );
+    cells[2].parse().unwrap()
 }
 
-/// A study of two tabular tasks and two algorithms; figures pool the tasks.
-fn tabular_text() -> String {
+/// A study of two tabular tasks and two algorithms. Two of its figures pool the tasks.
+fn tabular_study_text() -> String {
     let folder = Path::new(REPOSITORY).join("scenarios/tabular");
     format!(
         r#"Study(
@@ -417,11 +451,12 @@ fn tabular_text() -> String {
     )
 }
 
-/// Regret and coverage are those of `seedbed run` with the same scenario and run seed.
+/// The results have the numbers of single runs, and do not depend on the number of jobs. The report
+/// has comparisons, verdicts and figures.
 #[test]
-fn tabular_scenarios_are_studied() {
-    let (folder, study, out) = study_in_folder(&tabular_text());
-    let output = run(&study, &out, &[]);
+fn a_study_of_tabular_scenarios_is_run_and_reported() {
+    let (folder, study, out) = write_study(&tabular_study_text());
+    let output = run_study(&study, &out, &[]);
     assert!(
         stdout(&output).contains("3 of 3 claims replicated, 1 of them smaller than claimed\n"),
         "{output:?}"
@@ -430,30 +465,35 @@ fn tabular_scenarios_are_studied() {
         stdout(&output).contains("\nreplicated, smaller than claimed far less regret\n"),
         "{output:?}"
     );
-    let rows = rows(&out);
+    let rows = result_rows(&out);
     assert_eq!(rows.len(), 30);
     for row in rows
         .iter()
         .filter(|row| row["cell"] == "bipolar_chain, seeds")
     {
-        assert_as_single_run(row, folder.path());
+        assert_row_equals_single_run(row, folder.path());
     }
     assert!(
         rows.iter()
             .filter(|row| row["cell"].starts_with("deep_sea"))
             .all(|row| row["episodes"] == "40")
     );
-    assert_pairs_of_one_task(&out);
-    assert_smaller_than_claimed(&out);
-    assert_figures(&out);
-    let alone = study_in_folder("").2;
-    assert!(run(&study, &alone, &["--jobs", "1"]).status.success());
-    assert_eq!(results(&alone), results(&out));
+    assert_cells_are_compared_within_tasks(&out);
+    assert_claim_verdicts(&out);
+    assert_figures_of_tabular_study(&out);
+    let (_folder, _, one_job) = write_study("");
+    assert!(
+        run_study(&study, &one_job, &["--jobs", "1"])
+            .status
+            .success()
+    );
+    assert_eq!(stored_results(&one_job), stored_results(&out));
 }
 
-/// Asserts that a row has the numbers of `seedbed run` with its run seed.
-fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
-    let single = folder.join(&row["seed"]);
+/// Asserts that a row has the regret and coverage of `seedbed run` with the same scenario and run
+/// seed.
+fn assert_row_equals_single_run(row: &BTreeMap<String, String>, folder: &Path) {
+    let single_run = folder.join(&row["seed"]);
     let arguments = [
         "run",
         "scenarios/tabular/bipolar_chain.ron",
@@ -465,18 +505,18 @@ fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
         "--seed",
         &row["seed"],
         "--out",
-        single.to_str().unwrap(),
+        single_run.to_str().unwrap(),
     ];
     assert!(seedbed(&arguments).status.success());
-    let summary: serde_json::Value =
-        serde_json::from_slice(&fs::read(single.join("summary.json")).unwrap()).unwrap();
+    let summary = read_summary(&single_run);
     let number = |column: &str| row[column].parse::<f64>().unwrap();
     assert!(
         (number("regret") - summary["regret_per_agent"].as_f64().unwrap()).abs() < 1e-4,
         "{row:?}"
     );
-    let visited = summary["states_visited"].as_f64().unwrap() / summary["states"].as_f64().unwrap();
-    assert!((number("team_coverage") - visited).abs() < 1e-6);
+    let coverage =
+        summary["states_visited"].as_f64().unwrap() / summary["states"].as_f64().unwrap();
+    assert!((number("team_coverage") - coverage).abs() < 1e-6);
     assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     assert_eq!(
         (row["episodes_to_solve"].as_str(), row["episodes"].as_str()),
@@ -484,8 +524,8 @@ fn assert_as_single_run(row: &BTreeMap<String, String>, folder: &Path) {
     );
 }
 
-/// The second cell of each task is compared with the first.
-fn assert_pairs_of_one_task(out: &Path) {
+/// The second cell of each task is compared with the first cell of the same task.
+fn assert_cells_are_compared_within_tasks(out: &Path) {
     let tables = fs::read_to_string(out.join("tables.md")).unwrap();
     let titles: Vec<&str> = tables
         .lines()
@@ -507,15 +547,19 @@ fn assert_pairs_of_one_task(out: &Path) {
     );
 }
 
-fn assert_smaller_than_claimed(out: &Path) {
+/// The second claim has the right direction, but claims a far larger difference.
+fn assert_claim_verdicts(out: &Path) {
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    // All six pairs have the same sign: p = 2/2⁶, times three claims.
+    // All six differences have the same sign, so p = 2/2⁶; Holm's correction for three claims: 3 p.
     let row = table.lines().nth(2).unwrap();
-    let (head, tail) = (
+    let (row_start, row_end) = (
         "| less regret | regret per agent: deep_sea, seeds − deep_sea, random, claimed below 0, by 5 | −",
         " | 6 | 0.0938 | replicated |",
     );
-    assert!(row.starts_with(head) && row.ends_with(tail), "{table}");
+    assert!(
+        row.starts_with(row_start) && row.ends_with(row_end),
+        "{table}"
+    );
     assert!(
         table
             .lines()
@@ -532,7 +576,7 @@ fn assert_smaller_than_claimed(out: &Path) {
     );
 }
 
-fn assert_figures(out: &Path) {
+fn assert_figures_of_tabular_study(out: &Path) {
     for file in [
         "1-curves.svg",
         "2-visitation.svg",
@@ -544,7 +588,7 @@ fn assert_figures(out: &Path) {
     let panels = fs::read_to_string(out.join("figures/2-visitation.svg")).unwrap();
     assert!(
         panels.contains(">seeds: first 5 episodes, "),
-        "titles leave out what all panels have in common"
+        "titles of panels omit the words that all panels share"
     );
     let pooled = fs::read_to_string(out.join("figures/4-intervals.svg")).unwrap();
     for words in [">seeds<", "n = 12", ">crowd<", "n = 6"] {
@@ -552,8 +596,8 @@ fn assert_figures(out: &Path) {
     }
 }
 
-/// `σ 0` and `σ 0 again` are bit-identical: no claim of a difference may be replicated, and six pairs
-/// are too few to show that there is none.
+/// The results of `σ 0` and `σ 0 again` are bit-identical: no claim of a difference may be
+/// replicated, and six pairs are too few to show that there is no difference.
 #[test]
 fn a_claim_without_an_effect_is_not_replicated() {
     let claim = |direction: &str| {
@@ -562,8 +606,8 @@ fn a_claim_without_an_effect_is_not_replicated() {
         )
     };
     let claims = ["More", "Less", "Same"].map(claim).join(", ");
-    let (_folder, study, out) = study_in_folder(&text(6, &format!("claims: [{claims}],")));
-    let printed = stdout(&run(&study, &out, &[]));
+    let (_folder, study, out) = write_study(&study_text(6, &format!("claims: [{claims}],")));
+    let printed = stdout(&run_study(&study, &out, &[]));
     for line in [
         "not replicated   More",
         "not replicated   Less",
@@ -572,19 +616,25 @@ fn a_claim_without_an_effect_is_not_replicated() {
     ] {
         assert!(printed.contains(line), "{line} in {printed}");
     }
-    // Without any difference p is 1, which is no evidence that there is none.
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    let p: Vec<&str> = table
+    let p_values: Vec<&str> = table
         .lines()
         .skip(2)
         .take(3)
         .map(|row| row.split(" | ").nth(4).unwrap())
         .collect();
-    assert_eq!(p, ["1.0000", "1.0000", "–"]);
+    // A test for a difference is no evidence that there is none, so `Same` has no p value.
+    assert_eq!(p_values, ["1.0000", "1.0000", "–"]);
     assert!(
-        table.contains("\n\np-values are those of tests for a difference"),
+        table.contains("\n\np-values are from tests for a difference"),
         "{table}"
     );
+    assert_no_effect_on_page(&out);
+}
+
+/// The report shows p = 1 for `More` and `Less` only. For each claim it shows the probability that
+/// a run of the first cell has a return above, or below, that of the second cell: 0.5.
+fn assert_no_effect_on_page(out: &Path) {
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert_eq!(
         (
@@ -594,21 +644,25 @@ fn a_claim_without_an_effect_is_not_replicated() {
         ),
         (2, 1)
     );
-    let sides = ["above", "below"].map(|side| {
+    let counts_of_sides = ["above", "below"].map(|side| {
         page.matches(&format!("; P(first {side} second) = 0.5 ("))
             .count()
     });
-    assert_eq!(sides, [1, 2]);
+    assert_eq!(counts_of_sides, [1, 2]);
 }
 
 #[test]
 fn a_report_of_an_unfinished_study_says_what_is_missing() {
-    let (_folder, study, out) = study_in_folder(&text(
+    let (_folder, study, out) = write_study(&study_text(
         6,
         r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#,
     ));
     for index in ["0", "1", "6"] {
-        assert!(run(&study, &out, &["--index", index]).status.success());
+        assert!(
+            run_study(&study, &out, &["--index", index])
+                .status
+                .success()
+        );
     }
     let output = seedbed(&["report", out.to_str().unwrap()]);
     assert!(output.status.success(), "{output:?}");
@@ -626,10 +680,10 @@ fn a_report_of_an_unfinished_study_says_what_is_missing() {
     ] {
         assert!(page.contains(words), "{words}");
     }
-    for foreign in ["<script", "<link", "src=\"http", "url(http"] {
+    for network_reference in ["<script", "<link", "src=\"http", "url(http"] {
         assert!(
-            !page.contains(foreign),
-            "the page needs no network: {foreign}"
+            !page.contains(network_reference),
+            "the page must not need a network: {network_reference}"
         );
     }
     for file in [
@@ -641,16 +695,20 @@ fn a_report_of_an_unfinished_study_says_what_is_missing() {
     ] {
         assert!(out.join(file).is_file(), "{file}");
     }
+}
 
-    let nothing = seedbed(&["report", out.join("runs").to_str().unwrap()]);
-    assert_eq!(nothing.status.code(), Some(2));
+#[test]
+fn report_refuses_a_directory_without_a_study() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = seedbed(&["report", folder.path().to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(2));
     assert!(
-        stderr(&nothing).starts_with("error: not the results of a study: "),
-        "{nothing:?}"
+        stderr(&refused).starts_with("error: not the results of a study: "),
+        "{refused:?}"
     );
 }
 
-/// No run solves its task in eight episodes, so it is unknown which cell is faster.
+/// No run solves its task within eight episodes, so it is unknown which cell is faster.
 #[test]
 fn claims_about_unsolved_runs_are_inconclusive() {
     let claim = |direction: &str, test: &str| {
@@ -664,8 +722,8 @@ fn claims_about_unsolved_runs_are_inconclusive() {
         claim("Same", "Paired"),
     ]
     .join(", ");
-    let (_folder, study, out) = study_in_folder(&text(30, &format!("claims: [{claims}],")));
-    let output = run(&study, &out, &[]);
+    let (_folder, study, out) = write_study(&study_text(30, &format!("claims: [{claims}],")));
+    let output = run_study(&study, &out, &[]);
     assert_eq!(
         stdout(&output).matches("inconclusive     ").count(),
         3,
@@ -679,13 +737,13 @@ fn claims_about_unsolved_runs_are_inconclusive() {
 }
 
 #[test]
-fn a_claim_that_was_written_after_its_runs_is_late() {
+fn a_claim_that_changed_after_its_runs_is_marked_as_late() {
     let claim = |size: u32| {
         format!(r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: {size})],"#)
     };
-    let verdict = |size: u32, out: &Path, study: &str| {
-        fs::write(study, text(6, &claim(size))).unwrap();
-        assert!(run(study, out, &[]).status.success());
+    let is_late = |size: u32, out: &Path, study: &str| {
+        fs::write(study, study_text(6, &claim(size))).unwrap();
+        assert!(run_study(study, out, &[]).status.success());
         let page = fs::read_to_string(out.join("report.html")).unwrap();
         assert_eq!(
             page.contains(", claimed late</p>"),
@@ -695,102 +753,104 @@ fn a_claim_that_was_written_after_its_runs_is_late() {
         );
         page.contains(", claimed late</p>")
     };
-    let (_folder, study, out) = study_in_folder("");
+    let (_folder, study, out) = write_study("");
     assert_eq!(
-        [5, 5, 6, 6, 5].map(|size| verdict(size, &out, &study)),
+        [5, 5, 6, 6, 5].map(|size| is_late(size, &out, &study)),
         [false, false, true, true, true]
     );
 }
 
-/// Older versions did not store earlier numbers of runs.
+/// The report says how `repeats` was changed after the first runs. Older versions of the program
+/// did not store earlier values of `repeats`; the report then begins with the stored value.
 #[test]
 fn changed_repeats_are_reported() {
-    let (_folder, study, out) = study_in_folder("");
-    let claim = r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#;
-    let reported = |repeats: u32| {
-        fs::write(&study, text(repeats, claim)).unwrap();
-        assert!(run(&study, &out, &[]).status.success());
-        let [page, table] =
-            ["report.html", "claims.md"].map(|file| fs::read_to_string(out.join(file)).unwrap());
-        let words = table
-            .lines()
-            .find(|line| line.starts_with("The number of runs per cell was "))
-            .unwrap_or_default()
-            .to_owned();
-        assert_eq!(
-            page.contains("The number of runs per cell was "),
-            !words.is_empty()
-        );
-        assert!(page.contains(&words));
-        words
-    };
-    assert_eq!([reported(5), reported(5)], ["", ""]);
+    let (_folder, study, out) = write_study("");
+    let sentence_for = |repeats: u32| run_and_read_sentence_on_repeats(&study, &out, repeats);
+    assert_eq!([sentence_for(5), sentence_for(5)], ["", ""]);
     // Without runs there were no results that could have motivated the change.
     fs::remove_dir_all(out.join("runs")).unwrap();
-    assert_eq!(reported(1), "");
-    let stored = fs::read_to_string(out.join("study.json")).unwrap();
-    fs::write(
-        out.join("study.json"),
-        stored.replace(",\n  \"earlier_repeats\": []", ""),
-    )
-    .unwrap();
-    assert!(
-        !fs::read_to_string(out.join("study.json"))
-            .unwrap()
-            .contains("earlier_repeats")
-    );
+    assert_eq!(sentence_for(1), "");
+    remove_earlier_repeats(&out);
+    for (repeats, change) in [
+        (2, "extended from 1 to 2"),
+        (2, "extended from 1 to 2"),
+        (3, "extended from 1 to 2 to 3"),
+        (2, "changed from 1 to 2 to 3 to 2"),
+    ] {
+        assert_eq!(
+            sentence_for(repeats),
+            format!("The number of runs per cell was {change} after some of them had been run.")
+        );
+    }
+}
+
+/// Runs a study with one claim, and returns the sentence of its report on changes of `repeats`, or
+/// an empty text if there is no such sentence.
+fn run_and_read_sentence_on_repeats(study: &str, out: &Path, repeats: u32) -> String {
+    let claim = r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#;
+    fs::write(study, study_text(repeats, claim)).unwrap();
+    assert!(run_study(study, out, &[]).status.success());
+    let [page, table] =
+        ["report.html", "claims.md"].map(|file| fs::read_to_string(out.join(file)).unwrap());
+    let sentence = table
+        .lines()
+        .find(|line| line.starts_with("The number of runs per cell was "))
+        .unwrap_or_default();
     assert_eq!(
-        reported(2),
-        "The number of runs per cell was extended from 1 to 2 after some of them had been run."
+        page.contains("The number of runs per cell was "),
+        !sentence.is_empty()
     );
-    assert_eq!(
-        reported(2),
-        "The number of runs per cell was extended from 1 to 2 after some of them had been run."
-    );
-    assert_eq!(
-        reported(3),
-        "The number of runs per cell was extended from 1 to 2 to 3 after some of them had been run."
-    );
-    assert_eq!(
-        reported(2),
-        "The number of runs per cell was changed from 1 to 2 to 3 to 2 after some of them had been run."
-    );
+    assert!(page.contains(sentence));
+    sentence.to_owned()
+}
+
+/// Removes the field `earlier_repeats` from `study.json`, as older versions of the program wrote
+/// it.
+fn remove_earlier_repeats(out: &Path) {
+    let path = out.join("study.json");
+    let stored = fs::read_to_string(&path).unwrap();
+    let without_field = stored.replace(",\n  \"earlier_repeats\": []", "");
+    assert!(!without_field.contains("earlier_repeats"));
+    fs::write(path, without_field).unwrap();
 }
 
 #[test]
 fn a_directory_has_one_study() {
-    let (folder, study, out) = study_in_folder(&text(2, ""));
-    assert!(run(&study, &out, &[]).status.success());
-    let refused = |output: Output| {
+    let (folder, study, out) = write_study(&study_text(2, ""));
+    assert!(run_study(&study, &out, &[]).status.success());
+    let error_of = |output: Output| {
         assert_eq!(output.status.code(), Some(2), "{output:?}");
         stderr(&output)
     };
-    let holds = format!(
+    let expected = format!(
         "error: {} contains the study `small`; choose another directory with --out\n",
         out.display()
     );
-    assert_eq!(refused(run(&study, &out, &["--quick"])), holds);
+    assert_eq!(error_of(run_study(&study, &out, &["--quick"])), expected);
     let other = folder.path().join("other.ron");
     fs::copy(&study, &other).unwrap();
-    assert_eq!(refused(run(other.to_str().unwrap(), &out, &[])), holds);
+    assert_eq!(
+        error_of(run_study(other.to_str().unwrap(), &out, &[])),
+        expected
+    );
     fs::create_dir(folder.path().join("b")).unwrap();
     let same_name = folder.path().join("b/small.ron");
     fs::copy(&study, &same_name).unwrap();
-    let both = refused(seedbed(&["study", &study, same_name.to_str().unwrap()]));
+    let error = error_of(seedbed(&["study", &study, same_name.to_str().unwrap()]));
     assert!(
-        both.starts_with(
+        error.starts_with(
             "error: two studies are named `small` and would both write to recordings/studies/small"
         ),
-        "{both}"
+        "{error}"
     );
 }
 
-/// Figures of an earlier report are removed, other files are kept. Each measure of the study has a
-/// column.
+/// Files of the earlier report are removed, other files are kept. `results.csv` has one column per
+/// measure of the study.
 #[test]
-fn a_report_replaces_the_report_before() {
-    let (_folder, study, out) = study_in_folder(&text(2, ""));
-    assert!(run(&study, &out, &[]).status.success());
+fn a_new_report_replaces_the_earlier_report() {
+    let (_folder, study, out) = write_study(&study_text(2, ""));
+    assert!(run_study(&study, &out, &[]).status.success());
     fs::write(out.join("figures/9-agents.svg"), "").unwrap();
     fs::write(out.join("figures/notes.svg"), "").unwrap();
     fs::write(out.join("claims.md"), "").unwrap();
@@ -801,19 +861,19 @@ fn a_report_replaces_the_report_before() {
         [false, true, true]
     );
     assert!(!out.join("claims.md").exists());
-    let row = &rows(&out)[0];
+    let row = &result_rows(&out)[0];
     assert_eq!(row["Coverage"], row["team_coverage"]);
     assert!(row["FinalReturn(window:5)"].parse::<f64>().unwrap() > 8.0);
 }
 
 #[test]
-fn tuning_seeds_are_marked() {
-    let (_folder, study, out) = study_in_folder(&text(2, "first_seed: 0,"));
-    assert!(run(&study, &out, &[]).status.success());
+fn reports_mark_run_seeds_for_tuning() {
+    let (_folder, study, out) = write_study(&study_text(2, "first_seed: 0,"));
+    assert!(run_study(&study, &out, &[]).status.success());
     assert!(
         fs::read_to_string(out.join("report.html"))
             .unwrap()
             .contains("Tuning seeds.")
     );
-    assert!(rows(&out).iter().all(|row| row["seeds"] == "tuning"));
+    assert!(result_rows(&out).iter().all(|row| row["seeds"] == "tuning"));
 }

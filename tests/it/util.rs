@@ -6,6 +6,8 @@ use std::fs;
 #[cfg(unix)]
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
+#[cfg(unix)]
+use std::process::Child;
 use std::process::{Command, ExitStatus, Output};
 use std::time::{Duration, Instant};
 
@@ -109,6 +111,15 @@ pub(crate) fn crash(mut command: Command) {
         output.status,
         stderr(&output)
     );
+}
+
+/// Sends the signal of Ctrl-C (SIGINT) to a process.
+#[cfg(unix)]
+pub(crate) fn interrupt(process: &Child) {
+    let status = Command::new("kill")
+        .args(["-INT", &process.id().to_string()])
+        .status();
+    assert!(status.unwrap().success());
 }
 
 #[cfg(unix)]

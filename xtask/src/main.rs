@@ -6,7 +6,7 @@ use std::process::{Command, ExitCode};
 const HELP: &str = "Usage: cargo xtask COMMAND
 
 Commands:
-  bless   Write the golden files as the outputs are now; read `git diff` afterwards
+  bless   Replace the golden files by the current outputs; review the result with `git diff`
   docs    Build the documentation of the workspace; warnings are errors
   sample  Record recordings/sample/ again, by the commands in recordings/README.md";
 
@@ -14,8 +14,8 @@ fn main() -> ExitCode {
     let command = std::env::args().nth(1);
     let result = match command.as_deref() {
         Some("bless") => bless(),
-        Some("docs") => docs(),
-        Some("sample") => sample(),
+        Some("docs") => build_docs(),
+        Some("sample") => record_sample(),
         _ => Err(HELP.to_owned()),
     };
     if let Err(message) = result {
@@ -28,15 +28,16 @@ fn main() -> ExitCode {
 /// Package and name filter of the tests that compare golden files.
 const GOLDEN_TESTS: [(&str, &str); 2] = [("seedbed-env", "broken_envs"), ("seedbed", "messages")];
 
+/// Replaces the golden files by the current outputs.
 fn bless() -> Result<(), String> {
-    for (package, tests) in GOLDEN_TESTS {
-        let arguments = ["test", "--package", package, "--test", "it", tests];
+    for (package, name_filter) in GOLDEN_TESTS {
+        let arguments = ["test", "--package", package, "--test", "it", name_filter];
         run_command(cargo_command(&arguments).env("UPDATE_EXPECT", "1"))?;
     }
     Ok(())
 }
 
-fn docs() -> Result<(), String> {
+fn build_docs() -> Result<(), String> {
     run_command(
         cargo_command(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings"),
     )
@@ -44,7 +45,7 @@ fn docs() -> Result<(), String> {
 
 /// Runs the commands of `recordings/README.md`: the first command records the sample, the others
 /// read it.
-fn sample() -> Result<(), String> {
+fn record_sample() -> Result<(), String> {
     let readme = std::fs::read_to_string(repository_folder().join("recordings/README.md"))
         .map_err(|error| format!("cannot read recordings/README.md: {error}"))?;
     let mut commands = readme
@@ -71,13 +72,13 @@ fn run_seedbed(arguments: &str) -> Result<(), String> {
     run_command(Command::new("sh").args(["-c", &line]))
 }
 
-/// A command of Cargo without the variables that `cargo xtask` sets for this program: build scripts
-/// of dependencies look at some of them, so that Cargo would rebuild these dependencies.
+/// A Cargo command without the environment variables that Cargo sets for this program. Build
+/// scripts of some dependencies read these variables, so Cargo would build the dependencies again.
 fn cargo_command(arguments: &[&str]) -> Command {
+    const PREFIXES: [&str; 3] = ["CARGO_PKG_", "CARGO_MANIFEST_", "CARGO_BIN_"];
     let mut command = Command::new(env!("CARGO"));
     for (name, _) in std::env::vars() {
-        let is_of_xtask = name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_");
-        if is_of_xtask || name.starts_with("CARGO_BIN_") {
+        if PREFIXES.iter().any(|prefix| name.starts_with(prefix)) {
             command.env_remove(name);
         }
     }

@@ -1,5 +1,5 @@
-//! Checked and resolved tasks: names have become indices, formulas programs, and omitted fields
-//! their defaults.
+//! Checked and resolved tasks: indices have replaced names, programs have replaced formulas, and
+//! defaults have replaced omitted fields.
 //!
 //! [`mod@file`](super::file) makes a [`TaskDescription`] from a task file, and
 //! [`build`](super::build()) makes an environment from it. Fields may be changed in between, for
@@ -106,14 +106,14 @@ pub struct Inertial {
     pub inertia: f64,
 }
 
-/// A surface that touches others.
+/// A surface that can touch other surfaces.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Collider {
     /// Name by which sensors refer to it, unique among colliders.
     pub name: Option<String>,
-    /// Index of the body that it belongs to; `None` is the world.
+    /// Index of the body that the surface belongs to; `None` is the world.
     pub body: Option<usize>,
-    /// Its surface in the body's frame.
+    /// The surface in the body's frame.
     pub surface: Surface,
     /// Coefficient μ of dry friction. The larger one of two surfaces is used.
     pub friction: f64,
@@ -121,8 +121,8 @@ pub struct Collider {
     pub restitution: f64,
     /// Bits of the collision groups that the surface belongs to.
     pub contype: u32,
-    /// Bits of the collision groups that it touches. Two surfaces can touch if one belongs to a
-    /// group that the other touches.
+    /// Bits of the collision groups that the surface touches. Two surfaces can touch if one belongs
+    /// to a group that the other touches.
     pub conaffinity: u32,
 }
 
@@ -157,18 +157,18 @@ pub struct Joint {
     /// Minimum and maximum of the coordinate, m or rad.
     pub range: Option<[f64; 2]>,
     /// Forces that resist motion along the coordinate.
-    pub passive: Passive,
+    pub passive_forces: PassiveForces,
 }
 
-/// Passive forces along a joint's coordinate q: −damping q̇ − stiffness (q − springref), and dry
-/// friction.
+/// Passive forces along a joint's coordinate q: −damping q̇ − stiffness (q − springref), dry
+/// friction, and the inertia of a rotor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Passive {
+pub struct PassiveForces {
     /// Damping, N s/m or N m s/rad.
     pub damping: f64,
     /// Dry friction, N or N m: the joint sticks up to this force and slides against it beyond.
     pub frictionloss: f64,
-    /// Inertia of a rotor that moves with the coordinate, kg or kg m². It has no weight.
+    /// Inertia of a rotor that moves with the coordinate, kg or kg m². The rotor has no weight.
     pub armature: f64,
     /// Stiffness of the spring, N/m or N m/rad.
     pub stiffness: f64,
@@ -182,12 +182,12 @@ pub struct Passive {
 pub struct FormulaForce {
     /// Joint or body that the force acts on.
     pub drive: Drive,
-    /// Formula over sensors and actions, N or N m.
-    pub force: Program,
+    /// Formula of the force over sensors and actions, N or N m.
+    pub formula: Program,
 }
 
-/// An offset between where a body is and where it is drawn: a car that the equations move along x
-/// only is drawn on its hill.
+/// An offset between where a body is and where it is drawn. For example, a car that the equations
+/// move along x only is drawn on its hill.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DisplayOffset {
     /// Index of the body.
@@ -229,7 +229,8 @@ pub struct Formulas {
 /// How a coordinate is drawn at the start of an episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StartCoordinate {
-    /// Index of the coordinate: those of the joints first, then x, y and angle of each free body.
+    /// Index of the coordinate: the joints' coordinates first, then x, y and angle of each free
+    /// body.
     pub coordinate: usize,
     /// Position, m or rad.
     pub position: Distribution,
@@ -293,9 +294,9 @@ impl TaskDescription {
         }
     }
 
-    /// The rigid bodies and all that belongs to them; `None` for a tabular task.
+    /// The task of rigid bodies; `None` for a tabular task.
     #[must_use]
-    pub fn bodies(&self) -> Option<&BodyTask> {
+    pub fn body_task(&self) -> Option<&BodyTask> {
         match self {
             Self::Bodies(task) => Some(task),
             Self::Tabular(_) => None,
@@ -305,7 +306,7 @@ impl TaskDescription {
     /// Whether the task has an analytic model, which [`Physics::Analytic`](super::Physics) runs.
     #[must_use]
     pub fn has_analytic_model(&self) -> bool {
-        self.bodies()
+        self.body_task()
             .is_some_and(|task| task.analytic_model.is_some())
     }
 }
@@ -336,7 +337,7 @@ impl BodyTask {
 
     /// Number of coordinates: one per joint, then x, y and angle of each free body.
     #[must_use]
-    pub fn coordinates(&self) -> usize {
+    pub fn coordinate_count(&self) -> usize {
         self.joints.len() + 3 * self.free_bodies.len()
     }
 

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{Force, Pose};
 
 /// M copies of a task's bodies. Only live copies move. The bits of a copy do not depend on the
-/// others.
+/// other copies.
 pub trait Dynamics: Send {
     /// Makes `copy` live, with the given positions and velocities of its coordinates. `positions`,
     /// `velocities`: `[coordinates]`.
@@ -23,8 +23,7 @@ pub trait Dynamics: Send {
     /// M]`, one column per actuator, then one per formula force; constant during the step.
     fn step(&mut self, controls: &[f32]);
 
-    /// The current coordinates of all copies: those of the joints, then x, y and angle of each free
-    /// body.
+    /// The current coordinates of all copies: one per joint, then x, y and angle of each free body.
     fn coordinates(&self) -> &CoordinateColumns;
 
     /// Writes where the bodies of `copy` are now: `[bodies]`.
@@ -32,7 +31,7 @@ pub trait Dynamics: Send {
 
     /// Appends the contact forces on bodies of `copy` at the end of the latest step. Without
     /// colliders there are none.
-    fn contacts(&self, _copy: usize, _forces: &mut Vec<Force>) {}
+    fn contact_forces(&self, _copy: usize, _forces: &mut Vec<Force>) {}
 
     /// The whole state as bytes, from which [`restore`](Self::restore) continues with the same
     /// bits.

@@ -41,7 +41,7 @@ pub fn build(
     }
 }
 
-/// Builds the moving bodies of a task alone.
+/// Builds only the moving bodies of a task, without observations, rewards and episodes.
 ///
 /// # Errors
 /// `physics` is [`Physics::Analytic`], but the task has no analytic model.
@@ -115,27 +115,32 @@ impl BodyEnvironment {
     fn new(task: &BodyTask, dynamics: Box<dyn Dynamics>, copies: usize) -> Self {
         let columns = task.column_layout();
         let formulas = &task.formulas;
-        let previous = columns.first_previous_value()..columns.count();
-        let observations = formulas.observations.iter();
-        let forces = task.formula_forces.iter();
+        let previous_columns = columns.first_previous_value()..columns.count();
         Self {
             columns,
             dynamics,
             table: ValueTable::new(columns.count(), copies),
-            observation_formulas: observations
+            observation_formulas: formulas
+                .observations
+                .iter()
                 .map(|program| Evaluator::new(program, copies))
                 .collect(),
-            formula_forces: forces
-                .map(|force| Evaluator::new(&force.force, copies))
+            formula_forces: task
+                .formula_forces
+                .iter()
+                .map(|force| Evaluator::new(&force.formula, copies))
                 .collect(),
             reward: Evaluator::new(&formulas.reward, copies),
             constant_reward: formulas.reward.constant(),
             terminated: Evaluator::new(&formulas.terminated, copies),
-            reads_previous: formulas.reward.reads(&previous)
-                || formulas.terminated.reads(&previous),
+            reads_previous: formulas.reward.reads(&previous_columns)
+                || formulas.terminated.reads(&previous_columns),
             episodes: EpisodeStates::new(copies, columns.observations),
             sensors: SensorReader::new(task, copies),
-            start: [task.reference_coordinates(), vec![0.0; task.coordinates()]],
+            start: [
+                task.reference_coordinates(),
+                vec![0.0; task.coordinate_count()],
+            ],
             task: task.clone(),
         }
     }
@@ -233,10 +238,10 @@ impl Environment for BodyEnvironment {
     }
 
     fn poses(&self, copy: usize, poses: &mut [Pose]) {
-        let fixed = poses.len() - self.task.bodies.len();
-        poses[..fixed].fill(Pose::default());
-        self.dynamics.poses(copy, &mut poses[fixed..]);
-        self.add_display_offsets(copy, &mut poses[fixed..]);
+        let fixed_bodies = poses.len() - self.task.bodies.len();
+        poses[..fixed_bodies].fill(Pose::default());
+        self.dynamics.poses(copy, &mut poses[fixed_bodies..]);
+        self.add_display_offsets(copy, &mut poses[fixed_bodies..]);
     }
 
     fn forces(&self, copy: usize, poses: &[Pose], forces: &mut Vec<Force>) {
@@ -244,8 +249,8 @@ impl Environment for BodyEnvironment {
             let bodies = &poses[poses.len() - self.task.bodies.len()..];
             let control = |index| self.table.column(self.columns.first_action() + index)[copy];
             let coordinate = |index| self.dynamics.coordinates().get(index, copy);
-            forces::add_actions(&self.task, bodies, control, coordinate, forces);
-            self.dynamics.contacts(copy, forces);
+            forces::add_action_forces(&self.task, bodies, control, coordinate, forces);
+            self.dynamics.contact_forces(copy, forces);
         }
     }
 }
@@ -282,7 +287,8 @@ impl BodyEnvironment {
         }
     }
 
-    /// Called only to draw, so that it may allocate.
+    /// Adds the display offsets of one copy to the poses of its bodies. This is called only to
+    /// draw, so that it may allocate.
     fn add_display_offsets(&self, copy: usize, poses: &mut [Pose]) {
         let value = |program| {
             Evaluator::new(program, self.copies()).evaluate(self.table.view(), copy..copy + 1)[0]

@@ -11,7 +11,7 @@ mod operation;
 
 use std::ops::Range;
 
-pub use compile::{ExpressionError, RESERVED, Variable, compile};
+pub use compile::{ExpressionError, RESERVED_NAMES, Variable, compile};
 use operation::Operation;
 
 /// What a formula computes.
@@ -47,10 +47,10 @@ pub struct ValueTableView<'a> {
 
 /// A program together with the memory in which it runs.
 ///
-/// Each instruction is one loop over all copies, from columns into a scratch column of its own. The
-/// compiler turns these loops into SIMD code, which an interpreter that evaluates the whole formula
-/// copy by copy could not have. Constants fill scratch columns too, so that operands need no case
-/// distinction within a loop. Nothing is allocated after [`new`](Self::new).
+/// Each instruction is one loop over all copies, from columns into a scratch column of its own.
+/// Rust's compiler turns these loops into SIMD code, which is not possible in an interpreter that
+/// evaluates the whole formula copy by copy. Constants fill scratch columns too, so that operands
+/// need no case distinction within a loop. Nothing is allocated after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     program: Program,
@@ -212,7 +212,7 @@ enum Operand {
 
 impl Instruction {
     fn inputs(&self) -> &[Operand] {
-        &self.operands[..self.operation.arguments()]
+        &self.operands[..self.operation.argument_count()]
     }
 }
 
@@ -236,6 +236,7 @@ mod tests {
             .collect()
     }
 
+    /// The value of a formula with the given `x`; the other variables have fixed values.
     fn value(text: &str, kind: Type, x: f32) -> f32 {
         let program =
             compile(text, kind, &variables()).unwrap_or_else(|error| panic!("{text}: {error:?}"));
@@ -260,6 +261,7 @@ mod tests {
         value(text, Type::Boolean, x)
     }
 
+    /// Column, message and help of the error of a formula.
     fn error(text: &str, kind: Type) -> (usize, String, Option<String>) {
         let error = compile(text, kind, &variables()).expect_err(text);
         (error.column, error.message, error.help)
@@ -399,8 +401,8 @@ mod tests {
     fn previous_takes_names_that_have_a_value_before_the_step() {
         let not_a_name = "`previous` takes the name of an observation or a sensor";
         let unavailable = "`previous(theta)` is not available here: only `reward` and \
-                           `terminated` can read values before the step, of observations and \
-                           sensors";
+                           `terminated` can read the values of observations and sensors before \
+                           the step";
         assert_errors(
             Type::Number,
             &[

@@ -27,7 +27,7 @@ pub use surfaces::{Collider, Geom, Points};
 use super::description::TaskDescription;
 use super::tabular;
 use crate::input::numbers::{
-    Count, FiniteNumber, NonNegative, Positive, PositiveUpTo10, known, known_count,
+    Count, FiniteNumber, NonNegative, Positive, PositiveUpTo10, ranged_count, ranged_number,
 };
 use crate::input::{self, FileKind, InputError, Located};
 use extends::MergedText;
@@ -36,8 +36,8 @@ use extends::MergedText;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename = "Environment", deny_unknown_fields)]
 pub struct TaskFile {
-    /// The task file that this one extends, by stem or by path. It is `None` in a file that is
-    /// read: `extends` is replaced by the fields of that file beforehand.
+    /// The task file that this one extends, by stem or by path. It is always `None` after reading,
+    /// because the fields of that file replace `extends` before the text is parsed.
     #[serde(default)]
     pub extends: Option<Located<String>>,
     /// One sentence for people.
@@ -78,7 +78,7 @@ pub struct TaskFile {
     pub observations: Vec<Observation>,
     /// Formula of the reward of a step, over observations, actions and sensors after the step.
     pub reward: Located<String>,
-    /// Formula of whether the task terminates after a step.
+    /// Formula that is true if the task terminates after a step.
     #[serde(default = "never")]
     pub terminated: Located<String>,
     /// Where episodes start. Joints that are not mentioned start at rest at 0, free bodies at rest
@@ -145,10 +145,10 @@ pub struct Body {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Force {
-    /// Formula over sensors and actions of the component to the right, N.
+    /// Component to the right, N: a formula over sensors and actions.
     #[serde(default = "zero")]
     pub x: Located<String>,
-    /// Formula over sensors and actions of the component upwards, N.
+    /// Component upwards, N: a formula over sensors and actions.
     #[serde(default = "zero")]
     pub y: Located<String>,
     /// Point of application in the body's frame; by default the center of mass.
@@ -196,7 +196,7 @@ pub struct Joint {
     /// Dry friction, N or N m.
     #[serde(default)]
     pub frictionloss: Option<Located<NonNegative>>,
-    /// Inertia of a rotor that moves with the coordinate, kg or kg m².
+    /// Inertia of a rotor that moves with the coordinate, kg or kg m². The rotor has no weight.
     #[serde(default)]
     pub armature: Option<Located<NonNegative>>,
     /// Stiffness of a spring, N/m or N m/rad.
@@ -205,7 +205,7 @@ pub struct Joint {
     /// Coordinate at which the spring is at rest; 0 by default.
     #[serde(default)]
     pub springref: Option<Located<FiniteNumber>>,
-    /// Formula over sensors and actions of a force along the coordinate, N or N m. It is computed
+    /// Force along the coordinate, N or N m: a formula over sensors and actions. It is computed
     /// before each control step and constant during it.
     #[serde(default)]
     pub force: Option<Located<String>>,
@@ -246,7 +246,7 @@ pub enum RotationDirection {
 pub struct Actuator {
     /// Name by which formulas read the control, unique among actions, observations and sensors.
     pub name: Located<Name>,
-    /// What it acts on.
+    /// What the actuator acts on.
     #[serde(rename = "type")]
     pub kind: ActuatorKind,
     /// What the agent may choose.
@@ -319,7 +319,7 @@ pub struct StartCoordinate {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "checked::UncheckedDistribution")]
 pub enum Distribution {
-    /// Always the same.
+    /// Always this number.
     Constant(FiniteNumber),
     /// `Uniform(low, high)`: uniform from low to high.
     Uniform(Interval),
@@ -365,9 +365,10 @@ pub fn load(path: &Path) -> Result<TaskDescription, InputError> {
     load_with_text(path).map(|(description, _)| description)
 }
 
-/// Like [`load`], but returns a text as well that describes the same task without any other file:
-/// the text of the file, or, if it extends others, theirs with it. Each file is read once, so that
-/// the text is that of the description even if a file changes in the meantime.
+/// Like [`load`], but also returns the text of a task file that describes the same task and extends
+/// no other file: the text of the file itself, or its text merged with those of the files that it
+/// extends. Each file is read once, so that the text belongs to the description even if a file
+/// changes in the meantime.
 ///
 /// # Errors
 /// Those of [`load`].
@@ -381,8 +382,8 @@ pub fn load_with_text(path: &Path) -> Result<(TaskDescription, String), InputErr
     Ok((description, text.into_text()))
 }
 
-/// Checks the text of a task file. `name` is the name of the task, `origin` what errors name
-/// instead of a file. The text cannot extend a file, because it has no folder.
+/// Checks the text of a task file. `name` is the name of the task; errors show `origin` in place of
+/// a file name. The text cannot extend a file, because it has no folder.
 ///
 /// # Errors
 /// Something in the text is wrong.
@@ -411,16 +412,16 @@ fn parse_bodies(name: &str, origin: &str, text: &str) -> Result<TaskDescription,
 impl Default for Solver {
     fn default() -> Self {
         Self {
-            substeps: known_count(4),
-            solver_iterations: known_count(1),
-            contact_updates: known_count(1),
+            substeps: ranged_count(4),
+            solver_iterations: ranged_count(1),
+            contact_updates: ranged_count(1),
         }
     }
 }
 
 impl Default for Distribution {
     fn default() -> Self {
-        Self::Constant(known(0.0))
+        Self::Constant(ranged_number(0.0))
     }
 }
 

@@ -9,9 +9,9 @@ type AppliedForce = (usize, [f64; 2], [f64; 2]);
 /// Appends the forces of the latest action: those of actuators, and those formula forces that
 /// depend on the action. Forces at the same point are added up.
 ///
-/// `poses`: `[bodies]`; `control`: the value of an actuator, then of a formula force, by index;
-/// `joint`: position and velocity of a joint, by index.
-pub(super) fn add_actions(
+/// `poses`: `[bodies]`; `control(i)`: value of the i-th control, actuators first, then formula
+/// forces; `joint(i)`: position and velocity of the i-th joint.
+pub(super) fn add_action_forces(
     task: &BodyTask,
     poses: &[Pose],
     control: impl Fn(usize) -> f32,
@@ -23,36 +23,37 @@ pub(super) fn add_actions(
         .iter()
         .map(|actuator| Some((actuator.drive, actuator.gear)));
     let first_action = task.column_layout().first_action();
-    let actions = first_action..first_action + task.actuators.len();
-    let formula_forces = task
-        .formula_forces
-        .iter()
-        .map(|force| force.force.reads(&actions).then_some((force.drive, 1.0)));
-    let before = forces.len();
+    let action_columns = first_action..first_action + task.actuators.len();
+    let formula_forces = task.formula_forces.iter().map(|force| {
+        let reads_action = force.formula.reads(&action_columns);
+        reads_action.then_some((force.drive, 1.0))
+    });
+    let first_new = forces.len();
     for (index, drive) in actuators.chain(formula_forces).enumerate() {
         let Some((drive, gear)) = drive else { continue };
         if let Some((body, at, force)) =
-            push(task, poses, drive, gear * f64::from(control(index)), &joint)
+            applied_force(task, poses, drive, gear * f64::from(control(index)), &joint)
         {
             let (at, newtons) = (poses[body].point(at), poses[body].vector(force));
-            add_at(
+            add_to_same_point(
                 Force {
                     source: ForceSource::Action,
                     at,
                     newtons,
                 },
-                before,
+                first_new,
                 forces,
             );
         }
     }
-    let acts = |force: &Force| force.newtons != [0.0; 2];
-    let pushed: Vec<Force> = forces.drain(before..).filter(acts).collect();
-    forces.extend(pushed);
+    let is_nonzero = |force: &Force| force.newtons != [0.0; 2];
+    let nonzero: Vec<Force> = forces.drain(first_new..).filter(is_nonzero).collect();
+    forces.extend(nonzero);
 }
 
-fn add_at(force: Force, before: usize, forces: &mut Vec<Force>) {
-    match forces[before..]
+/// Adds a force to the one at the same point from index `first_new` on, or appends it.
+fn add_to_same_point(force: Force, first_new: usize, forces: &mut Vec<Force>) {
+    match forces[first_new..]
         .iter_mut()
         .find(|other| other.at == force.at)
     {
@@ -61,7 +62,8 @@ fn add_at(force: Force, before: usize, forces: &mut Vec<Force>) {
     }
 }
 
-fn push(
+/// The force that a control with the given value applies to a body.
+fn applied_force(
     task: &BodyTask,
     poses: &[Pose],
     drive: Drive,
@@ -70,8 +72,8 @@ fn push(
 ) -> Option<AppliedForce> {
     match drive {
         Drive::Nothing => None,
-        Drive::JointForce(index) => along_joint(task, &task.joints[index], value),
-        Drive::Servo(servo) => along_joint(
+        Drive::JointForce(index) => joint_force(task, &task.joints[index], value),
+        Drive::Servo(servo) => joint_force(
             task,
             &task.joints[servo.joint],
             servo_force(&servo, value, joint(servo.joint)),
@@ -80,10 +82,10 @@ fn push(
             body,
             at,
             direction,
-            local,
+            is_local,
         } => {
             let force = direction.map(|along| along * value);
-            let force = if local {
+            let force = if is_local {
                 force
             } else {
                 rotated(force, -f64::from(poses[body].angle))
@@ -93,7 +95,7 @@ fn push(
     }
 }
 
-/// kp (target − q) + kv (rate − q̇), within its limit.
+/// The force kp (target − q) + kv (target velocity − q̇) of a servo, within its limit.
 fn servo_force(servo: &Servo, target: f64, (position, rate): (f32, f32)) -> f64 {
     let (position, rate) = (f64::from(position), f64::from(rate));
     let force = match servo.target {
@@ -105,9 +107,10 @@ fn servo_force(servo: &Servo, target: f64, (position, rate): (f32, f32)) -> f64 
         .map_or(force, |limit| force.clamp(-limit, limit))
 }
 
-/// A force (N) or torque (N m) along a joint's coordinate. With r from the hinge to the center of
-/// mass, the torque τ is that of the force τ (−r_y, r_x) / |r|² there.
-fn along_joint(task: &BodyTask, joint: &Joint, value: f64) -> Option<AppliedForce> {
+/// The force (N) or torque (N m) `value` along a joint's coordinate, as a force on the child. With
+/// r from the hinge to the center of mass, a torque τ becomes the force τ (−r_y, r_x) / |r|² at the
+/// center of mass, which has the same torque.
+fn joint_force(task: &BodyTask, joint: &Joint, value: f64) -> Option<AppliedForce> {
     match joint.kind {
         JointKind::Weld => None,
         JointKind::Slide { axis } => {

@@ -10,12 +10,12 @@ use super::dynamics::CoordinateColumns;
 #[derive(Clone, Debug)]
 pub struct KinematicTree {
     links: Vec<Link>,
-    /// Free bodies: the first three coordinates after those of the joints are the first one's.
+    /// Indices of the free bodies. Their coordinates follow those of the joints, three per body.
     free_bodies: Vec<usize>,
-    bodies: usize,
+    body_count: usize,
 }
 
-/// A joint with all its frames fixed.
+/// A joint as a transform between the frames of its parent and of its child.
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
     /// Index of the parent body; `None` is the world.
@@ -70,7 +70,7 @@ impl KinematicTree {
         Self {
             links,
             free_bodies: task.free_bodies.clone(),
-            bodies: task.bodies.len(),
+            body_count: task.bodies.len(),
         }
     }
 
@@ -80,10 +80,10 @@ impl KinematicTree {
         &self.links
     }
 
-    /// Frames for [`compute_frames`](Self::compute_frames) to write: one per body.
+    /// A buffer for [`compute_frames`](Self::compute_frames): one frame per body.
     #[must_use]
-    pub fn frames(&self) -> Vec<Frame> {
-        vec![Frame::WORLD; self.bodies]
+    pub fn frame_buffer(&self) -> Vec<Frame> {
+        vec![Frame::WORLD; self.body_count]
     }
 
     /// The frames of the bodies of one copy: `[bodies]`.
@@ -94,7 +94,7 @@ impl KinematicTree {
         let (positions, velocities): (Vec<_>, Vec<_>) = coordinates
             .map(|(q, v)| (f64::from(q), f64::from(v)))
             .unzip();
-        let mut frames = self.frames();
+        let mut frames = self.frame_buffer();
         self.compute_frames(&positions, &velocities, &mut frames);
         frames
     }
@@ -142,20 +142,24 @@ impl Link {
         }
     }
 
-    /// The child's frame. Its velocity is the parent's at the same point plus that of the joint.
+    /// The child's frame. Its velocity is that of the parent at the same point plus that of the
+    /// joint.
     fn child_frame(&self, parent: &Frame, position: f64, velocity: f64) -> Frame {
-        let (offset, sliding, turned, spin) = match self.motion {
+        let (offset, offset_rate, turn, turn_rate) = match self.motion {
             Motion::Slide(axis) => (scale(axis, position), scale(axis, velocity), 0.0, 0.0),
             Motion::Hinge(sign) => ([0.0; 2], [0.0; 2], sign * position, sign * velocity),
             Motion::Weld => ([0.0; 2], [0.0; 2], 0.0, 0.0),
         };
         let anchor = parent.point(add(self.anchor_in_parent, offset));
-        let mut child = Frame::at([0.0; 2], parent.angle + self.angle + turned);
+        let mut child = Frame::at([0.0; 2], parent.angle + self.angle + turn);
         let arm = rotate(child.rotation, self.anchor_in_child);
         child.position = subtract(anchor, arm);
-        child.angular_velocity = parent.angular_velocity + spin;
-        let at_anchor = add(parent.velocity_at(anchor), rotate(parent.rotation, sliding));
-        child.velocity = subtract(at_anchor, cross(child.angular_velocity, arm));
+        child.angular_velocity = parent.angular_velocity + turn_rate;
+        let anchor_velocity = add(
+            parent.velocity_at(anchor),
+            rotate(parent.rotation, offset_rate),
+        );
+        child.velocity = subtract(anchor_velocity, cross(child.angular_velocity, arm));
         child
     }
 }
@@ -218,8 +222,8 @@ fn subtract(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-fn scale(a: [f64; 2], by: f64) -> [f64; 2] {
-    [a[0] * by, a[1] * by]
+fn scale(a: [f64; 2], factor: f64) -> [f64; 2] {
+    [a[0] * factor, a[1] * factor]
 }
 
 /// Rotates `a` by the angle whose cosine and sine are `rotation`.
@@ -253,7 +257,7 @@ mod tests {
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         load(&repository.join(file))
             .unwrap()
-            .bodies()
+            .body_task()
             .unwrap()
             .clone()
     }
@@ -265,10 +269,10 @@ mod tests {
     #[test]
     fn a_pole_leans_to_positive_x_and_moves_with_its_cart() {
         let tree = tree("envs/cartpole.ron");
-        let mut frames = tree.frames();
+        let mut frames = tree.frame_buffer();
         tree.compute_frames(&[0.3, FRAC_PI_2], &[2.0, 1.0], &mut frames);
         let [cart, pole] = frames[..] else {
-            panic!("two bodies")
+            panic!("expected two bodies")
         };
         assert_eq!(
             (cart.position, cart.angle, cart.velocity),
@@ -286,25 +290,26 @@ mod tests {
         assert_abs_diff_eq!(velocity[..], [2.0, -0.5][..], epsilon = 1e-15);
     }
 
-    /// Rates are derivatives: frames a moment later are where the velocities say.
+    /// Velocities are time derivatives: they equal the difference quotient of positions a short
+    /// time apart.
     #[test]
     fn velocities_are_the_rates_of_positions() {
         let tree = tree("crates/seedbed-env/tests/envs/crane.ron");
         let (positions, velocities) = ([0.2, 1.0, -2.0, 0.1], [1.0, -0.5, 2.0, 0.7]);
-        let moment = 1e-6;
+        let duration = 1e-6;
         let later: Vec<_> = positions
             .iter()
             .zip(velocities)
-            .map(|(position, rate)| position + moment * rate)
+            .map(|(position, rate)| position + duration * rate)
             .collect();
-        let (mut now, mut then) = (tree.frames(), tree.frames());
+        let (mut now, mut then) = (tree.frame_buffer(), tree.frame_buffer());
         tree.compute_frames(&positions, &velocities, &mut now);
         tree.compute_frames(&later, &velocities, &mut then);
         for (now, then) in now.iter().zip(&then) {
-            let moved = scale(subtract(then.position, now.position), 1.0 / moment);
-            assert_abs_diff_eq!(moved[..], now.velocity[..], epsilon = 1e-5);
+            let rate = scale(subtract(then.position, now.position), 1.0 / duration);
+            assert_abs_diff_eq!(rate[..], now.velocity[..], epsilon = 1e-5);
             assert_abs_diff_eq!(
-                (then.angle - now.angle) / moment,
+                (then.angle - now.angle) / duration,
                 now.angular_velocity,
                 epsilon = 1e-8
             );
@@ -315,7 +320,7 @@ mod tests {
     fn at_coordinate_zero_bodies_are_where_the_file_puts_them() {
         let task = task("crates/seedbed-env/tests/envs/crane.ron");
         let tree = KinematicTree::new(&task);
-        let mut frames = tree.frames();
+        let mut frames = tree.frame_buffer();
         tree.compute_frames(&[0.0; 4], &[0.0; 4], &mut frames);
         for (frame, body) in frames.iter().zip(&task.bodies) {
             assert_abs_diff_eq!(frame.position[..], body.position[..], epsilon = 1e-15);

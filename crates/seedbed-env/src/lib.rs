@@ -23,15 +23,16 @@
 //! ```
 //!
 //! The same file, the same random streams and the same actions give the same bits on every machine,
-//! and the bits of one copy do not depend on the others.
+//! and the bits of one copy do not depend on the other copies.
 //!
 //! # Where to look
 //!
-//! - [`Environment`] is the interface to agents, and [`Spec`] what they know of a task beforehand.
-//!   Other crates may implement it; its documentation has an example.
+//! - [`Environment`] is the interface to agents. Other crates may implement this trait; its
+//!   documentation has an example. [`Spec`] is what agents know of a task beforehand.
 //! - [`mod@file`] is the schema of task files. `envs/README.md` in the repository teaches it.
 //! - [`description`] is what a checked file becomes, and may be changed before building.
-//! - [`tabular`] are finite MDPs with priors, [`analytic`] exact equations of classic tasks.
+//! - [`tabular`] has finite MDPs with priors, and [`analytic`] the exact equations of classic
+//!   tasks.
 //! - [`input`] reads RON files with located errors, and [`random`] names random streams; both serve
 //!   the rest of the workbench too.
 //!
@@ -216,7 +217,7 @@ pub enum Physics {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
-    /// Not started, or ended and not yet reset. Not stepped.
+    /// No episode is running, for example because none has started. The copy is not stepped.
     #[default]
     Idle,
     /// The episode is running.
@@ -290,7 +291,7 @@ pub struct Pose {
 /// A force, to be drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Force {
-    /// What causes it.
+    /// What causes the force.
     pub source: ForceSource,
     /// Point of application in the world, m.
     pub at: [f32; 2],
@@ -322,11 +323,11 @@ pub struct Scene {
 pub struct SceneBody {
     /// Name of the body in its file.
     pub name: String,
-    /// Whether it never moves.
-    pub fixed: bool,
+    /// Whether the body never moves.
+    pub is_fixed: bool,
     /// Shapes in the body's own frame.
     pub shapes: Vec<Shape>,
-    /// Position of the hinge about which it turns, in its own frame, m.
+    /// Position of the hinge about which the body turns, in the body's frame, m.
     pub hinge: Option<[f32; 2]>,
 }
 
@@ -365,8 +366,8 @@ pub enum Shape {
 }
 
 impl Spec {
-    /// A task with control steps of 0.1 s, a time limit of 1,000 steps and no return at which it
-    /// counts as solved. All fields are public: change what differs.
+    /// A task with control steps of 0.1 s, a time limit of 1,000 steps and no reward threshold. All
+    /// fields are public: change what differs.
     #[must_use]
     pub fn new(name: &str, observations: Vec<Quantity>, actions: Vec<Action>) -> Self {
         Self {
@@ -406,7 +407,7 @@ impl Quantity {
 }
 
 impl Action {
-    /// An action that chooses one of some values. They must not be empty.
+    /// A component of an action that is one of `values`, which must not be empty.
     #[must_use]
     pub fn discrete(name: &str, unit: &str, values: &[f32]) -> Self {
         let min = values.iter().copied().fold(f32::MAX, f32::min);
@@ -417,7 +418,7 @@ impl Action {
         }
     }
 
-    /// An action that chooses any number within a range.
+    /// A component of an action that is any number within `range`.
     #[must_use]
     pub fn continuous(name: &str, unit: &str, range: [f32; 2]) -> Self {
         Self {

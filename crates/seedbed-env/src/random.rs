@@ -31,7 +31,7 @@ pub enum Purpose {
     Preview = 7,
     /// The initial parameters of a bonus model.
     ModelParameters = 8,
-    /// An agent's seeds of its bonus model, drawn once.
+    /// The part of an agent seed that modifies the agent's bonus model, drawn once.
     ModelSeeds = 9,
     /// Minibatches and sampled weights for training a bonus model in one round.
     ModelTraining = 10,
@@ -46,21 +46,22 @@ pub enum Purpose {
     ValuePrior = 20,
     /// Transitions that a value model draws from the replay buffer in one round.
     Replay = 21,
-    /// The seeds z of single transitions, with [`transition_stream`].
+    /// The reward seeds z of single transitions, with [`transition_stream`].
     TransitionSeeds = 22,
     /// Which transitions a value model learns from, with [`transition_stream`].
     TransitionMasks = 23,
     /// Which value model an agent acts by in one round.
     ModelChoice = 24,
-    /// An agent's seed for the rewards of a tabular task, drawn once.
+    /// The part of an agent seed for the rewards of a tabular task, drawn once.
     TabularSeeds = 41,
-    /// The noise that an agent's seed adds to the observations of one parameter, whose index takes
-    /// the place of the round.
+    /// The noise that an agent seed adds to the observations of one parameter. The index of the
+    /// parameter takes the place of the round.
     TabularNoise = 42,
-    /// The exponentials of an agent's seed for one outcome, whose index takes the place of the
-    /// round.
+    /// The exponentially distributed numbers of an agent seed for one outcome. The index of the
+    /// outcome takes the place of the round.
     TabularTransitions = 43,
-    /// An MDP that an agent samples before an action, whose index takes the place of the round.
+    /// An MDP that an agent samples before an action. The index of the action takes the place of
+    /// the round.
     TabularResampling = 44,
     /// The times at which agents of a tabular task act.
     TabularClock = 45,
@@ -87,8 +88,8 @@ pub fn stream(run_seed: u64, purpose: Purpose, agent: u32, round: u32) -> Stream
 /// The stream of one transition for one value model, whose name is (run seed, purpose, model,
 /// acting agent, episode, step).
 ///
-/// The first four are the key of [`stream`], the episode is ChaCha's nonce, and each step has a
-/// block of its own.
+/// The first four numbers are the key of [`stream`], the episode is ChaCha's nonce, and each step
+/// has a ChaCha block of its own.
 #[must_use]
 pub fn transition_stream(
     run_seed: u64,

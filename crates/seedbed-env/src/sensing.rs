@@ -21,10 +21,11 @@ pub(super) struct SensorReader {
     needs_frames: bool,
     tree: KinematicTree,
     geometry: Geometry,
-    /// Coordinates (`[coordinates]`, `[coordinates]`) and frames (`[bodies]`) of the copy that is
-    /// being read.
+    /// Positions of the coordinates of the copy that is being read: `[coordinates]`.
     positions: Vec<f64>,
+    /// Velocities of the coordinates of the same copy: `[coordinates]`.
     velocities: Vec<f64>,
+    /// Frames of the bodies of the same copy: `[bodies]`.
     frames: Vec<Frame>,
 }
 
@@ -41,21 +42,23 @@ impl SensorReader {
             formulas: measurements
                 .iter()
                 .enumerate()
-                .filter_map(|(column, measurement)| Some((column, formula(measurement, copies)?)))
+                .filter_map(|(column, measurement)| {
+                    Some((column, formula_evaluator(measurement, copies)?))
+                })
                 .collect(),
             measurements,
-            frames: tree.frames(),
+            frames: tree.frame_buffer(),
             tree,
             geometry: Geometry::new(task),
-            positions: vec![0.0; task.coordinates()],
-            velocities: vec![0.0; task.coordinates()],
+            positions: vec![0.0; task.coordinate_count()],
+            velocities: vec![0.0; task.coordinate_count()],
         }
     }
 
     /// Writes the measurements of some copies into the first columns of the table.
     pub(super) fn read(
         &mut self,
-        columns: &CoordinateColumns,
+        coordinates: &CoordinateColumns,
         copies: Range<usize>,
         table: &mut ValueTable,
     ) {
@@ -63,13 +66,13 @@ impl SensorReader {
             let column = &mut table.column_mut(column)[copies.clone()];
             match measurement {
                 Measurement::JointPosition(coordinate) => {
-                    column.copy_from_slice(&columns.positions(*coordinate)[copies.clone()]);
+                    column.copy_from_slice(&coordinates.positions(*coordinate)[copies.clone()]);
                 }
                 Measurement::WrappedJointPosition(coordinate) => {
-                    wrap(column, &columns.positions(*coordinate)[copies.clone()]);
+                    wrap(column, &coordinates.positions(*coordinate)[copies.clone()]);
                 }
                 Measurement::JointVelocity(coordinate) => {
-                    column.copy_from_slice(&columns.velocities(*coordinate)[copies.clone()]);
+                    column.copy_from_slice(&coordinates.velocities(*coordinate)[copies.clone()]);
                 }
                 _ => {}
             }
@@ -77,7 +80,7 @@ impl SensorReader {
         if self.needs_frames {
             copies
                 .clone()
-                .for_each(|copy| self.read_frames(columns, copy, table));
+                .for_each(|copy| self.read_frame_sensors(coordinates, copy, table));
         }
         for (column, formula) in &mut self.formulas {
             let (before, column) = table.split_at(*column);
@@ -85,27 +88,33 @@ impl SensorReader {
         }
     }
 
-    fn read_frames(&mut self, columns: &CoordinateColumns, copy: usize, table: &mut ValueTable) {
+    /// Reads the sensors of one copy that depend on the frames of the bodies.
+    fn read_frame_sensors(
+        &mut self,
+        coordinates: &CoordinateColumns,
+        copy: usize,
+        table: &mut ValueTable,
+    ) {
         for (coordinate, (position, velocity)) in self
             .positions
             .iter_mut()
             .zip(&mut self.velocities)
             .enumerate()
         {
-            let (place, rate) = columns.get(coordinate, copy);
-            (*position, *velocity) = (f64::from(place), f64::from(rate));
+            let (q, q_dot) = coordinates.get(coordinate, copy);
+            (*position, *velocity) = (f64::from(q), f64::from(q_dot));
         }
         self.tree
             .compute_frames(&self.positions, &self.velocities, &mut self.frames);
         for (column, measurement) in self.measurements.iter().enumerate() {
-            if let Some(value) = self.measured(measurement) {
+            if let Some(value) = self.measure(measurement) {
                 table.column_mut(column)[copy] = value;
             }
         }
     }
 
-    /// `None` for a measurement that does not depend on the frames of the bodies.
-    fn measured(&self, measurement: &Measurement) -> Option<f32> {
+    /// The measured value; `None` if it does not depend on the frames of the bodies.
+    fn measure(&self, measurement: &Measurement) -> Option<f32> {
         Some(match measurement {
             Measurement::JointPosition(_)
             | Measurement::WrappedJointPosition(_)
@@ -122,7 +131,7 @@ impl SensorReader {
             Measurement::Contact(one, other) => {
                 f32::from(u8::from(self.geometry.touch(*one, *other, &self.frames)))
             }
-            Measurement::Ray(ray) => self.geometry.distance(ray, &self.frames),
+            Measurement::Ray(ray) => self.geometry.ray_distance(ray, &self.frames),
         })
     }
 
@@ -146,7 +155,7 @@ fn depends_on_frames(measurement: &Measurement) -> bool {
     )
 }
 
-fn formula(measurement: &Measurement, copies: usize) -> Option<Evaluator> {
+fn formula_evaluator(measurement: &Measurement, copies: usize) -> Option<Evaluator> {
     if let Measurement::Formula(program) = measurement {
         Some(Evaluator::new(program, copies))
     } else {

@@ -28,7 +28,7 @@ pub struct Curves {
     pub y_logarithmic: bool,
     /// Whether to draw a legend. It is drawn in a part of the panel without curves, or to the right
     /// of the panel if there is no such part.
-    pub legend: bool,
+    pub has_legend: bool,
 }
 
 /// One curve.
@@ -43,9 +43,9 @@ pub struct Series {
     /// Interval around the curve: (x, low, high) in ascending order of x.
     pub band: Option<Vec<[f64; 3]>>,
     /// Whether the curve is constant between points and has steps at points, like a survival curve.
-    pub steps: bool,
+    pub has_steps: bool,
     /// Whether the curve is thin and transparent, as a background for other curves.
-    pub faint: bool,
+    pub is_faint: bool,
 }
 
 /// A value to compare with, drawn as a dashed horizontal line.
@@ -92,7 +92,7 @@ impl Figure {
     }
 }
 
-/// Sets the ranges of all panels to the ranges of the data of all panels.
+/// Gives all panels without a set range a common range, which includes the ranges of all panels.
 fn share_axes(panels: &mut [Curves]) {
     let x = extent(panels.iter().flat_map(Curves::x_extent));
     let y = extent(panels.iter().flat_map(Curves::y_extent));
@@ -147,7 +147,7 @@ impl Curves {
             x_range: self.x_extent(),
             y_range: self.y_extent(),
             y_logarithmic: self.y_logarithmic,
-            grid: true,
+            has_grid: true,
         };
         let entries = self.legend_entries();
         let plot = frame.plot(panel);
@@ -158,20 +158,7 @@ impl Curves {
             legend::width_beside(&entries, panel)
         };
         let plot = frame.draw(&panel.inset([0.0, legend_width, 0.0, 0.0]), svg);
-        svg.clipped(&plot.area, |svg| {
-            self.series
-                .iter()
-                .for_each(|series| series.draw_band(&plot, svg));
-            self.thresholds
-                .iter()
-                .for_each(|threshold| threshold.draw(&plot, svg));
-            self.series
-                .iter()
-                .for_each(|series| series.draw_line(&plot, svg));
-        });
-        self.thresholds
-            .iter()
-            .for_each(|threshold| threshold.draw_name(&plot, svg));
+        self.draw_data(&plot, svg);
         let rect_at_the_right = Rect {
             x: plot.area.right() + 8.0,
             width: legend_width,
@@ -185,12 +172,30 @@ impl Curves {
         );
     }
 
+    /// Draws bands, thresholds and curves, in this order, and the names of thresholds.
+    fn draw_data(&self, plot: &Plot, svg: &mut SvgWriter) {
+        svg.clipped(&plot.area, |svg| {
+            self.series
+                .iter()
+                .for_each(|series| series.draw_band(plot, svg));
+            self.thresholds
+                .iter()
+                .for_each(|threshold| threshold.draw(plot, svg));
+            self.series
+                .iter()
+                .for_each(|series| series.draw_line(plot, svg));
+        });
+        self.thresholds
+            .iter()
+            .for_each(|threshold| threshold.draw_name(plot, svg));
+    }
+
     /// Names and colors of the legend.
     fn legend_entries(&self) -> Vec<Entry<'_>> {
         let series_with_names = self
             .series
             .iter()
-            .filter(|series| self.legend && !series.name.is_empty());
+            .filter(|series| self.has_legend && !series.name.is_empty());
         series_with_names
             .map(|series| Entry {
                 name: &series.name,
@@ -231,7 +236,7 @@ impl Series {
         for next in self.band.iter().flatten().map(position) {
             let corner = band
                 .last()
-                .filter(|_| self.steps)
+                .filter(|_| self.has_steps)
                 .map(|before| [next[0], before[1], before[2]]);
             band.extend(corner.into_iter().chain([next]));
         }
@@ -252,15 +257,15 @@ impl Series {
                 .map(|point| plot.position(point))
                 .collect();
             if outline.len() > 2 {
-                svg.fill(&outline, self.color, 0.2);
+                svg.polygon(&outline, self.color, 0.2);
             }
         }
     }
 
     fn draw_line(&self, plot: &Plot, svg: &mut SvgWriter) {
-        let stroke = Stroke::new(self.color, if self.faint { 1.0 } else { 1.8 });
+        let stroke = Stroke::new(self.color, if self.is_faint { 1.0 } else { 1.8 });
         let stroke = Stroke {
-            opacity: if self.faint { 0.6 } else { 1.0 },
+            opacity: if self.is_faint { 0.6 } else { 1.0 },
             ..stroke
         };
         for points in self
@@ -287,7 +292,7 @@ impl Series {
         for point in points {
             let corner = stepped
                 .last()
-                .filter(|_| self.steps)
+                .filter(|_| self.has_steps)
                 .map(|before| [point[0], before[1]]);
             stepped.extend(corner);
             stepped.push(point);
@@ -306,16 +311,17 @@ fn downsampled(points: &[[f64; 2]], parts: usize) -> Vec<[f64; 2]> {
     let sampled = points.chunks(points_per_part).flat_map(|part| {
         let by_y = |one: &&usize, other: &&usize| part[**one][1].total_cmp(&part[**other][1]);
         let indices: Vec<usize> = (0..part.len()).collect();
-        let extremes = [
+        let first_extremes_last = [
             indices.first(),
             indices.iter().min_by(by_y),
             indices.iter().max_by(by_y),
             indices.last(),
         ];
-        let mut sampled: Vec<usize> = extremes.into_iter().flatten().copied().collect();
-        sampled.sort_unstable();
-        sampled.dedup();
-        sampled.into_iter().map(|index| part[index])
+        let mut sampled_indices: Vec<usize> =
+            first_extremes_last.into_iter().flatten().copied().collect();
+        sampled_indices.sort_unstable();
+        sampled_indices.dedup();
+        sampled_indices.into_iter().map(|index| part[index])
     });
     sampled.collect()
 }
@@ -333,14 +339,14 @@ impl Threshold {
     fn draw_name(&self, plot: &Plot, svg: &mut SvgWriter) {
         let y = plot.y.position(self.value);
         if (plot.area.y..=plot.area.bottom()).contains(&y) {
-            // Above the line, or below it if that would be outside the plot.
-            let line = if y - 14.0 < plot.area.y {
+            // The name is above the line, or below it if there is no space above.
+            let baseline = if y - 14.0 < plot.area.y {
                 y + 12.0
             } else {
                 y - 4.0
             };
             svg.text(
-                [plot.area.x + 6.0, line],
+                [plot.area.x + 6.0, baseline],
                 &self.name,
                 TextStyle::new(TICK_SIZE, Anchor::Start).color(MUTED_COLOR),
             );
@@ -381,14 +387,14 @@ mod tests {
     #[test]
     fn step_curves_hold_each_value_until_the_next_point() {
         let series = Series {
-            steps: true,
+            has_steps: true,
             ..Series::default()
         };
         let stepped = series.with_steps([[0.0, 1.0], [2.0, 0.5]].into_iter());
         assert_eq!(stepped, [[0.0, 1.0], [2.0, 1.0], [2.0, 0.5]]);
     }
 
-    /// A band with steps keeps its width up to its last point.
+    /// A band with steps keeps its width up to its last point, a band without steps narrows before.
     #[test]
     fn a_band_of_steps_occupies_the_page_up_to_its_last_point() {
         let area = Rect {
@@ -399,11 +405,11 @@ mod tests {
         };
         let [x, y] =
             [[0.0, 100.0], [100.0, 0.0]].map(|positions| Scale::new([0.0, 100.0], positions));
-        let occupied = |steps: bool| {
+        let occupied = |has_steps: bool| {
             let band = Some(vec![[0.0, 40.0, 90.0], [100.0, 0.0, 0.0]]);
             Series {
                 band,
-                steps,
+                has_steps,
                 ..Series::default()
             }
             .occupied_points(&Plot { area, x, y })

@@ -51,22 +51,22 @@ pub fn font_faces() -> String {
 /// `size`.
 pub(super) fn text_width(text: &str, size: f64, weight: Weight) -> f64 {
     let font = FontRef::new(weight.data()).expect("the font is part of this crate");
-    let (characters, advances) = (
+    let (glyphs, advances) = (
         font.charmap(),
         font.glyph_metrics(Size::unscaled(), LocationRef::default()),
     );
-    let unit = size
+    let size_per_unit = size
         / f64::from(
             font.metrics(Size::unscaled(), LocationRef::default())
                 .units_per_em,
         );
     let advance = |letter: char| {
-        characters
+        glyphs
             .map(letter)
             .and_then(|glyph| advances.advance_width(glyph))
     };
     text.chars()
-        .map(|letter| advance(letter).map_or(0.5 * size, |width| f64::from(width) * unit))
+        .map(|letter| advance(letter).map_or(0.5 * size, |width| f64::from(width) * size_per_unit))
         .sum()
 }
 

@@ -23,7 +23,7 @@ pub(super) struct Frame<'a> {
     pub(super) x_range: [f64; 2],
     pub(super) y_range: [f64; 2],
     pub(super) y_logarithmic: bool,
-    pub(super) grid: bool,
+    pub(super) has_grid: bool,
 }
 
 /// The rectangle of a panel in which data are drawn, with its scales.
@@ -74,8 +74,8 @@ impl Frame<'_> {
         let (plot, ticks_of_y) = (self.plot(panel), self.ticks_of_y(panel));
         let area = plot.area;
         draw_title(self.title, panel, area.x, svg);
-        self.draw_y(&plot, &ticks_of_y, panel, svg);
-        self.draw_x(&plot, panel, svg);
+        self.draw_y_axis(&plot, &ticks_of_y, panel, svg);
+        self.draw_x_axis(&plot, panel, svg);
         svg.line(
             &[
                 [area.x, area.y],
@@ -87,11 +87,11 @@ impl Frame<'_> {
         plot
     }
 
-    fn draw_y(&self, plot: &Plot, ticks: &[(f64, String)], panel: &Rect, svg: &mut SvgWriter) {
+    fn draw_y_axis(&self, plot: &Plot, ticks: &[(f64, String)], panel: &Rect, svg: &mut SvgWriter) {
         let area = plot.area;
         for (value, text) in ticks {
             let y = plot.y.position(*value);
-            if self.grid {
+            if self.has_grid {
                 svg.line(
                     &[[area.x, y], [area.right(), y]],
                     Stroke::new(GRID_COLOR, 1.0),
@@ -114,7 +114,7 @@ impl Frame<'_> {
         }
     }
 
-    fn draw_x(&self, plot: &Plot, panel: &Rect, svg: &mut SvgWriter) {
+    fn draw_x_axis(&self, plot: &Plot, panel: &Rect, svg: &mut SvgWriter) {
         let area = plot.area;
         for (value, text) in plot.x.ticks(tick_count(area.width, 52.0)) {
             let x = plot.x.position(value);
@@ -144,12 +144,12 @@ fn tick_count(length: f64, length_per_tick: f64) -> usize {
     ((length / length_per_tick) as usize).clamp(3, 8)
 }
 
-/// Draws the title of a panel, starting at `x`. A long title has a smaller font, and a longer title
-/// has two lines.
+/// Draws the title of a panel, starting at `x`. A title that is too wide has a smaller font; if it
+/// is still too wide, it has two lines.
 pub(super) fn draw_title(title: &str, panel: &Rect, x: f64, svg: &mut SvgWriter) {
     let max_width = panel.right() - x;
     let fits = |size: f64| text_width(title, size, Weight::Medium) <= max_width;
-    let (lines, size, first) = match (fits(TITLE_SIZE), fits(TICK_SIZE)) {
+    let (lines, size, first_baseline) = match (fits(TITLE_SIZE), fits(TICK_SIZE)) {
         (true, _) => (vec![title.to_owned()], TITLE_SIZE, 14.0),
         (_, true) => (vec![title.to_owned()], TICK_SIZE, 14.0),
         _ => (
@@ -163,7 +163,7 @@ pub(super) fn draw_title(title: &str, panel: &Rect, x: f64, svg: &mut SvgWriter)
         .enumerate()
         .filter(|(_, text)| !text.is_empty())
     {
-        let y = panel.y + first + (SMALL_TITLE_SIZE + 1.0) * line as f64;
+        let y = panel.y + first_baseline + (SMALL_TITLE_SIZE + 1.0) * line as f64;
         svg.text([x, y], text, TextStyle::new(size, Anchor::Start).bold());
     }
 }
@@ -176,14 +176,15 @@ fn split_title(text: &str, max_width: f64, size: f64) -> Vec<String> {
         .find(": ")
         .map(|index| index + 1)
         .filter(|&index| fits(&text[..index]) && fits(&text[index + 1..]));
-    let last = || {
+    let last_fitting_space = || {
         text.rmatch_indices(' ')
             .map(|(index, _)| index)
             .find(|&index| fits(&text[..index]))
     };
-    let break_at = after_colon.or_else(last);
-    let (first, rest) = break_at.map_or((text, ""), |index| (&text[..index], &text[index + 1..]));
-    [first, rest]
+    let break_at = after_colon.or_else(last_fitting_space);
+    let (first_line, second_line) =
+        break_at.map_or((text, ""), |index| (&text[..index], &text[index + 1..]));
+    [first_line, second_line]
         .map(|line| fit_text(line, max_width, size, Weight::Medium))
         .to_vec()
 }
@@ -195,18 +196,18 @@ mod tests {
     #[test]
     fn a_long_title_takes_two_lines() {
         let title = "16 agents together: 277,974 states";
-        let max_width = |text: &str| text_width(text, SMALL_TITLE_SIZE, Weight::Medium);
+        let width = |text: &str| text_width(text, SMALL_TITLE_SIZE, Weight::Medium);
         assert_eq!(
             split_title(
                 title,
-                max_width("16 agents together: 277,974"),
+                width("16 agents together: 277,974"),
                 SMALL_TITLE_SIZE
             ),
             ["16 agents together:", "277,974 states"]
         );
         let long = "Thompson resampling of seeds: 880 states";
         assert_eq!(
-            split_title(long, max_width("Thompson resampling o"), SMALL_TITLE_SIZE),
+            split_title(long, width("Thompson resampling o"), SMALL_TITLE_SIZE),
             ["Thompson resampling", "of seeds: 880 states"]
         );
         let lines = split_title("incomprehensibilities", 40.0, SMALL_TITLE_SIZE);

@@ -24,7 +24,8 @@ pub struct Intervals {
 pub struct IntervalRow {
     /// Name of the row.
     pub name: String,
-    /// The estimate; `None` for a time that was not reached.
+    /// The estimate; `None` if it does not exist, such as the median time to a goal that most runs
+    /// did not reach. It is shown as `not reached`.
     pub estimate: Option<f64>,
     /// The interval; `None` if there are too few runs. An infinite end is drawn at the edge of the
     /// plot.

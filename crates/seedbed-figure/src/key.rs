@@ -40,7 +40,7 @@ const BAR_WIDTH: f64 = 12.0;
 const LINE_HEIGHT: f64 = 17.0;
 
 impl Key {
-    /// Width of the key.
+    /// Width of the key in CSS pixels.
     pub(super) fn width(&self) -> f64 {
         match self {
             Self::Categories(names) => {
@@ -110,7 +110,7 @@ fn count_ticks(max_count: u32) -> Vec<(u32, String)> {
     counts.dedup();
     counts
         .into_iter()
-        .map(|count| (count, grouped(count)))
+        .map(|count| (count, with_thousands_separators(count)))
         .collect()
 }
 
@@ -134,14 +134,14 @@ fn share_ticks(max_count: u32, total: u64) -> Vec<(f64, String)> {
 }
 
 /// A count with commas as thousands separators.
-fn grouped(count: u32) -> String {
+fn with_thousands_separators(count: u32) -> String {
     let digits = count.to_string();
-    let leading_digits = digits.len() % 3;
-    let groups = digits.as_bytes()[leading_digits..]
+    let leading_count = digits.len() % 3;
+    let groups = digits.as_bytes()[leading_count..]
         .chunks(3)
         .map(|group| String::from_utf8_lossy(group).into_owned());
-    let leading_digits = (leading_digits > 0).then(|| digits[..leading_digits].to_owned());
-    leading_digits
+    let leading_group = (leading_count > 0).then(|| digits[..leading_count].to_owned());
+    leading_group
         .into_iter()
         .chain(groups)
         .collect::<Vec<_>>()
@@ -167,7 +167,7 @@ fn draw_names(names: &[(String, Color)], area: &Rect, svg: &mut SvgWriter) {
 }
 
 /// Draws a color bar, with its label rotated to its right.
-fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, map: fn(f64) -> Color) {
+fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, color_of: fn(f64) -> Color) {
     const STEPS: u32 = 64;
     let step = area.height / f64::from(STEPS);
     for index in 0..STEPS {
@@ -179,7 +179,11 @@ fn draw_bar(area: &Rect, svg: &mut SvgWriter, label: &str, map: fn(f64) -> Color
             width: BAR_WIDTH,
             height: if index == 0 { step } else { step + 0.5 },
         };
-        svg.rectangle(&part, map((f64::from(index) + 0.5) / f64::from(STEPS)), 1.0);
+        svg.rectangle(
+            &part,
+            color_of((f64::from(index) + 0.5) / f64::from(STEPS)),
+            1.0,
+        );
     }
     let middle = [area.right() - 4.0, area.y + area.height / 2.0];
     let label = fit_text(label, area.height, LABEL_SIZE, Weight::Regular);

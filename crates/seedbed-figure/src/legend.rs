@@ -100,7 +100,7 @@ pub(super) fn sample_line(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// Sample points of the area of a band, so dense that no legend fits between them.
 /// `outline`: (x, low, high) on the page.
 pub(super) fn sample_band(outline: &[[f64; 3]]) -> Vec<[f64; 2]> {
-    let points_along = |column: usize| {
+    let edge_points = |column: usize| {
         sample_line(
             &outline
                 .iter()
@@ -108,7 +108,7 @@ pub(super) fn sample_band(outline: &[[f64; 3]]) -> Vec<[f64; 2]> {
                 .collect::<Vec<_>>(),
         )
     };
-    let points_across = |ends: &[[f64; 3]]| {
+    let area_points = |ends: &[[f64; 3]]| {
         let [from, to] = [ends[0], ends[1]];
         let parts = ((to[0] - from[0]).abs() / SAMPLE_DISTANCE)
             .ceil()
@@ -123,9 +123,9 @@ pub(super) fn sample_band(outline: &[[f64; 3]]) -> Vec<[f64; 2]> {
     };
     outline
         .windows(2)
-        .flat_map(points_across)
-        .chain(points_along(1))
-        .chain(points_along(2))
+        .flat_map(area_points)
+        .chain(edge_points(1))
+        .chain(edge_points(2))
         .collect()
 }
 
@@ -135,14 +135,14 @@ fn free_rect_of_size([width, height]: [f64; 2], plot: &Rect, points: &[[f64; 2]]
     let (left, right) = (plot.x + MARGIN, plot.right() - width - 2.0);
     let (top, bottom) = (plot.y + 2.0, plot.bottom() - height - MARGIN);
     let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
-    let heights = || {
+    let tops_along_edge = || {
         (1..100)
             .map(|line| top + LINE_HEIGHT * f64::from(line))
             .take_while(|&y| y < bottom)
     };
     let edges = [right, left]
         .into_iter()
-        .flat_map(|x| heights().map(move |y| [x, y]));
+        .flat_map(|x| tops_along_edge().map(move |y| [x, y]));
     let is_free = |rect: &Rect| {
         let [x, y] = [rect.x..=rect.right(), rect.y..=rect.bottom()];
         !points
@@ -175,8 +175,7 @@ mod tests {
     #[test]
     fn a_legend_covers_no_curve() {
         let free_corner = |points: &[[f64; 2]]| {
-            free_rect_of_size([40.0, 20.0], &PLOT, points)
-                .map(|free_corner| [free_corner.x, free_corner.y])
+            free_rect_of_size([40.0, 20.0], &PLOT, points).map(|rect| [rect.x, rect.y])
         };
         let rising: Vec<[f64; 2]> = (0..100)
             .map(|x| [f64::from(x), 100.0 - f64::from(x)])

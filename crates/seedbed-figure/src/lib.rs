@@ -1,9 +1,9 @@
 //! Figures for publications: pure functions from data to SVG text and PNG bytes.
 //!
-//! A [`Figure`] is rows of panels on a white page. [`Figure::svg`] returns text that any browser
-//! shows and any editor changes. [`Figure::png`] draws that text with fonts that are part of this
-//! crate, so that the result does not depend on the fonts of the machine. The same data give the
-//! same bytes.
+//! A [`Figure`] is rows of panels on a white page. [`Figure::svg`] returns an SVG file, which
+//! browsers show and vector editors can change. [`Figure::png`] renders it with fonts that are part
+//! of this crate, so that the result does not depend on the fonts of the machine. The same data
+//! give the same bytes.
 //!
 //! ```
 //! use seedbed_figure::{Curves, Figure, Panel, Row, Series, color};
@@ -19,7 +19,7 @@
 //!     x_label: "episode".to_owned(),
 //!     y_label: "return".to_owned(),
 //!     series: vec![returns],
-//!     legend: true,
+//!     has_legend: true,
 //!     ..Curves::default()
 //! };
 //! let figure = Figure {
@@ -42,7 +42,7 @@
 //! | [`Scatter`], [`HeatMap`] | two dimensions, as points or as counts |
 //! | [`Intervals`] | a table of estimates with their intervals |
 //!
-//! Must not depend on the meaning of numbers, on files, or on training.
+//! This crate must not depend on the meaning of numbers, on files, or on training.
 
 pub mod color;
 mod curves;

@@ -83,7 +83,7 @@ impl Figure {
         if self.title.is_empty() { 0.0 } else { 28.0 }
     }
 
-    /// The title of the figure, or that of the first panel with a title.
+    /// The title of the figure; without one, the title of the first panel that has a title.
     fn alt_text(&self) -> String {
         let titles = self
             .rows
@@ -101,19 +101,26 @@ impl Figure {
 impl Row {
     fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
         let key_width = self.key.as_ref().map_or(0.0, |key| key.width() + GAP);
-        let panels = area.inset([0.0, key_width, 0.0, 0.0]);
+        let panels_area = area.inset([0.0, key_width, 0.0, 0.0]);
         let count = self.panels.len().max(1) as f64;
-        let width = (panels.width - GAP * (count - 1.0)) / count;
-        let mut x = panels.x;
+        let width = (panels_area.width - GAP * (count - 1.0)) / count;
+        let mut x = panels_area.x;
         for panel in &self.panels {
-            panel.draw(&Rect { x, width, ..panels }, svg);
+            panel.draw(
+                &Rect {
+                    x,
+                    width,
+                    ..panels_area
+                },
+                svg,
+            );
             x += width + GAP;
         }
         if let Some(key) = &self.key {
             let key_area = Rect {
-                x: panels.right() + GAP,
+                x: panels_area.right() + GAP,
                 width: key.width(),
-                ..panels
+                ..panels_area
             };
             key.draw(&key_area.inset([TITLE_HEIGHT + 12.0, 0.0, 24.0, 0.0]), svg);
         }
@@ -152,7 +159,7 @@ mod tests {
     use super::*;
     use crate::Axis;
 
-    fn quantity(name: &str) -> Axis {
+    fn axis(name: &str) -> Axis {
         Axis {
             name: name.to_owned(),
             unit: "m/s".to_owned(),
@@ -175,16 +182,16 @@ mod tests {
             title: "returns".to_owned(),
             series: vec![series],
             thresholds,
-            legend: true,
+            has_legend: true,
             ..Curves::default()
         }
     }
 
     fn states(states: States) -> Panel {
         let axes = vec![
-            quantity("x"),
-            quantity("y"),
-            quantity("an angular velocity with a long name"),
+            axis("x"),
+            axis("y"),
+            axis("an angular velocity with a long name"),
         ];
         Panel::ParallelCoordinates(ParallelCoordinates {
             title: "states".to_owned(),
@@ -210,7 +217,7 @@ mod tests {
     }
 
     fn panels_of_pairs() -> Vec<Panel> {
-        let (x, y, title) = (quantity("x"), quantity("y"), "pair".to_owned());
+        let (x, y, title) = (axis("x"), axis("y"), "pair".to_owned());
         let point = ScatterPoint {
             position: [0.0, 9.0],
             color: [1, 2, 3],
@@ -336,13 +343,14 @@ mod tests {
     }
 
     #[test]
-    fn fit_sets_the_width_and_height() {
+    fn resize_sets_the_width_and_height() {
         let mut figure = figure_with_all_panels();
         figure.resize(800.0, 700.0);
         assert!((figure.height() - 700.0).abs() < 1e-9 && figure.width == 800.0);
     }
 
-    /// Text is drawn on machines without fonts: figures with different titles differ in pixels.
+    /// Text is drawn with the fonts of this crate, also on machines without fonts: figures with
+    /// different titles differ in pixels.
     #[test]
     fn different_titles_give_different_pixels() {
         let figure_with_title = |title: &str| Figure {

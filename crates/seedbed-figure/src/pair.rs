@@ -37,7 +37,7 @@ pub struct HeatMap {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// Counts row by row from the lowest: `[rows × columns]`.
+    /// Counts row by row, beginning with the lowest row: `[rows × columns]`.
     pub counts: Vec<u32>,
     /// Number of columns.
     pub columns: usize,
@@ -89,16 +89,16 @@ fn draw_frame(title: &str, x: &Axis, y: &Axis, panel: &Rect, svg: &mut SvgWriter
         x_range: x.range.map(f64::from),
         y_range: y.range.map(f64::from),
         y_logarithmic: false,
-        grid: false,
+        has_grid: false,
     };
     frame.draw(panel, svg)
 }
 
 /// Name and unit of an axis, such as `angle [rad]`.
-pub(super) fn axis_label(quantity: &Axis) -> String {
-    if quantity.unit.is_empty() {
-        quantity.name.clone()
+pub(super) fn axis_label(axis: &Axis) -> String {
+    if axis.unit.is_empty() {
+        axis.name.clone()
     } else {
-        format!("{} [{}]", quantity.name, quantity.unit)
+        format!("{} [{}]", axis.name, axis.unit)
     }
 }

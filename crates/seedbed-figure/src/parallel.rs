@@ -95,8 +95,8 @@ impl ParallelCoordinates {
         }
     }
 
-    /// Whether names of axes are too wide to be on one line. Then every other name is one line
-    /// higher.
+    /// Whether names of axes are too wide to be on one line. If so, every second name is drawn one
+    /// line higher.
     fn must_stagger_names(&self, panel: &Rect) -> bool {
         let max_width = self.max_name_width(panel, false);
         self.axes
@@ -150,9 +150,9 @@ fn draw_axis(axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
         Stroke::new(AXIS_COLOR, 1.2),
     );
     let [low, high] = axis.range.map(|end| format_number(f64::from(end)));
-    let ends = TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR);
-    svg.text([x, area.y - 5.0], &high, ends);
-    svg.text([x, area.bottom() + 14.0], &low, ends);
+    let end_style = TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR);
+    svg.text([x, area.y - 5.0], &high, end_style);
+    svg.text([x, area.bottom() + 14.0], &low, end_style);
 }
 
 /// Draws the name of an axis, with its unit if there is space. The name is moved so that it is
@@ -170,7 +170,8 @@ fn draw_name(axis: &Axis, [x, y]: [f64; 2], panel: &Rect, max_width: f64, svg: &
         LABEL_SIZE,
         Weight::Regular,
     );
-    let half = 0.5 * text_width(&name, LABEL_SIZE, Weight::Regular);
-    let x = x.clamp(panel.x + half, (panel.right() - half).max(panel.x + half));
+    let half_width = 0.5 * text_width(&name, LABEL_SIZE, Weight::Regular);
+    let (min_x, max_x) = (panel.x + half_width, panel.right() - half_width);
+    let x = x.clamp(min_x, max_x.max(min_x));
     svg.text([x, y], &name, TextStyle::new(LABEL_SIZE, Anchor::Middle));
 }

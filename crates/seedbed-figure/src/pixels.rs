@@ -82,13 +82,13 @@ fn encode_png(
     Ok(bytes)
 }
 
-/// Resolution stored in a PNG file, so that programs print the figure in its size: a CSS pixel is
-/// 1/96 inch.
+/// Resolution stored in a PNG file, so that programs print the figure at its original size: a CSS
+/// pixel is 1/96 inch.
 fn pixel_dimensions(scale: f64) -> png::PixelDimensions {
-    let per_meter = (scale * 96.0 / 0.0254).round() as u32;
+    let pixels_per_meter = (scale * 96.0 / 0.0254).round() as u32;
     png::PixelDimensions {
-        xppu: per_meter,
-        yppu: per_meter,
+        xppu: pixels_per_meter,
+        yppu: pixels_per_meter,
         unit: png::Unit::Meter,
     }
 }

@@ -54,9 +54,9 @@ fn powers_of_ten([low, high]: [f64; 2], count: usize) -> Vec<(f64, String)> {
         (low.log10() - 1e-9).ceil() as i32,
         (high.log10() + 1e-9).floor() as i32,
     );
-    let each = ((last - first + 1) as usize).div_ceil(count.max(1)).max(1);
+    let powers_per_tick = ((last - first + 1) as usize).div_ceil(count.max(1)).max(1);
     (first..=last)
-        .step_by(each)
+        .step_by(powers_per_tick)
         .map(|power| 10_f64.powi(power))
         .map(|value| (value, format_number(value)))
         .collect()
@@ -71,10 +71,10 @@ fn round_step(approximate: f64) -> f64 {
     factor.unwrap_or(10.0) * power
 }
 
-/// The label of a tick, with as many decimals as the step between ticks needs; large numbers end in
-/// `k` or `M`.
-fn tick_label(value: f64, step: f64, largest: f64) -> String {
-    let (unit, suffix) = match largest {
+/// The label of a tick, with as many decimals as the step between ticks needs. If the largest
+/// magnitude on the axis is at least 10⁴ or 10⁶, values are in thousands (`k`) or millions (`M`).
+fn tick_label(value: f64, step: f64, max_magnitude: f64) -> String {
+    let (unit, suffix) = match max_magnitude {
         1e6.. => (1e6, "M"),
         1e4.. => (1e3, "k"),
         _ => (1.0, ""),
@@ -219,9 +219,8 @@ mod tests {
 
     #[test]
     fn numbers_have_four_significant_digits() {
-        let format_number =
-            [0.0, 127.5, -6.0, 0.123_456, 12_345.6, f64::INFINITY].map(format_number);
-        assert_eq!(format_number, ["0", "127.5", "−6", "0.1235", "12346", "–"]);
+        let texts = [0.0, 127.5, -6.0, 0.123_456, 12_345.6, f64::INFINITY].map(format_number);
+        assert_eq!(texts, ["0", "127.5", "−6", "0.1235", "12346", "–"]);
     }
 
     #[test]

@@ -163,7 +163,7 @@ impl SvgWriter {
     }
 
     /// Draws a filled polygon.
-    pub(super) fn fill(&mut self, points: &[[f64; 2]], color: Color, opacity: f64) {
+    pub(super) fn polygon(&mut self, points: &[[f64; 2]], color: Color, opacity: f64) {
         let (path, color, opacity) = (path(points), hex(color), format_length(opacity));
         self.push(format_args!(
             "<path d=\"{path}Z\" fill=\"{color}\" fill-opacity=\"{opacity}\"/>"
@@ -192,7 +192,7 @@ impl SvgWriter {
             Anchor::Middle => "middle",
             Anchor::End => "end",
         };
-        let turn = if text_style.upward {
+        let rotation = if text_style.upward {
             format!(" transform=\"rotate(-90 {x} {y})\"")
         } else {
             String::new()
@@ -203,16 +203,17 @@ impl SvgWriter {
             escape(text),
         );
         self.push(format_args!(
-            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" font-weight=\"{weight}\" text-anchor=\"{anchor}\" fill=\"{color}\"{turn}>\
+            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" font-weight=\"{weight}\" text-anchor=\"{anchor}\" fill=\"{color}\"{rotation}>\
              {text}</text>"
         ));
     }
 
-    /// Draws a PNG image, stretched over `area`.
-    pub(super) fn image(&mut self, area: &Rect, png: &[u8], sharp: bool) {
+    /// Draws a PNG image, stretched over `area`; its pixels have sharp edges if `is_pixelated`,
+    /// otherwise they are interpolated.
+    pub(super) fn image(&mut self, area: &Rect, png: &[u8], is_pixelated: bool) {
         let [x, y, width, height] = [area.x, area.y, area.width, area.height].map(format_length);
         let (rendering, data) = (
-            if sharp { "pixelated" } else { "auto" },
+            if is_pixelated { "pixelated" } else { "auto" },
             BASE64_STANDARD.encode(png),
         );
         self.push(format_args!(
@@ -257,7 +258,7 @@ fn hex([red, green, blue]: Color) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// A length with two decimals: a hundredth of a pixel is not visible.
+/// A length or an opacity with at most two decimals: a hundredth of a pixel is not visible.
 fn format_length(value: f64) -> String {
     let text = format!("{:.2}", if value.is_finite() { value } else { 0.0 });
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -289,7 +290,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short() {
+    fn lengths_have_at_most_two_decimals() {
         assert_eq!(
             [1.0, 0.126, -0.001, 120.5, f64::NAN].map(format_length),
             ["1", "0.13", "0", "120.5", "0"]
@@ -311,7 +312,7 @@ mod tests {
                 ..Stroke::new([255, 0, 128], 1.5)
             },
         );
-        let wanted = "<path d=\"M0 1L2.5 3\" fill=\"none\" stroke=\"#ff0080\" stroke-width=\"1.5\" stroke-dasharray=\"5 4\"/>\n";
-        assert_eq!(svg.elements, wanted);
+        let expected = "<path d=\"M0 1L2.5 3\" fill=\"none\" stroke=\"#ff0080\" stroke-width=\"1.5\" stroke-dasharray=\"5 4\"/>\n";
+        assert_eq!(svg.elements, expected);
     }
 }

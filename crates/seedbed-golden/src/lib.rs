@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use expect_test::expect_file;
 
 /// Compares `output(NAME.ron)` with `NAME.txt` for each `NAME.ron` in a folder. If `folder` is
-/// relative, so are the paths passed to `output`, because outputs may contain the path of their
-/// input.
+/// relative, the paths passed to `output` are relative as well, because outputs may contain the
+/// path of their input.
 ///
 /// # Panics
 /// If an output differs from its file, if the folder has no inputs, or if it has a file that is
@@ -24,9 +24,9 @@ pub fn check_folder(folder: impl AsRef<Path>, output: impl Fn(&Path) -> String) 
         folder.as_ref().display()
     );
     for path in others {
-        let is_expected = path.extension().is_some_and(|found| found == "txt");
+        let has_output_name = path.extension().is_some_and(|found| found == "txt");
         assert!(
-            is_expected && inputs.contains(&path.with_extension("ron")),
+            has_output_name && inputs.contains(&path.with_extension("ron")),
             "{} is not the expected output of any input: delete it",
             path.display()
         );

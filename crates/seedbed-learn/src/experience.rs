@@ -17,7 +17,7 @@ pub struct Episode {
     pub agent: u32,
     /// Number of the agent's episode, from 0.
     pub episode: u32,
-    /// Number of the round in which it was played, from 0.
+    /// Number of the round in which the episode was played, from 0.
     pub round: u32,
     /// Row t is the observation before action t; the last row is the observation at the end:
     /// `[(T+1) × observation width]`.
@@ -29,7 +29,8 @@ pub struct Episode {
     /// log π(aₜ|sₜ) of each component of each action, under the policy that acted; their sum is the
     /// log-probability of the action: `[T × action width]`.
     pub log_probs: Vec<f32>,
-    /// How it ended: [`Status::Terminated`] or [`Status::Truncated`]; [`Status::Running`] before.
+    /// How the episode ended: [`Status::Terminated`] or [`Status::Truncated`]; [`Status::Running`]
+    /// before its end.
     pub outcome: Status,
 }
 
@@ -88,7 +89,7 @@ impl Episode {
 /// from them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepData {
-    /// Number of the agent whose episode it is, from 0.
+    /// Number of the agent that played the episode, from 0.
     pub agent: u32,
     /// Number of the agent's episode, from 0.
     pub episode: u32,
@@ -103,7 +104,7 @@ pub struct StepData {
 impl StepData {
     /// Data of `episode` without intrinsic rewards and advantages.
     #[must_use]
-    pub fn of(episode: &Episode) -> Self {
+    pub fn empty_for(episode: &Episode) -> Self {
         Self {
             agent: episode.agent,
             episode: episode.episode,
@@ -112,8 +113,8 @@ impl StepData {
     }
 }
 
-/// The team's shared episodes in the order in which they ended; those that ended at the same time
-/// are in agent order.
+/// The team's shared episodes in the order in which they ended; episodes that ended at the same
+/// time are in agent order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SharedBuffer {
     /// Number of episodes that were removed.
@@ -136,7 +137,7 @@ impl SharedBuffer {
     /// Adds episodes that ended at the same time.
     ///
     /// # Panics
-    /// If they are not in agent order.
+    /// If the episodes are not in agent order.
     pub fn add_episodes(&mut self, episodes: Vec<Episode>) {
         assert!(
             episodes.is_sorted_by_key(|episode| episode.agent),
@@ -147,18 +148,18 @@ impl SharedBuffer {
 
     /// Number of episodes added so far, including removed ones.
     #[must_use]
-    pub fn total(&self) -> u64 {
+    pub fn episodes_added(&self) -> u64 {
         self.removed + self.episodes.len() as u64
     }
 
-    /// The episodes after the first `count`, except removed ones.
+    /// The episodes after the first `count` of all episodes added so far, except removed ones.
     #[must_use]
-    pub fn after(&self, count: u64) -> &[Episode] {
+    pub fn episodes_after(&self, count: u64) -> &[Episode] {
         &self.episodes[count.saturating_sub(self.removed) as usize..]
     }
 
-    /// Number of episodes before the newest ones that together have at least `transitions`
-    /// transitions.
+    /// Number of episodes before the newest ones, where the newest ones are as few as together have
+    /// at least `transitions` transitions.
     #[must_use]
     pub fn count_before_newest(&self, transitions: u64) -> u64 {
         let mut newest_transitions = 0;
@@ -167,15 +168,15 @@ impl SharedBuffer {
             newest_transitions += episode.length() as u64;
             is_needed
         });
-        self.total() - newest.count() as u64
+        self.episodes_added() - newest.count() as u64
     }
 
     /// Removes the first `count` of all episodes added so far, as far as they are still there.
     pub fn remove_first(&mut self, count: u64) {
-        let present = self.episodes.len() as u64;
-        let removable = count.saturating_sub(self.removed).min(present);
-        self.episodes.drain(..removable as usize);
-        self.removed += removable;
+        let present_count = self.episodes.len() as u64;
+        let newly_removed = count.saturating_sub(self.removed).min(present_count);
+        self.episodes.drain(..newly_removed as usize);
+        self.removed += newly_removed;
     }
 }
 
@@ -187,7 +188,8 @@ mod tests {
         Episode::start(agent, 0, 0, &Spec::new("test", Vec::new(), Vec::new()))
     }
 
-    /// Of episodes with 0, 3, 2 steps, 2 transitions need the last episode, 3 the last two, 0 none.
+    /// The episodes have 0, 3 and 2 steps. The newest 2 transitions are in the last episode, the
+    /// newest 3 in the last two episodes, and 100 transitions would need all three.
     #[test]
     fn episodes_before_the_newest_transitions_are_counted() {
         let mut buffer = SharedBuffer::default();
@@ -210,7 +212,7 @@ mod tests {
         buffer.remove_first(1);
         let agents = |count| {
             buffer
-                .after(count)
+                .episodes_after(count)
                 .iter()
                 .map(|episode| episode.agent)
                 .collect::<Vec<_>>()
@@ -219,8 +221,11 @@ mod tests {
             (agents(0), agents(2), agents(4)),
             (vec![1, 0, 2], vec![0, 2], vec![])
         );
-        assert_eq!(buffer.total(), 4);
+        assert_eq!(buffer.episodes_added(), 4);
         buffer.remove_first(9);
-        assert_eq!((buffer.total(), buffer.after(0).len()), (4, 0));
+        assert_eq!(
+            (buffer.episodes_added(), buffer.episodes_after(0).len()),
+            (4, 0)
+        );
     }
 }

@@ -3,7 +3,7 @@
 //! [`Team`](team::Team) is the interface for training loops: K agents that act concurrently and
 //! learn from shared experience. [`algorithms`] has the teams that a scenario can name. Their parts
 //! are in [`agent`] (policies, exploration bonuses), [`nn`] (networks), [`rl`] (formulas), [`seed`]
-//! (fixed perturbations of an agent) and [`experience`] (episodes and the replay buffer).
+//! (agent seeds) and [`experience`] (episodes and the replay buffer).
 //!
 //! This crate does not open files, choose the number of threads, read clocks, or write recordings.
 

@@ -1,5 +1,6 @@
-//! An agent's seed ω_k = (φ̂_k, θ̂_k, `z_{k,1}` … `z_{k,T}`) (thesis §3.4), which is drawn once and
-//! stays the same during training. It is a deterministic function of the run seed and the agent.
+//! The agent seed ω_k = (φ̂_k, θ̂_k, `z_{k,1}` … `z_{k,T}`) of agent k (thesis §3.4), which is
+//! drawn once and stays the same during training. It is a deterministic function of the run seed
+//! and k.
 
 use rand::RngExt;
 use rand_distr::{Distribution, Exp1, StandardNormal};
@@ -38,20 +39,21 @@ pub enum SeedDistribution {
     },
 }
 
-/// One agent's seed.
+/// The agent seed of one agent.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Seed {
+pub struct AgentSeed {
     /// Reward seeds: entry t is `z_{k,t+1}`, which agent k adds to the reward after step t of any
     /// agent's trajectory: `[T]`.
-    pub reward: Vec<f32>,
-    /// Initial parameters θ̂_k of the policy.
-    pub policy: Vec<f32>,
-    /// Initial parameters φ̂_k of the value function.
-    pub value: Vec<f32>,
+    pub reward_seeds: Vec<f32>,
+    /// Initial parameters θ̂_k of the policy: `[P]`.
+    pub policy_parameters: Vec<f32>,
+    /// Initial parameters φ̂_k of the value function: `[P]`.
+    pub value_parameters: Vec<f32>,
 }
 
-impl Seed {
-    /// The seed of `agent` in the run with `run_seed`, for episodes of at most `time_limit` steps.
+impl AgentSeed {
+    /// The agent seed of `agent` in the run with `run_seed`, for episodes of at most `time_limit`
+    /// steps.   `(policy, value)`: the shapes of the networks
     #[must_use]
     pub fn draw(
         run_seed: u64,
@@ -61,20 +63,20 @@ impl Seed {
         (policy, value): (&Mlp, &Mlp),
         time_limit: u32,
     ) -> Self {
-        let mut parameters = stream(run_seed, Purpose::InitialParameters, agent, 0);
-        let policy = policy.initial(initial, &mut parameters);
-        let value = value.initial(initial, &mut parameters);
+        let mut random = stream(run_seed, Purpose::InitialParameters, agent, 0);
+        let policy_parameters = policy.initial_parameters(initial, &mut random);
+        let value_parameters = value.initial_parameters(initial, &mut random);
         Self {
-            reward: distribution.draw(run_seed, agent, time_limit),
-            policy,
-            value,
+            reward_seeds: distribution.draw(run_seed, agent, time_limit),
+            policy_parameters,
+            value_parameters,
         }
     }
 }
 
 impl SeedDistribution {
-    /// The reward seeds of one agent: `[T]`. Seeds with different σ are multiples of the same
-    /// draws, so that runs can be compared in pairs.
+    /// The reward seeds of one agent: `[T]`. Reward seeds with different σ are multiples of the
+    /// same draws, so that runs can be compared in pairs.
     fn draw(self, run_seed: u64, agent: u32, time_limit: u32) -> Vec<f32> {
         let mut random = stream(run_seed, Purpose::RewardSeeds, agent, 0);
         (0..time_limit)
@@ -82,7 +84,7 @@ impl SeedDistribution {
             .collect()
     }
 
-    /// Draws one number.
+    /// Draws one reward seed.
     pub fn draw_one(self, random: &mut Stream) -> f64 {
         let sign = |random: &mut Stream| if random.random() { 1.0 } else { -1.0 };
         match self {
@@ -105,14 +107,14 @@ impl SeedDistribution {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::known;
+    use seedbed_env::input::numbers::ranged_number;
 
-    fn seed(run_seed: u64, agent: u32, sigma: f64) -> Seed {
+    fn agent_seed(run_seed: u64, agent: u32, sigma: f64) -> AgentSeed {
         let (policy, value) = (Mlp::new(&[4, 8, 2]), Mlp::new(&[4, 8, 1]));
         let distribution = SeedDistribution::Normal {
             sigma: NonNegative::try_from(sigma).unwrap(),
         };
-        Seed::draw(
+        AgentSeed::draw(
             run_seed,
             agent,
             distribution,
@@ -122,12 +124,12 @@ mod tests {
         )
     }
 
-    /// With 2,000 draws of deviation 0.1, the standard error of the mean is 0.0022; that of the
-    /// deviation is σ √((κ − 1)/4n) with kurtosis κ = 3, 1.8, 6, 1, so at most 0.0025 (Laplace).
-    /// Tolerances are four standard errors.
+    /// With 2,000 draws of standard deviation 0.1, the standard error of the mean is 0.0022. The
+    /// standard error of the deviation is σ √((κ − 1)/4n) with kurtosis κ = 3, 1.8, 6, 1, so at
+    /// most 0.0025 (Laplace). Tolerances are four standard errors.
     #[test]
-    fn seeds_have_the_given_deviation() {
-        let sigma = known(0.1);
+    fn reward_seeds_have_the_given_mean_and_deviation() {
+        let sigma = ranged_number(0.1);
         for distribution in [
             SeedDistribution::Normal { sigma },
             SeedDistribution::Uniform { sigma },
@@ -144,10 +146,11 @@ mod tests {
         }
     }
 
-    /// Distributions differ in their largest draws, in units of σ.
+    /// The largest of 2,000 draws, in units of σ, is 1 (two-point), just below √3 = 1.732
+    /// (uniform), between 2.8 and 4.5 (normal), or above 4.5 (Laplace).
     #[test]
     fn largest_draws_match_the_distribution() {
-        let sigma = known(1.0);
+        let sigma = ranged_number(1.0);
         let largest = |distribution: SeedDistribution| {
             distribution
                 .draw(7, 0, 2000)
@@ -161,23 +164,32 @@ mod tests {
     }
 
     #[test]
-    fn seeds_depend_on_agent_and_run_seed_only() {
-        assert_eq!(seed(7, 0, 0.1), seed(7, 0, 0.1));
-        assert_ne!(seed(7, 0, 0.1).reward, seed(7, 1, 0.1).reward);
-        assert_ne!(seed(7, 0, 0.1).policy, seed(7, 1, 0.1).policy);
-        assert_ne!(seed(7, 0, 0.1).policy, seed(8, 0, 0.1).policy);
-        assert!(seed(7, 0, 0.0).reward.iter().all(|&z| z == 0.0));
+    fn agent_seeds_depend_on_agent_and_run_seed_only() {
+        assert_eq!(agent_seed(7, 0, 0.1), agent_seed(7, 0, 0.1));
+        assert_ne!(
+            agent_seed(7, 0, 0.1).reward_seeds,
+            agent_seed(7, 1, 0.1).reward_seeds
+        );
+        assert_ne!(
+            agent_seed(7, 0, 0.1).policy_parameters,
+            agent_seed(7, 1, 0.1).policy_parameters
+        );
+        assert_ne!(
+            agent_seed(7, 0, 0.1).policy_parameters,
+            agent_seed(8, 0, 0.1).policy_parameters
+        );
+        assert!(agent_seed(7, 0, 0.0).reward_seeds.iter().all(|&z| z == 0.0));
     }
 
     #[test]
     fn sigma_scales_the_same_draws() {
-        let (small, large) = (seed(7, 3, 0.1), seed(7, 3, 10.0));
-        assert_eq!(small.policy, large.policy);
+        let (small, large) = (agent_seed(7, 3, 0.1), agent_seed(7, 3, 10.0));
+        assert_eq!(small.policy_parameters, large.policy_parameters);
         assert!(
             small
-                .reward
+                .reward_seeds
                 .iter()
-                .zip(&large.reward)
+                .zip(&large.reward_seeds)
                 .all(|(a, b)| (100.0 * a - b).abs() < 1e-4 * (1.0 + b.abs()))
         );
     }

@@ -14,7 +14,7 @@
 /// Arithmetic mean.   `scores: [n]`
 ///
 /// # Panics
-/// Without scores.
+/// If there are no scores.
 #[must_use]
 pub fn mean(scores: &[f64]) -> f64 {
     assert!(!scores.is_empty());
@@ -25,7 +25,7 @@ pub fn mean(scores: &[f64]) -> f64 {
 /// `scores: [n]`
 ///
 /// # Panics
-/// Without scores.
+/// If there are no scores.
 #[must_use]
 pub fn median(scores: &[f64]) -> f64 {
     let sorted = sorted(scores);
@@ -45,19 +45,19 @@ pub fn median(scores: &[f64]) -> f64 {
 /// once: `interquartile_mean(&tasks.concat())`.
 ///
 /// # Panics
-/// Without scores.
+/// If there are no scores.
 #[must_use]
 pub fn interquartile_mean(scores: &[f64]) -> f64 {
     let sorted = sorted(scores);
-    let dropped = sorted.len() / 4;
-    mean(&sorted[dropped..sorted.len() - dropped])
+    let dropped_per_end = sorted.len() / 4;
+    mean(&sorted[dropped_per_end..sorted.len() - dropped_per_end])
 }
 
 /// Optimality gap: mean amount by which scores fall short of a goal γ, γ − mean(min(x, γ)).
 /// `scores: [n]`
 ///
 /// # Panics
-/// Without scores.
+/// If there are no scores.
 #[must_use]
 pub fn optimality_gap(scores: &[f64], goal: f64) -> f64 {
     assert!(!scores.is_empty());
@@ -68,7 +68,7 @@ pub fn optimality_gap(scores: &[f64], goal: f64) -> f64 {
 /// `tasks: [task][run]`
 ///
 /// # Panics
-/// Without tasks, or if one has no runs.
+/// If there are no tasks, or if a task has no runs.
 #[must_use]
 pub fn mean_of_tasks(tasks: &[Vec<f64>]) -> f64 {
     mean(&mean_per_task(tasks))
@@ -78,7 +78,7 @@ pub fn mean_of_tasks(tasks: &[Vec<f64>]) -> f64 {
 /// task this is the mean of its scores.   `tasks: [task][run]`
 ///
 /// # Panics
-/// Without tasks, or if one has no runs.
+/// If there are no tasks, or if a task has no runs.
 #[must_use]
 pub fn median_of_tasks(tasks: &[Vec<f64>]) -> f64 {
     median(&mean_per_task(tasks))

@@ -40,7 +40,7 @@ const INTERVAL_SHARES: (f64, f64) = (0.025, 0.975);
 /// runs.
 ///
 /// # Panics
-/// If there is no stratum, or one is empty.
+/// If there is no stratum, or if a stratum is empty.
 #[must_use]
 pub fn bootstrap_strata(strata: &[Vec<f64>], statistic: impl Fn(&[Vec<f64>]) -> f64) -> Estimate {
     bootstrap_statistics(strata, 1, |strata, values| values[0] = statistic(strata))[0]
@@ -58,22 +58,23 @@ pub fn bootstrap_sample(sample: &[f64], statistic: impl Fn(&[f64]) -> f64) -> Es
 /// Estimates several statistics from the same resamples, each with its 95 % interval.
 /// `strata: [stratum][run]` → `[count]`
 ///
-/// `statistic` fills a slice of `count` values.
+/// `statistic` fills a slice with the `count` values of the statistics.
 ///
 /// # Panics
-/// If there is no stratum, or one is empty.
+/// If there is no stratum, or if a stratum is empty.
 #[must_use]
 pub fn bootstrap_statistics(
     strata: &[Vec<f64>],
     count: usize,
     statistic: impl Fn(&[Vec<f64>], &mut [f64]),
 ) -> Vec<Estimate> {
-    let runs = strata.iter().map(Vec::len).min().unwrap_or(0);
-    assert!(runs > 0, "a stratum without runs");
+    let smallest_run_count = strata.iter().map(Vec::len).min().unwrap_or(0);
+    assert!(smallest_run_count > 0, "a stratum without runs");
     let mut values = vec![0.0; count];
     statistic(strata, &mut values);
-    let intervals = if runs < MIN_RUNS {
-        vec![Interval::TooFewRuns { n: runs }; count]
+    let intervals = if smallest_run_count < MIN_RUNS {
+        let n = smallest_run_count;
+        vec![Interval::TooFewRuns { n }; count]
     } else {
         resampled_values(strata, count, statistic)
             .into_iter()
@@ -199,13 +200,13 @@ mod tests {
         );
     }
 
-    /// Two tasks with constant scores 0 and 10 have mean 5 in every resample within tasks.
-    /// Resamples across tasks would have different means.
+    /// Two tasks have the constant scores 0 and 10. If runs are resampled within their task, every
+    /// resample has the mean 5; resamples across tasks would have different means.
     #[test]
     fn runs_are_resampled_within_their_task() {
-        let estimate_of_both = bootstrap_strata(&[vec![0.0; 5], vec![10.0; 5]], mean_of_tasks);
+        let estimate = bootstrap_strata(&[vec![0.0; 5], vec![10.0; 5]], mean_of_tasks);
         assert_eq!(
-            estimate_of_both,
+            estimate,
             Estimate {
                 value: 5.0,
                 interval: Interval::Known {
@@ -221,9 +222,9 @@ mod tests {
     /// 0, and the 97.5 % quantile is 3/5.
     #[test]
     fn the_interval_of_a_binomial_sample_equals_its_quantiles() {
-        let estimate_of_one_in_five = bootstrap_sample(&[0.0, 0.0, 1.0, 0.0, 0.0], mean);
+        let estimate = bootstrap_sample(&[0.0, 0.0, 1.0, 0.0, 0.0], mean);
         assert_eq!(
-            estimate_of_one_in_five,
+            estimate,
             Estimate {
                 value: 0.2,
                 interval: Interval::Known {

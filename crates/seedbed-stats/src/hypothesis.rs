@@ -59,18 +59,19 @@ fn variance_of_mean(sample: &[f64]) -> f64 {
 /// Holm's correction (1979) of the p-values of m tests.   `p: [m]` → `[m]`, in the same order
 ///
 /// If all tests with a corrected p-value below α are rejected, the probability of any false
-/// rejection is at most α. In ascending order p̃₍ᵢ₎ = max(p̃₍ᵢ₋₁₎, min(1, (m − i + 1) p₍ᵢ₎)), as
+/// rejection is at most α. For p-values in ascending order,
+/// p̃₍ᵢ₎ = max(p̃₍ᵢ₋₁₎, min(1, (m − i + 1) p₍ᵢ₎)). Equals
 /// `statsmodels.stats.multitest.multipletests(p, method="holm")`.
 #[must_use]
 pub fn holm_correction(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).collect();
     order.sort_by(|&a, &b| p[a].total_cmp(&p[b]));
     let mut corrected = vec![0.0; p.len()];
-    let mut largest = 0.0_f64;
-    for (smaller, index) in order.into_iter().enumerate() {
+    let mut largest_so_far = 0.0_f64;
+    for (smaller_count, index) in order.into_iter().enumerate() {
         // The running maximum keeps corrected p-values in the order of the uncorrected ones.
-        largest = largest.max(((p.len() - smaller) as f64 * p[index]).min(1.0));
-        corrected[index] = largest;
+        largest_so_far = largest_so_far.max(((p.len() - smaller_count) as f64 * p[index]).min(1.0));
+        corrected[index] = largest_so_far;
     }
     corrected
 }
@@ -100,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn constant_or_single_samples_have_no_welch_test() {
+    fn constant_samples_and_single_numbers_have_no_welch_test() {
         assert_eq!(welch_test(&[1.0, 1.0], &[2.0, 2.0]), None);
         assert_eq!(welch_test(&[1.0], &[2.0, 3.0]), None);
     }

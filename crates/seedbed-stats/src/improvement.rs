@@ -17,13 +17,13 @@ use super::{Estimate, bootstrap_strata};
 /// Higher scores count as better. If lower scores are better, negate `x` and `y`.
 ///
 /// # Panics
-/// If the tasks differ in number, or one has no runs.
+/// If `x` and `y` have different numbers of tasks, or if a task has no runs.
 #[must_use]
 pub fn probability_of_improvement(x: &[Vec<f64>], y: &[Vec<f64>]) -> Estimate {
     assert_eq!(x.len(), y.len());
-    let estimate_of_both = [x, y].concat();
-    bootstrap_strata(&estimate_of_both, |estimate_of_both| {
-        let (x, y) = estimate_of_both.split_at(x.len());
+    let strata_of_both = [x, y].concat();
+    bootstrap_strata(&strata_of_both, |strata_of_both| {
+        let (x, y) = strata_of_both.split_at(x.len());
         let wins = x.iter().zip(y).map(|(x, y)| share_of_wins(x, y));
         wins.sum::<f64>() / x.len() as f64
     })
@@ -32,7 +32,7 @@ pub fn probability_of_improvement(x: &[Vec<f64>], y: &[Vec<f64>]) -> Estimate {
 /// Share of pairs (x, y) with x > y, a tie counting half: the Mann–Whitney U / (n m).
 /// `x: [n]`, `y: [m]`
 fn share_of_wins(x: &[f64], y: &[f64]) -> f64 {
-    // Half wins are whole numbers: 2 for a win, 1 for a tie.
+    // A win counts as two half wins, a tie as one, so that the sum is a whole number.
     let mut half_wins = 0_u32;
     for x in x {
         for y in y {

@@ -52,7 +52,7 @@ impl Interval {
         }
     }
 
-    /// The interval from `low` to `high` if `n` runs are enough for one.
+    /// The interval from `low` to `high`, unless the `n` runs are fewer than [`MIN_RUNS`].
     fn of_runs(n: usize, low: f64, high: f64) -> Self {
         if n < MIN_RUNS {
             Self::TooFewRuns { n }
@@ -67,7 +67,7 @@ impl Interval {
 pub struct Estimate {
     /// The statistic of the data.
     pub value: f64,
-    /// Its 95 % confidence interval.
+    /// The 95 % confidence interval of the statistic.
     pub interval: Interval,
 }
 

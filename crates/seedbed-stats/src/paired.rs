@@ -13,7 +13,7 @@
 use super::two_sided_normal;
 
 /// Maximum number of differences for which the signed-rank test is exact.
-const MAX_EXACT: usize = 50;
+const MAX_EXACT_DIFFERENCES: usize = 50;
 
 /// Differences x − y, seed by seed. The difference of equal values is 0, even if they are infinite.
 /// `x: [n]`, `y: [n]` → `[n]`
@@ -38,7 +38,7 @@ pub struct SignedRankTest {
     pub p: f64,
 }
 
-/// Wilcoxon's signed-rank test, two-sided, of differences that are symmetric around 0.
+/// Wilcoxon's signed-rank test, two-sided, of whether differences are symmetric around 0.
 /// `differences: [n]`
 ///
 /// Differences of 0 are dropped, and tied differences get their mean rank. With at most 50 nonzero
@@ -60,7 +60,7 @@ pub fn signed_rank_test(differences: &[f64]) -> SignedRankTest {
     }
     let total_rank_sum: usize = ranks.iter().sum();
     let smaller_rank_sum = positive_rank_sum.min(total_rank_sum - positive_rank_sum);
-    let p = if nonzero.len() <= MAX_EXACT {
+    let p = if nonzero.len() <= MAX_EXACT_DIFFERENCES {
         exact_p_value(&ranks, smaller_rank_sum)
     } else {
         approximate_p_value(&ranks, smaller_rank_sum)
@@ -90,7 +90,7 @@ fn doubled_ranks(sorted: &[f64]) -> Vec<usize> {
 }
 
 /// min(1, 2 P(W ≤ w)) for the sum W of the ranks of positive differences, each of which is positive
-/// with probability ½.
+/// with probability ½. `ranks` and w, `smaller_rank_sum`, are [doubled](doubled_ranks).
 ///
 /// The distribution of W is computed by adding one rank at a time:
 /// P(W = w) ← ½ P(W = w) + ½ P(W = w − rank).
@@ -138,8 +138,8 @@ mod tests {
         assert_eq!(doubled_ranks(&[1.0, -2.0, 2.0, 4.0]), [2, 5, 5, 8]);
     }
 
-    /// Of the ranks 1 to 5, the only negative difference has rank 2. The sets {}, {1} and {2} have
-    /// a rank sum of at most 2, so p = 2 · 3 / 2⁵.
+    /// The differences have ranks 1 to 5; only the one with rank 2 is negative. Three of the 2⁵
+    /// sets of ranks, {}, {1} and {2}, have a sum of at most 2, so p = 2 · 3 / 2⁵.
     #[test]
     fn the_signed_rank_test_is_exact_for_few_differences() {
         let test = signed_rank_test(&[1.0, -2.0, 3.0, 4.0, 5.0]);
@@ -173,8 +173,8 @@ mod tests {
         );
     }
 
-    /// For 50 differences, of which the ranks 1 to 15 are negative, the approximate p-value is
-    /// close to the exact p-value.
+    /// For 50 differences without ties, of which those of one sign have the rank sum 450, the
+    /// approximate p-value is close to the exact p-value.
     #[test]
     fn the_normal_approximation_is_close_to_the_exact_test() {
         let ranks: Vec<usize> = (1..=50).map(|rank| 2 * rank).collect();

@@ -13,7 +13,7 @@ use super::Estimate;
 use super::aggregate::sorted;
 use super::bootstrap::bootstrap_statistics;
 
-/// Share of all tasks' runs above each threshold, with its pointwise 95 % interval.
+/// Share of the runs of all tasks that score above each threshold, with pointwise 95 % intervals.
 /// `tasks: [task][run]`, `thresholds: [T]` → `[T]`
 ///
 /// # Panics
@@ -23,8 +23,8 @@ pub fn performance_profile(tasks: &[Vec<f64>], thresholds: &[f64]) -> Vec<Estima
     bootstrap_statistics(tasks, thresholds.len(), |tasks, shares| {
         let sorted = sorted(&tasks.concat());
         for (share, threshold) in shares.iter_mut().zip(thresholds) {
-            let above = sorted.len() - sorted.partition_point(|score| score <= threshold);
-            *share = above as f64 / sorted.len() as f64;
+            let count_above = sorted.len() - sorted.partition_point(|score| score <= threshold);
+            *share = count_above as f64 / sorted.len() as f64;
         }
     })
 }
@@ -34,7 +34,7 @@ mod tests {
     use super::*;
     use crate::Interval;
 
-    /// Of the scores 0, 1, … all but 0 are above the threshold 0, and none is above 9 in any
+    /// All scores are above −1, all but one are above 0, and none is above 9, not even in a
     /// resample.
     #[test]
     fn the_profile_counts_runs_strictly_above_the_threshold() {

@@ -15,7 +15,7 @@
 //! assert_eq!(kaplan_meier(&ours).median(), Some(6.0));
 //!
 //! let baseline = [8.0, 9.0, 9.0, 9.0].map(TimeToEvent::censored);
-//! let test = log_rank_test(&ours, &baseline).expect("both had runs when one was reached");
+//! let test = log_rank_test(&ours, &baseline).expect("both groups had runs at risk");
 //! assert!(test.z > 0.0, "ours is faster");
 //! ```
 
@@ -83,7 +83,7 @@ pub struct SurvivalCurve {
 /// Kaplan–Meier estimate (1958): S(t) = Π_{tᵢ ≤ t} (1 − dᵢ / nᵢ), where dᵢ of nᵢ runs at risk reach
 /// the threshold at tᵢ.   `runs: [n]`
 ///
-/// Values equal those of `scipy.stats.ecdf(…).sf`. The interval is the log-log interval
+/// Values equal those of `scipy.stats.ecdf(…).sf`. The interval of S is the log-log interval
 /// S^exp(± 1.96 √V / ln S) with Greenwood's sum V = Σ dᵢ / (nᵢ (nᵢ − dᵢ)). As in `lifelines`, it is
 /// [0, 0] where S is 0.
 #[must_use]
@@ -232,7 +232,8 @@ fn log_log_interval(runs: usize, survival: f64, greenwood: f64) -> Interval {
 mod tests {
     use super::*;
 
-    /// A `+` marks a run that ended before it reached the threshold.
+    /// Times of runs from a text such as `3 9+`, in which `+` marks a run that ended before it
+    /// reached the threshold.
     fn times(text: &str) -> Vec<TimeToEvent> {
         let time = |word: &str| TimeToEvent {
             time: word.trim_end_matches('+').parse().unwrap(),
@@ -264,8 +265,8 @@ mod tests {
         assert_eq!(kaplan_meier(&times("1 2+ 3 4+ 4")).median(), Some(4.0));
     }
 
-    /// With four runs, S is ½ from the second event, at 5, to the third, at 7. With five runs, S
-    /// falls below ½ at the third event.
+    /// With four runs, S is ½ from the second event, at 5, to the third, at 7: the median is 6.
+    /// With five runs, S falls below ½ at the third event.
     #[test]
     fn the_median_is_the_time_at_which_half_of_the_runs_have_the_event() {
         assert_eq!(kaplan_meier(&times("7 3 5 9")).median(), Some(6.0));

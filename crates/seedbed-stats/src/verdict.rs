@@ -78,12 +78,12 @@ fn is_above_zero_and_below_size(
 mod tests {
     use super::*;
 
+    /// Verdicts on the claims that the effect is +2 and that it is −2, for an interval.
     fn verdicts(low: f64, high: f64) -> [Verdict; 2] {
         [Direction::Positive, Direction::Negative]
             .map(|direction| verdict(Interval::Known { low, high }, direction, 2.0))
     }
 
-    /// Verdicts on the claims that the effect is +2 and that it is −2, for an interval.
     #[test]
     fn verdicts_depend_on_zero_and_the_claimed_size() {
         use Verdict::{Inconclusive, NotReplicated, Replicated};
@@ -95,8 +95,8 @@ mod tests {
         assert_eq!(verdicts(-3.0, 3.0), [Inconclusive, Inconclusive]);
     }
 
-    /// An effect of ½ to 1 is smaller than the claimed 2. An effect of ½ to 3 may be 2, and an
-    /// effect of −1 to 1 may be 0.
+    /// An effect between ½ and 1 is smaller than the claimed 2. An effect between ½ and 3 may be 2,
+    /// and an effect between −1 and 1 may be 0.
     #[test]
     fn an_effect_smaller_than_claimed_excludes_zero_and_the_claimed_size() {
         let is_smaller = |low: f64, high: f64| {

@@ -24,9 +24,10 @@ const ROUNDING_TOLERANCE: f64 = 1e-9;
 
 /// Tolerance of interval ends, as a share of the width of the interval.
 ///
-/// Each end errs by √(0.025 · 0.975 / 50 000) / φ(1.96) = 0.012 deviations of a normal bootstrap
-/// distribution, the difference of two ends by √2 as much, and the interval is 3.92 deviations
-/// wide: 0.0043 widths. This is five times that.
+/// For a normal bootstrap distribution, the standard error of an end is √(0.025 · 0.975 / 50 000) /
+/// φ(1.96) = 0.012 standard deviations, and √2 times as much for the difference between the
+/// computed end and the reference. The interval is 3.92 standard deviations wide, so the standard
+/// error is 0.0043 widths. The tolerance is five standard errors.
 const RESAMPLING_TOLERANCE: f64 = 0.022;
 
 #[derive(Deserialize)]
@@ -62,7 +63,7 @@ fn assert_close(name: &str, computed: f64, reference: f64) {
     );
 }
 
-/// Compares relatively, for small tail probabilities.
+/// Compares with a tolerance relative to the reference, for small tail probabilities.
 fn assert_relatively_close(name: &str, computed: f64, reference: f64) {
     assert!(
         (computed - reference).abs() <= ROUNDING_TOLERANCE * reference.abs(),
@@ -227,17 +228,18 @@ fn the_signed_rank_test_equals_scipy() {
     for case in cases {
         let computed = signed_rank_test(&case.differences);
         assert_relatively_close(&case.name, computed.p, case.p);
-        // For its permutation test, scipy reports the sum of positive ranks as the statistic.
-        let other = case
+        // For its permutation test, scipy reports the sum of positive ranks as the statistic, not
+        // the smaller of both sums.
+        let nonzero_count = case
             .differences
             .iter()
             .filter(|difference| **difference != 0.0)
             .count() as f64;
-        let all = other * (other + 1.0) / 2.0;
+        let total_rank_sum = nonzero_count * (nonzero_count + 1.0) / 2.0;
         assert_close(
             &case.name,
             computed.statistic,
-            case.statistic.min(all - case.statistic),
+            case.statistic.min(total_rank_sum - case.statistic),
         );
     }
 }
@@ -351,16 +353,16 @@ fn median_times_equal_lifelines() {
         times,
         reached,
         steps,
-        median: start,
+        median: first_median,
         median_low,
         median_high,
     } in reference().survival
     {
         let curve = kaplan_meier(&GroupTimes { times, reached }.runs());
-        let rest = steps.windows(2).find(|pair| pair[0].survival == 0.5);
-        let halfway = rest.map(|pair| f64::midpoint(start.unwrap(), pair[1].time));
-        curves_at_half += usize::from(rest.is_some());
-        assert_eq!(curve.median(), halfway.or(start), "{name}");
+        let steps_at_half = steps.windows(2).find(|pair| pair[0].survival == 0.5);
+        let middle = steps_at_half.map(|pair| f64::midpoint(first_median.unwrap(), pair[1].time));
+        curves_at_half += usize::from(steps_at_half.is_some());
+        assert_eq!(curve.median(), middle.or(first_median), "{name}");
         let expected = (
             median_low.unwrap_or(f64::INFINITY),
             median_high.unwrap_or(f64::INFINITY),
@@ -392,12 +394,14 @@ fn the_log_rank_test_equals_scipy() {
     }
 }
 
-/// Of 200 samples of 20 normal numbers the share whose interval contains the truth. A percentile
-/// interval of the mean is narrower than Student's by √(19/20) · 1.96 / 2.09, which makes it cover
-/// 92.9 %; the share scatters by √(0.93 · 0.07 / 200) = 1.8 %.
+/// Share of 200 samples of 20 standard-normal numbers whose interval contains the true value 0.
+///
+/// The width of a percentile interval of the mean is √(19/20) · 1.96 / 2.09 times that of Student's
+/// interval, so its coverage is 92.9 %. The standard error of the share is
+/// √(0.93 · 0.07 / 200) = 1.8 %.
 fn coverage(statistic: impl Fn(&[f64]) -> f64) -> f64 {
     let samples = 200;
-    let contains_true_mean = |sample: u32| {
+    let contains_true_value = |sample: u32| {
         let normals: Vec<f64> = StandardNormal
             .sample_iter(ChaCha8Rng::seed_from_u64(u64::from(sample)))
             .take(20)
@@ -406,13 +410,13 @@ fn coverage(statistic: impl Fn(&[f64]) -> f64) -> f64 {
         low <= 0.0 && 0.0 <= high
     };
     (0..samples)
-        .filter(|&sample| contains_true_mean(sample))
+        .filter(|&sample| contains_true_value(sample))
         .count() as f64
         / f64::from(samples)
 }
 
 #[test]
-fn intervals_contain_the_true_mean_as_often_as_derived() {
+fn intervals_contain_the_true_value_in_90_to_99_percent_of_samples() {
     for (name, share) in [("mean", coverage(mean)), ("median", coverage(median))] {
         assert!((0.9..=0.99).contains(&share), "{name}: {share}");
     }

@@ -1,23 +1,23 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
 use super::PlottedRun;
-use crate::record::metrics::{Metric, columns_in_display_order};
+use crate::record::metrics::{Metric, round_metrics_in_display_order};
 use crate::run::summary::FINAL_WINDOW;
 use seedbed_figure::color::categorical_color;
 use seedbed_figure::{Curves, Panel, Row, Series, Threshold};
 
 /// Color of the mean over the agents of a team.
-const TEAM: [u8; 3] = [35, 35, 40];
+const TEAM_COLOR: [u8; 3] = [35, 35, 40];
 
 /// Maximum number of agents with a name in the legend.
-const MAX_NAMED: usize = 8;
+const MAX_AGENTS_IN_LEGEND: usize = 8;
 
-/// A panel of returns: of one run, the returns of each agent and their mean; of several runs, the mean of each
-/// run.
-pub(super) fn returns(runs: &[PlottedRun], agents: &[u32]) -> Row {
+/// A row with one panel of returns. A single run is drawn with one curve per agent and the mean of
+/// the team; several runs are drawn with the mean of each team.
+pub(super) fn returns_row(runs: &[PlottedRun], agents: &[u32]) -> Row {
     let panel = match runs {
-        [run] => of_agents(run, agents),
-        _ => of_runs(runs),
+        [run] => returns_of_agents(run, agents),
+        _ => returns_of_teams(runs),
     };
     Row {
         height: 270.0,
@@ -26,14 +26,19 @@ pub(super) fn returns(runs: &[PlottedRun], agents: &[u32]) -> Row {
     }
 }
 
-fn of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
-    let count = run.review.agents();
-    let shown: Vec<u32> = (0..count as u32)
+/// The agents of a run that `agents` lists; all agents of the run if it is empty.
+fn shown_agents(run: &PlottedRun, agents: &[u32]) -> Vec<u32> {
+    (0..run.loaded_run.agent_count() as u32)
         .filter(|agent| agents.is_empty() || agents.contains(agent))
-        .collect();
-    let named = shown.len() <= MAX_NAMED;
-    let of_agent = |&agent: &u32| Series {
-        name: if named {
+        .collect()
+}
+
+fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
+    let is_team = run.loaded_run.agent_count() > 1;
+    let shown_agents = shown_agents(run, agents);
+    let has_names = shown_agents.len() <= MAX_AGENTS_IN_LEGEND;
+    let agent_series = |&agent: &u32| Series {
+        name: if has_names {
             format!("agent {agent}")
         } else {
             String::new()
@@ -41,18 +46,18 @@ fn of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
         color: categorical_color(agent),
         points: (0..)
             .map(f64::from)
-            .zip(run.review.returns(agent))
+            .zip(run.loaded_run.returns(agent))
             .map(<[f64; 2]>::from)
             .collect(),
-        faint: count > 1,
+        is_faint: is_team,
         ..Series::default()
     };
-    let mut series: Vec<Series> = shown.iter().map(of_agent).collect();
-    let who = if count > 1 { "team, " } else { "" };
-    series.push(team(
+    let mut series: Vec<Series> = shown_agents.iter().map(agent_series).collect();
+    let prefix = if is_team { "team, " } else { "" };
+    series.push(team_series(
         run,
-        format!("{who}mean of {FINAL_WINDOW} episodes"),
-        TEAM,
+        format!("{prefix}mean of {FINAL_WINDOW} episodes"),
+        TEAM_COLOR,
     ));
     let thresholds = threshold(run).into_iter().collect();
     panel(
@@ -64,10 +69,10 @@ fn of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
     )
 }
 
-fn of_runs(runs: &[PlottedRun]) -> Curves {
+fn returns_of_teams(runs: &[PlottedRun]) -> Curves {
     let series = (0..)
         .zip(runs)
-        .map(|(index, run)| team(run, run.label.clone(), categorical_color(index)))
+        .map(|(index, run)| team_series(run, run.label.clone(), categorical_color(index)))
         .collect();
     let mut thresholds: Vec<Threshold> = runs.iter().filter_map(threshold).collect();
     thresholds.dedup();
@@ -81,15 +86,16 @@ fn of_runs(runs: &[PlottedRun]) -> Curves {
     )
 }
 
-/// The mean return over all agents and over the latest episodes of each agent.
-fn team(run: &PlottedRun, name: String, color: [u8; 3]) -> Series {
-    let returns = run.review.team_returns();
-    let mean = |end: usize| {
-        let window = &returns[(end + 1).saturating_sub(FINAL_WINDOW)..=end];
+/// Curve of the mean return over all agents and over the latest `FINAL_WINDOW` episodes of each
+/// agent.
+fn team_series(run: &PlottedRun, name: String, color: [u8; 3]) -> Series {
+    let returns = run.loaded_run.team_returns();
+    let trailing_mean = |last: usize| {
+        let window = &returns[(last + 1).saturating_sub(FINAL_WINDOW)..=last];
         window.iter().sum::<f64>() / window.len() as f64
     };
     let points = (0..returns.len())
-        .map(|end| [end as f64, mean(end)])
+        .map(|last| [last as f64, trailing_mean(last)])
         .collect();
     Series {
         name,
@@ -100,27 +106,28 @@ fn team(run: &PlottedRun, name: String, color: [u8; 3]) -> Series {
 }
 
 fn threshold(run: &PlottedRun) -> Option<Threshold> {
-    let solved = run.review.summary.as_ref()?.solved_at?;
+    let solved_at = run.loaded_run.summary.as_ref()?.solved_at?;
     Some(Threshold {
-        name: format!("solved: {}", solved.r#return),
-        value: solved.r#return,
+        name: format!("solved: {}", solved_at.r#return),
+        value: solved_at.r#return,
     })
 }
 
-/// One panel per metric, with one line per agent. For several runs, one line per run, the combined value of its
-/// agents. Metrics that no run has, or that are always 0, are omitted.
-pub(super) fn updates(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
-    let rows = || runs.iter().flat_map(|run| &run.review.rounds);
+/// One panel per metric. A single run is drawn with one line per agent; several runs are drawn with
+/// one line each, the combined value of the team. Metrics that no run has, or that are always 0,
+/// are omitted.
+pub(super) fn metric_rows(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
+    let rows = || runs.iter().flat_map(|run| &run.loaded_run.rounds);
     let is_shown = |metric: &&Metric| {
         let mut values = rows().filter_map(|row| metric.value(row));
         metric.plotted && values.any(f64::is_normal)
     };
-    let panels: Vec<Panel> = columns_in_display_order()
+    let panels: Vec<Panel> = round_metrics_in_display_order()
         .into_iter()
         .filter(is_shown)
-        .map(|metric| Panel::Curves(of_metric(runs, agents, metric)))
+        .map(|metric| Panel::Curves(metric_panel(runs, agents, metric)))
         .collect();
-    let in_row = |panels: &[Panel]| {
+    let row_of = |panels: &[Panel]| {
         let mut panels = panels.to_vec();
         panels.resize(3, Panel::Blank);
         Row {
@@ -129,51 +136,54 @@ pub(super) fn updates(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
             key: None,
         }
     };
-    panels.chunks(3).map(in_row).collect()
+    panels.chunks(3).map(row_of).collect()
 }
 
-fn of_metric(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves {
+fn metric_panel(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves {
     let series = match runs {
-        [run] => {
-            let all = (0..run.review.agents() as u32)
-                .filter(|agent| agents.is_empty() || agents.contains(agent));
-            all.map(|agent| of_agent(run, agent, metric)).collect()
-        }
+        [run] => shown_agents(run, agents)
+            .into_iter()
+            .map(|agent| metric_of_agent(run, agent, metric))
+            .collect(),
         _ => (0..)
             .zip(runs)
-            .map(|(index, run)| of_run(run, categorical_color(index), metric))
+            .map(|(index, run)| metric_of_team(run, categorical_color(index), metric))
             .collect(),
     };
     let mut curves = panel(&metric.label(), "round", "", series, Vec::new());
-    curves.legend = false;
+    curves.has_legend = false;
     curves
 }
 
-fn of_agent(run: &PlottedRun, agent: u32, metric: &Metric) -> Series {
-    let own = run.review.rounds.iter().filter(|row| row.agent == agent);
-    let points = own.filter_map(|row| Some([f64::from(row.round), metric.value(row)?]));
+fn metric_of_agent(run: &PlottedRun, agent: u32, metric: &Metric) -> Series {
+    let rows = run
+        .loaded_run
+        .rounds
+        .iter()
+        .filter(|row| row.agent == agent);
+    let points = rows.filter_map(|row| Some([f64::from(row.round), metric.value(row)?]));
     Series {
         color: categorical_color(agent),
-        points: finite(points),
+        points: finite_points(points),
         ..Series::default()
     }
 }
 
-fn of_run(run: &PlottedRun, color: [u8; 3], metric: &Metric) -> Series {
+fn metric_of_team(run: &PlottedRun, color: [u8; 3], metric: &Metric) -> Series {
     let rounds = run
-        .review
+        .loaded_run
         .rounds
         .chunk_by(|one, next| one.round == next.round);
     let points = rounds
         .filter_map(|rows| Some([f64::from(rows[0].round), metric.team_value_of_round(rows)?]));
     Series {
         color,
-        points: finite(points),
+        points: finite_points(points),
         ..Series::default()
     }
 }
 
-fn finite(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+fn finite_points(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     points.filter(|[_, value]| value.is_finite()).collect()
 }
 
@@ -190,7 +200,7 @@ fn panel(
         y_label: y_label.to_owned(),
         series,
         thresholds,
-        legend: true,
+        has_legend: true,
         ..Curves::default()
     }
 }

@@ -43,14 +43,14 @@ pub(super) struct PlotArgs {
     /// Draw these parts, one below the other; separate with commas [default:
     /// visitation,density,returns]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,PART…")]
-    what: Vec<What>,
+    what: Vec<PlotPart>,
     /// Draw only these agents, e.g. 0,3 [default: the first 8, one panel each; with several runs,
     /// all agents in one panel per run]
     #[arg(long, value_delimiter = ',', value_name = "N,N…")]
     agents: Vec<u32>,
     /// Draw only states of these episodes of each agent, B excluded, e.g. 0..50, 150.. or ..50
     /// [default: all]
-    #[arg(long, value_name = "A..B", value_parser = episodes)]
+    #[arg(long, value_name = "A..B", value_parser = parse_episodes)]
     episodes: Option<Range<u32>>,
     /// Draw only these axes, in this order, e.g. theta,x [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,NAME…")]
@@ -63,12 +63,13 @@ pub(super) struct PlotArgs {
     lines: u32,
     /// Page size in CSS pixels, e.g. 760x900; a PNG is rendered at 2× [default: 760 wide, height
     /// fits the content]
-    #[arg(long, value_name = "WxH", value_parser = size)]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[f64; 2]>,
 }
 
+/// A part of the page that can be selected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum What {
+enum PlotPart {
     /// Visited states as parallel coordinates: one axis per observation, one line per state
     Visitation,
     /// Visited states of all agents together, as a density
@@ -83,6 +84,7 @@ enum What {
     All,
 }
 
+/// The quantity that determines the color of a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ColorBy {
     /// The agent
@@ -100,22 +102,24 @@ enum ColorBy {
 /// Number of PNG pixels per CSS pixel, along each side.
 const PNG_SCALE: f64 = 2.0;
 
-/// Maximum number of agents with their own panels, unless `--agents` is given.
-const MAX_AGENTS: u32 = 8;
+/// Maximum number of agents that have a panel each, unless `--agents` is given.
+const MAX_AGENT_PANELS: u32 = 8;
 
-/// A run with the selected states.
+/// A run with the states to draw.
 struct PlottedRun {
     /// Name of the run in the figure.
     label: String,
-    review: LoadedRun,
+    loaded_run: LoadedRun,
+    /// Axes of the recording; `None` without a recording.
     axes: Option<Axes>,
+    /// Selected states of each agent; empty if no part shows states.
     states: Vec<SelectedStates>,
 }
 
 pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.runs));
     let is_png = is_png(&out)?;
-    let runs = read(args)?;
+    let runs = read_runs(args)?;
     let mut figure = PlotPage { args, runs: &runs }.figure()?;
     if let Some([width, height]) = args.size {
         figure.resize(width, height);
@@ -160,7 +164,7 @@ fn is_png(out: &Path) -> Result<bool, CliError> {
     }
 }
 
-fn read(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
+fn read_runs(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
     let counter = ReadCounter::new("episodes read");
     let mut runs: Vec<PlottedRun> = args
         .runs
@@ -171,20 +175,21 @@ fn read(args: &PlotArgs) -> Result<Vec<PlottedRun>, CliError> {
     for run in &mut runs {
         // Runs with the same name are labeled with their paths.
         if names.iter().filter(|name| **name == run.label).count() > 1 {
-            run.label = run.review.path.display().to_string();
+            run.label = run.loaded_run.path.display().to_string();
         }
     }
     Ok(runs)
 }
 
 fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<PlottedRun, CliError> {
-    let mut review = LoadedRun::open(path)?;
-    if review.folder.is_none() {
-        review
+    let mut loaded_run = LoadedRun::open(path)?;
+    if loaded_run.folder.is_none() {
+        // Without tables, the returns are taken from the recording.
+        loaded_run
             .compute_stats(|_| counter.count())
             .map_err(LoadRunError::from)?;
     }
-    let agent_count = review.agents() as u32;
+    let agent_count = loaded_run.agent_count() as u32;
     if let Some(agent) = args.agents.iter().find(|agent| **agent >= agent_count) {
         let last = agent_count.saturating_sub(1);
         return Err(CliError::Usage(format!(
@@ -192,10 +197,10 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
             path.display()
         )));
     }
-    let axes = review.recording.as_ref().map(Recording::axes);
-    let states = match (&review.recording, &axes) {
+    let axes = loaded_run.recording.as_ref().map(Recording::axes);
+    let states = match (&loaded_run.recording, &axes) {
         (Some(recording), Some(axes)) if args.shows_states() => {
-            let selection = args.selection(axes)?;
+            let selection = args.state_selection(axes)?;
             selection
                 .select(recording, |_| counter.count())
                 .map_err(LoadRunError::from)?
@@ -203,32 +208,32 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
         _ => Vec::new(),
     };
     Ok(PlottedRun {
-        label: review.name(),
-        review,
+        label: loaded_run.name(),
+        loaded_run,
         axes,
         states,
     })
 }
 
 impl PlotArgs {
-    fn shows(&self, what: What) -> bool {
-        let default_parts = [What::Visitation, What::Density, What::Returns];
+    fn shows(&self, part: PlotPart) -> bool {
+        let default_parts = [PlotPart::Visitation, PlotPart::Density, PlotPart::Returns];
         let parts = if self.what.is_empty() {
             &default_parts[..]
         } else {
             &self.what
         };
-        parts.contains(&what) || parts.contains(&What::All)
+        parts.contains(&part) || parts.contains(&PlotPart::All)
     }
 
     fn shows_states(&self) -> bool {
-        [What::Visitation, What::Density, What::Scatter]
+        [PlotPart::Visitation, PlotPart::Density, PlotPart::Scatter]
             .into_iter()
-            .any(|what| self.shows(what))
+            .any(|part| self.shows(part))
     }
 
-    /// Indices of the selected axes.
-    fn chosen_axes(&self, axes: &Axes) -> Result<Vec<usize>, CliError> {
+    /// Indices of the selected axes among all axes of the recording.
+    fn axis_indices(&self, axes: &Axes) -> Result<Vec<usize>, CliError> {
         let names: Vec<&str> = axes
             .all()
             .iter()
@@ -238,8 +243,8 @@ impl PlotArgs {
             return Ok((0..names.len()).collect());
         }
         let axis_index = |name: &String| {
-            let axis_index = names.iter().position(|axis_name| axis_name == name);
-            axis_index.ok_or_else(|| {
+            let index = names.iter().position(|axis_name| axis_name == name);
+            index.ok_or_else(|| {
                 CliError::Usage(format!(
                     "--axes: no axis `{name}`; expected {}",
                     names.join(", ")
@@ -248,40 +253,38 @@ impl PlotArgs {
         };
         let axis_indices: Vec<usize> =
             self.axes.iter().map(axis_index).collect::<Result<_, _>>()?;
-        let has_enough_axes = if axis_indices.len() < 2 {
-            Err(CliError::Usage(
+        if axis_indices.len() < 2 {
+            return Err(CliError::Usage(
                 "--axes: expected at least two axes".to_owned(),
-            ))
-        } else {
-            Ok(())
-        };
-        has_enough_axes.map(|()| axis_indices)
+            ));
+        }
+        Ok(axis_indices)
     }
 
-    fn selection(&self, axes: &Axes) -> Result<StateSelection, CliError> {
-        let axes = self.chosen_axes(axes)?;
+    fn state_selection(&self, axes: &Axes) -> Result<StateSelection, CliError> {
+        let axes = self.axis_indices(axes)?;
         Ok(StateSelection {
             agents: self.agents.clone(),
             episodes: self.episodes.clone().unwrap_or(0..u32::MAX),
-            sample: self.lines as usize,
-            pairs: states::pairs(&axes),
+            sample_size: self.lines as usize,
+            pairs: states::axis_pairs(&axes),
             axes,
         })
     }
 }
 
 /// Parses a range of episodes, e.g. `0..50`, `150..` and `..50`.
-fn episodes(text: &str) -> Result<Range<u32>, String> {
+fn parse_episodes(text: &str) -> Result<Range<u32>, String> {
     let expected = "expected A..B, e.g. 0..50 for the first 50 episodes";
     let (from, to) = text.split_once("..").ok_or(expected)?;
-    let number = |text: &str, default: u32| {
+    let parse_end = |text: &str, default: u32| {
         if text.is_empty() {
             Ok(default)
         } else {
             text.parse().map_err(|_| expected)
         }
     };
-    let range = number(from, 0)?..number(to, u32::MAX)?;
+    let range = parse_end(from, 0)?..parse_end(to, u32::MAX)?;
     if range.is_empty() {
         Err("the range is empty; expected A below B".to_owned())
     } else {
@@ -290,16 +293,16 @@ fn episodes(text: &str) -> Result<Range<u32>, String> {
 }
 
 /// Parses a size, e.g. `760x900`.
-fn size(text: &str) -> Result<[f64; 2], String> {
+fn parse_size(text: &str) -> Result<[f64; 2], String> {
     let expected = "expected WIDTHxHEIGHT, e.g. 760x900, each from 100 to 10000";
     let (width, height) = text.split_once(['x', '×']).ok_or(expected)?;
-    let side = |text: &str| {
+    let parse_side = |text: &str| {
         text.parse::<f64>()
             .ok()
             .filter(|side| (100.0..=10_000.0).contains(side))
             .ok_or(expected)
     };
-    Ok([side(width)?, side(height)?])
+    Ok([parse_side(width)?, parse_side(height)?])
 }
 
 #[cfg(test)]
@@ -307,21 +310,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn episodes_are_ranges() {
+    fn episodes_are_parsed_as_a_range_with_optional_ends() {
         assert_eq!(
-            (episodes("0..50"), episodes("..7"), episodes("9..")),
+            (
+                parse_episodes("0..50"),
+                parse_episodes("..7"),
+                parse_episodes("9..")
+            ),
             (Ok(0..50), Ok(0..7), Ok(9..u32::MAX))
         );
         assert_eq!(
-            episodes("5..5").unwrap_err(),
+            parse_episodes("5..5").unwrap_err(),
             "the range is empty; expected A below B"
         );
-        assert!(episodes("five").unwrap_err().starts_with("expected A..B"));
+        assert!(
+            parse_episodes("five")
+                .unwrap_err()
+                .starts_with("expected A..B")
+        );
     }
 
     #[test]
-    fn sizes_have_two_sides() {
-        assert_eq!(size("760x900"), Ok([760.0, 900.0]));
-        assert!(size("760").is_err() && size("0x5").is_err() && size("1e9x500").is_err());
+    fn sizes_are_parsed_as_width_and_height() {
+        assert_eq!(parse_size("760x900"), Ok([760.0, 900.0]));
+        assert!(
+            parse_size("760").is_err()
+                && parse_size("0x5").is_err()
+                && parse_size("1e9x500").is_err()
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! Arranges the requested panels on a page.
 
-use super::states::{self, PanelStates};
-use super::{CliError, ColorBy, MAX_AGENTS, PlotArgs, PlottedRun, What, curves};
+use super::states::{self, StateGroup};
+use super::{CliError, ColorBy, MAX_AGENT_PANELS, PlotArgs, PlotPart, PlottedRun, curves};
 use crate::run::review::selection::SelectedStates;
 use seedbed_figure::{Figure, Panel, Row};
 
@@ -20,25 +20,26 @@ pub(super) struct PlotPage<'a> {
 impl PlotPage<'_> {
     pub(super) fn figure(&self) -> Result<Figure, CliError> {
         let args = self.args;
-        self.check()?;
+        self.check_data()?;
         let mut rows = Vec::new();
-        if args.shows(What::Visitation) {
+        if args.shows(PlotPart::Visitation) {
             rows.extend(self.visitation());
         }
-        // By default, densities are omitted if they would repeat the panels of single agents or runs.
-        let is_new = args.what.contains(&What::Density)
+        // By default, the density is omitted if it would show the same states as another panel: the
+        // states of a single agent, or those of each of several runs.
+        let adds_density = args.what.contains(&PlotPart::Density)
             || (self.runs.len() == 1 && self.runs[0].states.len() > 1);
-        if args.shows(What::Density) && is_new {
+        if args.shows(PlotPart::Density) && adds_density {
             rows.extend(self.density());
         }
-        if args.shows(What::Scatter) {
+        if args.shows(PlotPart::Scatter) {
             rows.extend(self.scatter());
         }
-        if args.shows(What::Returns) {
-            rows.push(curves::returns(self.runs, &args.agents));
+        if args.shows(PlotPart::Returns) {
+            rows.push(curves::returns_row(self.runs, &args.agents));
         }
-        if args.shows(What::Curves) {
-            rows.extend(curves::updates(self.runs, &args.agents));
+        if args.shows(PlotPart::Curves) {
+            rows.extend(curves::metric_rows(self.runs, &args.agents));
         }
         Ok(Figure {
             title: self.title(),
@@ -49,37 +50,37 @@ impl PlotPage<'_> {
     }
 
     /// Checks that the runs have the data for the requested panels.
-    fn check(&self) -> Result<(), CliError> {
-        let named = |run: &PlottedRun| run.review.path.display().to_string();
+    fn check_data(&self) -> Result<(), CliError> {
+        let path_text = |run: &PlottedRun| run.loaded_run.path.display().to_string();
         for run in self.runs {
-            if self.args.shows_states() && run.review.recording.is_none() {
+            if self.args.shows_states() && run.loaded_run.recording.is_none() {
                 let advice = "use --what returns,curves, which needs only the tables";
                 return Err(CliError::Usage(format!(
                     "{} has no recording, which is needed to draw states; {advice}",
-                    named(run)
+                    path_text(run)
                 )));
             }
             if self.args.shows_states() && run.states.is_empty() {
                 return Err(CliError::Usage(format!(
                     "{} has no episodes that match --agents and --episodes",
-                    named(run)
+                    path_text(run)
                 )));
             }
-            if self.args.what.contains(&What::Curves) && run.review.rounds.is_empty() {
+            if self.args.what.contains(&PlotPart::Curves) && run.loaded_run.rounds.is_empty() {
                 return Err(CliError::Usage(format!(
                     "{} has no rounds.csv, which --what curves needs",
-                    named(run)
+                    path_text(run)
                 )));
             }
             let has_bonus = run
-                .review
+                .loaded_run
                 .recording
                 .as_ref()
                 .is_some_and(|recording| recording.bonus().exists());
             if self.args.color_by == Some(ColorBy::IntrinsicReward) && !has_bonus {
                 return Err(CliError::Usage(format!(
                     "--colour intrinsic-reward: {} has no intrinsic rewards (its scenario has no `bonus`)",
-                    named(run)
+                    path_text(run)
                 )));
             }
         }
@@ -87,35 +88,35 @@ impl PlotPage<'_> {
     }
 
     fn title(&self) -> String {
-        let window = self.window();
-        let window = if window.is_empty() || !self.args.shows_states() {
+        let episodes = self.episode_range();
+        let episodes = if episodes.is_empty() || !self.args.shows_states() {
             String::new()
         } else {
-            format!(": {window}")
+            format!(": {episodes}")
         };
         match self.runs {
             [run] if self.omits_agents(run) => {
                 format!(
-                    "{}{window} (panels of agents 0 to {} of {})",
+                    "{}{episodes} (panels of agents 0 to {} of {})",
                     run.label,
-                    MAX_AGENTS - 1,
-                    run.review.agents()
+                    MAX_AGENT_PANELS - 1,
+                    run.loaded_run.agent_count()
                 )
             }
-            [run] => format!("{}{window}", run.label),
-            runs => format!("{} runs side by side{window}", runs.len()),
+            [run] => format!("{}{episodes}", run.label),
+            runs => format!("{} runs side by side{episodes}", runs.len()),
         }
     }
 
     /// Whether `--agents` was not given and some agents have no panel, because there are too many.
     fn omits_agents(&self, run: &PlottedRun) -> bool {
-        self.args.shows(What::Visitation)
+        self.args.shows(PlotPart::Visitation)
             && self.args.agents.is_empty()
-            && run.states.len() > MAX_AGENTS as usize
+            && run.states.len() > MAX_AGENT_PANELS as usize
     }
 
     /// The range of drawn episodes as text; empty for all episodes.
-    fn window(&self) -> String {
+    fn episode_range(&self) -> String {
         match &self.args.episodes {
             None => String::new(),
             Some(range) if range.end == u32::MAX => format!("episodes from {} on", range.start),
@@ -127,7 +128,7 @@ impl PlotPage<'_> {
         let runs: Vec<String> = self
             .runs
             .iter()
-            .map(|run| format!("{} ({} agents)", run.label, run.review.agents()))
+            .map(|run| format!("{} ({} agents)", run.label, run.loaded_run.agent_count()))
             .collect();
         let states: u64 = self
             .runs
@@ -147,25 +148,26 @@ impl PlotPage<'_> {
 
     /// One panel per agent; with several runs and without `--agents`, one panel per run.
     fn visitation(&self) -> Vec<Row> {
-        let groups = self.groups();
+        let groups = self.visitation_groups();
         let axes = self
             .runs
             .iter()
-            .filter_map(|run| run.states.first().map(|_| self.axes_of(run)))
+            .filter_map(|run| run.states.first().map(|_| self.axis_count(run)))
             .max()
             .unwrap_or(2);
-        let fitting = ((WIDTH - 90.0) / (MIN_AXIS_WIDTH * axes as f64)) as usize;
-        let columns = if self.runs.len() > 1 && !self.args.agents.is_empty() {
+        let fitting_columns = ((WIDTH - 90.0) / (MIN_AXIS_WIDTH * axes as f64)) as usize;
+        let max_columns = if self.runs.len() > 1 && !self.args.agents.is_empty() {
             self.runs.len()
         } else {
-            fitting.clamp(1, 4)
+            fitting_columns.clamp(1, 4)
         };
-        let columns = balanced_columns(groups.len(), columns);
+        let columns = balanced_columns(groups.len(), max_columns);
         let (panels, key) = states::lines_or_density(self.args, &groups);
         layout_rows(panels, columns, 230.0, key.as_ref())
     }
 
-    fn axes_of(&self, run: &PlottedRun) -> usize {
+    /// Number of axes that a panel of the run draws.
+    fn axis_count(&self, run: &PlottedRun) -> usize {
         if self.args.axes.is_empty() {
             run.axes.as_ref().map_or(2, |axes| axes.all().len())
         } else {
@@ -173,70 +175,65 @@ impl PlotPage<'_> {
         }
     }
 
-    fn groups(&self) -> Vec<PanelStates<'_>> {
-        let several = self.runs.len() > 1;
-        if several && self.args.agents.is_empty() {
-            return self
-                .runs
-                .iter()
-                .map(|run| PanelStates::new(run, run.label.clone(), run.states.iter().collect()))
-                .collect();
+    /// One group per agent; with several runs and without `--agents`, one group per run.
+    fn visitation_groups(&self) -> Vec<StateGroup<'_>> {
+        let has_several_runs = self.runs.len() > 1;
+        if has_several_runs && self.args.agents.is_empty() {
+            return self.team_groups();
         }
-        let shown =
-            |states: &&SelectedStates| !self.args.agents.is_empty() || states.agent < MAX_AGENTS;
+        let is_shown = |states: &&SelectedStates| {
+            !self.args.agents.is_empty() || states.agent < MAX_AGENT_PANELS
+        };
         let agents: Vec<u32> = self.runs[0]
             .states
             .iter()
-            .filter(shown)
+            .filter(is_shown)
             .map(|states| states.agent)
             .collect();
-        let group = |run: &'_ PlottedRun, agent: u32| {
-            let title = if several {
+        let title = |run: &PlottedRun, agent: u32| {
+            if has_several_runs {
                 format!("{}, agent {agent}", run.label)
             } else {
                 format!("agent {agent}")
-            };
-            (title, agent)
+            }
         };
-        let each = agents
-            .iter()
-            .flat_map(|&agent| self.runs.iter().map(move |run| (run, group(run, agent))));
-        each.map(|(run, (title, agent))| {
-            PanelStates::new(
-                run,
-                title,
-                run.states
-                    .iter()
-                    .filter(|states| states.agent == agent)
-                    .collect(),
-            )
-        })
-        .collect()
+        let mut groups = Vec::new();
+        for agent in agents {
+            for run in self.runs {
+                let states_of_agent = run.states.iter().filter(|states| states.agent == agent);
+                groups.push(StateGroup::new(
+                    run,
+                    title(run, agent),
+                    states_of_agent.collect(),
+                ));
+            }
+        }
+        groups
     }
 
     fn density(&self) -> Vec<Row> {
-        let groups: Vec<PanelStates<'_>> = self.team_groups();
+        let groups: Vec<StateGroup<'_>> = self.team_groups();
         let (panels, key) = states::density(self.args, &groups);
         layout_rows(panels, self.runs.len().min(3), 230.0, key.as_ref())
     }
 
-    fn team_groups(&self) -> Vec<PanelStates<'_>> {
-        let several = self.runs.len() > 1;
+    /// One group per run, with the states of all its agents.
+    fn team_groups(&self) -> Vec<StateGroup<'_>> {
+        let has_several_runs = self.runs.len() > 1;
         let title = |run: &PlottedRun| match run.states.len() {
-            _ if several => run.label.clone(),
+            _ if has_several_runs => run.label.clone(),
             1 => format!("agent {}", run.states[0].agent),
             agents => format!("{agents} agents together"),
         };
         self.runs
             .iter()
-            .map(|run| PanelStates::new(run, title(run), run.states.iter().collect()))
+            .map(|run| StateGroup::new(run, title(run), run.states.iter().collect()))
             .collect()
     }
 
     fn scatter(&self) -> Vec<Row> {
-        let several = self.runs.len() > 1;
         let (panels, key) = states::scatter(self.args, &self.team_groups());
-        let columns = if several {
+        let columns = if self.runs.len() > 1 {
             self.runs.len()
         } else {
             balanced_columns(panels.len(), 3)
@@ -245,9 +242,10 @@ impl PlotPage<'_> {
     }
 }
 
-/// Number of columns, at most `max`, that distributes panels evenly over the smallest possible number of rows.
-fn balanced_columns(panels: usize, max: usize) -> usize {
-    let rows = panels.div_ceil(max.max(1)).max(1);
+/// Number of columns, at most `max_columns`, that distributes panels evenly over the smallest
+/// possible number of rows.
+fn balanced_columns(panels: usize, max_columns: usize) -> usize {
+    let rows = panels.div_ceil(max_columns.max(1)).max(1);
     panels.div_ceil(rows).max(1)
 }
 
@@ -277,10 +275,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_even() {
+    fn panels_are_spread_evenly_over_rows() {
         assert_eq!(
             [(4, 3), (6, 4), (5, 2), (1, 4), (7, 4)]
-                .map(|(panels, max)| balanced_columns(panels, max)),
+                .map(|(panels, max_columns)| balanced_columns(panels, max_columns)),
             [2, 3, 2, 1, 4]
         );
     }

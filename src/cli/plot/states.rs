@@ -10,10 +10,11 @@ use seedbed_figure::{
     StateLine, States,
 };
 
-/// The states of one panel.
-pub(super) struct PanelStates<'a> {
+/// States of a run that are drawn together: those of one agent or of several agents.
+pub(super) struct StateGroup<'a> {
     run: &'a PlottedRun,
     title: String,
+    /// Selected states of each agent of the group.
     agents: Vec<&'a SelectedStates>,
 }
 
@@ -22,11 +23,12 @@ fn outcome_color(outcome: Status) -> Color {
     categorical_color(if outcome == Status::Terminated { 5 } else { 4 })
 }
 
-/// Maximum number of axes for which all pairs are drawn. With more axes, only pairs of neighboring axes are drawn.
+/// Maximum number of axes for which all pairs are drawn. With more axes, only pairs of neighboring
+/// axes are drawn.
 const MAX_PAIRED_AXES: usize = 5;
 
 /// The pairs of axes that are drawn, as indices of axes.
-pub(super) fn pairs(axes: &[usize]) -> Vec<[usize; 2]> {
+pub(super) fn axis_pairs(axes: &[usize]) -> Vec<[usize; 2]> {
     if axes.len() > MAX_PAIRED_AXES {
         return axes.windows(2).map(|pair| [pair[0], pair[1]]).collect();
     }
@@ -38,69 +40,76 @@ pub(super) fn pairs(axes: &[usize]) -> Vec<[usize; 2]> {
         .collect()
 }
 
-/// Panels of lines, if no panel has more than `--lines` states or if `--colour` is given; otherwise panels of
-/// densities on a common scale.
+/// One panel per group: panels of lines, if no group has more than `--lines` states or if
+/// `--colour` is given; otherwise panels of densities on a common scale.
 ///
-/// More than about 1,000 lines make a panel a solid block, even if they are transparent. A density also shows all
-/// states instead of a sample. All panels of a figure are of the same kind, because lines cannot be compared
-/// with densities.
+/// More than about 1,000 lines make a panel a solid block, even if they are transparent. A density
+/// also shows all states instead of a sample. All panels of a figure are of the same kind, because
+/// lines cannot be compared with densities.
 pub(super) fn lines_or_density(
     args: &PlotArgs,
-    groups: &[PanelStates<'_>],
+    groups: &[StateGroup<'_>],
 ) -> (Vec<Panel>, Option<Key>) {
     if draws_density(args, groups) {
         return density(args, groups);
     }
-    let colors = StateColors::of(args, groups);
-    let panel = |group: &PanelStates<'_>| {
+    let colors = StateColors::new(args, groups);
+    let panel = |group: &StateGroup<'_>| {
         let lines = group
             .sample(args)
             .into_iter()
             .map(|(agent, state)| StateLine {
-                fractions: state.crossed.clone(),
+                fractions: state.selected_fractions.clone(),
                 color: colors.color(agent, state),
             });
-        group.parallel(args, States::Lines(lines.collect()), &group.sampled(args))
+        group.parallel_coordinates(
+            args,
+            States::Lines(lines.collect()),
+            &group.sample_size_text(args),
+        )
     };
     (groups.iter().map(panel).collect(), colors.key)
 }
 
-/// Panels of densities on a common scale: the number of states per pixel or, with several panels, the share of the
-/// states of the panel.
-pub(super) fn density(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel>, Option<Key>) {
+/// Panels of densities on a common scale: the number of states per pixel or, with several panels,
+/// the share of the panel's states per pixel.
+pub(super) fn density(args: &PlotArgs, groups: &[StateGroup<'_>]) -> (Vec<Panel>, Option<Key>) {
     let pixels_of_groups =
-        scale_to_largest(groups, groups.iter().map(PanelStates::pixels).collect());
+        scale_to_largest(groups, groups.iter().map(StateGroup::pixels).collect());
     let max_count = pixels_of_groups
         .iter()
         .flatten()
         .copied()
         .max()
         .unwrap_or(0);
-    let panel = |(group, pixels): (&PanelStates<'_>, Vec<u32>)| {
+    let panel = |(group, pixels): (&StateGroup<'_>, Vec<u32>)| {
         let width = group
             .run
             .axes
             .as_ref()
             .map_or(1, |axes| axes.subset(&group.axis_indices(args)).width());
-        group.parallel(
+        group.parallel_coordinates(
             args,
             States::Density(DensityImage {
                 pixels,
                 width,
                 max_count,
             }),
-            &group.pluralize(),
+            &group.state_count_text(),
         )
     };
     let panels = groups.iter().zip(pixels_of_groups).map(panel).collect();
-    (panels, Some(key(groups, "states per pixel", max_count)))
+    (
+        panels,
+        Some(density_key(groups, "states per pixel", max_count)),
+    )
 }
 
 /// Panels of pairs of axes: for each pair, one panel per group.
-pub(super) fn scatter(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel>, Option<Key>) {
+pub(super) fn scatter(args: &PlotArgs, groups: &[StateGroup<'_>]) -> (Vec<Panel>, Option<Key>) {
     let pairs = groups
         .first()
-        .map_or(Vec::new(), |group| pairs(&group.axis_indices(args)));
+        .map_or(Vec::new(), |group| axis_pairs(&group.axis_indices(args)));
     if draws_density(args, groups) {
         let grids = scale_to_largest(
             groups,
@@ -110,56 +119,68 @@ pub(super) fn scatter(args: &PlotArgs, groups: &[PanelStates<'_>]) -> (Vec<Panel
                 .collect(),
         );
         let max_count = grids.iter().flatten().copied().max().unwrap_or(0);
-        let panel = |pair: usize, (group, grids): (&PanelStates<'_>, &Vec<u32>)| {
+        let panel = |pair: usize, (group, grids): (&StateGroup<'_>, &Vec<u32>)| {
             let counts = grids
                 [pair * GRID_CELLS * GRID_CELLS..(pair + 1) * GRID_CELLS * GRID_CELLS]
                 .to_vec();
-            group.heat_map(pairs[pair], counts, max_count)
+            group.heat_map_panel(pairs[pair], counts, max_count)
         };
         let panels = (0..pairs.len())
             .flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));
         let panels = panels.map(|(pair, drawn)| panel(pair, drawn)).collect();
-        return (panels, Some(key(groups, "states per cell", max_count)));
+        return (
+            panels,
+            Some(density_key(groups, "states per cell", max_count)),
+        );
     }
-    let colors = StateColors::of(args, groups);
+    let colors = StateColors::new(args, groups);
     let panels = pairs
         .iter()
         .flat_map(|pair| groups.iter().map(move |group| (pair, group)));
     let panels = panels
-        .map(|(pair, group)| group.points(args, *pair, &colors))
+        .map(|(pair, group)| group.scatter_panel(args, *pair, &colors))
         .collect();
     (panels, colors.key)
 }
 
-/// Scales the counts of each group as if it had as many states as the largest group. So panels show shares, which
-/// do not depend on the lengths of runs.
-fn scale_to_largest(groups: &[PanelStates<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
-    let largest = max_states(groups);
-    let scaled = |count: u32, of: u64| {
+/// Scales the counts of each group as if it had as many states as the largest group. So panels show
+/// shares, which do not depend on the lengths of runs.
+fn scale_to_largest(groups: &[StateGroup<'_>], counts: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
+    let max_states = max_states(groups);
+    let scale = |count: u32, group_states: u64| {
         if count == 0 {
             0
         } else {
-            (u64::from(count) * largest / of)
+            (u64::from(count) * max_states / group_states)
                 .max(1)
                 .try_into()
                 .unwrap_or(u32::MAX)
         }
     };
-    let each = groups.iter().map(PanelStates::count).zip(counts);
-    each.map(|(of, counts)| {
-        counts
-            .into_iter()
-            .map(|count| scaled(count, of.max(1)))
-            .collect()
-    })
-    .collect()
+    groups
+        .iter()
+        .map(StateGroup::state_count)
+        .zip(counts)
+        .map(|(group_states, counts)| {
+            counts
+                .into_iter()
+                .map(|count| scale(count, group_states.max(1)))
+                .collect()
+        })
+        .collect()
 }
 
-fn max_states(groups: &[PanelStates<'_>]) -> u64 {
-    groups.iter().map(PanelStates::count).max().unwrap_or(0)
+/// Number of states of the largest group.
+fn max_states(groups: &[StateGroup<'_>]) -> u64 {
+    groups
+        .iter()
+        .map(StateGroup::state_count)
+        .max()
+        .unwrap_or(0)
 }
 
-fn key(groups: &[PanelStates<'_>], label: &str, max_count: u32) -> Key {
+/// Key of the densities; with several groups, a key of shares.
+fn density_key(groups: &[StateGroup<'_>], label: &str, max_count: u32) -> Key {
     if groups.len() > 1 {
         return Key::Shares {
             label: format!("share of {label}"),
@@ -173,30 +194,30 @@ fn key(groups: &[PanelStates<'_>], label: &str, max_count: u32) -> Key {
     }
 }
 
-fn draws_density(args: &PlotArgs, groups: &[PanelStates<'_>]) -> bool {
+fn draws_density(args: &PlotArgs, groups: &[StateGroup<'_>]) -> bool {
     args.color_by.is_none()
         && groups
             .iter()
-            .any(|group| group.count() > u64::from(args.lines))
+            .any(|group| group.state_count() > u64::from(args.lines))
 }
 
-impl<'a> PanelStates<'a> {
+impl<'a> StateGroup<'a> {
     pub(super) fn new(run: &'a PlottedRun, title: String, agents: Vec<&'a SelectedStates>) -> Self {
         Self { run, title, agents }
     }
 
-    fn count(&self) -> u64 {
+    fn state_count(&self) -> u64 {
         self.agents.iter().map(|states| states.count).sum()
     }
 
-    /// A sample of at most `--lines` states, in the order of episodes, so that the states of one agent do not cover
-    /// the states of all others.
+    /// A sample of at most `--lines` states with their agents, in the order of episodes, so that
+    /// the states of one agent do not cover the states of all other agents.
     fn sample(&self, args: &PlotArgs) -> Vec<(u32, &'a SelectedState)> {
-        let of_agent = |states: &&'a SelectedStates| {
+        let with_agent = |states: &&'a SelectedStates| {
             let agent = states.agent;
             states.sample.iter().map(move |state| (agent, state))
         };
-        let all: Vec<(u32, &SelectedState)> = self.agents.iter().flat_map(of_agent).collect();
+        let all: Vec<(u32, &SelectedState)> = self.agents.iter().flat_map(with_agent).collect();
         let (count, max_drawn) = (all.len() as u64, u64::from(args.lines));
         let mut sampled_states: Vec<_> = (0..)
             .zip(all)
@@ -207,29 +228,31 @@ impl<'a> PanelStates<'a> {
         sampled_states
     }
 
-    fn pluralize(&self) -> String {
-        format!("{} states", indicatif::HumanCount(self.count()))
+    /// Number of states, e.g. `1,234 states`.
+    fn state_count_text(&self) -> String {
+        format!("{} states", indicatif::HumanCount(self.state_count()))
     }
 
-    fn sampled(&self, args: &PlotArgs) -> String {
-        let (count, max_drawn) = (self.count(), u64::from(args.lines));
+    /// Number of states in the sample, e.g. `1,000 of 1,234 states`.
+    fn sample_size_text(&self, args: &PlotArgs) -> String {
+        let (count, max_drawn) = (self.state_count(), u64::from(args.lines));
         if count <= max_drawn {
-            self.pluralize()
+            self.state_count_text()
         } else {
             format!(
                 "{} of {}",
                 indicatif::HumanCount(max_drawn),
-                self.pluralize()
+                self.state_count_text()
             )
         }
     }
 
-    /// Indices of the selected axes.
+    /// Indices of the selected axes among all axes of the recording.
     fn axis_indices(&self, args: &PlotArgs) -> Vec<usize> {
         self.run
             .axes
             .as_ref()
-            .and_then(|axes| args.chosen_axes(axes).ok())
+            .and_then(|axes| args.axis_indices(axes).ok())
             .unwrap_or_default()
     }
 
@@ -249,7 +272,7 @@ impl<'a> PanelStates<'a> {
         )
     }
 
-    fn parallel(&self, args: &PlotArgs, states: States, count_text: &str) -> Panel {
+    fn parallel_coordinates(&self, args: &PlotArgs, states: States, count_text: &str) -> Panel {
         let axes = self
             .axis_indices(args)
             .into_iter()
@@ -263,6 +286,7 @@ impl<'a> PanelStates<'a> {
         })
     }
 
+    /// Number of lines per pixel, over all agents of the group.
     fn pixels(&self) -> Vec<u32> {
         let mut sum: Vec<u32> = Vec::new();
         for states in &self.agents {
@@ -276,9 +300,9 @@ impl<'a> PanelStates<'a> {
         sum
     }
 
-    /// Number of states per cell of all pairs of axes.
-    fn grids(&self, pairs: usize) -> Vec<u32> {
-        let mut sum = vec![0_u32; pairs * GRID_CELLS * GRID_CELLS];
+    /// Number of states per cell of the grids of all pairs of axes, over all agents of the group.
+    fn grids(&self, pair_count: usize) -> Vec<u32> {
+        let mut sum = vec![0_u32; pair_count * GRID_CELLS * GRID_CELLS];
         for states in &self.agents {
             sum.iter_mut()
                 .zip(&states.grids)
@@ -287,9 +311,9 @@ impl<'a> PanelStates<'a> {
         sum
     }
 
-    fn heat_map(&self, [x, y]: [usize; 2], counts: Vec<u32>, max_count: u32) -> Panel {
+    fn heat_map_panel(&self, [x, y]: [usize; 2], counts: Vec<u32>, max_count: u32) -> Panel {
         let (title, x, y) = (
-            format!("{}: {}", self.title, self.pluralize()),
+            format!("{}: {}", self.title, self.state_count_text()),
             self.quantity(x),
             self.quantity(y),
         );
@@ -303,21 +327,21 @@ impl<'a> PanelStates<'a> {
         })
     }
 
-    fn points(&self, args: &PlotArgs, [x, y]: [usize; 2], colors: &StateColors) -> Panel {
+    fn scatter_panel(&self, args: &PlotArgs, [x, y]: [usize; 2], colors: &StateColors) -> Panel {
         let (x_axis, y_axis) = (self.quantity(x), self.quantity(y));
-        let value = |axis: &Quantity, fraction: f32| {
+        let axis_value = |axis: &Quantity, fraction: f32| {
             axis.range[0] + fraction * (axis.range[1] - axis.range[0])
         };
         let point = |(agent, state): (u32, &SelectedState)| ScatterPoint {
             position: [
-                value(&x_axis, state.fractions[x]),
-                value(&y_axis, state.fractions[y]),
+                axis_value(&x_axis, state.fractions[x]),
+                axis_value(&y_axis, state.fractions[y]),
             ],
             color: colors.color(agent, state),
         };
         let points = self.sample(args).into_iter().map(point).collect();
         Panel::Scatter(Scatter {
-            title: format!("{}: {}", self.title, self.sampled(args)),
+            title: format!("{}: {}", self.title, self.sample_size_text(args)),
             x: axis(&x_axis),
             y: axis(&y_axis),
             points,
@@ -328,52 +352,16 @@ impl<'a> PanelStates<'a> {
 /// Colors of states, with their color key.
 struct StateColors {
     color_by: ColorBy,
+    /// Values at the ends of a continuous color scale.
     range: [f64; 2],
     key: Option<Key>,
 }
 
 impl StateColors {
-    fn of(args: &PlotArgs, groups: &[PanelStates<'_>]) -> Self {
+    fn new(args: &PlotArgs, groups: &[StateGroup<'_>]) -> Self {
         let color_by = args.color_by.unwrap_or(ColorBy::Agent);
-        let states = || {
-            groups
-                .iter()
-                .flat_map(|group| &group.agents)
-                .flat_map(|states| &states.sample)
-        };
-        let [low, high] = states()
-            .filter_map(|state| value(color_by, state))
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |ends, value| {
-                [ends[0].min(value), ends[1].max(value)]
-            });
-        let range = if high > low {
-            [low, high]
-        } else {
-            [low.min(0.0), low.max(0.0) + 1.0]
-        };
-        let continuous_key = |label: &str| {
-            Some(Key::Continuous {
-                label: label.to_owned(),
-                range,
-            })
-        };
-        let key = match color_by {
-            ColorBy::Agent => agent_key(groups),
-            ColorBy::Episode => continuous_key("episode"),
-            ColorBy::Return => continuous_key("return of the episode"),
-            ColorBy::IntrinsicReward => continuous_key("intrinsic reward"),
-            ColorBy::Outcome => {
-                let outcomes = [
-                    ("terminated", Status::Terminated),
-                    ("truncated", Status::Truncated),
-                ];
-                Some(Key::Categories(
-                    outcomes
-                        .map(|(name, outcome)| (name.to_owned(), outcome_color(outcome)))
-                        .to_vec(),
-                ))
-            }
-        };
+        let range = color_range(color_by, groups);
+        let key = color_key(color_by, range, groups);
         Self {
             color_by,
             range,
@@ -383,7 +371,7 @@ impl StateColors {
 
     fn color(&self, agent: u32, state: &SelectedState) -> Color {
         let [low, high] = self.range;
-        match value(self.color_by, state) {
+        match color_value(self.color_by, state) {
             Some(value) => sequential_color((value - low) / (high - low)),
             None if self.color_by == ColorBy::Agent => categorical_color(agent),
             None => outcome_color(state.outcome),
@@ -392,17 +380,61 @@ impl StateColors {
 }
 
 /// The value that determines the color on a continuous scale; `None` for categorical colors.
-fn value(color_by: ColorBy, state: &SelectedState) -> Option<f64> {
+fn color_value(color_by: ColorBy, state: &SelectedState) -> Option<f64> {
     match color_by {
         ColorBy::Agent | ColorBy::Outcome => None,
         ColorBy::Episode => Some(f64::from(state.episode)),
         ColorBy::Return => Some(state.r#return),
-        ColorBy::IntrinsicReward => Some(f64::from(state.bonus)),
+        ColorBy::IntrinsicReward => Some(f64::from(state.intrinsic_reward)),
+    }
+}
+
+/// Smallest and largest value on the continuous color scale. If all values are equal, the range
+/// also includes 0 and is never empty; without values it is 0 to 1.
+fn color_range(color_by: ColorBy, groups: &[StateGroup<'_>]) -> [f64; 2] {
+    let [low, high] = groups
+        .iter()
+        .flat_map(|group| &group.agents)
+        .flat_map(|states| &states.sample)
+        .filter_map(|state| color_value(color_by, state))
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |ends, value| {
+            [ends[0].min(value), ends[1].max(value)]
+        });
+    if high > low {
+        [low, high]
+    } else {
+        [low.min(0.0), low.max(0.0) + 1.0]
+    }
+}
+
+fn color_key(color_by: ColorBy, range: [f64; 2], groups: &[StateGroup<'_>]) -> Option<Key> {
+    let continuous_key = |label: &str| {
+        Some(Key::Continuous {
+            label: label.to_owned(),
+            range,
+        })
+    };
+    match color_by {
+        ColorBy::Agent => agent_key(groups),
+        ColorBy::Episode => continuous_key("episode"),
+        ColorBy::Return => continuous_key("return of the episode"),
+        ColorBy::IntrinsicReward => continuous_key("intrinsic reward"),
+        ColorBy::Outcome => {
+            let outcomes = [
+                ("terminated", Status::Terminated),
+                ("truncated", Status::Truncated),
+            ];
+            Some(Key::Categories(
+                outcomes
+                    .map(|(name, outcome)| (name.to_owned(), outcome_color(outcome)))
+                    .to_vec(),
+            ))
+        }
     }
 }
 
 /// Key of the colors of agents; `None` unless a panel shows several agents.
-fn agent_key(groups: &[PanelStates<'_>]) -> Option<Key> {
+fn agent_key(groups: &[StateGroup<'_>]) -> Option<Key> {
     let has_several_agents = groups.iter().any(|group| group.agents.len() > 1);
     let mut agents: Vec<u32> = groups
         .iter()
@@ -426,8 +458,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_pairs_of_few_axes_are_drawn() {
-        assert_eq!(pairs(&[0, 2, 3]), [[0, 2], [0, 3], [2, 3]]);
-        assert_eq!(pairs(&[0, 1, 2, 3, 4, 5]).len(), 5);
+    fn few_axes_are_paired_with_all_and_many_only_with_neighbors() {
+        assert_eq!(axis_pairs(&[0, 2, 3]), [[0, 2], [0, 3], [2, 3]]);
+        assert_eq!(axis_pairs(&[0, 1, 2, 3, 4, 5]).len(), 5);
     }
 }

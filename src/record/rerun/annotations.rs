@@ -8,7 +8,7 @@ use rerun::{LineStrips2D, Points2D};
 use super::error::RecordingError;
 use super::rows::{rgb, static_chunk};
 use super::tiles::{CHAR_WIDTH, ColorBar, LabelSpace, Tiles, Viewport};
-use crate::record::visitation::{Axes, Axis, CELLS, HEIGHT, Pairs};
+use crate::record::visitation::{AXIS_HEIGHT, Axes, Axis, CELLS_PER_SIDE, Pairs};
 use seedbed_env::Quantity;
 use seedbed_figure::color::dark::categorical_color;
 
@@ -21,7 +21,7 @@ const SIDE_MARGIN: f32 = 34.0;
 
 /// Maximum number of images in a view whose axes have names and ranges. In views with more images,
 /// only the image of the team has them.
-pub(super) const MAX_LABELED: u32 = 4;
+pub(super) const MAX_LABELED_IMAGES: u32 = 4;
 
 /// The text, position and color of a label.
 pub(super) type Label = (String, [f32; 2], [u8; 3]);
@@ -44,8 +44,8 @@ impl PanelLayout {
     /// The layout of parallel coordinates, with one image per agent or, without `agents`, one image
     /// of the team.
     pub(super) fn of_axes(axes: &Axes, agents: Option<u32>, viewport: Viewport) -> Self {
-        let size = [axes.width() as f32, HEIGHT as f32];
-        let with_names = |names| {
+        let size = [axes.width() as f32, AXIS_HEIGHT as f32];
+        let with_name_lines = |name_lines| {
             Self::new(
                 agents,
                 size,
@@ -53,12 +53,12 @@ impl PanelLayout {
                     overhang: overhang(axes),
                     ..viewport
                 },
-                [names, 8.0],
+                [name_lines, 8.0],
                 3.3,
             )
         };
-        let unstaggered = if agents.unwrap_or(1) <= MAX_LABELED {
-            with_names(2.2)
+        let unstaggered = if agents.unwrap_or(1) <= MAX_LABELED_IMAGES {
+            with_name_lines(2.2)
         } else {
             Self::new(agents, size, viewport, [2.2, 8.0], 3.3)
         };
@@ -68,7 +68,7 @@ impl PanelLayout {
         if is_crowded {
             Self {
                 staggered: true,
-                ..with_names(3.2)
+                ..with_name_lines(3.2)
             }
         } else {
             unstaggered
@@ -84,7 +84,7 @@ impl PanelLayout {
     ) -> Self {
         Self::new(
             agents,
-            [pairs.width() as f32, CELLS as f32],
+            [pairs.width() as f32, CELLS_PER_SIDE as f32],
             viewport,
             [1.2, 28.0],
             2.2,
@@ -101,14 +101,14 @@ impl PanelLayout {
         [name_lines, side_margin]: [f32; 2],
         scale_lines: f32,
     ) -> Self {
-        let count = agents.unwrap_or(1);
+        let image_count = agents.unwrap_or(1);
         let has_agent_labels = agents.is_some_and(|agents| agents > 1);
-        let has_axis_names = count <= MAX_LABELED;
+        let has_axis_names = image_count <= MAX_LABELED_IMAGES;
         let name_lines = if has_axis_names { name_lines } else { 0.2 };
-        let above = name_lines + if has_agent_labels { 1.0 } else { 0.0 };
+        let lines_above = name_lines + if has_agent_labels { 1.0 } else { 0.0 };
         let labels = LabelSpace {
-            above,
-            below: if has_axis_names { 1.3 } else { 0.4 },
+            lines_above,
+            lines_below: if has_axis_names { 1.3 } else { 0.4 },
             side_margin: if has_axis_names {
                 SIDE_MARGIN
             } else {
@@ -117,7 +117,7 @@ impl PanelLayout {
             scale_lines,
         };
         Self {
-            tiles: Tiles::new(count, size, viewport, labels),
+            tiles: Tiles::new(image_count, size, viewport, labels),
             has_agent_labels,
             has_axis_names,
             staggered: false,
@@ -126,12 +126,16 @@ impl PanelLayout {
     }
 
     /// The vertical axes, at `entity`, and their labels, at `entity/labels`.
-    pub(super) fn axes(&self, entity: &str, axes: &Axes) -> Result<[Chunk; 2], RecordingError> {
+    pub(super) fn axis_chunks(
+        &self,
+        entity: &str,
+        axes: &Axes,
+    ) -> Result<[Chunk; 2], RecordingError> {
         let axis_positions: Vec<f32> = (0..axes.all().len()).map(|axis| axes.x(axis)).collect();
         let vertical = |[left, top]: [f32; 2]| {
             axis_positions
                 .iter()
-                .map(move |x| vec![[left + x, top], [left + x, top + HEIGHT as f32]])
+                .map(move |x| vec![[left + x, top], [left + x, top + AXIS_HEIGHT as f32]])
         };
         let lines: Vec<Vec<[f32; 2]>> = self.tiles.corners().flat_map(vertical).collect();
         let labels = self
@@ -142,9 +146,13 @@ impl PanelLayout {
     }
 
     /// The frames of panels, at `entity`, and their labels, at `entity/labels`.
-    pub(super) fn panels(&self, entity: &str, pairs: &Pairs) -> Result<[Chunk; 2], RecordingError> {
-        let side = CELLS as f32;
-        let panel = |[left, top]: [f32; 2], x: f32| {
+    pub(super) fn frame_chunks(
+        &self,
+        entity: &str,
+        pairs: &Pairs,
+    ) -> Result<[Chunk; 2], RecordingError> {
+        let side = CELLS_PER_SIDE as f32;
+        let frame = |[left, top]: [f32; 2], x: f32| {
             let (left, right, bottom) = (left + x, left + x + side, top + side);
             vec![
                 [left, top],
@@ -155,7 +163,7 @@ impl PanelLayout {
             ]
         };
         let row = |corner: [f32; 2]| {
-            (0..pairs.panels().len()).map(move |index| panel(corner, pairs.x(index) as f32))
+            (0..pairs.panels().len()).map(move |index| frame(corner, pairs.x(index) as f32))
         };
         let lines: Vec<Vec<[f32; 2]>> = self.tiles.corners().flat_map(row).collect();
         let labels = self
@@ -196,30 +204,30 @@ impl PanelLayout {
             text,
             [
                 left + half,
-                top - (self.name_lines + 0.9) * self.tiles.line(),
+                top - (self.name_lines + 0.9) * self.tiles.line_height(),
             ],
             categorical_color(agent),
         )
     }
 
     fn axis_labels(&self, axes: &Axes, [left, top]: [f32; 2]) -> Vec<Label> {
-        let (line, units) = (self.tiles.line(), self.units_fit(axes));
+        let (line_height, with_units) = (self.tiles.line_height(), self.units_fit(axes));
         let labels = |(index, axis): (usize, &Axis)| {
             let x = left + axes.x(index);
-            let lines = if self.staggered && index % 2 == 1 {
+            let lines_above = if self.staggered && index % 2 == 1 {
                 3.1
             } else {
                 2.1
             };
             let [low, high] = axis.quantity.range.map(format_number);
-            let bottom = top + HEIGHT as f32 + 0.05 * line;
+            let bottom = top + AXIS_HEIGHT as f32 + 0.05 * line_height;
             [
                 (
-                    axis_name(&axis.quantity, units),
-                    [x, top - lines * line],
+                    axis_name(&axis.quantity, with_units),
+                    [x, top - lines_above * line_height],
                     NAME_COLOR,
                 ),
-                (high, [x, top - 1.05 * line], RANGE_COLOR),
+                (high, [x, top - 1.05 * line_height], RANGE_COLOR),
                 (low, [x, bottom], RANGE_COLOR),
             ]
         };
@@ -230,25 +238,25 @@ impl PanelLayout {
         }
     }
 
-    /// Whether the names of axes fit with their units.
+    /// Whether there is space for the names of axes with their units.
     fn units_fit(&self, axes: &Axes) -> bool {
         max_name_width(axes, true) <= 2.0 * (axes.x(1) - axes.x(0)) * self.tiles.zoom
     }
 
     fn panel_labels(&self, pairs: &Pairs, [left, top]: [f32; 2]) -> Vec<Label> {
-        let (line, side) = (self.tiles.line(), CELLS as f32);
+        let (line_height, side) = (self.tiles.line_height(), CELLS_PER_SIDE as f32);
         let max_chars = (pairs.x(1) as f32 * self.tiles.zoom / CHAR_WIDTH) as usize;
         let labels = |(index, [horizontal, vertical]): (usize, &[Axis; 2])| {
             let middle = left + pairs.x(index) as f32 + 0.5 * side;
             [
                 (
                     panel_label(&vertical.quantity, "↑", max_chars),
-                    [middle, top - 1.05 * line],
+                    [middle, top - 1.05 * line_height],
                     NAME_COLOR,
                 ),
                 (
                     panel_label(&horizontal.quantity, "→", max_chars),
-                    [middle, top + side + 0.05 * line],
+                    [middle, top + side + 0.05 * line_height],
                     NAME_COLOR,
                 ),
             ]
@@ -298,8 +306,8 @@ pub(super) fn color_scale(
     ])
 }
 
-/// Labels of a color bar: each a text, and a number of lines above the bar (positive) or below it
-/// (negative).
+/// Labels of a color bar. `texts` has the text of each label, and its number of lines above the bar
+/// (positive) or below it (negative).
 pub(super) fn color_bar_labels(bar: &ColorBar, texts: &[(&str, f32)]) -> Vec<Label> {
     texts
         .iter()
@@ -322,8 +330,8 @@ pub(super) fn show_labels_only(points: Points2D) -> Points2D {
         .with_draw_order(60.0)
 }
 
-/// A number with at most three decimals and no trailing zeros. Numbers below 0.00095 have two
-/// significant digits in scientific notation.
+/// A number with at most three decimals and no trailing zeros. Numbers with a magnitude below
+/// 0.00095 are in scientific notation, with two significant digits.
 pub(super) fn format_number(value: f32) -> String {
     if value != 0.0 && value.abs() < 0.000_95 {
         return format!("{value:.1e}");

@@ -13,7 +13,7 @@ use rerun::{EntityPath, Scalars, SeriesLines};
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
-use crate::record::metrics::{Metric, Scope, columns_in_display_order};
+use crate::record::metrics::{Metric, Scope, round_metrics_in_display_order};
 use crate::record::{EpisodeRow, RoundRow};
 use seedbed_figure::color::dark::categorical_color;
 
@@ -25,12 +25,13 @@ const ROUNDS_OF_MOVING_AVERAGE: usize = 25;
 
 /// Color of curves of the team.
 const TEAM_COLOR: [u8; 3] = [255; 3];
+/// Color of the team's mean return in single rounds.
 const MUTED_COLOR: [u8; 3] = [120, 120, 130];
 
 /// Metrics of updates that have a curve in recordings, either metrics of agents or metrics of the
 /// team.
-pub(super) fn metrics(scope: Scope) -> impl Iterator<Item = &'static Metric> {
-    let metrics = columns_in_display_order().into_iter();
+pub(super) fn recorded_metrics(scope: Scope) -> impl Iterator<Item = &'static Metric> {
+    let metrics = round_metrics_in_display_order().into_iter();
     metrics.filter(move |metric| metric.recorded && metric.scope == scope)
 }
 
@@ -38,15 +39,16 @@ pub(super) fn metrics(scope: Scope) -> impl Iterator<Item = &'static Metric> {
 pub(super) struct Curves {
     returns: Vec<Curve>,
     team_mean: Curve,
-    smooth_mean: Curve,
-    updates: Vec<Curve>,
-    team: Vec<Curve>,
+    /// Moving average of the team's mean return.
+    moving_average: Curve,
+    agent_metrics: Vec<Curve>,
+    team_metrics: Vec<Curve>,
 }
 
 /// One entity with one or more series.
 struct Curve {
     entity: EntityPath,
-    series: usize,
+    series_count: usize,
     moments: Moments,
     values: Vec<f64>,
 }
@@ -58,11 +60,11 @@ impl Curves {
                 .map(|agent| Curve::new(format!("return/agent_{agent}"), 1))
                 .collect(),
             team_mean: Curve::new("return/team_mean", 1),
-            smooth_mean: Curve::new(format!("return/team_mean_{ROUNDS_OF_MOVING_AVERAGE}"), 1),
-            updates: metrics(Scope::Agent)
+            moving_average: Curve::new(format!("return/team_mean_{ROUNDS_OF_MOVING_AVERAGE}"), 1),
+            agent_metrics: recorded_metrics(Scope::Agent)
                 .map(|metric| Curve::new(metric.key, agents))
                 .collect(),
-            team: metrics(Scope::Team)
+            team_metrics: recorded_metrics(Scope::Team)
                 .map(|metric| Curve::new(metric.key, 1))
                 .collect(),
         }
@@ -73,36 +75,50 @@ impl Curves {
         self.returns[row.agent as usize].add(end, [row.r#return]);
     }
 
-    /// Adds a round that ended at `end`.
+    /// Adds a round that ended at `end`. `latest_returns` has the team's mean returns of the latest
+    /// rounds, to which the mean return of this round is added.
     pub(super) fn add_round(
         &mut self,
         episodes: &[EpisodeRow],
-        rounds: &[RoundRow],
+        updates: &[RoundRow],
         end: Moment,
         latest_returns: &mut VecDeque<f64>,
     ) {
         if !episodes.is_empty() {
-            let mean = episodes.iter().map(|row| row.r#return).sum::<f64>() / episodes.len() as f64;
-            latest_returns.push_back(mean);
-            latest_returns.drain(
-                ..latest_returns
-                    .len()
-                    .saturating_sub(ROUNDS_OF_MOVING_AVERAGE),
-            );
-            self.team_mean.add(end, [mean]);
-            self.smooth_mean.add(
-                end,
-                [latest_returns.iter().sum::<f64>() / latest_returns.len() as f64],
-            );
+            self.add_team_return(episodes, end, latest_returns);
         }
-        if rounds.is_empty() {
-            return;
+        if !updates.is_empty() {
+            self.add_metrics(updates, end);
         }
-        for (curve, metric) in self.updates.iter_mut().zip(metrics(Scope::Agent)) {
+    }
+
+    fn add_team_return(
+        &mut self,
+        episodes: &[EpisodeRow],
+        end: Moment,
+        latest_returns: &mut VecDeque<f64>,
+    ) {
+        let mean = episodes.iter().map(|row| row.r#return).sum::<f64>() / episodes.len() as f64;
+        latest_returns.push_back(mean);
+        latest_returns.drain(
+            ..latest_returns
+                .len()
+                .saturating_sub(ROUNDS_OF_MOVING_AVERAGE),
+        );
+        self.team_mean.add(end, [mean]);
+        self.moving_average.add(
+            end,
+            [latest_returns.iter().sum::<f64>() / latest_returns.len() as f64],
+        );
+    }
+
+    fn add_metrics(&mut self, updates: &[RoundRow], end: Moment) {
+        let agent_curves = self.agent_metrics.iter_mut();
+        for (curve, metric) in agent_curves.zip(recorded_metrics(Scope::Agent)) {
             // A row has one value per agent. Agents without a value have NaN, which is not drawn.
-            let mut values = vec![f64::NAN; curve.series];
+            let mut values = vec![f64::NAN; curve.series_count];
             let mut is_measured = false;
-            for row in rounds {
+            for row in updates {
                 if let Some(value) = metric.value(row) {
                     values[row.agent as usize] = value;
                     is_measured = true;
@@ -112,14 +128,16 @@ impl Curves {
                 curve.add(end, values);
             }
         }
-        for (curve, metric) in self.team.iter_mut().zip(metrics(Scope::Team)) {
-            if let Some(value) = rounds.last().and_then(|row| metric.value(row)) {
+        let team_curves = self.team_metrics.iter_mut();
+        for (curve, metric) in team_curves.zip(recorded_metrics(Scope::Team)) {
+            if let Some(value) = updates.last().and_then(|row| metric.value(row)) {
                 curve.add(end, [value]);
             }
         }
     }
 
-    /// Takes the rows of curves that have enough for a chunk or, if `all` is set, of all curves.
+    /// Takes the rows of curves that have enough rows for a chunk or, if `all` is set, the rows of
+    /// all curves.
     pub(super) fn take(
         &mut self,
         all: bool,
@@ -128,8 +146,10 @@ impl Curves {
         let curves = self
             .returns
             .iter_mut()
-            .chain([&mut self.team_mean, &mut self.smooth_mean]);
-        let curves = curves.chain(&mut self.updates).chain(&mut self.team);
+            .chain([&mut self.team_mean, &mut self.moving_average]);
+        let curves = curves
+            .chain(&mut self.agent_metrics)
+            .chain(&mut self.team_metrics);
         curves
             .filter(move |curve| curve.moments.len() >= min_rows)
             .map(Curve::take)
@@ -138,44 +158,49 @@ impl Curves {
     /// Names and colors of all curves.
     pub(super) fn styles(&self) -> Result<Vec<Chunk>, RecordingError> {
         let agents = self.returns.len();
-        let style_of_agent = |agent: usize| series([format!("agent {agent}")], [color(agent)], 1.0);
+        let style_of_agent =
+            |agent: usize| series_style([format!("agent {agent}")], [agent_color(agent)], 1.0);
         let mut styles: Vec<Chunk> = (0..agents)
             .map(|agent| static_chunk(self.returns[agent].entity.clone(), &style_of_agent(agent)))
             .collect::<Result<_, _>>()?;
-        let (team, moving_average) = (
+        let (team_name, moving_average_name) = (
             "team mean".to_owned(),
             format!("team mean of {ROUNDS_OF_MOVING_AVERAGE} rounds"),
         );
         styles.push(static_chunk(
             self.team_mean.entity.clone(),
-            &series(
-                [team],
-                [if agents > 1 { MUTED_COLOR } else { color(0) }],
+            &series_style(
+                [team_name],
+                [if agents > 1 {
+                    MUTED_COLOR
+                } else {
+                    agent_color(0)
+                }],
                 1.0,
             ),
         )?);
         styles.push(static_chunk(
-            self.smooth_mean.entity.clone(),
-            &series([moving_average], [TEAM_COLOR], 3.0),
+            self.moving_average.entity.clone(),
+            &series_style([moving_average_name], [TEAM_COLOR], 3.0),
         )?);
-        for update in &self.updates {
+        for curve in &self.agent_metrics {
             let names = (0..agents).map(|agent| format!("agent {agent}"));
             styles.push(static_chunk(
-                update.entity.clone(),
-                &series(names, (0..agents).map(color), 1.0),
+                curve.entity.clone(),
+                &series_style(names, (0..agents).map(agent_color), 1.0),
             )?);
         }
-        for curve in &self.team {
+        for curve in &self.team_metrics {
             styles.push(static_chunk(
                 curve.entity.clone(),
-                &series(["team".to_owned()], [TEAM_COLOR], 2.0),
+                &series_style(["team".to_owned()], [TEAM_COLOR], 2.0),
             )?);
         }
         Ok(styles)
     }
 }
 
-fn series(
+fn series_style(
     names: impl IntoIterator<Item = String>,
     colors: impl IntoIterator<Item = [u8; 3]>,
     width: f32,
@@ -186,16 +211,16 @@ fn series(
         .with_widths([width])
 }
 
-fn color(agent: usize) -> [u8; 3] {
+fn agent_color(agent: usize) -> [u8; 3] {
     categorical_color(agent as u32)
 }
 
 impl Curve {
-    fn new(name: impl Into<String>, series: usize) -> Self {
+    fn new(name: impl Into<String>, series_count: usize) -> Self {
         let entity = format!("curves/{}", name.into()).into();
         Self {
             entity,
-            series,
+            series_count,
             moments: Moments::default(),
             values: Vec::new(),
         }
@@ -212,7 +237,7 @@ impl Curve {
         let column = grouped_column(
             Scalars::descriptor_scalars(),
             values,
-            vec![self.series; moments.len()],
+            vec![self.series_count; moments.len()],
         );
         moments.into_chunk(&self.entity, [column])
     }

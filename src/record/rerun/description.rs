@@ -46,20 +46,21 @@ fn property_values(properties: Vec<(String, String)>) -> AnyValues {
 }
 
 fn run_properties(info: &RunInfo<'_>, settings: &RecordingSettings) -> Vec<(String, String)> {
-    let own = [
+    let common_properties = [
         ("environment", info.spec.name.clone()),
         ("agents", info.agents.to_string()),
         ("seed", info.run_seed.to_string()),
         ("raw_every", settings.raw_every.get().to_string()),
         ("seedbed", env!("CARGO_PKG_VERSION").to_owned()),
     ];
-    let further = info
+    let further_properties = info
         .properties
         .iter()
         .map(|(name, value)| ((*name).to_owned(), value.clone()));
-    own.map(|(name, value)| (name.to_owned(), value))
+    common_properties
+        .map(|(name, value)| (name.to_owned(), value))
         .into_iter()
-        .chain(further)
+        .chain(further_properties)
         .collect()
 }
 
@@ -77,7 +78,7 @@ fn page(info: &RunInfo<'_>, properties: &[(String, String)]) -> String {
         .map(|(name, value)| format!("| {name} | {value} |\n"))
         .collect();
     let properties = rows.concat();
-    let (observed, done) = (observations(spec), actions(spec));
+    let (observation_rows, action_rows) = (observation_rows(spec), action_rows(spec));
     let team = match agents {
         1 => "One agent learns the task.".to_owned(),
         _ => format!(
@@ -101,36 +102,36 @@ fn page(info: &RunInfo<'_>, properties: &[(String, String)]) -> String {
          forces of actions, red arrows are contact forces.\n\
          - **Columns** of `/raw` have the observations and actions of every `raw_every`-th episode of each agent.\n\n\
          ## Run\n\n| property | value |\n|---|---|\n{properties}\n\
-         ## Observations and actions\n\n| quantity | range | unit |\n|---|---|---|\n{observed}{done}\n\
+         ## Observations and actions\n\n| quantity | range | unit |\n|---|---|---|\n{observation_rows}{action_rows}\n\
          ## Scenario\n\n```ron\n{scenario}\n```\n"
     )
 }
 
-fn observations(spec: &Spec) -> String {
+fn observation_rows(spec: &Spec) -> String {
     spec.observations
         .iter()
-        .map(|quantity| row(quantity, &ends(quantity)))
+        .map(|quantity| quantity_row(quantity, &range_text(quantity)))
         .collect::<Vec<_>>()
         .concat()
 }
 
-fn actions(spec: &Spec) -> String {
+fn action_rows(spec: &Spec) -> String {
     let range = |choice: &Choice, quantity| match choice {
         Choice::Discrete(values) => format!("one of {values:?}"),
-        Choice::Continuous => ends(quantity),
+        Choice::Continuous => range_text(quantity),
     };
     let rows = spec
         .actions
         .iter()
-        .map(|action| row(&action.quantity, &range(&action.choice, &action.quantity)));
+        .map(|action| quantity_row(&action.quantity, &range(&action.choice, &action.quantity)));
     rows.collect::<Vec<_>>().concat()
 }
 
-fn ends(quantity: &Quantity) -> String {
+fn range_text(quantity: &Quantity) -> String {
     let [low, high] = quantity.range;
     format!("{low} to {high}")
 }
 
-fn row(quantity: &Quantity, range: &str) -> String {
+fn quantity_row(quantity: &Quantity, range: &str) -> String {
     format!("| {} | {range} | {} |\n", quantity.name, quantity.unit)
 }

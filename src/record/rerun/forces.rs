@@ -1,11 +1,11 @@
 //! `/scene/agent_K/forces/…`: the forces on the bodies of an agent's environment, as arrows.
 //!
-//! `action` has the forces of the agent's action (a torque as the force at the center of mass that
-//! turns the body as much), `contacts` the contact forces, with points where bodies touch. A row
-//! has the forces during the step that led to it, and their magnitudes in the column
-//! `Force:newtons`. Arrows of one kind have one scale within an episode: the 95th percentile of
-//! magnitudes is an eighth of the view long, and longer arrows are cut at twice that. A single
-//! impact would otherwise make all other arrows invisible.
+//! `action` has the forces of the agent's action. A torque is shown as the force at the center of
+//! mass that has the same torque. `contacts` has the contact forces, with points where bodies
+//! touch. Each row has the forces during the step before its state, and their magnitudes in the
+//! column `Force:newtons`. Arrows of one kind have one scale within an episode: the arrow for the
+//! 95th percentile of magnitudes is an eighth of the view long, and no arrow is longer than a
+//! quarter of the view. Otherwise a single impact would make all other arrows invisible.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use crate::record::BodyTrajectory;
 use seedbed_env::{Force, ForceSource};
 
-/// Length of an arrow, as a share of the view.
+/// Length of the arrow for the 95th percentile of magnitudes, as a share of the view.
 const ARROW_LENGTH: f32 = 0.125;
 
 /// Arrows are drawn in front of all bodies.
@@ -30,15 +30,17 @@ const DRAW_ORDER: f32 = 100.0;
 
 /// Forces in the scene of one agent that are not written yet.
 pub(super) struct ForceWriter {
-    kinds: [Arrows; 2],
+    /// The forces of the action and the contact forces.
+    kinds: [ForceArrows; 2],
 }
 
-struct Arrows {
+/// The forces of one kind.
+struct ForceArrows {
     entity: EntityPath,
     source: ForceSource,
     color: [u8; 3],
     moments: Moments,
-    per_row: Vec<usize>,
+    arrows_per_row: Vec<usize>,
     origins: Vec<[f32; 2]>,
     vectors: Vec<[f32; 2]>,
     newtons: Vec<f32>,
@@ -46,14 +48,14 @@ struct Arrows {
 
 impl ForceWriter {
     pub(super) fn new(scene: &EntityPath) -> Self {
-        let arrows = |name: &str, source, color| Arrows {
+        let arrows = |name: &str, source, color| ForceArrows {
             entity: scene
                 .join(&EntityPath::from_single_string("forces"))
                 .join(&EntityPath::from_single_string(name)),
             source,
             color,
             moments: Moments::default(),
-            per_row: Vec::new(),
+            arrows_per_row: Vec::new(),
             origins: Vec::new(),
             vectors: Vec::new(),
             newtons: Vec::new(),
@@ -67,37 +69,37 @@ impl ForceWriter {
         }
     }
 
-    /// Adds the forces of an episode whose first row is at `first`. `view` are the bounds of its
-    /// view.
+    /// Adds the forces of an episode whose first row is at `first`. `view` has the bounds of the
+    /// view of this episode.
     pub(super) fn add(&mut self, trajectory: &BodyTrajectory, view: Option<Bounds>, first: Moment) {
-        let size = view.map_or(1.0, extent);
+        let view_size = view.map_or(1.0, extent);
         self.kinds
             .iter_mut()
-            .for_each(|arrows| arrows.add(trajectory, size, first));
+            .for_each(|arrows| arrows.add(trajectory, view_size, first));
     }
 
     /// Static colors and sizes of arrows.
     pub(super) fn styles(&self) -> Result<Vec<Chunk>, RecordingError> {
-        self.kinds.iter().flat_map(Arrows::style).collect()
+        self.kinds.iter().flat_map(ForceArrows::style).collect()
     }
 
     /// The chunks of all forces.
     pub(super) fn take(&mut self) -> impl Iterator<Item = Result<Chunk, RecordingError>> {
-        self.kinds.iter_mut().filter_map(Arrows::take)
+        self.kinds.iter_mut().filter_map(ForceArrows::take)
     }
 }
 
-impl Arrows {
-    fn add(&mut self, trajectory: &BodyTrajectory, size: f32, first: Moment) {
+impl ForceArrows {
+    fn add(&mut self, trajectory: &BodyTrajectory, view_size: f32, first: Moment) {
         let source = self.source;
         let Some(meters_per_newton) = meters_per_newton(
             trajectory
                 .forces
                 .iter()
                 .filter(|force| force.source == source),
-            size,
+            view_size,
         ) else {
-            self.per_row.push(0);
+            self.arrows_per_row.push(0);
             return self.moments.push(first);
         };
         let mut forces = trajectory.forces.iter();
@@ -110,13 +112,14 @@ impl Arrows {
             {
                 let [right, up] = force.newtons;
                 let newtons = right.hypot(up);
-                let meters_per_newton = meters_per_newton.min(2.0 * ARROW_LENGTH * size / newtons);
+                let meters_per_newton =
+                    meters_per_newton.min(2.0 * ARROW_LENGTH * view_size / newtons);
                 self.origins.push([force.at[0], -force.at[1]]);
                 self.vectors
                     .push([right * meters_per_newton, -up * meters_per_newton]);
                 self.newtons.push(newtons);
             }
-            self.per_row.push(self.newtons.len() - first_of_row);
+            self.arrows_per_row.push(self.newtons.len() - first_of_row);
         }
         self.moments
             .push_steps(first, trajectory.forces_per_row.len());
@@ -138,19 +141,21 @@ impl Arrows {
     }
 
     fn take(&mut self) -> Option<Result<Chunk, RecordingError>> {
-        let (moments, per_row) = (
+        let (moments, arrows_per_row) = (
             std::mem::take(&mut self.moments),
-            std::mem::take(&mut self.per_row),
+            std::mem::take(&mut self.arrows_per_row),
         );
-        if per_row.is_empty() {
+        if arrows_per_row.is_empty() {
             return None;
         }
         let origins = std::mem::take(&mut self.origins);
-        let points = Points2D::new(origins.iter().copied()).columns(per_row.clone());
+        let points = Points2D::new(origins.iter().copied()).columns(arrows_per_row.clone());
         let vectors = Arrows2D::from_vectors(std::mem::take(&mut self.vectors));
-        let arrows = vectors.with_origins(origins).columns(per_row.clone());
+        let arrows = vectors
+            .with_origins(origins)
+            .columns(arrows_per_row.clone());
         let newtons: ArrayRef = Arc::new(Float32Array::from(std::mem::take(&mut self.newtons)));
-        let newtons = grouped_column(newtons_column(), newtons, per_row);
+        let newtons = grouped_column(newtons_column(), newtons, arrows_per_row);
         let columns = points
             .and_then(|points| Ok(points.chain(arrows?).chain([newtons]).collect::<Vec<_>>()));
         Some(
@@ -162,13 +167,13 @@ impl Arrows {
 }
 
 /// Length of arrows in meters per newton; `None` without forces.
-fn meters_per_newton<'a>(forces: impl Iterator<Item = &'a Force>, size: f32) -> Option<f32> {
+fn meters_per_newton<'a>(forces: impl Iterator<Item = &'a Force>, view_size: f32) -> Option<f32> {
     let mut newtons: Vec<f32> = forces
         .map(|force| force.newtons[0].hypot(force.newtons[1]))
         .collect();
     newtons.sort_by(f32::total_cmp);
     let percentile_95 = newtons.get(newtons.len() * 19 / 20)?;
-    Some(ARROW_LENGTH * size / percentile_95.max(f32::MIN_POSITIVE))
+    Some(ARROW_LENGTH * view_size / percentile_95.max(f32::MIN_POSITIVE))
 }
 
 fn newtons_column() -> ComponentDescriptor {
@@ -221,7 +226,7 @@ mod tests {
         );
         let [action, contacts] = &writer.kinds;
         assert_eq!(
-            (&contacts.per_row, &contacts.newtons),
+            (&contacts.arrows_per_row, &contacts.newtons),
             (&vec![0, 1, 1], &vec![10.0, 20.0])
         );
         assert_eq!(
@@ -229,7 +234,7 @@ mod tests {
             (&vec![[0.0, -0.5], [0.0, -1.0]], [1.0, -2.0])
         );
         assert_eq!(
-            (&action.per_row, &action.vectors),
+            (&action.arrows_per_row, &action.vectors),
             (&vec![0, 0, 1], &vec![[0.0, -1.0]])
         );
     }
@@ -278,7 +283,7 @@ mod tests {
                 round: 0,
             },
         );
-        assert_eq!(writer.kinds[0].per_row, [0]);
+        assert_eq!(writer.kinds[0].arrows_per_row, [0]);
         assert_eq!(writer.take().count(), 2);
         assert_eq!(writer.take().count(), 0);
     }

@@ -10,7 +10,8 @@ pub(super) type Bounds = [f32; 4];
 /// A line counts as endless if it is longer than this ratio times the size of all other parts.
 const ENDLESS_RATIO: f32 = 5.0;
 
-/// Bounds that contain all bodies during an episode. If a body is tracked, they are relative to it.
+/// Bounds that contain all bodies during an episode. If a body is tracked, the bounds are relative
+/// to that body and contain only the moving bodies.
 pub(super) fn episode_bounds(scene: &Scene, poses: &[Pose]) -> Option<Bounds> {
     let frames = || poses.chunks_exact(scene.bodies.len());
     let moving = frames()
@@ -35,12 +36,12 @@ fn bounds_of_fixed_and_moving_bodies(
 ) -> Bounds {
     let closed_bounds = fixed_parts
         .iter()
-        .filter(|(_, line)| !line)
+        .filter(|(_, is_line)| !is_line)
         .fold(moving, |all, (part, _)| union(all, *part));
     let size = extent(closed_bounds);
     let lines = fixed_parts
         .iter()
-        .filter(|(_, line)| *line)
+        .filter(|(_, is_line)| *is_line)
         .map(|(part, _)| *part);
     let (endless, finite): (Vec<_>, Vec<_>) =
         lines.partition(|line| extent(*line) > ENDLESS_RATIO * size);
@@ -49,7 +50,7 @@ fn bounds_of_fixed_and_moving_bodies(
         .map(|line| with_margin(line, line_overhang))
         .fold(closed_bounds, union);
     let all = endless.into_iter().fold(with_finite_lines, |all, line| {
-        extended_to_nearest_end(all, line, size)
+        extended_to_nearest_point(all, line, size)
     });
     with_margin(all, 0.05 * extent(all))
 }
@@ -61,7 +62,7 @@ fn moving_bounds(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
         .bodies
         .iter()
         .zip(frame)
-        .filter(|(body, _)| !body.fixed);
+        .filter(|(body, _)| !body.is_fixed);
     let centers_and_radii = moving.filter_map(|(body, pose)| {
         Some((
             radius_about_origin(body)?,
@@ -75,17 +76,17 @@ fn moving_bounds(scene: &Scene, frame: &[Pose]) -> Option<Bounds> {
 
 /// Bounds of each shape of the fixed bodies, and whether the shape is an open line.
 fn fixed_bounds(bodies: &[SceneBody], frame: &[Pose]) -> Vec<(Bounds, bool)> {
-    let fixed = bodies.iter().zip(frame).filter(|(body, _)| body.fixed);
+    let fixed = bodies.iter().zip(frame).filter(|(body, _)| body.is_fixed);
     let shapes = fixed.flat_map(|(body, pose)| body.shapes.iter().map(|shape| (shape, *pose)));
     let bounds_of_shape = |(shape, pose): (&Shape, Pose)| match shape {
         Shape::Polyline(points) => Some((bounds(points, pose)?, true)),
-        closed_bounds => Some((bounds(&outline(closed_bounds)?, pose)?, false)),
+        closed_shape => Some((bounds(&outline(closed_shape)?, pose)?, false)),
     };
     shapes.filter_map(bounds_of_shape).collect()
 }
 
-/// Extends bounds to the nearest point of a part if it is at most `distance` away.
-fn extended_to_nearest_end(
+/// Extends bounds to the nearest point of a part if that point is at most `distance` away.
+fn extended_to_nearest_point(
     [left, right, top, bottom]: Bounds,
     part: Bounds,
     distance: f32,
@@ -129,7 +130,7 @@ fn radius_about_origin(body: &SceneBody) -> Option<f32> {
 fn line_overhang(bodies: &[SceneBody]) -> f32 {
     let sliding_bodies = bodies
         .iter()
-        .filter(|body| !body.fixed && body.hinge.is_none());
+        .filter(|body| !body.is_fixed && body.hinge.is_none());
     sliding_bodies
         .filter_map(radius_about_origin)
         .fold(0.0, f32::max)
@@ -165,10 +166,10 @@ pub(super) fn extent([left, right, top, bottom]: Bounds) -> f32 {
 mod tests {
     use super::*;
 
-    fn body(name: &str, fixed: bool, shapes: Vec<Shape>) -> SceneBody {
+    fn body(name: &str, is_fixed: bool, shapes: Vec<Shape>) -> SceneBody {
         SceneBody {
             name: name.to_owned(),
-            fixed,
+            is_fixed,
             shapes,
             hinge: None,
         }
@@ -270,7 +271,7 @@ mod tests {
             frame_with_ball_at(50.0, 0.0),
         ]
         .concat();
-        // The bounds are 0.4 m plus a quarter of it on each side.
+        // The bounds are 0.4 m, the size of the ball, plus a quarter of this size on each side.
         assert_close(episode_bounds(&scene, &poses), [-0.3, 0.3, -0.3, 0.3]);
     }
 

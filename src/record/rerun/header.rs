@@ -18,7 +18,7 @@ impl RerunRecorder {
         let source = StoreSource::Other(format!("seedbed {}", env!("CARGO_PKG_VERSION")));
         self.sink.send(&LogMsg::SetStoreInfo(SetStoreInfo {
             row_id: *RowId::new(),
-            info: StoreInfo::new(self.sink.store().clone(), source),
+            info: StoreInfo::new(self.sink.store_id().clone(), source),
         }))?;
         let mut chunks = description::chunks(info, settings)?.to_vec();
         chunks.push(quantities::chunk(info.spec, info.bonus)?);
@@ -65,14 +65,14 @@ impl RerunRecorder {
 }
 
 fn scene_view(scene: &SceneWriter, trajectories: &[BodyTrajectory]) -> blueprint::SceneView {
-    let of_agent = trajectories
+    let trajectory_of_agent = trajectories
         .iter()
         .find(|trajectory| trajectory.agent == scene.agent());
     // If the first recorded episode of an agent is in a later round, its scene has the bounds of
     // the scene of another agent.
-    let bounds = of_agent
+    let bounds = trajectory_of_agent
         .or(trajectories.first())
-        .and_then(|trajectory| scene.view(trajectory));
+        .and_then(|trajectory| scene.view_bounds(trajectory));
     blueprint::SceneView {
         agent: scene.agent(),
         origin: scene.origin(),

@@ -1,8 +1,9 @@
 //! Images of visited states, a new one every few rounds: line densities at
 //! `/visitation/agent_K/density` (all states so far) and `/visitation/agent_K/latest` (the latest
-//! rounds), and the same of the team; the difference between two agents at
-//! `/visitation/difference`; mean bonuses at `/pairs/agent_K/bonus` and `/pairs/team/bonus`. The
-//! images of all agents share one scale; its ends are recorded with the images.
+//! rounds), and the same images of the team at `/visitation/team/…`; the difference between two
+//! agents at `/visitation/difference`; mean bonuses at `/pairs/agent_K/bonus` and
+//! `/pairs/team/bonus`. The images of all agents share one scale; its ends are recorded with the
+//! images.
 
 use std::sync::Arc;
 
@@ -18,8 +19,8 @@ use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use super::samples::VisitationStyle;
 use crate::record::Difference;
 use crate::record::visitation::{
-    AgentVisits, Axes, BonusMap, CELLS, HEIGHT, Pairs, brightness_of_pixels, first_round,
-    most_different, share_difference,
+    AXIS_HEIGHT, AgentVisits, Axes, BonusMap, CELLS_PER_SIDE, Pairs, brightness_of_pixels,
+    first_round, most_different, share_difference,
 };
 use seedbed_figure::color::dark::{diverging_color, sequential_color};
 
@@ -51,7 +52,7 @@ pub(super) struct LabelSeries {
     entity: EntityPath,
     moments: Moments,
     texts: Vec<String>,
-    per_row: usize,
+    labels_per_row: usize,
 }
 
 /// The images of each agent and of the team, with the ends of their scales.
@@ -131,7 +132,8 @@ impl ImageWriter {
             .push([one, end.clone(), end, other], moment);
     }
 
-    /// Takes the images of entities that have enough for a chunk or, if `all` is set, all images.
+    /// Takes the images of entities that have enough images for a chunk or, if `all` is set, all
+    /// images.
     pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = Vec::new();
         let groups = [&mut self.latest, &mut self.density]
@@ -150,8 +152,8 @@ impl ImageWriter {
 
     /// Static formats of all images.
     pub(super) fn styles(&self, axes: &Axes, pairs: &Pairs) -> Result<Vec<Chunk>, RecordingError> {
-        let density_size = [axes.width() as u32, HEIGHT as u32];
-        let bonus_size = [pairs.width() as u32, CELLS as u32];
+        let density_size = [axes.width() as u32, AXIS_HEIGHT as u32];
+        let bonus_size = [pairs.width() as u32, CELLS_PER_SIDE as u32];
         let densities = [&self.latest, &self.density]
             .into_iter()
             .flat_map(ImageGroup::image_series)
@@ -213,11 +215,11 @@ impl ImageGroup {
         for (series, pixels) in self.agents.iter_mut().zip(agents) {
             series.push(brightness_of_pixels(pixels, max), moment);
         }
-        let team = sum(agents);
+        let team = sum_of_densities(agents);
         let max_of_team = team.iter().copied().max().unwrap_or(0);
         self.team
             .push(brightness_of_pixels(&team, max_of_team), moment);
-        let ends = [max, max_of_team].map(|lines| grouped(u64::from(lines)));
+        let ends = [max, max_of_team].map(|lines| with_thousands_separators(u64::from(lines)));
         self.push_scale_labels(ends, note, moment);
     }
 
@@ -241,17 +243,17 @@ impl ImageGroup {
 
     fn push_scale_labels(
         &mut self,
-        [of_agents, of_team]: [String; 2],
+        [agents_end, team_end]: [String; 2],
         note: Option<&str>,
         moment: Moment,
     ) {
         let texts = |end: String| [end].into_iter().chain(note.map(ToOwned::to_owned));
-        self.agents_scale.push(texts(of_agents), moment);
-        self.team_scale.push(texts(of_team), moment);
+        self.agents_scale.push(texts(agents_end), moment);
+        self.team_scale.push(texts(team_end), moment);
     }
 }
 
-fn sum(densities: &[&[u32]]) -> Vec<u32> {
+fn sum_of_densities(densities: &[&[u32]]) -> Vec<u32> {
     let mut sum = vec![0_u32; densities.first().map_or(0, |pixels| pixels.len())];
     for pixels in densities {
         for (sum, lines) in sum.iter_mut().zip(*pixels) {
@@ -264,9 +266,13 @@ fn sum(densities: &[&[u32]]) -> Vec<u32> {
 /// Colors of mean bonuses from 0 (dark) to `max` (bright), with panels side by side.
 fn bonus_pixels(map: &BonusMap, max: f64, pairs: &Pairs) -> Vec<u8> {
     let (width, scale) = (pairs.width(), if max > 0.0 { max } else { 1.0 });
-    let mut pixels = EMPTY_COLOR.repeat(width * CELLS);
+    let mut pixels = EMPTY_COLOR.repeat(width * CELLS_PER_SIDE);
     for (cell, mean) in map.means().enumerate() {
-        let (panel, row, column) = (cell / (CELLS * CELLS), cell / CELLS % CELLS, cell % CELLS);
+        let (panel, row, column) = (
+            cell / (CELLS_PER_SIDE * CELLS_PER_SIDE),
+            cell / CELLS_PER_SIDE % CELLS_PER_SIDE,
+            cell % CELLS_PER_SIDE,
+        );
         let pixel = 3 * (row * width + pairs.x(panel) + column);
         let color = mean.map_or(EMPTY_COLOR, |mean| sequential_color((mean / scale) as f32));
         pixels[pixel..pixel + 3].copy_from_slice(&color);
@@ -275,7 +281,7 @@ fn bonus_pixels(map: &BonusMap, max: f64, pairs: &Pairs) -> Vec<u8> {
 }
 
 /// A number with commas as thousands separators, such as `1,234,567`.
-fn grouped(number: u64) -> String {
+fn with_thousands_separators(number: u64) -> String {
     let digits = number.to_string();
     let groups: Vec<&str> = digits
         .as_bytes()
@@ -340,12 +346,12 @@ impl ImageSeries {
 }
 
 impl LabelSeries {
-    fn new(entity: &str, per_row: usize) -> Self {
+    fn new(entity: &str, labels_per_row: usize) -> Self {
         Self {
             entity: entity.into(),
             moments: Moments::default(),
             texts: Vec::new(),
-            per_row,
+            labels_per_row,
         }
     }
 
@@ -362,8 +368,12 @@ impl LabelSeries {
     fn take_chunk(&mut self) -> Result<Chunk, RecordingError> {
         let moments = std::mem::take(&mut self.moments);
         let texts = StringArray::from(std::mem::take(&mut self.texts));
-        let rows = vec![self.per_row; moments.len()];
-        let column = grouped_column(Points2D::descriptor_labels(), Arc::new(texts), rows);
+        let labels_in_rows = vec![self.labels_per_row; moments.len()];
+        let column = grouped_column(
+            Points2D::descriptor_labels(),
+            Arc::new(texts),
+            labels_in_rows,
+        );
         moments.into_chunk(&self.entity, [column])
     }
 

@@ -8,10 +8,11 @@ use rerun::Transform3D;
 use rerun::log::Chunk;
 
 use super::annotations::{
-    Label, MAX_LABELED, PanelLayout, color_bar_labels, color_scale, format_number, label_points,
+    Label, MAX_LABELED_IMAGES, PanelLayout, color_bar_labels, color_scale, format_number,
+    label_points,
 };
 use super::error::RecordingError;
-use super::images::ImageWriter;
+use super::images::{ImageGroup, ImageWriter};
 use super::rows::static_chunk;
 use super::samples::VisitationStyle;
 use super::tiles::{ColorBar, Viewport};
@@ -56,7 +57,7 @@ impl Arrangement {
     pub(super) fn of(agents: u32) -> Self {
         match agents {
             0 | 1 => Self::Alone,
-            2..=MAX_LABELED => Self::Few,
+            2..=MAX_LABELED_IMAGES => Self::Few,
             _ => Self::Many,
         }
     }
@@ -93,7 +94,7 @@ impl Layouts {
         };
         let viewport = |size| Viewport {
             size,
-            scale: SCALE_WIDTH,
+            scale_width: SCALE_WIDTH,
             overhang: 0.0,
         };
         Self {
@@ -110,10 +111,19 @@ impl Layouts {
         style: &VisitationStyle,
         images: &ImageWriter,
     ) -> Result<Vec<Chunk>, RecordingError> {
-        let mut chunks = self.axes.axes("visitation/axes", &style.axes)?.to_vec();
-        chunks.extend(self.team_axes.axes("visitation/team/axes", &style.axes)?);
-        chunks.extend(self.pairs.panels("pairs/frames", &style.pairs)?);
-        chunks.extend(self.team_pairs.panels("pairs/team/frames", &style.pairs)?);
+        let mut chunks = self
+            .axes
+            .axis_chunks("visitation/axes", &style.axes)?
+            .to_vec();
+        chunks.extend(
+            self.team_axes
+                .axis_chunks("visitation/team/axes", &style.axes)?,
+        );
+        chunks.extend(self.pairs.frame_chunks("pairs/frames", &style.pairs)?);
+        chunks.extend(
+            self.team_pairs
+                .frame_chunks("pairs/team/frames", &style.pairs)?,
+        );
         for (root, layout) in [("visitation", self.axes), ("pairs", self.pairs)] {
             for (agent, [x, y]) in layout.tiles.corners().enumerate() {
                 let position = Transform3D::update_fields().with_translation([x, y, 0.0]);
@@ -126,9 +136,16 @@ impl Layouts {
 
     /// The scales of images. The labels of their upper ends are recorded with the images.
     fn image_scales(&self, images: &ImageWriter) -> Result<Vec<Chunk>, RecordingError> {
-        let [axes, team_axes, pairs, team_pairs] =
-            [self.axes, self.team_axes, self.pairs, self.team_pairs]
-                .map(|layout| layout.tiles.bar());
+        let mut chunks = self.density_scales(images)?;
+        if let Some(bonus) = &images.bonus {
+            chunks.extend(self.bonus_scales(bonus)?);
+        }
+        chunks.extend(self.difference_scale(images)?);
+        Ok(chunks)
+    }
+
+    fn density_scales(&self, images: &ImageWriter) -> Result<Vec<Chunk>, RecordingError> {
+        let [axes, team_axes] = [self.axes, self.team_axes].map(|layout| layout.tiles.color_bar());
         let latest_labels = [axes, team_axes].map(|bar| max_and_note_labels(&bar, -2.15));
         let mut chunks = images.latest.label_styles(&latest_labels)?.to_vec();
         let density_labels = [axes, team_axes].map(|bar| max_label(&bar));
@@ -147,31 +164,37 @@ impl Layouts {
                 ),
             )?);
         }
-        if let Some(bonus) = &images.bonus {
-            let labels = [pairs, team_pairs].map(|bar| max_and_note_labels(&bar, -1.1));
-            chunks.extend(bonus.label_styles(&labels)?);
-            for (entity, bar) in [
-                ("pairs/scale/bonus", pairs),
-                ("pairs/team/scale/bonus", team_pairs),
-            ] {
-                chunks.extend(color_scale(
-                    entity,
-                    &bar,
-                    sequential_color,
-                    color_bar_labels(&bar, &[("mean bonus", 2.1), ("0", -0.05)]),
-                )?);
-            }
+        Ok(chunks)
+    }
+
+    fn bonus_scales(&self, bonus: &ImageGroup) -> Result<Vec<Chunk>, RecordingError> {
+        let [pairs, team_pairs] =
+            [self.pairs, self.team_pairs].map(|layout| layout.tiles.color_bar());
+        let labels = [pairs, team_pairs].map(|bar| max_and_note_labels(&bar, -1.1));
+        let mut chunks = bonus.label_styles(&labels)?.to_vec();
+        for (entity, bar) in [
+            ("pairs/scale/bonus", pairs),
+            ("pairs/team/scale/bonus", team_pairs),
+        ] {
+            chunks.extend(color_scale(
+                entity,
+                &bar,
+                sequential_color,
+                color_bar_labels(&bar, &[("mean bonus", 2.1), ("0", -0.05)]),
+            )?);
         }
-        let difference_labels = color_bar_labels(
-            &team_axes,
-            &[("", 2.1), ("", 1.05), ("", -0.05), ("", -1.1)],
-        );
-        chunks.push(images.difference_label_style(&difference_labels)?);
+        Ok(chunks)
+    }
+
+    fn difference_scale(&self, images: &ImageWriter) -> Result<Vec<Chunk>, RecordingError> {
+        let bar = self.team_axes.tiles.color_bar();
+        let labels = color_bar_labels(&bar, &[("", 2.1), ("", 1.05), ("", -0.05), ("", -1.1)]);
+        let mut chunks = vec![images.difference_label_style(&labels)?];
         chunks.extend(color_scale(
             "visitation/difference/scale",
-            &team_axes,
+            &bar,
             |share| diverging_color(2.0 * share - 1.0),
-            color_bar_labels(&team_axes, &[("√ scale", 3.15)]),
+            color_bar_labels(&bar, &[("√ scale", 3.15)]),
         )?);
         Ok(chunks)
     }
@@ -187,7 +210,7 @@ impl Layouts {
         ];
         let scales = layouts
             .into_iter()
-            .map(|(entity, layout)| state_color_scale(entity, &layout.tiles.bar(), coloring));
+            .map(|(entity, layout)| state_color_scale(entity, &layout.tiles.color_bar(), coloring));
         Ok(scales
             .collect::<Result<Vec<_>, _>>()?
             .into_iter()
@@ -201,13 +224,14 @@ fn max_label(bar: &ColorBar) -> Vec<Label> {
     color_bar_labels(bar, &[("", 1.05)])
 }
 
-/// The positions of the label at the upper end of a scale and of a note below the scale.
-fn max_and_note_labels(bar: &ColorBar, note: f32) -> Vec<Label> {
-    color_bar_labels(bar, &[("", 1.05), ("", note)])
+/// The positions of the label at the upper end of a scale and of a note, which is `-note_lines`
+/// lines below the scale. Both texts are recorded with the images.
+fn max_and_note_labels(bar: &ColorBar, note_lines: f32) -> Vec<Label> {
+    color_bar_labels(bar, &[("", 1.05), ("", note_lines)])
 }
 
-/// The color at a share of the color scale: 0 is the color of a pixel with a single line (dark, but
-/// not black), 1 that of the maximum.
+/// The color at a share of the color scale. At 0 it is the color of a pixel with a single line
+/// (dark, but not black), at 1 the color of the pixel with the most lines.
 fn line_density_color(share: f32) -> [u8; 3] {
     let min = f32::from(MIN_BRIGHTNESS) / 255.0;
     density_color(min + (1.0 - min) * share)
@@ -219,7 +243,7 @@ fn state_color_scale(
     coloring: &Coloring,
 ) -> Result<Vec<Chunk>, RecordingError> {
     let [low, high] = coloring.range.map(format_number);
-    match coloring.by {
+    match coloring.color_by {
         ColorBy::Agent => Ok(Vec::new()),
         ColorBy::Outcome => {
             let [truncated, terminated] = [false, true].map(outcome_color);

@@ -53,11 +53,11 @@ impl Viewer {
             .parse()
             .map_err(|_| LiveError::InvalidAddress(address.to_owned()))?;
         let connection = GrpcSink::new(uri);
-        let since = Instant::now();
+        let started = Instant::now();
         while matches!(
             connection.status(),
             GrpcSinkConnectionState::Connecting { .. }
-        ) && since.elapsed() < RESPONSE_TIMEOUT
+        ) && started.elapsed() < RESPONSE_TIMEOUT
         {
             thread::sleep(RETRY_INTERVAL);
         }
@@ -67,10 +67,10 @@ impl Viewer {
             thread::spawn(move || drop(connection));
             return Err(LiveError::NoViewer(address.to_owned()));
         }
-        let (messages, waiting) = sync_channel(CHANNEL_CAPACITY);
+        let (messages, queue) = sync_channel(CHANNEL_CAPACITY);
         let (done, sent) = sync_channel(0);
         thread::spawn(move || {
-            forward(&connection, &waiting);
+            forward(&connection, &queue);
             drop(connection);
             drop(done);
         });
@@ -92,12 +92,12 @@ impl Viewer {
 
     /// Sends a message. Returns an error when the viewer is disconnected; later calls do nothing.
     pub(super) fn send(&mut self, mut message: LogMsg) -> Result<(), RecordingError> {
-        let since = Instant::now();
+        let started = Instant::now();
         while let Some(messages) = &self.messages {
             match messages.try_send(message) {
                 Ok(()) => return Ok(()),
-                Err(TrySendError::Full(back)) if since.elapsed() < RESPONSE_TIMEOUT => {
-                    message = back;
+                Err(TrySendError::Full(unsent)) if started.elapsed() < RESPONSE_TIMEOUT => {
+                    message = unsent;
                     thread::sleep(RETRY_INTERVAL);
                 }
                 Err(_) => return Err(self.disconnect()),
@@ -131,8 +131,8 @@ impl Viewer {
 }
 
 /// Sends messages until there are no more, or until the viewer disconnects.
-fn forward(connection: &GrpcSink, waiting: &Receiver<LogMsg>) {
-    for message in waiting {
+fn forward(connection: &GrpcSink, queue: &Receiver<LogMsg>) {
+    for message in queue {
         connection.send(message);
         if matches!(
             connection.status(),
@@ -169,13 +169,13 @@ mod tests {
             .unwrap()
             .port();
         let address = format!("rerun+http://127.0.0.1:{port}/proxy");
-        let since = Instant::now();
+        let started = Instant::now();
         let error = Viewer::connect(&address).map(drop).unwrap_err().to_string();
         assert_eq!(
             error,
             format!("no viewer responds at {address}: start one with `rerun`, or omit --live")
         );
-        assert!(since.elapsed() < 2 * RESPONSE_TIMEOUT);
+        assert!(started.elapsed() < 2 * RESPONSE_TIMEOUT);
     }
 
     /// The viewer accepts the connection and never reads. After buffers are full it is
@@ -194,13 +194,13 @@ mod tests {
             StoreId::recording("test", "test"),
             chunk.to_arrow_msg().unwrap(),
         );
-        let since = Instant::now();
+        let started = Instant::now();
         let error = (0..10_000)
             .find_map(|_| viewer.send(message.clone()).err())
             .unwrap();
         let error = error.to_string();
         assert!(error.contains("does not respond"), "{error}");
         assert_eq!((viewer.send(message), viewer.finish()), (Ok(()), Ok(())));
-        assert!(since.elapsed() < 3 * RESPONSE_TIMEOUT);
+        assert!(started.elapsed() < 3 * RESPONSE_TIMEOUT);
     }
 }

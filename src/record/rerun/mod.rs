@@ -1,9 +1,9 @@
-//! Writes `run.rrd`, a recording for the Rerun viewer and for queries. The sole importer of the
-//! Rerun SDK; must not depend on training.
+//! Writes `run.rrd`, a recording for the Rerun viewer and for queries. Only this module imports the
+//! Rerun SDK. It must not depend on training.
 //!
 //! While a run is in progress, or if it crashed, the file is `run.rrd.part`; it gets its final name
 //! when it is complete. Rows are collected and written in chunks, because each chunk has a header
-//! of its own; [`checkpoint`](Recorder::checkpoint) writes all collected rows.
+//! of its own. [`checkpoint`](Recorder::checkpoint) writes all collected rows.
 
 mod annotations;
 mod blueprint;
@@ -51,7 +51,7 @@ use super::{
     Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
 };
 
-/// Whether this build can write and read recordings: with the feature `rerun` it can.
+/// Whether this build can write and read recordings. Builds with the feature `rerun` can.
 pub const AVAILABLE: bool = true;
 
 const APPLICATION: &str = "seedbed";
@@ -68,9 +68,9 @@ pub enum LiveTarget {
 /// A recording that a run will write.
 #[derive(Debug)]
 pub struct RecordingFile {
-    /// Where it will be when it is complete.
+    /// Path of the file when it is complete.
     pub path: PathBuf,
-    /// The viewers that see it while it is written.
+    /// The viewers that show the recording while it is written.
     pub live: Option<LiveTarget>,
 }
 
@@ -108,12 +108,14 @@ pub struct RerunRecorder {
 
 #[derive(Clone, Debug)]
 struct Paths {
+    /// Path of the file while it is written, which ends in `.part`.
     part: PathBuf,
+    /// Path of the complete file.
     done: PathBuf,
 }
 
 impl RerunRecorder {
-    /// Starts a recording that will be at `path` when it is complete.
+    /// Starts a recording whose file has the path `path` when it is complete.
     ///
     /// # Errors
     /// The file could not be created or written.
@@ -145,7 +147,7 @@ impl RerunRecorder {
             state.check(info, settings)?;
             let store = StoreId::recording(APPLICATION, state.recording_id.as_str());
             let sink = resume::reopen(&paths.part, &paths.done, state.messages, store)?;
-            Self::with(paths.clone(), sink, info, settings, state)
+            Self::from_parts(paths.clone(), sink, info, settings, state)
         });
         resumed.map_err(|error| paths.error(Attempt::Resume, &error))
     }
@@ -180,12 +182,12 @@ impl RerunRecorder {
         let state = State::start(info, settings);
         let store = StoreId::recording(APPLICATION, state.recording_id.as_str());
         let sink = Sink::new(store, storage)?;
-        let mut recorder = Self::with(paths, sink, info, settings, state)?;
+        let mut recorder = Self::from_parts(paths, sink, info, settings, state)?;
         recorder.write_header(info, settings)?;
         Ok(recorder)
     }
 
-    fn with(
+    fn from_parts(
         paths: Paths,
         sink: Sink,
         info: &RunInfo<'_>,
@@ -207,7 +209,7 @@ impl RerunRecorder {
     fn save(&mut self) -> Result<Vec<u8>, RecordingError> {
         self.write_chunks(true)?;
         self.sink.sync()?;
-        self.state.messages = self.sink.messages();
+        self.state.messages = self.sink.message_count();
         self.state.to_bytes()
     }
 
@@ -237,8 +239,8 @@ impl Recorder for RerunRecorder {
             .map_err(|error| self.paths.error(Attempt::Write, &error))
     }
 
-    fn warning(&mut self) -> Option<String> {
-        self.sink.warning().map(|warning| warning.to_string())
+    fn take_warning(&mut self) -> Option<String> {
+        self.sink.take_warning().map(|warning| warning.to_string())
     }
 }
 

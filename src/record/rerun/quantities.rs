@@ -29,31 +29,7 @@ pub(super) struct Quantities {
 
 /// Encodes the quantities as a chunk for [`read`].
 pub(super) fn chunk(spec: &Spec, bonus: BonusRange) -> Result<Chunk, RecordingError> {
-    let step = Quantity {
-        name: "step".to_owned(),
-        unit: String::new(),
-        range: [0.0, spec.time_limit as f32],
-    };
-    let bonus_quantity = |max| Quantity {
-        name: "intrinsic_reward".to_owned(),
-        unit: String::new(),
-        range: [0.0, max],
-    };
-    let observed = spec
-        .observations
-        .iter()
-        .cloned()
-        .map(|quantity| (quantity, "observation"));
-    let done = spec
-        .actions
-        .iter()
-        .map(|action| (action.quantity.clone(), "action"));
-    let further = std::iter::once((step, "step")).chain(
-        bonus
-            .max()
-            .map(|max| (bonus_quantity(max), "intrinsic_reward")),
-    );
-    let rows: Vec<(Quantity, &str)> = observed.chain(done).chain(further).collect();
+    let rows = quantities_with_roles(spec, bonus);
     let texts = |text: fn(&(Quantity, &'static str)) -> String| {
         Arc::new(StringArray::from_iter_values(rows.iter().map(text)))
     };
@@ -69,6 +45,35 @@ pub(super) fn chunk(spec: &Spec, bonus: BonusRange) -> Result<Chunk, RecordingEr
         .with_component_from_data("high", numbers(1))
         .with_component_from_data("role", texts(|(_, role)| (*role).to_owned()));
     static_chunk(ENTITY, &columns)
+}
+
+/// All quantities in the order of their rows, each with its role.
+fn quantities_with_roles(spec: &Spec, bonus: BonusRange) -> Vec<(Quantity, &'static str)> {
+    let step = Quantity {
+        name: "step".to_owned(),
+        unit: String::new(),
+        range: [0.0, spec.time_limit as f32],
+    };
+    let bonus_quantity = |max| Quantity {
+        name: "intrinsic_reward".to_owned(),
+        unit: String::new(),
+        range: [0.0, max],
+    };
+    let observations = spec
+        .observations
+        .iter()
+        .cloned()
+        .map(|quantity| (quantity, "observation"));
+    let actions = spec
+        .actions
+        .iter()
+        .map(|action| (action.quantity.clone(), "action"));
+    let others = std::iter::once((step, "step")).chain(
+        bonus
+            .max()
+            .map(|max| (bonus_quantity(max), "intrinsic_reward")),
+    );
+    observations.chain(actions).chain(others).collect()
 }
 
 /// Decodes a chunk of [`chunk`]; `None` if the chunk has other contents.

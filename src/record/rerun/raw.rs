@@ -60,22 +60,7 @@ impl RawColumns {
         has_bonus: bool,
         has_advantages: bool,
     ) -> Result<Arc<Self>, RecordingError> {
-        let observed = spec
-            .observations
-            .iter()
-            .map(|quantity| quantity.name.as_str());
-        let done = spec
-            .actions
-            .iter()
-            .map(|action| action.quantity.name.as_str());
-        let further = ["reward", "log_prob", "intrinsic_reward", "outcome"]
-            .into_iter()
-            .chain(has_advantages.then_some("advantage"));
-        let mut names: Vec<&str> = observed.chain(done).chain(further).collect();
-        names.sort_unstable();
-        if let Some([name, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(RecordingError::DuplicateColumn((*name).to_owned()));
-        }
+        check_column_names(spec, has_advantages)?;
         let observations = spec
             .observations
             .iter()
@@ -98,6 +83,26 @@ impl RawColumns {
             advantage,
             outcome,
         }))
+    }
+}
+
+fn check_column_names(spec: &Spec, has_advantages: bool) -> Result<(), RecordingError> {
+    let observations = spec
+        .observations
+        .iter()
+        .map(|quantity| quantity.name.as_str());
+    let actions = spec
+        .actions
+        .iter()
+        .map(|action| action.quantity.name.as_str());
+    let others = ["reward", "log_prob", "intrinsic_reward", "outcome"]
+        .into_iter()
+        .chain(has_advantages.then_some("advantage"));
+    let mut names: Vec<&str> = observations.chain(actions).chain(others).collect();
+    names.sort_unstable();
+    match names.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => Err(RecordingError::DuplicateColumn(pair[0].to_owned())),
+        None => Ok(()),
     }
 }
 
@@ -135,10 +140,10 @@ impl RawTable {
         } = &mut self.rows;
         moments.push_steps(first, steps + 1);
         append_to_columns(&episode.observations, observations);
-        let acted = actions.first().map_or(0, Vec::len);
+        let rows_before = actions.first().map_or(0, Vec::len);
         append_to_columns(&episode.actions, actions);
         for (column, (_, choice)) in actions.iter_mut().zip(&self.columns.actions) {
-            replace_indices(choice, &mut column[acted..]);
+            replace_indices_by_values(choice, &mut column[rows_before..]);
         }
         rewards.extend(&episode.rewards);
         log_probs.extend(episode.action_log_probs());
@@ -148,7 +153,8 @@ impl RawTable {
         self.add_step_data(step_data);
     }
 
-    /// Adds what an update computed for the steps of the newest episode; 0 for every other row.
+    /// Adds the values that an update computed for the steps of the newest episode. Rows without
+    /// such values get 0.
     fn add_step_data(&mut self, step_data: Option<&StepData>) {
         let Rows {
             rewards,
@@ -166,7 +172,8 @@ impl RawTable {
         }
     }
 
-    /// Takes the rows as a chunk if there are enough or, if `all` is set, any rows.
+    /// Takes the rows as a chunk if there are enough for a chunk or, if `all` is set, if there are
+    /// any.
     pub(super) fn take(&mut self, all: bool) -> Option<Result<Chunk, RecordingError>> {
         let min_rows = if all { 1 } else { ROWS_PER_CHUNK };
         if self.rows.moments.len() < min_rows {
@@ -193,47 +200,53 @@ impl Rows {
         columns: &RawColumns,
     ) -> Result<Chunk, RecordingError> {
         let row_is_step: Vec<bool> = self.is_last.iter().map(|is_last| !is_last).collect();
-        let observed = columns
+        let observation_columns = columns
             .observations
             .iter()
             .zip(self.observations)
-            .map(|(name, values)| f32_column(name, values, None));
-        let named = columns
+            .map(|(descriptor, values)| f32_column(descriptor, values, None));
+        let step_descriptors = columns
             .actions
             .iter()
-            .map(|(name, _)| name)
+            .map(|(descriptor, _)| descriptor)
             .chain([&columns.reward, &columns.log_prob]);
-        let done = self
+        let step_values = self
             .actions
             .into_iter()
             .chain([self.rewards, self.log_probs]);
-        let afterwards = [
+        let update_columns = [
             (&columns.intrinsic_reward, self.intrinsic_rewards),
             (&columns.advantage, self.advantages),
         ];
-        let afterwards = afterwards
+        let update_columns = update_columns
             .into_iter()
-            .filter_map(|(name, values)| Some((name.as_ref()?, values)));
-        let done = named
-            .zip(done)
-            .chain(afterwards)
-            .map(|(name, values)| f32_column(name, values, Some(row_is_step.clone())));
+            .filter_map(|(descriptor, values)| Some((descriptor.as_ref()?, values)));
+        let step_columns = step_descriptors
+            .zip(step_values)
+            .chain(update_columns)
+            .map(|(descriptor, values)| f32_column(descriptor, values, Some(row_is_step.clone())));
         let outcome = unit_column(
             columns.outcome.clone(),
             Arc::new(StringArray::from(self.outcomes)),
             Some(self.is_last),
         );
-        self.moments
-            .into_chunk(entity, observed.chain(done).chain([outcome]))
+        self.moments.into_chunk(
+            entity,
+            observation_columns.chain(step_columns).chain([outcome]),
+        )
     }
 }
 
 fn f32_column(
-    name: &ComponentDescriptor,
+    descriptor: &ComponentDescriptor,
     values: Vec<f32>,
     present: Option<Vec<bool>>,
 ) -> SerializedComponentColumn {
-    unit_column(name.clone(), Arc::new(Float32Array::from(values)), present)
+    unit_column(
+        descriptor.clone(),
+        Arc::new(Float32Array::from(values)),
+        present,
+    )
 }
 
 /// Appends row-major values to one vector per column.
@@ -245,7 +258,7 @@ fn append_to_columns(rows: &[f32], columns: &mut [Vec<f32>]) {
 }
 
 /// Replaces indices of discrete actions by the values of the actions.
-fn replace_indices(choice: &Choice, actions: &mut [f32]) {
+fn replace_indices_by_values(choice: &Choice, actions: &mut [f32]) {
     if let Choice::Discrete(values) = choice {
         for action in actions {
             *action = values[*action as usize];

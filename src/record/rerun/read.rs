@@ -1,7 +1,7 @@
 //! Reads a recording, episode by episode.
 //!
-//! Chunks are decoded and dropped one at a time. So memory contains one chunk (about 2,000 rows)
-//! and the incomplete episode of each agent, for recordings of any length.
+//! Chunks are decoded and dropped one at a time. So memory contains only one chunk (about 2,000
+//! rows) and the incomplete episode of each agent, however long the recording is.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
@@ -41,7 +41,7 @@ impl Recording {
                     collect_properties(&chunk, &mut properties);
                 }
                 quantities::ENTITY => {
-                    let quantities = quantities::read(&chunk).ok_or_else(|| missing(path))?;
+                    let quantities = quantities::read(&chunk).ok_or_else(|| not_a_run(path))?;
                     return Ok(Self {
                         path: path.to_owned(),
                         properties,
@@ -51,7 +51,7 @@ impl Recording {
                 _ => {}
             }
         }
-        Err(missing(path))
+        Err(not_a_run(path))
     }
 
     /// Properties of the run by name, such as `environment`, `agents`, `seed` and `algorithm`.
@@ -103,7 +103,7 @@ impl Recording {
     }
 }
 
-fn missing(path: &Path) -> ReadError {
+fn not_a_run(path: &Path) -> ReadError {
     ReadError::NotARun {
         path: path.to_owned(),
         missing: quantities::ENTITY.to_owned(),
@@ -189,7 +189,7 @@ fn empty_episode(agent: u32, episode: u32, round: u32) -> RecordedEpisode {
     }
 }
 
-/// The names of the columns.
+/// The names of the columns of `/raw`.
 struct Columns {
     observations: Vec<ComponentIdentifier>,
     actions: Vec<ComponentIdentifier>,
@@ -198,7 +198,7 @@ struct Columns {
     outcome: ComponentIdentifier,
 }
 
-/// The columns of one chunk.
+/// The contents of one chunk of `/raw`.
 struct Rows {
     episodes: Vec<u32>,
     rounds: Vec<u32>,
@@ -214,19 +214,20 @@ struct Rows {
 
 impl Columns {
     fn of(quantities: &Quantities) -> Self {
-        let named = |name: &str| ComponentIdentifier::from_archetype_field("State".into(), name);
-        let all = |quantities: &[Quantity]| {
+        let column_name =
+            |name: &str| ComponentIdentifier::from_archetype_field("State".into(), name);
+        let names_of = |quantities: &[Quantity]| {
             quantities
                 .iter()
-                .map(|quantity| named(&quantity.name))
+                .map(|quantity| column_name(&quantity.name))
                 .collect()
         };
         Self {
-            observations: all(&quantities.observations),
-            actions: all(&quantities.actions),
-            reward: named("reward"),
-            intrinsic_reward: named("intrinsic_reward"),
-            outcome: named("outcome"),
+            observations: names_of(&quantities.observations),
+            actions: names_of(&quantities.actions),
+            reward: column_name("reward"),
+            intrinsic_reward: column_name("intrinsic_reward"),
+            outcome: column_name("outcome"),
         }
     }
 
@@ -262,9 +263,10 @@ impl Columns {
         let Some(list) = chunk.components().get_array(self.outcome) else {
             return Vec::new();
         };
-        let ended = (0..list.len()).map(|row| list.is_valid(row) && list.value_length(row) > 0);
-        ended
-            .map(|ended| if ended { outcomes.next() } else { None })
+        let has_outcome =
+            (0..list.len()).map(|row| list.is_valid(row) && list.value_length(row) > 0);
+        has_outcome
+            .map(|has_outcome| if has_outcome { outcomes.next() } else { None })
             .map(|outcome| outcome.map(|outcome| status(&outcome)))
             .collect()
     }
@@ -320,7 +322,7 @@ impl Iterator for Chunks {
                     );
                 }
                 Ok(_) => {}
-                Err(error) => return Some(Err(self.fail(decode_message(&error)))),
+                Err(error) => return Some(Err(self.fail(decode_error_text(&error)))),
             }
         }
         None
@@ -328,7 +330,7 @@ impl Iterator for Chunks {
 }
 
 /// The decoder's message, without its prefix.
-fn decode_message(error: &DecodeError) -> String {
+fn decode_error_text(error: &DecodeError) -> String {
     match error {
         DecodeError::Codec(error) => error.to_string(),
         DecodeError::Read(error) => error.to_string(),

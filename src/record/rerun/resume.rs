@@ -76,9 +76,10 @@ impl State {
         let style = VisitationStyle::of(info, settings, None);
         let agents = info.agents as usize;
         let is_same_team = self.visits.len() == agents && self.next_steps.len() == agents;
-        let fits =
-            |visits: &AgentVisits| visits.fits(&style.axes, &style.pairs, info.bonus.exists());
-        if is_same_team && self.visits.iter().all(fits) {
+        let has_same_style = |visits: &AgentVisits| {
+            visits.was_made_for(&style.axes, &style.pairs, info.bonus.exists())
+        };
+        if is_same_team && self.visits.iter().all(has_same_style) {
             Ok(())
         } else {
             Err(RecordingError::OtherScenario)
@@ -119,22 +120,22 @@ pub(super) fn reopen(
     store: StoreId,
 ) -> Result<Sink, RecordingError> {
     let source = if part.exists() { part } else { done };
-    let fresh = part.with_extension("resuming");
-    let mut sink = Sink::new(store, Box::new(File::create(&fresh)?))?;
-    copy(source, messages, &mut sink)?;
+    let new_part = part.with_extension("resuming");
+    let mut sink = Sink::new(store, Box::new(File::create(&new_part)?))?;
+    copy_messages(source, messages, &mut sink)?;
     sink.sync()?;
-    fs::rename(&fresh, part)?;
+    fs::rename(&new_part, part)?;
     Ok(sink)
 }
 
-fn copy(source: &Path, messages: u64, sink: &mut Sink) -> Result<(), RecordingError> {
+fn copy_messages(source: &Path, messages: u64, sink: &mut Sink) -> Result<(), RecordingError> {
     let file = File::open(source)?;
     for message in DecoderApp::decode_lazy(BufReader::new(file)).take(messages as usize) {
         sink.send(&message?)?;
     }
-    if sink.messages() < messages {
+    if sink.message_count() < messages {
         return Err(RecordingError::EndsEarly {
-            found: sink.messages(),
+            found: sink.message_count(),
             expected: messages,
         });
     }

@@ -77,12 +77,12 @@ impl RerunRecorder {
             round.round,
         );
         for (index, episode) in episodes.iter().enumerate() {
-            let of_agent = self.constants.quota.of_episode(index, episodes.len());
+            let count_of_agent = self.constants.quota.lines_of_episode(index, episodes.len());
             let sample_counts = SampleCounts {
-                of_agent,
-                of_team: of_agent.div_ceil(self.writers.agents.len()),
+                of_agent: count_of_agent,
+                of_team: count_of_agent.div_ceil(self.writers.agents.len()),
             };
-            let (first_moment, end) = self.episode_moments(episode);
+            let (first_moment, end) = self.reserve_moments(episode);
             let step_data = round.step_data_of(episode);
             let writers = &mut self.writers.agents[agent];
             if episode.episode.is_multiple_of(self.constants.raw_every) {
@@ -103,9 +103,9 @@ impl RerunRecorder {
         }
     }
 
-    /// The first and the last moment of an episode. Reserves its steps on the timeline of the
-    /// agent.
-    fn episode_moments(&mut self, episode: &Episode) -> (Moment, Moment) {
+    /// Reserves positions for an episode on the timeline of steps of its agent, and returns its
+    /// first and its last moment.
+    fn reserve_moments(&mut self, episode: &Episode) -> (Moment, Moment) {
         let next_step = &mut self.state.next_steps[episode.agent as usize];
         let first_moment = Moment {
             env_step: *next_step,
@@ -151,7 +151,8 @@ impl RerunRecorder {
         }
     }
 
-    /// Writes the collected rows of entities that have enough for a chunk, or all rows.
+    /// Writes the collected rows of entities that have enough rows for a chunk or, if `all` is set,
+    /// all rows.
     pub(super) fn write_chunks(&mut self, all: bool) -> Result<(), RecordingError> {
         self.writers.write(&self.style, all, &mut self.sink)
     }
@@ -173,8 +174,8 @@ impl RerunRecorder {
         let Self {
             constants, style, ..
         } = self;
-        let range = Coloring::range(
-            style.coloring.by,
+        let range = Coloring::range_for_run(
+            style.coloring.color_by,
             &constants.spec,
             constants.max_episodes,
             constants.bonus,

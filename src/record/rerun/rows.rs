@@ -15,10 +15,10 @@ use rerun::{
 
 use super::error::RecordingError;
 
-/// The timeline of steps. An episode of T steps occupies T + 1 positions on it; the last one is
-/// that of the last observation.
+/// The timeline of steps. An episode of T steps occupies T + 1 positions on it; the last position
+/// is for the last observation.
 pub(super) const ENV_STEP: &str = "env_step";
-/// The timeline of episodes per agent.
+/// The timeline of episode numbers, which are counted per agent.
 pub(super) const EPISODE: &str = "episode";
 /// The timeline of rounds.
 pub(super) const ROUND: &str = "round";
@@ -123,12 +123,12 @@ pub(super) fn static_chunk(
 /// A chunk with a single row.
 pub(super) fn single_row_chunk(
     entity: impl Into<EntityPath>,
-    at: impl Into<TimePoint>,
+    time_point: impl Into<TimePoint>,
     content: &dyn AsComponents,
 ) -> Result<Chunk, RecordingError> {
     let batches = content.as_serialized_batches();
     let chunk = Chunk::builder(entity)
-        .with_serialized_batches(RowId::new(), at, batches)
+        .with_serialized_batches(RowId::new(), time_point, batches)
         .build();
     Ok(chunk?)
 }

@@ -30,7 +30,7 @@ impl RunConstants {
             focus: info.focus,
             spec: info.spec.clone(),
             bonus: info.bonus,
-            max_episodes: info.episodes,
+            max_episodes: info.max_episodes,
             run_seed: info.run_seed,
             quota: LineQuota::of(settings.lines.get(), settings.window.get()),
             window: settings.window.get(),

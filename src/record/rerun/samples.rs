@@ -43,7 +43,7 @@ struct MarkSeries {
     /// One color per line or point; empty if states have the color of their agent.
     colors: Vec<u32>,
     /// Number of states in each row.
-    counts: Vec<usize>,
+    states_per_row: Vec<usize>,
 }
 
 /// Number of sampled states of an episode, for its agent and for the team.
@@ -64,15 +64,15 @@ impl VisitationStyle {
             axes: Axes::of(info.spec, &settings.axes, info.bonus),
             pairs: Pairs::of(info.spec, &settings.pairs),
             coloring: Coloring {
-                by: *settings.color,
+                color_by: *settings.color,
                 range: color_range.unwrap_or([0.0, 1.0]),
             },
         }
     }
 
-    /// Counts all states of an episode in `visits`, and adds samples of them to the agent and to
-    /// the team, at the moment `end`. The sample of the team is a random subset of the agent's
-    /// sample.
+    /// Counts all states of an episode in `visits`, and adds samples of them to the writers of the
+    /// agent and of the team, at the moment `end`. The sample of the team is a random subset of the
+    /// agent's sample.
     pub(super) fn add(
         &self,
         (episode, step_data): (&Episode, Option<&StepData>),
@@ -104,8 +104,8 @@ impl VisitationStyle {
                 }
             }
         }
-        agent_writer.end(sampled.len(), end);
-        team_writer.end(sampled_for_team.len(), end);
+        agent_writer.end_episode(sampled.len(), end);
+        team_writer.end_episode(sampled_for_team.len(), end);
     }
 }
 
@@ -139,14 +139,15 @@ impl SampleWriter {
         );
     }
 
-    fn end(&mut self, states: usize, at: Moment) {
+    fn end_episode(&mut self, states: usize, end: Moment) {
         for series in [&mut self.lines, &mut self.points] {
-            series.moments.push(at);
-            series.counts.push(states);
+            series.moments.push(end);
+            series.states_per_row.push(states);
         }
     }
 
-    /// Takes lines and points as chunks if there are enough or, if `all` is set, any.
+    /// Takes lines and points as chunks if there are enough for a chunk or, if `all` is set, if
+    /// there are any.
     pub(super) fn take(
         &mut self,
         style: &VisitationStyle,
@@ -173,8 +174,8 @@ impl SampleWriter {
         lines.into_iter().chain(points).collect()
     }
 
-    /// Static sizes of lines and points. If states have the color of their agent, also static
-    /// colors, from dark (start of an episode) to bright (its end).
+    /// Static sizes of lines and points. If states have the color of `agent`, also static colors,
+    /// from dark (start of an episode) to bright (its end).
     pub(super) fn styles(
         &self,
         agent: Option<u32>,
@@ -215,43 +216,47 @@ impl SampleWriter {
 
 impl MarkSeries {
     fn new(entity: String) -> Self {
-        let (coordinates, colors, counts) = (Vec::new(), Vec::new(), Vec::new());
+        let (coordinates, colors, states_per_row) = (Vec::new(), Vec::new(), Vec::new());
         Self {
             entity: entity.into(),
             moments: Moments::default(),
             coordinates,
             colors,
-            counts,
+            states_per_row,
         }
     }
 
-    /// Takes the collected lines or points as a chunk. Each state has `per_state` of them.
+    /// Takes the collected lines or points as a chunk. Each state has `marks_per_state` lines or
+    /// points. `mark_column` makes their column from the coordinates and the number of states.
     fn take(
         &mut self,
-        per_state: usize,
-        color: rerun::ComponentDescriptor,
-        shapes: impl FnOnce(Vec<f32>, usize) -> (rerun::ComponentDescriptor, ArrayRef),
+        marks_per_state: usize,
+        color_descriptor: rerun::ComponentDescriptor,
+        mark_column: impl FnOnce(Vec<f32>, usize) -> (rerun::ComponentDescriptor, ArrayRef),
     ) -> Option<Result<Chunk, RecordingError>> {
         let (moments, colors) = (
             std::mem::take(&mut self.moments),
             std::mem::take(&mut self.colors),
         );
-        let counts: Vec<usize> = std::mem::take(&mut self.counts)
+        let marks_per_row: Vec<usize> = std::mem::take(&mut self.states_per_row)
             .into_iter()
-            .map(|states| states * per_state)
+            .map(|states| states * marks_per_state)
             .collect();
-        let states = counts.iter().sum::<usize>() / per_state.max(1);
+        let states = marks_per_row.iter().sum::<usize>() / marks_per_state.max(1);
         let coordinates = std::mem::take(&mut self.coordinates);
         if coordinates.is_empty() {
             return None;
         }
-        let (name, shapes) = shapes(coordinates, states);
-        let colored = (!colors.is_empty())
-            .then(|| grouped_column(color, Arc::new(UInt32Array::from(colors)), counts.clone()));
-        let columns: Vec<SerializedComponentColumn> = [grouped_column(name, shapes, counts)]
-            .into_iter()
-            .chain(colored)
-            .collect();
+        let (mark_descriptor, marks) = mark_column(coordinates, states);
+        let color_column = (!colors.is_empty()).then(|| {
+            let colors = Arc::new(UInt32Array::from(colors));
+            grouped_column(color_descriptor, colors, marks_per_row.clone())
+        });
+        let columns: Vec<SerializedComponentColumn> =
+            [grouped_column(mark_descriptor, marks, marks_per_row)]
+                .into_iter()
+                .chain(color_column)
+                .collect();
         Some(moments.into_chunk(&self.entity, columns))
     }
 }

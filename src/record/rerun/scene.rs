@@ -1,9 +1,9 @@
 //! `/scene/agent_K/…`: the bodies of an agent's environment, and the forces on them.
 //!
-//! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each recorded step,
-//! `/scene/agent_K/camera` the position of the body that the task tracks, if it tracks one, and
-//! `/scene/agent_K/forces/…` arrows (see [`forces`](super::forces)). On the timelines `episode` and
-//! `round`, `/scene/agent_K/trace` shows a whole episode in one view, from dark (its start) to
+//! `/scene/agent_K/bodies/NAME` has a body's shapes and its pose at each recorded step.
+//! `/scene/agent_K/camera` has the position of the body that the task tracks, if it tracks a body.
+//! `/scene/agent_K/forces/…` has arrows (see [`forces`](super::forces)). On the timelines `episode`
+//! and `round`, `/scene/agent_K/trace` shows a whole episode in one view, from dark (its start) to
 //! bright (its end).
 
 use rerun::components::Radius;
@@ -85,7 +85,7 @@ impl SceneWriter {
         }
     }
 
-    /// The agent.
+    /// Number of the agent.
     pub(super) fn agent(&self) -> u32 {
         self.agent
     }
@@ -99,8 +99,8 @@ impl SceneWriter {
         format!("/scene/agent_{}{camera_suffix}", self.agent)
     }
 
-    /// Static shapes of all bodies.
-    pub(super) fn shapes(&self) -> Result<Vec<Chunk>, RecordingError> {
+    /// Static shapes of all bodies, and static styles of traces and forces.
+    pub(super) fn static_chunks(&self) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = vec![self.trace.style()?];
         chunks.extend(self.forces.styles()?);
         for (index, (body, track)) in self.scene.bodies.iter().zip(&self.tracks).enumerate() {
@@ -140,10 +140,12 @@ impl SceneWriter {
             );
         }
         self.trace_episode(trajectory, first);
-        self.forces.add(trajectory, self.view(trajectory), first);
+        self.forces
+            .add(trajectory, self.view_bounds(trajectory), first);
     }
 
-    /// Takes poses, traces and forces as chunks if there are enough steps or, if `all` is set, any.
+    /// Takes poses, traces and forces as chunks if there are enough steps for a chunk or, if `all`
+    /// is set, if there are any.
     pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
         let steps = self.tracks.iter().map(|track| track.poses.len()).max();
         if !all && steps.is_none_or(|steps| steps < STEPS_PER_CHUNK) {
@@ -162,7 +164,7 @@ impl SceneWriter {
     }
 
     /// Bounds of a view that shows a whole episode.
-    pub(super) fn view(&self, trajectory: &BodyTrajectory) -> Option<Bounds> {
+    pub(super) fn view_bounds(&self, trajectory: &BodyTrajectory) -> Option<Bounds> {
         episode_bounds(&self.scene, &trajectory.poses)
     }
 
@@ -171,7 +173,8 @@ impl SceneWriter {
             .poses
             .chunks_exact(self.scene.bodies.len())
             .collect();
-        let (frames_shown, before) = (frames.len().min(FRAMES_PER_TRACE), self.trace.lines.len());
+        let frames_shown = frames.len().min(FRAMES_PER_TRACE);
+        let lines_before = self.trace.lines.len();
         for instant in 0..frames_shown {
             let frame = frames[(frames.len() - 1) * instant / (frames_shown - 1).max(1)];
             for (index, (body, pose)) in self.scene.bodies.iter().zip(frame).enumerate() {
@@ -185,17 +188,20 @@ impl SceneWriter {
         self.trace.moments.push(first);
         self.trace
             .lines_per_row
-            .push(self.trace.lines.len() - before);
+            .push(self.trace.lines.len() - lines_before);
     }
 
     /// The color of a body. Fixed bodies are gray; moving bodies alternate between two colors.
     fn color(&self, index: usize) -> [u8; 3] {
-        let is_fixed = |body: &SceneBody| body.fixed;
-        let before = self.scene.bodies[..index]
+        let is_fixed = |body: &SceneBody| body.is_fixed;
+        let moving_bodies_before = self.scene.bodies[..index]
             .iter()
             .filter(|body| !is_fixed(body))
             .count();
-        match (is_fixed(&self.scene.bodies[index]), before % 2) {
+        match (
+            is_fixed(&self.scene.bodies[index]),
+            moving_bodies_before % 2,
+        ) {
             (true, _) => FIXED_COLOR,
             (false, 0) => categorical_color(self.agent),
             (false, _) => ALTERNATE_COLOR,
@@ -219,15 +225,16 @@ impl PoseTrack {
 
     /// Adds the poses of an episode. If the body does not move, only its first pose is added.
     fn add(&mut self, poses: impl Iterator<Item = Pose>, first: Moment) {
-        let before = self.poses.len();
+        let poses_before = self.poses.len();
         self.poses.extend(poses);
-        if self.poses[before..]
+        if self.poses[poses_before..]
             .windows(2)
             .all(|pair| pair[0] == pair[1])
         {
-            self.poses.truncate(before + 1);
+            self.poses.truncate(poses_before + 1);
         }
-        self.moments.push_steps(first, self.poses.len() - before);
+        self.moments
+            .push_steps(first, self.poses.len() - poses_before);
     }
 
     fn take(&mut self) -> Option<Result<Chunk, RecordingError>> {

@@ -87,47 +87,56 @@ impl Server {
         format!("rerun+http://{}:{}/proxy", Ipv4Addr::LOCALHOST, self.port)
     }
 
-    /// Serves the recording at `path`, whose first `length` bytes are whole messages.
-    pub(super) fn open(self, path: &Path, length: u64) -> Result<RunningServer, RecordingError> {
+    /// Starts to serve the recording at `path`, whose first `length` bytes are whole messages.
+    pub(super) fn start(self, path: &Path, length: u64) -> Result<RunningServer, RecordingError> {
         let address = self.address();
         let (progress_sender, progress) = watch::channel(FileProgress {
             length,
             complete: false,
         });
-        let mut end = progress.clone();
+        let progress_of_server = progress.clone();
         let service = RecordingService {
             path: path.to_owned(),
             progress,
             sent: Arc::default(),
         };
         let sent = Arc::clone(&service.sent);
-        let entered = self.runtime.enter();
+        let runtime_guard = self.runtime.enter();
         let listener = tokio::net::TcpListener::from_std(self.listener)?;
-        let server_task = self.runtime.spawn(async move {
-            let server = tonic::transport::Server::builder()
-                .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
-                .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT));
-            let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
-            let end = async move { drop(end.wait_for(|progress| progress.complete).await) };
-            // Errors of connections are ignored, because the file is complete without viewers.
-            drop(
-                server
-                    .serve_with_incoming_shutdown(
-                        MessageProxyServiceServer::new(service),
-                        incoming,
-                        end,
-                    )
-                    .await,
-            );
-        });
-        drop(entered);
+        let server_task =
+            self.runtime
+                .spawn(serve_until_complete(listener, service, progress_of_server));
+        drop(runtime_guard);
         Ok(RunningServer {
             address,
             progress_sender,
             sent,
-            open: Some((self.runtime, server_task)),
+            runtime_and_task: Some((self.runtime, server_task)),
         })
     }
+}
+
+/// Serves viewers until the file is complete and all viewers have received everything.
+async fn serve_until_complete(
+    listener: tokio::net::TcpListener,
+    service: RecordingService,
+    mut progress: watch::Receiver<FileProgress>,
+) {
+    let server = tonic::transport::Server::builder()
+        .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
+        .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT));
+    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
+    let completion = async move { drop(progress.wait_for(|progress| progress.complete).await) };
+    // Errors of connections are ignored, because the file is complete without viewers.
+    drop(
+        server
+            .serve_with_incoming_shutdown(
+                MessageProxyServiceServer::new(service),
+                incoming,
+                completion,
+            )
+            .await,
+    );
 }
 
 /// The state of the file.
@@ -147,11 +156,12 @@ pub(super) struct RunningServer {
     /// Number of messages sent to all viewers together.
     sent: Arc<AtomicU64>,
     /// `None` after the server was closed.
-    open: Option<(Runtime, JoinHandle<()>)>,
+    runtime_and_task: Option<(Runtime, JoinHandle<()>)>,
 }
 
 impl RunningServer {
-    /// Tells viewers that the first `length` bytes of the file are whole messages. Never waits.
+    /// Makes the first `length` bytes of the file, which are whole messages, available to viewers.
+    /// Never waits.
     pub(super) fn announce(&self, length: u64) {
         self.progress_sender
             .send_modify(|progress| progress.length = length);
@@ -160,12 +170,12 @@ impl RunningServer {
     /// Waits until all viewers have received everything, and closes the server. Returns an error if
     /// some viewers did not receive everything.
     pub(super) fn finish(&mut self) -> Result<(), RecordingError> {
-        let Some((runtime, server_task)) = self.open.take() else {
+        let Some((runtime, server_task)) = self.runtime_and_task.take() else {
             return Ok(());
         };
         self.progress_sender
             .send_modify(|progress| progress.complete = true);
-        let all_received = self.wait_for(&runtime, server_task);
+        let all_received = self.wait_for_viewers(&runtime, server_task);
         runtime.shutdown_background();
         if all_received {
             return Ok(());
@@ -177,17 +187,17 @@ impl RunningServer {
 
     /// Waits as long as viewers receive messages, and returns whether all viewers received
     /// everything.
-    fn wait_for(&self, runtime: &Runtime, mut server_task: JoinHandle<()>) -> bool {
+    fn wait_for_viewers(&self, runtime: &Runtime, mut server_task: JoinHandle<()>) -> bool {
         let sent = || self.sent.load(Ordering::Relaxed);
         for _ in 0..MAX_DRAIN_WAITS {
-            let before = sent();
+            let sent_before = sent();
             if runtime
                 .block_on(async { tokio::time::timeout(DRAIN_TIMEOUT, &mut server_task).await })
                 .is_ok()
             {
                 return true;
             }
-            if sent() == before {
+            if sent() == sent_before {
                 return false;
             }
         }
@@ -210,31 +220,32 @@ struct RecordingService {
     sent: Arc<AtomicU64>,
 }
 
-type Reader = mpsc::Sender<Result<ReadMessagesResponse, Status>>;
+/// Channel of the messages to one viewer.
+type MessageSender = mpsc::Sender<Result<ReadMessagesResponse, Status>>;
 
 impl RecordingService {
     /// Sends all messages, including future ones, until the recording is complete or the viewer
     /// disconnects.
-    async fn stream_messages(mut self, reader: Reader) {
-        if let Err(error) = self.send_all_to(&reader).await {
-            // Ignored if the viewer is disconnected.
-            drop(reader.send(Err(Status::internal(error.to_string()))).await);
+    async fn stream_messages(mut self, sender: MessageSender) {
+        if let Err(error) = self.send_all_to(&sender).await {
+            // If the viewer is disconnected, the error cannot be sent and is ignored.
+            drop(sender.send(Err(Status::internal(error.to_string()))).await);
         }
     }
 
-    async fn send_all_to(&mut self, reader: &Reader) -> Result<(), RecordingError> {
+    async fn send_all_to(&mut self, sender: &MessageSender) -> Result<(), RecordingError> {
         let mut file = File::open(&self.path).await?;
         let mut decoder = DecoderTransport::new();
-        let mut read = 0;
+        let mut bytes_read = 0;
         loop {
             let FileProgress { length, complete } = *self.progress.borrow_and_update();
-            while read < length {
-                let mut bytes = vec![0; READ_CHUNK_BYTES.min(length - read) as usize];
+            while bytes_read < length {
+                let mut bytes = vec![0; READ_CHUNK_BYTES.min(length - bytes_read) as usize];
                 file.read_exact(&mut bytes).await?;
-                read += bytes.len() as u64;
+                bytes_read += bytes.len() as u64;
                 decoder.push_byte_chunk(bytes);
                 while let Some(message) = decoder.try_read()? {
-                    if reader.send(Ok(response(message))).await.is_err() {
+                    if sender.send(Ok(response(message))).await.is_err() {
                         return Ok(());
                     }
                     self.sent.fetch_add(1, Ordering::Relaxed);
@@ -268,8 +279,8 @@ impl MessageProxyService for RecordingService {
         &self,
         _: Request<ReadMessagesRequest>,
     ) -> Result<Response<Self::ReadMessagesStream>, Status> {
-        let (reader, messages) = mpsc::channel(CHANNEL_CAPACITY);
-        tokio::spawn(self.clone().stream_messages(reader));
+        let (sender, messages) = mpsc::channel(CHANNEL_CAPACITY);
+        tokio::spawn(self.clone().stream_messages(sender));
         Ok(Response::new(ReceiverStream::new(messages)))
     }
 
@@ -353,7 +364,7 @@ mod tests {
 
     /// Connects a viewer, which starts to read when the sender of `start` is dropped and returns
     /// the number of messages that it received.
-    fn viewer(address: &str, start: Receiver<()>) -> thread::JoinHandle<u64> {
+    fn connect_viewer(address: &str, start: Receiver<()>) -> thread::JoinHandle<u64> {
         let (connection_sender, connection_receiver) = channel();
         let address = address.to_owned();
         let viewer = thread::spawn(move || {
@@ -377,19 +388,19 @@ mod tests {
     }
 
     /// Connects a viewer that starts to read immediately.
-    fn start_reading_viewer(address: &str) -> thread::JoinHandle<u64> {
-        viewer(address, channel().1)
+    fn connect_reading_viewer(address: &str) -> thread::JoinHandle<u64> {
+        connect_viewer(address, channel().1)
     }
 
     #[test]
     fn early_and_late_viewers_receive_all_messages() {
         let (_folder, mut sink, address) = serve_test_recording();
-        let early_viewer = start_reading_viewer(&address);
+        let early_viewer = connect_reading_viewer(&address);
         send_texts(&mut sink, 5);
-        let late_viewer = start_reading_viewer(&address);
+        let late_viewer = connect_reading_viewer(&address);
         send_texts(&mut sink, 2);
         sink.finish().unwrap();
-        assert_eq!((sink.messages(), sink.warning()), (10, None));
+        assert_eq!((sink.message_count(), sink.take_warning()), (10, None));
         assert_eq!(
             (early_viewer.join().unwrap(), late_viewer.join().unwrap()),
             (10, 10)
@@ -399,7 +410,7 @@ mod tests {
     #[test]
     fn viewers_receive_all_messages_of_an_interrupted_recording() {
         let (_folder, mut sink, address) = serve_test_recording();
-        let viewer = start_reading_viewer(&address);
+        let viewer = connect_reading_viewer(&address);
         send_texts(&mut sink, 4);
         drop(sink);
         assert_eq!(viewer.join().unwrap(), 7);
@@ -411,8 +422,8 @@ mod tests {
     fn a_viewer_that_does_not_read_does_not_delay_others() {
         let (_folder, mut sink, address) = serve_test_recording();
         let (start, started) = channel();
-        let slow_viewer = viewer(&address, started);
-        let fast_viewer = start_reading_viewer(&address);
+        let slow_viewer = connect_viewer(&address, started);
+        let fast_viewer = connect_reading_viewer(&address);
         let start_time = Instant::now();
         send_texts(&mut sink, 27);
         assert!(start_time.elapsed() < DRAIN_TIMEOUT);
@@ -422,7 +433,7 @@ mod tests {
             DRAIN_TIMEOUT <= waited && waited < 4 * DRAIN_TIMEOUT,
             "{waited:?}"
         );
-        let warning = sink.warning().unwrap().to_string();
+        let warning = sink.take_warning().unwrap().to_string();
         assert!(warning.contains("not every viewer"), "{warning}");
         drop(start);
         let received = slow_viewer.join().unwrap();

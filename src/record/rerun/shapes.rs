@@ -66,16 +66,20 @@ fn lines_of(shape: &Shape) -> Vec<(Vec<[f32; 2]>, Radius)> {
 
 fn filled_box(center: [f32; 2], half_size: [f32; 2], angle: f32) -> Vec<(Vec<[f32; 2]>, Radius)> {
     let half_thickness = half_size[0].min(half_size[1]);
-    let frame = |(within, radius): (f32, f32)| {
-        let corners = corners(half_size.map(|half| half - within * half_thickness));
+    let nested_outline = |(inset, radius): (f32, f32)| {
+        let corners = corners(half_size.map(|half| half - inset * half_thickness));
         let corners = corners.map(|corner| rotated_and_shifted(corner, angle, center));
         let sides = [0, 1, 2, 3].map(|side| vec![corners[side], corners[side + 1]]);
         sides.map(|side| (side, Radius::new_scene_units(radius * half_thickness)))
     };
-    NESTED_OUTLINES.into_iter().flat_map(frame).collect()
+    NESTED_OUTLINES
+        .into_iter()
+        .flat_map(nested_outline)
+        .collect()
 }
 
-/// The corners of a box, with the first corner repeated at the end.
+/// The corners of a box of half width `w` and half height `h`, with the first corner repeated at
+/// the end.
 fn corners([w, h]: [f32; 2]) -> [[f32; 2]; 5] {
     [[-w, -h], [w, -h], [w, h], [-w, h], [-w, -h]]
 }

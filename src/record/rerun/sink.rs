@@ -47,9 +47,9 @@ const MAX_INDEXED_MESSAGES: u64 = 8192;
 
 /// The encoded file of one recording.
 pub(super) struct Sink {
-    store: StoreId,
+    store_id: StoreId,
     encoder: Option<Encoder<SyncOnFlush>>,
-    messages: u64,
+    message_count: u64,
     /// Number of bytes of the header and all messages.
     length: u64,
     /// The error of the first failed call, which all later calls return.
@@ -60,8 +60,11 @@ pub(super) struct Sink {
 }
 
 impl Sink {
-    /// Starts a file for the messages of the recording `store`.
-    pub(super) fn new(store: StoreId, storage: Box<dyn Storage>) -> Result<Self, RecordingError> {
+    /// Starts a file for the messages of the recording `store_id`.
+    pub(super) fn new(
+        store_id: StoreId,
+        storage: Box<dyn Storage>,
+    ) -> Result<Self, RecordingError> {
         let storage = SyncOnFlush { storage };
         let encoder = Encoder::new_eager(
             CrateVersion::LOCAL,
@@ -70,9 +73,9 @@ impl Sink {
         );
         let length = StreamHeader::ENCODED_SIZE_BYTES as u64;
         Ok(Self {
-            store,
+            store_id,
             encoder: Some(encoder?),
-            messages: 0,
+            message_count: 0,
             length,
             error: None,
             viewer: None,
@@ -81,20 +84,20 @@ impl Sink {
         })
     }
 
-    /// Identity of the recording.
-    pub(super) fn store(&self) -> &StoreId {
-        &self.store
+    /// Id of the recording.
+    pub(super) fn store_id(&self) -> &StoreId {
+        &self.store_id
     }
 
     /// Number of messages in the file.
-    pub(super) fn messages(&self) -> u64 {
-        self.messages
+    pub(super) fn message_count(&self) -> u64 {
+        self.message_count
     }
 
     /// Writes a chunk of rows.
     pub(super) fn send_chunk(&mut self, chunk: &Chunk) -> Result<(), RecordingError> {
         let message = chunk.to_arrow_msg()?;
-        self.send(&LogMsg::ArrowMsg(self.store.clone(), message))
+        self.send(&LogMsg::ArrowMsg(self.store_id.clone(), message))
     }
 
     /// Writes chunks in order.
@@ -104,14 +107,14 @@ impl Sink {
 
     /// Writes a message. After a failure, every call fails with the same error.
     pub(super) fn send(&mut self, message: &LogMsg) -> Result<(), RecordingError> {
-        let has_index = self.messages < MAX_INDEXED_MESSAGES;
+        let has_index = self.message_count < MAX_INDEXED_MESSAGES;
         self.length += self.with_encoder(|encoder| {
             if !has_index {
                 encoder.do_not_emit_footer();
             }
             encoder.append(message)
         })?;
-        self.messages += 1;
+        self.message_count += 1;
         if let Some(server) = &self.server {
             server.announce(self.length);
         }
@@ -130,17 +133,17 @@ impl Sink {
 
     /// Serves the file at `path` to viewers.
     pub(super) fn serve_from(&mut self, server: Server, path: &Path) -> Result<(), RecordingError> {
-        self.server = Some(server.open(path, self.length)?);
+        self.server = Some(server.start(path, self.length)?);
         Ok(())
     }
 
-    /// Stores a warning for [`warning`](Self::warning).
+    /// Stores a warning for [`take_warning`](Self::take_warning).
     pub(super) fn warn(&mut self, warning: RecordingError) {
         self.warning = Some(warning);
     }
 
     /// Takes the latest warning.
-    pub(super) fn warning(&mut self) -> Option<RecordingError> {
+    pub(super) fn take_warning(&mut self) -> Option<RecordingError> {
         self.warning.take()
     }
 
@@ -181,8 +184,8 @@ impl Sink {
             .inspect_err(|error| self.close_after_error(error))
     }
 
-    /// Truncates the file to its whole messages. The encoder is taken out of the sink and
-    /// dismantled, because it would write an index if it were dropped.
+    /// Truncates the file to its whole messages. The encoder is removed from the sink and replaced
+    /// by its file, because the encoder would write an index if it were dropped.
     fn close_after_error(&mut self, error: &RecordingError) {
         self.error = Some(error.clone());
         if let Some(Ok(mut file)) = self.encoder.take().map(Encoder::into_inner) {
@@ -290,10 +293,10 @@ mod tests {
     fn messages_written_before_the_disk_is_full_stay_readable() {
         let (disk, mut sink, sent) = write_messages(10_000, 1000);
         assert_eq!(sent, Err(storage_full_error()));
-        assert!(sink.messages() > 3);
+        assert!(sink.message_count() > 3);
         let before = disk.used();
         assert!(before < 10_000);
-        assert_eq!(count_readable_messages(&disk), sink.messages());
+        assert_eq!(count_readable_messages(&disk), sink.message_count());
         assert_eq!(
             (sink.sync(), sink.finish()),
             (Err(storage_full_error()), Err(storage_full_error()))

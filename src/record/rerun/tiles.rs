@@ -26,21 +26,21 @@ pub(super) struct Viewport {
     /// Width and height, in points.
     pub(super) size: [f32; 2],
     /// Width at the right for a color scale, in points.
-    pub(super) scale: f32,
-    /// Width between images and scale for labels that extend beyond their image, in points.
+    pub(super) scale_width: f32,
+    /// Width between images and color scale, in points, for labels that extend beyond their image.
     pub(super) overhang: f32,
 }
 
 /// The space for labels around each image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LabelSpace {
-    /// Lines above an image.
-    pub(super) above: f32,
-    /// Lines below an image.
-    pub(super) below: f32,
-    /// Points on either side of an image.
+    /// Number of lines of text above an image.
+    pub(super) lines_above: f32,
+    /// Number of lines of text below an image.
+    pub(super) lines_below: f32,
+    /// Width on either side of an image, in points.
     pub(super) side_margin: f32,
-    /// Lines below the color scale.
+    /// Number of lines of text below the color scale.
     pub(super) scale_lines: f32,
 }
 
@@ -59,9 +59,9 @@ pub(super) struct Tiles {
     /// Space left of and above the first image, in pixels.
     margin: [f32; 2],
     /// Width at the right for the color scale and the overhang, in pixels.
-    right: f32,
+    right_width: f32,
     /// Distance from the middle of the scale to the right edge, in pixels.
-    half_scale: f32,
+    half_scale_width: f32,
 }
 
 /// A vertical color bar.
@@ -72,48 +72,44 @@ pub(super) struct ColorBar {
     /// Upper and lower edge, in pixels.
     pub(super) y: [f32; 2],
     /// Height of a line of text, in pixels.
-    pub(super) line: f32,
+    pub(super) line_height: f32,
 }
 
 impl Tiles {
-    /// Arranges images in tiles that are as large as `viewport` allows, or slightly smaller if this
-    /// reduces the number of empty tiles.
+    /// Arranges `count` images of `size` pixels in tiles that are as large as `viewport` allows, or
+    /// slightly smaller if this reduces the number of empty tiles.
     pub(super) fn new(count: u32, size: [f32; 2], viewport: Viewport, labels: LabelSpace) -> Self {
-        let right = viewport.scale + viewport.overhang;
+        let right_width = viewport.scale_width + viewport.overhang;
         let rows = |columns: u32| count.div_ceil(columns);
         // The scale is beside the top row. If this is the only row, there must be space for the
         // labels below the scale.
-        let lines = |columns: u32| {
-            labels.above
+        let lines_per_tile = |columns: u32| {
+            labels.lines_above
                 + if rows(columns) == 1 {
-                    labels.below.max(labels.scale_lines)
+                    labels.lines_below.max(labels.scale_lines)
                 } else {
-                    labels.below
+                    labels.lines_below
                 }
         };
         let zoom = |columns: u32| {
-            let horizontal_zoom =
-                ((viewport.size[0] - right) / columns as f32 - 2.0 * labels.side_margin) / size[0];
-            let vertical_zoom =
-                (viewport.size[1] / rows(columns) as f32 - lines(columns) * LINE_HEIGHT) / size[1];
+            let horizontal_zoom = ((viewport.size[0] - right_width) / columns as f32
+                - 2.0 * labels.side_margin)
+                / size[0];
+            let vertical_zoom = (viewport.size[1] / rows(columns) as f32
+                - lines_per_tile(columns) * LINE_HEIGHT)
+                / size[1];
             horizontal_zoom.min(vertical_zoom).max(0.1)
         };
-        let largest = (1..=count.max(1)).map(zoom).fold(0.0, f32::max);
-        let candidates =
-            (1..=count.max(1)).filter(|columns| zoom(*columns) >= (1.0 - ZOOM_TOLERANCE) * largest);
-        let empty_tiles = |columns: u32| rows(columns) * columns - count;
-        let compare_layouts = |one: &u32, other: &u32| {
-            empty_tiles(*other)
-                .cmp(&empty_tiles(*one))
-                .then(zoom(*one).total_cmp(&zoom(*other)))
-        };
-        let columns = candidates.max_by(compare_layouts).unwrap_or(1);
+        let columns = best_column_count(count, zoom);
         let zoom = zoom(columns);
         let step = [
             size[0] + 2.0 * labels.side_margin / zoom,
-            size[1] + lines(columns) * LINE_HEIGHT / zoom,
+            size[1] + lines_per_tile(columns) * LINE_HEIGHT / zoom,
         ];
-        let margin = [labels.side_margin / zoom, labels.above * LINE_HEIGHT / zoom];
+        let margin = [
+            labels.side_margin / zoom,
+            labels.lines_above * LINE_HEIGHT / zoom,
+        ];
         Self {
             count,
             size,
@@ -121,8 +117,8 @@ impl Tiles {
             columns,
             step,
             margin,
-            right: right / zoom,
-            half_scale: 0.5 * viewport.scale / zoom,
+            right_width: right_width / zoom,
+            half_scale_width: 0.5 * viewport.scale_width / zoom,
         }
     }
 
@@ -138,7 +134,7 @@ impl Tiles {
     }
 
     /// Height of a line of text, in pixels.
-    pub(super) fn line(&self) -> f32 {
+    pub(super) fn line_height(&self) -> f32 {
         LINE_HEIGHT / self.zoom
     }
 
@@ -147,16 +143,19 @@ impl Tiles {
         let rows = self.count.div_ceil(self.columns) as f32;
         let [left, top] = self.margin.map(|margin| -margin);
         [
-            [left, left + self.columns as f32 * self.step[0] + self.right],
+            [
+                left,
+                left + self.columns as f32 * self.step[0] + self.right_width,
+            ],
             [top, top + rows * self.step[1]],
         ]
     }
 
     /// The color bar beside the top row, with space for two lines above.
-    pub(super) fn bar(&self) -> ColorBar {
-        let middle = self.bounds()[0][1] - self.half_scale;
+    pub(super) fn color_bar(&self) -> ColorBar {
+        let middle = self.bounds()[0][1] - self.half_scale_width;
         let half_width = 0.5 * COLOR_BAR_WIDTH / self.zoom;
-        let top = (2.3 * self.line() - self.margin[1]).max(0.0);
+        let top = (2.3 * self.line_height() - self.margin[1]).max(0.0);
         let height = if self.count > self.columns {
             self.size[1].max(MIN_COLOR_BAR_HEIGHT / self.zoom)
         } else {
@@ -165,9 +164,24 @@ impl Tiles {
         ColorBar {
             x: [middle - half_width, middle + half_width],
             y: [top, top + height],
-            line: self.line(),
+            line_height: self.line_height(),
         }
     }
+}
+
+/// Number of columns with the largest zoom, or with a slightly smaller zoom and fewer empty tiles.
+/// `zoom(columns)` is the zoom of an arrangement of `count` images in this number of columns.
+fn best_column_count(count: u32, zoom: impl Fn(u32) -> f32) -> u32 {
+    let largest_zoom = (1..=count.max(1)).map(&zoom).fold(0.0, f32::max);
+    let candidates = (1..=count.max(1))
+        .filter(|columns| zoom(*columns) >= (1.0 - ZOOM_TOLERANCE) * largest_zoom);
+    let empty_tiles = |columns: u32| count.div_ceil(columns) * columns - count;
+    let compare_layouts = |one: &u32, other: &u32| {
+        empty_tiles(*other)
+            .cmp(&empty_tiles(*one))
+            .then(zoom(*one).total_cmp(&zoom(*other)))
+    };
+    candidates.max_by(compare_layouts).unwrap_or(1)
 }
 
 impl ColorBar {
@@ -194,9 +208,9 @@ impl ColorBar {
     /// lower end.
     pub(super) fn label_position(&self, lines: f32) -> [f32; 2] {
         let y = if lines > 0.0 {
-            self.y[0] - lines * self.line
+            self.y[0] - lines * self.line_height
         } else {
-            self.y[1] - lines * self.line
+            self.y[1] - lines * self.line_height
         };
         [0.5 * (self.x[0] + self.x[1]), y]
     }
@@ -207,23 +221,24 @@ mod tests {
     use super::*;
 
     const LABELS: LabelSpace = LabelSpace {
-        above: 3.0,
-        below: 1.0,
+        lines_above: 3.0,
+        lines_below: 1.0,
         side_margin: 20.0,
         scale_lines: 3.0,
     };
 
-    fn viewport(size: [f32; 2], scale: f32) -> Viewport {
+    fn viewport(size: [f32; 2], scale_width: f32) -> Viewport {
         Viewport {
             size,
-            scale,
+            scale_width,
             overhang: 0.0,
         }
     }
 
-    /// Sixteen images of 193 × 64 pixels in 960 × 600 points, of which the scale takes 60. The best
-    /// arrangement is 4 × 4: each tile has 225 × 150 points, minus 40 at the sides and 76 for four
-    /// lines. The zoom is min(185 / 193, 74 / 64) = 0.9585.
+    /// There are sixteen images of 193 × 64 pixels in 960 × 600 points. The scale takes 60 points
+    /// of the width. The best arrangement is 4 × 4: each tile has 225 × 150 points, of which 40
+    /// points at the sides and 76 points for four lines are for labels. The zoom is min(185 / 193,
+    /// 74 / 64) = 0.9585.
     #[test]
     fn images_have_the_largest_size_that_fits() {
         let tiles = Tiles::new(16, [193.0, 64.0], viewport([960.0, 600.0], 60.0), LABELS);
@@ -238,14 +253,15 @@ mod tests {
         assert_eq!(corners[0], [0.0, 0.0]);
     }
 
-    /// 193 × 64 pixels in 858 × 608 points: sixteen images would have a zoom of (858 / 3 − 40) /
-    /// 193 = 1.275 across and of (608 / 6 − 38) / 64 = 0.990 down as 3 × 6, of (858 / 4 − 40) / 193
-    /// = 0.904 as 4 × 4, which is 8.7 % less but leaves no tile empty.
+    /// There are sixteen images of 193 × 64 pixels in 858 × 608 points. With three columns and six
+    /// rows, the zoom is 0.990: the smaller of (858 / 3 − 40) / 193 = 1.275 and (608 / 6 − 38) / 64
+    /// = 0.990. With four columns and four rows it is (858 / 4 − 40) / 193 = 0.904, which is 8.7 %
+    /// less, but no tile is empty.
     #[test]
     fn a_slightly_smaller_size_is_chosen_to_avoid_empty_tiles() {
         let labels = LabelSpace {
-            above: 1.5,
-            below: 0.5,
+            lines_above: 1.5,
+            lines_below: 0.5,
             ..LABELS
         };
         let tiles = |count| Tiles::new(count, [193.0, 64.0], viewport([858.0, 608.0], 0.0), labels);
@@ -253,12 +269,12 @@ mod tests {
         approx::assert_relative_eq!(tiles(16).zoom, (858.0 / 4.0 - 40.0) / 193.0, epsilon = 1e-6);
     }
 
-    /// With one row of images, the labels of the scale need three lines of 19 points below a bar as
-    /// high as the image.
+    /// There is one row of images. Below the color bar, which is as high as the image, the labels
+    /// of the scale need three lines of 19 points.
     #[test]
     fn labels_of_the_scale_are_within_the_view() {
         let tiles = Tiles::new(1, [193.0, 64.0], viewport([480.0, 244.0], 100.0), LABELS);
-        let (bar, [_, [_, bottom]]) = (tiles.bar(), tiles.bounds());
+        let (bar, [_, [_, bottom]]) = (tiles.color_bar(), tiles.bounds());
         assert!(
             bar.label_position(-3.0)[1] <= bottom + 1e-4,
             "{bottom} pixels, {:?}",
@@ -281,7 +297,7 @@ mod tests {
             LABELS,
         );
         let right = wide.bounds()[0][1];
-        let middle = 0.5 * (wide.bar().x[0] + wide.bar().x[1]);
+        let middle = 0.5 * (wide.color_bar().x[0] + wide.color_bar().x[1]);
         approx::assert_relative_eq!((right - middle) * wide.zoom, 50.0, epsilon = 1e-3);
         approx::assert_relative_eq!(
             (right - 193.0) * wide.zoom,
@@ -293,7 +309,7 @@ mod tests {
     #[test]
     fn the_scale_is_at_the_right_of_the_images() {
         let tiles = Tiles::new(3, [100.0, 40.0], viewport([480.0, 480.0], 80.0), LABELS);
-        let (bar, [[_, right], _]) = (tiles.bar(), tiles.bounds());
+        let (bar, [[_, right], _]) = (tiles.color_bar(), tiles.bounds());
         let last = tiles.corners().map(|corner| corner[0]).fold(0.0, f32::max) + 100.0;
         assert!(last < bar.x[0] && bar.x[1] < right);
         let bar = ColorBar {

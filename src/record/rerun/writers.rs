@@ -14,7 +14,7 @@ use crate::record::RunInfo;
 use crate::record::visitation::LineQuota;
 use crate::record::{ColorBy, RecordingSettings};
 
-/// The rows of all entities, as far as they are not written yet.
+/// The writers of all entities, with the rows that are not written yet.
 pub(super) struct Writers {
     pub(super) agents: Vec<AgentWriters>,
     pub(super) team: SampleWriter,
@@ -23,7 +23,7 @@ pub(super) struct Writers {
     pub(super) scenes: Vec<SceneWriter>,
 }
 
-/// The rows of one agent, as far as they are not written yet.
+/// The writers of one agent, with the rows that are not written yet.
 pub(super) struct AgentWriters {
     pub(super) raw: RawTable,
     pub(super) sample: SampleWriter,
@@ -58,20 +58,24 @@ impl Writers {
     ) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = self.curves.styles()?;
         let panels = style.pairs.panels().len();
-        let by_agent = style.coloring.by == ColorBy::Agent;
+        let is_colored_by_agent = style.coloring.color_by == ColorBy::Agent;
         for (agent, writers) in (0..).zip(&self.agents) {
-            let color_of = by_agent.then_some(agent);
-            chunks.extend(writers.sample.styles(color_of, quota.per_round, panels)?);
+            let colored_agent = is_colored_by_agent.then_some(agent);
+            chunks.extend(
+                writers
+                    .sample
+                    .styles(colored_agent, quota.per_round, panels)?,
+            );
         }
         chunks.extend(self.team.styles(None, quota.per_round, panels)?);
         chunks.extend(self.images.styles(&style.axes, &style.pairs)?);
         for scene in &self.scenes {
-            chunks.extend(scene.shapes()?);
+            chunks.extend(scene.static_chunks()?);
         }
         Ok(chunks)
     }
 
-    /// Writes the rows of entities that have enough for a chunk or, if `all` is set, all rows.
+    /// Writes the rows of entities that have enough rows for a chunk or, if `all` is set, all rows.
     pub(super) fn write(
         &mut self,
         style: &VisitationStyle,

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::bonus_map::{CellBonus, sum_by_cell};
 use super::{Axes, BonusMap, Density, DensityDelta, Pairs, RoundWindow, VisitedState};
 
-/// Counts of the visited states of one agent, over the whole run and over the latest rounds. Its
-/// size does not depend on the length of the run.
+/// Counts of the visited states of one agent, over the whole run and over the latest rounds. The
+/// size in memory does not depend on the length of the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AgentVisits {
     /// Density of all states so far.
@@ -37,22 +37,22 @@ impl AgentVisits {
 
     /// Whether these counts were made with the given axes and pairs, and with the same `has_bonus`.
     #[must_use]
-    pub fn fits(&self, axes: &Axes, pairs: &Pairs, has_bonus: bool) -> bool {
-        let cells = BonusMap::new(pairs).cells();
-        let bonus_fits = |bonuses: &Bonuses| {
+    pub fn was_made_for(&self, axes: &Axes, pairs: &Pairs, has_bonus: bool) -> bool {
+        let cell_count = BonusMap::new(pairs).cell_count();
+        let are_cells_in_map = |bonuses: &Bonuses| {
             bonuses
                 .recent
-                .all()
+                .values()
                 .flatten()
-                .all(|cell| (cell.cell as usize) < cells)
+                .all(|cell| (cell.cell as usize) < cell_count)
         };
-        let bonuses_fit = self.bonuses.as_ref().is_none_or(bonus_fits);
-        let is_drawn = self.density.fits(axes)
+        let has_same_axes = self.density.was_made_for(axes)
             && self
                 .recent
-                .all()
+                .values()
                 .all(|delta| self.density.has_cells_of(delta));
-        is_drawn && bonuses_fit && self.bonuses.is_some() == has_bonus
+        let has_same_pairs = self.bonuses.as_ref().is_none_or(are_cells_in_map);
+        has_same_axes && has_same_pairs && self.bonuses.is_some() == has_bonus
     }
 
     /// Counts a state whose positions on the axes are `fractions`.
@@ -80,7 +80,7 @@ impl AgentVisits {
     /// Number of lines of the latest rounds over each pixel: `[height × width]`.
     #[must_use]
     pub fn latest_density(&self) -> Vec<u32> {
-        self.density.draw_rounds(self.recent.all())
+        self.density.draw_rounds(self.recent.values())
     }
 
     /// The bonuses of the latest rounds; `None` for agents without a bonus.
@@ -90,7 +90,7 @@ impl AgentVisits {
         let mut map = BonusMap::new(pairs);
         bonuses
             .recent
-            .all()
+            .values()
             .flatten()
             .for_each(|cell| map.add(*cell));
         Some(map)

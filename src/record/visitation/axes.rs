@@ -6,7 +6,7 @@ use seedbed_env::{Choice, Quantity, Spec};
 use seedbed_learn::experience::{Episode, StepData};
 
 /// Height of the axes in pixels: one per bin.
-pub const HEIGHT: usize = BINS;
+pub const AXIS_HEIGHT: usize = BINS;
 
 /// Approximate width of all axes together, in pixels.
 const TOTAL_WIDTH: usize = 192;
@@ -45,7 +45,7 @@ enum Source {
 pub struct VisitedState<'a> {
     pub(super) step: usize,
     pub(super) observation: &'a [f32],
-    /// The action taken in this state; empty for the last state of an episode.
+    /// The action taken in this state; `None` for the last state of an episode.
     pub(super) action: Option<&'a [f32]>,
     pub(super) reward: f32,
     pub(super) advantage: f32,
@@ -54,8 +54,8 @@ pub struct VisitedState<'a> {
 }
 
 impl<'a> VisitedState<'a> {
-    /// All states of an episode in order, with the advantage and the bonus of each step if an update
-    /// computed them: `[T + 1]`.
+    /// All states of an episode in order, with the advantage and the bonus of each step if an
+    /// update computed them: `[T + 1]`.
     pub fn of_episode(
         episode: &'a Episode,
         step_data: Option<&'a StepData>,
@@ -63,16 +63,17 @@ impl<'a> VisitedState<'a> {
         let advantages = step_data.map_or(&[][..], |data| &data.advantages);
         let bonuses = step_data.map_or(&[][..], |data| &data.intrinsic_rewards);
         let steps = episode.length();
-        let (observed, action_index) = (
+        let (observation_width, action_width) = (
             episode.observations.len() / (steps + 1),
             episode.actions.len() / steps.max(1),
         );
         (0..=steps).map(move |step| Self {
             step,
-            observation: &episode.observations[step * observed..(step + 1) * observed],
+            observation: &episode.observations
+                [step * observation_width..(step + 1) * observation_width],
             action: episode
                 .actions
-                .get(step * action_index..(step + 1) * action_index)
+                .get(step * action_width..(step + 1) * action_width)
                 .filter(|_| step < steps),
             reward: episode.rewards.get(step).copied().unwrap_or(0.0),
             advantage: advantages.get(step).copied().unwrap_or(0.0),
@@ -83,7 +84,7 @@ impl<'a> VisitedState<'a> {
     /// A state read from a recording, without action and reward, with the bonus of the step that
     /// starts in it.
     #[must_use]
-    pub fn state(step: usize, observation: &'a [f32], bonus: f32) -> Self {
+    pub fn without_action(step: usize, observation: &'a [f32], bonus: f32) -> Self {
         Self {
             step,
             observation,
@@ -110,25 +111,27 @@ impl Axes {
             .iter()
             .flat_map(|choice| Axis::of_choice(*choice, spec, bonus))
             .collect();
-        Self::with_steps(axes, spec.time_limit)
+        Self::with_at_least_two_axes(axes, spec.time_limit)
     }
 
     /// The axes of all observations and of the bonus, for the quantities stored in a recording.
     #[must_use]
     pub fn of_quantities(observations: &[Quantity], time_limit: u32, bonus: BonusRange) -> Self {
-        let observed = observations
+        let observation_axes = observations
             .iter()
             .enumerate()
             .map(|(index, quantity)| Axis::observation(quantity, index));
-        Self::with_steps(
-            observed.chain(bonus.scale_end().map(Axis::bonus)).collect(),
+        Self::with_at_least_two_axes(
+            observation_axes
+                .chain(bonus.scale_end().map(Axis::bonus))
+                .collect(),
             time_limit,
         )
     }
 
-    /// Adds an axis of the step within the episode if there are fewer than two axes, because a line
-    /// needs two.
-    fn with_steps(mut axes: Vec<Axis>, time_limit: u32) -> Self {
+    /// The given axes. If there are fewer than two, axes of the step within the episode are added,
+    /// because a line needs two axes.
+    fn with_at_least_two_axes(mut axes: Vec<Axis>, time_limit: u32) -> Self {
         while axes.len() < 2 {
             axes.insert(0, Axis::step(time_limit));
         }
@@ -142,11 +145,11 @@ impl Axes {
 
     /// The axes with the given indices, arranged as a separate image.
     #[must_use]
-    pub fn subset(&self, positions: &[usize]) -> Self {
+    pub fn subset(&self, indices: &[usize]) -> Self {
         Self::side_by_side(
-            positions
+            indices
                 .iter()
-                .map(|&position| self.axes[position].clone())
+                .map(|&index| self.axes[index].clone())
                 .collect(),
         )
     }
@@ -180,8 +183,8 @@ impl Axes {
         (axis * self.gap) as f32 + 0.5
     }
 
-    /// Whether an axis shows an action, its reward or its advantage. Then the last state of an
-    /// episode, in which no action is taken, has no line.
+    /// Whether any axis shows an action, its reward or its advantage. If so, the last state of an
+    /// episode has no line, because no action is taken in it.
     #[must_use]
     pub fn need_actions(&self) -> bool {
         self.axes.iter().any(|axis| {
@@ -204,7 +207,7 @@ impl Axes {
         fractions
             .iter()
             .enumerate()
-            .map(|(axis, fraction)| [self.x(axis), (1.0 - fraction) * HEIGHT as f32])
+            .map(|(axis, fraction)| [self.x(axis), (1.0 - fraction) * AXIS_HEIGHT as f32])
     }
 }
 
@@ -215,13 +218,13 @@ impl Axis {
             AxisChoice::Action => (0..spec.actions.len())
                 .map(|index| Self::action(spec, index))
                 .collect(),
-            AxisChoice::Reward { from, to } => vec![Self::named(
+            AxisChoice::Reward { from, to } => vec![Self::without_unit(
                 "reward",
                 [from.get_f32(), to.get_f32()],
                 Source::Reward,
             )],
             AxisChoice::Advantage { from, to } => {
-                vec![Self::named(
+                vec![Self::without_unit(
                     "advantage",
                     [from.get_f32(), to.get_f32()],
                     Source::Advantage,
@@ -258,19 +261,19 @@ impl Axis {
 
     /// The axis of steps within an episode.
     pub(super) fn step(time_limit: u32) -> Self {
-        Self::named("step", [0.0, time_limit.max(1) as f32], Source::Step)
+        Self::without_unit("step", [0.0, time_limit.max(1) as f32], Source::Step)
     }
 
     /// The axis of the intrinsic reward, from 0 to `scale_end`.
     fn bonus(scale_end: f32) -> Self {
-        Self::named(
+        Self::without_unit(
             "intrinsic reward",
             [0.0, scale_end],
             Source::IntrinsicReward,
         )
     }
 
-    fn named(name: &str, range: [f32; 2], source: Source) -> Self {
+    fn without_unit(name: &str, range: [f32; 2], source: Source) -> Self {
         Self {
             quantity: Quantity {
                 name: name.to_owned(),
@@ -308,10 +311,11 @@ fn action_value(choice: &Choice, action: f32) -> f32 {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use seedbed_env::input::numbers::{FiniteNumber, known};
+    use seedbed_env::input::numbers::{FiniteNumber, ranged_number};
     use seedbed_env::{Action, Status};
 
-    const ALL: [AxisChoice; 2] = [AxisChoice::Observations, AxisChoice::IntrinsicReward];
+    const OBSERVATIONS_AND_BONUS: [AxisChoice; 2] =
+        [AxisChoice::Observations, AxisChoice::IntrinsicReward];
 
     /// A task with observations `o0`, `o1`, … and a discrete action with two values.
     pub(crate) fn spec(ranges: &[[f32; 2]]) -> Spec {
@@ -361,7 +365,7 @@ pub(super) mod tests {
     fn a_line_crosses_each_axis_at_the_position_of_its_value() {
         let axes = Axes::of(
             &spec(&[[-2.0, 2.0], [0.0, 10.0], [-1.0, 1.0]]),
-            &ALL,
+            &OBSERVATIONS_AND_BONUS,
             BonusRange::None,
         );
         assert_eq!((axes.pair_count(), axes.width()), (2, 193));
@@ -375,7 +379,11 @@ pub(super) mod tests {
 
     #[test]
     fn values_outside_an_axis_are_clamped_to_its_ends() {
-        let axes = Axes::of(&spec(&[[-1.0, 1.0]; 3]), &ALL, BonusRange::None);
+        let axes = Axes::of(
+            &spec(&[[-1.0, 1.0]; 3]),
+            &OBSERVATIONS_AND_BONUS,
+            BonusRange::None,
+        );
         assert_eq!(
             projected(&axes, &state_at(0, &[-7.0, f32::INFINITY, f32::NAN])),
             [0.0, 1.0, 0.0]
@@ -384,7 +392,11 @@ pub(super) mod tests {
 
     #[test]
     fn a_single_observation_gets_an_axis_of_the_step() {
-        let axes = Axes::of(&spec(&[[0.0, 4.0]]), &ALL, BonusRange::None);
+        let axes = Axes::of(
+            &spec(&[[0.0, 4.0]]),
+            &OBSERVATIONS_AND_BONUS,
+            BonusRange::None,
+        );
         assert_eq!(axes.all()[0].quantity.name, "step");
         assert_eq!(projected(&axes, &state_at(50, &[3.0])), [0.25, 0.75]);
     }
@@ -392,7 +404,12 @@ pub(super) mod tests {
     #[test]
     fn many_axes_keep_a_minimum_distance() {
         assert_eq!(
-            Axes::of(&spec(&[[0.0, 1.0]; 12]), &ALL, BonusRange::None).width(),
+            Axes::of(
+                &spec(&[[0.0, 1.0]; 12]),
+                &OBSERVATIONS_AND_BONUS,
+                BonusRange::None
+            )
+            .width(),
             11 * MIN_AXIS_GAP + 1
         );
     }
@@ -400,7 +417,11 @@ pub(super) mod tests {
     /// The position of a bonus of 0.3 on an axis up to 1.2 is 0.25.
     #[test]
     fn agents_with_a_bonus_have_an_axis_of_the_bonus() {
-        let axes = Axes::of(&spec(&[[0.0, 1.0]; 2]), &ALL, BonusRange::UpTo(1.2));
+        let axes = Axes::of(
+            &spec(&[[0.0, 1.0]; 2]),
+            &OBSERVATIONS_AND_BONUS,
+            BonusRange::UpTo(1.2),
+        );
         assert_eq!(axes.all()[2].quantity.name, "intrinsic reward");
         let fractions = projected(
             &axes,
@@ -417,8 +438,8 @@ pub(super) mod tests {
     #[test]
     fn chosen_axes_show_actions_rewards_and_steps() {
         let reward = AxisChoice::Reward {
-            from: known(-2.0),
-            to: known::<FiniteNumber>(2.0).into(),
+            from: ranged_number(-2.0),
+            to: ranged_number::<FiniteNumber>(2.0).into(),
         };
         let axes = Axes::of(
             &spec(&[[0.0, 1.0]]),
@@ -450,8 +471,8 @@ pub(super) mod tests {
     #[test]
     fn advantages_have_positions_on_an_axis_of_advantages() {
         let advantage = AxisChoice::Advantage {
-            from: known(-4.0),
-            to: known::<FiniteNumber>(4.0).into(),
+            from: ranged_number(-4.0),
+            to: ranged_number::<FiniteNumber>(4.0).into(),
         };
         let axes = Axes::of(
             &spec(&[[0.0, 1.0]]),
@@ -467,7 +488,7 @@ pub(super) mod tests {
         episode.rewards = vec![1.0; 2];
         let step_data = StepData {
             advantages: vec![2.0, -5.0],
-            ..StepData::of(&episode)
+            ..StepData::empty_for(&episode)
         };
         let states: Vec<Vec<f32>> = VisitedState::of_episode(&episode, Some(&step_data))
             .filter(VisitedState::has_action)

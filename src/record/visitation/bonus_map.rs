@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::axes::VisitedState;
-use super::pairs::{CELLS, Pairs};
+use super::pairs::{CELLS_PER_SIDE, Pairs};
 
 /// Sum and number of bonuses in each cell: `[panels × cells × cells]` each.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,14 +28,17 @@ pub struct CellBonus {
 #[must_use]
 pub(super) fn sum_by_cell(mut bonuses: Vec<(u32, f32)>) -> Vec<CellBonus> {
     bonuses.sort_by_key(|(cell, _)| *cell);
-    let of_cell = |same: &[(u32, f32)]| CellBonus {
-        cell: same[0].0,
-        count: same.len() as u32,
-        sum: same.iter().map(|(_, bonus)| f64::from(*bonus)).sum(),
+    let sum_of_cell = |bonuses_in_cell: &[(u32, f32)]| CellBonus {
+        cell: bonuses_in_cell[0].0,
+        count: bonuses_in_cell.len() as u32,
+        sum: bonuses_in_cell
+            .iter()
+            .map(|(_, bonus)| f64::from(*bonus))
+            .sum(),
     };
     bonuses
         .chunk_by(|(one, _), (next, _)| one == next)
-        .map(of_cell)
+        .map(sum_of_cell)
         .collect()
 }
 
@@ -43,7 +46,7 @@ impl BonusMap {
     /// A map without bonuses.
     #[must_use]
     pub fn new(pairs: &Pairs) -> Self {
-        let cells = pairs.panels().len() * CELLS * CELLS;
+        let cells = pairs.panels().len() * CELLS_PER_SIDE * CELLS_PER_SIDE;
         Self {
             sums: vec![0.0; cells],
             counts: vec![0; cells],
@@ -52,14 +55,14 @@ impl BonusMap {
 
     /// Number of cells.
     #[must_use]
-    pub fn cells(&self) -> usize {
+    pub fn cell_count(&self) -> usize {
         self.counts.len()
     }
 
-    /// The cells of a state, one per panel.
+    /// Indices of the cells in which a state lies, one per panel.
     pub fn cells_of(pairs: &Pairs, state: &VisitedState<'_>) -> impl Iterator<Item = u32> {
         let cell = |(panel, [column_fraction, row_fraction]): (usize, [f32; 2])| {
-            (panel * CELLS + row(row_fraction)) * CELLS + column(column_fraction)
+            (panel * CELLS_PER_SIDE + row(row_fraction)) * CELLS_PER_SIDE + column(column_fraction)
         };
         pairs
             .project(state)
@@ -73,7 +76,7 @@ impl BonusMap {
         self.counts[cell as usize] += count;
     }
 
-    /// Adds the bonuses of another map, such as that of another agent.
+    /// Adds the bonuses of another map, such as the map of another agent.
     pub fn add_all(&mut self, other: &Self) {
         self.sums
             .iter_mut()
@@ -102,11 +105,11 @@ impl BonusMap {
 }
 
 fn column(fraction: f32) -> usize {
-    ((fraction * CELLS as f32) as usize).min(CELLS - 1)
+    ((fraction * CELLS_PER_SIDE as f32) as usize).min(CELLS_PER_SIDE - 1)
 }
 
 fn row(fraction: f32) -> usize {
-    CELLS - 1 - column(fraction)
+    CELLS_PER_SIDE - 1 - column(fraction)
 }
 
 #[cfg(test)]
@@ -114,12 +117,13 @@ mod tests {
     use super::super::axes::tests::{spec, state_at};
     use super::*;
     use crate::record::PairChoice;
-    use seedbed_env::input::numbers::known_count;
+    use seedbed_env::input::numbers::ranged_count;
 
-    /// Bonuses of 1 and 3 in the lower left cell and of 5 in the upper right one: means of 2 and 5.
+    /// With bonuses of 1 and 3 in the lower left cell and of 5 in the upper right cell, the means
+    /// are 2 and 5.
     #[test]
     fn bonuses_are_averaged_per_cell() {
-        let pairs = Pairs::of(&spec(&[[0.0, 1.0]; 2]), &PairChoice::First(known_count(1)));
+        let pairs = Pairs::of(&spec(&[[0.0, 1.0]; 2]), &PairChoice::First(ranged_count(1)));
         let places: [(f32, &[f32]); 3] =
             [(1.0, &[0.0, 0.0]), (5.0, &[1.0, 1.0]), (3.0, &[0.01, 0.02])];
         let bonuses = places.iter().flat_map(|(bonus, place)| {
@@ -130,26 +134,35 @@ mod tests {
         });
         let cell_bonuses = sum_by_cell(bonuses.collect());
         let (upper_right, lower_left) = (39, 39 * 40);
-        let of = |cell, count, sum| CellBonus { cell, count, sum };
+        let cell_bonus = |cell, count, sum| CellBonus { cell, count, sum };
         assert_eq!(
             cell_bonuses,
-            [of(upper_right, 1, 5.0), of(lower_left, 2, 4.0)]
+            [
+                cell_bonus(upper_right, 1, 5.0),
+                cell_bonus(lower_left, 2, 4.0)
+            ]
         );
         let mut map = BonusMap::new(&pairs);
         for bonus in cell_bonuses {
             map.add(bonus);
         }
-        let found = |map: &BonusMap| {
+        let nonempty_cells = |map: &BonusMap| {
             map.means()
                 .enumerate()
                 .filter_map(|(cell, mean)| Some((cell as u32, mean?)))
                 .collect::<Vec<_>>()
         };
-        assert_eq!(found(&map), [(upper_right, 5.0), (lower_left, 2.0)]);
+        assert_eq!(
+            nonempty_cells(&map),
+            [(upper_right, 5.0), (lower_left, 2.0)]
+        );
         assert_eq!(map.max_mean(), 5.0);
         let mut team = map.clone();
-        team.add(of(lower_left, 2, 12.0));
+        team.add(cell_bonus(lower_left, 2, 12.0));
         team.add_all(&map);
-        assert_eq!(found(&team), [(upper_right, 5.0), (lower_left, 20.0 / 6.0)]);
+        assert_eq!(
+            nonempty_cells(&team),
+            [(upper_right, 5.0), (lower_left, 20.0 / 6.0)]
+        );
     }
 }

@@ -11,7 +11,7 @@ use seedbed_learn::experience::Episode;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coloring {
     /// What the color shows.
-    pub by: ColorBy,
+    pub color_by: ColorBy,
     /// The values at the ends of the scale; not used if [`has_scale`](Self::has_scale) is false.
     pub range: [f32; 2],
 }
@@ -21,14 +21,14 @@ impl Coloring {
     /// per agent. The range of returns depends on `first_round_episodes`, the episodes of the first
     /// round.
     #[must_use]
-    pub fn range(
-        by: ColorBy,
+    pub fn range_for_run(
+        color_by: ColorBy,
         spec: &Spec,
         max_episodes: u32,
         bonus: BonusRange,
         first_round_episodes: &[&Episode],
     ) -> [f32; 2] {
-        match by {
+        match color_by {
             ColorBy::Agent | ColorBy::Outcome => [0.0, 1.0],
             ColorBy::Episode => [0.0, max_episodes.saturating_sub(1).max(1) as f32],
             ColorBy::IntrinsicReward => [0.0, bonus.scale_end().unwrap_or(1.0)],
@@ -40,7 +40,7 @@ impl Coloring {
     #[must_use]
     pub fn color(&self, episode: &Episode, state: &VisitedState<'_>) -> Option<[u8; 3]> {
         let scaled = |value: f32| Some(sequential_color(fraction(value, self.range)));
-        match self.by {
+        match self.color_by {
             ColorBy::Agent => None,
             ColorBy::Episode => scaled(episode.episode as f32),
             ColorBy::Return => scaled(episode.total_reward() as f32),
@@ -52,7 +52,7 @@ impl Coloring {
     /// The title of the color scale.
     #[must_use]
     pub fn title(&self) -> &'static str {
-        match self.by {
+        match self.color_by {
             ColorBy::Agent => "agent",
             ColorBy::Episode => "episode",
             ColorBy::Return => "return",
@@ -64,7 +64,7 @@ impl Coloring {
     /// Whether colors represent values on a continuous scale.
     #[must_use]
     pub fn has_scale(&self) -> bool {
-        !matches!(self.by, ColorBy::Agent | ColorBy::Outcome)
+        !matches!(self.color_by, ColorBy::Agent | ColorBy::Outcome)
     }
 }
 
@@ -75,8 +75,8 @@ pub fn outcome_color(terminated: bool) -> [u8; 3] {
 }
 
 /// The range of the scale of returns: from the lowest return of the first round to the reward
-/// threshold or, if no threshold is above that return, to the highest return. An empty range is
-/// widened to 1.
+/// threshold or, if no threshold is above the lowest return, to the highest return. If both ends
+/// are equal, the range has the length 1.
 fn range_of_returns(first_round_episodes: &[&Episode], threshold: Option<f32>) -> [f32; 2] {
     let returns = || {
         first_round_episodes
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn every_color_setting_determines_the_color_of_a_state() {
+    fn the_color_of_a_state_follows_the_color_setting() {
         let (episode, state) = (
             episode(8.0),
             VisitedState {
@@ -127,7 +127,7 @@ mod tests {
                 ..state_at(0, &[0.3])
             },
         );
-        let color = |by, range| Coloring { by, range }.color(&episode, &state);
+        let color = |color_by, range| Coloring { color_by, range }.color(&episode, &state);
         assert_eq!(color(ColorBy::Agent, [0.0, 1.0]), None);
         assert_eq!(
             color(ColorBy::Episode, [0.0, 60.0]),

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::axes::{Axes, HEIGHT};
+use super::axes::{AXIS_HEIGHT, Axes};
 use super::{BINS, DensityDelta};
 
 /// Brightness of a pixel with a single line, so that it differs visibly from black (no line).
@@ -37,15 +37,15 @@ impl Density {
             pairs: axes.pair_count(),
             counts: vec![0; axes.pair_count() * BINS * BINS],
             nonzero_cells: Vec::new(),
-            pixels: vec![0; axes.width() * HEIGHT],
+            pixels: vec![0; axes.width() * AXIS_HEIGHT],
         }
     }
 
-    /// Whether this density was made for the same number of axes with the same distance.
+    /// Whether this density was made for axes of the same number and distance.
     #[must_use]
-    pub fn fits(&self, axes: &Axes) -> bool {
+    pub fn was_made_for(&self, axes: &Axes) -> bool {
         (self.gap, self.pairs) == (axes.gap(), axes.pair_count())
-            && self.pixels.len() == axes.width() * HEIGHT
+            && self.pixels.len() == axes.width() * AXIS_HEIGHT
     }
 
     /// Counts one projected state.
@@ -86,7 +86,7 @@ impl Density {
     #[must_use]
     pub fn draw_rounds<'a>(&self, rounds: impl Iterator<Item = &'a DensityDelta>) -> Vec<u32> {
         let (counts, pixels) = (vec![0; self.counts.len()], vec![0; self.pixels.len()]);
-        let mut alone = Self {
+        let mut rounds_only = Self {
             gap: self.gap,
             pairs: self.pairs,
             counts,
@@ -95,9 +95,9 @@ impl Density {
         };
         rounds
             .flat_map(DensityDelta::cells)
-            .for_each(|(cell, states)| alone.count(cell as usize, states));
-        alone.draw_all();
-        alone.pixels
+            .for_each(|(cell, states)| rounds_only.count(cell as usize, states));
+        rounds_only.draw_all();
+        rounds_only.pixels
     }
 
     /// Draws all counted states, and returns the number of lines over each pixel: `[height ×
@@ -120,21 +120,21 @@ impl Density {
     /// the last pair include the last axis.
     fn draw(&mut self, cell: usize, count: u32) {
         let (pair, left, right) = (cell / (BINS * BINS), cell / BINS % BINS, cell % BINS);
-        let (left, right) = (row(left), row(right));
+        let (left_row, right_row) = (row(left), row(right));
         let width = self.pairs * self.gap + 1;
         let columns = if pair + 1 == self.pairs {
             self.gap + 1
         } else {
             self.gap
         };
-        // Fixed point, in 65,536ths of a pixel: one division per line instead of one per column,
-        // and the same pixels on every machine.
-        let rise = (((right as i64) - (left as i64)) << 16) / self.gap as i64;
-        let mut height = ((left as i64) << 16) + (1 << 15);
+        // Fixed-point numbers in units of 1/65,536 pixel need one division per line instead of one
+        // per column, and give the same pixels on every machine.
+        let y_step = (((right_row as i64) - (left_row as i64)) << 16) / self.gap as i64;
+        let mut y = ((left_row as i64) << 16) + (1 << 15);
         for column in 0..columns {
-            let pixel = (height >> 16) as usize * width + pair * self.gap + column;
+            let pixel = (y >> 16) as usize * width + pair * self.gap + column;
             self.pixels[pixel] += count;
-            height += rise;
+            y += y_step;
         }
     }
 }
@@ -152,10 +152,11 @@ fn row(bin: usize) -> usize {
 /// (`max_lines` lines or more), on a logarithmic scale.
 #[must_use]
 pub fn brightness_of_pixels(pixels: &[u32], max_lines: u32) -> Vec<u8> {
-    let whole = log2_in_256ths(max_lines).max(1);
+    let max_log = log2_in_256ths(max_lines).max(1);
     let brightness = |lines: u32| {
         MIN_BRIGHTNESS
-            + (log2_in_256ths(lines.min(max_lines)) * u32::from(255 - MIN_BRIGHTNESS) / whole) as u8
+            + (log2_in_256ths(lines.min(max_lines)) * u32::from(255 - MIN_BRIGHTNESS) / max_log)
+                as u8
     };
     pixels
         .iter()
@@ -163,14 +164,14 @@ pub fn brightness_of_pixels(pixels: &[u32], max_lines: u32) -> Vec<u8> {
         .collect()
 }
 
-/// 256 log₂ `n`, interpolated linearly between powers of two; 0 for 0. Integers only, so that
+/// 256 log₂ `n`, interpolated linearly between powers of two; 0 for 0. Uses integers only, so that
 /// images have the same bytes on every machine.
 fn log2_in_256ths(n: u32) -> u32 {
     let Some(whole) = n.checked_ilog2() else {
         return 0;
     };
-    let part = ((u64::from(n) << 8) >> whole) as u32 - 256;
-    whole * 256 + part
+    let fraction = ((u64::from(n) << 8) >> whole) as u32 - 256;
+    whole * 256 + fraction
 }
 
 #[cfg(test)]
@@ -207,7 +208,7 @@ mod tests {
         let width = axes.width();
         let pixels = density.draw_all().clone();
         let rows = |column: usize| {
-            (0..HEIGHT)
+            (0..AXIS_HEIGHT)
                 .filter(|row| pixels[row * width + column] == 1)
                 .collect::<Vec<_>>()
         };
@@ -219,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn the_density_does_not_depend_on_the_number_of_drawings() {
+    fn the_density_does_not_depend_on_when_states_are_drawn() {
         let axes = axes(3);
         let states = [[0.1, 0.5, 0.9], [0.3, 0.3, 0.2], [0.1, 0.5, 0.9]];
         let (mut often, mut once) = (Density::new(&axes), Density::new(&axes));
@@ -266,7 +267,7 @@ mod tests {
         assert_eq!(
             brightness_of_pixels(&[1, 16], 256),
             [40, 40 + 107],
-            "the brightest of several images may be another one"
+            "the pixel with `max_lines` lines may be in another image"
         );
         assert_eq!(brightness_of_pixels(&[0, 0], 0), [0, 0]);
         assert_eq!(

@@ -1,8 +1,8 @@
 //! The difference between the densities of two agents.
 //!
 //! Differences are shown on a square-root scale. On a linear scale most of them would be black,
-//! because they are small compared with the largest difference. A logarithmic scale has no zero,
-//! which is the difference where two agents agree.
+//! because they are small compared with the largest difference. A logarithmic scale cannot show 0,
+//! the difference where both agents have equal shares.
 
 /// Distance between the columns of pixels that are compared to find the two agents that differ
 /// most.
@@ -15,8 +15,8 @@ const COLUMN_STRIDE: usize = 8;
 /// for each pixel, from −1 to 1, and D, the largest |d|.
 #[must_use]
 pub fn share_difference(one: &[u32], other: &[u32], width: usize) -> (Vec<f32>, f32) {
-    let shares = |pixels: &[u32]| 1.0 / (line_count(pixels, width) as f32).max(1.0);
-    let (weight_of_one, weight_of_other) = (shares(one), shares(other));
+    let share_per_line = |pixels: &[u32]| 1.0 / (line_count(pixels, width) as f32).max(1.0);
+    let (weight_of_one, weight_of_other) = (share_per_line(one), share_per_line(other));
     let differences: Vec<f32> = one
         .iter()
         .zip(other)
@@ -44,11 +44,11 @@ pub fn most_different(densities: &[&[u32]], width: usize) -> Option<(usize, usiz
         .map(|pixels| column_shares(pixels, width))
         .collect();
     let mut max = None;
-    for (one, column_shares) in all_shares.iter().enumerate() {
-        for (other, weight_of_other) in all_shares.iter().enumerate().skip(one + 1) {
-            let distance: f32 = column_shares
+    for (one, shares_of_one) in all_shares.iter().enumerate() {
+        for (other, shares_of_other) in all_shares.iter().enumerate().skip(one + 1) {
+            let distance: f32 = shares_of_one
                 .iter()
-                .zip(weight_of_other)
+                .zip(shares_of_other)
                 .map(|(one, other)| (one - other).abs())
                 .sum();
             if max.is_none_or(|(_, largest)| distance > largest) {
@@ -59,14 +59,15 @@ pub fn most_different(densities: &[&[u32]], width: usize) -> Option<(usize, usiz
     max.map(|(agents, _)| agents)
 }
 
+/// The share of lines that cross each pixel of every eighth column, row by row.
 fn column_shares(pixels: &[u32], width: usize) -> Vec<f32> {
-    let share = 1.0 / (line_count(pixels, width) as f32).max(1.0);
+    let share_per_line = 1.0 / (line_count(pixels, width) as f32).max(1.0);
     pixels
         .chunks_exact(width)
         .flat_map(|row| {
             row.iter()
                 .step_by(COLUMN_STRIDE)
-                .map(|&lines| lines as f32 * share)
+                .map(|&lines| lines as f32 * share_per_line)
         })
         .collect()
 }
@@ -87,7 +88,7 @@ mod tests {
     /// One agent has 4 lines, the other has 2, over two rows and three columns of pixels. The upper
     /// row has the differences 1/4 − 2/2 = −0.75, 2/4 − 1/2 = 0 and 3/4 − 0/2 = 0.75.
     #[test]
-    fn the_difference_is_that_of_shares_of_lines() {
+    fn agents_are_compared_by_shares_of_their_lines() {
         let (one, other) = ([1, 2, 3, 3, 2, 1], [2, 1, 0, 0, 1, 2]);
         assert_eq!(
             share_difference(&one, &other, 3),
@@ -100,8 +101,8 @@ mod tests {
         assert_eq!(share_difference(&[0, 0], &[0, 0], 1), (vec![0.0, 0.0], 0.0));
     }
 
-    /// Of the differences 0.25 and 0.0625, the smaller one is a quarter of the larger one, and its
-    /// value on the square-root scale is ½.
+    /// The difference 0.0625 is a quarter of the largest difference, 0.25, so its value on the
+    /// square-root scale is ½.
     #[test]
     fn differences_have_a_square_root_scale() {
         let (scaled, largest) = share_difference(&[8, 3, 5], &[4, 4, 8], 1);
@@ -113,12 +114,12 @@ mod tests {
 
     #[test]
     fn the_two_agents_with_the_largest_difference_are_found() {
-        let pictures: [&[u32]; 4] = [&[5, 5], &[6, 4], &[10, 0], &[2, 8]];
-        assert_eq!(most_different(&pictures, 1), Some((2, 3)));
+        let densities: [&[u32]; 4] = [&[5, 5], &[6, 4], &[10, 0], &[2, 8]];
+        assert_eq!(most_different(&densities, 1), Some((2, 3)));
         assert_eq!(
             most_different(&[&[1, 1], &[1, 1], &[1, 1]], 1),
             Some((0, 1))
         );
-        assert_eq!(most_different(&pictures[..1], 1), None);
+        assert_eq!(most_different(&densities[..1], 1), None);
     }
 }

@@ -1,4 +1,5 @@
-//! Computes the contents of images of visited states. Must not depend on any drawing library.
+//! Computes the contents of images of visited states. This module must not depend on any drawing
+//! library.
 //!
 //! Two kinds of images show states. In parallel coordinates ([`Axes`]) a state is one polyline
 //! across vertical axes, and [`Density`] counts the lines over each pixel. In plots of pairs
@@ -18,13 +19,13 @@ mod round_window;
 mod sampling;
 
 pub use agent_visits::AgentVisits;
-pub use axes::{Axes, Axis, HEIGHT, VisitedState};
+pub use axes::{AXIS_HEIGHT, Axes, Axis, VisitedState};
 pub use bonus_map::{BonusMap, CellBonus};
 pub use coloring::{Coloring, outcome_color};
 pub use density::{Density, MIN_BRIGHTNESS, brightness_of_pixels};
 pub use density_delta::DensityDelta;
 pub use difference::{most_different, share_difference};
-pub use pairs::{CELLS, Pairs};
+pub use pairs::{CELLS_PER_SIDE, Pairs};
 pub use round_window::{RoundWindow, first_round};
 pub use sampling::{LineQuota, sample_states};
 

@@ -5,7 +5,7 @@ use crate::record::PairChoice;
 use seedbed_env::Spec;
 
 /// Number of cells along each side of a panel; a cell is a pixel.
-pub const CELLS: usize = 40;
+pub const CELLS_PER_SIDE: usize = 40;
 
 /// Distance between two panels, in pixels.
 const PANEL_GAP: usize = 20;
@@ -23,11 +23,11 @@ impl Pairs {
     ///
     /// # Panics
     /// If a chosen name is not an observation of the task. This is prevented by
-    /// [`check_task`](crate::record::RecordingSettings::check_task), which reports such names as
+    /// [`check_pairs`](crate::record::RecordingSettings::check_pairs), which reports such names as
     /// errors.
     #[must_use]
     pub fn of(spec: &Spec, choice: &PairChoice) -> Self {
-        let observed = spec.observations.len();
+        let observation_count = spec.observations.len();
         let observation = |index: usize| Axis::observation(&spec.observations[index], index);
         let named = |name: &str| {
             let index = spec
@@ -41,15 +41,17 @@ impl Pairs {
                 .iter()
                 .map(|(across, upward)| [named(across), named(upward)])
                 .collect(),
-            PairChoice::First(_) if observed == 1 => {
+            PairChoice::First(_) if observation_count == 1 => {
                 vec![[Axis::step(spec.time_limit), observation(0)]]
             }
             // If the number of observations is odd, the last one is paired with the observation
             // before it.
-            PairChoice::First(max_pairs) => (0..observed.div_ceil(2).min(max_pairs.get() as usize))
-                .map(|pair| (2 * pair).min(observed - 2))
-                .map(|first| [observation(first), observation(first + 1)])
-                .collect(),
+            PairChoice::First(max_pairs) => {
+                (0..observation_count.div_ceil(2).min(max_pairs.get() as usize))
+                    .map(|pair| (2 * pair).min(observation_count - 2))
+                    .map(|first| [observation(first), observation(first + 1)])
+                    .collect()
+            }
         };
         Self { panels }
     }
@@ -63,13 +65,13 @@ impl Pairs {
     /// Width of all panels and the gaps between them, in pixels.
     #[must_use]
     pub fn width(&self) -> usize {
-        (self.panels.len() * (CELLS + PANEL_GAP)).saturating_sub(PANEL_GAP)
+        (self.panels.len() * (CELLS_PER_SIDE + PANEL_GAP)).saturating_sub(PANEL_GAP)
     }
 
     /// Left edge of a panel, in pixels.
     #[must_use]
     pub fn x(&self, panel: usize) -> usize {
-        panel * (CELLS + PANEL_GAP)
+        panel * (CELLS_PER_SIDE + PANEL_GAP)
     }
 
     /// Horizontal and vertical position of a state in each panel, 0 to 1.
@@ -83,8 +85,8 @@ impl Pairs {
     pub fn points(&self, state: &VisitedState<'_>) -> impl Iterator<Item = [f32; 2]> {
         let place = |(panel, [across, upward]): (usize, [f32; 2])| {
             [
-                self.x(panel) as f32 + across * CELLS as f32,
-                (1.0 - upward) * CELLS as f32,
+                self.x(panel) as f32 + across * CELLS_PER_SIDE as f32,
+                (1.0 - upward) * CELLS_PER_SIDE as f32,
             ]
         };
         self.project(state).enumerate().map(place)
@@ -95,9 +97,9 @@ impl Pairs {
 mod tests {
     use super::super::axes::tests::{spec, state_at};
     use super::*;
-    use seedbed_env::input::numbers::known_count;
+    use seedbed_env::input::numbers::ranged_count;
 
-    fn names(observations: usize, choice: &PairChoice) -> Vec<[String; 2]> {
+    fn panel_names(observations: usize, choice: &PairChoice) -> Vec<[String; 2]> {
         let pairs = Pairs::of(&spec(&vec![[0.0, 1.0]; observations]), choice);
         pairs
             .panels()
@@ -108,20 +110,23 @@ mod tests {
 
     #[test]
     fn neighboring_observations_are_paired_by_default() {
-        let first = PairChoice::First(known_count(3));
-        assert_eq!(names(1, &first), [["step", "o0"]]);
-        assert_eq!(names(3, &first), [["o0", "o1"], ["o1", "o2"]]);
-        assert_eq!(names(4, &first), [["o0", "o1"], ["o2", "o3"]]);
-        assert_eq!(names(9, &first), [["o0", "o1"], ["o2", "o3"], ["o4", "o5"]]);
-        let these = PairChoice::These(vec![("o2".to_owned().into(), "o0".to_owned().into())]);
-        assert_eq!(names(3, &these), [["o2", "o0"]]);
+        let first = PairChoice::First(ranged_count(3));
+        assert_eq!(panel_names(1, &first), [["step", "o0"]]);
+        assert_eq!(panel_names(3, &first), [["o0", "o1"], ["o1", "o2"]]);
+        assert_eq!(panel_names(4, &first), [["o0", "o1"], ["o2", "o3"]]);
+        assert_eq!(
+            panel_names(9, &first),
+            [["o0", "o1"], ["o2", "o3"], ["o4", "o5"]]
+        );
+        let chosen = PairChoice::These(vec![("o2".to_owned().into(), "o0".to_owned().into())]);
+        assert_eq!(panel_names(3, &chosen), [["o2", "o0"]]);
     }
 
     /// The state is at a quarter of the width and at the top of the first panel, and in the middle
     /// of the left side of the second panel, which is 60 pixels further right.
     #[test]
     fn a_state_has_a_point_in_each_panel() {
-        let pairs = Pairs::of(&spec(&[[0.0, 4.0]; 4]), &PairChoice::First(known_count(4)));
+        let pairs = Pairs::of(&spec(&[[0.0, 4.0]; 4]), &PairChoice::First(ranged_count(4)));
         assert_eq!(pairs.width(), 100);
         let points: Vec<[f32; 2]> = pairs.points(&state_at(0, &[1.0, 4.0, 0.0, 2.0])).collect();
         assert_eq!(points, [[10.0, 0.0], [60.0, 20.0]]);

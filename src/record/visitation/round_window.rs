@@ -33,7 +33,7 @@ impl<V> RoundWindow<V> {
     }
 
     /// The values, oldest first.
-    pub fn all(&self) -> impl Iterator<Item = &V> {
+    pub fn values(&self) -> impl Iterator<Item = &V> {
         self.rounds.iter().map(|(_, value)| value)
     }
 }
@@ -51,14 +51,14 @@ mod tests {
     /// Round r has the value r. After each round, the window has the values of the latest three
     /// rounds.
     #[test]
-    fn a_window_has_at_most_its_number_of_rounds() {
-        let mut values = RoundWindow::default();
+    fn a_window_keeps_the_latest_rounds() {
+        let mut window = RoundWindow::default();
         let mut windows = Vec::new();
         for round in 0..6 {
-            values.add(round, round, 3);
+            window.add(round, round, 3);
             windows.push((
                 first_round(round, 3),
-                values.all().copied().collect::<Vec<_>>(),
+                window.values().copied().collect::<Vec<_>>(),
             ));
         }
         let expected = [
@@ -72,14 +72,16 @@ mod tests {
         assert_eq!(windows, expected);
     }
 
+    /// The window of 50 rounds up to round 61 begins at round 12, so that it has the values of
+    /// rounds 58 and 61 only.
     #[test]
-    fn a_window_counts_rounds_that_were_not_added() {
-        let mut values = RoundWindow::default();
+    fn rounds_without_a_value_count_in_a_window() {
+        let mut window = RoundWindow::default();
         for (round, value) in [(11, 'a'), (58, 'b'), (61, 'c')] {
-            values.add(round, value, 50);
+            window.add(round, value, 50);
         }
         assert_eq!(
-            (first_round(61, 50), values.all().collect::<String>()),
+            (first_round(61, 50), window.values().collect::<String>()),
             (12, "bc".to_owned())
         );
     }

@@ -1,11 +1,12 @@
 //! Chooses the states that are drawn as lines and points.
 //!
-//! The viewer shows the lines of a window of episodes on top of each other, and beyond about 1,000
-//! lines they are a solid block. So each round gets an equal share of the wanted number, and each
-//! of its episodes an equal share of that. Within an episode, one state is drawn at random from
-//! each of equally long parts: every part of the episode is shown, yet no fixed stride that a
-//! periodic motion could fall in step with. The random stream is that of recordings, so that
-//! learning does not depend on what is drawn.
+//! The viewer shows the lines of a window of episodes on top of each other. More than about 1,000
+//! lines would cover the whole image, so their number is limited. Each round gets an equal share of
+//! the lines, and each episode of a round gets an equal share of the lines of the round. The states
+//! of an episode are divided into parts of equal length, and one state is sampled at random from
+//! each part. So every part of the episode is shown, without a fixed interval, which could be equal
+//! to the period of a motion. Samples use the random stream of recordings, so that learning does
+//! not depend on them.
 
 use rand::RngExt;
 
@@ -17,7 +18,7 @@ use seedbed_env::random::Stream;
 pub struct LineQuota {
     /// Number of latest rounds and episodes whose lines are visible at once.
     pub window: u32,
-    /// Number of lines per agent and round.
+    /// Number of lines per agent in one round.
     pub per_round: u32,
 }
 
@@ -35,14 +36,14 @@ impl LineQuota {
 
     /// Number of lines of episode `index` of the `episodes` that an agent finished in a round.
     #[must_use]
-    pub fn of_episode(self, index: usize, episodes: usize) -> usize {
+    pub fn lines_of_episode(self, index: usize, episodes: usize) -> usize {
         let lines_before = |episode: usize| self.per_round as usize * episode / episodes;
         lines_before(index + 1) - lines_before(index)
     }
 }
 
-/// Samples indices of `count` out of `states` states, in ascending order: one at random from each
-/// of `count` equal parts of the episode. Returns all states if there are no more than `count`.
+/// Samples indices of `count` out of `states` states, in ascending order: one index from each of
+/// `count` equal parts of the episode. Returns all indices if there are at most `count` states.
 pub fn sample_states(states: usize, count: usize, random: &mut Stream) -> Vec<usize> {
     if count >= states {
         return (0..states).collect();
@@ -89,7 +90,7 @@ mod tests {
             }
         );
         let shares: Vec<_> = (0..3)
-            .map(|index| LineQuota::of(1000, 50).of_episode(index, 3))
+            .map(|index| LineQuota::of(1000, 50).lines_of_episode(index, 3))
             .collect();
         assert_eq!(shares, [6, 7, 7]);
     }

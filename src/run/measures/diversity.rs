@@ -1,9 +1,9 @@
-//! Entropy of one agent's visit counts, and diversity of a team: formulas.
+//! Formulas: entropy of one agent's visit counts, and diversity of a team.
 //!
 //! Entropies are in nats. A cell without visits contributes nothing, as p ln p → 0.
 
-/// Shannon entropy of visit counts, H = −Σ p ln p with p = count / total, written as ln N − (Σ c ln
-/// c) / N.
+/// Shannon entropy of visit counts c, H = −Σ p ln p with p = c / N and N = Σ c, computed as
+/// ln N − (Σ c ln c) / N.
 ///
 /// `counts: [cells]` → nats, from 0 (one visited cell) to ln cells (all counts equal). 0 without
 /// visits.
@@ -16,7 +16,7 @@ pub fn entropy(counts: &[u32]) -> f64 {
         total += count;
         weighted += count * count.ln();
     }
-    // Cells visited once have ln 1 = 0 and count for the total alone.
+    // Cells visited once contribute to the total only, since 1 ln 1 = 0.
     total += counts
         .iter()
         .map(|&count| f64::from(u8::from(count == 1)))
@@ -28,10 +28,10 @@ pub fn entropy(counts: &[u32]) -> f64 {
     }
 }
 
-/// Adds an agent's distribution to the team's: mixtureᵢ += share · countᵢ / Σ count.
+/// Adds an agent's distribution to the mixture of the team: mixtureᵢ += share · countᵢ / Σ count.
 ///
 /// `counts`, `mixture: [cells]`
-pub fn mix(counts: &[u32], share: f64, mixture: &mut [f64]) {
+pub fn add_to_mixture(counts: &[u32], share: f64, mixture: &mut [f64]) {
     let total: u64 = counts.iter().map(|&count| u64::from(count)).sum();
     let weight = share / total.max(1) as f64;
     mixture
@@ -60,36 +60,37 @@ pub fn divergence<'a>(agents: impl ExactSizeIterator<Item = &'a [u32]> + Clone) 
     let mut mixture = vec![0.0; agents.clone().next().map_or(0, <[u32]>::len)];
     agents
         .clone()
-        .for_each(|counts| mix(counts, share, &mut mixture));
+        .for_each(|counts| add_to_mixture(counts, share, &mut mixture));
     distribution_entropy(&mixture) - share * agents.map(entropy).sum::<f64>()
 }
 
 /// How different the visited states of a team's agents are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Diversity {
-    /// 1 − JS / ln K: 1 where all agents went to the same cells alike, 0 where no two share a cell.
-    /// 1 for a single agent.
+    /// 1 − JS / ln K: 1 if all agents visited the same cells with the same frequencies, 0 if no two
+    /// agents visited the same cell. 1 for a single agent.
     pub overlap: f64,
-    /// exp JS, from 1 (all alike) to K (no two share a cell).
+    /// exp JS, from 1 (all agents have the same visit frequencies) to K (no two agents visited the
+    /// same cell).
     pub effective_agents: f64,
 }
 
 impl Diversity {
-    /// From the generalized Jensen–Shannon divergence JS = H(mean of pₖ) − mean of H(pₖ), from 0 to
-    /// ln K, of `agents` equally weighted agents (Lin 1991, "Divergence measures based on the
-    /// Shannon entropy", eq. 5.1).
+    /// Diversity from the generalized Jensen–Shannon divergence JS = H(mean of pₖ) − mean of H(pₖ),
+    /// from 0 to ln K, of `agents` equally weighted agents (Lin 1991, "Divergence measures based on
+    /// the Shannon entropy", eq. 5.1).
     ///
-    /// exp JS is the effective number of distinct communities of ecology, their beta diversity
+    /// In ecology, exp JS is called beta diversity: the effective number of distinct communities
     /// (Jost 2007, "Partitioning diversity into independent alpha and beta components", with equal
     /// weights).
     #[must_use]
-    pub fn of(divergence: f64, agents: usize) -> Self {
-        let most = (agents.max(1) as f64).ln();
+    pub fn from_divergence(divergence: f64, agents: usize) -> Self {
+        let max_divergence = (agents.max(1) as f64).ln();
         // Rounding may leave the range by a few units in the last place.
-        let divergence = divergence.clamp(0.0, most);
+        let divergence = divergence.clamp(0.0, max_divergence);
         Self {
             overlap: if agents > 1 {
-                1.0 - divergence / most
+                1.0 - divergence / max_divergence
             } else {
                 1.0
             },
@@ -106,9 +107,9 @@ mod tests {
         super::divergence(agents.iter().copied())
     }
 
-    /// ½, ¼, ¼ has ½ ln 2 + ½ ln 4 = 1.5 ln 2.
+    /// Frequencies ½, ¼, ¼ have entropy ½ ln 2 + ½ ln 4 = 1.5 ln 2.
     #[test]
-    fn entropy_of_counts() {
+    fn entropy_of_counts_is_that_of_their_frequencies() {
         let ln2 = std::f64::consts::LN_2;
         assert!((entropy(&[2, 1, 0, 1]) - 1.5 * ln2).abs() < 1e-15);
         assert!((entropy(&[7; 4]) - 2.0 * ln2).abs() < 1e-15);
@@ -118,16 +119,18 @@ mod tests {
         );
     }
 
-    /// Alike, whatever their number of states: exp 0 = 1. Disjoint: the mixture's entropy is ln 3
-    /// above their own.
+    /// Agents with the same visit frequencies have JS = 0 for any number of visits. For three
+    /// agents without a common cell, the entropy of the mixture exceeds the mean entropy of the
+    /// agents by ln 3.
     #[test]
-    fn agents_that_are_alike_count_once_and_disjoint_ones_fully() {
-        let alike = Diversity::of(divergence(&[&[2, 6, 0], &[1, 3, 0], &[10, 30, 0]]), 3);
+    fn equal_agents_count_as_one_and_disjoint_agents_fully() {
+        let equal =
+            Diversity::from_divergence(divergence(&[&[2, 6, 0], &[1, 3, 0], &[10, 30, 0]]), 3);
         assert!(
-            (alike.effective_agents - 1.0).abs() < 1e-12 && (alike.overlap - 1.0).abs() < 1e-12,
-            "{alike:?}"
+            (equal.effective_agents - 1.0).abs() < 1e-12 && (equal.overlap - 1.0).abs() < 1e-12,
+            "{equal:?}"
         );
-        let disjoint = Diversity::of(
+        let disjoint = Diversity::from_divergence(
             divergence(&[&[5, 0, 0, 0], &[0, 1, 1, 0], &[0, 0, 0, 2]]),
             3,
         );
@@ -137,11 +140,12 @@ mod tests {
         );
     }
 
-    /// (1, 0) and (½, ½): the mixture (¾, ¼) has 2 ln 2 − ¾ ln 3, their own entropies have the mean
-    /// ½ ln 2, hence JS = 1.5 ln 2 − ¾ ln 3, exp JS = 2^1.5 / 3^0.75 = 1.240806.
+    /// Frequencies (1, 0) and (½, ½): the mixture (¾, ¼) has entropy 2 ln 2 − ¾ ln 3, the two
+    /// agents have mean entropy ½ ln 2, hence JS = 1.5 ln 2 − ¾ ln 3, exp JS = 2^1.5 / 3^0.75 =
+    /// 1.240806.
     #[test]
-    fn agents_that_share_a_part_are_in_between() {
-        let partly = Diversity::of(divergence(&[&[4, 0], &[3, 3]]), 2);
+    fn partial_overlap_is_between_0_and_1() {
+        let partly = Diversity::from_divergence(divergence(&[&[4, 0], &[3, 3]]), 2);
         assert!(
             (partly.effective_agents - 2_f64.powf(1.5) / 3_f64.powf(0.75)).abs() < 1e-12,
             "{partly:?}"
@@ -153,9 +157,9 @@ mod tests {
     }
 
     #[test]
-    fn a_single_agent_overlaps_with_itself() {
+    fn a_single_agent_has_overlap_1() {
         assert_eq!(
-            Diversity::of(1e-17, 1),
+            Diversity::from_divergence(1e-17, 1),
             Diversity {
                 overlap: 1.0,
                 effective_agents: 1.0

@@ -21,7 +21,7 @@ pub struct Measures {
     env_steps: u64,
     /// `[K]`
     visitation: Vec<Visitation>,
-    /// Entry n is the mean over agents of the return of their n-th episode.
+    /// Entry n is the mean over agents of the return of their episode n.
     team_returns: Vec<f64>,
     /// For each agent, the returns of episodes that not all agents have finished: `[K]`
     unmatched_returns: Vec<VecDeque<f64>>,
@@ -38,10 +38,10 @@ pub struct RoundRows {
 
 /// Statistics of the states that a team has visited so far.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Visits {
+pub struct VisitStatistics {
     /// Entropy of each agent's visited states on the grids of [`Visitation`], nats: `[K]`
     pub entropy: Vec<f64>,
-    /// That entropy as a share of the largest one, 0 to 1 (Pielou's evenness): `[K]`.
+    /// `entropy` divided by its maximum, 0 to 1 (Pielou's evenness): `[K]`
     pub evenness: Vec<f64>,
     /// Share of cells that at least one agent has visited, 0 to 1.
     pub team_coverage: f64,
@@ -49,9 +49,9 @@ pub struct Visits {
     pub diversity: Diversity,
 }
 
-impl Visits {
+impl VisitStatistics {
     /// Fills in the columns of an episode's row that are known only at the end of its round.
-    fn complete(&self, row: &mut EpisodeRow) {
+    fn complete_row(&self, row: &mut EpisodeRow) {
         row.visitation_entropy = self.entropy[row.agent as usize];
         row.team_overlap = self.diversity.overlap;
         row.effective_agents = self.diversity.effective_agents;
@@ -70,8 +70,8 @@ impl Measures {
         }
     }
 
-    /// Adds a finished round and returns its rows. `episodes` are in (agent, episode) order, `reports`
-    /// in the order in which agents learned.
+    /// Adds a finished round and returns its rows. `episodes` are in (agent, episode) order,
+    /// `reports` in the order in which agents learned.
     pub fn add_round(
         &mut self,
         spec: &Spec,
@@ -84,9 +84,9 @@ impl Measures {
             .map(|episode| self.add_episode(spec, episode))
             .collect();
         self.extend_team_returns(episodes);
-        let visits = self.visits();
+        let visits = self.visit_statistics();
         for row in &mut episode_rows {
-            visits.complete(row);
+            visits.complete_row(row);
         }
         let updates = reports.iter().map(|&(agent, report)| RoundRow {
             agent,
@@ -125,8 +125,8 @@ impl Measures {
         self.team_returns.len()
     }
 
-    /// Mean return over all agents and their last `window` episodes, or over all episodes if there are
-    /// fewer. `None` before every agent has finished an episode.
+    /// Mean return over all agents and their last `window` episodes, or over all episodes if there
+    /// are fewer. `None` before every agent has finished an episode.
     #[must_use]
     pub fn recent_return(&self, window: usize) -> Option<f64> {
         let recent = &self.team_returns[self.team_returns.len().saturating_sub(window)..];
@@ -136,14 +136,15 @@ impl Measures {
     /// Whether the mean return over the latest full window reaches the threshold.
     #[must_use]
     pub fn reaches(&self, threshold: Threshold) -> bool {
-        let full = self.team_returns.len() >= threshold.window;
-        full && self
-            .recent_return(threshold.window)
-            .is_some_and(|mean| mean >= threshold.r#return)
+        let is_full = self.team_returns.len() >= threshold.window;
+        is_full
+            && self
+                .recent_return(threshold.window)
+                .is_some_and(|mean| mean >= threshold.r#return)
     }
 
-    /// Number of episodes per agent after which the mean return over the trailing window first reached
-    /// the threshold.
+    /// Number of episodes per agent after which the mean return over the trailing window first
+    /// reached the threshold.
     #[must_use]
     pub fn episodes_until(&self, threshold: Threshold) -> Option<usize> {
         let windows = self.team_returns.windows(threshold.window);
@@ -166,14 +167,14 @@ impl Measures {
 
     /// Statistics of the states that the team has visited so far.
     #[must_use]
-    pub fn visits(&self) -> Visits {
+    pub fn visit_statistics(&self) -> VisitStatistics {
         let entropy: Vec<f64> = self.visitation.iter().map(Visitation::entropy).collect();
         let evenness = self
             .visitation
             .iter()
             .zip(&entropy)
             .map(|(own, entropy)| entropy / own.max_entropy());
-        Visits {
+        VisitStatistics {
             evenness: evenness.collect(),
             team_coverage: self.team_coverage(),
             diversity: visitation::diversity(&self.visitation, &entropy),
@@ -194,7 +195,7 @@ impl Measures {
             length: episode.length() as u32,
             outcome: episode.outcome,
             coverage: visitation.coverage(),
-            // Placeholders: `Visits::complete` replaces them at the end of the round.
+            // Placeholders: `VisitStatistics::complete_row` replaces them at the end of the round.
             visitation_entropy: 0.0,
             team_overlap: 1.0,
             effective_agents: 1.0,
@@ -251,8 +252,8 @@ mod tests {
         }
     }
 
-    /// Two agents, returns (1, 3), (2, 4), (6, 6): team means 2, 3, 6. A window of 2 first reaches
-    /// 4 at episodes 2 and 3.
+    /// Two agents, returns (1, 3), (2, 4), (6, 6): team means 2, 3, 6. The mean over a window of
+    /// two episodes first reaches 4 after three episodes.
     #[test]
     fn a_threshold_needs_a_full_window() {
         let mut measures = Measures::new(&spec(2), 2);
@@ -288,7 +289,8 @@ mod tests {
         assert_eq!(measures.env_steps(), 6);
     }
 
-    /// Agent 0 is an episode ahead: its second return, 8, waits for agent 1's.
+    /// Agent 0 is one episode ahead: its second return, 8, counts only after the second episode of
+    /// agent 1.
     #[test]
     fn a_team_return_waits_for_every_agent() {
         let mut measures = Measures::new(&spec(2), 2);
@@ -304,9 +306,9 @@ mod tests {
         assert_eq!(add_round(&[episode(1, 0, &[0.0])]), (2, Some(4.0)));
     }
 
-    /// Agent 0 saw (0, 0), agent 1 saw (1, 1): one cell each of 400, two together.
+    /// Agent 0 visits (0, 0) and agent 1 visits (1, 1): one of 400 cells each, two cells together.
     #[test]
-    fn team_coverage_is_the_union() {
+    fn team_coverage_counts_cells_that_any_agent_visited() {
         let mut measures = Measures::new(&spec(2), 2);
         let episodes = [episode(0, 0, &[1.0, 1.0]), episode(1, 0, &[1.0])];
         let rows = measures.add_round(

@@ -2,22 +2,23 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::diversity::{Diversity, distribution_entropy, entropy, mix};
+use super::diversity::{Diversity, add_to_mixture, distribution_entropy, entropy};
 use seedbed_env::{Quantity, Spec};
 
-/// Number of cells along one axis.
-const CELLS: usize = 20;
+/// Number of cells of a grid along one observation.
+const CELLS_PER_AXIS: usize = 20;
 
-/// Tasks with more observations than this have one cell per observation instead of grids.
-const MAX_AXES: usize = 30;
+/// Maximum number of observations for which grids over pairs are used. Tasks with more observations
+/// have one cell per observation instead.
+const MAX_GRID_OBSERVATIONS: usize = 30;
 
 /// How often each cell of the state space was visited.
 ///
 /// For each pair of observations, a fixed grid of 20 × 20 cells spans their display ranges; values
-/// beyond a range count in its outermost cell. All measures are averaged over pairs, so they mean the same
-/// in any dimension. A single observation has a grid of 20 cells. Tasks with more than 30 observations,
-/// such as a one-hot vector, have one cell per observation instead: a state counts in the cell of
-/// its largest observation.
+/// beyond a range count in its outermost cell. All measures are averaged over pairs, so they mean
+/// the same in any dimension. A single observation has a grid of 20 cells. Tasks with more than 30
+/// observations, such as a one-hot vector, have one cell per observation instead: a state counts in
+/// the cell of its largest observation.
 ///
 /// Counts take four bytes per cell and agent: 9.6 kB per agent for four observations, 218 kB for
 /// seventeen. A count saturates at 2³² − 1.
@@ -35,16 +36,16 @@ impl Visitation {
     /// Counts of zero for the observations of a task.
     #[must_use]
     pub fn new(spec: &Spec) -> Self {
-        Self::of(&spec.observations)
+        Self::for_observations(&spec.observations)
     }
 
     /// Counts of zero for the given observations.
     #[must_use]
-    pub fn of(observations: &[Quantity]) -> Self {
+    pub fn for_observations(observations: &[Quantity]) -> Self {
         let axes = observations.len();
         let (grids, cells_per_grid) = match axes {
-            1 => (1, CELLS),
-            2..=MAX_AXES => (axes * (axes - 1) / 2, CELLS * CELLS),
+            1 => (1, CELLS_PER_AXIS),
+            2..=MAX_GRID_OBSERVATIONS => (axes * (axes - 1) / 2, CELLS_PER_AXIS * CELLS_PER_AXIS),
             _ => (1, axes),
         };
         Self {
@@ -62,7 +63,7 @@ impl Visitation {
     /// Counts N visited states, given the observations that they consist of.
     /// `states: [N × quantities]`
     pub fn visit_states(&mut self, quantities: &[Quantity], states: &[f32]) {
-        if quantities.len() > MAX_AXES {
+        if quantities.len() > MAX_GRID_OBSERVATIONS {
             return states
                 .chunks_exact(quantities.len())
                 .for_each(|row| self.count_largest(row));
@@ -71,33 +72,36 @@ impl Visitation {
         for row in states.chunks_exact(bins.len()) {
             for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(quantities) {
                 let [low, high] = quantity.range;
-                *bin = ((value - low) / (high - low) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0)
-                    as usize;
+                *bin = ((value - low) / (high - low) * CELLS_PER_AXIS as f32)
+                    .clamp(0.0, CELLS_PER_AXIS as f32 - 1.0) as usize;
             }
             self.count_in_grids(&bins);
         }
     }
 
-    /// Skips states whose observations are all 0: tabular tasks have them after the end of an episode.
+    /// Counts a state in the cell of its largest observation. Skips states whose observations are
+    /// all 0, which tabular tasks have after the end of an episode.
     fn count_largest(&mut self, observations: &[f32]) {
         let largest = observations
             .iter()
             .enumerate()
             .max_by(|one, other| one.1.total_cmp(other.1).then(other.0.cmp(&one.0)));
-        if let Some((feature, _)) = largest.filter(|(_, value)| **value != 0.0) {
-            self.count(feature);
+        if let Some((cell, _)) = largest.filter(|(_, value)| **value != 0.0) {
+            self.count(cell);
         }
     }
 
+    /// Counts a state whose observation i is in bin `bins[i]` in the grid of each pair of
+    /// observations.
     fn count_in_grids(&mut self, bins: &[usize]) {
         if let [bin] = bins {
             self.count(*bin);
         }
-        let mut grid = 0;
+        let mut grid_start = 0;
         for (index, first) in bins.iter().enumerate() {
             for second in &bins[index + 1..] {
-                self.count(grid + first * CELLS + second);
-                grid += CELLS * CELLS;
+                self.count(grid_start + first * CELLS_PER_AXIS + second);
+                grid_start += CELLS_PER_AXIS * CELLS_PER_AXIS;
             }
         }
     }
@@ -113,13 +117,15 @@ impl Visitation {
         self.visited as f64 / self.counts.len() as f64
     }
 
-    /// Entropy of the visited states, averaged over grids, in nats, from 0 to [`max_entropy`](Self::max_entropy).
+    /// Entropy of the visited states, averaged over grids, in nats, from 0 to
+    /// [`max_entropy`](Self::max_entropy).
     #[must_use]
     pub fn entropy(&self) -> f64 {
         self.grids().map(entropy).sum::<f64>() / self.grids().len() as f64
     }
 
-    /// The entropy if all cells were visited equally often: ln 400, or ln 20 for a single observation.
+    /// The entropy if all cells were visited equally often: ln 400, or ln 20 for a single
+    /// observation.
     #[must_use]
     pub fn max_entropy(&self) -> f64 {
         (self.cells_per_grid as f64).ln()
@@ -130,7 +136,8 @@ impl Visitation {
     }
 }
 
-/// The share of cells that at least one agent has visited, from 0 to 1. `agents: [K]`, at least one.
+/// The share of cells that at least one agent has visited, from 0 to 1. `agents: [K]`, at least
+/// one.
 #[must_use]
 pub fn team_coverage(agents: &[Visitation]) -> f64 {
     let visited = |cell: &usize| agents.iter().any(|agent| agent.counts[*cell] > 0);
@@ -138,8 +145,8 @@ pub fn team_coverage(agents: &[Visitation]) -> f64 {
     (0..cells).filter(visited).count() as f64 / cells as f64
 }
 
-/// How different the visited states of the agents are; agents without visits do not count, the
-/// others have equal weights. `agents: [K]`; `entropies: [K]`
+/// How different the visited states of the agents are. Agents without visits are ignored, all other
+/// agents have equal weights. `agents: [K]`; `entropies: [K]`
 ///
 /// Takes O(K · cells): it is the divergence of the agents from their mixture, not of each pair.
 #[must_use]
@@ -152,26 +159,29 @@ pub fn diversity(agents: &[Visitation], entropies: &[f64]) -> Diversity {
     };
     let count = with_visits().count();
     if count < 2 {
-        return Diversity::of(0.0, count);
+        return Diversity::from_divergence(0.0, count);
     }
     let share = 1.0 / count as f64;
     let grids = agents[0].grids().len();
     let mut mixture = vec![0.0; agents[0].cells_per_grid];
-    let mut mixed = 0.0;
+    let mut mixture_entropies = 0.0;
     for grid in 0..grids {
         let cells = grid * mixture.len()..(grid + 1) * mixture.len();
         mixture.fill(0.0);
-        with_visits().for_each(|(agent, _)| mix(&agent.counts[cells.clone()], share, &mut mixture));
-        mixed += distribution_entropy(&mixture);
+        with_visits().for_each(|(agent, _)| {
+            add_to_mixture(&agent.counts[cells.clone()], share, &mut mixture);
+        });
+        mixture_entropies += distribution_entropy(&mixture);
     }
-    Diversity::of(
-        mixed / grids as f64 - share * with_visits().map(|(_, entropy)| entropy).sum::<f64>(),
+    Diversity::from_divergence(
+        mixture_entropies / grids as f64
+            - share * with_visits().map(|(_, entropy)| entropy).sum::<f64>(),
         count,
     )
 }
 
-/// The format of counts in checkpoints: the number of cells, then for each visited cell the number of
-/// unvisited cells before it and its count.
+/// The format of counts in checkpoints: the number of cells, then two numbers for each visited
+/// cell, the number of unvisited cells since the previous visited cell and the count of the cell.
 mod sparse {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -228,7 +238,7 @@ mod tests {
     }
 
     /// Three axes make three grids of 400 cells; the states (0.5, 1.5, 2.5) and (0.5, 1.5, 19.5)
-    /// share a cell in the first.
+    /// share a cell in the first grid.
     #[test]
     fn coverage_counts_cells_of_pairs() {
         let mut visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
@@ -236,7 +246,7 @@ mod tests {
         visitation.visit(&spec(3), &[0.5, 1.5, 99.0]);
         assert!(
             (visitation.coverage() - 5.0 / 1200.0).abs() < 1e-12,
-            "beyond the range counts in the outermost cell"
+            "a value beyond the range counts in the outermost cell"
         );
     }
 
@@ -247,8 +257,8 @@ mod tests {
         assert_eq!(visitation.max_entropy(), 20_f64.ln());
     }
 
-    /// The same states: in the first grid both are in one cell, 0 nats; in the two others in two
-    /// cells, ln 2 each.
+    /// The states (0.5, 1.5, 2.5) and (0.5, 1.5, 19.5) share a cell in the first grid (entropy 0),
+    /// and are in different cells in the two other grids (entropy ln 2 each).
     #[test]
     fn entropy_is_averaged_over_pairs() {
         let visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
@@ -260,14 +270,15 @@ mod tests {
         assert!((visitation.entropy() - visitation.max_entropy()).abs() < 1e-12);
     }
 
-    /// Of 40 features the states have 3, 3 and 7 largest; a row of zeros does not count.
+    /// Three states count in the cells of their largest observations, 3, 3 and 7 of 40; a state of
+    /// zeros is not counted.
     #[test]
     fn more_than_thirty_observations_have_one_cell_each() {
         let mut rows = vec![0.0; 4 * 40];
         (rows[3], rows[40 + 3], rows[80 + 7]) = (1.0, 1.0, 1.0);
         let visitation = visited(40, &rows);
         assert!((visitation.coverage() - 2.0 / 40.0).abs() < 1e-12);
-        // Visits ⅔ and ⅓: ln 3 − ⅔ ln 2.
+        // Frequencies ⅔ and ⅓: entropy ln 3 − ⅔ ln 2.
         assert!(
             (visitation.entropy() - (3_f64.ln() - 2.0 / 3.0 * std::f64::consts::LN_2)).abs()
                 < 1e-12
@@ -282,8 +293,9 @@ mod tests {
         )
     }
 
-    /// Agents at (0, 0, 0) and (0, 0, 9) are in one cell of the first of three grids and apart in
-    /// two: JS = ⅔ ln 2. A third that has not moved yet does not count.
+    /// Agents at (0, 0, 0) and (0, 0, 9) share a cell in the first of three grids, and are in
+    /// different cells in the two other grids: JS = ⅔ ln 2. An agent without visits does not change
+    /// it.
     #[test]
     fn diversity_is_averaged_over_pairs() {
         let mut agents = vec![visited(3, &[0.0; 3]), visited(3, &[0.0, 0.0, 9.0])];
@@ -323,8 +335,8 @@ mod tests {
             postcard::from_bytes::<Visitation>(&bytes).unwrap(),
             visitation
         );
-        let beyond =
+        let cell_beyond_grid =
             postcard::to_stdvec(&((3_u64, vec![(7_u64, 1_u32)]), 3_usize, 1_usize)).unwrap();
-        assert!(postcard::from_bytes::<Visitation>(&beyond).is_err());
+        assert!(postcard::from_bytes::<Visitation>(&cell_beyond_grid).is_err());
     }
 }

@@ -2,8 +2,8 @@
 //! exist.
 //!
 //! [`LoadedRun::open`] finds them, [`recording_stats`] computes statistics of all recorded states,
-//! [`selection`] selects states of some agents and episodes for a figure. Nothing is trained or drawn
-//! here.
+//! [`selection`] selects states of some agents and episodes for a figure. Nothing is trained or
+//! drawn here.
 
 pub mod recording_stats;
 pub mod selection;
@@ -70,12 +70,12 @@ impl LoadedRun {
             recording_in(&folder)
         };
         let recording = recording.map(|path| Recording::open(&path)).transpose()?;
-        let [episodes, rounds] = folder.tables();
+        let [episodes, rounds] = folder.table_files();
         if !episodes.is_file() && recording.is_none() {
             return Err(LoadRunError::NoRun(path.to_owned()));
         }
         let has_tables = episodes.is_file() && rounds.is_file();
-        let summary = fs::read_to_string(folder.summary())
+        let summary = fs::read_to_string(folder.summary_file())
             .ok()
             .filter(|_| has_tables);
         Ok(Self {
@@ -102,12 +102,12 @@ impl LoadedRun {
         if let Some(summary) = &self.summary {
             return format!("{}, run seed {}", summary.scenario, summary.seed);
         }
-        let recorded = self
+        let recorded_name = self
             .recording
             .as_ref()
             .and_then(|recording| recording.properties().get("RecordingInfo:name"));
-        let named = recorded.map(|name| name.replacen("-seed-", ", run seed ", 1));
-        named.unwrap_or_else(|| {
+        let name = recorded_name.map(|name| name.replacen("-seed-", ", run seed ", 1));
+        name.unwrap_or_else(|| {
             self.path
                 .file_name()
                 .unwrap_or(self.path.as_os_str())
@@ -118,7 +118,7 @@ impl LoadedRun {
 
     /// Number of agents K, from the tables or else from the properties of the recording.
     #[must_use]
-    pub fn agents(&self) -> usize {
+    pub fn agent_count(&self) -> usize {
         let from_tables = self.episodes.iter().map(|row| row.agent as usize + 1).max();
         let from_recording = || {
             self.recording
@@ -148,9 +148,9 @@ impl LoadedRun {
             }
             sums[index] = (sums[index].0 + row.r#return, sums[index].1 + 1);
         }
-        let agents = self.agents();
+        let agent_count = self.agent_count();
         sums.into_iter()
-            .take_while(|(_, count)| *count == agents)
+            .take_while(|(_, count)| *count == agent_count)
             .map(|(sum, count)| sum / count as f64)
             .collect()
     }
@@ -165,7 +165,7 @@ pub fn final_mean(values: &[f64]) -> Option<f64> {
 
 /// The recording in a run directory, complete or not.
 fn recording_in(folder: &RunFolder) -> Option<PathBuf> {
-    let complete = folder.recording();
+    let complete = folder.recording_file();
     let part = complete.with_added_extension("part");
     [complete, part].into_iter().find(|path| path.is_file())
 }

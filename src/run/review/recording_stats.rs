@@ -19,7 +19,7 @@ pub struct RecordingStats {
     /// Distribution of each observation's values: `[observations]`.
     pub distributions: Vec<ValueDistribution>,
     /// Distribution of intrinsic rewards; `None` without a bonus.
-    pub bonus: Option<ValueDistribution>,
+    pub intrinsic_rewards: Option<ValueDistribution>,
 }
 
 /// Distribution of the values of one quantity.
@@ -36,7 +36,8 @@ pub struct ValueDistribution {
     /// Number of values outside the range.
     pub outside: u64,
     sum: f64,
-    /// Counts over equal bins of the range; values outside are in the first or last bin.
+    /// Number of values in each of `BINS` equal bins of the range; values outside the range count
+    /// in the first or last bin.
     histogram: Vec<u64>,
 }
 
@@ -53,7 +54,7 @@ impl RecordingStats {
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Self, ReadError> {
         let observations = recording.observations();
-        let bonus = recording.bonus().max().map(|largest| Quantity {
+        let intrinsic_reward = recording.bonus().max().map(|largest| Quantity {
             name: "intrinsic reward".to_owned(),
             unit: String::new(),
             range: [0.0, if largest > 0.0 { largest } else { 1.0 }],
@@ -62,7 +63,7 @@ impl RecordingStats {
             episodes: Vec::new(),
             visitation: Vec::new(),
             distributions: observations.iter().map(ValueDistribution::new).collect(),
-            bonus: bonus.as_ref().map(ValueDistribution::new),
+            intrinsic_rewards: intrinsic_reward.as_ref().map(ValueDistribution::new),
         };
         for episode in recording.episodes()? {
             let episode = episode?;
@@ -77,7 +78,7 @@ impl RecordingStats {
         let agent = episode.agent as usize;
         if self.visitation.len() <= agent {
             self.visitation
-                .resize(agent + 1, Visitation::of(observations));
+                .resize(agent + 1, Visitation::for_observations(observations));
         }
         self.visitation[agent].visit_states(observations, &episode.observations);
         for state in episode.states() {
@@ -86,11 +87,11 @@ impl RecordingStats {
                 .zip(state)
                 .for_each(|(distribution, &value)| distribution.add(value));
         }
-        if let Some(bonus) = &mut self.bonus {
+        if let Some(distribution) = &mut self.intrinsic_rewards {
             episode
                 .intrinsic_rewards
                 .iter()
-                .for_each(|&value| bonus.add(value));
+                .for_each(|&value| distribution.add(value));
         }
         self.episodes.push(EpisodeRow {
             agent: episode.agent,
@@ -101,15 +102,16 @@ impl RecordingStats {
             length: episode.length() as u32,
             outcome: episode.outcome,
             coverage: self.visitation[agent].coverage(),
-            // Known only at the end of a round, and a recording is not read round by round.
+            // These measures are known only at the end of a round, and a recording is not read
+            // round by round.
             visitation_entropy: f64::NAN,
             team_overlap: f64::NAN,
             effective_agents: f64::NAN,
         });
     }
 
-    /// Sorts episodes as the tables do. A recording stores the episodes of each agent in order; the
-    /// tables store those of all agents round by round.
+    /// Sorts the rows of episodes as in `episodes.csv`, and sets their `env_steps`. A recording
+    /// stores the episodes agent by agent; the table stores them round by round.
     fn sort_episodes(&mut self) {
         self.episodes
             .sort_by_key(|row| (row.round, row.agent, row.episode));
@@ -132,9 +134,9 @@ impl RecordingStats {
         let mut overlaps = vec![1.0; agents.len() * agents.len()];
         for one in 0..agents.len() {
             for other in one + 1..agents.len() {
-                let shared = overlap(one, other);
-                overlaps[one * agents.len() + other] = shared;
-                overlaps[other * agents.len() + one] = shared;
+                let overlap = overlap(one, other);
+                overlaps[one * agents.len() + other] = overlap;
+                overlaps[other * agents.len() + one] = overlap;
             }
         }
         overlaps
@@ -149,8 +151,8 @@ impl RecordingStats {
 }
 
 impl LoadedRun {
-    /// Computes the statistics of the recording, if there is one. Without tables, the rows of
-    /// episodes are taken from them. Calls `on_episode` for each episode.
+    /// Computes the statistics of the recording, if there is one. If the run has no tables, sets
+    /// `self.episodes` to the rows of these statistics. Calls `on_episode` for each episode.
     ///
     /// # Errors
     /// The recording cannot be read.
@@ -218,7 +220,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_counted() {
+    fn min_max_mean_and_median_are_those_of_the_values() {
         let mut distribution = ValueDistribution::new(&Quantity {
             name: "x".to_owned(),
             unit: String::new(),

@@ -1,5 +1,5 @@
-//! Selects the recorded states of some agents and episodes: all of them as a density, and an evenly
-//! spaced sample to be drawn one by one.
+//! Selects the recorded states of some agents and episodes: all selected states as a density, and
+//! an evenly spaced sample of them to be drawn one by one.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -17,7 +17,7 @@ pub struct StateSelection {
     /// Range of each agent's episodes.
     pub episodes: Range<u32>,
     /// Maximum number of states per agent in the sample.
-    pub sample: usize,
+    pub sample_size: usize,
     /// Indices of the axes to project on, from left to right.
     pub axes: Vec<usize>,
     /// Indices of the pairs of axes over which visits are counted.
@@ -48,8 +48,8 @@ pub struct SelectedStates {
 pub struct SelectedState {
     /// Position on every axis, from 0 to 1: `[all axes]`.
     pub fractions: Vec<f32>,
-    /// Position on the selected axes: `[axes]`.
-    pub crossed: Vec<f32>,
+    /// Position on the selected axes, from 0 to 1: `[selected axes]`.
+    pub selected_fractions: Vec<f32>,
     /// Number of the agent's episode.
     pub episode: u32,
     /// Return of that episode.
@@ -57,13 +57,13 @@ pub struct SelectedState {
     /// How that episode ended.
     pub outcome: Status,
     /// Intrinsic reward of the action taken in this state.
-    pub bonus: f32,
+    pub intrinsic_reward: f32,
 }
 
 impl StateSelection {
     fn includes(&self, episode: &RecordedEpisode) -> bool {
-        let has_agent = self.agents.is_empty() || self.agents.contains(&episode.agent);
-        has_agent && self.episodes.contains(&episode.episode)
+        let includes_agent = self.agents.is_empty() || self.agents.contains(&episode.agent);
+        includes_agent && self.episodes.contains(&episode.episode)
     }
 
     /// Reads the selected states of a recording, ordered by agent; calls `on_episode` for each
@@ -78,13 +78,13 @@ impl StateSelection {
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Vec<SelectedStates>, ReadError> {
         let axes = recording.axes();
-        let chosen = axes.subset(&self.axes);
+        let selected_axes = axes.subset(&self.axes);
         let mut selected: BTreeMap<u32, SelectedStates> = BTreeMap::new();
-        self.for_each(recording, |episode| {
+        self.for_each_selected_episode(recording, |episode| {
             let empty = || SelectedStates {
                 agent: episode.agent,
                 count: 0,
-                density: Density::new(&chosen),
+                density: Density::new(&selected_axes),
                 grids: vec![0; self.pairs.len() * GRID_CELLS * GRID_CELLS],
                 sample: Vec::new(),
             };
@@ -92,7 +92,7 @@ impl StateSelection {
                 episode.length() as u64 + 1;
         })?;
         let mut states_before: BTreeMap<u32, u64> = BTreeMap::new();
-        self.for_each(recording, |episode| {
+        self.for_each_selected_episode(recording, |episode| {
             let Some(states) = selected.get_mut(&episode.agent) else {
                 return;
             };
@@ -104,7 +104,7 @@ impl StateSelection {
         Ok(selected.into_values().collect())
     }
 
-    fn for_each(
+    fn for_each_selected_episode(
         &self,
         recording: &Recording,
         mut action: impl FnMut(&RecordedEpisode),
@@ -129,29 +129,29 @@ impl SelectedStates {
         states_before: u64,
     ) {
         let r#return = episode.total_reward();
-        let (mut fractions, mut crossed) = (Vec::new(), Vec::new());
+        let (mut fractions, mut selected_fractions) = (Vec::new(), Vec::new());
         for (step, observation) in episode.states().enumerate() {
-            let bonus = episode.bonus(step);
+            let intrinsic_reward = episode.bonus(step);
             axes.project(
-                &VisitedState::state(step, observation, bonus),
+                &VisitedState::without_action(step, observation, intrinsic_reward),
                 &mut fractions,
             );
-            crossed.clear();
-            crossed.extend(selection.axes.iter().map(|&axis| fractions[axis]));
-            self.density.add(&crossed);
+            selected_fractions.clear();
+            selected_fractions.extend(selection.axes.iter().map(|&axis| fractions[axis]));
+            self.density.add(&selected_fractions);
             self.count_pairs(&fractions, &selection.pairs);
             if is_sampled(
                 states_before + step as u64,
                 self.count,
-                selection.sample as u64,
+                selection.sample_size as u64,
             ) {
                 self.sample.push(SelectedState {
                     fractions: fractions.clone(),
-                    crossed: crossed.clone(),
+                    selected_fractions: selected_fractions.clone(),
                     episode: episode.episode,
                     r#return,
                     outcome: episode.outcome,
-                    bonus,
+                    intrinsic_reward,
                 });
             }
         }
@@ -170,10 +170,11 @@ impl SelectedStates {
     }
 }
 
-/// Whether state `index` of `count` belongs to an evenly spaced sample of `sample` states.
+/// Whether the state `index` of `count` states belongs to an evenly spaced sample of `sample_size`
+/// states.
 #[must_use]
-pub fn is_sampled(index: u64, count: u64, sample: u64) -> bool {
-    count <= sample || (index + 1) * sample / count > index * sample / count
+pub fn is_sampled(index: u64, count: u64, sample_size: u64) -> bool {
+    count <= sample_size || (index + 1) * sample_size / count > index * sample_size / count
 }
 
 #[cfg(test)]
@@ -181,16 +182,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_sample_has_the_requested_size() {
-        for (count, sample) in [(10, 3), (1000, 999), (7, 7), (5, 9), (123_457, 1000)] {
+    fn the_sample_has_the_requested_size_and_is_evenly_spaced() {
+        for (count, sample_size) in [(10, 3), (1000, 999), (7, 7), (5, 9), (123_457, 1000)] {
             let sampled: Vec<u64> = (0..count)
-                .filter(|&index| is_sampled(index, count, sample))
+                .filter(|&index| is_sampled(index, count, sample_size))
                 .collect();
-            assert_eq!(sampled.len() as u64, sample.min(count));
+            assert_eq!(sampled.len() as u64, sample_size.min(count));
             let gaps = sampled.windows(2).map(|pair| pair[1] - pair[0]);
             assert!(
-                gaps.max() <= Some(count.div_ceil(sample)),
-                "{count} {sample}"
+                gaps.max() <= Some(count.div_ceil(sample_size)),
+                "{count} {sample_size}"
             );
         }
     }

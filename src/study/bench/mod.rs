@@ -28,19 +28,19 @@ pub struct Bench {
     pub task_definition: String,
     /// Number of agents K.
     pub agents: u32,
-    /// Max number of episodes per agent.
+    /// Maximum number of episodes per agent.
     pub max_episodes: u32,
-    /// One per run seed.
+    /// Results of each run, in the order of run seeds.
     pub outcomes: Vec<Outcome>,
 }
 
-/// What a benchmark keeps of a run.
+/// Results of one run that a benchmark uses.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// Whether the task was solved.
     pub solved: bool,
-    /// When the task was solved, or the end of the run.
-    pub until: Milestone,
+    /// When the task was solved or, if it was not solved, when the run ended.
+    pub solved_or_ended_at: Milestone,
     /// First episode of each agent, counted from 1, in which it reached the goal by itself: `[K]`.
     pub first_goals: Vec<Option<u32>>,
     /// Share of the state space that the team visited.
@@ -51,13 +51,13 @@ pub struct Outcome {
     pub share_of_episodes_without_regret: f64,
     /// Environment steps of the team in the whole run.
     pub env_steps: u64,
-    /// Duration of the run.
+    /// Duration of the run, in seconds.
     pub seconds: f64,
 }
 
 /// What a benchmark of one kind of experiment prints.
 pub trait BenchReport: Debug + Sync {
-    /// What is compared, e.g. `regret`.
+    /// Name of the measure that is compared, e.g. `regret`.
     fn measure(&self) -> &'static str;
 
     /// Lines above the table of results; `seeds` is e.g. `10 run seeds from 0`.
@@ -66,20 +66,22 @@ pub trait BenchReport: Debug + Sync {
     /// Columns of the table of results, which has one row per scenario.
     fn columns(&self) -> &'static [Column];
 
-    /// Cells of a row of that table.
+    /// Cells of a row of the table of results.
     fn table_row(&self, bench: &Bench) -> Vec<String>;
 
-    /// How many agents reached the goal by themselves, if that is known: for whole runs.
+    /// Table of the agents that reached the goal by themselves, for runs that do not stop when the
+    /// task is solved; `None` if their number is unknown.
     fn exploration(&self, _benches: &[Bench]) -> Option<BenchTable> {
         None
     }
 
-    /// Comparison of the other scenarios with the first; `None` if none can be compared.
+    /// Comparison of the other scenarios with the first scenario; `None` if no scenario can be
+    /// compared with it.
     fn comparison(&self, benches: &[Bench]) -> Option<BenchTable>;
 }
 
-/// Title and width of a column, in characters. The first column of each table, with the scenario's
-/// name, is left out.
+/// Title of a column, and its width in characters. The first column of each table, with the name of
+/// the scenario, is not listed.
 pub type Column = (&'static str, usize);
 
 /// A table with the lines above and below it.
@@ -100,7 +102,7 @@ impl Bench {
     /// run. With `whole`, runs do not stop when the task is solved.
     ///
     /// # Errors
-    /// If the task cannot be built, or if numbers are no longer finite.
+    /// If the task cannot be built, or if a number is not finite.
     pub fn run(
         experiment: &dyn Experiment,
         run_seeds: Range<u64>,
@@ -155,7 +157,7 @@ impl Outcome {
         };
         Self {
             solved: run.solved.is_some(),
-            until: run.solved.unwrap_or(end),
+            solved_or_ended_at: run.solved.unwrap_or(end),
             first_goals: run.first_goals(),
             coverage: run.team_coverage(),
             regret: Measure::Regret.of(run).unwrap_or(f64::NAN),

@@ -57,7 +57,8 @@ impl BenchReport for RegretReport {
         ]
     }
 
-    /// Compares scenarios with the same task as the first: equal run seeds draw equal tasks.
+    /// Compares the first scenario with all scenarios that have the same task. Their runs can be
+    /// paired, because equal run seeds draw equal tasks.
     fn comparison(&self, benches: &[Bench]) -> Option<BenchTable> {
         let (first, others) = benches.split_first()?;
         let mut others: Vec<&Bench> = others.iter().collect();
@@ -90,17 +91,21 @@ fn regrets(bench: &Bench) -> Vec<f64> {
 }
 
 fn comparison_rows(first: &Bench, others: &[&Bench]) -> Vec<(String, Vec<String>)> {
-    let mut paired: Vec<Vec<f64>> = Vec::with_capacity(others.len());
+    let mut differences_of_others: Vec<Vec<f64>> = Vec::with_capacity(others.len());
     for other in others {
-        paired.push(differences(&regrets(other), &regrets(first)));
+        differences_of_others.push(differences(&regrets(other), &regrets(first)));
     }
-    let p_values: Vec<f64> = paired
+    let p_values: Vec<f64> = differences_of_others
         .iter()
-        .map(|pairs| signed_rank_test(pairs).p)
+        .map(|differences| signed_rank_test(differences).p)
         .collect();
     let mut rows = Vec::with_capacity(others.len());
-    for ((other, pairs), p) in others.iter().zip(&paired).zip(holm_correction(&p_values)) {
-        let difference = bootstrap_sample(pairs, mean);
+    for ((other, differences), p) in others
+        .iter()
+        .zip(&differences_of_others)
+        .zip(holm_correction(&p_values))
+    {
+        let difference = bootstrap_sample(differences, mean);
         let cells = vec![
             format_regret(difference.value),
             format_interval(difference.interval, format_regret),

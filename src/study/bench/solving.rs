@@ -7,8 +7,8 @@ use seedbed_stats::aggregate::median;
 use seedbed_stats::hypothesis::holm_correction;
 use seedbed_stats::survival::kaplan_meier;
 
-/// Compares scenarios by the episodes until their task is solved. Unsolved runs are censored: they
-/// would take longer than the episodes that they were given.
+/// Compares scenarios by the number of episodes until their task is solved. Unsolved runs are
+/// censored: they would need more episodes than their maximum.
 #[derive(Clone, Copy, Debug)]
 pub struct SolvingReport;
 
@@ -61,12 +61,12 @@ impl BenchReport for SolvingReport {
         let outcomes = &bench.outcomes;
         let curve = kaplan_meier(&times_to_event(&scores(outcomes, episodes)));
         let env_steps = kaplan_meier(&times_to_event(&scores(outcomes, |outcome| {
-            outcome.until.env_steps
+            outcome.solved_or_ended_at.env_steps
         })));
         let solved: Vec<f64> = outcomes
             .iter()
             .filter(|outcome| outcome.solved)
-            .map(|outcome| f64::from(outcome.until.episodes))
+            .map(|outcome| f64::from(outcome.solved_or_ended_at.episodes))
             .collect();
         let all_solved = solved.len() == outcomes.len();
         let slowest = if all_solved { 0.0 } else { f64::INFINITY };
@@ -135,25 +135,25 @@ impl BenchReport for SolvingReport {
 }
 
 fn episodes(outcome: &Outcome) -> u64 {
-    outcome.until.episodes.into()
+    outcome.solved_or_ended_at.episodes.into()
 }
 
 /// Times of runs, in the order of their run seeds.
 fn scores(outcomes: &[Outcome], time: impl Fn(&Outcome) -> u64) -> Vec<RunScore> {
     (0..)
         .zip(outcomes)
-        .map(|(seed, outcome)| score(outcome, seed, time(outcome) as f64))
+        .map(|(run_seed, outcome)| score(outcome, run_seed, time(outcome) as f64))
         .collect()
 }
 
-fn score(outcome: &Outcome, seed: u64, time: f64) -> RunScore {
+fn score(outcome: &Outcome, run_seed: u64, time: f64) -> RunScore {
     let (value, observed_until) = if outcome.solved {
         (time, f64::INFINITY)
     } else {
         (f64::INFINITY, time)
     };
     RunScore {
-        seed,
+        run_seed,
         value,
         observed_until,
     }
@@ -167,7 +167,8 @@ fn format_episodes(episodes: f64, bench: &Bench) -> String {
     }
 }
 
-/// Agents that never reached the threshold count as slower than all that did.
+/// Cells of a row of the table of exploration. Agents that never reached the threshold count as
+/// slower than all agents that reached it.
 fn exploration_cells(bench: &Bench) -> Vec<String> {
     let (mut reached, mut first_goals, mut coverage) = (0, Vec::new(), 0.0);
     for outcome in &bench.outcomes {
@@ -193,7 +194,7 @@ fn exploration_cells(bench: &Bench) -> Vec<String> {
 fn comparison_rows(first: &Bench, others: &[Bench]) -> Vec<(String, Vec<String>)> {
     let mut comparisons = Vec::with_capacity(others.len());
     for other in others {
-        comparisons.push(comparison(&other.outcomes, &first.outcomes));
+        comparisons.push(compare_outcomes(&other.outcomes, &first.outcomes));
     }
     let p_values: Vec<f64> = comparisons.iter().map(|comparison| comparison.p).collect();
     let mut rows = Vec::with_capacity(others.len());
@@ -207,8 +208,8 @@ fn comparison_rows(first: &Bench, others: &[Bench]) -> Vec<(String, Vec<String>)
     rows
 }
 
-/// Compares the runs of one scenario with those of another.
-fn comparison(outcomes: &[Outcome], reference: &[Outcome]) -> Comparison {
+/// Compares the runs of one scenario with the runs of another scenario, paired by run seed.
+fn compare_outcomes(outcomes: &[Outcome], reference: &[Outcome]) -> Comparison {
     compare(
         &scores(outcomes, episodes),
         &scores(reference, episodes),
@@ -244,15 +245,15 @@ mod tests {
     use super::*;
     use crate::study::run_result::Milestone;
 
-    /// Outcomes from numbers of episodes; `+` marks an unsolved run. Each run took one second and 10
-    /// environment steps per episode.
+    /// Outcomes from numbers of episodes; `+` marks an unsolved run. Each run took one second and
+    /// 10 environment steps per episode.
     fn outcomes(words: &str) -> Vec<Outcome> {
         let outcome = |word: &str| {
             let episodes: u32 = word.trim_end_matches('+').parse().unwrap();
             let (solved, env_steps) = (!word.ends_with('+'), 10 * u64::from(episodes));
             Outcome {
                 solved,
-                until: Milestone {
+                solved_or_ended_at: Milestone {
                     episodes,
                     env_steps,
                 },
@@ -292,8 +293,9 @@ mod tests {
         );
     }
 
-    /// Two agents per run; the first reached the threshold after a tenth of the episodes if its run
-    /// was solved: 3, 4, 5 and three never.
+    /// Each run has two agents. The first agent reached the threshold after a tenth of the episodes
+    /// if its run was solved; the second agent never did. In the first bench, the episodes are 3, 4
+    /// and 5, and three agents never reached the threshold, so the median is not reached.
     #[test]
     fn agents_that_never_reached_the_threshold_come_last() {
         assert_eq!(
@@ -318,11 +320,12 @@ mod tests {
         );
     }
 
-    /// Four of five pairs are faster by an unknown amount. Nothing is known of the fifth, which may
-    /// be drawn several times in a bootstrap sample.
+    /// In four of five pairs, the first run is faster by an unknown number of episodes. The
+    /// difference in the fifth pair is unknown; this pair can be several times in a bootstrap
+    /// sample.
     #[test]
     fn comparisons_are_formatted() {
-        let faster = comparison(
+        let faster = compare_outcomes(
             &outcomes("30 30 30 30 80"),
             &outcomes("50+ 50+ 50+ 50+ 50+"),
         );
@@ -330,7 +333,7 @@ mod tests {
             comparison_cells(&faster, faster.p)[..3],
             ["-∞", "-∞ to ∞", "0.90"]
         );
-        let unknown = comparison(
+        let unknown = compare_outcomes(
             &outcomes("80 80 80 80 80"),
             &outcomes("50+ 50+ 50+ 50+ 50+"),
         );

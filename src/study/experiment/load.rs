@@ -1,4 +1,4 @@
-//! Loads the experiment of a scenario file, of either kind.
+//! Loads the experiment of a scenario file: a training scenario or a tabular scenario.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -32,14 +32,14 @@ pub enum LoadStep {
 }
 
 impl LoadStep {
-    /// An error of this step.
+    /// The error that this step failed with.
     fn failed(self, error: InputError) -> LoadError {
         LoadError { step: self, error }
     }
 }
 
-/// Reads the scenario at `path`, replaces values, each as `path.to.field=value`, and checks the
-/// result together with its task.
+/// Reads the scenario at `path`, applies `overrides`, each of which has the form
+/// `path.to.field=value`, and checks the result together with its task.
 ///
 /// # Errors
 /// If the file, an override or the task's file is invalid.
@@ -48,18 +48,18 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
     let text = input::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
     let kind = input::file_kind(&origin, &text);
     if matches!(kind, Ok(FileKind::TabularScenario)) {
-        let document: Document<TabularScenario> = read(&origin, text, overrides)?;
+        let document: Document<TabularScenario> = parse_with_overrides(&origin, text, overrides)?;
         return Ok(Arc::new(TabularPlan::new(path, document.value)));
     }
     // Files of any other kind are refused with the errors of a `Scenario`.
-    let document: Document<Scenario> = read(&origin, text, overrides)?;
-    let plan = Plan::of(document, path);
+    let document: Document<Scenario> = parse_with_overrides(&origin, text, overrides)?;
+    let plan = Plan::from_document(document, path);
     Ok(Arc::new(
         plan.map_err(|error| LoadStep::Check.failed(error))?,
     ))
 }
 
-fn read<T: Resolve>(
+fn parse_with_overrides<T: Resolve>(
     origin: &str,
     text: String,
     overrides: &[String],

@@ -35,29 +35,32 @@ pub trait Experiment: Debug + Send + Sync {
     /// Number of agents K.
     fn agents(&self) -> u32;
 
-    /// Max number of episodes per agent.
+    /// Maximum number of episodes per agent.
     fn max_episodes(&self) -> u32;
 
-    /// Hash, 16 hexadecimal digits, of all that runs depend on besides their seeds: the resolved
-    /// scenario and the text of the task's file. Stored runs of studies are named by it.
+    /// Hash (16 hexadecimal digits) of everything on which runs depend, except their run seeds: the
+    /// resolved scenario and the text of the task's file. Names of result files contain it.
     fn digest(&self) -> String;
 
-    /// Work of learning per environment step, in units of the work of acting: a rough estimate.
+    /// Rough estimate of the work of learning per environment step, as a multiple of the work of
+    /// acting.
     fn learning_cost(&self) -> f64;
 
-    /// Why its runs do not have `measure`, and what to use instead; `None` if they have it.
-    fn lacks(&self, measure: Measure) -> Option<(&'static str, &'static str)>;
+    /// Why runs of this experiment do not have `measure`, and what to use instead; `None` if they
+    /// have it.
+    fn measure_obstacle(&self, measure: Measure) -> Option<(&'static str, &'static str)>;
 
-    /// Why its runs are not recorded; `None` if they are.
+    /// Why runs of this experiment cannot be recorded; `None` if they can.
     fn recording_obstacle(&self) -> Option<String> {
         None
     }
 
-    /// Runs once with this run seed, on one thread and without writing files. Of each of `windows`,
-    /// numbers of first episodes, a sample of the visited states is kept. `None` if interrupted.
+    /// Runs once with this run seed, on one thread and without writing files. For each number n in
+    /// `windows`, the result has a sample of the states visited in the first n episodes of each
+    /// agent. `None` if interrupted.
     ///
     /// # Errors
-    /// If the task cannot be built, or if numbers are no longer finite.
+    /// If the task cannot be built, or if a number is not finite.
     fn measure_once(
         &self,
         run_seed: u64,
@@ -66,11 +69,11 @@ pub trait Experiment: Debug + Send + Sync {
         interrupted: &AtomicBool,
     ) -> Result<Option<RunResult>, RunError>;
 
-    /// Runs once with the scenario's run seed and writes all results into a run directory, with a
-    /// recorder that `recording` makes beside the tables.
+    /// Runs once with the scenario's run seed, and writes all results into a run directory. If
+    /// `recording` is given, the recorder that it makes is used in addition to the tables.
     ///
     /// # Errors
-    /// If something cannot be read or written, or if numbers are no longer finite. Files that were
+    /// If something cannot be read or written, or if a number is not finite. Files that were
     /// written before remain readable.
     fn run_in_folder(
         &self,
@@ -80,7 +83,7 @@ pub trait Experiment: Debug + Send + Sync {
         interrupted: &AtomicBool,
     ) -> Result<RunEnding, RunError>;
 
-    /// What `seedbed bench` prints about its runs.
+    /// What `seedbed bench` prints about runs of this experiment.
     fn bench_report(&self) -> &'static dyn BenchReport;
 
     /// Rough estimate of the work of a run, in environment steps of a random agent: used to order
@@ -100,25 +103,26 @@ pub trait Experiment: Debug + Send + Sync {
     }
 }
 
-/// When a run in memory stops. Tabular runs always play all episodes.
+/// When a run of [`Experiment::measure_once`] stops. Tabular runs ignore it: they always play all
+/// episodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopRule {
-    /// When the scenario says so.
+    /// As the stopping rule of the scenario says.
     Scenario,
-    /// After the scenario's max number of episodes, solved or not.
+    /// After the scenario's maximum number of episodes, solved or not.
     MaxEpisodes,
-    /// When the task is solved, or after the scenario's max number of episodes.
+    /// When the task is solved, or after the scenario's maximum number of episodes.
     Solved,
 }
 
 /// How a run in a run directory ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RunEnding {
-    /// It reached its end.
+    /// The run is finished.
     Finished(RunReport),
-    /// It was interrupted.
+    /// The run was interrupted.
     Interrupted {
-        /// How far it came, e.g. `3 rounds`.
+        /// What was finished before the interruption, e.g. `3 rounds`.
         after: String,
         /// Whether it can be resumed from a checkpoint.
         can_resume: bool,
@@ -132,6 +136,6 @@ pub struct RunReport {
     pub episodes_per_agent: usize,
     /// Number of environment steps of the team.
     pub env_steps: u64,
-    /// Results of this kind of run: a label of one word, and a text.
+    /// Results that only this kind of run has, each as a short label and a text.
     pub lines: Vec<(&'static str, String)>,
 }

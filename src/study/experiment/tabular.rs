@@ -55,14 +55,14 @@ impl Experiment for TabularPlan {
         10.0
     }
 
-    fn lacks(&self, measure: Measure) -> Option<(&'static str, &'static str)> {
+    fn measure_obstacle(&self, measure: Measure) -> Option<(&'static str, &'static str)> {
         match measure.needs() {
             Needs::Rounds => Some((
                 "a tabular run has no rounds of learning",
                 "expected another measure, such as `Regret` or `Coverage`",
             )),
             Needs::Threshold => Some((
-                "nothing says when a tabular task counts as solved",
+                "tabular tasks have no threshold at which they count as solved",
                 "expected another measure, such as `Regret` or `Reach`",
             )),
             Needs::Nothing | Needs::Goal | Needs::Tables => None,
@@ -150,11 +150,12 @@ fn report(summary: &Summary, options: &Options) -> RunReport {
     }
 }
 
-/// Max number of visit counts, K × states, for which differences between agents are measured: 64 MB.
+/// Maximum number of visit counts, K × states, for which differences between agents are measured.
+/// They need 64 MB.
 const MAX_COUNTS: usize = 1 << 24;
 
-/// Runs once. Of each of `windows`, numbers of first episodes, a sample of the visited states is
-/// kept. `None` if interrupted.
+/// Runs once. For each number n in `windows`, the result has a sample of the states visited in the
+/// first n episodes of each agent. `None` if interrupted.
 fn measure_run(
     scenario: &TabularScenario,
     windows: &[u32],
@@ -175,14 +176,15 @@ fn measure_run(
 struct TabularMeasures {
     result: RunResult,
     reservoir: Reservoir,
-    /// Number of visits of each state by each agent: `[K × states]`; empty if that is too many.
+    /// Number of visits of each state by each agent: `[K × states]`; empty if there would be more
+    /// than [`MAX_COUNTS`].
     counts: Vec<u32>,
 }
 
 impl TabularMeasures {
     fn new(scenario: &TabularScenario, team: &TabularTeam, windows: &[u32]) -> Self {
         let agents = scenario.agents.count.get() as usize;
-        let counts = agents * team.model().states();
+        let needed_counts = agents * team.model().state_count();
         Self {
             result: RunResult {
                 returns: vec![Vec::new(); agents],
@@ -190,14 +192,22 @@ impl TabularMeasures {
                 ..RunResult::default()
             },
             reservoir: Reservoir::new(scenario.seed, windows),
-            counts: vec![0; if counts <= MAX_COUNTS { counts } else { 0 }],
+            counts: vec![
+                0;
+                if needed_counts <= MAX_COUNTS {
+                    needed_counts
+                } else {
+                    0
+                }
+            ],
         }
     }
 
-    /// An episode visits the states in which its agent acts, and its last state.
+    /// Adds the states that a step visits: the state in which the agent acts and, at the end of an
+    /// episode, its last state.
     fn add_step(&mut self, step: &Step, team: &TabularTeam) {
         self.add_visit(step, step.from, team);
-        if let Some(episode) = step.ended {
+        if let Some(episode) = step.ended_episode {
             self.add_visit(step, step.to, team);
             let agent = step.agent as usize;
             self.result.returns[agent].push(episode.r#return as f32);
@@ -206,7 +216,7 @@ impl TabularMeasures {
     }
 
     fn add_visit(&mut self, step: &Step, state: u32, team: &TabularTeam) {
-        let index = step.agent as usize * team.model().states() + state as usize;
+        let index = step.agent as usize * team.model().state_count() + state as usize;
         if let Some(count) = self.counts.get_mut(index) {
             *count += 1;
         }
@@ -224,7 +234,7 @@ impl TabularMeasures {
         self.result.curves = curves;
         self.result.episodes = vec![self.result.episodes_per_agent() as u32];
         self.result.env_steps = team.steps();
-        self.result.states = self.reservoir.states();
+        self.result.states = self.reservoir.into_samples();
         self.result
     }
 
@@ -235,7 +245,7 @@ impl TabularMeasures {
         team: &TabularTeam,
         diversity: Option<Diversity>,
     ) -> Option<f64> {
-        let states = team.model().states() as f64;
+        let states = team.model().state_count() as f64;
         match curve {
             Curve::Coverage => {
                 let visitors = team.visits().iter().map(|visits| f64::from(visits.agents));
@@ -249,13 +259,13 @@ impl TabularMeasures {
         }
     }
 
-    /// Differences between the agents' visits; `None` if these were not counted per agent.
+    /// Differences between the visits of the agents; `None` if visits were not counted per agent.
     fn diversity(&self, team: &TabularTeam) -> Option<Diversity> {
         if self.counts.is_empty() {
             return None;
         }
-        let per_agent = self.counts.chunks_exact(team.model().states());
-        Some(Diversity::of(
+        let per_agent = self.counts.chunks_exact(team.model().state_count());
+        Some(Diversity::from_divergence(
             divergence(per_agent),
             self.result.returns.len(),
         ))
@@ -278,15 +288,15 @@ mod tests {
             "TabularScenario(task: DeepSea(size: 2), agents: (count: 3), algorithm: SeedSampling(), episodes: 20)",
         );
         let run = measure_run(&scenario, &[u32::MAX], &AtomicBool::new(false)).unwrap();
-        let of = |measure: Measure| measure.of(&run).unwrap();
+        let value_of = |measure: Measure| measure.of(&run).unwrap();
         assert_eq!((run.returns.len(), run.episodes_per_agent()), (3, 20));
         assert!(
-            of(Measure::Regret) > 0.0 && of(Measure::Regret) < 20.0,
+            value_of(Measure::Regret) > 0.0 && value_of(Measure::Regret) < 20.0,
             "{run:?}"
         );
-        assert_eq!(of(Measure::Reach), 1.0);
-        assert!((1.0..20.0).contains(&of(Measure::FirstGoal)));
-        assert!((1.0..=3.0).contains(&of(Measure::Last {
+        assert_eq!(value_of(Measure::Reach), 1.0);
+        assert!((1.0..20.0).contains(&value_of(Measure::FirstGoal)));
+        assert!((1.0..=3.0).contains(&value_of(Measure::Last {
             of: Curve::EffectiveAgents
         })));
         let total: f64 = run
@@ -295,8 +305,8 @@ mod tests {
             .flatten()
             .map(|&regret| f64::from(regret))
             .sum();
-        assert!((of(Measure::Regret) - total / 3.0).abs() < 1e-6);
-        assert_eq!(of(Measure::Coverage), 1.0, "every state is visited");
+        assert!((value_of(Measure::Regret) - total / 3.0).abs() < 1e-6);
+        assert_eq!(value_of(Measure::Coverage), 1.0, "every state is visited");
         assert_eq!(
             Measure::Mean {
                 of: Curve::ValueLoss
@@ -305,7 +315,7 @@ mod tests {
             None
         );
         assert_eq!(Measure::EpisodesToSolve.of(&run), None);
-        // Two steps of each of 60 episodes, and the state after.
+        // Each of the 60 episodes has two steps and three visited states.
         assert_eq!((run.env_steps, run.states[0].visited), (120, 180));
     }
 

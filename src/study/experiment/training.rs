@@ -16,7 +16,7 @@ use crate::study::measure::{Measure, Needs};
 use crate::study::run_result::{Reservoir, RunResult};
 use crate::text::pluralize;
 use seedbed_env::Spec;
-use seedbed_env::input::numbers::known_count;
+use seedbed_env::input::numbers::ranged_count;
 
 impl Experiment for Plan {
     fn name(&self) -> &str {
@@ -44,7 +44,7 @@ impl Experiment for Plan {
     }
 
     fn digest(&self) -> String {
-        let scenario = learning_settings(self.scenario.clone(), 0);
+        let scenario = with_defaults_except_for_learning(self.scenario.clone(), 0);
         let mut hash = Xxh64::new(0);
         hash.update(text_without_window(&scenario).as_bytes());
         hash.update(&[0]);
@@ -57,15 +57,15 @@ impl Experiment for Plan {
         config.cost_per_step(self.scenario.agents.count.get())
     }
 
-    fn lacks(&self, measure: Measure) -> Option<(&'static str, &'static str)> {
+    fn measure_obstacle(&self, measure: Measure) -> Option<(&'static str, &'static str)> {
         let has_threshold = self.scenario.stop.threshold(self.spec()).is_some();
         match measure.needs() {
             Needs::Tables => Some((
-                "the regret of training is not known",
+                "regret is known only for tabular tasks",
                 "expected another measure, or a tabular scenario",
             )),
             Needs::Threshold | Needs::Goal if !has_threshold => Some((
-                "nothing says when its task counts as solved",
+                "its task has no threshold at which it counts as solved",
                 "expected another measure, or `stop: Solved(return: …, at_most: …)` in its scenario",
             )),
             _ => None,
@@ -79,7 +79,7 @@ impl Experiment for Plan {
         windows: &[u32],
         interrupted: &AtomicBool,
     ) -> Result<Option<RunResult>, RunError> {
-        let scenario = learning_settings(self.scenario.clone(), run_seed);
+        let scenario = with_defaults_except_for_learning(self.scenario.clone(), run_seed);
         let mut trainer = Trainer::from_scenario(&scenario, &self.description, 1)?;
         let mut result = RunResult::begin(&trainer);
         let mut reservoir = Reservoir::new(run_seed, windows);
@@ -94,7 +94,7 @@ impl Experiment for Plan {
             }
         }
         Ok(Some(RunResult {
-            states: reservoir.states(),
+            states: reservoir.into_samples(),
             ..result
         }))
     }
@@ -126,41 +126,42 @@ impl Experiment for Plan {
 }
 
 fn is_done(trainer: &Trainer, scenario: &Scenario, stop_rule: StopRule) -> bool {
-    let all = trainer.measures().episodes_per_agent() >= scenario.max_episodes() as usize;
+    let has_all_episodes =
+        trainer.measures().episodes_per_agent() >= scenario.max_episodes() as usize;
     match stop_rule {
         StopRule::Scenario => trainer.is_done(),
-        StopRule::MaxEpisodes => all,
-        StopRule::Solved => all || trainer.is_solved(),
+        StopRule::MaxEpisodes => has_all_episodes,
+        StopRule::Solved => has_all_episodes || trainer.is_solved(),
     }
 }
 
 /// The scenario with another run seed, and with defaults for everything that learning does not
 /// depend on.
-fn learning_settings(mut scenario: Scenario, run_seed: u64) -> Scenario {
+fn with_defaults_except_for_learning(mut scenario: Scenario, run_seed: u64) -> Scenario {
     scenario.recording = RecordingSettings {
         scene: None,
         ..RecordingSettings::default()
     };
-    scenario.checkpoint_every = known_count(1);
+    scenario.checkpoint_every = ranged_count(1);
     scenario.seed = run_seed;
     scenario
 }
 
-/// The resolved scenario without `recording.window`, which did not exist yet when the first studies
-/// were stored: their digests must not change.
+/// The resolved scenario without `recording.window`. This field did not exist when the first
+/// studies were stored, and their digests must not change.
 fn text_without_window(scenario: &Scenario) -> String {
     let window = format!("        window: {},\n", scenario.recording.window.get());
     let text = scenario.resolved();
     match text.split_once("\n    recording: (\n") {
-        Some((before, rest)) => format!(
-            "{before}\n    recording: (\n{}",
-            rest.replacen(&window, "", 1)
+        Some((text_before, text_after)) => format!(
+            "{text_before}\n    recording: (\n{}",
+            text_after.replacen(&window, "", 1)
         ),
         None => text,
     }
 }
 
-/// Printed for tasks without a threshold.
+/// Result that is printed for tasks without a threshold.
 pub const NO_THRESHOLD: &str = "no threshold set (`reward_threshold` or `stop: Solved`)";
 
 fn report(summary: &Summary, options: &Options) -> RunReport {
@@ -170,23 +171,24 @@ fn report(summary: &Summary, options: &Options) -> RunReport {
         episodes_per_agent: summary.episodes_per_agent,
         env_steps: summary.env_steps,
         lines: vec![
-            ("solved", solved(summary)),
+            ("solved", solved_text(summary)),
             (
                 "return",
                 format!("{final_return:.1} (mean over all agents and the last {last})"),
             ),
-            ("coverage", coverage(summary)),
+            ("coverage", coverage_text(summary)),
             ("results", options.folder.path().display().to_string()),
         ],
     }
 }
 
-fn solved(summary: &Summary) -> String {
-    let Some(at) = summary.solved_at else {
+fn solved_text(summary: &Summary) -> String {
+    let Some(criterion) = summary.solved_at else {
         return NO_THRESHOLD.to_owned();
     };
     // Thresholds are stored in single precision; as f64 they would print spurious digits.
-    let (threshold, window) = (at.r#return as f32, pluralize(at.window, "episode"));
+    let threshold = criterion.r#return as f32;
+    let window = pluralize(criterion.window, "episode");
     match summary.episodes_until_solved {
         Some(episodes) => {
             let episodes = pluralize(episodes, "episode");
@@ -196,11 +198,16 @@ fn solved(summary: &Summary) -> String {
     }
 }
 
-fn coverage(summary: &Summary) -> String {
-    const SHOWN: usize = 8;
+fn coverage_text(summary: &Summary) -> String {
+    const MAX_SHOWN_AGENTS: usize = 8;
     let percent = |fraction: &f64| format!("{:.1} %", 100.0 * fraction);
-    let agents: Vec<String> = summary.coverage.iter().take(SHOWN).map(percent).collect();
-    let more = if summary.coverage.len() > SHOWN {
+    let agents: Vec<String> = summary
+        .coverage
+        .iter()
+        .take(MAX_SHOWN_AGENTS)
+        .map(percent)
+        .collect();
+    let more = if summary.coverage.len() > MAX_SHOWN_AGENTS {
         " …"
     } else {
         ""
@@ -225,11 +232,11 @@ mod tests {
             .digest()
     }
 
-    /// Stored runs are found by their digests. This one names the runs of a study of `cartpole.ron`
-    /// and nothing else, in files such as `runs/eb5eb0b70768f8e1-1000.run`; it changes with the
-    /// scenario's text, its defaults, and `envs/cartpole.ron`.
+    /// Stored runs are found by their digests. Result files of `cartpole.ron` without overrides
+    /// have names such as `runs/eb5eb0b70768f8e1-1000.run`. This digest changes with the text of
+    /// the scenario, the defaults of its fields, and the text of `envs/cartpole.ron`.
     #[test]
-    fn what_a_recording_shows_is_not_in_the_digest() {
+    fn the_digest_does_not_depend_on_recording_settings() {
         assert_eq!(digest(&[]), "eb5eb0b70768f8e1");
         assert_eq!(digest(&["seed=7", "checkpoint_every=3"]), digest(&[]));
         assert_eq!(
@@ -241,7 +248,7 @@ mod tests {
             digest(&[])
         );
         assert_ne!(digest(&["agents.count=5"]), digest(&[]));
-        // `stop` has a window as well, of 50 episodes, which does matter.
+        // The window of `stop` has the same name, but learning depends on it.
         assert_ne!(
             digest(&["stop=Solved(return: 1, window: 50, at_most: 99)"]),
             digest(&["stop=Solved(return: 1, window: 51, at_most: 99)"])

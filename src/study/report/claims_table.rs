@@ -25,13 +25,13 @@ fn notes(results: &Results) -> Vec<String> {
     if claims.any(|claim| claim.direction.is_null()) {
         notes.push(format::P_VALUE_NOTE.to_owned());
     }
-    notes.extend(results.manifest.changed_repeats());
+    notes.extend(results.manifest.changed_repeats_sentence());
     notes
 }
 
 /// Text above the table with the reasons why the results are not final; empty if they are final.
 fn caveats(results: &Results) -> String {
-    let [_, failed, missing] = results.counts();
+    let [_, failed, missing] = results.run_counts();
     let mut caveats = Vec::new();
     if results.is_tuning() {
         caveats.push("tuning seeds".to_owned());

@@ -6,10 +6,11 @@ use crate::study::file::{Claim, ClaimDirection, Test};
 use crate::text::{pluralize, without_trailing_zeros};
 use seedbed_stats::{Estimate, Interval, Verdict};
 
-/// Numbers with a smaller magnitude are rounding errors and shown as 0.
+/// Numbers with a smaller magnitude are rounding errors and are shown as 0.
 const MIN_SHOWN_MAGNITUDE: f64 = 1e-9;
 
-/// A number with three or four significant digits, no trailing zeros, and a true minus sign.
+/// A number with three or four significant digits, no trailing zeros, and the minus sign `−`
+/// instead of a hyphen.
 pub(super) fn number(value: f64) -> String {
     if value.is_nan() {
         return "unknown".to_owned();
@@ -115,8 +116,8 @@ pub(super) fn p_value_of_claim(claim: &Claim, p: f64) -> String {
 }
 
 /// Note that explains the p-values of claims.
-pub(super) const P_VALUE_NOTE: &str = "p-values are those of tests for a difference, with Holm's correction over \
-    all claims. Claims of no effect have no p-value: a high one would be no evidence for them.";
+pub(super) const P_VALUE_NOTE: &str = "p-values are from tests for a difference, with Holm's correction over \
+    all claims. Claims of no effect have no p-value: a high p-value would be no evidence for them.";
 
 /// Summary of the verdicts on all claims, such as `5 of 8 claims replicated, 2 of them smaller than
 /// claimed`.

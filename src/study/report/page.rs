@@ -13,8 +13,8 @@ use crate::study::results::{CellResults, Results};
 use crate::text::{pluralize, shell_word};
 use seedbed_stats::{MIN_RUNS, Verdict};
 
-/// Minimum number of runs per cell without a warning about narrow intervals.
-const RUNS_WITHOUT_WARNING: u64 = 20;
+/// Minimum number of runs per cell for a report without the warning about narrow intervals.
+const MIN_RUNS_WITHOUT_WARNING: u64 = 20;
 
 const STYLE: &str = include_str!("page.css");
 
@@ -59,7 +59,7 @@ pub(super) fn html(
 
 /// Numbers of cells and finished runs, and the run seeds.
 fn summary(results: &Results) -> Markup {
-    let [finished, _, _] = results.counts();
+    let [finished, _, _] = results.run_counts();
     let manifest = &results.manifest;
     let last_seed = manifest.first_seed + manifest.repeats - 1;
     html! {
@@ -73,17 +73,17 @@ fn summary(results: &Results) -> Markup {
 
 /// Warnings that results are not final or not precise.
 fn warnings(results: &Results) -> Markup {
-    let [_, failed, missing] = results.counts();
+    let [_, failed, missing] = results.run_counts();
     let manifest = &results.manifest;
     html! {
-        @if manifest.repeats < RUNS_WITHOUT_WARNING {
+        @if manifest.repeats < MIN_RUNS_WITHOUT_WARNING {
             (warning("Few runs.", &format!(
-                "Intervals from fewer than {RUNS_WITHOUT_WARNING} runs are too narrow: when there is no effect, an \
+                "Intervals from fewer than {MIN_RUNS_WITHOUT_WARNING} runs are too narrow: when there is no effect, an \
                  interval should exclude 0 in 1 of 20 studies, but from 5 runs it does so in about 1 \
                  of 6, and from 10 runs in about 1 of 11."
             )))
         }
-        @if let Some(sentence) = manifest.changed_repeats() {
+        @if let Some(sentence) = manifest.changed_repeats_sentence() {
             (warning(&sentence, "When there is no effect, an interval that is inspected more than once \
                 excludes 0 more often than in 1 of 20 studies."))
         }
@@ -293,7 +293,7 @@ fn table_section(table: &Table) -> Markup {
 }
 
 fn failures_section(results: &Results) -> Markup {
-    let [_, failed, _] = results.counts();
+    let [_, failed, _] = results.run_counts();
     html! {
         @if failed > 0 {
             h2 { "Failed runs" }
@@ -312,7 +312,7 @@ fn reproduction_section(results: &Results) -> Markup {
     let manifest = &results.manifest;
     let quick = if manifest.quick { " --quick" } else { "" };
     html! {
-        h2 { "How to reproduce it" }
+        h2 { "How to reproduce the results" }
         pre { "seedbed study " (shell_word(&manifest.study_path)) (quick) }
         p { (provenance_text(results)) }
         p { "One run of each cell, with its recording:" }
@@ -379,17 +379,17 @@ fn command(cell: &CellResults, seed: u64) -> String {
 
 fn methods_section() -> Markup {
     html! {
-        h2 { "How to read it" }
+        h2 { "How to read this report" }
         p {
             "Statistics count runs. One run is one whole team with one seed; agents and episodes of the \
              same run are not independent, so they do not count as repetitions. All intervals are 95 % \
-             intervals: of median times after Brookmeyer and Crowley, of everything else percentile \
-             bootstrap intervals from 50,000 resamples. Fewer than " (MIN_RUNS) " runs give no interval. \
+             intervals: for median times by the method of Brookmeyer and Crowley, for everything else \
+             percentile bootstrap intervals from 50,000 resamples. Fewer than " (MIN_RUNS) " runs give no interval. \
              IQM is the interquartile mean: the mean of the middle half of the runs."
         }
         p {
-            "A time is censored, not dropped, if its run ended without reaching it; medians of times are \
-             Kaplan–Meier estimates. An effect is the median of the differences for times, and the mean \
+            "If a run ended without reaching its time, the time is censored, not dropped; medians of \
+             times are Kaplan–Meier estimates. An effect is the median of the differences for times, and the mean \
              of the differences for all other measures. If neither of two runs reached its time, their \
              difference is unknown. An effect that depends on unknown differences is given as two bounds, \
              or as " em { "unknown" } "; its interval covers every value that the unknown differences can \
@@ -436,19 +436,20 @@ mod tests {
         figures: [Curves(), Agents(), Intervals(), Unsolved(), Profiles()],
     )"#;
 
-    /// A run with the returns of two agents and a threshold.
-    fn run(seed: u64, last: f32) -> RunResult {
+    /// A run with a threshold and the returns of two agents. The second agent has the constant
+    /// return `return_of_second_agent`.
+    fn run(seed: u64, return_of_second_agent: f32) -> RunResult {
         let returns: Vec<f32> = (0..40)
             .map(|episode| episode as f32 + seed as f32)
             .collect();
         RunResult {
-            returns: vec![returns, vec![last; 40]],
+            returns: vec![returns, vec![return_of_second_agent; 40]],
             threshold: Some((30.0, 5)),
             ..RunResult::default()
         }
     }
 
-    fn cell(name: &str, max_episodes: u32, last: f32) -> CellResults {
+    fn cell(name: &str, max_episodes: u32, return_of_second_agent: f32) -> CellResults {
         CellResults {
             description: ManifestCell {
                 name: name.to_owned(),
@@ -460,7 +461,9 @@ mod tests {
                 task: "test".to_owned(),
                 observations: Vec::new(),
             },
-            runs: (0..6).map(|seed| (seed, run(seed, last))).collect(),
+            runs: (0..6)
+                .map(|seed| (seed, run(seed, return_of_second_agent)))
+                .collect(),
             failures: vec![(6, "a reason".to_owned())],
             missing: 1,
         }

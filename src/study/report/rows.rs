@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::study::measure::{Curve, Measure};
 use crate::study::results::{CellResults, Results};
 use crate::study::run_result::RunResult;
-use seedbed_env::input::numbers::known_count;
+use seedbed_env::input::numbers::ranged_count;
 
 const COLUMNS: [&str; 18] = [
     "cell",
@@ -30,8 +30,8 @@ const COLUMNS: [&str; 18] = [
     "reason",
 ];
 
-/// The columns that `results.csv` has for every study. A cell is empty if the run does not have the
-/// measure or did not reach the time.
+/// The columns that `results.csv` has for every study. A cell of the table is empty if the run does
+/// not have the measure or did not reach the time.
 #[derive(Default, Serialize)]
 struct Row<'a> {
     cell: &'a str,
@@ -142,7 +142,7 @@ fn columns_of_run<'a>(cell_columns: &Row<'a>, seed: u64, run: &RunResult) -> Row
         episodes_to_solve: finite_value(Measure::EpisodesToSolve),
         env_steps_to_solve: finite_value(Measure::EnvStepsToSolve),
         final_return: finite_value(Measure::FinalReturn {
-            window: known_count(25),
+            window: ranged_count(25),
         }),
         mean_return: finite_value(Measure::Mean { of: Curve::Return }),
         reach: finite_value(Measure::Reach),

@@ -99,12 +99,12 @@ fn measure_table(results: &Results, measure: Measure) -> Table {
 }
 
 fn aggregate_cells(aggregate: &Aggregate, is_time: bool) -> Vec<String> {
-    let value = if is_time {
+    let format_value = if is_time {
         format::time
     } else {
         format::number
     };
-    let interval = if is_time {
+    let format_interval = if is_time {
         format::interval_of_time
     } else {
         format::interval
@@ -115,11 +115,11 @@ fn aggregate_cells(aggregate: &Aggregate, is_time: bool) -> Vec<String> {
     }
     let interquartile_mean = aggregate.interquartile_mean.map(format::estimate);
     cells.extend([
-        value(aggregate.median.value),
-        interval(aggregate.median.interval),
+        format_value(aggregate.median.value),
+        format_interval(aggregate.median.interval),
         interquartile_mean.unwrap_or_else(|| "–".to_owned()),
-        value(aggregate.range[0]),
-        value(aggregate.range[1]),
+        format_value(aggregate.range[0]),
+        format_value(aggregate.range[1]),
     ]);
     cells
 }
@@ -149,12 +149,12 @@ fn paired_comparisons_table(results: &Results) -> Option<Table> {
         .par_iter()
         .filter_map(|pair| compare_pair(pair).map(|comparison| (*pair, comparison)))
         .collect();
-    let p: Vec<f64> = comparisons
+    let p_values: Vec<f64> = comparisons
         .iter()
         .map(|(_, comparison)| comparison.p)
         .collect();
     let mut rows = Vec::with_capacity(comparisons.len());
-    for ((pair, comparison), p) in comparisons.iter().zip(holm_correction(&p)) {
+    for ((pair, comparison), p) in comparisons.iter().zip(holm_correction(&p_values)) {
         rows.push(comparison_cells(*pair, comparison, p));
     }
     let title = format!("Paired comparisons: {}", measure.title());
@@ -169,8 +169,8 @@ fn paired_comparisons_table(results: &Results) -> Option<Table> {
     (!rows.is_empty()).then_some(Table { title, head, rows })
 }
 
-/// Pairs of each cell and the first cell of its group, except the first cells themselves. Cells
-/// with equal `group` belong to one group.
+/// Pairs of each cell and the first cell of its group, except for the first cells. Cells for which
+/// `group` returns equal values belong to one group.
 fn pairs<'a, K: PartialEq>(
     results: &'a Results,
     group: impl Fn(&'a CellResults) -> K,

@@ -34,6 +34,7 @@ impl RecordingContents {
         self.0.get(entity).map_or(&[], Vec::as_slice)
     }
 
+    /// Times of all rows of an entity that are on the timeline.
     pub(super) fn times(&self, entity: &str, timeline: &'static str) -> Vec<i64> {
         let timeline = TimelineName::from(timeline);
         let columns = self
@@ -114,21 +115,23 @@ impl RecordingContents {
 
     /// Indices of the rows that have the component, counted over all chunks.
     pub(super) fn rows_with(&self, entity: &str, component: &str) -> Vec<usize> {
-        self.lists(entity, component)
+        self.list_length_by_row(entity, component)
             .iter()
             .enumerate()
             .filter_map(|(row, length)| length.map(|_| row))
             .collect()
     }
 
-    pub(super) fn lines_per_row(&self, entity: &str, component: &str) -> Vec<usize> {
-        self.lists(entity, component)
+    /// Number of values, such as lines or points, in each row that has the component.
+    pub(super) fn list_lengths(&self, entity: &str, component: &str) -> Vec<usize> {
+        self.list_length_by_row(entity, component)
             .into_iter()
             .flatten()
             .collect()
     }
 
-    fn lists(&self, entity: &str, component: &str) -> Vec<Option<usize>> {
+    /// Number of values in each row, or `None` if the row does not have the component.
+    fn list_length_by_row(&self, entity: &str, component: &str) -> Vec<Option<usize>> {
         let component = ComponentIdentifier::try_new(component).unwrap();
         let lists = self
             .chunks(entity)
@@ -170,6 +173,7 @@ impl RecordingContents {
     }
 }
 
+/// All messages of a recording, in the order of the file.
 pub(super) fn messages(path: &Path) -> Vec<LogMsg> {
     let decoder = DecoderApp::decode_lazy(BufReader::new(File::open(path).unwrap()));
     decoder.collect::<Result<_, _>>().unwrap()

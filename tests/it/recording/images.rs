@@ -5,24 +5,24 @@ use rerun::log::LogMsg;
 use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::{AxisChoice, ColorBy, Difference, Recorder, RecordingSettings};
 use seedbed_env::Status;
-use seedbed_env::input::numbers::known_count;
+use seedbed_env::input::numbers::ranged_count;
 use seedbed_figure::color::dark::sequential_color;
 
 use super::contents::{RecordingContents, messages};
-use super::record;
 use super::synthetic_run::{SyntheticRound, SyntheticRun};
+use super::{record, record_rounds};
 
 #[test]
-fn visible_lines_do_not_exceed_the_setting() {
+fn the_number_of_visible_lines_follows_the_setting() {
     let folder = tempfile::tempdir().unwrap();
     let run = SyntheticRun::new(2, 70);
     for max_lines in [1, 7, 120, 1000] {
         let settings = RecordingSettings {
-            lines: known_count(max_lines),
+            lines: ranged_count(max_lines),
             ..RecordingSettings::default()
         };
         let contents = RecordingContents::read(&record(&run, folder.path(), &settings));
-        let lines = contents.lines_per_row("/visitation/agent_1/lines", "LineStrips2D:strips");
+        let lines = contents.list_lengths("/visitation/agent_1/lines", "LineStrips2D:strips");
         let max_visible = lines
             .windows(50.min(max_lines.max(1) as usize))
             .map(|window| window.iter().sum::<usize>())
@@ -42,7 +42,7 @@ fn visible_lines_do_not_exceed_the_setting() {
 fn images_are_recorded_every_n_rounds_and_after_the_last_round() {
     let folder = tempfile::tempdir().unwrap();
     let settings = RecordingSettings {
-        density_every: known_count(5),
+        density_every: ranged_count(5),
         ..RecordingSettings::default()
     };
     let contents =
@@ -68,7 +68,7 @@ fn images_are_recorded_every_n_rounds_and_after_the_last_round() {
 fn images_of_the_latest_rounds_do_not_depend_on_earlier_rounds() {
     for window in [50, 7] {
         let settings = RecordingSettings {
-            window: known_count(window),
+            window: ranged_count(window),
             ..RecordingSettings::default()
         };
         assert_latest_images_equal_those_of_a_shorter_run(window, &settings);
@@ -92,9 +92,7 @@ fn assert_latest_images_equal_those_of_a_shorter_run(window: u32, settings: &Rec
     }
     let path = folder.path().join("latest.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.run_info(), settings).unwrap();
-    run.rounds[first as usize..]
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    record_rounds(&run.rounds[first as usize..], &mut recorder);
     recorder.finish().unwrap();
     let latest = RecordingContents::read(&path);
     for (root, latest_image, image_of_all) in [
@@ -154,6 +152,8 @@ fn scale_labels_give_the_count_of_the_brightest_color() {
     );
 }
 
+/// At most 20 states per episode are shown. Each state has one point in each of the two pairs of
+/// observations.
 #[test]
 fn points_show_states_of_their_episode() {
     let folder = tempfile::tempdir().unwrap();
@@ -161,125 +161,152 @@ fn points_show_states_of_their_episode() {
     let contents =
         RecordingContents::read(&record(&run, folder.path(), &RecordingSettings::default()));
     let points = contents.points("/pairs/agent_1/states");
-    let lengths = run
-        .rounds
-        .iter()
-        .map(|round| round.episodes[1].length() + 1);
-    assert_eq!(
-        points.len(),
-        lengths.clone().map(|states| states.min(20)).sum::<usize>() * 2
-    );
     let mut remaining_points = points.as_slice();
-    for (round, states) in run.rounds.iter().zip(lengths) {
-        let (states_of_round, others) = remaining_points.split_at(states.min(20) * 2);
-        let observed: Vec<&[f32]> = round.episodes[1].observations.chunks_exact(4).collect();
-        let drawn = |state: &[f32]| {
-            let pixel_position =
-                |value: f32, scale_end: f32| 40.0 * (0.5 + 0.5 * value / scale_end).clamp(0.0, 1.0);
-            [
-                [
-                    pixel_position(state[0], 2.4),
-                    40.0 - pixel_position(state[1], 3.0),
-                ],
-                [
-                    60.0 + pixel_position(state[2], 0.209),
-                    40.0 - pixel_position(state[3], 3.0),
-                ],
-            ]
-        };
-        let is_close = |one: &[f32; 2], other: &[f32; 2]| {
-            (one[0] - other[0]).abs() + (one[1] - other[1]).abs() < 1e-3
-        };
-        let is_state = |pair: &[[f32; 2]]| {
-            observed.iter().any(|state| {
-                drawn(state)
+    for round in &run.rounds {
+        let episode = &round.episodes[1];
+        let shown_states = (episode.length() + 1).min(20);
+        let (points_of_episode, others) = remaining_points.split_at(shown_states * 2);
+        let is_state_of_episode = |points: &[[f32; 2]]| {
+            episode.observations.chunks_exact(4).any(|state| {
+                expected_points(state)
                     .iter()
-                    .zip(pair)
-                    .all(|(one, other)| is_close(one, other))
+                    .zip(points)
+                    .all(|(expected, point)| {
+                        (expected[0] - point[0]).abs() + (expected[1] - point[1]).abs() < 1e-3
+                    })
             })
         };
-        assert!(states_of_round.chunks_exact(2).all(is_state));
+        assert!(points_of_episode.chunks_exact(2).all(is_state_of_episode));
         remaining_points = others;
     }
+    assert!(remaining_points.is_empty());
     assert_eq!(
         contents
-            .lines_per_row("/pairs/team/states", "Points2D:positions")
+            .list_lengths("/pairs/team/states", "Points2D:positions")
             .len(),
         24,
         "one row per episode of each agent"
     );
 }
 
-#[test]
-fn line_colors_follow_the_color_setting() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = SyntheticRun::new(2, 12);
-    let recorded = |color: ColorBy| {
-        let settings = RecordingSettings {
-            color: color.into(),
-            ..RecordingSettings::default()
-        };
-        RecordingContents::read(&record(&run, folder.path(), &settings))
-    };
-    let colors = |contents: &RecordingContents| {
-        contents.u32_values("/visitation/agent_1/lines", "LineStrips2D:colors")
-    };
-    let rgba = |[red, green, blue]: [u8; 3]| u32::from_be_bytes([red, green, blue, 255]);
-    let lines = |round: &SyntheticRound| (round.episodes[1].length() + 1).min(20);
-    let per_episode = |color: &dyn Fn(&SyntheticRound) -> [u8; 3]| -> Vec<u32> {
-        run.rounds
-            .iter()
-            .flat_map(|round| vec![rgba(color(round)); lines(round)])
-            .collect()
-    };
+/// Positions of a state in the images of the pairs (x, x_dot) and (theta, theta_dot).
+fn expected_points(state: &[f32]) -> [[f32; 2]; 2] {
+    let pixel_position =
+        |value: f32, scale_end: f32| 40.0 * (0.5 + 0.5 * value / scale_end).clamp(0.0, 1.0);
+    [
+        [
+            pixel_position(state[0], 2.4),
+            40.0 - pixel_position(state[1], 3.0),
+        ],
+        [
+            60.0 + pixel_position(state[2], 0.209),
+            40.0 - pixel_position(state[3], 3.0),
+        ],
+    ]
+}
 
+/// Records a run with a color setting.
+fn record_with_colors(run: &SyntheticRun, color: ColorBy) -> RecordingContents {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = RecordingSettings {
+        color: color.into(),
+        ..RecordingSettings::default()
+    };
+    RecordingContents::read(&record(run, folder.path(), &settings))
+}
+
+/// The color of each line of agent 1.
+fn line_colors(contents: &RecordingContents) -> Vec<u32> {
+    contents.u32_values("/visitation/agent_1/lines", "LineStrips2D:colors")
+}
+
+/// The colors of the lines of agent 1 if each episode has one color. At most 20 states per episode
+/// are shown.
+fn colors_by_episode(run: &SyntheticRun, color: impl Fn(&SyntheticRound) -> [u8; 3]) -> Vec<u32> {
+    run.rounds
+        .iter()
+        .flat_map(|round| {
+            let lines = (round.episodes[1].length() + 1).min(20);
+            vec![rgba(color(round)); lines]
+        })
+        .collect()
+}
+
+fn rgba([red, green, blue]: [u8; 3]) -> u32 {
+    u32::from_be_bytes([red, green, blue, 255])
+}
+
+#[test]
+fn line_colors_can_show_the_episode() {
+    let run = SyntheticRun::new(2, 12);
     assert_eq!(
-        colors(&recorded(ColorBy::Episode)),
-        per_episode(&|round| sequential_color(round.round as f32 / 11.0))
+        line_colors(&record_with_colors(&run, ColorBy::Episode)),
+        colors_by_episode(&run, |round| sequential_color(round.round as f32 / 11.0))
     );
-    let lowest = run.rounds[0]
+}
+
+/// The color scale reaches from the lowest return of the first round to the reward threshold.
+#[test]
+fn line_colors_can_show_the_return() {
+    let run = SyntheticRun::new(2, 12);
+    let contents = record_with_colors(&run, ColorBy::Return);
+    let lowest_return = run.rounds[0]
         .episodes
         .iter()
         .map(|episode| episode.length() as f32)
         .fold(f32::INFINITY, f32::min);
-    let share =
-        |round: &SyntheticRound| (round.episodes[1].length() as f32 - lowest) / (195.0 - lowest);
-    let by_return = recorded(ColorBy::Return);
+    let share_of_scale = |round: &SyntheticRound| {
+        let share = (round.episodes[1].length() as f32 - lowest_return) / (195.0 - lowest_return);
+        share.clamp(0.0, 1.0)
+    };
     assert_eq!(
-        colors(&by_return),
-        per_episode(&|round| sequential_color(share(round).clamp(0.0, 1.0)))
+        line_colors(&contents),
+        colors_by_episode(&run, |round| sequential_color(share_of_scale(round)))
     );
-    let scale_labels = [
-        "return".to_owned(),
-        "195 or more".to_owned(),
-        format!("{lowest} or less"),
-    ];
     assert_eq!(
-        by_return.texts("/visitation/scale/lines/labels", "Points2D:labels"),
-        scale_labels
+        contents.texts("/visitation/scale/lines/labels", "Points2D:labels"),
+        [
+            "return".to_owned(),
+            "195 or more".to_owned(),
+            format!("{lowest_return} or less"),
+        ]
     );
-    let outcome = |round: &SyntheticRound| {
+}
+
+#[test]
+fn line_colors_can_show_the_outcome() {
+    let run = SyntheticRun::new(2, 12);
+    let color = |round: &SyntheticRound| {
         if round.episodes[1].outcome == Status::Truncated {
             [86, 180, 233]
         } else {
             [225, 95, 20]
         }
     };
-    assert_eq!(colors(&recorded(ColorBy::Outcome)), per_episode(&outcome));
-    let bonuses: Vec<u32> = colors(&recorded(ColorBy::IntrinsicReward));
+    assert_eq!(
+        line_colors(&record_with_colors(&run, ColorBy::Outcome)),
+        colors_by_episode(&run, color)
+    );
+}
+
+/// The intrinsic rewards of the synthetic run are 0, 0.001, …, 0.009.
+#[test]
+fn line_colors_can_show_the_intrinsic_reward() {
+    let run = SyntheticRun::new(2, 12);
+    let colors = line_colors(&record_with_colors(&run, ColorBy::IntrinsicReward));
     let possible_colors: Vec<u32> = (0..10)
-        .map(|bonus| rgba(sequential_color(0.001 * bonus as f32 / 0.01)))
+        .map(|thousandths| rgba(sequential_color(0.001 * thousandths as f32 / 0.01)))
         .collect();
     assert!(
-        bonuses.iter().all(|color| possible_colors.contains(color))
-            && bonuses.iter().any(|color| *color != bonuses[0])
+        colors.iter().all(|color| possible_colors.contains(color))
+            && colors.iter().any(|color| *color != colors[0])
     );
 }
 
 #[test]
 fn the_difference_image_compares_the_chosen_agents() {
     let folder = tempfile::tempdir().unwrap();
-    let recorded = |agents, difference| {
+    let images_and_labels = |agents, difference| {
         let settings = RecordingSettings {
             difference,
             ..RecordingSettings::default()
@@ -296,17 +323,20 @@ fn the_difference_image_compares_the_chosen_agents() {
             texts.get(3).cloned(),
         )
     };
-    let agent = |agent: u32| Some(format!("agent {agent}"));
+    let label_of = |agent: u32| Some(format!("agent {agent}"));
     assert_eq!(
-        recorded(4, Difference::Between(2.into(), 1.into())),
-        (2, agent(2), agent(1))
+        images_and_labels(4, Difference::Between(2.into(), 1.into())),
+        (2, label_of(2), label_of(1))
     );
     assert_eq!(
-        recorded(2, Difference::MostDifferent),
-        (2, agent(0), agent(1))
+        images_and_labels(2, Difference::MostDifferent),
+        (2, label_of(0), label_of(1))
     );
-    assert_eq!(recorded(4, Difference::Off), (0, None, None));
-    assert_eq!(recorded(1, Difference::MostDifferent), (0, None, None));
+    assert_eq!(images_and_labels(4, Difference::Off), (0, None, None));
+    assert_eq!(
+        images_and_labels(1, Difference::MostDifferent),
+        (0, None, None)
+    );
 }
 
 /// With axes for observations, the action and the step, the last state of an episode has no line,
@@ -321,7 +351,7 @@ fn axes_can_show_actions_and_steps() {
     ];
     let settings = RecordingSettings {
         axes: axes.into(),
-        lines: known_count(10_000),
+        lines: ranged_count(10_000),
         ..RecordingSettings::default()
     };
     let run = SyntheticRun::new(1, 2);
@@ -332,14 +362,14 @@ fn axes_can_show_actions_and_steps() {
         .map(|round| round.episodes[0].length())
         .collect();
     assert_eq!(
-        contents.lines_per_row("/visitation/agent_0/lines", "LineStrips2D:strips"),
+        contents.list_lengths("/visitation/agent_0/lines", "LineStrips2D:strips"),
         lengths
     );
-    let names = contents.texts("/visitation/axes/labels", "Points2D:labels");
+    let axis_names = contents.texts("/visitation/axes/labels", "Points2D:labels");
     assert!(
-        names.iter().any(|name| name.starts_with("force"))
-            && names.iter().any(|name| name == "step"),
-        "{names:?}"
+        axis_names.iter().any(|name| name.starts_with("force"))
+            && axis_names.iter().any(|name| name == "step"),
+        "{axis_names:?}"
     );
 }
 

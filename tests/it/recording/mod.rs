@@ -1,12 +1,13 @@
-//! Tests of recordings: each is read back and compared with the recorded values.
+//! Tests of recordings: the tests read a recording and compare it with the values that were
+//! recorded.
 
 #![allow(
     clippy::iter_over_hash_type,
-    reason = "chunks of the viewer's format hold hash maps; the columns are sorted here"
+    reason = "chunks of recordings have hash maps; the tests sort the columns"
 )]
 #![allow(
     clippy::struct_field_names,
-    reason = "a round's rows are named as in the record"
+    reason = "the rows of a round have the names of `RoundRecord`"
 )]
 
 mod contents;
@@ -19,6 +20,7 @@ mod synthetic_run;
 mod trained;
 mod writing;
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use seedbed::record::rerun::RerunRecorder;
@@ -27,16 +29,27 @@ use seedbed_env::Status;
 use seedbed_learn::experience::Episode;
 
 use self::contents::RecordingContents;
-use self::synthetic_run::SyntheticRun;
+use self::synthetic_run::{SyntheticRound, SyntheticRun};
 
+/// Records a run in `run.rrd` in a folder, and returns the path of the recording.
 fn record(run: &SyntheticRun, folder: &Path, settings: &RecordingSettings) -> PathBuf {
     let path = folder.join("run.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.run_info(), settings).unwrap();
-    run.rounds
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    record_rounds(&run.rounds, &mut recorder);
     recorder.finish().unwrap();
     path
+}
+
+fn record_rounds(rounds: &[SyntheticRound], recorder: &mut RerunRecorder) {
+    for round in rounds {
+        round.record(recorder);
+    }
+}
+
+/// Shortens or extends a file.
+fn set_file_length(path: &Path, bytes: u64) {
+    let file = File::options().write(true).open(path).unwrap();
+    file.set_len(bytes).unwrap();
 }
 
 /// Asserts that `/raw/agent_K` has each row exactly once, in order, with unchanged values.
@@ -62,8 +75,9 @@ fn assert_raw_rows(run: &SyntheticRun, contents: &RecordingContents) {
     }
 }
 
+/// Asserts that each row of an agent has the right step, episode and round.
 fn assert_times(episodes: &[&Episode], contents: &RecordingContents, entity: &str) {
-    let repeated = |value: fn(&Episode) -> u32| -> Vec<i64> {
+    let once_per_row = |value: fn(&Episode) -> u32| -> Vec<i64> {
         episodes
             .iter()
             .flat_map(|episode| vec![i64::from(value(episode)); episode.length() + 1])
@@ -75,11 +89,11 @@ fn assert_times(episodes: &[&Episode], contents: &RecordingContents, entity: &st
     );
     assert_eq!(
         contents.times(entity, "episode"),
-        repeated(|episode| episode.episode)
+        once_per_row(|episode| episode.episode)
     );
     assert_eq!(
         contents.times(entity, "round"),
-        repeated(|episode| episode.round)
+        once_per_row(|episode| episode.round)
     );
 }
 
@@ -88,6 +102,7 @@ fn row_count(episodes: &[&Episode]) -> usize {
     episodes.iter().map(|episode| episode.length() + 1).sum()
 }
 
+/// Asserts that observations, actions, rewards and log-probabilities are unchanged.
 fn assert_values(episodes: &[&Episode], contents: &RecordingContents, entity: &str) {
     let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     let joined = |values: fn(&Episode) -> &Vec<f32>| -> Vec<f32> {
@@ -124,16 +139,16 @@ fn assert_outcomes(episodes: &[&Episode], contents: &RecordingContents, entity: 
         .collect();
     assert_eq!(contents.texts(entity, "State:outcome"), outcomes);
     let mut last_rows = Vec::new();
-    let mut rows = 0;
+    let mut row_count = 0;
     for episode in episodes {
-        rows += episode.length() + 1;
-        last_rows.push(rows - 1);
+        row_count += episode.length() + 1;
+        last_rows.push(row_count - 1);
     }
     assert_eq!(contents.rows_with(entity, "State:outcome"), last_rows);
-    let others: Vec<usize> = (0..rows)
+    let other_rows: Vec<usize> = (0..row_count)
         .filter(|row| last_rows.binary_search(row).is_err())
         .collect();
-    assert_eq!(contents.rows_with(entity, "State:force"), others);
+    assert_eq!(contents.rows_with(entity, "State:force"), other_rows);
 }
 
 /// The outcome of an episode as text, as in recordings.

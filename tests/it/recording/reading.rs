@@ -1,7 +1,6 @@
 //! `Recording::open` and its episodes, for complete recordings, truncated recordings, and other
 //! files.
 
-use std::fs::File;
 use std::path::Path;
 
 use seedbed::record::RecordedEpisode;
@@ -10,8 +9,8 @@ use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::visitation::Axes;
 use seedbed::record::{BonusRange, Recorder, RecordingSettings};
 
-use super::record;
 use super::synthetic_run::SyntheticRun;
+use super::{record, record_rounds, set_file_length};
 
 #[test]
 fn read_episodes_equal_recorded_episodes() {
@@ -41,7 +40,7 @@ fn read_episodes_equal_recorded_episodes() {
 }
 
 /// A recording that was not finished, or that ends within a message, is read up to its last
-/// complete message. Rows are written in chunks of 2,048 rows per agent.
+/// complete message. The test cuts the file 50 bytes after its checkpoint at round 20.
 #[test]
 fn complete_episodes_of_a_truncated_recording_are_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -52,23 +51,14 @@ fn complete_episodes_of_a_truncated_recording_are_read() {
         &RecordingSettings::default(),
     )
     .unwrap();
-    run.rounds[..20]
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    record_rounds(&run.rounds[..20], &mut recorder);
     recorder.checkpoint().unwrap();
     let part = folder.path().join("run.rrd.part");
-    let length = std::fs::metadata(&part).unwrap().len();
-    run.rounds[20..]
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    let length_at_checkpoint = std::fs::metadata(&part).unwrap().len();
+    record_rounds(&run.rounds[20..], &mut recorder);
     drop(recorder);
     assert_eq!(read_sorted_episodes(&part), expected_episodes(&run, 60));
-    File::options()
-        .write(true)
-        .open(&part)
-        .unwrap()
-        .set_len(length + 50)
-        .unwrap();
+    set_file_length(&part, length_at_checkpoint + 50);
     assert_eq!(read_sorted_episodes(&part), expected_episodes(&run, 20));
 }
 
@@ -119,12 +109,14 @@ fn read_sorted_episodes(path: &Path) -> Vec<RecordedEpisode> {
     episodes
 }
 
+/// The episodes of the first `rounds` rounds as a recording should have them, sorted by (agent,
+/// episode).
 fn expected_episodes(run: &SyntheticRun, rounds: usize) -> Vec<RecordedEpisode> {
-    let all = run.rounds[..rounds].iter().flat_map(|round| {
+    let episodes_with_step_data = run.rounds[..rounds].iter().flat_map(|round| {
         let step_data = round.step_data.clone();
         round.episodes.clone().into_iter().zip(step_data)
     });
-    let mut expected_episodes: Vec<RecordedEpisode> = all
+    let mut expected_episodes: Vec<RecordedEpisode> = episodes_with_step_data
         .map(|(episode, step_data)| RecordedEpisode {
             agent: episode.agent,
             episode: episode.episode,

@@ -4,14 +4,14 @@
 use std::path::Path;
 
 use seedbed::record::rerun::RerunRecorder;
-use seedbed::record::{AxisChoice, EpisodeRow, Recorder, RecordingSettings, RoundRecord};
+use seedbed::record::{AxisChoice, Recorder, RecordingSettings, RoundRecord};
 use seedbed::run::Plan;
 use seedbed::run::trainer::Trainer;
-use seedbed_env::input::numbers::{FiniteNumber, known, known_count};
+use seedbed_env::input::numbers::{FiniteNumber, ranged_count, ranged_number};
 
 use super::super::util::REPOSITORY;
 use super::contents::RecordingContents;
-use super::synthetic_run::SyntheticRun;
+use super::synthetic_run::{SyntheticRound, SyntheticRun};
 use super::{assert_raw_rows, record};
 
 #[test]
@@ -29,14 +29,12 @@ fn recorded_curves_equal_the_table_columns() {
     let run = SyntheticRun::new(3, 30);
     let contents =
         RecordingContents::read(&record(&run, folder.path(), &RecordingSettings::default()));
-    let returns: Vec<f64> = run
-        .rounds
-        .iter()
-        .map(|round| round.episode_rows[1].r#return)
-        .collect();
+    let curve = |name: &str| contents.f64_values(&format!("/curves/{name}"), "Scalars:scalars");
+    let value_per_round =
+        |value: fn(&SyntheticRound) -> f64| -> Vec<f64> { run.rounds.iter().map(value).collect() };
     assert_eq!(
-        contents.f64_values("/curves/return/agent_1", "Scalars:scalars"),
-        returns
+        curve("return/agent_1"),
+        value_per_round(|round| round.episode_rows[1].r#return)
     );
     let coverage: Vec<f64> = run
         .rounds
@@ -44,44 +42,28 @@ fn recorded_curves_equal_the_table_columns() {
         .flat_map(|round| &round.round_rows)
         .map(|row| row.coverage)
         .collect();
+    assert_eq!(curve("coverage"), coverage);
     assert_eq!(
-        contents.f64_values("/curves/coverage", "Scalars:scalars"),
-        coverage
+        curve("effective_agents"),
+        value_per_round(|round| round.round_rows[0].effective_agents)
     );
-    let effective: Vec<f64> = run
-        .rounds
-        .iter()
-        .map(|round| round.round_rows[0].effective_agents)
-        .collect();
-    assert_eq!(
-        contents.f64_values("/curves/effective_agents", "Scalars:scalars"),
-        effective
-    );
-    let mean = |rows: &[EpisodeRow]| rows.iter().map(|row| row.r#return).sum::<f64>() / 3.0;
-    let means: Vec<f64> = run
-        .rounds
-        .iter()
-        .map(|round| mean(&round.episode_rows))
-        .collect();
-    assert_eq!(
-        contents.f64_values("/curves/return/team_mean", "Scalars:scalars"),
-        means
-    );
-    let last_25 = means[5..].iter().sum::<f64>() / 25.0;
-    approx::assert_relative_eq!(
-        contents.f64_values("/curves/return/team_mean_25", "Scalars:scalars")[29],
-        last_25
-    );
+    let team_means = value_per_round(|round| {
+        let returns = round.episode_rows.iter().map(|row| row.r#return);
+        returns.sum::<f64>() / 3.0
+    });
+    assert_eq!(curve("return/team_mean"), team_means);
+    let mean_of_last_25 = team_means[5..].iter().sum::<f64>() / 25.0;
+    approx::assert_relative_eq!(curve("return/team_mean_25")[29], mean_of_last_25);
 }
 
-/// With `raw_every: 3`, `/raw` has every third episode. Step numbers count the steps of all
-/// episodes, and the property `raw_every` is recorded.
+/// With `raw_every: 3`, `/raw` has every third episode. Step numbers also count the steps of
+/// episodes that are not recorded. The recording has the property `raw_every`.
 #[test]
 fn raw_every_records_every_nth_episode() {
     let folder = tempfile::tempdir().unwrap();
     let run = SyntheticRun::new(2, 8);
     let settings = RecordingSettings {
-        raw_every: known_count(3),
+        raw_every: ranged_count(3),
         ..RecordingSettings::default()
     };
     let contents = RecordingContents::read(&record(&run, folder.path(), &settings));
@@ -120,8 +102,8 @@ fn advantages_are_recorded_only_if_an_axis_shows_them() {
         contents
     };
     let advantage = AxisChoice::Advantage {
-        from: known(-30.0),
-        to: known::<FiniteNumber>(170.0).into(),
+        from: ranged_number(-30.0),
+        to: ranged_number::<FiniteNumber>(170.0).into(),
     };
     let with = recorded(vec![AxisChoice::Observations, advantage]);
     let expected: Vec<f32> = run
@@ -135,10 +117,10 @@ fn advantages_are_recorded_only_if_an_axis_shows_them() {
         with.rows_with("/raw/agent_1", "State:advantage"),
         with.rows_with("/raw/agent_1", "State:force")
     );
-    let names = with.texts("/visitation/axes/labels", "Points2D:labels");
+    let axis_names = with.texts("/visitation/axes/labels", "Points2D:labels");
     assert!(
-        names.iter().any(|name| name.starts_with("advantage")),
-        "{names:?}"
+        axis_names.iter().any(|name| name.starts_with("advantage")),
+        "{axis_names:?}"
     );
     let without = recorded(vec![AxisChoice::Observations]);
     assert!(
@@ -148,8 +130,9 @@ fn advantages_are_recorded_only_if_an_axis_shows_them() {
     );
 }
 
-/// Without baseline, importance ratios, seeds and discount, the advantage of an action is the
-/// return from its step on. Each of the T steps has reward 1, so the advantages are T, T − 1, …, 1.
+/// Without baseline, importance ratios, agent seeds and discount, the advantage of an action is the
+/// sum of the rewards from its step on. Each of the T steps has reward 1, so the advantages are T,
+/// T − 1, …, 1.
 #[test]
 fn the_advantage_column_has_the_estimates_of_the_agents() {
     let overrides = [
@@ -167,7 +150,7 @@ fn the_advantage_column_has_the_estimates_of_the_agents() {
     let mut recorder =
         RerunRecorder::create(&path, &synthetic_run.run_info(), &plan.scenario.recording).unwrap();
     let mut expected = Vec::new();
-    for number in 0..2 {
+    for round_number in 0..2 {
         let round = trainer.advance().unwrap();
         let episodes = trainer.newest_episodes();
         expected.extend(
@@ -178,7 +161,7 @@ fn the_advantage_column_has_the_estimates_of_the_agents() {
         let (episode_rows, round_rows) = (&round.rows.episodes[..], &round.rows.updates[..]);
         recorder
             .record_round(&RoundRecord {
-                round: number,
+                round: round_number,
                 episodes: &episodes,
                 episode_rows,
                 round_rows,

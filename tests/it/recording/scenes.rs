@@ -1,7 +1,7 @@
 //! Recorded scenes: poses of bodies, forces, traces, and the camera.
 
 use seedbed::record::{BodyTrajectory, RecordingSettings, SceneSettings};
-use seedbed_env::input::numbers::known_count;
+use seedbed_env::input::numbers::ranged_count;
 use seedbed_env::{Force, ForceSource, Pose};
 use seedbed_learn::experience::Episode;
 
@@ -9,6 +9,7 @@ use super::contents::RecordingContents;
 use super::record;
 use super::synthetic_run::SyntheticRun;
 
+/// The synthetic run has body trajectories of agent 0 in every tenth round: rounds 0 and 10.
 #[test]
 fn recorded_scenes_have_poses_and_traces() {
     let folder = tempfile::tempdir().unwrap();
@@ -44,7 +45,7 @@ fn each_recorded_agent_has_its_own_poses_and_forces() {
     }
     let scene = SceneSettings {
         agents: vec![0.into(), 2.into()].into(),
-        every: known_count(1),
+        every: ranged_count(1),
     };
     let settings = RecordingSettings {
         scene: Some(scene),
@@ -53,19 +54,19 @@ fn each_recorded_agent_has_its_own_poses_and_forces() {
     let contents = RecordingContents::read(&record(&run, folder.path(), &settings));
     assert!(contents.chunks("/scene/agent_1/bodies/pole").is_empty());
     for agent in [0, 2] {
-        let rows: usize = run
+        let row_count: usize = run
             .rounds
             .iter()
             .map(|round| round.episodes[agent].length() + 1)
             .sum();
-        let poses = contents.times(&format!("/scene/agent_{agent}/bodies/pole"), "env_step");
-        assert_eq!(poses, (0..rows as i64).collect::<Vec<_>>());
+        let pose_steps = contents.times(&format!("/scene/agent_{agent}/bodies/pole"), "env_step");
+        assert_eq!(pose_steps, (0..row_count as i64).collect::<Vec<_>>());
         let action = format!("/scene/agent_{agent}/forces/action");
-        assert_eq!(contents.times(&action, "env_step"), poses);
-        let action_forces = rows - run.rounds.len();
+        assert_eq!(contents.times(&action, "env_step"), pose_steps);
+        let action_force_count = row_count - run.rounds.len();
         assert_eq!(
             contents.f32_values(&action, "Force:newtons"),
-            vec![5.0; action_forces],
+            vec![5.0; action_force_count],
             "the first state of an episode has no force"
         );
         let contacts = format!("/scene/agent_{agent}/forces/contacts");

@@ -10,8 +10,8 @@ use super::contents::messages;
 use super::record;
 use super::synthetic_run::SyntheticRun;
 
-/// A row of `/raw` with four observations, action, reward, log-probability and bonus takes at most
-/// 45 bytes; each further observation takes at most 6 bytes.
+/// A row of `/raw` with four observations, action, reward, log-probability and intrinsic reward
+/// takes at most 45 bytes; a fifth observation takes at most 6 further bytes.
 #[test]
 fn raw_data_takes_few_bytes_per_state() {
     let folder = tempfile::tempdir().unwrap();
@@ -34,12 +34,12 @@ fn raw_data_takes_few_bytes_per_state() {
     assert!(bytes_per_state <= 45.0, "{bytes_per_state} bytes per state");
     assert!(
         bytes_with_fifth_observation - bytes_per_state <= 6.0,
-        "{} bytes for a further column",
+        "{} bytes per state for the fifth observation",
         bytes_with_fifth_observation - bytes_per_state
     );
 }
 
-/// The same run with a fifth observation that compresses as badly as the others.
+/// Adds a fifth observation to a run, which compresses as badly as the others.
 fn with_fifth_observation(mut run: SyntheticRun) -> SyntheticRun {
     let fifth = Quantity {
         name: "fifth".to_owned(),
@@ -47,16 +47,16 @@ fn with_fifth_observation(mut run: SyntheticRun) -> SyntheticRun {
     };
     run.spec.observations.push(fifth);
     for episode in run.rounds.iter_mut().flat_map(|round| &mut round.episodes) {
-        let bytes_with_fifth_observation = episode
+        let extended_observations = episode
             .observations
             .chunks_exact(4)
             .flat_map(|row| [row, &[row[1].sin() + row[3]]].concat());
-        episode.observations = bytes_with_fifth_observation.collect();
+        episode.observations = extended_observations.collect();
     }
     run
 }
 
-/// Number of bytes of all messages of `/raw` in a file.
+/// Total size of all messages of `/raw` in a file, in bytes.
 fn raw_bytes(path: &Path) -> u64 {
     let is_raw = |message: &&LogMsg| match message {
         LogMsg::ArrowMsg(_, arrow) => Chunk::from_arrow_msg(arrow)

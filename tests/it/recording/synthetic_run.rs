@@ -60,7 +60,7 @@ impl SyntheticRun {
             scene: Some(&self.scene),
             agents: self.agents,
             bonus: BonusRange::UpTo(0.01),
-            episodes: self.rounds.len() as u32,
+            max_episodes: self.rounds.len() as u32,
             run_seed: 7,
             scenario: "Scenario(\n    environment: \"cartpole\",\n    agents: (count: 4),\n)",
             properties: &[],
@@ -96,7 +96,7 @@ fn cart_pole() -> Spec {
 fn cart_and_pole() -> Scene {
     let body = |name: &str, shapes| SceneBody {
         name: name.to_owned(),
-        fixed: name == "rail",
+        is_fixed: name == "rail",
         shapes,
         hinge: None,
     };
@@ -124,6 +124,7 @@ fn cart_and_pole() -> Scene {
     }
 }
 
+/// A round in which the controllers of all agents have the skill `round / rounds`, at most 0.9.
 fn synthetic_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) -> SyntheticRound {
     let skill = (f64::from(round) / f64::from(rounds)).min(0.9);
     let played: Vec<(Episode, BodyTrajectory)> = (0..agents)
@@ -149,9 +150,9 @@ fn synthetic_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) ->
     SyntheticRound {
         round,
         episode_rows: episodes.iter().map(row).collect(),
-        step_data: episodes.iter().map(made_up_step_data).collect(),
+        step_data: episodes.iter().map(synthetic_step_data).collect(),
         round_rows: (0..agents)
-            .map(|agent| synthetic_update(agent, round, skill))
+            .map(|agent| synthetic_round_row(agent, round, skill))
             .collect(),
         body_trajectories: round
             .is_multiple_of(10)
@@ -162,21 +163,21 @@ fn synthetic_round(agents: u32, round: u32, rounds: u32, env_steps: &mut u64) ->
     }
 }
 
-fn synthetic_update(agent: u32, round: u32, skill: f64) -> RoundRow {
+fn synthetic_round_row(agent: u32, round: u32, skill: f64) -> RoundRow {
     let wave = ((round + 9 * agent) as f32 * 0.7).sin() * 0.05;
-    let left = 1.0 - skill as f32;
+    let remaining_skill = 1.0 - skill as f32;
     RoundRow {
         agent,
         round,
-        value_loss: Some(left * left + wave.abs()),
-        policy_loss: Some(-0.02 * left + 0.1 * wave),
+        value_loss: Some(remaining_skill * remaining_skill + wave.abs()),
+        policy_loss: Some(-0.02 * remaining_skill + 0.1 * wave),
         ratio_deviation: Some(1.1 + wave),
         largest_ratio: Some(2.0 + wave),
         intrinsic_reward: Some(0.01 + wave),
         prediction_error: Some(0.5 + wave),
         bonus_agreement: Some(0.3 + wave),
         clipped_fraction: Some(0.2 + wave),
-        entropy: Some(0.69 * left + wave.abs()),
+        entropy: Some(0.69 * remaining_skill + wave.abs()),
         coverage: 0.4 * skill.sqrt() + 0.01 * f64::from(agent),
         visitation_entropy: 3.0 * skill + 0.01 * f64::from(agent),
         visitation_evenness: 0.5 * skill,
@@ -186,8 +187,8 @@ fn synthetic_update(agent: u32, round: u32, skill: f64) -> RoundRow {
     }
 }
 
-/// An episode of a linear controller that reacts to the state more often the larger `skill` is, and
-/// otherwise pushes at random.
+/// An episode of a controller that pushes at random or according to a linear function of the state.
+/// The larger `skill` is, the more often it uses the state.
 fn synthetic_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajectory) {
     let mut noise = UniformNoise((u64::from(agent) << 32) | (u64::from(round) << 8) | 1);
     let mut state = [0.0_f64; 4].map(|_| noise.uniform() * 0.05);
@@ -201,48 +202,49 @@ fn synthetic_episode(agent: u32, round: u32, skill: f64) -> (Episode, BodyTrajec
         log_probs: Vec::new(),
         outcome: Status::Truncated,
     };
-    let mut body_trajectories = BodyTrajectory {
+    let mut body_trajectory = BodyTrajectory {
         agent,
         episode: round,
         poses: poses(state).to_vec(),
         ..BodyTrajectory::default()
     };
     while episode.length() < 200 {
-        let tilt = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5)
+        let control_signal = 0.05 * (state[0] + 0.3 * f64::from(agent) - 0.5)
             + 0.1 * state[1]
             + state[2]
             + 0.3 * state[3];
-        let reacts_to_state = noise.uniform().abs() < skill + 0.1;
-        let push = if reacts_to_state {
-            tilt > 0.0
+        let uses_state = noise.uniform().abs() < skill + 0.1;
+        let pushes_right = if uses_state {
+            control_signal > 0.0
         } else {
             noise.uniform() > 0.0
         };
-        state = next_state(state, if push { 10.0 } else { -10.0 });
-        episode.actions.push(f32::from(u8::from(push)));
+        state = next_state(state, if pushes_right { 10.0 } else { -10.0 });
+        episode.actions.push(f32::from(u8::from(pushes_right)));
         episode.rewards.push(1.0);
         episode
             .log_probs
             .push(-(1.0 + noise.uniform().abs() as f32).ln());
         episode.observations.extend(state.map(|x| x as f32));
-        body_trajectories.poses.extend(poses(state));
+        body_trajectory.poses.extend(poses(state));
         if state[0].abs() > 2.4 || state[2].abs() > 0.209 {
             episode.outcome = Status::Terminated;
             break;
         }
     }
-    (episode, body_trajectories)
+    (episode, body_trajectory)
 }
 
-fn made_up_step_data(episode: &Episode) -> StepData {
+fn synthetic_step_data(episode: &Episode) -> StepData {
     let steps = 0..episode.length();
     StepData {
         intrinsic_rewards: steps.clone().map(|t| 0.001 * (t % 10) as f32).collect(),
         advantages: steps.map(|t| t as f32 - 30.0).collect(),
-        ..StepData::of(episode)
+        ..StepData::empty_for(episode)
     }
 }
 
+/// Poses of the bodies of [`cart_and_pole`] for a state.
 fn poses([x, _, theta, _]: [f64; 4]) -> [Pose; 3] {
     let cart = Pose {
         x: x as f32,
@@ -259,6 +261,7 @@ fn poses([x, _, theta, _]: [f64; 4]) -> [Pose; 3] {
     ]
 }
 
+/// One step of 0.02 s of the cart-pole equations.
 fn next_state([x, v, theta, omega]: [f64; 4], force: f64) -> [f64; 4] {
     let push = (force + 0.05 * omega * omega * theta.sin()) / 1.1;
     let alpha = (9.8 * theta.sin() - theta.cos() * push)

@@ -1,5 +1,4 @@
-//! Recordings of teams that learn: they hold what the agents' own episodes hold, whatever the
-//! number of threads.
+//! Recordings of training runs have all data of the agents' episodes, for any number of threads.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -15,8 +14,9 @@ use seedbed_learn::experience::{Episode, StepData};
 use super::contents::RecordingContents;
 use super::{assert_times, outcome_text};
 
-/// Three agents with curiosity that play two episodes a round, all numbers of which are on record.
-const CURIOUS: [&str; 5] = [
+/// Three agents with a VIME bonus and two episodes per round. Intrinsic rewards and advantages are
+/// recorded.
+const VIME_OVERRIDES: [&str; 5] = [
     "agents.count=3",
     "stop=Episodes(8)",
     "schedule=Synchronous(episodes: 2)",
@@ -24,39 +24,41 @@ const CURIOUS: [&str; 5] = [
     "recording.axes=[Observations, Advantage()]",
 ];
 
-/// Agents that do not wait for each other, with several continuous actions at once.
-const HOPPING: [&str; 4] = [
+/// Two asynchronous agents, whose actions have several continuous components.
+const HOPPER_OVERRIDES: [&str; 4] = [
     "environment=\"hopper\"",
     "agents.count=2",
     "stop=Episodes(4)",
     "schedule=Asynchronous(training: (env_steps: 30))",
 ];
 
-struct Nobody;
+struct SilentObserver;
 
-impl Observer for Nobody {
+impl Observer for SilentObserver {
     fn begun(&mut self, _: &Progress) {}
 
     fn round_finished(&mut self, _: &Progress) {}
 }
 
-fn plan(overrides: &[&str]) -> Plan {
+/// The cart-pole scenario with overrides.
+fn load_plan(overrides: &[&str]) -> Plan {
     let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
     Plan::load(Path::new("scenarios/cartpole.ron"), &overrides).unwrap()
 }
 
-fn factories(folder: &RunFolder) -> RecorderFactories {
+fn recorder_factories(folder: &RunFolder) -> RecorderFactories {
     let tables = TableFiles {
         folder: folder.path().to_owned(),
     };
     let recording = RecordingFile {
-        path: folder.recording(),
+        path: folder.recording_file(),
         live: None,
     };
     vec![Box::new(tables), Box::new(recording)]
 }
 
-fn recorded(plan: &Plan, folder: &Path, threads: usize) -> RecordingContents {
+/// Runs a plan in a folder, and reads the recording of the run.
+fn run_and_read_recording(plan: &Plan, folder: &Path, threads: usize) -> RecordingContents {
     let folder = RunFolder::new(folder);
     let _lock = folder.lock().unwrap();
     let options = Options {
@@ -64,27 +66,27 @@ fn recorded(plan: &Plan, folder: &Path, threads: usize) -> RecordingContents {
         resume: false,
         threads,
     };
-    let ending = execute(
+    let outcome = execute(
         plan,
         &options,
-        factories(&folder),
-        &mut Nobody,
+        recorder_factories(&folder),
+        &mut SilentObserver,
         &AtomicBool::new(false),
     )
     .unwrap();
-    assert!(matches!(ending, RunOutcome::Finished(_)));
-    RecordingContents::read(&folder.recording())
+    assert!(matches!(outcome, RunOutcome::Finished(_)));
+    RecordingContents::read(&folder.recording_file())
 }
 
-/// What one agent played and learned.
+/// Episodes of one agent, and the data of their steps from its updates.
 #[derive(Clone, Default)]
 struct AgentHistory {
     episodes: Vec<Episode>,
     step_data: Vec<StepData>,
 }
 
-/// The history of each agent, from the team itself.
-fn played(plan: &Plan) -> Vec<AgentHistory> {
+/// Trains a team without a recording, and returns the history of each agent.
+fn train_without_recording(plan: &Plan) -> Vec<AgentHistory> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1).unwrap();
     let mut agents = vec![AgentHistory::default(); trainer.agent_count()];
     while !trainer.is_done() {
@@ -102,34 +104,41 @@ fn played(plan: &Plan) -> Vec<AgentHistory> {
 }
 
 #[test]
-fn a_recording_holds_what_the_agents_saw_and_did() {
-    for overrides in [&CURIOUS[..], &HOPPING[..]] {
-        let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
-        let (contents, agents) = (recorded(&plan, folder.path(), 2), played(&plan));
+fn recorded_episodes_equal_the_episodes_of_the_agents() {
+    for overrides in [&VIME_OVERRIDES[..], &HOPPER_OVERRIDES[..]] {
+        let (folder, plan) = (tempfile::tempdir().unwrap(), load_plan(overrides));
+        let (contents, agents) = (
+            run_and_read_recording(&plan, folder.path(), 2),
+            train_without_recording(&plan),
+        );
         assert_ne!(
             agents[0].episodes[0].observations, agents[1].episodes[0].observations,
-            "agents that do the same could be mistaken"
+            "if agents did the same, a recording with exchanged agents would pass"
         );
         for (agent, history) in agents.iter().enumerate() {
             assert_eq!(
                 history.episodes.len(),
                 plan.scenario.max_episodes() as usize
             );
-            compare(&plan, &contents, &format!("/raw/agent_{agent}"), history);
+            assert_recorded(&plan, &contents, &format!("/raw/agent_{agent}"), history);
         }
     }
 }
 
-/// Every number of every episode, in order; an episode's end has a last observation and nothing
-/// else.
-fn compare(plan: &Plan, contents: &RecordingContents, entity: &str, history: &AgentHistory) {
+/// Asserts that the rows of an entity have every value of an agent's history, in order.
+fn assert_recorded(
+    plan: &Plan,
+    contents: &RecordingContents,
+    entity: &str,
+    history: &AgentHistory,
+) {
     let AgentHistory {
         episodes,
         step_data,
     } = history;
-    compare_observations_and_actions(plan, contents, entity, episodes);
-    compare_rewards(plan, contents, entity, episodes);
-    compare_step_data(plan, contents, entity, step_data);
+    assert_observations_and_actions_recorded(plan, contents, entity, episodes);
+    assert_rewards_recorded(plan, contents, entity, episodes);
+    assert_step_data_recorded(plan, contents, entity, step_data);
     let episodes: Vec<&Episode> = episodes.iter().collect();
     assert_times(&episodes, contents, entity);
     let outcomes: Vec<&str> = episodes
@@ -139,7 +148,7 @@ fn compare(plan: &Plan, contents: &RecordingContents, entity: &str, history: &Ag
     assert_eq!(contents.texts(entity, "State:outcome"), outcomes);
 }
 
-/// Component `index` of the values of each step, of which each step has `width`.
+/// Component `index` of the values of each step. Each step has `width` values.
 fn component<T>(
     episodes: &[T],
     values: fn(&T) -> &Vec<f32>,
@@ -153,7 +162,7 @@ fn component<T>(
         .collect()
 }
 
-fn compare_observations_and_actions(
+fn assert_observations_and_actions_recorded(
     plan: &Plan,
     contents: &RecordingContents,
     entity: &str,
@@ -163,37 +172,47 @@ fn compare_observations_and_actions(
     let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     for (index, quantity) in spec.observations.iter().enumerate() {
         let width = spec.observations.len();
-        let seen = component(episodes, |episode| &episode.observations, index, width);
-        assert_eq!(column(&quantity.name), seen, "{entity} {}", quantity.name);
+        let expected = component(episodes, |episode| &episode.observations, index, width);
+        assert_eq!(
+            column(&quantity.name),
+            expected,
+            "{entity} {}",
+            quantity.name
+        );
     }
     for (index, action) in spec.actions.iter().enumerate() {
         let width = spec.actions.len();
-        let mut done = component(episodes, |episode| &episode.actions, index, width);
+        let mut expected = component(episodes, |episode| &episode.actions, index, width);
         if let Choice::Discrete(values) = &action.choice {
-            for action in &mut done {
+            for action in &mut expected {
                 *action = values[*action as usize];
             }
         }
         let name = &action.quantity.name;
-        assert_eq!(column(name), done, "{entity} {name}");
+        assert_eq!(column(name), expected, "{entity} {name}");
     }
 }
 
-fn compare_rewards(plan: &Plan, contents: &RecordingContents, entity: &str, episodes: &[Episode]) {
+fn assert_rewards_recorded(
+    plan: &Plan,
+    contents: &RecordingContents,
+    entity: &str,
+    episodes: &[Episode],
+) {
     let column = |name: &str| contents.f32_values(entity, &format!("State:{name}"));
     let joined = |values| component(episodes, values, 0, 1);
     assert_eq!(column("reward"), joined(|episode| &episode.rewards));
     let log_probs = joined(|episode| &episode.log_probs);
-    let of_steps = log_probs.chunks(plan.description.spec().actions.len());
+    let log_probs_by_step = log_probs.chunks(plan.description.spec().actions.len());
     assert_eq!(
         column("log_prob"),
-        of_steps
-            .map(|parts| parts.iter().sum())
+        log_probs_by_step
+            .map(|components| components.iter().sum())
             .collect::<Vec<f32>>()
     );
 }
 
-fn compare_step_data(
+fn assert_step_data_recorded(
     plan: &Plan,
     contents: &RecordingContents,
     entity: &str,
@@ -213,20 +232,21 @@ fn compare_step_data(
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_recording() {
-    for overrides in [&CURIOUS[..], &HOPPING[..]] {
-        let (folder, plan) = (tempfile::tempdir().unwrap(), plan(overrides));
+fn recordings_do_not_depend_on_the_number_of_threads() {
+    for overrides in [&VIME_OVERRIDES[..], &HOPPER_OVERRIDES[..]] {
+        let (folder, plan) = (tempfile::tempdir().unwrap(), load_plan(overrides));
         let [one, three] = [1, 3].map(|threads| {
-            recorded(&plan, &folder.path().join(threads.to_string()), threads).columns()
+            run_and_read_recording(&plan, &folder.path().join(threads.to_string()), threads)
+                .columns()
         });
         assert!(
             one.contains_key("/raw/agent_1 State:reward")
                 && one.contains_key("/visitation/agent_1/latest DepthImage:buffer")
         );
-        let share_difference = one
+        let first_difference = one
             .iter()
             .find(|(name, rows)| three.get(*name) != Some(rows))
             .map(|(name, _)| name);
-        assert_eq!((share_difference, one.len()), (None, three.len()));
+        assert_eq!((first_difference, one.len()), (None, three.len()));
     }
 }

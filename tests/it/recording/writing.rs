@@ -1,13 +1,11 @@
 //! Recordings that are interrupted, resumed, or cannot be written.
 
-use std::fs::File;
-
 use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::{Recorder, RecordingSettings};
 
 use super::contents::RecordingContents;
 use super::synthetic_run::SyntheticRun;
-use super::{assert_raw_rows, record};
+use super::{assert_raw_rows, record, record_rounds, set_file_length};
 
 #[test]
 fn a_resumed_recording_equals_an_uninterrupted_one() {
@@ -19,90 +17,76 @@ fn a_resumed_recording_equals_an_uninterrupted_one() {
     let path = folder.path().join("killed.rrd");
     let settings = RecordingSettings::default();
     let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings).unwrap();
-    run.rounds[..13]
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    record_rounds(&run.rounds[..13], &mut recorder);
     let checkpoint = recorder.checkpoint().unwrap();
-    run.rounds[13..21]
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    record_rounds(&run.rounds[13..21], &mut recorder);
     drop(recorder);
     assert!(!path.exists());
 
     let mut recorder =
         RerunRecorder::resume(&path, &run.run_info(), &settings, &checkpoint).unwrap();
-    run.rounds[13..]
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    record_rounds(&run.rounds[13..], &mut recorder);
     recorder.finish().unwrap();
     let resumed = RecordingContents::read(&path);
     assert_raw_rows(&run, &resumed);
     assert_eq!(complete.columns(), resumed.columns());
 }
 
+/// A recorder is dropped after some rounds that follow its checkpoint, and its file is cut 100
+/// bytes after the checkpoint. It can be resumed twice.
 #[test]
 fn a_truncated_recording_is_resumed_from_its_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let (run, settings) = (SyntheticRun::new(2, 8), RecordingSettings::default());
     let path = folder.path().join("run.rrd");
     let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings).unwrap();
-    run.rounds[..4]
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    record_rounds(&run.rounds[..4], &mut recorder);
     let checkpoint = recorder.checkpoint().unwrap();
     let part = folder.path().join("run.rrd.part");
-    let length = std::fs::metadata(&part).unwrap().len();
-    run.rounds[4..]
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    let length_at_checkpoint = std::fs::metadata(&part).unwrap().len();
+    record_rounds(&run.rounds[4..], &mut recorder);
     drop(recorder);
-    File::options()
-        .write(true)
-        .open(&part)
-        .unwrap()
-        .set_len(length + 100)
-        .unwrap();
+    set_file_length(&part, length_at_checkpoint + 100);
 
     for _ in 0..2 {
         let mut recorder =
             RerunRecorder::resume(&path, &run.run_info(), &settings, &checkpoint).unwrap();
-        run.rounds[4..]
-            .iter()
-            .for_each(|round| round.record(&mut recorder));
+        record_rounds(&run.rounds[4..], &mut recorder);
         recorder.finish().unwrap();
         assert_raw_rows(&run, &RecordingContents::read(&path));
     }
+}
 
-    File::options()
-        .write(true)
-        .open(&path)
-        .unwrap()
-        .set_len(length / 2)
-        .unwrap();
-    let error = RerunRecorder::resume(&path, &run.run_info(), &settings, &checkpoint)
-        .map(drop)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.starts_with("cannot resume ") && error.contains("ends before the checkpoint"),
-        "{error}"
-    );
-    let error = RerunRecorder::resume(&path, &run.run_info(), &settings, b"nonsense")
-        .map(drop)
-        .unwrap_err()
-        .to_string();
+#[test]
+fn resume_explains_invalid_checkpoints_and_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = SyntheticRun::new(2, 8);
+    let path = folder.path().join("run.rrd");
+    let settings = RecordingSettings::default();
+    let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings).unwrap();
+    record_rounds(&run.rounds[..4], &mut recorder);
+    let checkpoint = recorder.checkpoint().unwrap();
+    let part = folder.path().join("run.rrd.part");
+    let length_at_checkpoint = std::fs::metadata(&part).unwrap().len();
+    record_rounds(&run.rounds[4..], &mut recorder);
+    recorder.finish().unwrap();
+    let resume_error = |run: &SyntheticRun, checkpoint: &[u8]| {
+        RerunRecorder::resume(&path, &run.run_info(), &settings, checkpoint)
+            .map(drop)
+            .unwrap_err()
+            .to_string()
+    };
+    let error = resume_error(&run, b"nonsense");
     assert!(error.contains("the checkpoint is damaged"), "{error}");
-    let error = RerunRecorder::resume(
-        &path,
-        &SyntheticRun::new(3, 1).run_info(),
-        &settings,
-        &checkpoint,
-    )
-    .map(drop)
-    .unwrap_err()
-    .to_string();
+    let error = resume_error(&SyntheticRun::new(3, 1), &checkpoint);
     assert!(
         error.contains("the checkpoint belongs to another scenario"),
+        "{error}"
+    );
+    set_file_length(&path, length_at_checkpoint / 2);
+    let error = resume_error(&run, &checkpoint);
+    assert!(
+        error.starts_with("cannot resume ") && error.contains("ends before the checkpoint"),
         "{error}"
     );
 }
@@ -114,9 +98,7 @@ fn a_dropped_recorder_leaves_a_readable_recording() {
     let path = folder.path().join("run.rrd");
     let mut recorder =
         RerunRecorder::create(&path, &run.run_info(), &RecordingSettings::default()).unwrap();
-    run.rounds
-        .iter()
-        .for_each(|round| round.record(&mut recorder));
+    record_rounds(&run.rounds, &mut recorder);
     drop(recorder);
     assert_raw_rows(
         &run,

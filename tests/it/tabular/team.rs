@@ -1,4 +1,5 @@
-//! Tabular runs: reproducible to the bit, with regret as derived by hand and as published.
+//! Results of tabular runs: the same run seed gives the same bits, and regrets agree with values
+//! derived by hand and with published comparisons.
 
 use seedbed::scenario::overrides::Resolve;
 use seedbed::tabular::TabularScenario;
@@ -6,36 +7,37 @@ use seedbed::tabular::results::Results;
 use seedbed::tabular::team::{Episode, TabularTeam};
 use seedbed_env::input;
 
-fn scenario(text: &str) -> TabularScenario {
+fn parse_scenario(text: &str) -> TabularScenario {
     input::parse("test", format!("TabularScenario({text})"))
         .unwrap_or_else(|error| panic!("{error}"))
         .value
 }
 
+/// Runs all episodes of a scenario.
 fn play(scenario: &TabularScenario) -> Results {
     let mut team = TabularTeam::new(scenario);
     let mut episodes: Vec<Episode> = Vec::new();
     while let Some(step) = team.advance() {
-        episodes.extend(step.ended);
+        episodes.extend(step.ended_episode);
     }
     Results::of("test", scenario, &team, episodes)
 }
 
-/// Mean regret per agent over runs 0 to `runs` − 1.
-fn regret(text: &str, runs: u64) -> f64 {
-    let run = |seed| {
+/// Regret per agent, averaged over the runs with run seeds 0 to `runs` − 1.
+fn mean_regret(text: &str, runs: u64) -> f64 {
+    let regret_of_run = |seed| {
         play(&TabularScenario {
             seed,
-            ..scenario(text)
+            ..parse_scenario(text)
         })
         .summary
         .regret_per_agent
     };
-    (0..runs).map(run).sum::<f64>() / runs as f64
+    (0..runs).map(regret_of_run).sum::<f64>() / runs as f64
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bits() {
+fn the_same_run_seed_gives_the_same_bits() {
     for algorithm in [
         "SeedSampling(rewards: MartingaleGaussian)",
         "ThompsonResampling",
@@ -47,28 +49,28 @@ fn the_same_seed_gives_the_same_bits() {
             "MaximumRewardPath(vertices: 12)",
             "DeepSea(size: 5)",
         ] {
-            let scenario = scenario(&format!(
+            let scenario = parse_scenario(&format!(
                 "task: {task}, agents: (count: 12), episodes: 2, algorithm: {algorithm}"
             ));
-            let text = scenario.resolved();
-            let again: TabularScenario = input::parse("test", text).unwrap().value;
-            assert_eq!(play(&scenario), play(&again), "{task}, {algorithm}");
-            let other = TabularScenario {
+            let resolved_text = scenario.resolved();
+            let resolved: TabularScenario = input::parse("test", resolved_text).unwrap().value;
+            assert_eq!(play(&scenario), play(&resolved), "{task}, {algorithm}");
+            let other_run_seed = TabularScenario {
                 seed: 1,
                 ..scenario.clone()
             };
             assert_ne!(
                 play(&scenario).episodes,
-                play(&other).episodes,
+                play(&other_run_seed).episodes,
                 "{task}, {algorithm}"
             );
         }
     }
 }
 
-/// A single agent with a seed goes straight to one end. At the better end its regret is 0; at the
-/// other end the return is lower by 2N = 40 for the reward of the ends, and the way is one step longer
-/// or shorter, so regret is 40 ± 1.
+/// A single agent with an agent seed goes straight to one end. Its regret at the better end is 0.
+/// The reward of the other end is lower by 2N = 40, and the way to it is one step longer or
+/// shorter, so the regret there is 40 ± 1.
 #[test]
 fn one_agent_chooses_the_better_end_half_the_time() {
     let text = "task: BipolarChain(vertices: 20), agents: (count: 1)";
@@ -76,7 +78,7 @@ fn one_agent_chooses_the_better_end_half_the_time() {
         .map(|seed| {
             play(&TabularScenario {
                 seed,
-                ..scenario(text)
+                ..parse_scenario(text)
             })
             .summary
             .regret_per_agent
@@ -88,41 +90,42 @@ fn one_agent_chooses_the_better_end_half_the_time() {
             .all(|regret| [0.0, 39.0, 41.0].contains(regret)),
         "{regrets:?}"
     );
-    let wrong = regrets.iter().filter(|regret| **regret > 0.0).count();
+    let wrong_ends = regrets.iter().filter(|regret| **regret > 0.0).count();
     assert!(
-        (15..=45).contains(&wrong),
-        "{wrong} of 60, where 30 ± 15 are four deviations"
+        (15..=45).contains(&wrong_ends),
+        "{wrong_ends} of 60; 30 ± 15 are four standard deviations"
     );
 }
 
-/// As published: seed sampling's regret falls with the number of agents, and without commitment it
-/// remains high.
+/// As in Dimakopoulou and Van Roy (2018), the regret of seed sampling decreases with the number of
+/// agents, and the regret of Thompson resampling, which lacks commitment, remains high.
 #[test]
-fn seed_sampling_has_the_least_regret_on_the_bipolar_chain() {
+fn seed_sampling_has_less_regret_than_thompson_resampling_on_the_bipolar_chain() {
     let regret = |algorithm: &str, agents: u32| {
         let text = format!(
             "task: BipolarChain(vertices: 40), agents: (count: {agents}), algorithm: {algorithm}"
         );
-        regret(&text, 20)
+        mean_regret(&text, 20)
     };
-    let seeded = [1, 10, 100].map(|agents| regret("SeedSampling()", agents));
+    let seed_sampling = [1, 10, 100].map(|agents| regret("SeedSampling()", agents));
     assert!(
-        seeded[0] > seeded[1] && seeded[1] > 2.0 * seeded[2],
-        "{seeded:?}"
+        seed_sampling[0] > seed_sampling[1] && seed_sampling[1] > 2.0 * seed_sampling[2],
+        "{seed_sampling:?}"
     );
-    let resampled = regret("ThompsonResampling", 100);
+    let thompson_resampling = regret("ThompsonResampling", 100);
     assert!(
-        resampled > 3.0 * seeded[2],
-        "{resampled} against {seeded:?}"
+        thompson_resampling > 3.0 * seed_sampling[2],
+        "{thompson_resampling} against {seed_sampling:?}"
     );
 }
 
-/// A team that does not learn has the most regret.
+/// A team with random actions does not learn, so every other algorithm must have clearly less
+/// regret.
 #[test]
 fn every_algorithm_has_less_regret_than_random_actions() {
     let regret = |algorithm: &str| {
         let text = format!("task: ParallelChains(), agents: (count: 50), algorithm: {algorithm}");
-        regret(&text, 20)
+        mean_regret(&text, 20)
     };
     let random = regret("Random");
     for algorithm in [
@@ -133,19 +136,21 @@ fn every_algorithm_has_less_regret_than_random_actions() {
         "Ucrl()",
         "EpsilonGreedy()",
     ] {
-        let learned = regret(algorithm);
+        let learning = regret(algorithm);
         assert!(
-            learned < 0.8 * random,
-            "{algorithm}: {learned} against {random}"
+            learning < 0.8 * random,
+            "{algorithm}: {learning} against {random}"
         );
     }
 }
 
-/// Ten episodes of four agents: rows add up to the summary and are in the order of their ends.
+/// Four agents play ten episodes each. The rows add up to the summary, and are sorted by the end of
+/// their episodes.
 #[test]
 fn results_add_up() {
-    let scenario =
-        scenario("task: DeepSea(size: 4), agents: (count: 4, starts: Together), episodes: 10");
+    let scenario = parse_scenario(
+        "task: DeepSea(size: 4), agents: (count: 4, starts: Together), episodes: 10",
+    );
     let Results {
         summary,
         episodes,

@@ -1,13 +1,13 @@
 //! Two links in a chain that swings about a fixed point without friction.
 //!
-//! With α, β the counter-clockwise angles of the links' frames, c₁ the upper link's center of mass
-//! and e the elbow as seen from the shoulder, c₂ the lower link's center of mass as seen from the
-//! elbow (each turning with its link), and u × v and u · v taken after turning, Lagrange's
-//! equations are
+//! With α, β the counter-clockwise angles of the links' frames, m and I their masses and inertias,
+//! c₁ the vector from the shoulder to the upper link's center of mass, e the vector from the
+//! shoulder to the elbow, and c₂ the vector from the elbow to the lower link's center of mass (each
+//! turns with its link), Lagrange's equations are
 //!
 //! ```text
-//! A α̈ + K cos δ β̈ − K sin δ β̇² = Q₁ + weight of link 1 and of m₂ at the elbow
-//! K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + weight of link 2
+//! A α̈ + K cos δ β̈ − K sin δ β̇² = Q₁ + torque of gravity on m₁ at c₁ and on m₂ at e
+//! K cos δ α̈ + B β̈ + K sin δ α̇² = Q₂ + torque of gravity on m₂ at c₂
 //!
 //! A = I₁ + m₁ c₁² + m₂ e²
 //! B = I₂ + m₂ c₂²
@@ -39,7 +39,7 @@ pub struct Acrobot {
     /// δ when both frames are parallel.
     delta_offset: f64,
     /// α and β − α at coordinates 0.
-    reference: [f64; 2],
+    reference_angles: [f64; 2],
     /// For shoulder and elbow: +1 if the coordinate grows counter-clockwise, else −1.
     signs: [f64; 2],
     /// Index of the shoulder: 0 or 1.
@@ -48,7 +48,8 @@ pub struct Acrobot {
     substeps: u32,
 }
 
-/// Maximum Runge–Kutta step, s: the error of a control step is below what an f32 resolves.
+/// Maximum time step of the Runge–Kutta integration, s. Its error over one control step is below
+/// what an f32 resolves.
 const MAX_STEP: f64 = 0.005;
 
 impl Acrobot {
@@ -56,7 +57,7 @@ impl Acrobot {
     ///
     /// # Errors
     /// The bodies are not those of an acrobot; the message says what is required.
-    pub fn of(task: &BodyTask) -> Result<Self, String> {
+    pub fn from_task(task: &BodyTask) -> Result<Self, String> {
         let Some(AnalyticModel::Acrobot { shoulder, elbow }) = task.analytic_model else {
             return Err("the task has no analytic model of an acrobot".to_owned());
         };
@@ -108,7 +109,7 @@ impl Acrobot {
             lower_moment: c2.map(|length| lower.mass * length),
             gravity: task.gravity,
             delta_offset: libm::atan2(c2[1], c2[0]) - libm::atan2(e[1], e[0]),
-            reference: [first.angle, second.angle],
+            reference_angles: [first.angle, second.angle],
             signs,
             shoulder,
             control_step,
@@ -126,26 +127,27 @@ impl Acrobot {
         let (sine, cosine) = libm::sincos(beta - alpha + self.delta_offset);
         // K cos δ and K sin δ.
         let (inertial_coupling, rate_coupling) = (self.coupling * cosine, self.coupling * sine);
-        let upper = shoulder - elbow
-            + self.weight(self.upper_moment, alpha)
+        let upper_torque = shoulder - elbow
+            + self.gravity_torque(self.upper_moment, alpha)
             + rate_coupling * beta_rate * beta_rate;
-        let lower =
-            elbow + self.weight(self.lower_moment, beta) - rate_coupling * alpha_rate * alpha_rate;
+        let lower_torque = elbow + self.gravity_torque(self.lower_moment, beta)
+            - rate_coupling * alpha_rate * alpha_rate;
         let determinant =
             self.upper_inertia * self.lower_inertia - inertial_coupling * inertial_coupling;
         [
-            (self.lower_inertia * upper - inertial_coupling * lower) / determinant,
-            (self.upper_inertia * lower - inertial_coupling * upper) / determinant,
+            (self.lower_inertia * upper_torque - inertial_coupling * lower_torque) / determinant,
+            (self.upper_inertia * lower_torque - inertial_coupling * upper_torque) / determinant,
         ]
     }
 
-    /// Torque of gravity on a moment of mass in a frame that is turned by `angle`, N m.
-    fn weight(&self, moment: [f64; 2], angle: f64) -> f64 {
+    /// Torque of gravity, N m, on the first moment of mass `moment` (kg m) in a frame that is
+    /// turned by `angle`.
+    fn gravity_torque(&self, moment: [f64; 2], angle: f64) -> f64 {
         let [x, y] = Frame::at([0.0; 2], angle).point(moment);
         x * self.gravity[1] - y * self.gravity[0]
     }
 
-    /// Total energy T + V, in joules, of the state α, β, α̇, β̇.
+    /// Total energy T + V of the state α, β, α̇, β̇, J.
     #[must_use]
     pub fn energy(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> f64 {
         let work_of_gravity =
@@ -164,8 +166,8 @@ impl Acrobot {
     #[must_use]
     pub fn runge_kutta(&self, state: [f64; 4], torques: [f64; 2], duration: f64) -> [f64; 4] {
         runge_kutta(state, duration, |state| {
-            let [alpha, beta] = self.accelerations(state, torques);
-            [state[2], state[3], alpha, beta]
+            let [alpha_acceleration, beta_acceleration] = self.accelerations(state, torques);
+            [state[2], state[3], alpha_acceleration, beta_acceleration]
         })
     }
 
@@ -173,9 +175,9 @@ impl Acrobot {
     #[must_use]
     pub fn state_of_joints(&self, joints: &[f64]) -> [f64; 4] {
         let elbow = 1 - self.shoulder;
-        let alpha = self.reference[0] + self.signs[0] * joints[self.shoulder];
+        let alpha = self.reference_angles[0] + self.signs[0] * joints[self.shoulder];
         let alpha_rate = self.signs[0] * joints[2 + self.shoulder];
-        let beta = alpha + self.reference[1] + self.signs[1] * joints[elbow];
+        let beta = alpha + self.reference_angles[1] + self.signs[1] * joints[elbow];
         let beta_rate = alpha_rate + self.signs[1] * joints[2 + elbow];
         [alpha, beta, alpha_rate, beta_rate]
     }
@@ -183,8 +185,8 @@ impl Acrobot {
     /// The inverse of [`state_of_joints`](Self::state_of_joints).
     #[must_use]
     pub fn joints_of_state(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> [f64; 4] {
-        let shoulder = self.signs[0] * (alpha - self.reference[0]);
-        let elbow = self.signs[1] * (beta - alpha - self.reference[1]);
+        let shoulder = self.signs[0] * (alpha - self.reference_angles[0]);
+        let elbow = self.signs[1] * (beta - alpha - self.reference_angles[1]);
         let rates = [
             self.signs[0] * alpha_rate,
             self.signs[1] * (beta_rate - alpha_rate),

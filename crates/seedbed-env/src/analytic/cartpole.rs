@@ -33,7 +33,7 @@ pub struct CartPole {
     /// +1 if the hinge's coordinate grows clockwise, else −1.
     hinge_sign: f64,
     /// α at hinge coordinate 0.
-    upright: f64,
+    reference_angle: f64,
     /// Index of the slider: 0 or 1.
     slider: usize,
     control_step: f64,
@@ -49,7 +49,7 @@ impl CartPole {
     ///
     /// # Errors
     /// The bodies are not those of a cart-pole; the message says what is required.
-    pub fn of(task: &BodyTask) -> Result<Self, String> {
+    pub fn from_task(task: &BodyTask) -> Result<Self, String> {
         let Some(AnalyticModel::CartPole { slider, hinge }) = task.analytic_model else {
             return Err("the task has no analytic model of a cart-pole".to_owned());
         };
@@ -109,7 +109,7 @@ impl CartPole {
             gravity: -task.gravity[1],
             slider_sign,
             hinge_sign,
-            upright: libm::atan2(right, up),
+            reference_angle: libm::atan2(right, up),
             slider,
             control_step,
             substeps: substeps(control_step, MAX_STEP),
@@ -128,12 +128,12 @@ impl CartPole {
     pub fn accelerations(&self, angle: f64, rate: f64, force: f64, torque: f64) -> [f64; 2] {
         let (sine, cosine) = libm::sincos(angle);
         let coupling = self.moment * cosine;
-        let push = force + self.moment * sine * rate * rate;
-        let turn = torque + self.moment * self.gravity * sine;
+        let cart_force = force + self.moment * sine * rate * rate;
+        let pole_torque = torque + self.moment * self.gravity * sine;
         let determinant = self.total_mass * self.inertia - coupling * coupling;
         [
-            (self.inertia * push - coupling * turn) / determinant,
-            (self.total_mass * turn - coupling * push) / determinant,
+            (self.inertia * cart_force - coupling * pole_torque) / determinant,
+            (self.total_mass * pole_torque - coupling * cart_force) / determinant,
         ]
     }
 
@@ -149,13 +149,14 @@ impl CartPole {
     #[must_use]
     pub fn runge_kutta(&self, state: [f64; 4], force: f64, torque: f64, duration: f64) -> [f64; 4] {
         runge_kutta(state, duration, |[_, angle, speed, rate]| {
-            let [acceleration, spin] = self.accelerations(angle, rate, force, torque);
-            [speed, rate, acceleration, spin]
+            let [acceleration, angular_acceleration] =
+                self.accelerations(angle, rate, force, torque);
+            [speed, rate, acceleration, angular_acceleration]
         })
     }
 
-    /// The state x, α, ẋ, α̇ after one step of Gym's explicit Euler integration: all rates are
-    /// those before the step.
+    /// The state x, α, ẋ, α̇ after one step of Gym's explicit Euler integration, which uses the
+    /// rates before the step.
     ///
     /// Source: `CartPoleEnv.step` with `kinematics_integrator == "euler"`,
     /// `gymnasium/envs/classic_control/cartpole.py`, whose `temp` and `thetaacc` are the equations
@@ -167,19 +168,19 @@ impl CartPole {
         force: f64,
         duration: f64,
     ) -> [f64; 4] {
-        let [acceleration, spin] = self.accelerations(angle, rate, force, 0.0);
+        let [acceleration, angular_acceleration] = self.accelerations(angle, rate, force, 0.0);
         [
             position + duration * speed,
             angle + duration * rate,
             speed + duration * acceleration,
-            rate + duration * spin,
+            rate + duration * angular_acceleration,
         ]
     }
 
     /// The state x, α, ẋ, α̇ for joint coordinates: positions, then velocities.
     fn state_of_joints(&self, joints: &[f64]) -> [f64; 4] {
         let (slider, hinge) = (self.slider, 1 - self.slider);
-        let angle = self.upright + self.hinge_sign * joints[hinge];
+        let angle = self.reference_angle + self.hinge_sign * joints[hinge];
         let (speed, rate) = (
             self.slider_sign * joints[2 + slider],
             self.hinge_sign * joints[2 + hinge],
@@ -192,7 +193,7 @@ impl CartPole {
         let mut joints = [0.0; 4];
         let (slider, hinge) = (self.slider, 1 - self.slider);
         joints[slider] = self.slider_sign * position;
-        joints[hinge] = self.hinge_sign * (angle - self.upright);
+        joints[hinge] = self.hinge_sign * (angle - self.reference_angle);
         joints[2 + slider] = self.slider_sign * speed;
         joints[2 + hinge] = self.hinge_sign * rate;
         joints

@@ -11,7 +11,7 @@ pub mod mountain_car;
 pub mod pendulum;
 
 use super::Pose;
-use super::description::{AnalyticModel, BodyTask, Drive, Joint, Passive};
+use super::description::{AnalyticModel, BodyTask, Drive, Joint, PassiveForces};
 use super::dynamics::{CoordinateColumns, Dynamics, from_bytes, to_bytes};
 use super::kinematics::{Frame, KinematicTree};
 use acrobot::Acrobot;
@@ -58,10 +58,12 @@ struct State {
 #[must_use]
 pub(crate) fn build(task: &BodyTask, copies: usize) -> Option<Box<dyn Dynamics>> {
     Some(match task.analytic_model? {
-        AnalyticModel::CartPole { .. } => boxed(CartPole::of(task).ok()?, task, copies),
-        AnalyticModel::Pendulum { .. } => boxed(Pendulum::of(task).ok()?, task, copies),
-        AnalyticModel::Acrobot { .. } => boxed(Acrobot::of(task).ok()?, task, copies),
-        AnalyticModel::MountainCar { .. } => boxed(MountainCar::of(task).ok()?, task, copies),
+        AnalyticModel::CartPole { .. } => boxed(CartPole::from_task(task).ok()?, task, copies),
+        AnalyticModel::Pendulum { .. } => boxed(Pendulum::from_task(task).ok()?, task, copies),
+        AnalyticModel::Acrobot { .. } => boxed(Acrobot::from_task(task).ok()?, task, copies),
+        AnalyticModel::MountainCar { .. } => {
+            boxed(MountainCar::from_task(task).ok()?, task, copies)
+        }
     })
 }
 
@@ -79,43 +81,48 @@ fn boxed<E: EquationsOfMotion + 'static>(
 /// Says what the model requires of the bodies.
 pub(crate) fn check(task: &BodyTask) -> Result<(), String> {
     match task.analytic_model {
-        Some(AnalyticModel::CartPole { .. }) => CartPole::of(task).map(drop),
-        Some(AnalyticModel::Pendulum { .. }) => Pendulum::of(task).map(drop),
-        Some(AnalyticModel::Acrobot { .. }) => Acrobot::of(task).map(drop),
-        Some(AnalyticModel::MountainCar { .. }) => MountainCar::of(task).map(drop),
+        Some(AnalyticModel::CartPole { .. }) => CartPole::from_task(task).map(drop),
+        Some(AnalyticModel::Pendulum { .. }) => Pendulum::from_task(task).map(drop),
+        Some(AnalyticModel::Acrobot { .. }) => Acrobot::from_task(task).map(drop),
+        Some(AnalyticModel::MountainCar { .. }) => MountainCar::from_task(task).map(drop),
         None => Ok(()),
     }
 }
 
-/// Checks what all analytic models require: no resistance to motion, and no actuators except joint
-/// forces.
-fn require_no_resistance(task: &BodyTask) -> Result<(), String> {
+/// Checks what all analytic models require: no free bodies, no colliders, no passive forces, and no
+/// actuators except joint forces.
+fn require_common_properties(task: &BodyTask) -> Result<(), String> {
     require(
         !task.needs_own_worlds(),
         "an analytic model cannot have free bodies, colliders, or forces on bodies",
     )?;
-    for Joint { name, passive, .. } in &task.joints {
+    for Joint {
+        name,
+        passive_forces,
+        ..
+    } in &task.joints
+    {
         require(
-            *passive == Passive::default(),
+            *passive_forces == PassiveForces::default(),
             &format!(
                 "an analytic model cannot have resistance: remove damping, friction, armature and stiffness from joint `{name}`"
             ),
         )?;
     }
-    let forces = task
+    let has_only_joint_forces = task
         .actuators
         .iter()
         .all(|actuator| matches!(actuator.drive, Drive::JointForce(_)));
     require(
-        forces,
+        has_only_joint_forces,
         "an analytic model can only have actuators of type `JointForce`",
     )
 }
 
-/// Like [`require_no_resistance`], and checks that there are no ranges and no forces except
-/// gravity.
+/// Like [`require_common_properties`], and also checks that there are no ranges and that no forces
+/// act but gravity and actuators.
 fn require_only_gravity(task: &BodyTask) -> Result<(), String> {
-    require_no_resistance(task)?;
+    require_common_properties(task)?;
     require(
         task.formula_forces.is_empty(),
         "this analytic model cannot have a joint `force`",
@@ -239,7 +246,7 @@ impl<E: EquationsOfMotion> Dynamics for AnalyticDynamics<E> {
     fn poses(&self, copy: usize, poses: &mut [Pose]) {
         let width = self.width();
         let (positions, velocities) = self.state.rows[copy * width..][..width].split_at(width / 2);
-        let mut frames = self.tree.frames();
+        let mut frames = self.tree.frame_buffer();
         self.tree.compute_frames(positions, velocities, &mut frames);
         for (pose, frame) in poses.iter_mut().zip(&frames) {
             *pose = Pose::from(frame);

@@ -10,7 +10,7 @@
 //!
 //! The map is symplectic: for F = −V′(x) the energy ½ m v² + V(x) oscillates but does not drift.
 
-use super::{EquationsOfMotion, require, require_no_resistance};
+use super::{EquationsOfMotion, require, require_common_properties};
 use crate::description::{AnalyticModel, BodyTask};
 use crate::kinematics::{KinematicTree, Motion};
 
@@ -29,12 +29,12 @@ impl MountainCar {
     /// Takes the parameters from the body of a task with this analytic model.
     ///
     /// # Errors
-    /// The bodies are not those of a mountain car; the message says what is required.
-    pub fn of(task: &BodyTask) -> Result<Self, String> {
+    /// The body is not that of a mountain car; the message says what is required.
+    pub fn from_task(task: &BodyTask) -> Result<Self, String> {
         let Some(AnalyticModel::MountainCar { slider }) = task.analytic_model else {
             return Err("the task has no analytic model of a mountain car".to_owned());
         };
-        require_no_resistance(task)?;
+        require_common_properties(task)?;
         let joint = &task.joints[slider];
         require(
             task.joints.len() == 1,

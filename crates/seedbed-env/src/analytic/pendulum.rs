@@ -2,7 +2,7 @@
 //!
 //! With α the counter-clockwise angle of the arm from the pivot to the center of mass against the
 //! x-axis, m the mass, l the arm's length, I the inertia about the center of mass, (gₓ, g_y)
-//! gravity and τ the torque, the moment about the pivot is
+//! gravity and τ the torque, the balance of moments about the pivot is
 //!
 //! ```text
 //! (I + m l²) α̈ = τ + m l (g_y cos α − gₓ sin α)
@@ -24,12 +24,13 @@ pub struct Pendulum {
     /// +1 if the coordinate grows counter-clockwise, else −1.
     sign: f64,
     /// α at coordinate 0.
-    reference: f64,
+    reference_angle: f64,
     control_step: f64,
     substeps: u32,
 }
 
-/// Maximum Runge–Kutta step, s: the error of a control step is below what an f32 resolves.
+/// Maximum time step of the Runge–Kutta integration, s. Its error over one control step is below
+/// what an f32 resolves.
 const MAX_STEP: f64 = 0.005;
 
 impl Pendulum {
@@ -37,7 +38,7 @@ impl Pendulum {
     ///
     /// # Errors
     /// The bodies are not those of a pendulum; the message says what is required.
-    pub fn of(task: &BodyTask) -> Result<Self, String> {
+    pub fn from_task(task: &BodyTask) -> Result<Self, String> {
         let Some(AnalyticModel::Pendulum { hinge }) = task.analytic_model else {
             return Err("the task has no analytic model of a pendulum".to_owned());
         };
@@ -67,7 +68,7 @@ impl Pendulum {
             inertia: body.inertial.inertia + body.inertial.mass * length * length,
             gravity: task.gravity,
             sign,
-            reference: libm::atan2(up, right),
+            reference_angle: libm::atan2(up, right),
             control_step: task.spec.control_step,
             substeps: substeps(task.spec.control_step, MAX_STEP),
         })
@@ -76,7 +77,7 @@ impl Pendulum {
     /// Acceleration q̈ at coordinate q under torque τ (N m) along it.
     #[must_use]
     pub fn acceleration(&self, position: f64, torque: f64) -> f64 {
-        let (sine, cosine) = libm::sincos(self.reference + self.sign * position);
+        let (sine, cosine) = libm::sincos(self.reference_angle + self.sign * position);
         let weight = self.moment * (self.gravity[1] * cosine - self.gravity[0] * sine);
         (torque + self.sign * weight) / self.inertia
     }
@@ -84,7 +85,7 @@ impl Pendulum {
     /// Total energy T + V of the state q, q̇, J.
     #[must_use]
     pub fn energy(&self, [position, velocity]: [f64; 2]) -> f64 {
-        let (sine, cosine) = libm::sincos(self.reference + self.sign * position);
+        let (sine, cosine) = libm::sincos(self.reference_angle + self.sign * position);
         0.5 * self.inertia * velocity * velocity
             - self.moment * (self.gravity[0] * cosine + self.gravity[1] * sine)
     }

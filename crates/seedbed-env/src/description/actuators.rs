@@ -7,7 +7,7 @@ use crate::Choice;
 pub struct Actuator {
     /// Name, unique among actions, observations and sensors.
     pub name: String,
-    /// What it acts on.
+    /// What the actuator acts on.
     pub drive: Drive,
     /// Force or torque per unit of control.
     pub gear: f64,
@@ -33,7 +33,7 @@ pub enum Drive {
         /// Unit vector along which a positive force pushes.
         direction: [f64; 2],
         /// Whether the direction turns with the body.
-        local: bool,
+        is_local: bool,
     },
     /// A motor that drives a joint's coordinate or velocity to gear × control.
     Servo(Servo),
@@ -45,7 +45,7 @@ pub enum Drive {
 pub struct Servo {
     /// Index of the joint.
     pub joint: usize,
-    /// Which quantity gear × control is the target of.
+    /// The quantity whose target is gear × control.
     pub target: ServoTarget,
     /// Position gain, N/m or N m/rad; 0 for a velocity servo.
     pub kp: f64,
@@ -55,7 +55,7 @@ pub struct Servo {
     pub force_limit: Option<f64>,
 }
 
-/// Which quantity a servo's control is the target of.
+/// The quantity whose target a servo's control sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ServoTarget {
     /// The coordinate, m or rad. The target velocity is 0.

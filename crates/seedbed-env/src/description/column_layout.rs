@@ -1,12 +1,12 @@
 //! The order of the columns that formulas read.
 
-/// How many columns of each kind the table has that formulas read. They come in this order:
+/// Number of columns of each kind in the table that formulas read. The columns are in this order:
 /// sensors, observations, actions, formula forces, sensors before the step, observations before the
 /// step.
 ///
-/// The order is not free. A formula may read only what is computed before it, and
-/// [`ValueTable::split_at`](crate::expression::ValueTable::split_at) hands it just the columns
-/// before its own; actions and formula forces are neighbors because together they are the controls
+/// The order matters. A formula may read only what is computed before it:
+/// [`ValueTable::split_at`](crate::expression::ValueTable::split_at) gives it only the columns
+/// before its own. Actions and formula forces are neighbors because together they are the controls
 /// that the dynamics receive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ColumnLayout {

@@ -8,7 +8,7 @@ use crate::random::Stream;
 /// The distribution of a random number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Distribution {
-    /// Always the same.
+    /// Always this number.
     Constant(f64),
     /// Uniform from low to high.
     Uniform {
@@ -57,8 +57,8 @@ mod tests {
         )
     }
 
-    /// Standard errors of 10,000 draws are about 1 % of the deviation. The deviation of a uniform
-    /// distribution is its width / √12.
+    /// The standard errors of the moments of 10,000 draws are about 1 % of the standard deviation.
+    /// The standard deviation of a uniform distribution is its width / √12.
     #[test]
     fn draws_have_the_moments_of_the_distribution() {
         assert_eq!(moments(Distribution::Constant(2.5)), (2.5, 0.0));

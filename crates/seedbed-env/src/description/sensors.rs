@@ -1,4 +1,4 @@
-//! What is measured of bodies.
+//! What sensors measure.
 
 use crate::expression::Program;
 
@@ -7,7 +7,7 @@ use crate::expression::Program;
 pub struct Sensor {
     /// Name, unique among sensors.
     pub name: String,
-    /// What it measures.
+    /// What the sensor measures.
     pub measurement: Measurement,
 }
 

@@ -34,10 +34,10 @@ pub struct ExpressionError {
 }
 
 /// Names that are reserved in formulas.
-pub const RESERVED: [&str; 3] = ["pi", "degree", "previous"];
+pub const RESERVED_NAMES: [&str; 3] = ["pi", "degree", "previous"];
 
-/// Maximum length of a formula. It limits how deeply a formula can be nested, and thus the stack
-/// that parsing it recursively takes.
+/// Maximum length of a formula, in bytes. It limits how deeply a formula can be nested, and thus
+/// the stack that parsing it recursively takes.
 const MAX_LENGTH: usize = 1000;
 
 /// Compiles a formula of the given type over `variables`.
@@ -67,7 +67,7 @@ pub fn compile(
         constants: Vec::new(),
         instructions: Vec::new(),
     };
-    let result = compiler.typed(&expression, expected)?;
+    let result = compiler.compile_as(&expression, expected)?;
     Ok(compiler.finish(result))
 }
 
@@ -86,12 +86,12 @@ enum Value {
     Result(usize),
 }
 
-/// Value and type of a part of a formula.
-type TypedValue = Result<(Value, Type), ExpressionError>;
+/// Value and type of a part of a formula, or its error.
+type TypedValueResult = Result<(Value, Type), ExpressionError>;
 
 impl Compiler<'_> {
     /// The part's value, if its type is the expected one.
-    fn typed(&mut self, expression: &Expr, expected: Type) -> Result<Value, ExpressionError> {
+    fn compile_as(&mut self, expression: &Expr, expected: Type) -> Result<Value, ExpressionError> {
         match self.compile_part(expression)? {
             (value, found) if found == expected => Ok(value),
             (_, found) => {
@@ -111,7 +111,7 @@ impl Compiler<'_> {
     }
 
     /// Compiles a part of a formula.
-    fn compile_part(&mut self, expression: &Expr) -> TypedValue {
+    fn compile_part(&mut self, expression: &Expr) -> TypedValueResult {
         match expression {
             Expr::Lit(literal) => literal_value(literal),
             Expr::Paren(inner) => self.compile_part(&inner.expr),
@@ -128,7 +128,7 @@ impl Compiler<'_> {
         }
     }
 
-    fn name(&mut self, name: &str, span: Span) -> TypedValue {
+    fn name(&mut self, name: &str, span: Span) -> TypedValueResult {
         match name {
             "pi" => Ok((Value::Constant(std::f32::consts::PI), Type::Number)),
             "degree" => Ok((Value::Constant(std::f32::consts::PI / 180.0), Type::Number)),
@@ -139,16 +139,16 @@ impl Compiler<'_> {
         }
     }
 
-    fn unary(&mut self, unary: &ExprUnary, whole: &Expr) -> TypedValue {
+    fn unary(&mut self, unary: &ExprUnary, whole: &Expr) -> TypedValueResult {
         match &unary.op {
             UnOp::Neg(_) => self.apply(Operation::Negate, &[&unary.expr]),
             UnOp::Not(_) => self.apply(Operation::Not, &[&unary.expr]),
-            UnOp::Deref(token) => Err(error(token.span, NOT_A_FORMULA).with_help(POWER)),
+            UnOp::Deref(token) => Err(error(token.span, NOT_A_FORMULA).with_help(POWER_HELP)),
             _ => Err(not_a_formula(whole)),
         }
     }
 
-    fn binary(&mut self, binary: &ExprBinary, whole: &Expr) -> TypedValue {
+    fn binary(&mut self, binary: &ExprBinary, whole: &Expr) -> TypedValueResult {
         let (left, right) = (&*binary.left, &*binary.right);
         match &binary.op {
             BinOp::Add(_) => self.apply(Operation::Add, &[left, right]),
@@ -165,13 +165,13 @@ impl Compiler<'_> {
             BinOp::And(_) => self.apply(Operation::And, &[left, right]),
             BinOp::Or(_) => self.apply(Operation::Or, &[left, right]),
             BinOp::BitXor(token) => {
-                Err(error(token.span, "`^` is not an operator of formulas").with_help(POWER))
+                Err(error(token.span, "`^` is not an operator of formulas").with_help(POWER_HELP))
             }
             _ => Err(not_a_formula(whole)),
         }
     }
 
-    fn call(&mut self, call: &ExprCall) -> TypedValue {
+    fn call(&mut self, call: &ExprCall) -> TypedValueResult {
         let Expr::Path(path) = &*call.func else {
             return Err(not_a_formula(&call.func));
         };
@@ -180,7 +180,7 @@ impl Compiler<'_> {
         };
         let (name, arguments) = (function.to_string(), call.args.iter().collect::<Vec<_>>());
         let parameters = match Operation::named(&name) {
-            Some(operation) => operation.arguments(),
+            Some(operation) => operation.argument_count(),
             None if name == "previous" => 1,
             None => return Err(unknown_function(&name, function.span())),
         };
@@ -198,7 +198,7 @@ impl Compiler<'_> {
         }
     }
 
-    fn previous(&mut self, argument: &Expr) -> TypedValue {
+    fn previous(&mut self, argument: &Expr) -> TypedValueResult {
         let name = match argument {
             Expr::Path(path) => path.path.get_ident(),
             _ => None,
@@ -217,7 +217,8 @@ impl Compiler<'_> {
             return Err(self.unknown_name(&name.to_string(), name.span()));
         };
         let column = variable.previous.ok_or_else(|| {
-            let message = "only `reward` and `terminated` can read values before the step, of observations and sensors";
+            let message = "only `reward` and `terminated` can read the values of observations and \
+                           sensors before the step";
             error(
                 name.span(),
                 format!("`previous({name})` is not available here: {message}"),
@@ -228,13 +229,13 @@ impl Compiler<'_> {
 
     /// Both branches are computed and one result is taken, which is possible because formulas have
     /// no side effects.
-    fn choice(&mut self, choice: &ExprIf) -> TypedValue {
-        let condition = self.typed(&choice.cond, Type::Boolean)?;
+    fn choice(&mut self, choice: &ExprIf) -> TypedValueResult {
+        let condition = self.compile_as(&choice.cond, Type::Boolean)?;
         let Some((_, otherwise)) = &choice.else_branch else {
             return Err(error(choice.if_token.span, "`if` needs an `else { … }`"));
         };
         let (first, kind) = self.block(&choice.then_branch)?;
-        let second = self.typed(otherwise, kind)?;
+        let second = self.compile_as(otherwise, kind)?;
         let operation = match kind {
             Type::Number => Operation::ChooseNumber,
             Type::Boolean => Operation::ChooseBoolean,
@@ -242,7 +243,7 @@ impl Compiler<'_> {
         Ok((self.emit(operation, vec![condition, first, second]), kind))
     }
 
-    fn block(&mut self, block: &Block) -> TypedValue {
+    fn block(&mut self, block: &Block) -> TypedValueResult {
         match &block.stmts[..] {
             [Stmt::Expr(expression, None)] => self.compile_part(expression),
             _ => Err(error(
@@ -252,12 +253,12 @@ impl Compiler<'_> {
         }
     }
 
-    fn apply(&mut self, operation: Operation, arguments: &[&Expr]) -> TypedValue {
+    fn apply(&mut self, operation: Operation, arguments: &[&Expr]) -> TypedValueResult {
         let parameters = operation.parameters().iter();
         let values = arguments
             .iter()
             .zip(parameters)
-            .map(|(argument, &kind)| self.typed(argument, kind));
+            .map(|(argument, &kind)| self.compile_as(argument, kind));
         let values = values.collect::<Result<Vec<_>, _>>()?;
         Ok((self.emit(operation, values), operation.result()))
     }
@@ -359,7 +360,7 @@ impl ExpressionError {
     }
 }
 
-fn literal_value(literal: &ExprLit) -> TypedValue {
+fn literal_value(literal: &ExprLit) -> TypedValueResult {
     let number = |digits: &str, suffix: &str| match digits.parse::<f32>() {
         _ if !suffix.is_empty() => Err(error(
             literal.lit.span(),
@@ -391,7 +392,7 @@ fn unknown_function(name: &str, span: Span) -> ExpressionError {
     unknown.with_nearest(name, valid())
 }
 
-const POWER: &str = "write a power as `pow(x, y)`";
+const POWER_HELP: &str = "write a power as `pow(x, y)`";
 
 pub(super) const NOT_A_FORMULA: &str = "not allowed in a formula, which consists of numbers, names, operators, function calls and `if … { … } else { … }`";
 

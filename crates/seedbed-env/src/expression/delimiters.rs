@@ -3,7 +3,7 @@
 use super::compile::ExpressionError;
 
 /// Opening brackets with their closing ones.
-const PAIRS: [(char, char); 3] = [('(', ')'), ('{', '}'), ('[', ']')];
+const BRACKET_PAIRS: [(char, char); 3] = [('(', ')'), ('{', '}'), ('[', ']')];
 
 /// Characters of formulas besides letters, digits and brackets.
 const OTHER_CHARACTERS: &str = "+-*/%<>=!&|^~,.;:_#?@$";
@@ -13,19 +13,22 @@ type LocatedChar = (usize, usize, char);
 
 /// The first bracket that does not match, or else the first character that formulas cannot contain.
 pub(super) fn tokenization_error(text: &str) -> Option<ExpressionError> {
-    unbalanced(text).or_else(|| {
+    unbalanced_bracket(text).or_else(|| {
         characters(text)
-            .find(|&(_, _, found)| is_not_in_formulas(found))
-            .map(not_a_formula)
+            .find(|&(_, _, found)| !is_allowed(found))
+            .map(forbidden_character)
     })
 }
 
-fn unbalanced(text: &str) -> Option<ExpressionError> {
+fn unbalanced_bracket(text: &str) -> Option<ExpressionError> {
     let mut open: Vec<(LocatedChar, char)> = Vec::new();
     for located in characters(text) {
-        if let Some((_, closer)) = PAIRS.iter().find(|(opener, _)| *opener == located.2) {
+        if let Some((_, closer)) = BRACKET_PAIRS
+            .iter()
+            .find(|(opener, _)| *opener == located.2)
+        {
             open.push((located, *closer));
-        } else if PAIRS.iter().any(|(_, closer)| *closer == located.2) {
+        } else if BRACKET_PAIRS.iter().any(|(_, closer)| *closer == located.2) {
             match open.pop() {
                 None => {
                     return Some(error(
@@ -52,21 +55,22 @@ fn unbalanced(text: &str) -> Option<ExpressionError> {
     })
 }
 
-fn is_not_in_formulas(found: char) -> bool {
-    !(found.is_alphabetic()
+/// Whether a token of a formula can contain the character.
+fn is_allowed(found: char) -> bool {
+    found.is_alphabetic()
         || found.is_ascii_digit()
         || found.is_ascii_whitespace()
         || OTHER_CHARACTERS.contains(found)
-        || is_bracket(found))
+        || is_bracket(found)
 }
 
 fn is_bracket(found: char) -> bool {
-    PAIRS
+    BRACKET_PAIRS
         .iter()
         .any(|&(opener, closer)| found == opener || found == closer)
 }
 
-fn not_a_formula(located: LocatedChar) -> ExpressionError {
+fn forbidden_character(located: LocatedChar) -> ExpressionError {
     error(
         located,
         format!("`{}` is not allowed in a formula", located.2.escape_debug()),

@@ -25,7 +25,7 @@ macro_rules! operations {
                 match self { $(Self::$variant => $result,)* }
             }
 
-            /// Computes `out` for each copy. Operands beyond the operation's number are not read.
+            /// Computes `out` for each copy. Operands beyond the number of operands are not read.
             pub(super) fn apply(self, out: &mut [f32], a: &[f32], b: &[f32], c: &[f32]) {
                 match self { $(Self::$variant => operations!(@loop out a b c [$($argument)*] $value),)* }
             }
@@ -80,11 +80,11 @@ operations! {
 
 impl Operation {
     /// Number of operands.
-    pub(super) fn arguments(self) -> usize {
+    pub(super) fn argument_count(self) -> usize {
         self.parameters().len()
     }
 
-    /// The value for single operands.
+    /// The result for one value per operand.
     pub(super) fn value(self, operands: &[f32]) -> f32 {
         let operand =
             |index: usize| std::slice::from_ref(operands.get(index).unwrap_or(&operands[0]));

@@ -117,32 +117,33 @@ impl Resolver<'_> {
                 body: self.find_body(body)?,
                 at: at.map(Vector::get),
                 direction: direction.get(),
-                local: *frame == ForceFrame::Local,
+                is_local: *frame == ForceFrame::Local,
             },
             ActuatorKind::Signal => Drive::Nothing,
         })
     }
 
-    /// Where copies have worlds of their own, a servo is the motor of Rapier's multibody joint, of
-    /// which a joint has one. Elsewhere each servo is a constraint of its own.
+    /// Checks that no joint has two servos if copies have worlds of their own: there, a servo is
+    /// the motor of Rapier's multibody joint, and a joint has only one motor. Elsewhere each servo
+    /// is a constraint of its own.
     pub(super) fn check_servos(&self, task: &BodyTask) -> Result<(), ValidationError> {
         if !task.needs_own_worlds() {
             return Ok(());
         }
-        let mut driven: Vec<&str> = Vec::new();
+        let mut joints_with_servo: Vec<&str> = Vec::new();
         for actuator in &self.file.actuators {
             let (ActuatorKind::VelocityServo { joint, .. }
             | ActuatorKind::PositionServo { joint, .. }) = &actuator.kind
             else {
                 continue;
             };
-            if driven.contains(&joint.as_str()) {
+            if joints_with_servo.contains(&joint.as_str()) {
                 return Err(joint.error(format!(
                     "joint `{}` already has a servo: in a task with contacts a joint takes only one",
                     joint.as_str()
                 )));
             }
-            driven.push(joint.as_str());
+            joints_with_servo.push(joint.as_str());
         }
         Ok(())
     }

@@ -4,7 +4,7 @@
 use serde::Deserialize;
 
 use super::{Control, DiscreteValues, Distribution};
-use crate::expression::RESERVED;
+use crate::expression::RESERVED_NAMES;
 use crate::input::numbers::{FiniteNumber, Positive};
 
 /// An interval of two finite numbers, `(low, high)` with low < high.
@@ -87,8 +87,8 @@ pub(super) enum UncheckedDistribution {
 impl TryFrom<UncheckedControl> for Control {
     type Error = String;
 
-    fn try_from(any: UncheckedControl) -> Result<Self, String> {
-        match any {
+    fn try_from(unchecked: UncheckedControl) -> Result<Self, String> {
+        match unchecked {
             UncheckedControl::Discrete(values) => Ok(Self::Discrete(values)),
             UncheckedControl::Continuous(low, high) => {
                 Ok(Self::Continuous((low, high).try_into()?))
@@ -100,8 +100,8 @@ impl TryFrom<UncheckedControl> for Control {
 impl TryFrom<UncheckedDistribution> for Distribution {
     type Error = String;
 
-    fn try_from(any: UncheckedDistribution) -> Result<Self, String> {
-        match any {
+    fn try_from(unchecked: UncheckedDistribution) -> Result<Self, String> {
+        match unchecked {
             UncheckedDistribution::Constant(value) => Ok(Self::Constant(value)),
             UncheckedDistribution::Uniform(low, high) => Ok(Self::Uniform((low, high).try_into()?)),
             UncheckedDistribution::Normal(mean, deviation) => Ok(Self::Normal(mean, deviation)),
@@ -124,7 +124,7 @@ impl TryFrom<(f64, f64)> for Vector {
 impl TryFrom<(f64, f64)> for Direction {
     type Error = String;
 
-    /// A vector along x or y becomes exactly ±1: dividing by its length could round.
+    /// A vector along x or y becomes exactly ±1, because dividing it by its length could round.
     fn try_from((x, y): (f64, f64)) -> Result<Self, String> {
         let length = libm::hypot(x, y);
         match (x, y) {
@@ -142,7 +142,7 @@ impl TryFrom<String> for Name {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
-        if RESERVED.contains(&text.as_str()) {
+        if RESERVED_NAMES.contains(&text.as_str()) {
             return Err(format!(
                 "`{text}` is reserved in formulas: choose another name"
             ));

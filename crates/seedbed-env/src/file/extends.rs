@@ -20,13 +20,14 @@ use crate::input::{self, InputError};
 /// Maximum number of files in a chain of `extends`.
 const MAX_FILES: usize = 8;
 
-/// The text of a task file, with the fields of the files that it extends.
+/// The text of a task file, merged with the fields of the files that it extends.
 pub(super) struct MergedText {
     text: String,
-    /// The file itself, then its base, the base of that, and so on.
+    /// The file itself, then its base, then the base of its base, and so on.
     files: Vec<SourceFile>,
-    /// File and line (both from 0) from which each line comes; empty if nothing was merged.
-    lines: Vec<(usize, usize)>,
+    /// Index of the file and line in it (both from 0) from which each line comes; empty if nothing
+    /// was merged.
+    line_sources: Vec<(usize, usize)>,
 }
 
 struct SourceFile {
@@ -38,6 +39,7 @@ struct SourceFile {
 
 /// A field of one of the files.
 struct FieldOfFile {
+    /// Index of the file.
     file: usize,
     field: Field,
 }
@@ -59,18 +61,19 @@ impl MergedText {
 
     fn merge(root: SourceFile) -> Result<Self, InputError> {
         // A text that cannot be split has an error, which parsing it reports better.
-        let Some(parts) = FileParts::of(&root.text).filter(|parts| parts.extends().is_some())
+        let Some(parts) =
+            FileParts::split(&root.text).filter(|parts| parts.extends_index().is_some())
         else {
             return Ok(Self {
                 text: root.text.clone(),
                 files: vec![root],
-                lines: Vec::new(),
+                line_sources: Vec::new(),
             });
         };
         let mut merged = Self {
             text: String::new(),
             files: vec![root],
-            lines: Vec::new(),
+            line_sources: Vec::new(),
         };
         let fields = merged.merged_fields(0, parts)?;
         merged.write(&fields);
@@ -84,20 +87,20 @@ impl MergedText {
         mut parts: FileParts,
     ) -> Result<Vec<FieldOfFile>, InputError> {
         let Some(extends) = parts.take_extends() else {
-            return Ok(of_file(file, parts.fields));
+            return Ok(fields_of_file(file, parts.fields));
         };
         let base = self.open_base(file, &extends)?;
-        let Some(base_parts) = FileParts::of(&self.files[base].text) else {
+        let Some(base_parts) = FileParts::split(&self.files[base].text) else {
             return Err(self.files[base].syntax_error());
         };
-        let mut own = of_file(file, parts.fields);
+        let mut own = fields_of_file(file, parts.fields);
         let mut fields = Vec::new();
         for inherited in self.merged_fields(base, base_parts)? {
             // A field that is given twice in a file stays twice: the parser reports it.
-            let position = own
+            let own_index = own
                 .iter()
                 .position(|field| field.field.name == inherited.field.name);
-            match position {
+            match own_index {
                 Some(index) => fields.push(own.remove(index)),
                 None => fields.push(inherited),
             }
@@ -106,61 +109,61 @@ impl MergedText {
         Ok(fields)
     }
 
-    /// Reads the file that the file `from` extends; returns its index.
+    /// Reads the file that the file with index `from` extends; returns the index of the file read.
     fn open_base(&mut self, from: usize, extends: &Field) -> Result<usize, InputError> {
         let file = &self.files[from];
         let name = file.base_name(extends)?;
-        let error = |message: String, help| {
-            let (origin, text) = (&file.origin, &file.text);
-            input::error_at(origin, text, extends.value.start, "extends", message, help)
-        };
         let Some(folder) = &file.folder else {
-            return Err(error(
-                "only a file can extend another one, not a text without a folder".to_owned(),
-                None,
-            ));
+            let message = "only a file can extend another one, not a text without a folder";
+            return Err(file.extends_error(extends, message.to_owned(), None));
         };
         let path = base_path(folder, &name);
         if !path.is_file() {
-            return Err(error(
-                format!(
-                    "cannot extend `{name}`: there is no file {}",
-                    path.display()
-                ),
-                similar_task(folder, &name),
-            ));
+            let message = format!(
+                "cannot extend `{name}`: there is no file {}",
+                path.display()
+            );
+            return Err(file.extends_error(extends, message, similar_task(folder, &name)));
         }
         let base = SourceFile::read(&path)?;
-        if self.files.iter().any(|other| same_file(other, &base)) {
-            return Err(error(
-                format!("`{name}` extends this file in turn: remove one of the two `extends`"),
-                None,
-            ));
-        }
-        if self.files.len() == MAX_FILES {
-            return Err(error(
-                format!("at most {MAX_FILES} files can extend each other in a chain"),
-                None,
-            ));
-        }
-        let (own_kind, base_kind) = (file.kind()?, base.kind()?);
-        if own_kind != base_kind {
-            return Err(error(
-                format!(
-                    "`{name}` is a file of another kind: expected `{}(…)`, found `{}(…)`",
-                    own_kind.name(),
-                    base_kind.name()
-                ),
-                None,
-            ));
-        }
+        self.check_base(file, extends, &name, &base)?;
         self.files.push(base);
         Ok(self.files.len() - 1)
     }
 
+    /// Checks that `file` can extend `base`, which its field `extends` calls `name`.
+    fn check_base(
+        &self,
+        file: &SourceFile,
+        extends: &Field,
+        name: &str,
+        base: &SourceFile,
+    ) -> Result<(), InputError> {
+        let error = |message| Err(file.extends_error(extends, message, None));
+        if self.files.iter().any(|other| same_file(other, base)) {
+            return error(format!(
+                "`{name}` extends this file in turn: remove one of the two `extends`"
+            ));
+        }
+        if self.files.len() == MAX_FILES {
+            return error(format!(
+                "at most {MAX_FILES} files can extend each other in a chain"
+            ));
+        }
+        let (own_kind, base_kind) = (file.kind()?, base.kind()?);
+        if own_kind != base_kind {
+            return error(format!(
+                "`{name}` is a file of another kind: expected `{}(…)`, found `{}(…)`",
+                own_kind.name(),
+                base_kind.name()
+            ));
+        }
+        Ok(())
+    }
+
     /// Writes the merged text: the file itself, with all fields in the order of the base.
     fn write(&mut self, fields: &[FieldOfFile]) {
-        let Some(parts) = FileParts::of(&self.files[0].text) else {
+        let Some(parts) = FileParts::split(&self.files[0].text) else {
             return;
         };
         self.write_piece(0, 0..parts.open, None);
@@ -194,7 +197,7 @@ impl MergedText {
             written.push('\n');
         }
         let lines = written.matches('\n').count();
-        self.lines
+        self.line_sources
             .extend((0..lines).map(|line| (file, first_line + line)));
         self.text.push_str(&written);
     }
@@ -216,7 +219,7 @@ impl MergedText {
         let Some(position) = &mut error.position else {
             return error;
         };
-        if let Some(&(file, line)) = self.lines.get(position.line - 1) {
+        if let Some(&(file, line)) = self.line_sources.get(position.line - 1) {
             let source = &self.files[file];
             error.origin.clone_from(&source.origin);
             position.line = line + 1;
@@ -244,17 +247,17 @@ impl SourceFile {
     fn base_name(&self, extends: &Field) -> Result<String, InputError> {
         let value = &self.text[extends.value.clone()];
         let name = input::parse::<Option<String>>("", value.to_owned());
-        match name.map(|document| document.value) {
-            Ok(Some(name)) => Ok(name),
-            _ => Err(input::error_at(
-                &self.origin,
-                &self.text,
-                extends.value.start,
-                "extends",
-                "expected the name of a task file in quotes".to_owned(),
-                None,
-            )),
+        if let Ok(Some(name)) = name.map(|document| document.value) {
+            return Ok(name);
         }
+        let message = "expected the name of a task file in quotes";
+        Err(self.extends_error(extends, message.to_owned(), None))
+    }
+
+    /// An error about the value of the field `extends`.
+    fn extends_error(&self, extends: &Field, message: String, help: Option<String>) -> InputError {
+        let (origin, text) = (&self.origin, &self.text);
+        input::error_at(origin, text, extends.value.start, "extends", message, help)
     }
 
     /// The error that keeps the text from being split into fields.
@@ -272,12 +275,13 @@ impl SourceFile {
     }
 }
 
-fn of_file(file: usize, fields: Vec<Field>) -> Vec<FieldOfFile> {
+fn fields_of_file(file: usize, fields: Vec<Field>) -> Vec<FieldOfFile> {
     let fields = fields.into_iter();
     fields.map(|field| FieldOfFile { file, field }).collect()
 }
 
-/// A path if the name ends in `.ron`, else a file in the same folder.
+/// The path of the base `name`: a path relative to `folder` if it ends in `.ron`, else the stem of
+/// a file in `folder`.
 fn base_path(folder: &Path, name: &str) -> PathBuf {
     if Path::new(name)
         .extension()
@@ -294,7 +298,7 @@ fn same_file(one: &SourceFile, other: &SourceFile) -> bool {
     one.origin == other.origin || (canonical(one).is_some() && canonical(one) == canonical(other))
 }
 
-/// A suggestion: the task in the folder whose name is nearest.
+/// Suggests the task file in `folder` whose name is most similar to `name`.
 fn similar_task(folder: &Path, name: &str) -> Option<String> {
     let folder = if folder.as_os_str().is_empty() {
         Path::new(".")
@@ -318,7 +322,7 @@ mod tests {
     use super::*;
     use crate::file::{load, load_with_text, parse};
 
-    /// A folder that is removed at the end.
+    /// A temporary folder, which is removed when it is dropped.
     struct Folder(PathBuf);
 
     impl Folder {
@@ -331,6 +335,7 @@ mod tests {
             Self(path)
         }
 
+        /// The error of loading `file`, without the path of the folder.
         fn error(&self, file: &str) -> String {
             let error = load(&self.0.join(file)).unwrap_err().to_string();
             error.replace(&format!("{}/", self.0.display()), "")
@@ -415,35 +420,26 @@ Environment(
                 ),
             ],
         );
-        assert!(
-            folder
-                .error("first.ron")
-                .starts_with("base.ron:4:20: in `gravity[1]`: expected a number"),
-            "{}",
-            folder.error("first.ron")
-        );
-        assert!(
-            folder
-                .error("second.ron")
-                .starts_with("second.ron:3:29: in `reward`: no variable is named `y`"),
-            "{}",
-            folder.error("second.ron")
-        );
-        // The base's observation refers to a sensor that was replaced.
-        assert!(
-            folder
-                .error("third.ron")
-                .starts_with("good.ron:10:28: in `observations[0].name`: no sensor is named `x`"),
-            "{}",
-            folder.error("third.ron")
-        );
-        assert!(
-            folder
-                .error("twice.ron")
-                .contains("field `reward` is given twice"),
-            "{}",
-            folder.error("twice.ron")
-        );
+        for (file, expected_start) in [
+            (
+                "first.ron",
+                "base.ron:4:20: in `gravity[1]`: expected a number",
+            ),
+            (
+                "second.ron",
+                "second.ron:3:29: in `reward`: no variable is named `y`",
+            ),
+            // An observation of the base refers to a sensor that was replaced.
+            (
+                "third.ron",
+                "good.ron:10:28: in `observations[0].name`: no sensor is named `x`",
+            ),
+        ] {
+            let error = folder.error(file);
+            assert!(error.starts_with(expected_start), "{error}");
+        }
+        let error = folder.error("twice.ron");
+        assert!(error.contains("field `reward` is given twice"), "{error}");
     }
 
     #[test]

@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use super::resolve::{Resolver, find, formula};
+use super::resolve::{Resolver, find_index, formula};
 use super::{Distribution, Force, ForceFrame, Joint, JointKind, StartCoordinate, Vector};
-use crate::description::{self, BodyTask, Drive, Passive};
+use crate::description::{self, BodyTask, Drive, PassiveForces};
 use crate::expression::Type;
 use crate::input::numbers::{FiniteNumber, NonNegative};
 use crate::input::{Located, ValidationError};
@@ -28,7 +28,7 @@ impl Joint {
     }
 
     /// What resists motion along the joint.
-    pub(super) fn passive(&self) -> Result<Passive, ValidationError> {
+    pub(super) fn passive_forces(&self) -> Result<PassiveForces, ValidationError> {
         let given = [
             &self.damping,
             &self.frictionloss,
@@ -43,7 +43,7 @@ impl Joint {
         }
         let number =
             |value: &Option<Located<NonNegative>>| value.as_ref().map_or(0.0, |value| value.get());
-        Ok(Passive {
+        Ok(PassiveForces {
             damping: number(&self.damping),
             frictionloss: number(&self.frictionloss),
             armature: number(&self.armature),
@@ -75,24 +75,25 @@ impl Resolver<'_> {
             let mut joints = self.file.joints.iter();
             joints.find(|other| other.child.as_str() == body)
         };
-        let mut above = std::iter::successors(joint_above(&joint.parent), |other| {
+        let mut kinds_above = std::iter::successors(joint_above(&joint.parent), |other| {
             joint_above(&other.parent)
         })
         .map(|other| *other.kind);
         match *joint.kind {
             JointKind::Hinge { .. }
-                if above.any(|kind| matches!(kind, JointKind::Hinge { .. })) =>
+                if kinds_above.any(|kind| matches!(kind, JointKind::Hinge { .. })) =>
             {
                 Err(armature.error(
                     "without contacts, `armature` is supported only on hinges whose parent does \
                      not turn",
                 ))
             }
-            JointKind::Slide { .. } if above.any(|kind| kind != JointKind::Weld) => Err(armature
-                .error(
+            JointKind::Slide { .. } if kinds_above.any(|kind| kind != JointKind::Weld) => {
+                Err(armature.error(
                     "without contacts, `armature` is supported only on slides whose parent does \
                      not move",
-                )),
+                ))
+            }
             _ => Ok(()),
         }
     }
@@ -100,10 +101,10 @@ impl Resolver<'_> {
     /// Index of the joint with this name.
     pub(super) fn find_joint(&self, name: &Located<String>) -> Result<usize, ValidationError> {
         let joints = self.file.joints.iter();
-        find(name, "joint", joints.map(|joint| &joint.name))
+        find_index(name, "joint", joints.map(|joint| &joint.name))
     }
 
-    /// Index of the joint with this name, which has a coordinate.
+    /// Index of the joint with this name, which must have a coordinate.
     pub(super) fn find_moving_joint(
         &self,
         name: &Located<String>,
@@ -115,7 +116,7 @@ impl Resolver<'_> {
         }
     }
 
-    /// Index of the hinge with this name.
+    /// Index of the joint with this name, which must be a hinge.
     pub(super) fn find_hinge(&self, name: &Located<String>) -> Result<usize, ValidationError> {
         let index = self.find_joint(name)?;
         match *self.file.joints[index].kind {
@@ -127,7 +128,8 @@ impl Resolver<'_> {
         }
     }
 
-    /// Index of a joint's coordinate, or of a free body's, such as `NAME.x`.
+    /// Index of the coordinate with this name: a joint, or a coordinate of a free body such as
+    /// `NAME.x`.
     pub(super) fn find_coordinate(&self, name: &Located<String>) -> Result<usize, ValidationError> {
         let joints = self.file.joints.iter();
         let mut names: Vec<_> = joints.map(|joint| joint.name.as_ref().to_owned()).collect();
@@ -144,10 +146,10 @@ impl Resolver<'_> {
         }
     }
 
-    /// Forces given by formulas of the state before a control step and of the action: on joints,
-    /// then on bodies.
+    /// Forces given by formulas of the state before a control step and of the action: the forces on
+    /// joints, then the forces on bodies.
     pub(super) fn formula_forces(&self) -> Result<Vec<description::FormulaForce>, ValidationError> {
-        let mut variables = self.present_sensors();
+        let mut variables = self.current_sensor_variables();
         variables.extend(self.action_variables());
         let mut forces = Vec::new();
         for (index, joint) in self.file.joints.iter().enumerate() {
@@ -161,13 +163,13 @@ impl Resolver<'_> {
             forces.extend(
                 body.forces
                     .iter()
-                    .flat_map(|force| components(index, force)),
+                    .flat_map(|force| force_components(index, force)),
             );
         }
         let compiled = forces.into_iter().map(|(drive, text)| {
             Ok(description::FormulaForce {
                 drive,
-                force: formula(text, Type::Number, &variables)?,
+                formula: formula(text, Type::Number, &variables)?,
             })
         });
         compiled.collect()
@@ -177,7 +179,7 @@ impl Resolver<'_> {
     pub(super) fn display_offsets(
         &self,
     ) -> Result<Vec<description::DisplayOffset>, ValidationError> {
-        let sensors = self.present_sensors();
+        let sensors = self.current_sensor_variables();
         let mut offsets = Vec::new();
         for (body, described) in self.file.bodies.iter().enumerate() {
             if let Some(offset) = &described.display_offset {
@@ -191,7 +193,9 @@ impl Resolver<'_> {
         Ok(offsets)
     }
 
-    pub(super) fn starts(&self) -> Result<Vec<description::StartCoordinate>, ValidationError> {
+    pub(super) fn start_coordinates(
+        &self,
+    ) -> Result<Vec<description::StartCoordinate>, ValidationError> {
         let mut starts: Vec<description::StartCoordinate> = Vec::new();
         for start in &self.file.reset {
             let name = &start.joint;
@@ -210,9 +214,9 @@ impl Resolver<'_> {
                 coordinate,
                 position: start.position.map_or(
                     description::Distribution::Constant(reference),
-                    Distribution::resolved,
+                    Distribution::resolve,
                 ),
-                velocity: start.velocity.resolved(),
+                velocity: start.velocity.resolve(),
             });
         }
         Ok(starts)
@@ -220,17 +224,17 @@ impl Resolver<'_> {
 
     /// A coordinate at the bodies' reference poses: 0 for joints.
     fn reference_coordinate(&self, coordinate: usize) -> f64 {
-        let Some(free) = coordinate.checked_sub(self.file.joints.len()) else {
+        let Some(free_coordinate) = coordinate.checked_sub(self.file.joints.len()) else {
             return 0.0;
         };
-        let body = &self.file.bodies[self.free_bodies()[free / 3]];
+        let body = &self.file.bodies[self.free_bodies()[free_coordinate / 3]];
         let [x, y] = body.position.get();
-        [x, y, body.angle.map_or(0.0, FiniteNumber::get)][free % 3]
+        [x, y, body.angle.map_or(0.0, FiniteNumber::get)][free_coordinate % 3]
     }
 }
 
 impl Distribution {
-    fn resolved(self) -> description::Distribution {
+    fn resolve(self) -> description::Distribution {
         match self {
             Self::Constant(value) => description::Distribution::Constant(value.get()),
             Self::Uniform(interval) => {
@@ -253,17 +257,18 @@ fn no_coordinate(name: &Located<String>) -> ValidationError {
 }
 
 /// The two components of a force on a body.
-fn components(body: usize, force: &Force) -> [(Drive, &Located<String>); 2] {
+fn force_components(body: usize, force: &Force) -> [(Drive, &Located<String>); 2] {
     let drive = |direction| Drive::BodyForce {
         body,
         at: force.at.map(Vector::get),
         direction,
-        local: force.frame == ForceFrame::Local,
+        is_local: force.frame == ForceFrame::Local,
     };
     [(drive([1.0, 0.0]), &force.x), (drive([0.0, 1.0]), &force.y)]
 }
 
-/// A start lies within the joint's range.
+/// Checks that a start position lies within the joint's range; of a normal distribution, that its
+/// mean does.
 fn check_start(start: &StartCoordinate, joint: &Joint) -> Result<(), ValidationError> {
     let Some([low, high]) = joint.range.as_ref().map(|range| range.get()) else {
         return Ok(());

@@ -25,17 +25,18 @@ pub(super) struct Resolver<'a> {
 
 impl<'a> Resolver<'a> {
     pub(super) fn new(file: &'a TaskFile) -> Self {
-        let on_joints = file
+        let forces_on_joints = file
             .joints
             .iter()
             .filter(|joint| joint.force.is_some())
             .count();
-        let on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
+        // A force on a body has two components, each with a formula.
+        let forces_on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
         let columns = ColumnLayout {
             sensors: file.sensors.len(),
             observations: file.observations.len(),
             actions: file.actuators.len(),
-            formula_forces: on_joints + on_bodies,
+            formula_forces: forces_on_joints + forces_on_bodies,
         };
         Self { file, columns }
     }
@@ -43,7 +44,7 @@ impl<'a> Resolver<'a> {
     /// Checks every reference of the file and turns it into a task.
     pub(super) fn task(&self, name: &str, origin: &str) -> Result<BodyTask, ValidationError> {
         let file = self.file;
-        self.check_unique_names()?;
+        self.check_names()?;
         let colliders = surfaces::colliders(file)?;
         let bodies = file
             .bodies
@@ -70,7 +71,7 @@ impl<'a> Resolver<'a> {
             formula_forces: self.formula_forces()?,
             display_offsets: self.display_offsets()?,
             formulas: self.formulas()?,
-            reset: self.starts()?,
+            reset: self.start_coordinates()?,
             analytic_model: self.analytic_model()?,
         };
         self.check_servos(&task)?;
@@ -92,21 +93,26 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    fn check_unique_names(&self) -> Result<(), ValidationError> {
+    fn check_names(&self) -> Result<(), ValidationError> {
         let file = self.file;
-        unique("body", file.bodies.iter().map(|body| &body.name))?;
-        unique(
+        check_unique("body", file.bodies.iter().map(|body| &body.name))?;
+        check_unique(
             "collider",
             self.all_colliders()
                 .filter_map(|collider| collider.name.as_ref()),
         )?;
-        unique("joint", file.joints.iter().map(|joint| &joint.name))?;
-        unique("sensor", file.sensors.iter().map(|sensor| &sensor.name))?;
-        unique(
+        check_unique("joint", file.joints.iter().map(|joint| &joint.name))?;
+        check_unique("sensor", file.sensors.iter().map(|sensor| &sensor.name))?;
+        check_unique(
             "observation",
-            file.observations.iter().map(|seen| &seen.name),
+            file.observations
+                .iter()
+                .map(|observation| &observation.name),
         )?;
-        unique("actuator", file.actuators.iter().map(|it| &it.name))?;
+        check_unique(
+            "actuator",
+            file.actuators.iter().map(|actuator| &actuator.name),
+        )?;
         self.check_actuator_names()?;
         match file.bodies.iter().find(|body| body.name.as_ref() == WORLD) {
             Some(body) => Err(body
@@ -123,7 +129,8 @@ impl<'a> Resolver<'a> {
         for actuator in &file.actuators {
             let name = &actuator.name;
             let is_sensor = file.sensors.iter().any(|sensor| sensor.name == *name);
-            let is_observation = file.observations.iter().any(|seen| seen.name == *name);
+            let mut observations = file.observations.iter();
+            let is_observation = observations.any(|observation| observation.name == *name);
             if is_sensor || is_observation {
                 return Err(name.error(format!(
                     "`{}` already names a sensor or an observation: choose another name",
@@ -136,7 +143,7 @@ impl<'a> Resolver<'a> {
 
     /// Index of the body with this name.
     pub(super) fn find_body(&self, name: &Located<String>) -> Result<usize, ValidationError> {
-        find(name, "body", self.file.bodies.iter().map(|body| &body.name))
+        find_index(name, "body", self.file.bodies.iter().map(|body| &body.name))
     }
 
     /// Indices of the bodies that are no joint's child.
@@ -152,14 +159,13 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    /// The world first, if there is anything of it to draw, then every body. `None` if nothing has
-    /// a shape.
+    /// The world first, if it has shapes to draw, then every body. `None` if nothing has a shape.
     fn scene(
         &self,
         bodies: &[description::Body],
         joints: &[description::Joint],
     ) -> Result<Option<Scene>, ValidationError> {
-        let world = self.world_scene();
+        let world = self.world_body();
         let has_world = !world.shapes.is_empty();
         let tracked = match &self.file.tracked {
             Some(name) => Some(self.find_body(name)? + usize::from(has_world)),
@@ -172,7 +178,7 @@ impl<'a> Resolver<'a> {
         for (index, body) in bodies.iter().enumerate() {
             drawn.push(SceneBody {
                 name: body.name.clone(),
-                fixed: false,
+                is_fixed: false,
                 shapes: body.shapes.clone(),
                 hinge: hinge_of(index, joints),
             });
@@ -184,11 +190,12 @@ impl<'a> Resolver<'a> {
         }))
     }
 
-    fn world_scene(&self) -> SceneBody {
+    /// The drawable shapes of the world.
+    fn world_body(&self) -> SceneBody {
         let colliders = self.file.colliders.iter().map(|collider| &*collider.geom);
         SceneBody {
             name: WORLD.to_owned(),
-            fixed: true,
+            is_fixed: true,
             shapes: self
                 .file
                 .scenery
@@ -200,9 +207,10 @@ impl<'a> Resolver<'a> {
         }
     }
 
-    /// Trees rooted in the world or in free bodies: each body is the child of at most one joint,
-    /// each parent the child of an earlier one.
+    /// The joints, which must form trees rooted in the world or in free bodies: each body is the
+    /// child of at most one joint, and each parent is a root or the child of an earlier joint.
     fn joints(&self) -> Result<Vec<description::Joint>, ValidationError> {
+        // Per body: the joint that connects it to its parent.
         let mut joint_to_parent: Vec<Option<&Joint>> = vec![None; self.file.bodies.len()];
         let mut joints = Vec::new();
         for joint in &self.file.joints {
@@ -216,7 +224,7 @@ impl<'a> Resolver<'a> {
                 anchor: joint.anchor.get(),
                 kind: joint_kind(*joint.kind),
                 range: joint.checked_range()?,
-                passive: joint.passive()?,
+                passive_forces: joint.passive_forces()?,
             });
         }
         Ok(joints)
@@ -267,13 +275,13 @@ impl<'a> Resolver<'a> {
 
     fn formulas(&self) -> Result<Formulas, ValidationError> {
         let observations = self.file.observations.iter();
-        let all = self.all_variables();
+        let variables = self.all_variables();
         Ok(Formulas {
             observations: observations
-                .map(|seen| self.observation(seen))
+                .map(|observation| self.observation(observation))
                 .collect::<Result<_, _>>()?,
-            reward: formula(&self.file.reward, Type::Number, &all)?,
-            terminated: formula(&self.file.terminated, Type::Boolean, &all)?,
+            reward: formula(&self.file.reward, Type::Number, &variables)?,
+            terminated: formula(&self.file.terminated, Type::Boolean, &variables)?,
         })
     }
 
@@ -289,9 +297,9 @@ impl<'a> Resolver<'a> {
             .collect()
     }
 
-    /// The sensors without their values before the step: observations and forces are functions of
-    /// the present.
-    pub(super) fn present_sensors(&self) -> Vec<Variable> {
+    /// The sensors without their values before the step: observations and forces depend only on the
+    /// current state.
+    pub(super) fn current_sensor_variables(&self) -> Vec<Variable> {
         let mut sensors = self.sensor_variables();
         for sensor in &mut sensors {
             sensor.previous = None;
@@ -316,8 +324,8 @@ impl<'a> Resolver<'a> {
         let observations = self.file.observations.iter().enumerate();
         let first_previous_observation = self.columns.first_previous_value() + self.columns.sensors;
         let mut variables: Vec<_> = observations
-            .map(|(index, seen)| Variable {
-                name: seen.name.value().as_ref().to_owned(),
+            .map(|(index, observation)| Variable {
+                name: observation.name.value().as_ref().to_owned(),
                 column: self.columns.first_observation() + index,
                 previous: Some(first_previous_observation + index),
             })
@@ -332,20 +340,20 @@ impl<'a> Resolver<'a> {
     }
 
     /// The formula of an observation: its `value`, or else the sensor of the same name.
-    fn observation(&self, seen: &Observation) -> Result<Program, ValidationError> {
-        let sensors = self.present_sensors();
-        let name = seen.name.value().as_ref();
+    fn observation(&self, observation: &Observation) -> Result<Program, ValidationError> {
+        let sensors = self.current_sensor_variables();
+        let name = observation.name.value().as_ref();
         let is_sensor = sensors.iter().any(|sensor| sensor.name == name);
-        match &seen.value {
-            Some(_) if is_sensor => Err(seen.name.error(format!(
+        match &observation.value {
+            Some(_) if is_sensor => Err(observation.name.error(format!(
                 "`{name}` is also the name of a sensor: leave out `value`, or choose another name"
             ))),
             Some(value) => formula(value, Type::Number, &sensors),
             None if is_sensor => compile(name, Type::Number, &sensors)
-                .map_err(|error| seen.name.error(error.message)),
+                .map_err(|error| observation.name.error(error.message)),
             None => {
                 let names = sensors.iter().map(|sensor| sensor.name.as_str());
-                Err(seen
+                Err(observation
                     .name
                     .unknown_name("sensor", names)
                     .with_help("an observation that is not a sensor needs a `value`"))
@@ -391,7 +399,8 @@ impl<'a> Resolver<'a> {
     }
 }
 
-fn unique<'a>(
+/// Checks that all names of one kind differ; `what` is the kind in the error message.
+fn check_unique<'a>(
     what: &str,
     names: impl Iterator<Item = &'a Located<Name>>,
 ) -> Result<(), ValidationError> {
@@ -408,8 +417,8 @@ fn unique<'a>(
     Ok(())
 }
 
-/// Index of the name in a list.
-pub(super) fn find<'a>(
+/// Index of `name` in `names`; `what` is the kind of the names in the error message.
+pub(super) fn find_index<'a>(
     name: &Located<String>,
     what: &str,
     names: impl Iterator<Item = &'a Located<Name>> + Clone,
@@ -448,14 +457,15 @@ fn body(body: &Body) -> Result<description::Body, ValidationError> {
     })
 }
 
-/// A center of mass or an inertia that is left out is that of the shapes.
+/// The mass properties of a body. If the center of mass or the inertia is left out, it is that of
+/// the shapes.
 fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> {
     let mass = body.mass.get();
-    let of_shapes = physics::inertial(mass, shapes);
+    let inertial_of_shapes = physics::inertial(mass, shapes);
     let given_com = body.com.map(super::Vector::get);
-    let com = given_com.or(of_shapes.map(|shapes| shapes.com));
+    let com = given_com.or(inertial_of_shapes.map(|shapes| shapes.com));
     let given_inertia = body.inertia.map(Positive::get);
-    let Some(inertia) = given_inertia.or(of_shapes.map(|shapes| shapes.inertia)) else {
+    let Some(inertia) = given_inertia.or(inertial_of_shapes.map(|shapes| shapes.inertia)) else {
         return Err(body.name.error(format!(
             "body `{}` has neither an `inertia` nor a shape with an area: add one of them",
             body.name.as_ref()
@@ -468,7 +478,7 @@ fn inertial(body: &Body, shapes: &[Shape]) -> Result<Inertial, ValidationError> 
     })
 }
 
-/// The hinge about which a body turns, in its frame.
+/// Position of the hinge about which a body turns, in the body's frame, m.
 fn hinge_of(body: usize, joints: &[description::Joint]) -> Option<[f32; 2]> {
     let joint = joints.iter().find(|joint| joint.child == body)?;
     matches!(joint.kind, description::JointKind::Hinge { .. })

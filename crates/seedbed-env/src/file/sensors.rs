@@ -66,7 +66,7 @@ pub enum SensorKind {
         /// Length of the ray: what is measured if it meets nothing, m.
         length: Positive,
     },
-    /// A formula over the sensors that are listed before.
+    /// A formula over the sensors that are listed before this one.
     Formula(Located<String>),
 }
 
@@ -92,7 +92,7 @@ impl Resolver<'_> {
     fn measurement(&self, index: usize, kind: &SensorKind) -> Result<Measurement, ValidationError> {
         Ok(match kind {
             SensorKind::Formula(text) => {
-                let earlier = &self.present_sensors()[..index];
+                let earlier = &self.current_sensor_variables()[..index];
                 Measurement::Formula(formula(text, Type::Number, earlier)?)
             }
             SensorKind::JointPosition(name) => {
@@ -168,10 +168,10 @@ impl Resolver<'_> {
             let name = collider.name.as_ref();
             name.map(|name| name.value().as_ref().to_owned())
         };
-        let position = self
+        let index = self
             .all_colliders()
             .position(|collider| name_of(collider).as_ref() == Some(name.value()));
-        position.ok_or_else(|| {
+        index.ok_or_else(|| {
             let names: Vec<_> = self.all_colliders().filter_map(name_of).collect();
             name.unknown_name("collider", names.iter().map(String::as_str))
         })

@@ -8,14 +8,14 @@ use crate::input::numbers::{FiniteNumber, Fraction, NonNegative, Positive};
 use crate::input::{Located, ValidationError};
 use crate::{Shape, physics};
 
-/// A shape that touches others.
+/// A shape that can touch other shapes.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Collider {
     /// Name by which sensors refer to it, unique among colliders.
     #[serde(default)]
     pub name: Option<Located<Name>>,
-    /// Its shape. Half-spaces and polylines are allowed for the world only.
+    /// Shape of the surface. Half-spaces and polylines are allowed for the world only.
     pub geom: Located<Geom>,
     /// Coefficient μ of dry friction, 1 by default. The larger one of two surfaces is used.
     #[serde(default)]
@@ -27,8 +27,8 @@ pub struct Collider {
     /// Bits of the collision groups that the surface belongs to; 1 by default.
     #[serde(default = "first_group")]
     pub contype: u32,
-    /// Bits of the collision groups that it touches, 1 by default. Two surfaces can touch if one
-    /// belongs to a group that the other touches, and no joint connects their bodies.
+    /// Bits of the collision groups that the surface touches, 1 by default. Two surfaces can touch
+    /// if one belongs to a group that the other touches, and no joint connects their bodies.
     #[serde(default = "first_group")]
     pub conaffinity: u32,
 }
@@ -114,15 +114,15 @@ impl<const MIN: usize> TryFrom<Vec<Vector>> for Points<MIN> {
 pub(super) fn colliders(
     file: &super::TaskFile,
 ) -> Result<Vec<description::Collider>, ValidationError> {
-    let of_world = file.colliders.iter().map(|collider| (None, collider));
+    let world_colliders = file.colliders.iter().map(|collider| (None, collider));
     let bodies = file.bodies.iter().enumerate();
-    let of_bodies = bodies.flat_map(|(index, body)| {
+    let body_colliders = bodies.flat_map(|(index, body)| {
         body.colliders
             .iter()
             .map(move |collider| (Some(index), collider))
     });
-    of_world
-        .chain(of_bodies)
+    world_colliders
+        .chain(body_colliders)
         .map(|(body, collider)| resolve_collider(body, collider))
         .collect()
 }
@@ -192,19 +192,19 @@ pub(super) fn shape(geom: &Geom) -> Shape {
         Geom::Polyline(points) => Shape::Polyline(points.get()),
         Geom::HalfSpace { point, normal } => {
             let ([x, y], [right, up]) = (to_f32(point.get()), to_f32(normal.get()));
-            let at = |[along, depth]: [f32; 2]| {
+            let point_at = |[along, depth]: [f32; 2]| {
                 [
                     x + along * up - depth * right,
                     y - along * right - depth * up,
                 ]
             };
-            Shape::Polyline(notched_line().map(at).collect())
+            Shape::Polyline(notched_line().map(point_at).collect())
         }
     }
 }
 
-/// Points of an infinite line, as (distance along it, depth behind it). A notch at each meter shows
-/// which side is behind the line, and makes motion along it visible.
+/// Points of an infinite line, as (distance along it, depth behind it), m. A notch at each meter
+/// shows which side is behind the line, and makes motion along it visible.
 fn notched_line() -> impl Iterator<Item = [f32; 2]> {
     const NOTCH_DEPTH: f32 = 0.04;
     (-HALF_DRAWN_LENGTH..=HALF_DRAWN_LENGTH)

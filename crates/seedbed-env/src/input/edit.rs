@@ -1,7 +1,7 @@
 //! Prints values as RON files, and replaces values in such files.
 //!
-//! A printed file has one field per line and four spaces of indentation per level, so that a field can
-//! be found by its level without a parser that keeps positions.
+//! A printed file has one field per line and four spaces of indentation per level. A field can
+//! therefore be found by its level, without a parser that keeps positions.
 
 use std::ops::Range;
 
@@ -34,7 +34,7 @@ pub struct UnknownField {
     /// First name of the path that is not a field at its level.
     pub name: String,
     /// The fields at that level.
-    pub known: Vec<String>,
+    pub known_fields: Vec<String>,
 }
 
 /// Replaces the value of the field at `path`, e.g. `agents.count`, in a text that [`to_ron_string`]
@@ -72,24 +72,24 @@ fn field_path<'a>(path: &'a str, lines: &[&str]) -> Vec<&'a str> {
     fields
 }
 
-/// Lines of the field `name` with this indentation within `block`.
+/// The lines within `block` of the field `name` with this indentation.
 fn find_field(
     lines: &[&str],
     block: Range<usize>,
     indent: &str,
     name: &str,
 ) -> Result<Range<usize>, UnknownField> {
-    let mut known = Vec::new();
+    let mut known_fields = Vec::new();
     for start in block {
         match lines[start].strip_prefix(indent).and_then(field_name) {
             Some(found) if found == name => return Ok(start..end_of_value(lines, start, indent)),
-            Some(found) => known.push(found.to_owned()),
+            Some(found) => known_fields.push(found.to_owned()),
             None => {}
         }
     }
     Err(UnknownField {
         name: name.to_owned(),
-        known,
+        known_fields,
     })
 }
 
@@ -191,6 +191,6 @@ mod tests {
     fn unknown_fields_are_reported_with_those_of_their_level() {
         let unknown = replace_value(&text(), "inner.cout", "9").unwrap_err();
         assert_eq!(unknown.name, "cout");
-        assert_eq!(unknown.known, ["count", "list"]);
+        assert_eq!(unknown.known_fields, ["count", "list"]);
     }
 }

@@ -7,10 +7,10 @@ pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<Stri
     let message = match error {
         ron::Error::NoSuchStructField {
             expected, found, ..
-        } => return unexpected("field", found, expected),
+        } => return unexpected_name("field", found, expected),
         ron::Error::NoSuchEnumVariant {
             expected, found, ..
-        } => return unexpected("variant", found, expected),
+        } => return unexpected_name("variant", found, expected),
         ron::Error::MissingStructField { field, .. } => format!("missing field `{field}`"),
         ron::Error::DuplicateStructField { field, .. } => {
             format!("field `{field}` is given twice")
@@ -19,7 +19,9 @@ pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<Stri
             "expected a whole number".to_owned()
         }
         ron::Error::ExpectedFloat => "expected a number".to_owned(),
-        ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd if splits_number(at) => {
+        ron::Error::ExpectedComma | ron::Error::ExpectedStructLikeEnd
+            if stopped_at_decimal_point(at) =>
+        {
             "expected a whole number, found a fraction".to_owned()
         }
         ron::Error::ExpectedNamedStructLike(name)
@@ -40,14 +42,14 @@ pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<Stri
     (message, None)
 }
 
-fn unexpected(what: &str, found: &str, expected: &[&str]) -> (String, Option<String>) {
+fn unexpected_name(what: &str, found: &str, expected: &[&str]) -> (String, Option<String>) {
     let names = quoted_list(expected.iter().copied());
     let message = format!("unexpected {what} `{found}`, expected one of {names}");
     (message, suggestion(found, expected.iter().copied()))
 }
 
 /// Whether the parser has stopped at a decimal point, because it expected a whole number.
-fn splits_number(at: &Position) -> bool {
+fn stopped_at_decimal_point(at: &Position) -> bool {
     let mut around = at.text.chars().skip(at.column.saturating_sub(2));
     around.next().is_some_and(|c| c.is_ascii_digit()) && around.next() == Some('.')
 }

@@ -13,7 +13,7 @@
 //! thread-local counter, because serde passes it only the deserializer. To locate a validation
 //! error, the text is deserialized again; the value with the error's ordinal then fails with the
 //! error's message, and the deserializer reports that failure with position and field path like any
-//! other. This costs nothing unless there is an error, and a value costs four bytes.
+//! other. Unless there is an error, the only cost is the ordinal that each value stores.
 
 pub mod edit;
 mod explanation;
@@ -169,7 +169,7 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
     })
 }
 
-/// Parses RON `text`; `origin` is what errors name instead of a file.
+/// Parses RON `text`; errors show `origin` in place of a file name.
 ///
 /// # Errors
 /// The text is not a `T`.
@@ -185,8 +185,8 @@ pub fn parse<T: DeserializeOwned>(origin: &str, text: String) -> Result<Document
 /// Checks that `text` is a single RON value, of any type.
 ///
 /// # Errors
-/// The syntax error.
-pub fn is_ron_value(text: &str) -> Result<(), String> {
+/// The message of the syntax error.
+pub fn check_ron_value(text: &str) -> Result<(), String> {
     deserialize::<IgnoredAny>("", text, None)
         .map(|IgnoredAny| ())
         .map_err(|error| error.message)
@@ -248,7 +248,7 @@ pub(crate) fn error_at(
     }
 }
 
-/// `a`, `b` or `c`, without quotes of its own.
+/// The names as a list in words, `a, b or c`, without adding quotes.
 fn one_of(names: &[String]) -> String {
     match names {
         [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
@@ -296,7 +296,7 @@ pub fn quoted_list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
 }
 
 impl<T> Document<T> {
-    /// Gives an error about a value of this document its position.
+    /// Turns an error about a value of this document into one with its position and field.
     #[must_use]
     pub fn locate(&self, error: ValidationError) -> InputError
     where
@@ -343,7 +343,7 @@ impl<T> Located<T> {
 }
 
 impl<T: AsRef<str>> Located<T> {
-    /// The error that this value is not the name of a `what`. It lists the `valid` names and
+    /// The error that this value names no `what`. It lists the `valid` names and
     /// suggests the most similar one.
     #[must_use]
     pub fn unknown_name<'a>(
@@ -386,7 +386,7 @@ impl ValidationError {
 
 impl Position {
     /// The place of a character within the string that begins here. In a string with escapes, whose
-    /// characters are not those of the file, it stays the beginning.
+    /// characters are not those of the file, the place remains the beginning of the string.
     fn moved(self, (line, column): (usize, usize), text: &str) -> Self {
         let before: String = self.text.chars().take(self.column - 1).collect();
         let raw = before.ends_with("r\"") || before.ends_with("#\"");
@@ -442,7 +442,7 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Located<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = T::deserialize(deserializer)?;
         let ordinal = COUNTER.with_borrow_mut(|counter| {
-            // A value that is not read by this module, for example from a checkpoint.
+            // The value is not read by this module, but for example from a checkpoint.
             let Some(counter) = counter else {
                 return Ok(None);
             };
@@ -684,7 +684,7 @@ Team(
         parse("team.ron", TEXT.to_owned()).unwrap()
     }
 
-    /// Line, column and field of the error of a text that is not a team.
+    /// Line, column, field and message of the error of a text that is not a team.
     fn error(text: &str) -> (usize, usize, String, String) {
         let error = parse::<Team>("team.ron", text.to_owned()).unwrap_err();
         let position = error.position.expect("it has a place");
@@ -708,7 +708,7 @@ Team(
         );
     }
 
-    /// The n-th located value is found among others that are equal.
+    /// Errors with the same message about different values point at different lines.
     #[test]
     fn each_located_value_has_an_ordinal_of_its_own() {
         let team = team();
@@ -770,9 +770,9 @@ Team(
 
     #[test]
     fn nested_fields_and_ranges_are_in_the_path_of_an_error() {
-        let share = TEXT.replace("0.5", "1.5");
+        let wrong_share = TEXT.replace("0.5", "1.5");
         assert_eq!(
-            error(&share),
+            error(&wrong_share),
             (
                 6,
                 42,
@@ -780,12 +780,12 @@ Team(
                 "expected a number from 0 to 1, found 1.5".to_owned()
             )
         );
-        let count = TEXT.replace("Reserve(3)", "Reserve(11)");
-        let (line, _, field, message) = error(&count);
+        let wrong_count = TEXT.replace("Reserve(3)", "Reserve(11)");
+        let (line, _, field, message) = error(&wrong_count);
         assert_eq!((line, field.as_str()), (6, "members[2].role.Reserve"));
         assert_eq!(message, "expected a whole number from 1 to 10, found 11");
-        let unknown = TEXT.replace("captain", "capitan");
-        let (line, _, field, message) = error(&unknown);
+        let unknown_field = TEXT.replace("captain", "capitan");
+        let (line, _, field, message) = error(&unknown_field);
         assert_eq!((line, field.as_str()), (8, "capitan"));
         assert_eq!(
             message,
@@ -844,7 +844,7 @@ Team(
 
     #[test]
     fn ranged_numbers_say_what_they_expect() {
-        use super::numbers::{Decay, FiniteNumber, NonNegative, Positive};
+        use super::numbers::{FiniteNumber, FractionBelowOne, NonNegative, Positive};
         let message = |result: Result<f64, String>| result.unwrap_err();
         assert_eq!(Positive::try_from(0.5).map(Positive::get), Ok(0.5));
         assert_eq!(
@@ -852,7 +852,9 @@ Team(
             "expected a number above 0, found 0.0"
         );
         assert_eq!(NonNegative::try_from(0.0).map(NonNegative::get), Ok(0.0));
-        assert!(Decay::try_from(1.0).is_err() && Decay::try_from(0.0).is_ok());
+        assert!(
+            FractionBelowOne::try_from(1.0).is_err() && FractionBelowOne::try_from(0.0).is_ok()
+        );
         assert_eq!(
             message(FiniteNumber::try_from(f64::NAN).map(FiniteNumber::get)),
             "expected a finite number, found NaN"

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Defines a number with a range: its documentation, its name, the condition, and the condition in
 /// words.
 macro_rules! ranged_number {
-    ($(#[$meta:meta])* $name:ident, $holds:expr, $expected:literal) => {
+    ($(#[$meta:meta])* $name:ident, $is_in_range:expr, $expected:literal) => {
         $(#[$meta])*
         #[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize, Deserialize)]
         #[serde(try_from = "f64", into = "f64")]
@@ -32,8 +32,8 @@ macro_rules! ranged_number {
             type Error = String;
 
             fn try_from(value: f64) -> Result<Self, String> {
-                let holds: fn(f64) -> bool = $holds;
-                if !value.is_finite() || !holds(value) {
+                let is_in_range: fn(f64) -> bool = $is_in_range;
+                if !value.is_finite() || !is_in_range(value) {
                     return Err(format!(concat!("expected ", $expected, ", found {:?}"), value));
                 }
                 // Physics and learning run in single precision.
@@ -98,7 +98,7 @@ ranged_number!(
 );
 ranged_number!(
     /// A number from 0 to less than 1, for example a discount or a decay rate.
-    Decay,
+    FractionBelowOne,
     |value| (0.0..1.0).contains(&value),
     "a number of at least 0 and below 1"
 );
@@ -126,10 +126,11 @@ impl<const MAX: u32, const MIN: u32> TryFrom<u64> for Count<MAX, MIN> {
     type Error = String;
 
     fn try_from(value: u64) -> Result<Self, String> {
-        let fits = u32::try_from(value)
+        let count = u32::try_from(value)
             .ok()
             .filter(|count| (MIN..=MAX).contains(count));
-        fits.map(Self)
+        count
+            .map(Self)
             .ok_or_else(|| format!("expected a whole number from {MIN} to {MAX}, found {value}"))
     }
 }
@@ -155,20 +156,20 @@ impl<const MAX: u32, const MIN: u32> From<Count<MAX, MIN>> for u64 {
     }
 }
 
-/// A number that is known to be in its range, for defaults.
+/// A number that is in its range, such as a default.
 ///
 /// # Panics
-/// If it is not.
+/// If it is not in its range.
 #[must_use]
-pub fn known<N: TryFrom<f64, Error = String>>(value: f64) -> N {
+pub fn ranged_number<N: TryFrom<f64, Error = String>>(value: f64) -> N {
     N::try_from(value).unwrap_or_else(|message| panic!("{message}"))
 }
 
-/// A count that is known to be in its range, for defaults.
+/// A count that is in its range, such as a default.
 ///
 /// # Panics
-/// If it is not.
+/// If it is not in its range.
 #[must_use]
-pub fn known_count<const MAX: u32, const MIN: u32>(value: u32) -> Count<MAX, MIN> {
+pub fn ranged_count<const MAX: u32, const MIN: u32>(value: u32) -> Count<MAX, MIN> {
     Count::try_from(u64::from(value)).unwrap_or_else(|message| panic!("{message}"))
 }

@@ -11,7 +11,7 @@ use crate::description::BodyTask;
 use crate::dynamics::CoordinateColumns;
 use crate::kinematics::Frame;
 
-/// Some copies in one world.
+/// Some copies of a task in one world.
 pub(super) struct Batch {
     world: PhysicsWorld,
     /// `[copies × bodies]`, one row per copy.
@@ -45,19 +45,20 @@ impl Batch {
         }
     }
 
+    /// The bodies of one copy.
     pub(super) fn bodies(
         &self,
         copy: usize,
         template: &CopyTemplate,
     ) -> impl Iterator<Item = &RigidBody> {
-        self.handles[copy * template.bodies..][..template.bodies]
+        self.handles[copy * template.body_count..][..template.body_count]
             .iter()
             .map(|&handle| &self.world.bodies[handle])
     }
 
     /// Makes a copy live with its bodies at `frames`.
     pub(super) fn start(&mut self, copy: usize, frames: &[Frame], template: &CopyTemplate) {
-        let handles = &self.handles[copy * template.bodies..];
+        let handles = &self.handles[copy * template.body_count..];
         for ((&handle, frame), &com) in handles.iter().zip(frames).zip(&template.coms) {
             place(&mut self.world.bodies[handle], frame, com);
         }
@@ -66,26 +67,26 @@ impl Batch {
 
     pub(super) fn restore(&mut self, copy: usize, bodies: &[SavedBody], live: bool) {
         for (saved, &handle) in bodies.iter().zip(&self.handles[copy * bodies.len()..]) {
-            saved.put(&mut self.world.bodies[handle]);
+            saved.restore_to(&mut self.world.bodies[handle]);
         }
         self.live[copy] = live;
     }
 
-    /// Advances the live copies by one control step; `first` is the index of this batch's first
-    /// copy among all copies.
+    /// Advances the live copies by one control step; `first_copy` is the index of this batch's
+    /// first copy among all copies.
     pub(super) fn step(
         &mut self,
-        first: usize,
+        first_copy: usize,
         controls: &[f32],
         columns: &mut CoordinateColumns,
         template: &CopyTemplate,
     ) {
         self.enable_live_copies(template);
         if self.live.contains(&true) {
-            self.push(first, controls, columns.copies(), template);
+            self.apply_controls(first_copy, controls, columns.copies(), template);
             self.world.step();
             self.stop_at_walls(template);
-            self.read_joints(first, columns, template);
+            self.read_joints(first_copy, columns, template);
         }
     }
 
@@ -93,25 +94,32 @@ impl Batch {
         for (copy, enabled) in self.enabled.iter_mut().enumerate() {
             if *enabled != self.live[copy] {
                 *enabled = self.live[copy];
-                for &handle in &self.handles[copy * template.bodies..][..template.bodies] {
+                for &handle in &self.handles[copy * template.body_count..][..template.body_count] {
                     self.world.bodies[handle].set_enabled(*enabled);
                 }
             }
         }
     }
 
-    fn push(&mut self, first: usize, controls: &[f32], copies: usize, template: &CopyTemplate) {
+    /// Sets the forces and servo targets of the live copies.
+    fn apply_controls(
+        &mut self,
+        first_copy: usize,
+        controls: &[f32],
+        copies: usize,
+        template: &CopyTemplate,
+    ) {
         for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
-            let handles = &self.handles[copy * template.bodies..][..template.bodies];
-            for &body in &template.driven {
+            let handles = &self.handles[copy * template.body_count..][..template.body_count];
+            for &body in &template.pushed_bodies {
                 let body = &mut self.world.bodies[handles[body]];
                 body.reset_forces(false);
                 body.reset_torques(false);
             }
-            for (index, motor) in template.motors.iter().enumerate() {
-                let value = motor.gear * controls[index * copies + first + copy];
-                let joint = &template.joints[motor.joint];
-                match motor.kind {
+            for (index, input) in template.control_inputs.iter().enumerate() {
+                let value = input.gear * controls[index * copies + first_copy + copy];
+                let joint = &template.joints[input.joint];
+                match input.effect {
                     ControlEffect::Nothing => {}
                     ControlEffect::Force => joint.push(value, handles, &mut self.world.bodies),
                     ControlEffect::Servo(servo, target) => {
@@ -134,32 +142,33 @@ impl Batch {
         for joint in template.joints.iter().filter(|joint| joint.has_walls()) {
             for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
                 joint.stop_at_walls(
-                    &self.handles[copy * template.bodies..][..template.bodies],
+                    &self.handles[copy * template.body_count..][..template.body_count],
                     &mut self.world.bodies,
                 );
             }
         }
     }
 
+    /// Writes the joint coordinates of the live copies to their columns.
     pub(super) fn read_joints(
         &self,
-        first: usize,
+        first_copy: usize,
         columns: &mut CoordinateColumns,
         template: &CopyTemplate,
     ) {
         for copy in (0..self.live.len()).filter(|&copy| self.live[copy]) {
-            let handles = &self.handles[copy * template.bodies..][..template.bodies];
+            let handles = &self.handles[copy * template.body_count..][..template.body_count];
             for (index, joint) in template.joints.iter().enumerate() {
-                let (before, _) = columns.get(index, first + copy);
+                let (before, _) = columns.get(index, first_copy + copy);
                 let (position, velocity) = joint.read(before, handles, &self.world.bodies);
-                columns.set(index, first + copy, position, velocity);
+                columns.set(index, first_copy + copy, position, velocity);
             }
         }
     }
 }
 
-/// A world whose joints neither gain nor lose energy beyond the first-order error of the solver:
-/// the stabilization that follows each substep by default drains energy.
+/// A world whose joints neither gain nor lose energy beyond the first-order error of the solver.
+/// Rapier's default, a stabilization after each substep, would drain energy.
 fn empty_world(task: &BodyTask) -> PhysicsWorld {
     let mut world = PhysicsWorld::new();
     world.gravity = vector(task.gravity);
@@ -196,8 +205,8 @@ fn insert_joints(
     for joint in &template.joints {
         joint.insert(world, anchor, handles);
     }
-    for drive in &template.passive {
-        drive.insert(world, anchor, handles, &template.joints);
+    for constraint in &template.passive_constraints {
+        constraint.insert(world, anchor, handles, &template.joints);
     }
     template
         .servos

@@ -16,8 +16,8 @@ pub(super) struct SavedBody {
     angular_velocity: f32,
 }
 
-/// The armature of a body's joint. It moves with the body, so that it can be added to its mass or
-/// inertia, but gravity does not act on it.
+/// The armature of a body's joint. It moves with the body, so that it can be added to the body's
+/// mass or inertia, but gravity does not act on it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rotor {
     mass: f64,
@@ -25,9 +25,9 @@ pub(super) struct Rotor {
 }
 
 impl Rotor {
-    pub(super) fn of(task: &BodyTask, body: usize) -> Self {
+    pub(super) fn of_body(task: &BodyTask, body: usize) -> Self {
         let joint = task.joints.iter().find(|joint| joint.child == body);
-        match joint.map(|joint| (joint.kind, joint.passive.armature)) {
+        match joint.map(|joint| (joint.kind, joint.passive_forces.armature)) {
             Some((JointKind::Slide { .. }, mass)) => Self { mass, inertia: 0.0 },
             Some((JointKind::Hinge { .. }, inertia)) => Self { mass: 0.0, inertia },
             _ => Self::default(),
@@ -67,7 +67,7 @@ pub(super) fn place(body: &mut RigidBody, frame: &Frame, com: [f64; 2]) {
 }
 
 impl SavedBody {
-    pub(super) fn of(body: &RigidBody) -> Self {
+    pub(super) fn from_body(body: &RigidBody) -> Self {
         Self {
             translation: body.translation().to_array(),
             rotation: [body.rotation().re, body.rotation().im],
@@ -76,7 +76,8 @@ impl SavedBody {
         }
     }
 
-    pub(super) fn put(&self, body: &mut RigidBody) {
+    /// Sets the position and velocity of a body to the saved ones.
+    pub(super) fn restore_to(&self, body: &mut RigidBody) {
         let rotation = Rotation::from_cos_sin_unchecked(self.rotation[0], self.rotation[1]);
         body.set_position(
             Pose::from_parts(Vector::from_array(self.translation), rotation),

@@ -25,7 +25,7 @@ enum Effect {
 
 impl CoordinateConstraint {
     /// The ranges, springs, dampers and frictions of a task's joints.
-    pub(super) fn passive(task: &BodyTask, joints: &[RapierJoint]) -> Vec<Self> {
+    pub(super) fn all_passive(task: &BodyTask, joints: &[RapierJoint]) -> Vec<Self> {
         let mut constraints = Vec::new();
         for (index, (described, joint)) in task.joints.iter().zip(joints).enumerate() {
             let effects = [
@@ -48,7 +48,7 @@ impl CoordinateConstraint {
             stiffness: servo.kp as f32,
             damping: servo.kv as f32,
             max_force: force_limit,
-            ..FORCE
+            ..FORCE_BASED_MOTOR
         };
         Self {
             joint: servo.joint,
@@ -121,7 +121,7 @@ impl CoordinateConstraint {
 }
 
 /// A motor whose gains are forces; by default Rapier's are accelerations.
-const FORCE: JointMotor = JointMotor {
+const FORCE_BASED_MOTOR: JointMotor = JointMotor {
     target_vel: 0.0,
     target_pos: 0.0,
     stiffness: 0.0,
@@ -131,6 +131,7 @@ const FORCE: JointMotor = JointMotor {
     model: MotorModel::ForceBased,
 };
 
+/// The range of a joint that is not stopped directly at its walls.
 fn range(described: &Joint, joint: &RapierJoint, task: &BodyTask) -> Option<Effect> {
     let range = described.range.filter(|_| !joint.has_walls())?;
     Some(Effect::Range(
@@ -155,13 +156,14 @@ fn softness(solver: Solver, control_step: f64) -> SpringCoefficients<f32> {
     }
 }
 
+/// Spring and damper of a joint, if it has one of them.
 fn spring(joint: &Joint) -> Option<Effect> {
-    let passive = &joint.passive;
+    let passive = &joint.passive_forces;
     let motor = JointMotor {
         stiffness: passive.stiffness as f32,
         damping: passive.damping as f32,
         target_pos: passive.springref as f32,
-        ..FORCE
+        ..FORCE_BASED_MOTOR
     };
     (passive.stiffness > 0.0 || passive.damping > 0.0).then_some(Effect::Motor(motor))
 }
@@ -170,11 +172,11 @@ fn spring(joint: &Joint) -> Option<Effect> {
 /// limited to the friction.
 fn friction(joint: &Joint) -> Option<Effect> {
     const STOPPING_DAMPING: f32 = 1e12;
-    let max_force = joint.passive.frictionloss as f32;
+    let max_force = joint.passive_forces.frictionloss as f32;
     (max_force > 0.0).then_some(Effect::Motor(JointMotor {
         damping: STOPPING_DAMPING,
         max_force,
-        ..FORCE
+        ..FORCE_BASED_MOTOR
     }))
 }
 

@@ -49,10 +49,11 @@ impl Geometry {
         distance.is_ok_and(|distance| distance.distance <= TOLERANCE)
     }
 
-    /// Distance, m, to the first surface of the world or of another body than the ray's own.
+    /// Distance along a ray, m, to the first surface of the world or of another body than the ray's
+    /// own; the ray's length if there is none.
     /// `frames`: `[bodies]`
     #[must_use]
-    pub fn distance(&self, ray: &description::Ray, frames: &[Frame]) -> f32 {
+    pub fn ray_distance(&self, ray: &description::Ray, frames: &[Frame]) -> f32 {
         let frame = &frames[ray.body];
         let beam = Ray::new(
             vector(frame.point(ray.from)),
@@ -89,48 +90,49 @@ impl PlacedShape {
     }
 }
 
-/// The shape, and where its origin is in the body's frame.
+/// A surface as a shape of Parry, and the pose of the shape in the body's frame.
 fn shape(surface: &Surface) -> (SharedShape, Pose) {
-    let points = |points: &[[f32; 2]]| {
-        points
-            .iter()
-            .copied()
-            .map(Vector::from_array)
-            .collect::<Vec<_>>()
-    };
-    let at = |center: [f32; 2], angle| Pose::new(Vector::from_array(center), angle);
+    let pose_at = |center: [f32; 2], angle| Pose::new(Vector::from_array(center), angle);
     match surface {
         Surface::HalfSpace { point, normal } => (
             SharedShape::new(HalfSpace::new(Vector::from_array(*normal))),
-            at(*point, 0.0),
+            pose_at(*point, 0.0),
         ),
         Surface::Shape(Shape::Ball { center, radius }) => {
-            (SharedShape::ball(*radius), at(*center, 0.0))
+            (SharedShape::ball(*radius), pose_at(*center, 0.0))
         }
         Surface::Shape(Shape::Box {
             center,
             half_size: [width, height],
             angle,
-        }) => (SharedShape::cuboid(*width, *height), at(*center, *angle)),
+        }) => (
+            SharedShape::cuboid(*width, *height),
+            pose_at(*center, *angle),
+        ),
         Surface::Shape(Shape::Capsule { from, to, radius }) => (
             SharedShape::capsule(Vector::from_array(*from), Vector::from_array(*to), *radius),
             Pose::IDENTITY,
         ),
-        Surface::Shape(Shape::Polygon(corners)) => {
-            let corners = points(corners);
-            let hull = SharedShape::convex_hull(&corners)
-                .unwrap_or_else(|| SharedShape::polyline(corners, None));
-            (hull, Pose::IDENTITY)
-        }
+        Surface::Shape(Shape::Polygon(corners)) => (convex_hull(corners), Pose::IDENTITY),
         Surface::Shape(Shape::Polyline(line)) => (
             SharedShape::new(Polyline::with_flags(
-                points(line),
+                vectors(line),
                 None,
                 PolylineFlags::ORIENTED,
             )),
             Pose::IDENTITY,
         ),
     }
+}
+
+/// The convex hull of some points, or the line through them if they have none.
+fn convex_hull(points: &[[f32; 2]]) -> SharedShape {
+    let corners = vectors(points);
+    SharedShape::convex_hull(&corners).unwrap_or_else(|| SharedShape::polyline(corners, None))
+}
+
+fn vectors(points: &[[f32; 2]]) -> Vec<Vector> {
+    points.iter().copied().map(Vector::from_array).collect()
 }
 
 fn pose_of(frame: &Frame) -> Pose {

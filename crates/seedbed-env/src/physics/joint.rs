@@ -1,5 +1,5 @@
-//! Joints of tasks without contacts: how Rapier represents them, pushes along them, and where their
-//! coordinates are.
+//! Joints of tasks without contacts: how Rapier represents them, how forces push along them, and
+//! how their coordinates are read.
 
 use std::f32::consts::TAU;
 
@@ -79,7 +79,7 @@ impl RapierJoint {
         self.parent.into_iter().chain([self.child])
     }
 
-    /// Whether Rapier has a joint for it.
+    /// Whether Rapier represents it as a joint.
     pub(super) fn is_constraint(&self) -> bool {
         !matches!(
             self.representation,
@@ -133,7 +133,7 @@ impl RapierJoint {
     /// The joint's frames in its parent and in its child: the same frame at coordinate 0, with the
     /// x-axis along a slide.
     pub(super) fn frames(&self) -> [Pose; 2] {
-        let turned = match self.representation {
+        let axis_rotation = match self.representation {
             Representation::Rail { axis, .. } | Representation::Slide { axis } => {
                 Rotation::from_cos_sin_unchecked(axis.x, axis.y)
             }
@@ -141,8 +141,14 @@ impl RapierJoint {
                 Rotation::IDENTITY
             }
         };
-        let in_child = Pose::from_parts(self.anchor_in_child, self.reference.inverse() * turned);
-        [Pose::from_parts(self.anchor_in_parent, turned), in_child]
+        let in_child = Pose::from_parts(
+            self.anchor_in_child,
+            self.reference.inverse() * axis_rotation,
+        );
+        [
+            Pose::from_parts(self.anchor_in_parent, axis_rotation),
+            in_child,
+        ]
     }
 
     /// Whether `body` may move in x and whether in y, if it is on a rail.
@@ -208,7 +214,8 @@ impl RapierJoint {
         match self.representation {
             Representation::Rail { axis, .. } => bodies[child].add_force(axis * force, false),
             Representation::Slide { axis } => {
-                let axis = find(bodies, parent).map_or(axis, |parent| *parent.rotation() * axis);
+                let axis =
+                    find_body(bodies, parent).map_or(axis, |parent| *parent.rotation() * axis);
                 let point = *bodies[child].position() * self.anchor_in_child;
                 bodies[child].add_force_at_point(axis * force, point, false);
                 if let Some(parent) = parent {
@@ -225,15 +232,15 @@ impl RapierJoint {
         }
     }
 
-    /// The joint's position and velocity. Of all angles that differ by full turns, the one nearest
-    /// to `before`.
+    /// The joint's position and velocity. An angle counts the full turns that bring it nearest to
+    /// `before`, the position one step earlier.
     pub(super) fn read(
         &self,
         before: f32,
         handles: &[RigidBodyHandle],
         bodies: &RigidBodySet,
     ) -> (f32, f32) {
-        let parent = find(bodies, self.parent.map(|body| handles[body]));
+        let parent = find_body(bodies, self.parent.map(|body| handles[body]));
         let child = &bodies[handles[self.child]];
         match self.representation {
             Representation::Fixed | Representation::Weld => (0.0, 0.0),
@@ -253,7 +260,8 @@ impl RapierJoint {
         }
     }
 
-    /// In the parent's frame the child's anchor moves along the axis only.
+    /// Position and velocity of a slide: in the parent's frame, the child's anchor moves only along
+    /// the axis.
     fn read_slide(
         &self,
         axis: Vector,
@@ -276,7 +284,7 @@ impl RapierJoint {
     }
 }
 
-/// The handle's body, or none for the world.
-fn find(bodies: &RigidBodySet, handle: Option<RigidBodyHandle>) -> Option<&RigidBody> {
+/// The body with this handle; `None` is the world.
+fn find_body(bodies: &RigidBodySet, handle: Option<RigidBodyHandle>) -> Option<&RigidBody> {
     handle.and_then(|handle| bodies.get(handle))
 }

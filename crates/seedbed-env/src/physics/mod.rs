@@ -43,19 +43,19 @@ pub struct RigidBodies {
 /// Data that all copies of a task share.
 struct CopyTemplate {
     /// Number of bodies per copy.
-    bodies: usize,
+    body_count: usize,
     /// One per joint.
     joints: Vec<RapierJoint>,
     /// Ranges, springs, dampers and frictions.
-    passive: Vec<CoordinateConstraint>,
+    passive_constraints: Vec<CoordinateConstraint>,
     /// One per control.
-    motors: Vec<ControlInput>,
+    control_inputs: Vec<ControlInput>,
     /// Servos, in the order of their indices in [`ControlEffect`].
     servos: Vec<CoordinateConstraint>,
     /// One per body: the armature of its joint.
     rotors: Vec<Rotor>,
     /// Indices of the bodies that controls push. Their forces are reset before each step.
-    driven: Vec<usize>,
+    pushed_bodies: Vec<usize>,
     /// Centers of mass in the bodies' frames.
     coms: Vec<[f64; 2]>,
 }
@@ -64,7 +64,7 @@ struct CopyTemplate {
 struct ControlInput {
     joint: usize,
     gear: f32,
-    kind: ControlEffect,
+    effect: ControlEffect,
 }
 
 enum ControlEffect {
@@ -106,7 +106,7 @@ impl RigidBodies {
                 .map(|first| Batch::new(task, &template, batch_size.min(copies - first)))
                 .collect(),
             batch_size,
-            frames: tree.frames(),
+            frames: tree.frame_buffer(),
             columns: CoordinateColumns::new(task.joints.len(), copies),
             tree,
             template,
@@ -174,7 +174,7 @@ impl Dynamics for RigidBodies {
                 .collect(),
             bodies: (0..self.columns.copies())
                 .flat_map(|copy| self.bodies(copy))
-                .map(SavedBody::of)
+                .map(SavedBody::from_body)
                 .collect(),
         };
         to_bytes(&state)
@@ -183,13 +183,17 @@ impl Dynamics for RigidBodies {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let state: SavedState = from_bytes(bytes)?;
         let copies = self.columns.copies();
-        let fits = state.columns.same_shape(&self.columns)
+        let has_same_shape = state.columns.same_shape(&self.columns)
             && state.live.len() == copies
-            && state.bodies.len() == copies * self.template.bodies;
-        if !fits {
+            && state.bodies.len() == copies * self.template.body_count;
+        if !has_same_shape {
             return Err("the saved state has other bodies or another number of copies".to_owned());
         }
-        for (copy, bodies) in state.bodies.chunks_exact(self.template.bodies).enumerate() {
+        for (copy, bodies) in state
+            .bodies
+            .chunks_exact(self.template.body_count)
+            .enumerate()
+        {
             self.batches[copy / self.batch_size].restore(
                 copy % self.batch_size,
                 bodies,
@@ -209,35 +213,35 @@ impl CopyTemplate {
             .enumerate()
             .map(|(joint, link)| RapierJoint::new(link, leaf_range(task, joint)))
             .collect();
-        let (motors, servos) = motors(task);
-        let mut driven: Vec<_> = motors
+        let (control_inputs, servos) = control_inputs(task);
+        let mut pushed_bodies: Vec<_> = control_inputs
             .iter()
-            .filter(|motor| motor.pushes())
-            .flat_map(|motor| joints[motor.joint].bodies())
+            .filter(|input| input.is_force())
+            .flat_map(|input| joints[input.joint].bodies())
             .collect();
-        driven.sort_unstable();
-        driven.dedup();
+        pushed_bodies.sort_unstable();
+        pushed_bodies.dedup();
         Self {
-            bodies: task.bodies.len(),
-            passive: CoordinateConstraint::passive(task, &joints),
+            body_count: task.bodies.len(),
+            passive_constraints: CoordinateConstraint::all_passive(task, &joints),
             joints,
-            motors,
+            control_inputs,
             servos: servos.iter().map(CoordinateConstraint::servo).collect(),
             rotors: (0..task.bodies.len())
-                .map(|body| Rotor::of(task, body))
+                .map(|body| Rotor::of_body(task, body))
                 .collect(),
-            driven,
+            pushed_bodies,
             coms: task.bodies.iter().map(|body| body.inertial.com).collect(),
         }
     }
 
-    /// How many copies share a world. If all of Rapier's joints are plain hinges, all copies do:
-    /// hinges round in the same way alone and in SIMD lanes. Other joints do not, so that the bits
-    /// of a copy would depend on how many others there are: their worlds have too few joints for
-    /// SIMD.
+    /// Number of copies that share a world. If all of Rapier's joints are plain hinges, all copies
+    /// share one, because hinges round in the same way alone and in SIMD lanes. Other joints do
+    /// not: with them, the bits of a copy would depend on the number of copies. Their worlds
+    /// therefore have too few joints for SIMD.
     fn batch_size(&self, copies: usize) -> usize {
         let joints = self.joints.iter().filter(|joint| joint.is_constraint());
-        let constraints = self.passive.len() + self.servos.len();
+        let constraints = self.passive_constraints.len() + self.servos.len();
         let only_hinges = constraints == 0 && joints.clone().all(RapierJoint::is_hinge);
         let max_copies = if only_hinges {
             copies
@@ -261,19 +265,19 @@ const MIN_JOINTS_FOR_SIMD: usize = 64;
 /// The range of a joint whose child is no joint's parent.
 fn leaf_range(task: &BodyTask, joint: usize) -> Option<[f64; 2]> {
     let described = &task.joints[joint];
-    let carries = task
+    let is_parent = task
         .joints
         .iter()
         .any(|other| other.parent == Some(described.child));
-    described.range.filter(|_| !carries)
+    described.range.filter(|_| !is_parent)
 }
 
 /// What actuators and formula forces act on, and the servos among them.
-fn motors(task: &BodyTask) -> (Vec<ControlInput>, Vec<Servo>) {
+fn control_inputs(task: &BodyTask) -> (Vec<ControlInput>, Vec<Servo>) {
     let mut servos = Vec::new();
-    let mut motors = Vec::new();
+    let mut inputs = Vec::new();
     for actuator in &task.actuators {
-        let (joint, kind) = match actuator.drive {
+        let (joint, effect) = match actuator.drive {
             description::Drive::JointForce(joint) => (joint, ControlEffect::Force),
             description::Drive::Servo(servo) => {
                 servos.push(servo);
@@ -286,27 +290,27 @@ fn motors(task: &BodyTask) -> (Vec<ControlInput>, Vec<Servo>) {
                 (0, ControlEffect::Nothing)
             }
         };
-        motors.push(ControlInput {
+        inputs.push(ControlInput {
             joint,
             gear: actuator.gear as f32,
-            kind,
+            effect,
         });
     }
-    let on_joint = |field: &FormulaForce| match field.drive {
+    let on_joint = |force: &FormulaForce| match force.drive {
         description::Drive::JointForce(joint) => Some(ControlInput {
             joint,
             gear: 1.0,
-            kind: ControlEffect::Force,
+            effect: ControlEffect::Force,
         }),
         _ => None,
     };
-    motors.extend(task.formula_forces.iter().filter_map(on_joint));
-    (motors, servos)
+    inputs.extend(task.formula_forces.iter().filter_map(on_joint));
+    (inputs, servos)
 }
 
 impl ControlInput {
-    fn pushes(&self) -> bool {
-        matches!(self.kind, ControlEffect::Force)
+    fn is_force(&self) -> bool {
+        matches!(self.effect, ControlEffect::Force)
     }
 }
 
@@ -327,11 +331,11 @@ mod tests {
 
     fn task(file: &str) -> BodyTask {
         let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        bodies(&load(&repository.join(file)).unwrap())
+        body_task(&load(&repository.join(file)).unwrap())
     }
 
-    fn bodies(description: &TaskDescription) -> BodyTask {
-        description.bodies().unwrap().clone()
+    fn body_task(description: &TaskDescription) -> BodyTask {
+        description.body_task().unwrap().clone()
     }
 
     /// Placing bodies at given joint coordinates and reading the coordinates back gives the same
@@ -369,8 +373,9 @@ mod tests {
         }
     }
 
-    /// The bits of all coordinates after 50 steps, with `copies` copies in worlds of `batch_size`.
-    fn bits(task: &BodyTask, copies: usize, batch_size: usize) -> Vec<[u32; 2]> {
+    /// The bits of position and velocity after 50 steps: `[copies]`, in worlds of `batch_size`
+    /// copies.
+    fn coordinate_bits(task: &BodyTask, copies: usize, batch_size: usize) -> Vec<[u32; 2]> {
         let template = CopyTemplate::new(task, &KinematicTree::new(task));
         let mut bodies = RigidBodies::with_batch_size(task, template, copies, batch_size);
         for copy in 0..copies {
@@ -399,16 +404,16 @@ mod tests {
             observations: [(name: "x", range: (-1.0, 1.0))],
             reward: "0",
         )"#;
-        bodies(&parse("slope", "slope", text.to_owned()).unwrap())
+        body_task(&parse("slope", "slope", text.to_owned()).unwrap())
     }
 
     /// If this fails, Rapier has changed `min_color_joints`: set [`MIN_JOINTS_FOR_SIMD`] to it.
     #[test]
     fn few_joints_are_not_solved_in_simd_lanes() {
         let task = slope();
-        let alone = bits(&task, MIN_JOINTS_FOR_SIMD, 1);
+        let alone = coordinate_bits(&task, MIN_JOINTS_FOR_SIMD, 1);
         assert_eq!(
-            bits(&task, MIN_JOINTS_FOR_SIMD - 1, MIN_JOINTS_FOR_SIMD - 1),
+            coordinate_bits(&task, MIN_JOINTS_FOR_SIMD - 1, MIN_JOINTS_FOR_SIMD - 1),
             alone[..MIN_JOINTS_FOR_SIMD - 1],
             "fewer joints must be solved one by one"
         );

@@ -13,7 +13,7 @@ use crate::description::Inertial;
 pub fn inertial(mass: f64, shapes: &[Shape]) -> Option<Inertial> {
     let whole = shapes
         .iter()
-        .filter_map(of_unit_density)
+        .filter_map(properties_at_unit_density)
         .reduce(|sum, next| sum + next)?;
     let density = mass / f64::from(whole.mass());
     let com = whole.local_com.to_array().map(f64::from);
@@ -24,7 +24,8 @@ pub fn inertial(mass: f64, shapes: &[Shape]) -> Option<Inertial> {
     })
 }
 
-fn of_unit_density(shape: &Shape) -> Option<MassProperties> {
+/// Mass properties of a shape of 1 kg/m². `None` if it has no area.
+fn properties_at_unit_density(shape: &Shape) -> Option<MassProperties> {
     match shape {
         Shape::Ball { center, radius } => Some(
             Ball::new(*radius)
@@ -62,7 +63,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     #[test]
-    fn inertia_of_a_rectangle_by_hand() {
+    fn the_inertia_of_a_rectangle_matches_its_formula() {
         let shape = Shape::Box {
             center: [1.0, -2.0],
             half_size: [0.3, 0.4],
@@ -78,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn inertia_of_two_discs_by_hand() {
+    fn the_inertia_of_two_discs_matches_its_formula() {
         let disc = |x: f32| Shape::Ball {
             center: [x, 0.0],
             radius: 0.5,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::model::{Coordinate, Model, Outcome, Prior, Reward};
-use crate::input::numbers::{Count, known_count};
+use crate::input::numbers::{Count, ranged_count};
 
 /// Vertices 0 to N − 1 in a row. Episodes start in the middle and end at either end, or after 3N/2
 /// steps. The step to one end is rewarded with N, the step to the other with −N, any other with −1.
@@ -18,7 +18,7 @@ pub struct BipolarChain {
 impl Default for BipolarChain {
     fn default() -> Self {
         Self {
-            vertices: known_count(100),
+            vertices: ranged_count(100),
         }
     }
 }
@@ -26,22 +26,24 @@ impl Default for BipolarChain {
 impl BipolarChain {
     pub(super) fn model(&self) -> Model {
         let count = self.vertices.get();
-        let actions: Vec<Vec<Vec<Outcome>>> =
-            (0..count).map(|vertex| steps(vertex, count)).collect();
+        let actions: Vec<Vec<Vec<Outcome>>> = (0..count)
+            .map(|vertex| vertex_actions(vertex, count))
+            .collect();
         Model {
             parameters: vec![Prior::Sign],
             coordinates: vec![Coordinate {
                 name: "vertex",
                 max: (count - 1) as f32,
             }],
-            places: (0..count).map(|vertex| vertex as f32).collect(),
+            state_coordinates: (0..count).map(|vertex| vertex as f32).collect(),
             ..Model::new(count / 2, 3 * count / 2, &actions)
         }
     }
 }
 
-/// The actions to the left and to the right. θ is 1 if the right end is the rewarded one, else −1.
-fn steps(vertex: u32, count: u32) -> Vec<Vec<Outcome>> {
+/// The actions of a vertex: to the left and to the right. θ is 1 if the right end is the rewarded
+/// one, else −1.
+fn vertex_actions(vertex: u32, count: u32) -> Vec<Vec<Outcome>> {
     if vertex == 0 || vertex == count - 1 {
         return Vec::new();
     }

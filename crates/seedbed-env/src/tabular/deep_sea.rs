@@ -4,7 +4,9 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::model::{Coordinate, Mdp, Model, Outcome, Prior, Reward};
-use crate::input::numbers::{Count, Decay, NonNegative, Positive, known, known_count};
+use crate::input::numbers::{
+    Count, FractionBelowOne, NonNegative, Positive, ranged_count, ranged_number,
+};
 use crate::random::Stream;
 
 /// A grid of N × N cells. An episode starts in the upper left corner. Each step moves one row down
@@ -22,11 +24,11 @@ pub struct DeepSea {
     pub size: Count<50, 2>,
     /// Total cost of N moves to the right.
     pub move_cost: NonNegative,
-    /// Whether it is drawn for each cell which action moves to the right; otherwise it is the
-    /// second one.
+    /// Whether the action that moves to the right is drawn for each cell; if not, it is the second
+    /// action.
     pub randomised: bool,
     /// Probability that a move to the right goes to the left instead.
-    pub slip: Decay,
+    pub slip: FractionBelowOne,
     /// Prior concentration α₀ of each direction of an action.
     pub outcome_weight: Positive,
     /// Prior standard deviation of the rewards in the last row.
@@ -36,12 +38,12 @@ pub struct DeepSea {
 impl Default for DeepSea {
     fn default() -> Self {
         Self {
-            size: known_count(10),
-            move_cost: known(0.01),
+            size: ranged_count(10),
+            move_cost: ranged_number(0.01),
             randomised: true,
-            slip: known(0.0),
-            outcome_weight: known(1.0),
-            deviation: known(1.0),
+            slip: ranged_number(0.0),
+            outcome_weight: ranged_number(1.0),
+            deviation: ranged_number(1.0),
         }
     }
 }
@@ -77,7 +79,7 @@ impl DeepSea {
                     max: last,
                 },
             ],
-            places: cells()
+            state_coordinates: cells()
                 .flat_map(|(row, column)| [row as f32, column as f32])
                 .chain(terminal)
                 .collect(),
@@ -90,9 +92,9 @@ impl DeepSea {
         let in_last_row = row + 1 == self.size.get();
         let cell = |column: u32| {
             if in_last_row {
-                below(row)
+                first_cell_below(row)
             } else {
-                below(row) + column
+                first_cell_below(row) + column
             }
         };
         let cost = -self.move_cost.get() / f64::from(self.size.get());
@@ -112,19 +114,23 @@ impl DeepSea {
         ]
     }
 
-    pub(super) fn draw(&self, model: &Model, random: &mut Stream) -> Mdp {
+    /// Draws which action moves to the right in each cell. Only the last column is rewarded.
+    pub(super) fn draw_mdp(&self, model: &Model, random: &mut Stream) -> Mdp {
         let size = self.size.get() as usize;
         let left = [1.0, 0.0];
         let right = [self.slip.get(), 1.0 - self.slip.get()];
-        let cell = |_| {
-            let swapped = self.randomised && random.random();
-            if swapped {
+        let action_probabilities = |_| {
+            let is_swapped = self.randomised && random.random();
+            if is_swapped {
                 [right, left]
             } else {
                 [left, right]
             }
         };
-        let probabilities: Vec<f64> = (0..model.states() - 1).flat_map(cell).flatten().collect();
+        let probabilities: Vec<f64> = (0..model.state_count() - 1)
+            .flat_map(action_probabilities)
+            .flatten()
+            .collect();
         let values = (0..size)
             .map(|column| f64::from(column + 1 == size))
             .collect();
@@ -136,6 +142,6 @@ impl DeepSea {
 }
 
 /// The first cell of the row below `row`.
-fn below(row: u32) -> u32 {
+fn first_cell_below(row: u32) -> u32 {
     (row + 1) * (row + 2) / 2
 }

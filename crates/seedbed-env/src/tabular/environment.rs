@@ -94,10 +94,10 @@ impl StateEncoding {
 }
 
 fn states_with_actions(model: &Model) -> impl Iterator<Item = u32> {
-    (0..model.states() as u32).filter(|&state| !model.pairs(state).is_empty())
+    (0..model.state_count() as u32).filter(|&state| !model.pairs(state).is_empty())
 }
 
-/// For example `row_3_column_1`.
+/// Name of a state, for example `row_3_column_1`.
 fn state_name(model: &Model, state: u32) -> String {
     let coordinates = model.coordinates.iter().zip(model.coordinates_of(state));
     coordinates
@@ -131,7 +131,8 @@ impl TabularEnvironment {
         );
     }
 
-    /// An action beyond the last one of a state is taken as the last one.
+    /// Advances one copy by one action. An index beyond the last action of the state counts as the
+    /// last action.
     fn advance(&mut self, copy: usize, action: f32) {
         let (TabularTask { model, truth, .. }, copies) = (&self.task, &mut self.copies);
         let random = copies.random[copy]
@@ -139,7 +140,7 @@ impl TabularEnvironment {
             .expect("a running copy was reset");
         let pairs = model.pairs(copies.states[copy]);
         let pair = (pairs.start + action as usize).min(pairs.end - 1);
-        let outcome = model.sample(truth, pair, random);
+        let outcome = model.sample_outcome(truth, pair, random);
         copies.rewards[copy] = model.reward(outcome, model.observe(truth, outcome, random)) as f32;
         copies.states[copy] = model.outcomes()[outcome].state;
         copies.steps[copy] += 1;

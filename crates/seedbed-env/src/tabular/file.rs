@@ -31,7 +31,7 @@ pub(crate) struct TabularTaskFile {
     pub reward_threshold: Option<FiniteNumber>,
 }
 
-/// Checks the text of a task file; `origin` is what errors name instead of a file.
+/// Checks the text of a task file; errors show `origin` in place of a file name.
 ///
 /// # Errors
 /// Something in the text is wrong.
@@ -42,7 +42,7 @@ pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescript
         return Err(document.locate(base.error("`extends` is given twice")));
     }
     let model = file.task.model(file.mdp_seed);
-    let truth = file.task.draw(&model, file.mdp_seed);
+    let truth = file.task.draw_mdp(&model, file.mdp_seed);
     let task = TabularTask::new(origin, model, truth, file.observation);
     Ok(TaskDescription::from(TabularTask {
         spec: Spec {
@@ -56,7 +56,7 @@ pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescript
 }
 
 impl TabularTask {
-    /// A task without a name. An action is the index of one of those that the current state has.
+    /// A task without a name. An action is an index among the actions of the current state.
     #[must_use]
     pub fn new(origin: &str, model: Model, truth: Mdp, observation: StateEncoding) -> Self {
         let actions: Vec<_> = (0..model.max_actions()).map(|index| index as f32).collect();

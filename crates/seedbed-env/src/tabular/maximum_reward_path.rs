@@ -4,7 +4,9 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::model::{Coordinate, Model, Outcome, Prior, Reward};
-use crate::input::numbers::{Count, FiniteNumber, NonNegative, Positive, known, known_count};
+use crate::input::numbers::{
+    Count, FiniteNumber, NonNegative, Positive, ranged_count, ranged_number,
+};
 use crate::random::Stream;
 
 /// A connected random graph of N vertices, in which any two are neighbors with probability 2 ln N /
@@ -28,10 +30,10 @@ pub struct MaximumRewardPath {
 
 impl Default for MaximumRewardPath {
     fn default() -> Self {
-        let (mean, deviation, noise) = (known(0.0), known(0.5), known(0.5));
+        let (mean, deviation, noise) = (ranged_number(0.0), ranged_number(0.5), ranged_number(0.5));
         Self {
-            vertices: known_count(100),
-            steps: known_count(10),
+            vertices: ranged_count(100),
+            steps: ranged_count(10),
             mean,
             deviation,
             noise,
@@ -63,7 +65,7 @@ impl MaximumRewardPath {
                 name: "vertex",
                 max: (count - 1) as f32,
             }],
-            places: (0..count).map(|vertex| vertex as f32).collect(),
+            state_coordinates: (0..count).map(|vertex| vertex as f32).collect(),
             ..Model::new(0, self.steps.get(), &actions)
         }
     }

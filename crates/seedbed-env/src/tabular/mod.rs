@@ -1,7 +1,7 @@
 //! Tabular tasks: finite Markov decision processes with a prior over what is unknown about them.
 //!
-//! A file names a [`TaskFamily`]. [`TaskFamily::model`] returns a [`Model`], what all MDPs of the
-//! family have in common and every agent knows; [`TaskFamily::draw`] draws one [`Mdp`] from the
+//! A file names a [`TaskFamily`]. [`TaskFamily::model`] returns a [`Model`]: what all MDPs of the
+//! family have in common and every agent knows. [`TaskFamily::draw_mdp`] draws one [`Mdp`] from the
 //! prior. A [`TabularTask`] can be built as an [`Environment`](crate::Environment) for agents that
 //! do not know the model. This module must not depend on beliefs or planning.
 
@@ -52,12 +52,12 @@ impl TaskFamily {
 
     /// The MDP of the run with this run seed, drawn from the prior.
     #[must_use]
-    pub fn draw(&self, model: &Model, run_seed: u64) -> Mdp {
+    pub fn draw_mdp(&self, model: &Model, run_seed: u64) -> Mdp {
         let random = &mut task_stream(run_seed, 1);
         match self {
-            Self::DeepSea(sea) => sea.draw(model, random),
+            Self::DeepSea(sea) => sea.draw_mdp(model, random),
             Self::BipolarChain(_) | Self::ParallelChains(_) | Self::MaximumRewardPath(_) => {
-                model.draw(random)
+                model.draw_mdp(random)
             }
         }
     }

@@ -1,5 +1,5 @@
 //! The tables of a task: the actions of each state, their next states and rewards, and the prior
-//! over those that are unknown.
+//! over unknown rewards and transitions.
 
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
@@ -19,7 +19,7 @@ pub struct Model {
     /// Coordinates by which states are observed and drawn.
     pub coordinates: Vec<Coordinate>,
     /// Coordinates of each state: `[states × coordinates]`.
-    pub places: Vec<f32>,
+    pub state_coordinates: Vec<f32>,
     /// Priors of the unknown parameters θ of the rewards, one per parameter.
     pub parameters: Vec<Prior>,
     /// Concentration α₀ of the symmetric Dirichlet prior over the outcomes of a pair that has
@@ -41,7 +41,7 @@ pub struct Coordinate {
     pub max: f32,
 }
 
-/// A possible result of a pair.
+/// A possible next state of a pair, with its reward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
     /// Next state.
@@ -50,7 +50,7 @@ pub struct Outcome {
     pub reward: Reward,
 }
 
-/// A mean reward: known + factor · θ of a parameter.
+/// A mean reward: known part + factor · θ, where θ is an unknown parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reward {
     /// Known part.
@@ -105,18 +105,18 @@ impl Model {
             start,
             horizon,
             coordinates: Vec::new(),
-            places: Vec::new(),
+            state_coordinates: Vec::new(),
             parameters: Vec::new(),
             outcome_weight: 1.0,
-            first_pair: starts(actions.iter().map(Vec::len)),
-            first_outcome: starts(pairs().map(Vec::len)),
+            first_pair: group_starts(actions.iter().map(Vec::len)),
+            first_outcome: group_starts(pairs().map(Vec::len)),
             outcomes: pairs().flatten().copied().collect(),
         }
     }
 
     /// Number of states.
     #[must_use]
-    pub fn states(&self) -> usize {
+    pub fn state_count(&self) -> usize {
         self.first_pair.len() - 1
     }
 
@@ -126,7 +126,7 @@ impl Model {
         &self.outcomes
     }
 
-    /// Number of pairs of all states.
+    /// Number of pairs.
     #[must_use]
     pub fn pair_count(&self) -> usize {
         self.first_outcome.len() - 1
@@ -147,7 +147,7 @@ impl Model {
     /// Maximum number of actions in a state.
     #[must_use]
     pub fn max_actions(&self) -> usize {
-        (0..self.states())
+        (0..self.state_count())
             .map(|state| self.pairs(state as u32).len())
             .max()
             .unwrap_or(0)
@@ -157,7 +157,7 @@ impl Model {
     #[must_use]
     pub fn coordinates_of(&self, state: u32) -> &[f32] {
         let width = self.coordinates.len();
-        &self.places[state as usize * width..][..width]
+        &self.state_coordinates[state as usize * width..][..width]
     }
 
     /// Mean reward of an outcome, given the values of θ.
@@ -175,7 +175,7 @@ impl Model {
     /// # Panics
     /// If a pair has several outcomes.
     #[must_use]
-    pub fn draw(&self, random: &mut Stream) -> Mdp {
+    pub fn draw_mdp(&self, random: &mut Stream) -> Mdp {
         assert_eq!(
             self.outcomes.len(),
             self.pair_count(),
@@ -199,19 +199,19 @@ impl Model {
 
     /// Samples an outcome of a pair in `truth`.
     #[must_use]
-    pub fn sample(&self, truth: &Mdp, pair: usize, random: &mut Stream) -> usize {
+    pub fn sample_outcome(&self, truth: &Mdp, pair: usize, random: &mut Stream) -> usize {
         let outcomes = self.outcomes_of(pair);
         let last = outcomes.end - 1;
         if outcomes.len() == 1 {
             return last;
         }
-        let mut rest: f64 = random.random();
-        let mut reached = |outcome: &usize| {
-            rest -= truth.probabilities[*outcome];
-            rest < 0.0
+        let mut remaining: f64 = random.random();
+        let mut is_reached = |outcome: &usize| {
+            remaining -= truth.probabilities[*outcome];
+            remaining < 0.0
         };
         (outcomes.start..last)
-            .find(|outcome| reached(outcome))
+            .find(|outcome| is_reached(outcome))
             .unwrap_or(last)
     }
 
@@ -285,7 +285,7 @@ impl Prior {
 
 /// The start index of each group in a sequence of groups of these lengths, then the end of the last
 /// one.
-fn starts(lengths: impl Iterator<Item = usize>) -> Vec<u32> {
+fn group_starts(lengths: impl Iterator<Item = usize>) -> Vec<u32> {
     let mut end = 0;
     let ends = lengths.map(|length| {
         end += length as u32;

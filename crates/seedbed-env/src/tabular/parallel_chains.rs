@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::model::{Coordinate, Model, Outcome, Prior, Reward};
-use crate::input::numbers::{Count, NonNegative, Positive, known, known_count};
+use crate::input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
 
 /// C chains of H edges that start at one vertex. The first step chooses a chain; its last edge is
 /// rewarded with N(θ, noise²), all others with 0. The prior of chain c = 1 … C is θ ~ N(0, variance
@@ -24,10 +24,10 @@ pub struct ParallelChains {
 impl Default for ParallelChains {
     fn default() -> Self {
         Self {
-            chains: known_count(4),
-            edges: known_count(4),
-            variance: known(100.0),
-            noise: known(1.0),
+            chains: ranged_count(4),
+            edges: ranged_count(4),
+            variance: ranged_number(100.0),
+            noise: ranged_number(1.0),
         }
     }
 }
@@ -36,32 +36,7 @@ impl ParallelChains {
     /// State 0 is the vertex that all chains leave; then come the vertices of each chain.
     pub(super) fn model(&self) -> Model {
         let (chains, edges) = (self.chains.get(), self.edges.get());
-        let vertex = |chain: u32, depth: u32| 1 + chain * edges + depth - 1;
-        let edge = |chain: u32, depth: u32| {
-            let reward = if depth == edges {
-                Reward::unknown(chain, 1.0)
-            } else {
-                Reward::known(0.0)
-            };
-            vec![Outcome {
-                state: vertex(chain, depth),
-                reward,
-            }]
-        };
-        let following = |chain: u32| {
-            (1..=edges).map(move |depth| {
-                if depth < edges {
-                    vec![edge(chain, depth + 1)]
-                } else {
-                    vec![]
-                }
-            })
-        };
-        let first: Vec<_> = (0..chains).map(|chain| edge(chain, 1)).collect();
-        let actions: Vec<_> = std::iter::once(first)
-            .chain((0..chains).flat_map(following))
-            .collect();
-        let places = (0..chains).flat_map(|chain| {
+        let state_coordinates = (0..chains).flat_map(|chain| {
             (1..=edges).flat_map(move |depth| [chain as f32 + 1.0, depth as f32])
         });
         Model {
@@ -76,11 +51,45 @@ impl ParallelChains {
                     max: edges as f32,
                 },
             ],
-            places: [0.0, 0.0].into_iter().chain(places).collect(),
-            ..Model::new(0, edges, &actions)
+            state_coordinates: [0.0, 0.0].into_iter().chain(state_coordinates).collect(),
+            ..Model::new(0, edges, &self.actions())
         }
     }
 
+    /// The outcomes of each action of each state: a choice of the chain in state 0, then one step
+    /// per vertex, and no action at the end of a chain.
+    fn actions(&self) -> Vec<Vec<Vec<Outcome>>> {
+        let (chains, edges) = (self.chains.get(), self.edges.get());
+        let first: Vec<_> = (0..chains).map(|chain| self.edge(chain, 1)).collect();
+        let following = |chain: u32| {
+            (1..=edges).map(move |depth| {
+                if depth < edges {
+                    vec![self.edge(chain, depth + 1)]
+                } else {
+                    vec![]
+                }
+            })
+        };
+        std::iter::once(first)
+            .chain((0..chains).flat_map(following))
+            .collect()
+    }
+
+    /// The outcome of the edge of a chain that ends at `depth`.
+    fn edge(&self, chain: u32, depth: u32) -> Vec<Outcome> {
+        let edges = self.edges.get();
+        let reward = if depth == edges {
+            Reward::unknown(chain, 1.0)
+        } else {
+            Reward::known(0.0)
+        };
+        vec![Outcome {
+            state: 1 + chain * edges + depth - 1,
+            reward,
+        }]
+    }
+
+    /// Prior of the chain with this number, from 1.
     fn prior(&self, number: u32) -> Prior {
         let deviation = (self.variance.get() + f64::from(number)).sqrt();
         Prior::Normal {

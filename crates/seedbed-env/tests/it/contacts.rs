@@ -5,20 +5,20 @@ use seedbed_env::description::BodyTask;
 use seedbed_env::dynamics::Dynamics;
 use seedbed_env::kinematics::{Frame, KinematicTree};
 use seedbed_env::random::{Purpose, stream};
-use seedbed_env::{ForceSource, Physics, Pose};
+use seedbed_env::{Force, ForceSource, Physics, Pose};
 
 use crate::{build_bodies, parse_bodies};
 
 const CONTROL_STEP: f64 = 0.01;
 const SUBSTEPS: f64 = 4.0;
 
-/// A task without purpose: `gravity`, then what else the file says of bodies, joints, colliders and
-/// sensors.
-fn task(gravity: &str, rest: &str) -> BodyTask {
+/// A task without actions and rewards. `fields` are the bodies, joints, colliders and sensors of
+/// the file.
+fn task(gravity: &str, fields: &str) -> BodyTask {
     let text = format!(
         r#"Environment(
             description: "A test.", gravity: {gravity}, control_step: {CONTROL_STEP}, time_limit: 100000,
-            solver: (iterations: {SUBSTEPS}), {rest}
+            solver: (iterations: {SUBSTEPS}), {fields}
             actuators: [], observations: [], reward: "0",
         )"#
     );
@@ -41,9 +41,9 @@ fn coordinate(bodies: &dyn Dynamics, index: usize) -> (f64, f64) {
 
 /// Semi-implicit Euler with a substep h gives exactly v = v₀ − g t and y = v₀ t − ½ g t² − ½ g t h.
 /// A rotation advances by arctan(ω h): Rapier turns the unit vector of the angle along its tangent,
-/// and normalises it.
+/// and normalizes it.
 #[test]
-fn a_free_body_falls_as_galilei_says() {
+fn a_free_body_falls_along_a_parabola() {
     let task = task(
         "(0.0, -9.8)",
         r#"bodies: [(name: "ball", mass: 2.0, com: (0.3, 0.0), inertia: 0.5)], sensors: [],"#,
@@ -60,19 +60,20 @@ fn a_free_body_falls_as_galilei_says() {
     );
     let (sine, cosine) = angle.sin_cos();
     let (right, up) = (x + 0.3 * cosine - 0.3, y + 0.3 * sine - 10.0);
-    let fallen = 3.5 - 0.5 * 9.8 * (1.0 + CONTROL_STEP / SUBSTEPS);
-    let turned = (1.0 / CONTROL_STEP * SUBSTEPS) * (5.0 * CONTROL_STEP / SUBSTEPS).atan();
+    let expected_up = 3.5 - 0.5 * 9.8 * (1.0 + CONTROL_STEP / SUBSTEPS);
+    let expected_angle = (1.0 / CONTROL_STEP * SUBSTEPS) * (5.0 * CONTROL_STEP / SUBSTEPS).atan();
     assert!(
-        (angle - turned).abs() < 1e-5 && (spin - 5.0).abs() < 1e-5,
+        (angle - expected_angle).abs() < 1e-5 && (spin - 5.0).abs() < 1e-5,
         "{angle} rad, {spin} rad/s"
     );
     assert!(
-        (right - 1.0).abs() < 1e-4 && (up - fallen).abs() < 2e-4,
-        "{right} m, {up} m instead of {fallen} m"
+        (right - 1.0).abs() < 1e-4 && (up - expected_up).abs() < 2e-4,
+        "{right} m, {up} m instead of {expected_up} m"
     );
 }
 
-/// Three links that fly, joined by two hinges; none is at its center of mass.
+/// Three links that fly, joined by two hinges. No link has the origin of its frame at its center of
+/// mass.
 const CHAIN: &str = r#"
     bodies: [
         (name: "root", position: (0.0, 5.0), mass: 1.0, com: (0.1, 0.05), inertia: 0.03),
@@ -90,55 +91,60 @@ const CHAIN: &str = r#"
 /// (J), and that center (m).
 struct Motion {
     momentum: [f64; 2],
-    angular: f64,
+    angular_momentum: f64,
     energy: f64,
     center: [f64; 2],
 }
 
 fn motion(task: &BodyTask, bodies: &dyn Dynamics) -> Motion {
     let frames = KinematicTree::new(task).frames_of(bodies.coordinates(), 0);
-    let parts: Vec<_> = task
+    let moving_bodies: Vec<_> = task
         .bodies
         .iter()
         .zip(&frames)
         .map(|(body, frame)| (body.inertial, frame))
         .collect();
-    let mass: f64 = parts.iter().map(|(inertial, _)| inertial.mass).sum();
-    let at = |frame: &Frame, com| (frame.point(com), frame.velocity_at(frame.point(com)));
-    let total = |value: &dyn Fn([f64; 2], [f64; 2]) -> f64| -> f64 {
-        parts
+    let mass: f64 = moving_bodies
+        .iter()
+        .map(|(inertial, _)| inertial.mass)
+        .sum();
+    let motion_at = |frame: &Frame, com| (frame.point(com), frame.velocity_at(frame.point(com)));
+    let mass_sum = |value: &dyn Fn([f64; 2], [f64; 2]) -> f64| -> f64 {
+        moving_bodies
             .iter()
             .map(|(inertial, frame)| {
-                let (p, v) = at(frame, inertial.com);
+                let (p, v) = motion_at(frame, inertial.com);
                 inertial.mass * value(p, v)
             })
             .sum()
     };
-    let center = [total(&|p, _| p[0]) / mass, total(&|p, _| p[1]) / mass];
-    let spin = |value: &dyn Fn(f64) -> f64| -> f64 {
-        parts
+    let center = [mass_sum(&|p, _| p[0]) / mass, mass_sum(&|p, _| p[1]) / mass];
+    let inertia_sum = |value: &dyn Fn(f64) -> f64| -> f64 {
+        moving_bodies
             .iter()
             .map(|(inertial, frame)| inertial.inertia * value(frame.angular_velocity))
             .sum()
     };
     Motion {
-        momentum: [total(&|_, v| v[0]), total(&|_, v| v[1])],
-        angular: total(&|p, v| (p[0] - center[0]) * v[1] - (p[1] - center[1]) * v[0])
-            + spin(&|rate| rate),
-        energy: total(&|_, v| 0.5 * (v[0] * v[0] + v[1] * v[1])) + spin(&|rate| 0.5 * rate * rate),
+        momentum: [mass_sum(&|_, v| v[0]), mass_sum(&|_, v| v[1])],
+        angular_momentum: mass_sum(&|p, v| (p[0] - center[0]) * v[1] - (p[1] - center[1]) * v[0])
+            + inertia_sum(&|rate| rate),
+        energy: mass_sum(&|_, v| 0.5 * (v[0] * v[0] + v[1] * v[1]))
+            + inertia_sum(&|rate| 0.5 * rate * rate),
         center,
     }
 }
 
-const FLING: [f64; 5] = [2.0, -1.0, 0.5, 3.0, 1.5];
+/// Start velocities of the chain's coordinates: shoulder, elbow, then x, y and angle of the root.
+const START_VELOCITIES: [f64; 5] = [2.0, -1.0, 0.5, 3.0, 1.5];
 
-/// In flight the momentum changes by m g t, and the center of mass follows a parabola, whatever the
-/// links do.
+/// In flight the momentum of the whole chain changes by m g t, and the center of mass follows a
+/// parabola, whatever the links do.
 #[test]
 fn the_center_of_mass_of_a_flying_chain_follows_a_parabola() {
     let task = task("(0.0, -9.8)", CHAIN);
     let mut chain = bodies(&task);
-    chain.start(0, &[0.3, -0.5, 0.0, 5.0, 0.2], &FLING);
+    chain.start(0, &[0.3, -0.5, 0.0, 5.0, 0.2], &START_VELOCITIES);
     let before = motion(&task, &*chain);
     run(&mut *chain, 0.5);
     let after = motion(&task, &*chain);
@@ -160,12 +166,12 @@ fn the_center_of_mass_of_a_flying_chain_follows_a_parabola() {
     }
 }
 
-/// Without gravity, energy and angular momentum stay, up to the first order of the substep.
+/// Without gravity, energy and angular momentum are constant, up to the first order of the substep.
 #[test]
 fn a_flying_chain_keeps_energy_and_angular_momentum() {
     let task = task("(0.0, 0.0)", CHAIN);
     let mut chain = bodies(&task);
-    chain.start(0, &[0.3, -0.5, 0.0, 5.0, 0.2], &FLING);
+    chain.start(0, &[0.3, -0.5, 0.0, 5.0, 0.2], &START_VELOCITIES);
     let before = motion(&task, &*chain);
     run(&mut *chain, 2.0);
     let after = motion(&task, &*chain);
@@ -176,17 +182,17 @@ fn a_flying_chain_keeps_energy_and_angular_momentum() {
         after.energy
     );
     assert!(
-        (after.angular / before.angular - 1.0).abs() < 0.02,
+        (after.angular_momentum / before.angular_momentum - 1.0).abs() < 0.02,
         "{} to {}",
-        before.angular,
-        after.angular
+        before.angular_momentum,
+        after.angular_momentum
     );
 }
 
 /// A rod on a hinge at the world is a physical pendulum: its period at small swings is 2π √((I + m
 /// l²) / (m g l)).
 #[test]
-fn a_multibody_pendulum_has_its_period() {
+fn a_multibody_pendulum_has_the_period_of_its_inertia() {
     let task = task(
         "(0.0, -9.8)",
         r#"
@@ -213,9 +219,8 @@ fn a_multibody_pendulum_has_its_period() {
     );
 }
 
-/// A box that lies on the ground stays where it is and touches it; one in the air does not.
-#[test]
-fn a_box_at_rest_stays_and_touches() {
+/// A box of 3 kg that has lain on the ground for 10 s, and its task.
+fn lying_box() -> (BodyTask, Box<dyn Dynamics>) {
     let task = task(
         "(0.0, -9.8)",
         r#"
@@ -226,6 +231,24 @@ fn a_box_at_rest_stays_and_touches() {
     let mut lying = bodies(&task);
     lying.start(0, &[0.0, 0.2, 0.0], &[0.0; 3]);
     run(&mut *lying, 10.0);
+    (task, lying)
+}
+
+/// The contact forces of the latest step, and their sum, N.
+fn contact_forces(bodies: &dyn Dynamics) -> (Vec<Force>, [f32; 2]) {
+    let mut forces = Vec::new();
+    bodies.contact_forces(0, &mut forces);
+    let total = forces.iter().fold([0.0; 2], |[x, y], force| {
+        [x + force.newtons[0], y + force.newtons[1]]
+    });
+    (forces, total)
+}
+
+/// A box that lies on the ground stays where it is and touches the ground; a box in the air does
+/// not touch it.
+#[test]
+fn a_box_at_rest_stays_and_touches_the_ground() {
+    let (task, lying) = lying_box();
     let [x, y, angle] = [0, 1, 2].map(|index| coordinate(&*lying, index).0);
     assert!(
         x.abs() < 1e-4 && (y - 0.2).abs() < 1.5e-3 && angle.abs() < 1e-4,
@@ -242,30 +265,28 @@ fn a_box_at_rest_stays_and_touches() {
         geometry.touch(1, 0, &[Frame::at([0.0, 0.21], 0.1)]),
         "turned by 0.1 rad, its corner is 0.03 m lower"
     );
-    // The ground carries 3 kg × 9.8 m/s² at the box's lower corners.
-    let mut forces = Vec::new();
-    lying.contacts(0, &mut forces);
-    let total = forces.iter().fold([0.0; 2], |[x, y], force| {
-        [x + force.newtons[0], y + force.newtons[1]]
-    });
+}
+
+/// The ground carries the weight of a box, 3 kg × 9.8 m/s², at the lower corners of the box.
+#[test]
+fn the_ground_carries_a_box_at_its_corners() {
+    let (_, lying) = lying_box();
+    let (forces, total) = contact_forces(&*lying);
     assert!(
         (total[1] - 29.4).abs() < 0.3 && total[0].abs() < 0.1,
         "{total:?} N"
     );
-    let corners = forces
-        .iter()
-        .all(|force| (force.at[0].abs() - 0.3).abs() < 0.02 && force.at[1].abs() < 0.01);
-    assert!(
-        corners
-            && forces
-                .iter()
-                .all(|force| force.source == ForceSource::Contact),
-        "{forces:?}"
-    );
+    for force in &forces {
+        assert!(
+            (force.at[0].abs() - 0.3).abs() < 0.02 && force.at[1].abs() < 0.01,
+            "{force:?}"
+        );
+        assert_eq!(force.source, ForceSource::Contact);
+    }
 }
 
-/// A block on a slope of 20° that friction holds: the slope's force is the weight's opposite,
-/// whatever its parts.
+/// Friction holds a block on a slope of 20°: the contact forces, friction included, add up to the
+/// opposite of the weight.
 #[test]
 fn friction_is_part_of_a_contact_force() {
     let (sine, cosine) = (-20.0_f64.to_radians().sin(), 20.0_f64.to_radians().cos());
@@ -285,40 +306,38 @@ fn friction_is_part_of_a_contact_force() {
         &[0.0; 3],
     );
     run(&mut *lying, 2.0);
-    let mut forces = Vec::new();
-    lying.contacts(0, &mut forces);
-    let total = forces.iter().fold([0.0; 2], |[x, y], force| {
-        [x + force.newtons[0], y + force.newtons[1]]
-    });
+    let (_, total) = contact_forces(&*lying);
     assert!(
         (total[1] - 29.4).abs() < 0.5 && total[0].abs() < 0.5,
         "{total:?} N"
     );
 }
 
-/// What actions push: a cart along its rail, a hinge as the force at the center of mass with the
-/// same torque, a body at a point.
+/// A cart with a pole, and a ship, each pushed by one actuator.
+const PUSHED_BODIES: &str = r#"Environment(
+    description: "A test.", gravity: (0.0, 0.0), control_step: 0.01, time_limit: 100, solver: (iterations: 4),
+    bodies: [
+        (name: "cart", mass: 1.0, inertia: 1.0, geoms: [Box(half_size: (0.2, 0.1))]),
+        (name: "pole", mass: 1000.0, com: (0.0, 0.5), inertia: 1000.0),
+        (name: "ship", position: (5.0, 0.0), mass: 1000.0, inertia: 1000.0),
+    ],
+    joints: [
+        (name: "rail", parent: "world", child: "cart", type: Slide(axis: (1.0, 0.0))),
+        (name: "hinge", parent: "cart", child: "pole", type: Hinge(positive: Clockwise)),
+    ],
+    actuators: [
+        (name: "push", type: JointForce("rail"), gear: 2.0, control: Continuous(-1.0, 1.0)),
+        (name: "turn", type: JointForce("hinge"), control: Continuous(-9.0, 9.0)),
+        (name: "jet", type: BodyForce(body: "ship", at: (0.0, 1.0), direction: (0.0, -1.0)), control: Continuous(0.0, 7.0)),
+    ],
+    sensors: [], observations: [], reward: "0",
+)"#;
+
+/// The force of an action is drawn on a cart along its rail, on a hinge as the force at the center
+/// of mass with the same torque, and on a body at the point of application.
 #[test]
-fn actions_are_seen_as_forces() {
-    let text = r#"Environment(
-        description: "A test.", gravity: (0.0, 0.0), control_step: 0.01, time_limit: 100, solver: (iterations: 4),
-        bodies: [
-            (name: "cart", mass: 1.0, inertia: 1.0, geoms: [Box(half_size: (0.2, 0.1))]),
-            (name: "pole", mass: 1000.0, com: (0.0, 0.5), inertia: 1000.0),
-            (name: "ship", position: (5.0, 0.0), mass: 1000.0, inertia: 1000.0),
-        ],
-        joints: [
-            (name: "rail", parent: "world", child: "cart", type: Slide(axis: (1.0, 0.0))),
-            (name: "hinge", parent: "cart", child: "pole", type: Hinge(positive: Clockwise)),
-        ],
-        actuators: [
-            (name: "push", type: JointForce("rail"), gear: 2.0, control: Continuous(-1.0, 1.0)),
-            (name: "turn", type: JointForce("hinge"), control: Continuous(-9.0, 9.0)),
-            (name: "jet", type: BodyForce(body: "ship", at: (0.0, 1.0), direction: (0.0, -1.0)), control: Continuous(0.0, 7.0)),
-        ],
-        sensors: [], observations: [], reward: "0",
-    )"#;
-    let task = parse_bodies("test", text.to_owned());
+fn actions_are_drawn_as_forces() {
+    let task = parse_bodies("test", PUSHED_BODIES.to_owned());
     let mut environment = build_bodies(&task, Physics::Rapier, 2);
     environment.reset(1, &mut stream(0, Purpose::Reset, 0, 0));
     let bodies = environment.scene().expect("it has a shape").bodies.len();
@@ -387,8 +406,8 @@ fn a_block_slips_iff_the_slope_is_steeper_than_its_friction() {
     }
 }
 
-/// Newton: a ball that falls from h hits with √(2 g h) and leaves with e times that, to rise by e²
-/// h.
+/// A ball that falls from h hits the ground with √(2 g h), leaves it with e times that speed, and
+/// rises to e² h.
 #[test]
 fn a_ball_bounces_as_high_as_its_restitution_says() {
     for restitution in [0.0, 0.5, 0.8, 1.0] {
@@ -416,9 +435,10 @@ fn a_ball_bounces_as_high_as_its_restitution_says() {
     }
 }
 
-/// MuJoCo's rule: kinds 1 and 2 touch iff one's `conaffinity` has a bit of the other's `contype`.
+/// MuJoCo's rule: two surfaces touch iff the `conaffinity` of one has a bit of the `contype` of the
+/// other.
 #[test]
-fn contact_filters_let_bodies_through() {
+fn bodies_pass_through_surfaces_of_other_collision_groups() {
     for (contype, conaffinity, stays) in [
         (1, 1, true),
         (1, 0, true),
@@ -445,10 +465,9 @@ fn contact_filters_let_bodies_through() {
     }
 }
 
-/// Each distance by hand: the rays start 0.5 m right of the body's origin, in the body's frame,
-/// which is turned by a right angle.
-#[test]
-fn rays_measure_distances() {
+/// An eye, turned by a right angle, with four rays that start 0.5 m right of its origin in its own
+/// frame.
+fn eye_with_rays() -> BodyTask {
     let ray = |name: &str, direction: &str| {
         format!(
             r#"(name: "{name}", type: Ray(body: "eye", from: (0.5, 0.0), direction: {direction}, length: 10.0)),"#
@@ -477,7 +496,13 @@ fn rays_measure_distances() {
         rays.concat(),
         names.concat()
     );
-    let mut environment = build_bodies(&parse_bodies("rays", text), Physics::Rapier, 1);
+    parse_bodies("rays", text)
+}
+
+/// The rays measure the distances that are computed by hand.
+#[test]
+fn rays_measure_distances() {
+    let mut environment = build_bodies(&eye_with_rays(), Physics::Rapier, 1);
     environment.reset(0, &mut stream(0, Purpose::Reset, 0, 0));
     // From (0, 1.5): up to the half-space at 4; to −x, the ball's near side at −2.5; to +x, the
     // turned box's corner at 2 − 0.25 √2; down, nothing but the body's own ball.
@@ -494,10 +519,10 @@ fn rays_measure_distances() {
     }
 }
 
-/// The file places a free body at (0.5, 2) with angle 1. A reset that gives a position for its height
-/// only leaves the other positions as in the file.
+/// The file places a free body at (0.5, 2) with angle 1. A reset that gives only its height leaves
+/// the other positions as in the file.
 #[test]
-fn a_start_without_a_position_is_where_the_file_draws_it() {
+fn a_start_without_a_position_is_where_the_file_places_the_body() {
     let text = r#"Environment(
         description: "A stone.", gravity: (0.0, 0.0), control_step: 0.01, time_limit: 10,
         bodies: [(name: "peg", mass: 1.0, inertia: 1.0), (name: "stone", position: (0.5, 2.0), angle: 1.0, mass: 1.0, inertia: 1.0)],
@@ -517,15 +542,15 @@ fn a_start_without_a_position_is_where_the_file_draws_it() {
     assert_eq!(environment.observations(), [0.0, 0.5, 3.0, 1.0]);
 }
 
-/// A rod on a hinge in a world with contacts: I = 0.1 kg m² about its center of mass in the hinge,
-/// with what `resists` says.
-fn wheel(resists: &str, actuators: &str) -> BodyTask {
+/// A wheel of 0.1 kg m² on a hinge through its center of mass, in a world with contacts.
+/// `joint_fields` are further fields of the joint.
+fn wheel(joint_fields: &str, actuators: &str) -> BodyTask {
     let text = format!(
         r#"Environment(
             description: "A wheel.", gravity: (0.0, -9.8), control_step: {CONTROL_STEP}, time_limit: 100000,
             solver: (iterations: {SUBSTEPS}),
             bodies: [(name: "wheel", mass: 2.0, inertia: 0.1, colliders: [(geom: Ball(radius: 0.1))])],
-            joints: [(name: "axle", parent: "world", child: "wheel", type: Hinge(positive: Clockwise), {resists})],
+            joints: [(name: "axle", parent: "world", child: "wheel", type: Hinge(positive: Clockwise), {joint_fields})],
             actuators: [{actuators}], sensors: [], observations: [], reward: "0",
         )"#
     );
@@ -569,7 +594,7 @@ fn dry_friction_brakes_a_joint_evenly_and_then_holds_it() {
     let (angle, rate) = coordinate(&*wheel, 0);
     assert!(
         rate.abs() < 1e-3 && (angle - 1.5).abs() < 0.02,
-        "it turned by ω² J / 2 M = 1.5 rad, not {angle} rad, at {rate} rad/s"
+        "expected ω² J / 2 M = 1.5 rad at rest, found {angle} rad at {rate} rad/s"
     );
 }
 
@@ -589,8 +614,8 @@ fn a_joint_stops_at_its_range() {
     }
 }
 
-/// Servos come to their targets: a position servo of critical damping, and a velocity servo as
-/// exp(−kv t / J) whose force is limited.
+/// A position servo with critical damping and a velocity servo with limited force both reach their
+/// targets.
 #[test]
 fn servos_reach_their_targets() {
     let position = r#"(name: "aim", type: PositionServo(joint: "axle", kp: 10.0, kv: 2.0), control: Continuous(-2.0, 2.0))"#;
@@ -609,15 +634,15 @@ fn servos_reach_their_targets() {
     let (_, rate) = coordinate(&*going, 0);
     assert!(
         (rate + 1.0).abs() < 0.01,
-        "0.2 N m for 0.5 s give 0.1 kg m² a rate of −1 rad/s, not {rate} rad/s"
+        "expected −1 rad/s after 0.5 s under −0.2 N m, found {rate} rad/s"
     );
     (0..150).for_each(|_| going.step(&[-3.0]));
     let (_, rate) = coordinate(&*going, 0);
     assert!((rate + 3.0).abs() < 0.01, "{rate} rad/s");
 }
 
-/// A force at a point: F / m along it, r × F / I about the center of mass; in the body's frame it
-/// turns with the body.
+/// A force at a point accelerates a body by F / m and turns it by r × F / I about its center of
+/// mass. A force in the body's frame turns with the body.
 #[test]
 fn a_body_force_pushes_and_turns() {
     let text = |frame: &str| {

@@ -19,8 +19,8 @@ fn files(folder: &str) -> Vec<PathBuf> {
     files
 }
 
-/// Every task with every physics that it has: those of users, and some whose joints those do not
-/// use.
+/// Every task with every physics that it has: the tasks in `envs/`, and tasks for tests with joints
+/// that no task in `envs/` uses.
 fn tasks() -> Vec<(TaskDescription, Physics)> {
     let files = [files("envs"), files("crates/seedbed-env/tests/envs")].concat();
     let descriptions = files
@@ -62,12 +62,16 @@ fn random_action(environment: &dyn Environment, random: &mut Stream) -> Vec<f32>
     environment.spec().actions.iter().map(choose).collect()
 }
 
-fn fresh(task: &TaskDescription, physics: Physics, copies: usize) -> Box<dyn Environment> {
+fn new_environment(
+    task: &TaskDescription,
+    physics: Physics,
+    copies: usize,
+) -> Box<dyn Environment> {
     build(task, physics, copies).expect("the task has this physics")
 }
 
-/// One copy among others: each copy acts at random from a stream of its own and restarts when
-/// its episode has ended.
+/// Copies of one task. Each acts at random from a stream of its own, and restarts when its episode
+/// has ended.
 struct Crowd {
     environment: Box<dyn Environment>,
     random: Vec<Stream>,
@@ -75,9 +79,9 @@ struct Crowd {
 }
 
 impl Crowd {
-    /// `stream_indices` are the random streams from which the copies draw.
+    /// `stream_indices`: for each copy, the index of the random streams from which it draws.
     fn new(task: &TaskDescription, physics: Physics, stream_indices: &[usize]) -> Self {
-        let mut environment = fresh(task, physics, stream_indices.len());
+        let mut environment = new_environment(task, physics, stream_indices.len());
         for (copy, &index) in stream_indices.iter().enumerate() {
             environment.reset(copy, &mut reset_stream(index, 0));
         }
@@ -92,8 +96,8 @@ impl Crowd {
         }
     }
 
-    /// One step of all; `stream_indices` as before. Copies whose stream is not in `streams_to_restart` stay where they
-    /// ended.
+    /// One step of all copies; `stream_indices` as in [`new`](Self::new). Copies whose index is not
+    /// in `streams_to_restart` stay where they ended.
     fn step(&mut self, stream_indices: &[usize], streams_to_restart: &[usize]) {
         let rows: Vec<_> = self
             .random
@@ -137,38 +141,38 @@ impl Crowd {
     }
 }
 
-/// Tabular tasks start in one state, and chance alone does not bring an agent to all of their
-/// states.
-fn tasks_of_bodies() -> impl Iterator<Item = (TaskDescription, Physics)> {
+/// The tasks of rigid bodies. Tabular tasks are left out of tests of starts and of observations:
+/// they always start in the same state, and random actions do not reach all of their states.
+fn body_tasks() -> impl Iterator<Item = (TaskDescription, Physics)> {
     tasks()
         .into_iter()
-        .filter(|(task, _)| task.bodies().is_some())
+        .filter(|(task, _)| task.body_task().is_some())
 }
 
 #[test]
 fn observations_are_finite_and_none_is_constant() {
-    for (task, physics) in tasks_of_bodies() {
-        let names: Vec<_> = (0..4).collect();
-        let mut crowd = Crowd::new(&task, physics, &names);
+    for (task, physics) in body_tasks() {
+        let stream_indices: Vec<_> = (0..4).collect();
+        let mut crowd = Crowd::new(&task, physics, &stream_indices);
         let width = task.spec().observation_width();
         let first = crowd.environment.observations()[..width].to_vec();
-        let mut moved = vec![false; width];
+        let mut has_changed = vec![false; width];
         for _ in 0..500 {
-            crowd.step(&names, &names);
+            crowd.step(&stream_indices, &stream_indices);
             let seen = crowd.environment.observations();
             assert!(
                 seen.iter().all(|value| value.is_finite()),
                 "{}: {seen:?}",
                 task.spec().name
             );
-            moved
+            has_changed
                 .iter_mut()
                 .enumerate()
-                .for_each(|(index, moved)| *moved |= seen[index] != first[index]);
+                .for_each(|(index, has_changed)| *has_changed |= seen[index] != first[index]);
         }
         assert!(
-            moved.iter().all(|&moved| moved),
-            "{}: an observation stays the same: {moved:?}",
+            has_changed.iter().all(|&has_changed| has_changed),
+            "{}: an observation stays the same: {has_changed:?}",
             task.spec().name
         );
     }
@@ -177,15 +181,15 @@ fn observations_are_finite_and_none_is_constant() {
 #[test]
 fn the_same_seeds_give_the_same_bits() {
     for (task, physics) in tasks() {
-        let names = [0, 1, 2];
+        let stream_indices = [0, 1, 2];
         let (mut one, mut other) = (
-            Crowd::new(&task, physics, &names),
-            Crowd::new(&task, physics, &names),
+            Crowd::new(&task, physics, &stream_indices),
+            Crowd::new(&task, physics, &stream_indices),
         );
         for _ in 0..300 {
-            one.step(&names, &names);
-            other.step(&names, &names);
-            for copy in names {
+            one.step(&stream_indices, &stream_indices);
+            other.step(&stream_indices, &stream_indices);
+            for copy in 0..stream_indices.len() {
                 assert_eq!(
                     one.bits(copy),
                     other.bits(copy),
@@ -197,8 +201,8 @@ fn the_same_seeds_give_the_same_bits() {
     }
 }
 
-/// A copy has the same bits alone, anywhere in a batch of any size, and whether the others go on,
-/// end early or were never started.
+/// A copy has the same bits alone and anywhere in a batch of any size, whether the other copies go
+/// on or have ended.
 #[test]
 fn a_copy_does_not_depend_on_the_others() {
     for (task, physics) in tasks() {
@@ -206,29 +210,29 @@ fn a_copy_does_not_depend_on_the_others() {
         let mut crowds: Vec<_> = [2, 3, 8, 16, 33, 64]
             .into_iter()
             .map(|copies| {
-                let names: Vec<_> = (0..copies)
+                let stream_indices: Vec<_> = (0..copies)
                     .map(|copy| if copy == copies / 2 { 5 } else { 100 + copy })
                     .collect();
-                (Crowd::new(&task, physics, &names), names)
+                (Crowd::new(&task, physics, &stream_indices), stream_indices)
             })
             .collect();
         for step in 0..300 {
             alone.step(&[5], &[5]);
-            for (crowd, names) in &mut crowds {
-                // In every other batch only our copy starts again, so that it ends up alone among
-                // idle ones.
-                let streams_to_restart = if names.len() % 2 == 0 {
-                    names.clone()
+            for (crowd, stream_indices) in &mut crowds {
+                // In every other batch only the compared copy restarts; all other copies end and
+                // stay ended.
+                let streams_to_restart = if stream_indices.len() % 2 == 0 {
+                    stream_indices.clone()
                 } else {
                     vec![5]
                 };
-                crowd.step(names, &streams_to_restart);
+                crowd.step(stream_indices, &streams_to_restart);
                 assert_eq!(
-                    crowd.bits(names.len() / 2),
+                    crowd.bits(stream_indices.len() / 2),
                     alone.bits(0),
                     "{} {physics:?}: step {step}, {} copies",
                     task.spec().name,
-                    names.len()
+                    stream_indices.len()
                 );
             }
         }
@@ -238,23 +242,23 @@ fn a_copy_does_not_depend_on_the_others() {
 #[test]
 fn a_reset_equals_a_fresh_build() {
     for (task, physics) in tasks() {
-        let names = [0, 1, 2, 3];
-        let mut used = Crowd::new(&task, physics, &names);
-        (0..150).for_each(|_| used.step(&names, &[0, 2]));
-        let mut new = fresh(&task, physics, names.len());
-        for copy in names {
+        let stream_indices = [0, 1, 2, 3];
+        let mut used = Crowd::new(&task, physics, &stream_indices);
+        (0..150).for_each(|_| used.step(&stream_indices, &[0, 2]));
+        let mut new = new_environment(&task, physics, stream_indices.len());
+        for copy in 0..stream_indices.len() {
             used.environment.reset(copy, &mut reset_stream(copy, 50));
             new.reset(copy, &mut reset_stream(copy, 50));
             used.random[copy] = action_stream(copy);
         }
         let mut new = Crowd {
             environment: new,
-            random: names.map(action_stream).to_vec(),
+            random: stream_indices.map(action_stream).to_vec(),
             episodes: vec![50; 4],
         };
         used.episodes = vec![50; 4];
         for _ in 0..150 {
-            for copy in names {
+            for copy in 0..stream_indices.len() {
                 assert_eq!(
                     used.bits(copy),
                     new.bits(copy),
@@ -262,15 +266,15 @@ fn a_reset_equals_a_fresh_build() {
                     task.spec().name
                 );
             }
-            used.step(&names, &names);
-            new.step(&names, &names);
+            used.step(&stream_indices, &stream_indices);
+            new.step(&stream_indices, &stream_indices);
         }
     }
 }
 
 #[test]
 fn starts_are_drawn_at_random() {
-    for (task, physics) in tasks_of_bodies() {
+    for (task, physics) in body_tasks() {
         let crowd = Crowd::new(&task, physics, &[0, 1]);
         assert_ne!(crowd.bits(0), crowd.bits(1), "{}", task.spec().name);
     }
@@ -279,19 +283,19 @@ fn starts_are_drawn_at_random() {
 #[test]
 fn a_saved_environment_continues_to_the_same_bits() {
     for (task, physics) in tasks() {
-        let names = [0, 1, 2, 3, 4];
-        let mut one = Crowd::new(&task, physics, &names);
-        (0..70).for_each(|_| one.step(&names, &[0, 1, 2]));
+        let stream_indices = [0, 1, 2, 3, 4];
+        let mut one = Crowd::new(&task, physics, &stream_indices);
+        (0..70).for_each(|_| one.step(&stream_indices, &[0, 1, 2]));
         let bytes = one.environment.save();
         let mut other = Crowd {
-            environment: fresh(&task, physics, 5),
+            environment: new_environment(&task, physics, 5),
             random: one.random.clone(),
             episodes: one.episodes.clone(),
         };
         other.environment.restore(&bytes).unwrap();
         assert_eq!(other.environment.save(), bytes);
         for _ in 0..150 {
-            for copy in names {
+            for copy in 0..stream_indices.len() {
                 assert_eq!(
                     one.bits(copy),
                     other.bits(copy),
@@ -299,8 +303,8 @@ fn a_saved_environment_continues_to_the_same_bits() {
                     task.spec().name
                 );
             }
-            one.step(&names, &names);
-            other.step(&names, &names);
+            one.step(&stream_indices, &stream_indices);
+            other.step(&stream_indices, &stream_indices);
         }
     }
 }
@@ -308,8 +312,8 @@ fn a_saved_environment_continues_to_the_same_bits() {
 #[test]
 fn a_foreign_state_is_refused() {
     for (task, physics) in tasks() {
-        let bytes = fresh(&task, physics, 2).save();
-        let mut other = fresh(&task, physics, 3);
+        let bytes = new_environment(&task, physics, 2).save();
+        let mut other = new_environment(&task, physics, 3);
         assert_eq!(
             other.restore(&bytes),
             Err("the saved state has another number of copies".to_owned())
@@ -322,7 +326,9 @@ fn a_foreign_state_is_refused() {
         );
         let mut renamed = task.clone();
         renamed.spec_mut().name = "other".to_owned();
-        let refused = fresh(&renamed, physics, 2).restore(&bytes).unwrap_err();
+        let refused = new_environment(&renamed, physics, 2)
+            .restore(&bytes)
+            .unwrap_err();
         assert_eq!(
             refused,
             format!(
@@ -333,22 +339,22 @@ fn a_foreign_state_is_refused() {
     }
 }
 
-/// Only a running copy moves; each ends once, by its own end or by the time limit, exactly then.
+/// Only a running copy moves. Each episode ends once: by termination, or exactly at the time limit.
 #[test]
-fn episodes_end_by_themselves_or_by_the_time_limit() {
-    // A double pendulum falls within few steps.
+fn episodes_end_by_termination_or_by_the_time_limit() {
+    // The limit must be short, because a double pendulum falls within a few steps.
     const LIMIT: u32 = 4;
     for (task, physics) in tasks() {
         let mut limited = task.clone();
         limited.spec_mut().time_limit = LIMIT;
-        let names: Vec<_> = (0..32).collect();
-        let mut crowd = Crowd::new(&limited, physics, &names);
+        let stream_indices: Vec<_> = (0..32).collect();
+        let mut crowd = Crowd::new(&limited, physics, &stream_indices);
         for step in 1..=LIMIT {
-            let before: Vec<_> = names
+            let before: Vec<_> = stream_indices
                 .iter()
                 .map(|&copy| (crowd.environment.statuses()[copy], crowd.bits(copy)))
                 .collect();
-            crowd.step(&names, &[]);
+            crowd.step(&stream_indices, &[]);
             for (copy, (status, bits)) in before.into_iter().enumerate() {
                 match (status, crowd.environment.statuses()[copy]) {
                     (Status::Running, Status::Truncated) => assert_eq!(step, LIMIT),
@@ -372,12 +378,13 @@ fn episodes_end_by_themselves_or_by_the_time_limit() {
     }
 }
 
-/// Whether a task stays finite under this many random steps in all, in 16 copies.
+/// Checks that observations and rewards stay finite for `steps` random steps in total, in 16
+/// copies.
 fn assert_finite(task: &TaskDescription, physics: Physics, steps: usize) {
-    let names: Vec<_> = (0..16).collect();
-    let mut crowd = Crowd::new(task, physics, &names);
-    for step in 0..steps / names.len() {
-        crowd.step(&names, &names);
+    let stream_indices: Vec<_> = (0..16).collect();
+    let mut crowd = Crowd::new(task, physics, &stream_indices);
+    for step in 0..steps / stream_indices.len() {
+        crowd.step(&stream_indices, &stream_indices);
         let numbers = crowd
             .environment
             .observations()
@@ -392,7 +399,7 @@ fn assert_finite(task: &TaskDescription, physics: Physics, steps: usize) {
 }
 
 #[test]
-fn nothing_is_lost_in_a_hundred_thousand_random_steps() {
+fn values_stay_finite_in_a_hundred_thousand_random_steps() {
     for (task, physics) in tasks() {
         assert_finite(&task, physics, 100_000);
     }
@@ -401,7 +408,7 @@ fn nothing_is_lost_in_a_hundred_thousand_random_steps() {
 /// Takes some minutes.
 #[test]
 #[ignore = "the same as the test before, ten times as long"]
-fn nothing_is_lost_in_a_million_random_steps() {
+fn values_stay_finite_in_a_million_random_steps() {
     for (task, physics) in tasks() {
         assert_finite(&task, physics, 1_000_000);
     }

@@ -1,4 +1,4 @@
-//! `envs/README.md` cannot rot: its files are right, and it names all that a file can say.
+//! `envs/README.md` is up to date: its task files run, and it names every construct of task files.
 
 use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Physics, build, parse};
@@ -41,60 +41,63 @@ fn every_file_of_the_page_runs() {
     }
 }
 
-/// What an unknown word is answered with names all words that are known there; the page knows them
-/// too.
+/// A place in the page's fifth file, and what replaces it: text with a word that is unknown there.
+const UNKNOWN_WORDS: &[(&str, &str)] = &[
+    ("Environment(", "Environment(zzz: 1,"),
+    ("time_limit: 500,", "time_limit: 500, solver: (zzz: 1),"),
+    ("(name: \"bead\",", "(zzz: 1, name: \"bead\","),
+    ("Ball(radius: 0.05)", "Zzz()"),
+    ("Ball(radius: 0.05)", "Ball(zzz: 1)"),
+    ("Ball(radius: 0.05)", "Box(zzz: 1)"),
+    ("Ball(radius: 0.05)", "Capsule(zzz: 1)"),
+    ("drawn: (", "colliders: [(zzz: 1)], drawn: ("),
+    ("drawn: (", "forces: [(zzz: 1)], drawn: ("),
+    ("drawn: (", "forces: [(frame: Zzz)], drawn: ("),
+    ("Ball(radius: 0.05)", "HalfSpace(zzz: 1)"),
+    ("drawn: (", "drawn: (zzz: 1, "),
+    ("name: \"wire\",", "name: \"wire\", zzz: 1,"),
+    ("Slide(axis: (1.0, 0.0))", "Zzz()"),
+    ("Slide(axis: (1.0, 0.0))", "Slide(zzz: 1)"),
+    ("Slide(axis: (1.0, 0.0))", "Hinge(zzz: 1)"),
+    ("Slide(axis: (1.0, 0.0))", "Hinge(positive: Zzz)"),
+    ("(name: \"pull\",", "(zzz: 1, name: \"pull\","),
+    ("JointForce(\"wire\")", "Zzz(\"wire\")"),
+    ("JointForce(\"wire\")", "VelocityServo(zzz: 1)"),
+    ("JointForce(\"wire\")", "PositionServo(zzz: 1)"),
+    ("JointForce(\"wire\")", "BodyForce(zzz: 1)"),
+    ("Continuous(-1.0, 1.0)", "Zzz(1)"),
+    ("JointPosition(\"wire\")", "BodyPosition(zzz: 1)"),
+    ("JointPosition(\"wire\")", "BodyPosition(axis: Zzz)"),
+    ("JointPosition(\"wire\")", "BodyVelocity(zzz: 1)"),
+    ("JointPosition(\"wire\")", "Ray(zzz: 1)"),
+    ("JointPosition(\"wire\")", "Zzz(\"wire\")"),
+    ("(name: \"x\", unit", "(zzz: 1, name: \"x\", unit"),
+    ("(joint: \"wire\",", "(zzz: 1, joint: \"wire\","),
+    ("Uniform(-0.1, 0.1)", "Zzz(1)"),
+    ("if abs(x) > 0.9 { 1 } else { 0 }", "zzz(x)"),
+    ("reward:", "analytic: Zzz(), reward:"),
+    ("reward:", "analytic: CartPole(zzz: 1), reward:"),
+    ("reward:", "analytic: Acrobot(zzz: 1), reward:"),
+];
+
+/// The error about an unknown word lists all words that are known in its place. The page must name
+/// each of them.
 #[test]
 fn the_page_names_every_construct() {
     let file = files()[4];
-    for (place, instead) in [
-        ("Environment(", "Environment(zzz: 1,"),
-        ("time_limit: 500,", "time_limit: 500, solver: (zzz: 1),"),
-        ("(name: \"bead\",", "(zzz: 1, name: \"bead\","),
-        ("Ball(radius: 0.05)", "Zzz()"),
-        ("Ball(radius: 0.05)", "Ball(zzz: 1)"),
-        ("Ball(radius: 0.05)", "Box(zzz: 1)"),
-        ("Ball(radius: 0.05)", "Capsule(zzz: 1)"),
-        ("drawn: (", "colliders: [(zzz: 1)], drawn: ("),
-        ("drawn: (", "forces: [(zzz: 1)], drawn: ("),
-        ("drawn: (", "forces: [(frame: Zzz)], drawn: ("),
-        ("Ball(radius: 0.05)", "HalfSpace(zzz: 1)"),
-        ("drawn: (", "drawn: (zzz: 1, "),
-        ("name: \"wire\",", "name: \"wire\", zzz: 1,"),
-        ("Slide(axis: (1.0, 0.0))", "Zzz()"),
-        ("Slide(axis: (1.0, 0.0))", "Slide(zzz: 1)"),
-        ("Slide(axis: (1.0, 0.0))", "Hinge(zzz: 1)"),
-        ("Slide(axis: (1.0, 0.0))", "Hinge(positive: Zzz)"),
-        ("(name: \"pull\",", "(zzz: 1, name: \"pull\","),
-        ("JointForce(\"wire\")", "Zzz(\"wire\")"),
-        ("JointForce(\"wire\")", "VelocityServo(zzz: 1)"),
-        ("JointForce(\"wire\")", "PositionServo(zzz: 1)"),
-        ("JointForce(\"wire\")", "BodyForce(zzz: 1)"),
-        ("Continuous(-1.0, 1.0)", "Zzz(1)"),
-        ("JointPosition(\"wire\")", "BodyPosition(zzz: 1)"),
-        ("JointPosition(\"wire\")", "BodyPosition(axis: Zzz)"),
-        ("JointPosition(\"wire\")", "BodyVelocity(zzz: 1)"),
-        ("JointPosition(\"wire\")", "Ray(zzz: 1)"),
-        ("JointPosition(\"wire\")", "Zzz(\"wire\")"),
-        ("(name: \"x\", unit", "(zzz: 1, name: \"x\", unit"),
-        ("(joint: \"wire\",", "(zzz: 1, joint: \"wire\","),
-        ("Uniform(-0.1, 0.1)", "Zzz(1)"),
-        ("if abs(x) > 0.9 { 1 } else { 0 }", "zzz(x)"),
-        ("reward:", "analytic: Zzz(), reward:"),
-        ("reward:", "analytic: CartPole(zzz: 1), reward:"),
-        ("reward:", "analytic: Acrobot(zzz: 1), reward:"),
-    ] {
+    for &(place, replacement) in UNKNOWN_WORDS {
         assert!(file.contains(place), "{place}");
-        let error = parse("mine", "mine", file.replacen(place, instead, 1)).unwrap_err();
+        let error = parse("mine", "mine", file.replacen(place, replacement, 1)).unwrap_err();
         let known = error
             .message
             .split_once(", expected one of ")
             .or(error.message.split_once(", expected "));
-        let (_, names) = known.unwrap_or_else(|| panic!("{instead}: {error}"));
+        let (_, names) = known.unwrap_or_else(|| panic!("{replacement}: {error}"));
         for name in names.split('`').skip(1).step_by(2) {
             let named = PAGE.contains(&format!("`{name}`")) || PAGE.contains(&format!("`{name}("));
             assert!(
                 named,
-                "the page does not name `{name}`, which can stand in `{}`",
+                "the page does not name `{name}`, which `{}` can contain",
                 error.field
             );
         }

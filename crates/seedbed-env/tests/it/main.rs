@@ -23,7 +23,10 @@ fn repository() -> PathBuf {
 }
 
 fn bodies_of(description: &TaskDescription) -> BodyTask {
-    description.bodies().expect("it is no tabular task").clone()
+    description
+        .body_task()
+        .expect("it is no tabular task")
+        .clone()
 }
 
 /// A task of rigid bodies from a file of the repository.

@@ -1,5 +1,5 @@
-//! Rigid bodies against closed forms: how far they are off, that the error falls as it should, and
-//! what they must conserve.
+//! Rigid bodies against closed forms: how large their errors are, that the errors fall with the
+//! number of substeps, and what must be conserved.
 
 use rand::RngExt;
 use seedbed_env::analytic::cartpole::CartPole;
@@ -18,20 +18,20 @@ fn task(path: &str) -> BodyTask {
     crate::load_bodies(path)
 }
 
-/// The cart-pole with `iterations` substeps in a control step.
-fn cart_pole(iterations: u32) -> BodyTask {
+/// The cart-pole with this number of substeps per control step.
+fn cart_pole(substeps: u32) -> BodyTask {
     let mut task = task("envs/cartpole.ron");
-    task.solver.substeps = iterations;
+    task.solver.substeps = substeps;
     task
 }
 
-fn rigid(task: &BodyTask, copies: usize) -> Box<dyn Dynamics> {
+fn rigid_bodies(task: &BodyTask, copies: usize) -> Box<dyn Dynamics> {
     build_dynamics(task, Physics::Rapier, copies).expect("every task has rigid bodies")
 }
 
 /// The exact equations of a cart-pole.
-fn exact(task: &BodyTask) -> CartPole {
-    CartPole::of(task).expect("the task is a cart-pole")
+fn exact_equations(task: &BodyTask) -> CartPole {
+    CartPole::from_task(task).expect("the task is a cart-pole")
 }
 
 fn start(dynamics: &mut dyn Dynamics, copy: usize, [x, theta, speed, rate]: State) {
@@ -66,9 +66,10 @@ fn larger(a: State, b: State) -> State {
     std::array::from_fn(|i| a[i].max(b[i]))
 }
 
-/// A random state in the range that a controlled pole reaches, rounded to f32 as in rigid bodies.
+/// A random state in the range that a controlled pole reaches, rounded to f32 as the states of
+/// rigid bodies are.
 fn random_state(random: &mut Stream) -> State {
-    [2.0, 0.5, 2.0, 2.0].map(|most| f64::from(random.random_range(-most..most) as f32))
+    [2.0, 0.5, 2.0, 2.0].map(|max| f64::from(random.random_range(-max..max) as f32))
 }
 
 fn random_force(random: &mut Stream) -> f64 {
@@ -76,9 +77,9 @@ fn random_force(random: &mut Stream) -> f64 {
 }
 
 /// Largest errors of one control step over 500 random states.
-fn one_step_error(iterations: u32) -> State {
-    let (task, mut random) = (cart_pole(iterations), random());
-    let (equations, mut bodies) = (exact(&task), rigid(&task, 1));
+fn one_step_error(substeps: u32) -> State {
+    let (task, mut random) = (cart_pole(substeps), random());
+    let (equations, mut bodies) = (exact_equations(&task), rigid_bodies(&task, 1));
     (0..500).fold([0.0; 4], |worst, _| {
         let (before, force) = (random_state(&mut random), random_force(&mut random));
         start(&mut *bodies, 0, before);
@@ -110,19 +111,20 @@ fn the_error_of_one_step_halves_when_substeps_double() {
             );
         }
     }
-    for (i, most) in [5.5e-4, 1.1e-3, 4e-4, 3e-3].into_iter().enumerate() {
+    for (i, max_error) in [5.5e-4, 1.1e-3, 4e-4, 3e-3].into_iter().enumerate() {
         assert!(
-            errors.iter().all(|error| error[i] < most),
+            errors.iter().all(|error| error[i] < max_error),
             "{}: {errors:?}",
             NAMES[i]
         );
     }
 }
 
-/// The same over Gym's explicit Euler steps, ½ a t² off: four times as far as four substeps.
+/// One step of Gym's explicit Euler integration is off by ½ a t², four times as much as four
+/// substeps of rigid bodies.
 #[test]
 fn one_step_is_four_times_closer_than_gyms() {
-    let (equations, mut random) = (exact(&cart_pole(4)), random());
+    let (equations, mut random) = (exact_equations(&cart_pole(4)), random());
     let gym = (0..500).fold([0.0; 4], |worst, _| {
         let (before, force) = (random_state(&mut random), random_force(&mut random));
         larger(
@@ -144,11 +146,11 @@ fn one_step_is_four_times_closer_than_gyms() {
     );
 }
 
-/// Ten trials of 500 steps: a random force of ±10 N plus a stabilising feedback on each simulator's
+/// Ten trials of 500 steps: a random force of ±10 N plus a stabilizing feedback on each simulator's
 /// own state, so that errors neither blow up with the unstable pole nor vanish. Largest distances
 /// from the truth.
 fn closed_loop_error(advance: &mut dyn FnMut(State, f64, bool) -> State) -> State {
-    let equations = exact(&cart_pole(4));
+    let equations = exact_equations(&cart_pole(4));
     let mut random = random();
     let mut worst = [0.0; 4];
     for _ in 0..10 {
@@ -167,8 +169,8 @@ fn closed_loop_error(advance: &mut dyn FnMut(State, f64, bool) -> State) -> Stat
     worst
 }
 
-fn closed_loop_error_of_bodies(iterations: u32) -> State {
-    let mut bodies = rigid(&cart_pole(iterations), 1);
+fn closed_loop_error_of_bodies(substeps: u32) -> State {
+    let mut bodies = rigid_bodies(&cart_pole(substeps), 1);
     closed_loop_error(&mut |before, force, first| {
         if first {
             start(&mut *bodies, 0, before);
@@ -179,17 +181,17 @@ fn closed_loop_error_of_bodies(iterations: u32) -> State {
 }
 
 /// A run of 500 steps by rigid bodies stays closer to the truth than Gym's explicit Euler, in each
-/// coordinate.
+/// coordinate and velocity.
 #[test]
 fn a_controlled_run_is_closer_to_the_truth_than_gym() {
-    let equations = exact(&cart_pole(4));
+    let equations = exact_equations(&cart_pole(4));
     let gym = closed_loop_error(&mut |state, force, _| equations.gym_euler(state, force, 0.02));
-    for (iterations, factor) in [(4, 2.0), (16, 8.0)] {
-        let bodies = closed_loop_error_of_bodies(iterations);
+    for (substeps, factor) in [(4, 2.0), (16, 8.0)] {
+        let bodies = closed_loop_error_of_bodies(substeps);
         for (i, name) in NAMES.into_iter().enumerate() {
             assert!(
                 bodies[i] * factor <= gym[i],
-                "{name} with {iterations} substeps: {} against Gym's {}",
+                "{name} with {substeps} substeps: {} against Gym's {}",
                 bodies[i],
                 gym[i]
             );
@@ -203,37 +205,38 @@ fn a_controlled_run_is_closer_to_the_truth_than_gym() {
 /// `xacc = temp − polemass_length thetaacc cos θ / total_mass`.
 #[test]
 fn the_equations_are_gyms() {
-    let (equations, mut random) = (exact(&cart_pole(4)), random());
+    let (equations, mut random) = (exact_equations(&cart_pole(4)), random());
     for _ in 0..1000 {
         let ([_, theta, _, rate], force) = (random_state(&mut random), random_force(&mut random));
         let temp = (force + 0.05 * rate * rate * theta.sin()) / 1.1;
-        let spin = (9.8 * theta.sin() - theta.cos() * temp)
+        let angular_acceleration = (9.8 * theta.sin() - theta.cos() * temp)
             / (0.5 * (4.0 / 3.0 - 0.1 * theta.cos().powi(2) / 1.1));
-        let acceleration = temp - 0.05 * spin * theta.cos() / 1.1;
+        let acceleration = temp - 0.05 * angular_acceleration * theta.cos() / 1.1;
         let found = equations.accelerations(theta, rate, force, 0.0);
         assert!(
-            (found[0] - acceleration).abs() < 1e-12 && (found[1] - spin).abs() < 1e-12,
+            (found[0] - acceleration).abs() < 1e-12
+                && (found[1] - angular_acceleration).abs() < 1e-12,
             "{found:?}"
         );
     }
 }
 
-/// Starts and steps: free swings of 20 s from several heights.
-const SWINGS: [f64; 4] = [0.3, 1.0, 2.0, 3.0];
+/// Start angles θ of free swings, rad.
+const START_ANGLES: [f64; 4] = [0.3, 1.0, 2.0, 3.0];
 
-/// Without force and friction T + V stays; explicit Euler gains 1.5 J over the same 20 s.
+/// Without force and friction T + V is constant over 20 s; explicit Euler gains 1.5 J in that time.
 #[test]
 fn a_free_swing_keeps_its_energy() {
     let task = cart_pole(4);
-    let equations = exact(&task);
-    let mut bodies = rigid(&task, SWINGS.len());
-    SWINGS
+    let equations = exact_equations(&task);
+    let mut bodies = rigid_bodies(&task, START_ANGLES.len());
+    START_ANGLES
         .iter()
         .enumerate()
         .for_each(|(copy, &theta)| start(&mut *bodies, copy, [0.0, theta, 0.0, 0.0]));
     for _ in 0..1000 {
-        bodies.step(&[0.0; SWINGS.len()]);
-        for (copy, &theta) in SWINGS.iter().enumerate() {
+        bodies.step(&[0.0; START_ANGLES.len()]);
+        for (copy, &theta) in START_ANGLES.iter().enumerate() {
             let change =
                 equations.energy(state(&*bodies, copy)) - equations.energy([0.0, theta, 0.0, 0.0]);
             assert!(change.abs() < 0.01, "from {theta} rad: {change} J");
@@ -241,14 +244,14 @@ fn a_free_swing_keeps_its_energy() {
     }
 }
 
-/// The analytic model's Runge–Kutta steps: energy to 1e-6 J over 20 s, and every control step
-/// within the resolution of an f32 of the truth.
+/// The analytic model's Runge–Kutta steps keep the energy to 1e-6 J over 20 s, and every control
+/// step is within the resolution of an f32 of the truth.
 #[test]
 fn the_analytic_model_is_exact() {
     let task = cart_pole(4);
-    let equations = exact(&task);
+    let equations = exact_equations(&task);
     let mut exact = build_dynamics(&task, Physics::Analytic, 1).unwrap();
-    for theta in SWINGS {
+    for theta in START_ANGLES {
         let mut swing = [0.0, theta, 0.0, 0.0];
         let energy = equations.energy(swing);
         for _ in 0..4000 {
@@ -269,11 +272,11 @@ fn the_analytic_model_is_exact() {
     }
 }
 
-/// A hanging pole at rest stays, to the last bit of what an f32 can say about π; a pole standing
-/// exactly upright stays exactly.
+/// A hanging pole at rest moves by less than 1e-5, because π is rounded to f32; a pole that stands
+/// exactly upright does not move at all.
 #[test]
-fn equilibria_stay() {
-    let mut bodies = rigid(&cart_pole(4), 2);
+fn poles_in_equilibrium_stay() {
+    let mut bodies = rigid_bodies(&cart_pole(4), 2);
     let hanging = f64::from(std::f32::consts::PI);
     start(&mut *bodies, 0, [0.0; 4]);
     start(&mut *bodies, 1, [0.3, hanging, 0.0, 0.0]);
@@ -289,7 +292,7 @@ fn equilibria_stay() {
 /// + m = 1.1 kg, m l = 0.05 kg m.
 #[test]
 fn a_force_gives_both_masses_their_momentum() {
-    let mut bodies = rigid(&cart_pole(4), 1);
+    let mut bodies = rigid_bodies(&cart_pole(4), 1);
     start(&mut *bodies, 0, [0.0, 2.5, 0.0, 1.0]);
     let momentum = |[_, theta, speed, rate]: State| 1.1 * speed + 0.05 * theta.cos() * rate;
     let before = momentum(state(&*bodies, 0));
@@ -311,7 +314,7 @@ fn a_small_swing_has_the_period_of_the_poles_inertia() {
     let inertia = 0.1 / 12.0 + 0.1 * 0.25;
     let expected =
         std::f64::consts::TAU / (1.1 * 0.05 * 9.8 / (1.1 * inertia - 0.05_f64.powi(2))).sqrt();
-    let mut bodies = rigid(&cart_pole(16), 1);
+    let mut bodies = rigid_bodies(&cart_pole(16), 1);
     start(
         &mut *bodies,
         0,
@@ -334,10 +337,10 @@ fn a_small_swing_has_the_period_of_the_poles_inertia() {
     );
 }
 
-/// Full turns are counted: a fast pole goes round and its angle goes on growing.
+/// Full turns are counted: the angle of a pole that spins fast keeps growing.
 #[test]
 fn a_hinge_counts_full_turns() {
-    let mut bodies = rigid(&cart_pole(16), 1);
+    let mut bodies = rigid_bodies(&cart_pole(16), 1);
     start(&mut *bodies, 0, [0.0, 0.0, 0.0, 40.0]);
     let mut angle = 0.0;
     for _ in 0..500 {
@@ -349,8 +352,8 @@ fn a_hinge_counts_full_turns() {
     assert!(angle > 60.0 * std::f64::consts::TAU);
 }
 
-/// With everything on it hanging at rest relative to a falling trolley, the slope's own law: a = (F
-/// + Σm g·t) / Σm along the slope.
+/// With nearly massless bodies on it, a trolley of mass m accelerates along the slope by (F + m
+/// g·t) / m, where t is the direction of the slope and F the force along it.
 #[test]
 fn a_slide_falls_along_its_slope() {
     let mut task = task("crates/seedbed-env/tests/envs/crane.ron");
@@ -358,7 +361,7 @@ fn a_slide_falls_along_its_slope() {
         body.inertial.mass = 1e-4;
         body.inertial.inertia = 1e-5;
     }
-    let mut bodies = rigid(&task, 1);
+    let mut bodies = rigid_bodies(&task, 1);
     bodies.start(0, &[0.0; 4], &[0.0; 4]);
     let along = 0.5 * 0.3_f64.cos() - 9.81 * 0.3_f64.sin() + 30.0 * 0.1 / 2.0;
     (0..50).for_each(|_| bodies.step(&[0.1, 0.0, 0.0]));
@@ -370,8 +373,8 @@ fn a_slide_falls_along_its_slope() {
     );
 }
 
-/// Mean lengths of 4000 episodes of random pushes: the rigid bodies' lies within the 95 % interval
-/// of the exact equations'.
+/// Mean length of about 4,000 episodes of random pushes: with rigid bodies, it lies within the 95 %
+/// interval of the mean with the exact equations.
 #[test]
 fn random_episodes_are_as_long_as_the_analytic_ones() {
     let task = cart_pole(4);
@@ -392,7 +395,7 @@ fn random_episodes_are_as_long_as_the_analytic_ones() {
     );
 }
 
-/// Lengths of 4000 episodes; starts and pushes are the same for any physics.
+/// Lengths of 63 × 64 episodes; starts and pushes are the same for any physics.
 fn episode_lengths(task: &BodyTask, physics: Physics) -> Vec<f64> {
     const COPIES: usize = 64;
     let mut environment = crate::build_bodies(task, physics, COPIES);
@@ -436,7 +439,7 @@ fn fixed_runs_have_golden_bits() {
         ),
         GOLDEN_CRANE
     );
-    // Six joints and a free body; four actuators and a field.
+    // Six joints and a free body; four actuators and a formula force.
     assert_eq!(
         format!(
             "{:016x}",
@@ -452,7 +455,7 @@ const GOLDEN_CRANE: &str = "2b3f94bdaa4db048";
 
 /// FNV-1a over the joint coordinates of 200 steps under a fixed pattern of controls.
 fn hash_of_run(task: &BodyTask, joints: usize, actuators: usize) -> u64 {
-    let mut bodies = rigid(task, 1);
+    let mut bodies = rigid_bodies(task, 1);
     bodies.start(0, &vec![0.02; joints], &vec![-0.03; joints]);
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     for step in 0..200_u32 {

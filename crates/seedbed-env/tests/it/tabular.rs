@@ -3,8 +3,11 @@
 use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Environment, Physics, Status, TaskDescription, build, parse};
 
-fn sea(task: &str, more: &str) -> TaskDescription {
-    let text = format!("TabularEnvironment(description: \"\", task: DeepSea({task}), {more})");
+/// A task of deep sea with these fields of `DeepSea(…)` and of the file.
+fn sea(sea_fields: &str, file_fields: &str) -> TaskDescription {
+    let text = format!(
+        "TabularEnvironment(description: \"\", task: DeepSea({sea_fields}), {file_fields})"
+    );
     parse("sea", "test", text).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -15,8 +18,8 @@ fn started(task: &TaskDescription, copies: usize) -> Box<dyn Environment> {
     environment
 }
 
-/// As bsuite's `DeepSea(size=3, randomize_actions=False)`: a move to the right costs 0.01 / 3; the
-/// third in a row finds the treasure.
+/// As in bsuite's `DeepSea(size=3, randomize_actions=False)`, a move to the right costs 0.01 / 3,
+/// and the third move to the right in a row finds the treasure.
 #[test]
 fn the_treasure_is_in_the_lower_right_corner() {
     let task = sea("size: 3, randomised: false", "observation: Place");
@@ -74,16 +77,16 @@ fn each_cell_has_an_observation_of_its_own() {
     assert_eq!(environment.observations(), [0.0; 6]);
 }
 
-/// The one sequence of ten actions that finds the treasure is not "right" all along, and differs
-/// from draw to draw.
+/// The only sequence of ten actions that finds the treasure is not ten times action 1, and depends
+/// only on `drawn_with`.
 #[test]
-fn which_action_moves_right_is_drawn_by_name() {
+fn which_action_moves_right_is_drawn_with_the_seed_of_the_file() {
     let path = |drawn_with: u64| {
         let task = sea(
             "size: 10",
             &format!("observation: Place, drawn_with: {drawn_with}"),
         );
-        let rightwards = |actions: &[f32]| {
+        let last_moved_right = |actions: &[f32]| {
             let mut environment = started(&task, 1);
             for action in actions {
                 environment.step(&[*action]);
@@ -92,7 +95,9 @@ fn which_action_moves_right_is_drawn_by_name() {
         };
         let mut found: Vec<f32> = Vec::new();
         for _ in 0..10 {
-            let action = f32::from(u8::from(rightwards(&[found.as_slice(), &[1.0]].concat())));
+            let action = f32::from(u8::from(last_moved_right(
+                &[found.as_slice(), &[1.0]].concat(),
+            )));
             found.push(action);
         }
         found
@@ -102,8 +107,8 @@ fn which_action_moves_right_is_drawn_by_name() {
     assert_ne!(path(3), [1.0; 10]);
 }
 
-/// A move to the right that slips half the time costs something half the time. 2000 moves: 4
-/// deviations are 0.045.
+/// A move to the right that slips half the time has a cost half the time. Of 2,000 moves, the share
+/// that has a cost is 0.5 ± 0.045 (4 standard deviations).
 #[test]
 fn moves_to_the_right_slip() {
     let task = sea("size: 2, randomised: false, slip: 0.5", "");

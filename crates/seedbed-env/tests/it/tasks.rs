@@ -69,11 +69,12 @@ fn gyms_own_controller_lands_the_lander() {
     let crashed = falling.iter().filter(|(total, _)| *total < 0.0).count();
     assert!(
         crashed >= 16,
-        "without engines it crashes, as a rule: {falling:?}"
+        "only {crashed} of 20 crashed without engines: {falling:?}"
     );
 }
 
-/// In the north, pushes are turned by a right angle to the left: to go on, push to the right.
+/// In the northern corridor, pushes are turned by a right angle to the left: to move north, push to
+/// the right.
 fn to_the_northern_tip(s: &[f32]) -> Vec<f32> {
     let aside = (-4.0 * s[0] - 2.0 * s[2]).clamp(-1.0, 1.0);
     if s[0] * s[0] + s[1] * s[1] < 1.69 {
@@ -84,14 +85,14 @@ fn to_the_northern_tip(s: &[f32]) -> Vec<f32> {
 }
 
 #[test]
-fn who_knows_the_corridors_gets_to_the_tip() {
+fn a_policy_that_knows_the_corridors_reaches_the_tip() {
     for (total, steps) in play("corridors", 50, &to_the_northern_tip) {
         assert!(
             total == 1.0 && steps < 150,
             "return {total} in {steps} steps"
         );
     }
-    // Who pushes on as in the hub is pressed to a wall.
+    // A policy that keeps pushing as in the hub is pressed against a wall.
     let straight = play("corridors", 20, &|_| vec![0.0, 1.0]);
     assert!(
         straight.iter().all(|(total, _)| *total == 0.0),
@@ -112,7 +113,7 @@ fn around_the_corner(s: &[f32]) -> Vec<f32> {
 }
 
 #[test]
-fn who_knows_the_maze_gets_through() {
+fn a_policy_that_knows_the_maze_gets_through() {
     for (total, steps) in play("puck_maze", 50, &around_the_corner) {
         assert!(
             total == 1.0 && steps < 300,
@@ -121,9 +122,10 @@ fn who_knows_the_maze_gets_through() {
     }
 }
 
-/// Runs 16 copies for 10,000 steps in total under pushes that are drawn every `hold` steps, and
-/// passes each observation to `look`. Returns how many episodes ended, and how many with a reward.
-fn shake(name: &str, hold: usize, look: &mut dyn FnMut(&[f32])) -> (u32, u32) {
+/// Runs 16 copies for 10,000 steps in total under random pushes, each held for `hold` steps, and
+/// passes each observation to `check`. Returns the number of episodes that ended, and the number of
+/// those that ended with a reward.
+fn push_at_random(name: &str, hold: usize, check: &mut dyn FnMut(&[f32])) -> (u32, u32) {
     const COPIES: usize = 16;
     let mut environment = environment(name, COPIES);
     let width = environment.spec().action_width();
@@ -140,7 +142,7 @@ fn shake(name: &str, hold: usize, look: &mut dyn FnMut(&[f32])) -> (u32, u32) {
         environment
             .observations()
             .chunks(environment.spec().observation_width())
-            .for_each(&mut *look);
+            .for_each(&mut *check);
         for copy in 0..COPIES {
             if environment.statuses()[copy] != Status::Running {
                 (ended, rewarded) = (
@@ -154,25 +156,25 @@ fn shake(name: &str, hold: usize, look: &mut dyn FnMut(&[f32])) -> (u32, u32) {
     (ended, rewarded)
 }
 
-/// The puck's rim may sink into a wall by a tenth of its radius, not more.
-const DEPTH: f32 = 0.01;
+/// Maximum distance by which the puck's rim may sink into a wall, m: a tenth of the puck's radius.
+const MAX_DEPTH: f32 = 0.01;
 
 #[test]
 fn no_puck_leaves_the_maze() {
     for hold in [1, 20, 100] {
-        let (mut far, reach) = (0.0_f32, 1.4 + DEPTH);
-        shake("puck_maze", hold, &mut |s| {
+        let (mut max_x, reach) = (0.0_f32, 1.4 + MAX_DEPTH);
+        push_at_random("puck_maze", hold, &mut |s| {
             assert!(
                 s[0].abs() <= reach + 0.05 && s[1].abs() <= reach + 0.05,
                 "outside at {s:?}"
             );
             let inside_wall = s[0] < 0.5 && s[1].abs() < 0.5;
             assert!(!inside_wall, "in the wall at {s:?}");
-            far = far.max(s[0]);
+            max_x = max_x.max(s[0]);
         });
         assert!(
-            hold == 1 || far > 1.3,
-            "pushes held for {hold} steps never got to the right wall: {far}"
+            hold == 1 || max_x > 1.3,
+            "pushes held for {hold} steps never got to the right wall: {max_x}"
         );
     }
 }
@@ -180,8 +182,8 @@ fn no_puck_leaves_the_maze() {
 #[test]
 fn no_puck_leaves_the_corridors_and_hardly_any_finds_the_tip() {
     for hold in [1, 20, 100] {
-        let mut far = 0.0_f32;
-        let (_, rewarded) = shake("corridors", hold, &mut |s| {
+        let mut max_radius = 0.0_f32;
+        let (_, rewarded) = push_at_random("corridors", hold, &mut |s| {
             let (radius, angle) = (s[0].hypot(s[1]), s[1].atan2(s[0]));
             let sector =
                 (angle / std::f32::consts::FRAC_PI_4).round() * std::f32::consts::FRAC_PI_4;
@@ -189,16 +191,16 @@ fn no_puck_leaves_the_corridors_and_hardly_any_finds_the_tip() {
                 radius * (angle - sector).cos(),
                 radius * (angle - sector).sin(),
             );
-            assert!(along < 5.9 + DEPTH, "through the end at {s:?}");
+            assert!(along < 5.9 + MAX_DEPTH, "through the end at {s:?}");
             assert!(
-                along < 1.3 || aside.abs() < 0.4 + DEPTH,
+                along < 1.3 || aside.abs() < 0.4 + MAX_DEPTH,
                 "through a wall at {s:?}"
             );
-            far = far.max(radius);
+            max_radius = max_radius.max(radius);
         });
         assert!(
-            hold == 1 || far > 3.0,
-            "pushes held for {hold} steps never went far: {far} m"
+            hold == 1 || max_radius > 3.0,
+            "pushes held for {hold} steps never went far: {max_radius} m"
         );
         assert!(
             hold > 1 || rewarded == 0,
@@ -207,7 +209,8 @@ fn no_puck_leaves_the_corridors_and_hardly_any_finds_the_tip() {
     }
 }
 
-/// 600 episodes of a random walk; see envs/corridors.ron for how far it gets.
+/// At most 6 of 600 episodes of a random walk reach the tip; see envs/corridors.ron for how far it
+/// gets.
 #[test]
 fn a_random_walk_rarely_finds_the_tip() {
     let mut random = stream(2, Purpose::Action, 1, 0);
@@ -226,7 +229,7 @@ fn a_random_walk_rarely_finds_the_tip() {
     assert!(found <= 6, "{found} of 600 found it");
 }
 
-/// Falling over is what hoppers do without control, in Gym after 20 steps or so of random torques.
+/// Without control, a hopper falls over. In Gym it does so after about 20 steps of random torques.
 #[test]
 fn a_hopper_stands_for_a_moment_and_falls() {
     let episodes = play("hopper", 20, &|_| vec![0.0; 3]);
@@ -234,7 +237,8 @@ fn a_hopper_stands_for_a_moment_and_falls() {
         assert!((30..1000).contains(&steps), "{steps} steps");
         assert!(
             total > 0.5 * steps as f32,
-            "{total} in {steps} steps: 1 a step for being healthy, less what it falls back"
+            "{total} in {steps} steps: expected 1 per step for being healthy, minus a little for \
+             falling backwards"
         );
     }
 }
@@ -249,7 +253,7 @@ fn a_cheetah_left_alone_stands() {
         .spec()
         .observations
         .iter()
-        .map(|seen| seen.name.clone())
+        .map(|observation| observation.name.clone())
         .collect();
     let value = |name: &str| {
         environment.observations()[names

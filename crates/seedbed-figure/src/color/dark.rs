@@ -74,11 +74,11 @@ fn index_in_map(share: f32) -> usize {
 
 type ColorMap = LazyLock<[Color; 256]>;
 
-/// 256 colors of a gradient, from its position `from` to its end.
-fn color_map(gradient: Gradient, from: f64) -> [Color; 256] {
+/// 256 colors of a gradient, from the position `start` (0 to 1) to its end.
+fn color_map(gradient: Gradient, start: f64) -> [Color; 256] {
     std::array::from_fn(|index_in_map| {
         gradient
-            .eval_continuous(from + (1.0 - from) * index_in_map as f64 / 255.0)
+            .eval_continuous(start + (1.0 - start) * index_in_map as f64 / 255.0)
             .as_array()
     })
 }

@@ -2,7 +2,7 @@
 //!
 //! [`Agent`] is the trait. The modules are the parts of agents: policies, networks, the scaling of
 //! observations, exploration bonuses. Implementations are in [`algorithms`](crate::algorithms).
-//! Must not depend on files, threads or recordings.
+//! This module must not depend on files, threads or recordings.
 
 pub mod bonus;
 pub(crate) mod network;
@@ -20,7 +20,7 @@ use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Activations, Initial};
 use crate::seed::SeedDistribution;
 use seedbed_env::Spec;
-use seedbed_env::input::numbers::{Count, known, known_count};
+use seedbed_env::input::numbers::{Count, ranged_count, ranged_number};
 use seedbed_env::random::Stream;
 
 /// One of K agents. `act` takes `&self` and `update` takes an `&Experience`, so that agents can act
@@ -80,8 +80,10 @@ pub struct TeamConfig {
 impl Default for TeamConfig {
     fn default() -> Self {
         Self {
-            count: known_count(4),
-            seeds: SeedDistribution::Normal { sigma: known(0.1) },
+            count: ranged_count(4),
+            seeds: SeedDistribution::Normal {
+                sigma: ranged_number(0.1),
+            },
             initial: Initial::Random,
         }
     }

@@ -1,5 +1,5 @@
-//! A trainable network: shape, parameters, optimizer, and the initial parameters (seed) towards
-//! which training may be regularized.
+//! A trainable network: shape, parameters, optimizer, and the initial parameters, towards which
+//! training may be regularized.
 
 use std::borrow::Cow;
 
@@ -12,16 +12,16 @@ use crate::nn::{Activations, Adam, AdamSettings, Mlp};
 /// A network with all that a gradient step needs.
 pub(crate) struct Network {
     mlp: Mlp,
-    /// Initial parameters θ̂ or φ̂, the seed of the network.
-    seed: Vec<f32>,
-    learned: Learned,
+    /// Initial parameters θ̂ or φ̂ from the agent seed: `[P]`.
+    initial_parameters: Vec<f32>,
+    learned: LearnedState,
     activations: Activations,
     gradient: Vec<f32>,
 }
 
-/// The state of a network that training changes.
+/// The part of a network that training changes.
 #[derive(Clone, Serialize, Deserialize)]
-pub(crate) struct Learned {
+pub(crate) struct LearnedState {
     parameters: Vec<f32>,
     optimizer: Adam,
 }
@@ -29,7 +29,7 @@ pub(crate) struct Learned {
 /// How a gradient step is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Descent {
-    /// Weight λ of the regularization towards the seed.
+    /// Weight λ of the regularization towards the initial parameters.
     pub(crate) regularization: f32,
     /// Maximal Euclidean norm of the gradient.
     pub(crate) gradient_clip: Option<f32>,
@@ -38,16 +38,16 @@ pub(crate) struct Descent {
 }
 
 impl Network {
-    /// A network with the initial parameters `seed`: `[P]`.
-    pub(crate) fn new(mlp: Mlp, seed: Vec<f32>, optimizer: AdamSettings) -> Self {
-        let learned = Learned {
-            parameters: seed.clone(),
-            optimizer: Adam::new(optimizer, seed.len()),
+    /// A network that has not been trained yet.   `initial_parameters: [P]`
+    pub(crate) fn new(mlp: Mlp, initial_parameters: Vec<f32>, optimizer: AdamSettings) -> Self {
+        let learned = LearnedState {
+            parameters: initial_parameters.clone(),
+            optimizer: Adam::new(optimizer, initial_parameters.len()),
         };
         Self {
             mlp,
-            gradient: vec![0.0; seed.len()],
-            seed,
+            gradient: vec![0.0; initial_parameters.len()],
+            initial_parameters,
             learned,
             activations: Activations::default(),
         }
@@ -61,7 +61,7 @@ impl Network {
         &self.learned.parameters
     }
 
-    /// Evaluates the network and keeps the activations for [`descend`](Self::descend).
+    /// Evaluates the network, and stores the activations for [`descend`](Self::descend).
     /// `inputs: [B × in]` → `[B × out]`
     pub(crate) fn forward(&mut self, inputs: &[f32]) -> &[f32] {
         self.mlp
@@ -83,13 +83,13 @@ impl Network {
             &mut self.gradient,
         );
         if descent.regularization > 0.0 {
-            for ((slope, parameter), seed) in self
+            for ((slope, parameter), initial) in self
                 .gradient
                 .iter_mut()
                 .zip(parameters.iter())
-                .zip(&self.seed)
+                .zip(&self.initial_parameters)
             {
-                *slope += descent.regularization * (parameter - seed);
+                *slope += descent.regularization * (parameter - initial);
             }
         }
         if let Some(max_norm) = descent.gradient_clip {
@@ -122,21 +122,21 @@ impl Network {
             .all(|parameter| parameter.is_finite())
     }
 
-    pub(crate) fn learned(&self) -> &Learned {
+    pub(crate) fn learned_state(&self) -> &LearnedState {
         &self.learned
     }
 
     /// Returns to an earlier state.
-    pub(crate) fn reset_to(&mut self, learned: &Learned) {
+    pub(crate) fn reset_to(&mut self, learned: &LearnedState) {
         self.learned.clone_from(learned);
     }
 
-    pub(crate) fn restore(&mut self, learned: Learned) -> Result<(), String> {
-        if learned.parameters.len() != self.seed.len() {
+    pub(crate) fn restore(&mut self, learned: LearnedState) -> Result<(), String> {
+        if learned.parameters.len() != self.initial_parameters.len() {
             return Err(format!(
                 "the checkpoint has {} parameters of a network; expected {}",
                 learned.parameters.len(),
-                self.seed.len()
+                self.initial_parameters.len()
             ));
         }
         self.learned = learned;
@@ -162,7 +162,8 @@ fn clip_norm(gradient: &mut [f32], max_norm: f32) {
 mod tests {
     use super::*;
 
-    /// ‖(3, 4)‖ = 5: a maximal norm of 2.5 halves it, one of 6 leaves it unchanged.
+    /// ‖(3, 4)‖ = 5: a maximal norm of 2.5 halves the gradient; a maximal norm of 6 does not change
+    /// it.
     #[test]
     fn norms_are_clipped() {
         let clipped = |max_norm| {

@@ -195,7 +195,7 @@ impl Policy {
     }
 
     /// Number of components C of an action.
-    pub(crate) fn components(&self) -> usize {
+    pub(crate) fn component_count(&self) -> usize {
         self.components.len()
     }
 
@@ -315,11 +315,11 @@ impl Component {
                 ..
             } => {
                 let (mean, log_deviation) = self.moments(outputs);
-                let [by_mean, by_log_deviation] =
+                let [mean_slope, log_deviation_slope] =
                     gaussian::log_density_gradient(action, mean, log_deviation);
-                gradient[0] = weight * by_mean * half_range;
+                gradient[0] = weight * mean_slope * half_range;
                 gradient[1] = if has_deviation_gradient(outputs[1], initial_log_deviation) {
-                    weight * by_log_deviation
+                    weight * log_deviation_slope
                 } else {
                     0.0
                 };
@@ -385,7 +385,7 @@ fn choose_category(
     (choice as f32, log_probs[choice])
 }
 
-/// Whether a log-deviation is within its bounds; outside of them it has no gradient.
+/// Whether a log-deviation is within its bounds; outside of them its gradient is 0.
 fn has_deviation_gradient(output: f32, initial_log_deviation: f32) -> bool {
     (LOG_DEVIATION_BOUNDS[0]..=LOG_DEVIATION_BOUNDS[1]).contains(&(output + initial_log_deviation))
 }
@@ -395,7 +395,7 @@ mod tests {
     use super::*;
     use crate::nn::{AdamSettings, Initial};
     use seedbed_env::Quantity;
-    use seedbed_env::input::numbers::known;
+    use seedbed_env::input::numbers::ranged_number;
     use seedbed_env::random::{Purpose, stream};
 
     fn spec(choices: Vec<Choice>) -> Spec {
@@ -425,27 +425,27 @@ mod tests {
         ]);
         let mlp = network_shape(&spec, &[8]);
         assert_eq!(mlp.outputs(), 3 + 2 + 2);
-        let seed = mlp.initial(
+        let initial_parameters = mlp.initial_parameters(
             Initial::Random,
             &mut stream(3, Purpose::InitialParameters, 0, 0),
         );
         Policy::new(
             &spec,
-            Network::new(mlp, seed, AdamSettings::default()),
+            Network::new(mlp, initial_parameters, AdamSettings::default()),
             selection,
             0.5,
         )
     }
 
-    /// The gradient with respect to the outputs, by central differences.
+    /// The gradient of log π(a) with respect to the outputs agrees with central differences.
     #[test]
     fn output_gradient_agrees_with_central_differences() {
         let policy = mixed_policy(ActionSelection::Sampled);
-        let raw = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
+        let raw_outputs = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
         let actions = [2.0_f32, 3.5, -1.0];
-        let log_prob = |raw: &[f32]| -> f32 {
-            let mut row = raw.to_vec();
-            let each = policy
+        let log_prob = |raw_outputs: &[f32]| -> f32 {
+            let mut row = raw_outputs.to_vec();
+            let log_probs = policy
                 .components
                 .iter()
                 .zip(actions)
@@ -453,9 +453,9 @@ mod tests {
                     component.normalize(component.slice_mut(&mut row));
                     component.log_prob(component.slice(&row), action)
                 });
-            each.sum()
+            log_probs.sum()
         };
-        let mut row = raw.to_vec();
+        let mut row = raw_outputs.to_vec();
         let mut gradient = [0.0; 7];
         for (component, action) in policy.components.iter().zip(actions) {
             component.normalize(component.slice_mut(&mut row));
@@ -466,8 +466,8 @@ mod tests {
                 component.slice_mut(&mut gradient),
             );
         }
-        for index in 0..raw.len() {
-            let (mut above, mut below) = (raw, raw);
+        for index in 0..raw_outputs.len() {
+            let (mut above, mut below) = (raw_outputs, raw_outputs);
             above[index] += 1e-2;
             below[index] -= 1e-2;
             let numeric = (log_prob(&above) - log_prob(&below)) / 2e-2;
@@ -479,28 +479,28 @@ mod tests {
         }
     }
 
-    /// The entropy's gradient with respect to the outputs, by central differences.
+    /// The gradient of the entropy with respect to the outputs agrees with central differences.
     #[test]
     fn entropy_gradient_agrees_with_central_differences() {
         let policy = mixed_policy(ActionSelection::Sampled);
-        let raw = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
-        let normalized = |raw: &[f32]| {
-            let mut row = raw.to_vec();
+        let raw_outputs = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
+        let normalized = |raw_outputs: &[f32]| {
+            let mut row = raw_outputs.to_vec();
             policy
                 .components
                 .iter()
                 .for_each(|component| component.normalize(component.slice_mut(&mut row)));
             row
         };
-        let entropy = |raw: &[f32]| -> f32 {
-            let row = normalized(raw);
+        let entropy = |raw_outputs: &[f32]| -> f32 {
+            let row = normalized(raw_outputs);
             policy
                 .components
                 .iter()
                 .map(|component| component.entropy(component.slice(&row)))
                 .sum()
         };
-        let (row, mut gradient) = (normalized(&raw), [0.0; 7]);
+        let (row, mut gradient) = (normalized(&raw_outputs), [0.0; 7]);
         for component in &policy.components {
             component.add_entropy_gradient(
                 component.slice(&row),
@@ -508,8 +508,8 @@ mod tests {
                 component.slice_mut(&mut gradient),
             );
         }
-        for index in 0..raw.len() {
-            let (mut above, mut below) = (raw, raw);
+        for index in 0..raw_outputs.len() {
+            let (mut above, mut below) = (raw_outputs, raw_outputs);
             above[index] += 1e-2;
             below[index] -= 1e-2;
             let numeric = (entropy(&above) - entropy(&below)) / 2e-2;
@@ -521,27 +521,27 @@ mod tests {
         }
     }
 
-    /// Greedy actions are the most likely choice and the mean. Tempered actions have the
-    /// log-probability under the distribution that they were sampled from: for the Gaussian at τ =
-    /// ¼, half the deviation.
+    const STATE: [f32; 3] = [0.1, -0.4, 0.7];
+
+    /// The action in [`STATE`], always drawn from the same random stream, and the log-probabilities
+    /// of its components.
+    fn select(selection: ActionSelection) -> ([f32; 3], [f32; 3]) {
+        let (mut action, mut log_prob) = ([0.0; 3], [0.0; 3]);
+        mixed_policy(selection).sample(
+            &STATE,
+            &mut stream(5, Purpose::Action, 0, 0),
+            &mut ActScratch::default(),
+            &mut action,
+            &mut log_prob,
+        );
+        (action, log_prob)
+    }
+
     #[test]
-    fn actions_are_selected_as_configured() {
-        let (state, mut scratch) = ([0.1, -0.4, 0.7], ActScratch::default());
-        let mut sample = |selection| {
-            let (mut action, mut log_prob) = ([0.0; 3], [0.0; 3]);
-            let mut random = stream(5, Purpose::Action, 0, 0);
-            mixed_policy(selection).sample(
-                &state,
-                &mut random,
-                &mut scratch,
-                &mut action,
-                &mut log_prob,
-            );
-            (action, log_prob)
-        };
+    fn greedy_actions_are_the_most_likely_choice_and_the_mean() {
         let mut policy = mixed_policy(ActionSelection::Sampled);
-        let (greedy, greedy_log_prob) = sample(ActionSelection::Greedy);
-        policy.evaluate(&state, &greedy, &mut Vec::new());
+        let (greedy, greedy_log_prob) = select(ActionSelection::Greedy);
+        policy.evaluate(&STATE, &greedy, &mut Vec::new());
         let gaussian = policy.components[1];
         assert_eq!(
             greedy[0],
@@ -554,16 +554,24 @@ mod tests {
                 [0.0; 3]
             )
         );
+    }
 
-        let (sampled, _) = sample(ActionSelection::Sampled);
-        let (tempered, log_prob) = sample(ActionSelection::Tempered {
-            temperature: known(0.25),
+    /// At τ = ¼, a Gaussian has half the standard deviation, and the log-probability of an action
+    /// is its log-probability under this narrower distribution.
+    #[test]
+    fn tempered_actions_of_a_gaussian_are_closer_to_the_mean() {
+        let mut policy = mixed_policy(ActionSelection::Sampled);
+        let (sampled, _) = select(ActionSelection::Sampled);
+        let (tempered, log_prob) = select(ActionSelection::Tempered {
+            temperature: ranged_number(0.25),
         });
+        policy.evaluate(&STATE, &sampled, &mut Vec::new());
+        let gaussian = policy.components[1];
+        let (mean, log_deviation) = gaussian.moments(gaussian.slice(&policy.outputs));
         assert!(
-            (2.0 * (tempered[1] - greedy[1]) - (sampled[1] - greedy[1])).abs() < 1e-5,
+            (2.0 * (tempered[1] - mean) - (sampled[1] - mean)).abs() < 1e-5,
             "{tempered:?} {sampled:?}"
         );
-        let (mean, log_deviation) = gaussian.moments(gaussian.slice(&policy.outputs));
         assert!(
             (log_prob[1] - gaussian::log_density(tempered[1], mean, log_deviation - 2.0_f32.ln()))
                 .abs()
@@ -576,17 +584,17 @@ mod tests {
     #[test]
     fn samples_agree_with_evaluation() {
         let mut policy = mixed_policy(ActionSelection::Sampled);
-        let (state, mut random) = ([0.1, -0.4, 0.7], stream(5, Purpose::Action, 0, 0));
+        let mut random = stream(5, Purpose::Action, 0, 0);
         let mut scratch = ActScratch::default();
         let (mut actions, mut log_probs) = (vec![0.0; 3 * 4000], vec![0.0; 3 * 4000]);
         for (action, log_prob) in actions
             .chunks_exact_mut(3)
             .zip(log_probs.chunks_exact_mut(3))
         {
-            policy.sample(&state, &mut random, &mut scratch, action, log_prob);
+            policy.sample(&STATE, &mut random, &mut scratch, action, log_prob);
         }
         let mut evaluated = Vec::new();
-        policy.evaluate(&state.repeat(4000), &actions, &mut evaluated);
+        policy.evaluate(&STATE.repeat(4000), &actions, &mut evaluated);
         assert!(
             evaluated
                 .iter()
@@ -596,18 +604,19 @@ mod tests {
 
         let (mean, log_deviation) =
             policy.components[1].moments(policy.components[1].slice(&policy.outputs));
-        let second: Vec<f32> = actions.iter().skip(1).step_by(3).copied().collect();
-        let average = second.iter().sum::<f32>() / 4000.0;
-        let deviation = (second.iter().map(|a| (a - average).powi(2)).sum::<f32>() / 4000.0).sqrt();
+        let second_components: Vec<f32> = actions.iter().skip(1).step_by(3).copied().collect();
+        let sample_mean = second_components.iter().sum::<f32>() / 4000.0;
+        let squared_deviations = second_components.iter().map(|a| (a - sample_mean).powi(2));
+        let sample_deviation = (squared_deviations.sum::<f32>() / 4000.0).sqrt();
         // Tolerances are four standard errors: σ/√4000 = 1.6 % of σ for the mean, 1.1 % for the
         // deviation.
         assert!(
-            (average - mean).abs() < 0.065 * log_deviation.exp(),
-            "{average} {mean}"
+            (sample_mean - mean).abs() < 0.065 * log_deviation.exp(),
+            "{sample_mean} {mean}"
         );
         assert!(
-            (deviation / log_deviation.exp() - 1.0).abs() < 0.045,
-            "{deviation} {}",
+            (sample_deviation / log_deviation.exp() - 1.0).abs() < 0.045,
+            "{sample_deviation} {}",
             log_deviation.exp()
         );
     }

@@ -7,7 +7,7 @@ use super::network::{Descent, Network};
 use super::policy::{ActionSelection, Policy, network_shape};
 use crate::nn::AdamSettings;
 use crate::rl::policy_loss;
-use seedbed_env::input::numbers::known;
+use seedbed_env::input::numbers::ranged_number;
 use seedbed_env::{Action, Choice, Quantity, Spec};
 
 #[derive(Deserialize)]
@@ -76,8 +76,8 @@ impl Case {
         // Adam's first step is α g / (|g| + ε), which is g α/ε if ε is much larger than any
         // gradient.
         let optimiser = AdamSettings {
-            step_size: known(1e8),
-            epsilon: known(1e6),
+            step_size: ranged_number(1e8),
+            epsilon: ranged_number(1e6),
             ..AdamSettings::default()
         };
         (
@@ -91,7 +91,7 @@ impl Case {
         )
     }
 
-    /// ∂lossₜ/∂log π(aₜ|sₜ)
+    /// The derivatives ∂lossₜ/∂log π(aₜ|sₜ): `[T]`.   `log_probs: [T]`
     fn slopes(&self, log_probs: &[f32]) -> Vec<f32> {
         let steps = log_probs.iter().zip(&self.behaviour).zip(&self.advantages);
         let slope = |((&log_prob, behaviour), &advantage): ((&f32, &f32), &f32)| {
@@ -107,7 +107,7 @@ impl Case {
 }
 
 /// The gradient is computed from one step of Adam; rounding to f32 adds an error of about 10⁻⁶ of
-/// the largest number.
+/// the largest entry of the gradient.
 #[test]
 fn a_step_follows_the_reference_gradient() {
     let reference: Reference =

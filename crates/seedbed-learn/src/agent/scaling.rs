@@ -52,7 +52,9 @@ impl Scaling {
         match self {
             Self::Raw => scaled.extend_from_slice(observations),
             Self::Range(ranges) => {
-                let scale = |(value, [center, half]): (&f32, &[f32; 2])| (value - center) / half;
+                let scale = |(value, [center, half_range]): (&f32, &[f32; 2])| {
+                    (value - center) / half_range
+                };
                 scaled.extend(
                     observations
                         .chunks_exact(ranges.len())

@@ -20,7 +20,7 @@ use crate::nn::{AdamSettings, Mlp};
 use crate::team::{ActionRequest, AgentUpdate, LearningRequest, Team, TeamContext, Workers};
 use seedbed_env::Spec;
 use seedbed_env::input::numbers::{
-    Count, NonNegative, Positive, PositiveFraction, known, known_count,
+    Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
 use seedbed_env::random::{Purpose, stream};
 
@@ -48,10 +48,10 @@ pub struct CrossEntropy {
 impl Default for CrossEntropy {
     fn default() -> Self {
         Self {
-            elite: known(0.25),
-            initial_deviation: known(1.0),
-            extra_deviation: known(0.5),
-            extra_rounds: known_count(20),
+            elite: ranged_number(0.25),
+            initial_deviation: ranged_number(1.0),
+            extra_deviation: ranged_number(0.5),
+            extra_rounds: ranged_count(20),
             hidden: Vec::new(),
             observations: ObservationScaling::Range,
             actions: ActionSelection::Greedy,
@@ -80,9 +80,9 @@ struct CrossEntropyTeam {
     spec: Spec,
     network: Mlp,
     scaling: Scaling,
-    /// μ: `[P]`
+    /// Mean μ of each parameter: `[P]`.
     mean: Vec<f32>,
-    /// σ: `[P]`
+    /// Standard deviation σ of each parameter: `[P]`.
     deviation: Vec<f32>,
     /// Parameters of each agent in this round: `[K][P]`.
     population: Vec<Vec<f32>>,
@@ -140,8 +140,8 @@ impl CrossEntropyTeam {
             let mut random = stream(self.run_seed, purpose, agent as u32, round);
             parameters.clear();
             for (mean, deviation) in self.mean.iter().zip(&self.deviation) {
-                let normal: f32 = StandardNormal.sample(&mut random);
-                parameters.push(mean + (deviation + extra) * normal);
+                let noise: f32 = StandardNormal.sample(&mut random);
+                parameters.push(mean + (deviation + extra) * noise);
             }
         }
     }
@@ -305,7 +305,7 @@ mod tests {
 
     fn team(agents: u32, config: &CrossEntropy) -> CrossEntropyTeam {
         let team = TeamConfig {
-            count: known_count(agents),
+            count: ranged_count(agents),
             ..TeamConfig::default()
         };
         CrossEntropyTeam::new(
@@ -345,12 +345,12 @@ mod tests {
         assert!(updates.iter().all(|update| update.is_finite));
     }
 
-    /// Two of four are the elite. With parameters 1, 2, 3, 6 and returns 0, 5, 9, 1 these are the
-    /// second and the third: μ = 2.5, σ = √(½ (0.5² + 0.5²)) = 0.5.
+    /// The elite are two of four agents. With parameters 1, 2, 3, 6 and returns 0, 5, 9, 1 they are
+    /// the second and the third: μ = 2.5, σ = √(½ (0.5² + 0.5²)) = 0.5.
     #[test]
     fn the_gaussian_moves_to_the_elite() {
         let config = CrossEntropy {
-            elite: known(0.5),
+            elite: ranged_number(0.5),
             ..CrossEntropy::default()
         };
         let mut team = team(4, &config);

@@ -162,7 +162,7 @@ impl Algorithm {
     /// The largest bonus that a step can have; none without a bonus.
     #[must_use]
     pub fn largest_intrinsic_reward(&self) -> Option<f32> {
-        self.config().bonus()?.largest()
+        self.config().bonus()?.largest_bonus()
     }
 
     /// Number of the team's newest transitions that the shared buffer must keep after all agents

@@ -46,16 +46,16 @@ pub struct Transition<'a> {
     /// Reward of the environment, without seeds and bonuses.
     pub reward: f32,
     /// Observation after the action: `[width]`.
-    pub next: &'a [f32],
+    pub next_state: &'a [f32],
     /// Whether the episode continued, and if not, how it ended.
     pub status: Status,
-    /// Which step of which episode it is.
+    /// Which step of which episode the transition is.
     pub origin: Origin,
 }
 
 impl Replay {
     /// An empty buffer for `capacity` transitions with observations of `width` numbers. Memory is
-    /// allocated as it fills.
+    /// allocated as the buffer fills.
     ///
     /// # Panics
     /// If `capacity` or `width` is 0.
@@ -135,12 +135,12 @@ impl Replay {
     #[must_use]
     pub fn get(&self, index: usize) -> Transition<'_> {
         let pair = &self.observations[index * 2 * self.width..(index + 1) * 2 * self.width];
-        let (state, next) = pair.split_at(self.width);
+        let (state, next_state) = pair.split_at(self.width);
         Transition {
             state,
             action: self.actions[index].into(),
             reward: self.rewards[index],
-            next,
+            next_state,
             status: self.statuses[index],
             origin: self.origins[index],
         }
@@ -159,7 +159,8 @@ mod tests {
     use seedbed_env::Spec;
     use seedbed_env::random::{Purpose, stream};
 
-    /// Step t of agent 3's episode 5 goes from t to t + 1 with action t mod 2 and reward 10 t.
+    /// Episode 5 of agent 3. Step t leads from state t to state t + 1, with action t mod 2 and
+    /// reward 10 t.
     fn episode(steps: u8, outcome: Status) -> Episode {
         Episode {
             observations: (0..=steps).map(f32::from).collect(),
@@ -170,7 +171,8 @@ mod tests {
         }
     }
 
-    fn filled(steps: u8) -> Replay {
+    /// A buffer of capacity 4 after one episode of `steps` steps.
+    fn replay_after(steps: u8) -> Replay {
         let mut replay = Replay::new(4, 1);
         (1..steps).for_each(|length| replay.push_newest(&episode(length, Status::Running)));
         replay.push_newest(&episode(steps, Status::Terminated));
@@ -178,8 +180,8 @@ mod tests {
     }
 
     #[test]
-    fn the_last_step_is_added() {
-        let replay = filled(3);
+    fn the_last_step_of_the_episode_is_added() {
+        let replay = replay_after(3);
         let origin = Origin {
             agent: 3,
             episode: 5,
@@ -189,7 +191,7 @@ mod tests {
             state: &[2.0],
             action: 0,
             reward: 20.0,
-            next: &[3.0],
+            next_state: &[3.0],
             status: Status::Terminated,
             origin,
         };
@@ -200,12 +202,12 @@ mod tests {
     /// Of six steps in a buffer of four, steps 4 and 5 replace steps 0 and 1.
     #[test]
     fn the_oldest_transitions_are_replaced() {
-        let replay = filled(6);
+        let replay = replay_after(6);
         let steps: Vec<u32> = (0..replay.len())
             .map(|index| replay.get(index).origin.step)
             .collect();
         assert_eq!(steps, [4, 5, 2, 3]);
-        assert_eq!(replay.get(1).next, [6.0]);
+        assert_eq!(replay.get(1).next_state, [6.0]);
     }
 
     /// In 4,000 draws each of four transitions is drawn about 1,000 times; the tolerance is four
@@ -213,7 +215,7 @@ mod tests {
     #[test]
     fn every_transition_is_equally_likely() {
         let (replay, mut random, mut counts) =
-            (filled(6), stream(0, Purpose::Shuffle, 0, 0), [0; 6]);
+            (replay_after(6), stream(0, Purpose::Shuffle, 0, 0), [0; 6]);
         for _ in 0..4000 {
             counts[replay.draw(&mut random).origin.step as usize] += 1_i32;
         }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::kernels::AdamStep;
-use seedbed_env::input::numbers::{Decay, NonNegative, Positive, known};
+use seedbed_env::input::numbers::{FractionBelowOne, NonNegative, Positive, ranged_number};
 
 /// Parameters of Adam (Kingma & Ba 2015).
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -13,9 +13,9 @@ pub struct AdamSettings {
     /// Step size α.
     pub step_size: NonNegative,
     /// Decay β₁ of the mean of gradients.
-    pub beta1: Decay,
+    pub beta1: FractionBelowOne,
     /// Decay β₂ of the mean of squared gradients.
-    pub beta2: Decay,
+    pub beta2: FractionBelowOne,
     /// Number ε that is added to the root of the second moment.
     pub epsilon: Positive,
 }
@@ -23,10 +23,10 @@ pub struct AdamSettings {
 impl Default for AdamSettings {
     fn default() -> Self {
         Self {
-            step_size: known(1e-3),
-            beta1: known(0.9),
-            beta2: known(0.999),
-            epsilon: known(1e-8),
+            step_size: ranged_number(1e-3),
+            beta1: ranged_number(0.9),
+            beta2: ranged_number(0.999),
+            epsilon: ranged_number(1e-8),
         }
     }
 }
@@ -96,8 +96,8 @@ mod tests {
     #[test]
     fn two_steps_by_hand() {
         let settings = AdamSettings {
-            step_size: known(0.1),
-            epsilon: known(1e-30),
+            step_size: ranged_number(0.1),
+            epsilon: ranged_number(1e-30),
             ..AdamSettings::default()
         };
         let mut adam = Adam::new(settings, 2);

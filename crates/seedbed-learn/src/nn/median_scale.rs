@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-/// The medians of the latest batches.
+/// The medians of the latest batches, whose mean is the scale.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MedianScale {
     /// Maximal number of medians.
@@ -31,7 +31,7 @@ impl MedianScale {
     }
 
     /// Adds the median of a batch, and removes the oldest median if there are too many. Reorders
-    /// `numbers`; does nothing if there are none.
+    /// `numbers`; does nothing if `numbers` is empty.
     pub fn update(&mut self, numbers: &mut [f32]) {
         if numbers.is_empty() {
             return;

@@ -32,8 +32,8 @@ pub enum Initial {
 pub struct Activations {
     /// Outputs of each layer: `[B × outputs]` each.
     layers: Vec<Vec<f32>>,
-    /// Derivatives of the loss with respect to the inputs of the activation function, of the
-    /// present layer and of the one before.
+    /// Derivatives of the loss with respect to the inputs of the activation function: those of the
+    /// layer that the backward pass has reached, and those of the layer before it.
     deltas: [Vec<f32>; 2],
     scratch: Vec<f32>,
 }
@@ -68,7 +68,7 @@ impl Mlp {
     /// Number of parameters.
     #[must_use]
     pub fn parameter_count(&self) -> usize {
-        self.output().end()
+        self.last_layer().end()
     }
 
     /// Number of inputs.
@@ -80,11 +80,11 @@ impl Mlp {
     /// Number of outputs.
     #[must_use]
     pub fn outputs(&self) -> usize {
-        self.output().outputs
+        self.last_layer().outputs
     }
 
     /// Initial parameters: `[P]`.
-    pub fn initial(&self, initial: Initial, random: &mut impl Rng) -> Vec<f32> {
+    pub fn initial_parameters(&self, initial: Initial, random: &mut impl Rng) -> Vec<f32> {
         match initial {
             Initial::Constant(value) => vec![value.get_f32(); self.parameter_count()],
             Initial::Random => {
@@ -178,7 +178,7 @@ impl Mlp {
 
     /// The output layer's weights and biases: `[in × out]` and `[out]`.
     pub fn output_layer<'a>(&self, parameters: &'a mut [f32]) -> (&'a mut [f32], &'a mut [f32]) {
-        self.output().split_mut(parameters)
+        self.last_layer().split_mut(parameters)
     }
 
     /// Names, shapes and values of the weights and the biases of each layer.
@@ -206,8 +206,7 @@ impl Mlp {
         &self.layers
     }
 
-    /// The last layer.
-    fn output(&self) -> &Layer {
+    fn last_layer(&self) -> &Layer {
         &self.layers[self.layers.len() - 1]
     }
 }
@@ -280,7 +279,7 @@ mod tests {
     #[test]
     fn single_samples_agree_with_a_batch() {
         let network = Mlp::new(&[3, 16, 16, 2]);
-        let parameters = network.initial(
+        let parameters = network.initial_parameters(
             Initial::Random,
             &mut stream(1, Purpose::InitialParameters, 0, 0),
         );
@@ -306,7 +305,7 @@ mod tests {
         #[test]
         fn gradient_agrees_with_central_differences(seed: u64, batch in 1..12_usize, width in 1..20_usize) {
             let network = Mlp::new(&[3, width, 7, 2]);
-            let mut parameters = network.initial(Initial::Random, &mut stream(seed, Purpose::InitialParameters, 0, 0));
+            let mut parameters = network.initial_parameters(Initial::Random, &mut stream(seed, Purpose::InitialParameters, 0, 0));
             let inputs: Vec<f32> = (0..3 * batch).map(|i| (i as f32 * 0.7 + (seed % 97) as f32).cos()).collect();
             let mut activations = Activations::default();
             let output = network.forward(&parameters, &inputs, &mut activations).to_vec();

@@ -1,8 +1,8 @@
 //! Neural networks with flat parameter vectors: layers and their gradients, the optimizer, and
 //! normalization of inputs and targets.
 //!
-//! All functions work on slices; they assert shapes and do not return a `Result`. Must not depend
-//! on reinforcement learning.
+//! All functions work on slices; they assert shapes and do not return a `Result`. This module must
+//! not depend on reinforcement learning.
 
 pub mod adam;
 pub mod bayesian;

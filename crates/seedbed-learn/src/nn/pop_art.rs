@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Running mean and standard deviation of targets. With β = 0 it stays the identity.
+/// Running mean and standard deviation of targets. With β = 0, targets stay unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PopArt {
     beta: f64,
@@ -54,8 +54,8 @@ impl PopArt {
     /// Updates the moments, μ ← (1−β)μ + β mean Y and ν ← (1−β)ν + β mean Y², and rescales the
     /// output layer, W ← σ/σ' W and b ← (σ b + μ − μ')/σ', where σ' and μ' are the new moments.
     ///
-    /// `targets: [N]`; `weight` and `bias` are those of the output layer. Does nothing if there are
-    /// no targets.
+    /// `targets: [N]`; `weight` and `bias` are the parameters of the output layer. Does nothing if
+    /// there are no targets, or if β = 0.
     pub fn update(&mut self, targets: &[f32], weight: &mut [f32], bias: &mut [f32]) {
         if targets.is_empty() || self.beta == 0.0 {
             return;

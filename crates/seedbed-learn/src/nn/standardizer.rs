@@ -3,8 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Mean and variance of each column over all rows so far. Before the first update it is the
-/// identity.
+/// Mean and variance of each column over all rows so far. Before the first update, a standardizer
+/// does not change rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Standardizer {
     /// Number of rows n so far.
@@ -214,16 +214,16 @@ mod tests {
             rows in prop::collection::vec((-1.0_f32..1.0, 9_999.0_f32..10_001.0), 2..80), cut in 0..80_usize,
         ) {
             let numbers: Vec<f32> = rows.iter().flat_map(|&(a, b)| [a, b]).collect();
-            let (mut whole, mut parts) = (Standardizer::new(2), Standardizer::new(2));
-            whole.update(&numbers);
+            let (mut one_batch, mut two_batches) = (Standardizer::new(2), Standardizer::new(2));
+            one_batch.update(&numbers);
             let (first, second) = numbers.split_at(2 * cut.min(rows.len()));
-            parts.update(first);
-            parts.update(second);
-            for (a, b) in whole.squares.iter().zip(&parts.squares) {
+            two_batches.update(first);
+            two_batches.update(second);
+            for (a, b) in one_batch.squares.iter().zip(&two_batches.squares) {
                 prop_assert!((a - b).abs() <= 1e-9 * (1.0 + a), "{a} {b}");
             }
-            let variance = rows.iter().map(|row| (f64::from(row.1) - whole.mean[1]).powi(2)).sum::<f64>() / rows.len() as f64;
-            prop_assert!((parts.exact_deviation(1) - variance.sqrt().max(1e-4)).abs() < 1e-6);
+            let variance = rows.iter().map(|row| (f64::from(row.1) - one_batch.mean[1]).powi(2)).sum::<f64>() / rows.len() as f64;
+            prop_assert!((two_batches.exact_deviation(1) - variance.sqrt().max(1e-4)).abs() < 1e-6);
         }
     }
 }

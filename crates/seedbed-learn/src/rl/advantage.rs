@@ -7,8 +7,8 @@
 /// `rewards`, `returns`, `baseline`: `[T]` → `[T]`
 ///
 /// The baseline b is v(sₜ), the trajectory's mean return, or 0 (thesis §1.5.1). The loss multiplies
-/// it by ρₜ, so that its expectation has ρₜ Q, whereas the [printed form](monte_carlo_double) has
-/// ρₜ² Q.
+/// the advantage by ρₜ, so that the expected loss has ρₜ Q; with the
+/// [printed form](monte_carlo_double) of the advantage it has ρₜ² Q.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -19,12 +19,11 @@ pub fn monte_carlo_single(
     discount: f32,
     advantages: &mut [f32],
 ) {
-    one_step(rewards, returns, baseline, discount, advantages);
+    one_step_differences(rewards, returns, baseline, discount, advantages);
 }
 
-/// Monte-Carlo advantage as printed in the thesis (Eq. 22, 23): Aₜ = G̃ₜ − bₜ.   `returns`,
-/// `baseline`: `[T]` →
-/// `[T]`
+/// Monte-Carlo advantage as printed in the thesis (Eq. 22, 23): Aₜ = G̃ₜ − bₜ.
+/// `returns`, `baseline`: `[T]` → `[T]`
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -46,7 +45,7 @@ pub fn temporal_difference_errors(
     discount: f32,
     errors: &mut [f32],
 ) {
-    one_step(rewards, values, values, discount, errors);
+    one_step_differences(rewards, values, values, discount, errors);
 }
 
 /// Sums of TD errors to the end of each segment of Λ steps (thesis Eq. 6): Aₜ = δₜ + γ δₜ₊₁ + … +
@@ -54,16 +53,16 @@ pub fn temporal_difference_errors(
 /// `rewards`, `values`: `[T]` → `[T]`
 ///
 /// # Panics
-/// If the slices differ in length, or if `segment` is 0.
+/// If the slices differ in length, or if `segment_steps` is 0.
 pub fn n_step(
     rewards: &[f32],
     values: &[f32],
     discount: f32,
-    segment: usize,
+    segment_steps: usize,
     advantages: &mut [f32],
 ) {
     temporal_difference_errors(rewards, values, discount, advantages);
-    for segment in advantages.chunks_mut(segment) {
+    for segment in advantages.chunks_mut(segment_steps) {
         add_decayed_successors(segment, |_| discount);
     }
 }
@@ -138,27 +137,34 @@ pub fn standardize(advantages: &mut [f32]) {
     }
 }
 
-/// rₜ₊₁ + γ nₜ₊₁ − bₜ, where n is `next` and `n_T` = 0.
-fn one_step(
+/// Computes rₜ₊₁ + γ nₜ₊₁ − bₜ, where n is `successors` and `n_T` = 0.
+fn one_step_differences(
     rewards: &[f32],
-    next: &[f32],
+    successors: &[f32],
     baseline: &[f32],
     discount: f32,
     differences: &mut [f32],
 ) {
     assert_eq!(
-        [next.len(), baseline.len(), differences.len()],
+        [successors.len(), baseline.len(), differences.len()],
         [rewards.len(); 3]
     );
-    let next = next[1.min(next.len())..].iter().copied().chain([0.0]);
-    for (((difference, reward), baseline), next) in
-        differences.iter_mut().zip(rewards).zip(baseline).zip(next)
+    let successors = successors[1.min(successors.len())..]
+        .iter()
+        .copied()
+        .chain([0.0]);
+    for (((difference, reward), baseline), successor) in differences
+        .iter_mut()
+        .zip(rewards)
+        .zip(baseline)
+        .zip(successors)
     {
-        *difference = discount.mul_add(next, *reward) - baseline;
+        *difference = discount.mul_add(successor, *reward) - baseline;
     }
 }
 
-/// xₜ ← xₜ + dₜ₊₁ xₜ₊₁ from the second last step to the first, where d is `decay`.
+/// xₜ ← xₜ + dₜ₊₁ xₜ₊₁ from the second last step to the first, where x are the `errors` and d is
+/// `decay`.
 fn add_decayed_successors(errors: &mut [f32], decay: impl Fn(usize) -> f32) {
     for step in (0..errors.len().saturating_sub(1)).rev() {
         errors[step] = decay(step + 1).mul_add(errors[step + 1], errors[step]);
@@ -198,7 +204,7 @@ mod tests {
     const REWARDS: [f32; 3] = [1.0, 2.0, 4.0];
     const VALUES: [f32; 3] = [2.0, 4.0, 6.0];
 
-    fn computed(estimate: impl Fn(&mut [f32])) -> [f32; 3] {
+    fn computed_by(estimate: impl Fn(&mut [f32])) -> [f32; 3] {
         let mut advantages = [f32::NAN; 3];
         estimate(&mut advantages);
         advantages
@@ -207,7 +213,7 @@ mod tests {
     #[test]
     fn temporal_difference_errors_by_hand() {
         assert_eq!(
-            computed(|a| temporal_difference_errors(&REWARDS, &VALUES, 0.5, a)),
+            computed_by(|a| temporal_difference_errors(&REWARDS, &VALUES, 0.5, a)),
             [1.0, 1.0, -2.0]
         );
     }
@@ -216,15 +222,15 @@ mod tests {
     #[test]
     fn n_step_by_hand() {
         assert_eq!(
-            computed(|a| n_step(&REWARDS, &VALUES, 0.5, 2, a)),
+            computed_by(|a| n_step(&REWARDS, &VALUES, 0.5, 2, a)),
             [1.5, 1.0, -2.0]
         );
         assert_eq!(
-            computed(|a| n_step(&REWARDS, &VALUES, 0.5, 3, a)),
+            computed_by(|a| n_step(&REWARDS, &VALUES, 0.5, 3, a)),
             [1.0, 0.0, -2.0]
         );
         assert_eq!(
-            computed(|a| n_step(&REWARDS, &VALUES, 0.5, 100, a)),
+            computed_by(|a| n_step(&REWARDS, &VALUES, 0.5, 100, a)),
             [1.0, 0.0, -2.0]
         );
     }
@@ -234,15 +240,15 @@ mod tests {
     #[test]
     fn gae_by_hand() {
         assert_eq!(
-            computed(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a)),
+            computed_by(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a)),
             [1.125, 0.5, -2.0]
         );
         assert_eq!(
-            computed(|a| gae(&REWARDS, &VALUES, 0.5, 0.0, a)),
+            computed_by(|a| gae(&REWARDS, &VALUES, 0.5, 0.0, a)),
             [1.0, 1.0, -2.0]
         );
         assert_eq!(
-            computed(|a| gae(&REWARDS, &VALUES, 0.5, 1.0, a)),
+            computed_by(|a| gae(&REWARDS, &VALUES, 0.5, 1.0, a)),
             [1.0, 0.0, -2.0]
         );
     }
@@ -251,12 +257,12 @@ mod tests {
     #[test]
     fn retrace_by_hand() {
         assert_eq!(
-            computed(|a| retrace(&REWARDS, &VALUES, &[9.0, 0.5, 3.0], 0.5, 0.5, a)),
+            computed_by(|a| retrace(&REWARDS, &VALUES, &[9.0, 0.5, 3.0], 0.5, 0.5, a)),
             [1.0625, 0.5, -2.0]
         );
         assert_eq!(
-            computed(|a| retrace(&REWARDS, &VALUES, &[1.0; 3], 0.5, 0.5, a)),
-            computed(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a))
+            computed_by(|a| retrace(&REWARDS, &VALUES, &[1.0; 3], 0.5, 0.5, a)),
+            computed_by(|a| gae(&REWARDS, &VALUES, 0.5, 0.5, a))
         );
     }
 
@@ -266,7 +272,7 @@ mod tests {
         let mut baseline = vec![];
         mean_baseline(&[3.0, 6.0], &mut baseline);
         assert_eq!(baseline, [4.5, 4.5]);
-        let standardized = computed(|a| {
+        let standardized = computed_by(|a| {
             a.copy_from_slice(&[1.0, 3.0, 8.0]);
             standardize(a);
         });
@@ -278,7 +284,7 @@ mod tests {
                 .all(|(a, b)| (a - b / deviation).abs() < 1e-6)
         );
         assert_eq!(
-            computed(|a| {
+            computed_by(|a| {
                 a.fill(7.0);
                 standardize(a);
             }),

@@ -13,7 +13,8 @@ pub fn log_softmax_in_place(logits: &mut [f32], choices: usize) {
 
 /// log Σ exp x, computed relative to the largest logit to avoid overflow.   `logits: [n]`
 fn log_sum_exp(logits: &[f32]) -> f32 {
-    // Two choices are the most common case and need a single exponential: the largest one is 1.
+    // Two choices are the most common case and need a single exponential, because the term of the
+    // larger logit is e⁰ = 1.
     if let &[a, b] = logits {
         let largest = if a > b { a } else { b };
         return (1.0 + (-(a - b).abs()).exp()).ln() + largest;
@@ -148,18 +149,18 @@ mod tests {
 
         #[test]
         fn entropy_gradient_agrees_with_central_differences(logits in prop::collection::vec(-3.0_f32..3.0, 2..6)) {
-            let entropy_of = |logits: &[f32]| {
+            let entropy_and_log_probs = |logits: &[f32]| {
                 let mut row = logits.to_vec();
                 log_softmax_in_place(&mut row, logits.len());
                 (entropy(&row), row)
             };
             let mut gradient = vec![0.25; logits.len()];
-            add_entropy_gradient(&entropy_of(&logits).1, 2.0, &mut gradient);
+            add_entropy_gradient(&entropy_and_log_probs(&logits).1, 2.0, &mut gradient);
             for index in 0..logits.len() {
                 let (mut above, mut below) = (logits.clone(), logits.clone());
                 above[index] += 1e-2;
                 below[index] -= 1e-2;
-                let numeric = 0.25 + 2.0 * (entropy_of(&above).0 - entropy_of(&below).0) / 2e-2;
+                let numeric = 0.25 + 2.0 * (entropy_and_log_probs(&above).0 - entropy_and_log_probs(&below).0) / 2e-2;
                 prop_assert!((numeric - gradient[index]).abs() < 2e-3, "{} {}", numeric, gradient[index]);
             }
         }
@@ -167,18 +168,18 @@ mod tests {
         #[test]
         fn gradient_agrees_with_central_differences(logits in prop::collection::vec(-3.0_f32..3.0, 2..6), pick: usize) {
             let choice = pick % logits.len();
-            let log_prob = |logits: &[f32]| {
+            let log_probs = |logits: &[f32]| {
                 let mut row = logits.to_vec();
                 log_softmax_in_place(&mut row, logits.len());
                 row
             };
             let mut gradient = vec![0.0; logits.len()];
-            log_prob_gradient(&log_prob(&logits), choice, 2.0, &mut gradient);
+            log_prob_gradient(&log_probs(&logits), choice, 2.0, &mut gradient);
             for index in 0..logits.len() {
                 let (mut above, mut below) = (logits.clone(), logits.clone());
                 above[index] += 1e-2;
                 below[index] -= 1e-2;
-                let numeric = 2.0 * (log_prob(&above)[choice] - log_prob(&below)[choice]) / 2e-2;
+                let numeric = 2.0 * (log_probs(&above)[choice] - log_probs(&below)[choice]) / 2e-2;
                 prop_assert!((numeric - gradient[index]).abs() < 2e-3);
             }
         }

@@ -8,10 +8,10 @@
 //! The model provides the gradients `g_μ` and `g_σ` of ℓ.
 
 /// Information gain to second order (thesis Eq. 32, in which ρ cancels): I = ½ λ² Σᵢ σᵢ² (`g_μᵢ`² +
-/// ½ `g_σᵢ`²).   all
-/// `[P]`
+/// ½ `g_σᵢ`²).   All slices: `[P]`
 ///
-/// With N draws θ = μ + σ ε of the weights, g is the mean over the draws, which is then squared.
+/// With N draws θ = μ + σ ε of the weights, g is the mean gradient over the draws; this mean is
+/// squared.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -27,16 +27,15 @@ pub fn second_order(
         [deviation.len(); 2]
     );
     let gradients = mean_gradient.iter().zip(deviation_gradient);
-    let term = |(sigma, (by_mean, by_sigma)): (&f32, (&f32, &f32))| {
-        sigma * sigma * (by_mean * by_mean + 0.5 * by_sigma * by_sigma)
+    let term = |(sigma, (mean_slope, sigma_slope)): (&f32, (&f32, &f32))| {
+        sigma * sigma * (mean_slope * mean_slope + 0.5 * sigma_slope * sigma_slope)
     };
     0.5 * step * step * deviation.iter().zip(gradients).map(term).sum::<f32>()
 }
 
 /// Computes the coefficients c for which [`second_order`] with one draw θ = μ + σ ε is Σᵢ cᵢ (∂ log
-/// p/∂θᵢ)²: since `g_μ` = ∂ log p/∂θ and `g_σ` = ε `g_μ`, cᵢ = ½ λ² σᵢ² (1 + ½ εᵢ²).   `deviation`,
-/// `noise`:
-/// `[P]` → `coefficients: [P]`, overwritten
+/// p/∂θᵢ)²: since `g_μ` = ∂ log p/∂θ and `g_σ` = ε `g_μ`, cᵢ = ½ λ² σᵢ² (1 + ½ εᵢ²).
+/// `deviation`, `noise`: `[P]` → `coefficients: [P]`, overwritten
 ///
 /// A model can sum squares of gradients layer by layer, for many transitions at once and without
 /// storing gradients. The estimate from one draw is biased upwards by the variance of the gradient:
@@ -62,12 +61,12 @@ pub fn one_draw_coefficients(
 }
 
 /// Information gain KL(q(φ + λΔφ) ‖ q(φ)) of an explicit step in φ = (μ, ρ) with σ = log(1 + eᵖ):
-/// Δμ = σ² `g_μ`, Δρ = σ² `g_σ`/(2σ'), σ' = ∂σ/∂ρ. all `[P]`
+/// Δμ = σ² `g_μ`, Δρ = σ² `g_σ`/(2σ'), σ' = ∂σ/∂ρ.   All slices: `[P]`
 ///
-/// With u = σ(ρ + λΔρ)/σ(ρ) − 1 it is Σ ½ λ² σ² `g_μ`² + u + ½ u² − log(1 + u). The part of the
-/// means equals that of [`second_order`] for any λ; the part of the deviations agrees with it as λ
-/// →
-/// 0. In double precision, because terms cancel if λ is small.
+/// With u = σ(ρ + λΔρ)/σ(ρ) − 1 the gain is Σ ½ λ² σ² `g_μ`² + u + ½ u² − log(1 + u). The terms of
+/// the means equal those of [`second_order`] for any λ; the terms of the deviations converge to
+/// those of [`second_order`] as λ → 0. Computed in double precision, because terms cancel if λ is
+/// small.
 ///
 /// # Panics
 /// If the slices differ in length.
@@ -83,10 +82,11 @@ pub fn explicit_step(
         [deviation.len(); 2]
     );
     let gradients = mean_gradient.iter().zip(deviation_gradient);
-    let term = |(&sigma, (&by_mean, &by_sigma)): (&f32, (&f32, &f32))| {
-        let [sigma, by_mean, by_sigma, step] = [sigma, by_mean, by_sigma, step].map(f64::from);
-        let shift = step * sigma * by_mean;
-        let growth = relative_growth(sigma, by_sigma, step);
+    let term = |(&sigma, (&mean_slope, &sigma_slope)): (&f32, (&f32, &f32))| {
+        let [sigma, mean_slope, sigma_slope, step] =
+            [sigma, mean_slope, sigma_slope, step].map(f64::from);
+        let shift = step * sigma * mean_slope;
+        let growth = relative_growth(sigma, sigma_slope, step);
         0.5 * shift * shift + growth + 0.5 * growth * growth - growth.ln_1p()
     };
     deviation.iter().zip(gradients).map(term).sum()
@@ -105,11 +105,11 @@ pub fn bonus(gain: f32, scale: Option<f32>, cap: f32, weight: f32) -> f32 {
 
 /// Relative growth of a standard deviation in a step: u = σ(ρ + λΔρ)/σ(ρ) − 1 = log(1 + σ' (e^(λΔρ)
 /// − 1))/σ, where σ' = eᵖ/(1 + eᵖ) = 1 − e⁻ˢ for s = σ.
-fn relative_growth(sigma: f64, by_sigma: f64, step: f64) -> f64 {
-    // e^x of larger exponents would overflow.
+fn relative_growth(sigma: f64, sigma_slope: f64, step: f64) -> f64 {
+    // e^x would overflow for larger exponents x.
     const MAX_EXPONENT: f64 = 700.0;
     let slope = -(-sigma).exp_m1();
-    let rho_step = step * sigma * sigma * by_sigma / (2.0 * slope);
+    let rho_step = step * sigma * sigma * sigma_slope / (2.0 * slope);
     (slope * rho_step.min(MAX_EXPONENT).exp_m1()).ln_1p() / sigma
 }
 
@@ -153,25 +153,25 @@ mod tests {
             let sigma: Vec<f32> = weights.iter().map(|w| w.0).collect();
             let noise: Vec<f32> = weights.iter().map(|w| w.1).collect();
             let slope: Vec<f32> = weights.iter().map(|w| w.2).collect();
-            let by_sigma: Vec<f32> = noise.iter().zip(&slope).map(|(noise, slope)| noise * slope).collect();
+            let sigma_slope: Vec<f32> = noise.iter().zip(&slope).map(|(noise, slope)| noise * slope).collect();
             let mut coefficients = Vec::new();
             one_draw_coefficients(&sigma, &noise, step, &mut coefficients);
             let factored: f32 = coefficients.iter().zip(&slope).map(|(c, g)| c * g * g).sum();
-            let expected = second_order(&sigma, &slope, &by_sigma, step);
+            let expected = second_order(&sigma, &slope, &sigma_slope, step);
             prop_assert!((factored - expected).abs() < 1e-4 * (1e-6 + expected), "{factored} {expected}");
         }
 
         /// The relative difference from the second-order gain is proportional to λ for small λ.
         #[test]
-        fn small_explicit_steps_agree_with_second_order(sigma in 0.01_f32..1.3, by_mean in -2.0_f32..2.0, by_sigma in -2.0_f32..2.0) {
-            prop_assume!(by_sigma.abs() > 0.1);
+        fn small_explicit_steps_agree_with_second_order(sigma in 0.01_f32..1.3, mean_slope in -2.0_f32..2.0, sigma_slope in -2.0_f32..2.0) {
+            prop_assume!(sigma_slope.abs() > 0.1);
             let difference = |step: f32| {
-                let second = f64::from(second_order(&[sigma], &[0.0], &[by_sigma], step));
-                (explicit_step(&[sigma], &[0.0], &[by_sigma], step) / second - 1.0).abs()
+                let second = f64::from(second_order(&[sigma], &[0.0], &[sigma_slope], step));
+                (explicit_step(&[sigma], &[0.0], &[sigma_slope], step) / second - 1.0).abs()
             };
             prop_assert!(difference(1e-2) < 2e-2 && difference(1e-4) < 2e-4, "{} {}", difference(1e-2), difference(1e-4));
-            let with_mean = explicit_step(&[sigma], &[by_mean], &[by_sigma], 1.0) - explicit_step(&[sigma], &[0.0], &[by_sigma], 1.0);
-            prop_assert!((with_mean - f64::from(0.5 * (sigma * by_mean).powi(2))).abs() < 1e-5);
+            let with_mean = explicit_step(&[sigma], &[mean_slope], &[sigma_slope], 1.0) - explicit_step(&[sigma], &[0.0], &[sigma_slope], 1.0);
+            prop_assert!((with_mean - f64::from(0.5 * (sigma * mean_slope).powi(2))).abs() < 1e-5);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Formulas of reinforcement learning as pure functions on slices, each with its source.
 //!
 //! Entry t of a slice of rewards is `R_{t+1}`, the reward that followed action t; entry t of a
-//! slice of seeds is `z_{k,t+1}`. Must not depend on files or threads.
+//! slice of reward seeds is `z_{k,t+1}`. This module must not depend on files or threads.
 
 pub mod advantage;
 pub mod categorical;

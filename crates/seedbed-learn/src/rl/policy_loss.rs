@@ -9,7 +9,7 @@ pub struct Surrogate {
     /// The derivative ∂loss/∂log π.
     pub slope: f32,
     /// Whether the derivative is 0 because the ratio is clipped.
-    pub clipped: bool,
+    pub is_clipped: bool,
 }
 
 /// The simple policy gradient (thesis Eq. 7, 20): −log π(a|s) A.
@@ -18,7 +18,7 @@ pub fn simple(log_prob: f32, advantage: f32) -> Surrogate {
     Surrogate {
         loss: -log_prob * advantage,
         slope: -advantage,
-        clipped: false,
+        is_clipped: false,
     }
 }
 
@@ -30,11 +30,15 @@ pub fn simple(log_prob: f32, advantage: f32) -> Surrogate {
 pub fn ppo(ratio: f32, advantage: f32, clip: f32) -> Surrogate {
     let unclipped_objective = ratio * advantage;
     let clipped_objective = ratio.clamp(1.0 - clip, 1.0 + clip) * advantage;
-    let clipped = clipped_objective < unclipped_objective;
+    let is_clipped = clipped_objective < unclipped_objective;
     Surrogate {
         loss: -unclipped_objective.min(clipped_objective),
-        slope: if clipped { 0.0 } else { -unclipped_objective },
-        clipped,
+        slope: if is_clipped {
+            0.0
+        } else {
+            -unclipped_objective
+        },
+        is_clipped,
     }
 }
 
@@ -45,7 +49,7 @@ pub fn off_pac(log_prob: f32, ratio: f32, advantage: f32, cap: Option<f32>) -> S
     Surrogate {
         loss: -weight * log_prob * advantage,
         slope: -weight * advantage,
-        clipped: false,
+        is_clipped: false,
     }
 }
 
@@ -59,16 +63,19 @@ mod tests {
     #[test]
     fn ppo_by_hand() {
         let loss = |ratio, advantage| ppo(ratio, advantage, 0.2);
-        assert_eq!((loss(1.5, 2.0).slope, loss(1.5, 2.0).clipped), (0.0, true));
+        assert_eq!(
+            (loss(1.5, 2.0).slope, loss(1.5, 2.0).is_clipped),
+            (0.0, true)
+        );
         assert!((loss(1.5, 2.0).loss + 2.4).abs() < 1e-6);
         assert!((loss(0.5, -2.0).loss - 1.6).abs() < 1e-6);
-        assert!(loss(0.5, -2.0).clipped);
+        assert!(loss(0.5, -2.0).is_clipped);
         assert_eq!(
             loss(1.5, -2.0),
             Surrogate {
                 loss: 3.0,
                 slope: 3.0,
-                clipped: false
+                is_clipped: false
             }
         );
         assert_eq!(
@@ -76,7 +83,7 @@ mod tests {
             Surrogate {
                 loss: -1.0,
                 slope: -1.0,
-                clipped: false
+                is_clipped: false
             }
         );
         assert_eq!(
@@ -84,7 +91,7 @@ mod tests {
             Surrogate {
                 loss: -2.0,
                 slope: -2.0,
-                clipped: false
+                is_clipped: false
             }
         );
     }
@@ -97,7 +104,7 @@ mod tests {
             Surrogate {
                 loss: 4.0,
                 slope: -8.0,
-                clipped: false
+                is_clipped: false
             }
         );
         assert_eq!(
@@ -105,22 +112,22 @@ mod tests {
             Surrogate {
                 loss: 1.0,
                 slope: -2.0,
-                clipped: false
+                is_clipped: false
             }
         );
     }
 
     proptest! {
-        /// ρ = exp(log π − log μ) with log μ = −0.7, except near 1 ± ε, where the loss is not
-        /// differentiable.
+        /// ρ = exp(log π − log μ) with log μ = −0.7. Samples with ρ near 1 ± ε are skipped, because
+        /// the loss of PPO is not differentiable there.
         #[test]
         fn slopes_agree_with_central_differences(log_prob in -3.0_f32..0.0, advantage in -4.0_f32..4.0, clip in 0.05_f32..0.9) {
             let ratio = |log_prob: f32| (log_prob + 0.7).exp();
             prop_assume!((ratio(log_prob) - 1.0 - clip).abs() > 0.02 && (ratio(log_prob) - 1.0 + clip).abs() > 0.02);
             let h = 1e-3;
             let numeric = |loss: &dyn Fn(f32) -> f32| (loss(log_prob + h) - loss(log_prob - h)) / (2.0 * h);
-            let clipped = ppo(ratio(log_prob), advantage, clip);
-            prop_assert!((numeric(&|x| ppo(ratio(x), advantage, clip).loss) - clipped.slope).abs() < 2e-2);
+            let ppo_loss = ppo(ratio(log_prob), advantage, clip);
+            prop_assert!((numeric(&|x| ppo(ratio(x), advantage, clip).loss) - ppo_loss.slope).abs() < 2e-2);
             prop_assert!((numeric(&|x| simple(x, advantage).loss) - simple(log_prob, advantage).slope).abs() < 2e-2);
             let constant = ratio(log_prob);
             let slope = off_pac(log_prob, constant, advantage, None).slope;

@@ -1,20 +1,20 @@
 //! Q-learning (thesis §1.4.1): targets of state-action values, and the gradient of the squared
 //! error.
 //!
-//! Values of n choices are rows `[B × n]`. If rewards include seeds, the error is that of Seed TD
-//! (thesis §2.4).
+//! Values of n choices are rows `[B × n]`. If rewards include reward seeds, the error is the error
+//! of Seed TD (thesis §2.4).
 
 use super::categorical::most_likely;
 
 /// Targets yᵢ = rᵢ + γᵢ Q′(s′ᵢ, argmax_b C(s′ᵢ, b)), where γᵢ is 0 after the end of an episode.
-/// With C = Q′ they are r + γ max_b Q′(s′, b) of Q-learning; with the values of the trained network
-/// as C, those of double Q-learning (van Hasselt, Guez & Silver 2016).
+/// With C = Q′ they are the targets r + γ max_b Q′(s′, b) of Q-learning; with the values of the
+/// trained network as C, the targets of double Q-learning (van Hasselt, Guez & Silver 2016).
 ///
 /// `rewards`, `discounts: [B]`, `next_values` (Q′), `choosing_values` (C): `[B × n]` → `targets:
 /// [B]`, overwritten
 ///
 /// # Panics
-/// If the slices are of different numbers of samples.
+/// If the slices have different numbers of samples.
 pub fn targets(
     rewards: &[f32],
     discounts: &[f32],
@@ -30,13 +30,13 @@ pub fn targets(
     let rows = next_values
         .chunks_exact(choices.max(1))
         .zip(choosing_values.chunks_exact(choices.max(1)));
-    let bootstrapped = rows.map(|(values, choosing)| values[most_likely(choosing)]);
+    let bootstrapped_values = rows.map(|(values, choosing)| values[most_likely(choosing)]);
     targets.clear();
     targets.extend(
         rewards
             .iter()
             .zip(discounts)
-            .zip(bootstrapped)
+            .zip(bootstrapped_values)
             .map(|((reward, discount), value)| discount.mul_add(value, *reward)),
     );
 }
@@ -73,8 +73,9 @@ pub fn squared_error(
     loss
 }
 
-/// Replaces values by the log-probabilities of the ε-greedy policy: ε is spread evenly over all
-/// choices, and the first of the largest values gets the rest.   `values: [n]`
+/// Replaces values by the log-probabilities of the ε-greedy policy: probability ε is spread evenly
+/// over all choices, and the first choice with the largest value gets the remaining 1 − ε.
+/// `values: [n]`
 pub fn epsilon_greedy(values: &mut [f32], epsilon: f32) {
     let greedy_choice = most_likely(values);
     let share = epsilon / values.len() as f32;
@@ -125,7 +126,7 @@ mod tests {
     }
 
     /// ε = 0.3 with three choices: 0.1, 0.8, 0.1. Of two equal values the first is the greedy
-    /// choice; with ε = 0 the others have probability 0.
+    /// choice; with ε = 0 all other choices have probability 0.
     #[test]
     fn epsilon_greedy_by_hand() {
         let probabilities = |mut values: [f32; 3], epsilon| {

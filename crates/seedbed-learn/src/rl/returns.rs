@@ -28,7 +28,7 @@ pub fn discounted(rewards: &[f32], discount: f32, returns: &mut [f32]) {
 /// Per-decision importance-sampled return (thesis Eq. 12, 18):
 /// G̃ₜ = Σ_{k≥t} γᵏ⁻ᵗ min(c, Π_{j=t..k} ρⱼ) rₖ₊₁.   `ratios`, `rewards`: `[T]` → `returns: [T]`
 ///
-/// `cap` is c, the maximum of each product of ratios (not of each ratio). `None` is the form
+/// `cap` is c, the maximum of each product of ratios (not of each ratio). `None` gives the form
 /// printed in the thesis, for which G̃ₜ = ρₜ (rₜ₊₁ + γ G̃ₜ₊₁). With a cap there is no such
 /// recursion, and the cost is O(T²). `scratch` is a buffer that grows to the longest trajectory.
 ///
@@ -255,7 +255,7 @@ mod tests {
         );
     }
 
-    /// The same with products of ratios capped at c = 1.
+    /// γ = 0.5, r = 1, 2, 4, ρ = 2, 0.5, 3, with products of ratios capped at c = 1.
     /// From step 0 on, the products are 2, 1, 3, capped 1, 1, 1, so G̃₀ = 1 + ½·2 + ¼·4 = 3.
     /// From step 1 on, they are ½, 3/2, capped ½, 1, so G̃₁ = ½·2 + ½·4 = 3.
     /// From step 2 on, the product is 3, capped 1, so G̃₂ = 4.

@@ -26,8 +26,8 @@ impl IndependentLearners {
         build: impl Fn(&AgentContext<'_>) -> A,
     ) -> Box<dyn Team> {
         let agents = context
-            .agents()
-            .map(|agent| Box::new(build(&context.agent(agent))) as Box<dyn Agent>);
+            .agent_numbers()
+            .map(|agent| Box::new(build(&context.agent_context(agent))) as Box<dyn Agent>);
         Box::new(Self::new(agents.collect()))
     }
 }

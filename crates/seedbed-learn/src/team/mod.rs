@@ -27,7 +27,7 @@ pub trait Team: Send {
     /// Number of agents K.
     fn agent_count(&self) -> usize;
 
-    /// Prepares for a round, which is played next.
+    /// Prepares for the round with this number, which is played next.
     fn begin_round(&mut self, _round: u32) {}
 
     /// Chooses the next action of every agent that plays.
@@ -74,8 +74,8 @@ pub struct ActionRequest<'a> {
     pub playing: &'a [bool],
     /// Random streams from which the agents draw their actions: `[K]`.
     pub random: &'a mut [Stream],
-    /// Output: the actions of the agents for which `playing` is true. A discrete action is the index of its value:
-    /// `[K × action width]`.
+    /// Output: the actions of the agents for which `playing` is true. A discrete action is the
+    /// index of its value: `[K × action width]`.
     pub actions: &'a mut [f32],
     /// Output: the log-probability of each component of these actions: `[K × action width]`.
     pub log_probs: &'a mut [f32],
@@ -98,7 +98,7 @@ pub struct Learner {
     /// Index in [`LearningRequest::episodes`] of the first episode that this agent has not learned
     /// from.
     pub first_new_episode: usize,
-    /// Number of its earlier updates.
+    /// Number of the agent's earlier updates.
     pub earlier_updates: u32,
 }
 
@@ -141,7 +141,7 @@ pub enum LearningTiming {
 impl<'a> TeamContext<'a> {
     /// The context of agent number `agent`.
     #[must_use]
-    pub fn agent(&self, agent: u32) -> AgentContext<'a> {
+    pub fn agent_context(&self, agent: u32) -> AgentContext<'a> {
         AgentContext {
             run_seed: self.run_seed,
             agent,
@@ -152,7 +152,7 @@ impl<'a> TeamContext<'a> {
     }
 
     /// The numbers of all agents, from 0.
-    pub fn agents(&self) -> impl Iterator<Item = u32> + use<> {
+    pub fn agent_numbers(&self) -> impl Iterator<Item = u32> + use<> {
         0..self.config.count.get()
     }
 }

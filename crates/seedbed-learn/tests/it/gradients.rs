@@ -1,17 +1,18 @@
-//! Every hand-written gradient against automatic differentiation: `gradients/reference.py` made the
-//! numbers of `gradients/reference.json`, and tells how to make them again.
+//! Compares every hand-written gradient with automatic differentiation, whose results
+//! `gradients/reference.py` stores in `gradients/reference.json`; its first lines explain how to
+//! run it.
 
 use seedbed_learn::nn::{Activations, Adam, AdamSettings, Mlp, PopArt};
 use seedbed_learn::rl::policy_loss::{self, Surrogate};
 use seedbed_learn::rl::{categorical, gaussian, q_learning};
 use serde::Deserialize;
 
-/// How far a number may lie from its reference, as a share of its scale.
+/// Tolerance of a number, as a share of its scale.
 ///
-/// Single precision rounds by 6·10⁻⁸ and `nn`'s tanh errs by up to 4·10⁻⁷. Through three layers and
-/// a sum over forty samples the gradients of networks come within 2·10⁻⁶ of the largest number of
-/// their tensor; this is ten times that. A term left out, a wrong sign or factor shows in the first
-/// digits.
+/// Rounding to f32 adds an error of 6·10⁻⁸, and tanh of `nn` has an error of up to 4·10⁻⁷. With
+/// three layers and a sum over forty samples, the errors of gradients are at most 2·10⁻⁶ of the
+/// largest number of their tensor. The tolerance is ten times as large. A missing term, a wrong
+/// sign or a wrong factor would change the first digits.
 const TOLERANCE: f64 = 2e-5;
 
 #[derive(Deserialize)]
@@ -31,27 +32,27 @@ fn reference() -> Reference {
     serde_json::from_str(include_str!("../gradients/reference.json")).unwrap()
 }
 
-/// Runs `check` on every case, of which there are this many at least.
-fn each<Case>(cases: &[Case], least: usize, check: impl Fn(&Case)) {
+/// Runs `check` on every case. There must be at least `min_count` cases.
+fn check_cases<Case>(cases: &[Case], min_count: usize, check: impl Fn(&Case)) {
     assert!(
-        cases.len() >= least,
-        "{} cases of at least {least}",
+        cases.len() >= min_count,
+        "{} cases; expected at least {min_count}",
         cases.len()
     );
     cases.iter().for_each(check);
 }
 
-/// Numbers whose terms are about 1 or less, or about as large as the number itself.
+/// Compares numbers that are sums of terms of about 1 or less, or of about the number's own size.
 fn assert_close(name: &str, ours: &[f32], reference: &[f64]) {
     assert_close_at_scale(name, ours, reference, 1.0);
 }
 
-/// The gradient of a network, tensor by tensor at the scale of the tensor's largest number.
+/// Compares the gradient of a network tensor by tensor, relative to each tensor's largest number.
 fn assert_gradient(name: &str, network: &Mlp, ours: &[f32], reference: &[f64]) {
     assert_eq!(ours.len(), reference.len(), "{name}");
-    let mut rest = reference;
+    let mut remaining = reference;
     for (tensor, _, ours) in network.tensors(ours) {
-        let (reference, next) = rest.split_at(ours.len());
+        let (reference, later) = remaining.split_at(ours.len());
         let largest = reference
             .iter()
             .fold(0.0, |largest: f64, number| largest.max(number.abs()));
@@ -61,10 +62,11 @@ fn assert_gradient(name: &str, network: &Mlp, ours: &[f32], reference: &[f64]) {
             reference,
             largest,
         );
-        rest = next;
+        remaining = later;
     }
 }
 
+/// Compares numbers with [`TOLERANCE`] relative to `scale`, or to the reference if it is larger.
 fn assert_close_at_scale(name: &str, ours: &[f32], reference: &[f64], scale: f64) {
     assert_eq!(ours.len(), reference.len(), "{name}");
     for (index, (&ours, &reference)) in ours.iter().zip(reference).enumerate() {
@@ -89,8 +91,8 @@ struct NetworkCase {
 
 /// L = ½ Σ y², so ∂L/∂y = y.
 #[test]
-fn networks() {
-    each(&reference().networks, 2, |case| {
+fn gradients_of_networks_match_the_reference() {
+    check_cases(&reference().networks, 2, |case| {
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
         let outputs = network
             .forward(&case.parameters, &case.inputs, &mut activations)
@@ -121,8 +123,8 @@ struct CategoricalCase {
 }
 
 #[test]
-fn categorical_distributions() {
-    each(&reference().categorical, 7, |case| {
+fn categorical_distributions_match_the_reference() {
+    check_cases(&reference().categorical, 7, |case| {
         let (name, choices) = (&case.name, case.logits.len());
         let mut log_probs = case.logits.clone();
         categorical::log_softmax_in_place(&mut log_probs, choices);
@@ -169,8 +171,8 @@ struct GaussianCase {
 }
 
 #[test]
-fn gaussian_distributions() {
-    each(&reference().gaussian, 7, |case| {
+fn gaussian_distributions_match_the_reference() {
+    check_cases(&reference().gaussian, 7, |case| {
         let &GaussianCase {
             action,
             mean,
@@ -205,7 +207,7 @@ enum Loss {
 }
 
 impl Loss {
-    fn at(self, log_prob: f32, behaviour: f32, advantage: f32) -> Surrogate {
+    fn surrogate(self, log_prob: f32, behaviour: f32, advantage: f32) -> Surrogate {
         let ratio = (log_prob - behaviour).exp();
         match self {
             Self::Simple => policy_loss::simple(log_prob, advantage),
@@ -227,8 +229,8 @@ struct PolicyLossCase {
 }
 
 #[test]
-fn policy_losses() {
-    each(&reference().policy_losses, 60, |case| {
+fn policy_losses_match_the_reference() {
+    check_cases(&reference().policy_losses, 60, |case| {
         let &PolicyLossCase {
             loss,
             log_prob,
@@ -236,13 +238,18 @@ fn policy_losses() {
             advantage,
             ..
         } = case;
-        let surrogate = loss.at(log_prob, behaviour, advantage);
+        let surrogate = loss.surrogate(log_prob, behaviour, advantage);
         let name = |what| {
             format!("{loss:?} at log π {log_prob}, log μ {behaviour}, A {advantage}: {what}")
         };
         assert_close(&name("loss"), &[surrogate.loss], &[case.value]);
         assert_close(&name("slope"), &[surrogate.slope], &[case.slope]);
-        assert_eq!(surrogate.clipped, case.slope == 0.0, "{}", name("clipped"));
+        assert_eq!(
+            surrogate.is_clipped,
+            case.slope == 0.0,
+            "{}",
+            name("clipped")
+        );
     });
 }
 
@@ -275,64 +282,81 @@ struct PolicyCase {
 }
 
 impl PolicyCase {
-    /// The objective's terms of one sample, and their gradient with respect to the network's
-    /// outputs, as `agent::policy` composes it.
+    /// The terms of one sample in the objective. Sets `gradient` to their gradient with respect to
+    /// the network's outputs, as `agent::policy` computes it.
     fn sample(&self, index: usize, outputs: &[f32], gradient: &mut [f32]) -> f32 {
-        let (action, weight) = (self.actions[index], 1.0 / self.actions.len() as f32);
-        let surrogate = |log_prob| {
-            self.loss
-                .at(log_prob, self.behaviour[index], self.advantages[index])
-        };
         match self.head {
             Head::Categorical { choices } => {
-                let mut log_probs = outputs.to_vec();
-                categorical::log_softmax_in_place(&mut log_probs, choices);
-                let Surrogate { loss, slope, .. } = surrogate(log_probs[action as usize]);
-                categorical::log_prob_gradient(
-                    &log_probs,
-                    action as usize,
-                    weight * slope,
-                    gradient,
-                );
-                categorical::add_entropy_gradient(
-                    &log_probs,
-                    -weight * self.entropy_bonus,
-                    gradient,
-                );
-                weight * (loss - self.entropy_bonus * categorical::entropy(&log_probs))
+                self.categorical_sample(index, outputs, choices, gradient)
             }
             Head::Gaussian {
-                range: [low, high],
+                range,
                 initial_deviation,
-            } => {
-                let (center, half_range) = (0.5 * (low + high), 0.5 * (high - low));
-                let relative = outputs[1] + initial_deviation.ln();
-                // ∂H/∂log σ = 1.
-                let free = if (-4.0..=1.0).contains(&relative) {
-                    1.0
-                } else {
-                    0.0
-                };
-                let (mean, log_deviation) = (
-                    half_range.mul_add(outputs[0], center),
-                    relative.clamp(-4.0, 1.0) + half_range.ln(),
-                );
-                let Surrogate { loss, slope, .. } =
-                    surrogate(gaussian::log_density(action, mean, log_deviation));
-                let [by_mean, by_log_deviation] =
-                    gaussian::log_density_gradient(action, mean, log_deviation);
-                gradient[0] = weight * slope * by_mean * half_range;
-                gradient[1] = free * weight * (slope * by_log_deviation - self.entropy_bonus);
-                weight * (loss - self.entropy_bonus * gaussian::entropy(log_deviation))
-            }
+            } => self.gaussian_sample(index, outputs, range, initial_deviation, gradient),
         }
+    }
+
+    fn surrogate(&self, index: usize, log_prob: f32) -> Surrogate {
+        let (behaviour, advantage) = (self.behaviour[index], self.advantages[index]);
+        self.loss.surrogate(log_prob, behaviour, advantage)
+    }
+
+    /// Weight of each sample in the mean.
+    fn weight(&self) -> f32 {
+        1.0 / self.actions.len() as f32
+    }
+
+    fn categorical_sample(
+        &self,
+        index: usize,
+        outputs: &[f32],
+        choices: usize,
+        gradient: &mut [f32],
+    ) -> f32 {
+        let (choice, weight) = (self.actions[index] as usize, self.weight());
+        let mut log_probs = outputs.to_vec();
+        categorical::log_softmax_in_place(&mut log_probs, choices);
+        let Surrogate { loss, slope, .. } = self.surrogate(index, log_probs[choice]);
+        categorical::log_prob_gradient(&log_probs, choice, weight * slope, gradient);
+        categorical::add_entropy_gradient(&log_probs, -weight * self.entropy_bonus, gradient);
+        weight * (loss - self.entropy_bonus * categorical::entropy(&log_probs))
+    }
+
+    fn gaussian_sample(
+        &self,
+        index: usize,
+        outputs: &[f32],
+        [low, high]: [f32; 2],
+        initial_deviation: f32,
+        gradient: &mut [f32],
+    ) -> f32 {
+        let (action, weight) = (self.actions[index], self.weight());
+        let (center, half_range) = (0.5 * (low + high), 0.5 * (high - low));
+        let relative_log_deviation = outputs[1] + initial_deviation.ln();
+        let is_within_bounds = (-4.0..=1.0).contains(&relative_log_deviation);
+        let (mean, log_deviation) = (
+            half_range.mul_add(outputs[0], center),
+            relative_log_deviation.clamp(-4.0, 1.0) + half_range.ln(),
+        );
+        let log_density = gaussian::log_density(action, mean, log_deviation);
+        let Surrogate { loss, slope, .. } = self.surrogate(index, log_density);
+        let [mean_slope, log_deviation_slope] =
+            gaussian::log_density_gradient(action, mean, log_deviation);
+        gradient[0] = weight * slope * mean_slope * half_range;
+        // The derivative of the entropy with respect to log σ is 1.
+        gradient[1] = if is_within_bounds {
+            weight * (slope * log_deviation_slope - self.entropy_bonus)
+        } else {
+            0.0
+        };
+        weight * (loss - self.entropy_bonus * gaussian::entropy(log_deviation))
     }
 }
 
-/// Mean loss − bonus · mean entropy, from the network's parameters on.
+/// Gradients of mean loss − entropy bonus · mean entropy with respect to the network's parameters.
 #[test]
-fn whole_policies() {
-    each(&reference().policies, 8, |case| {
+fn gradients_of_policies_match_the_reference() {
+    check_cases(&reference().policies, 8, |case| {
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
         let outputs = network
             .forward(&case.parameters, &case.states, &mut activations)
@@ -379,8 +403,8 @@ struct ValueCase {
 
 /// L = ½ mean w (Ŷ − Y)², so ∂L/∂Ŷ = w (Ŷ − Y) / B.
 #[test]
-fn whole_value_functions() {
-    each(&reference().values, 2, |case| {
+fn gradients_of_value_functions_match_the_reference() {
+    check_cases(&reference().values, 2, |case| {
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
         let outputs = network.forward(&case.parameters, &case.states, &mut activations);
         let errors: Vec<f32> = outputs
@@ -421,27 +445,27 @@ struct ActionValueCase {
     parameters: Vec<f32>,
     target: Vec<f32>,
     prior: Vec<f32>,
-    /// θ̂
+    /// Initial parameters θ̂.
     start: Vec<f32>,
     states: Vec<f32>,
     next_states: Vec<f32>,
     actions: Vec<usize>,
     rewards: Vec<f32>,
-    /// z
+    /// Reward seeds z.
     seeds: Vec<f32>,
     discounts: Vec<f32>,
     weights: Vec<f32>,
     double: bool,
-    /// β
+    /// Scale β of the prior.
     prior_scale: f32,
-    /// λ
+    /// Weight λ of the regularization.
     regularisation: f32,
     value: f64,
     gradient: Vec<f64>,
 }
 
 impl ActionValueCase {
-    /// Q = f + β p.
+    /// Values Q = f + β p of the learned network f and the prior p.
     fn values(&self, parameters: &[f32], states: &[f32]) -> Vec<f32> {
         let (network, mut activations) = (Mlp::new(&self.sizes), Activations::default());
         let learned = network
@@ -455,7 +479,7 @@ impl ActionValueCase {
             .collect()
     }
 
-    /// r + z + γ Q′(s′, ·)
+    /// Targets r + z + γ Q′(s′, ·).
     fn targets(&self) -> Vec<f32> {
         let rewards: Vec<f32> = self
             .rewards
@@ -463,24 +487,45 @@ impl ActionValueCase {
             .zip(&self.seeds)
             .map(|(reward, z)| reward + z)
             .collect();
-        let judged = self.values(&self.target, &self.next_states);
-        let online = self.values(&self.parameters, &self.next_states);
+        let target_values = self.values(&self.target, &self.next_states);
+        let online_values = self.values(&self.parameters, &self.next_states);
         let mut targets = Vec::new();
         q_learning::targets(
             &rewards,
             &self.discounts,
-            &judged,
-            if self.double { &online } else { &judged },
+            &target_values,
+            if self.double {
+                &online_values
+            } else {
+                &target_values
+            },
             &mut targets,
         );
         targets
     }
+
+    /// The regularization term ½ λ ‖θ − θ̂‖² and its gradient λ (θ − θ̂).
+    fn regularization(&self) -> (f32, Vec<f32>) {
+        let gradient: Vec<f32> = self
+            .parameters
+            .iter()
+            .zip(&self.start)
+            .map(|(now, start)| self.regularisation * (now - start))
+            .collect();
+        let term = gradient
+            .iter()
+            .zip(&self.parameters)
+            .zip(&self.start)
+            .map(|((slope, now), start)| 0.5 * slope * (now - start))
+            .sum();
+        (term, gradient)
+    }
 }
 
-/// The loss of Seed TD (thesis §2.4), from the network's parameters on.
+/// Gradients of the loss of Seed TD (thesis §2.4) with respect to the network's parameters.
 #[test]
-fn whole_action_values() {
-    each(&reference().action_values, 3, |case| {
+fn gradients_of_action_values_match_the_reference() {
+    check_cases(&reference().action_values, 3, |case| {
         let (values, mut slopes) = (case.values(&case.parameters, &case.states), Vec::new());
         let loss = q_learning::squared_error(
             &values,
@@ -489,21 +534,10 @@ fn whole_action_values() {
             &case.weights,
             &mut slopes,
         );
-        let pull: Vec<f32> = case
-            .parameters
-            .iter()
-            .zip(&case.start)
-            .map(|(now, start)| case.regularisation * (now - start))
-            .collect();
-        let penalty: f32 = pull
-            .iter()
-            .zip(&case.parameters)
-            .zip(&case.start)
-            .map(|((pull, now), start)| 0.5 * pull * (now - start))
-            .sum();
+        let (regularization, regularization_gradient) = case.regularization();
         assert_close(
             &format!("{}: loss", case.name),
-            &[loss + penalty],
+            &[loss + regularization],
             &[case.value],
         );
 
@@ -519,8 +553,8 @@ fn whole_action_values() {
         );
         gradient
             .iter_mut()
-            .zip(pull)
-            .for_each(|(slope, pull)| *slope += pull);
+            .zip(regularization_gradient)
+            .for_each(|(slope, term)| *slope += term);
         assert_gradient(&case.name, &network, &gradient, &case.gradient);
     });
 }
@@ -538,10 +572,11 @@ struct AdamCase {
     trajectory: Vec<f64>,
 }
 
-/// The scale is that of a step. Most of the error is that of β₂ = 0.999 in single precision.
+/// Errors are relative to the size of a step, about 0.1. Most of the error comes from rounding β₂ =
+/// 0.999 to single precision.
 #[test]
-fn steps_of_adam() {
-    each(&reference().adam, 3, |case| {
+fn steps_of_adam_match_the_reference() {
+    check_cases(&reference().adam, 3, |case| {
         let (count, mut parameters) = (case.start.len(), case.start.clone());
         let mut optimiser = Adam::new(case.settings, count);
         let mut trajectory = Vec::new();
@@ -566,7 +601,7 @@ struct PopArtCase {
     sizes: Vec<usize>,
     parameters: Vec<f32>,
     inputs: Vec<f32>,
-    /// Those of each update.
+    /// Targets of each update.
     targets: Vec<Vec<f32>>,
     means: Vec<f64>,
     deviations: Vec<f64>,
@@ -574,10 +609,11 @@ struct PopArtCase {
     denormalized: Vec<f64>,
 }
 
-/// Denormalised outputs are differences of numbers as large as the moments, so that is their scale.
+/// Denormalized outputs are differences of numbers as large as the moments, so their errors are
+/// relative to the mean.
 #[test]
-fn updates_of_pop_art() {
-    each(&reference().pop_art, 2, |case| {
+fn updates_of_pop_art_match_the_reference() {
+    check_cases(&reference().pop_art, 2, |case| {
         let (network, mut activations) = (Mlp::new(&case.sizes), Activations::default());
         let (mut parameters, mut normalizer) = (case.parameters.clone(), PopArt::new(case.beta));
         assert_eq!(case.means.len(), case.targets.len());

@@ -1,10 +1,10 @@
-//! Model and formulas together: what a Bayesian network of some dynamics says about the information
-//! in transitions.
+//! Tests of the Bayesian network together with the formulas of information gain, on transitions of
+//! a pendulum.
 
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use seedbed_env::random::{Purpose, Stream, stream};
-use seedbed_learn::nn::bayesian::{Draws, Pass};
+use seedbed_learn::nn::bayesian::{Draws, PassBuffers};
 use seedbed_learn::nn::{BayesianNetwork, BayesianSettings, Standardizer};
 use seedbed_learn::rl::information_gain;
 
@@ -13,15 +13,15 @@ const OUTPUTS: usize = 2;
 const BATCH: usize = 64;
 const STEP: f32 = 0.01;
 
-/// Transitions (x, v, a) → (Δx, Δv), each a row.
+/// Transitions of a pendulum: inputs (x, v, a) and targets (Δx, Δv), one row per transition.
 struct Transitions {
     inputs: Vec<f32>,
     targets: Vec<f32>,
 }
 
 impl Transitions {
-    /// A pendulum about x ∈ `[from, to]`, deterministic, one step of 0.1 s; Δs is given by its root
-    /// mean square, as models learn it.
+    /// Single steps of 0.1 s of a deterministic pendulum from states with x ∈ `[from, to]`. Targets
+    /// are in units of their root mean square, as bonus models learn them.
     fn pendulum(random: &mut Stream, count: usize, [from, to]: [f32; 2]) -> Self {
         let (mut inputs, mut changes, mut targets) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..count {
@@ -56,11 +56,11 @@ fn normals(random: &mut impl Rng, count: usize) -> Vec<f32> {
     (0..count).map(|_| StandardNormal.sample(random)).collect()
 }
 
-/// Bayes by Backprop on `first` transitions, in minibatches with replacement.
+/// Bayes by Backprop on the first `count` transitions, in minibatches drawn with replacement.
 fn train(
     network: &mut BayesianNetwork,
     data: &Transitions,
-    first: usize,
+    count: usize,
     steps: usize,
     random: &mut Stream,
 ) {
@@ -68,28 +68,30 @@ fn train(
     for _ in 0..steps {
         let (mut inputs, mut targets) = (Vec::new(), Vec::new());
         for _ in 0..BATCH {
-            let row = random.random_range(0..first);
+            let row = random.random_range(0..count);
             inputs.extend_from_slice(&data.inputs[row * INPUTS..(row + 1) * INPUTS]);
             targets.extend_from_slice(&data.targets[row * OUTPUTS..(row + 1) * OUTPUTS]);
         }
-        network.descend(&inputs, &targets, &normals(random, weights), first);
+        network.descend(&inputs, &targets, &normals(random, weights), count);
     }
 }
 
-/// Information gain of each transition by the mean of `draws` gradients, with some form of it.
+/// Information gain of each transition, computed by `gain` from σ and the mean gradients over
+/// `draws` draws of the weights with respect to μ and σ.
 fn gains(
     network: &BayesianNetwork,
     data: &Transitions,
     draws: usize,
-    form: impl Fn(&[f32], &[f32], &[f32]) -> f64,
+    gain: impl Fn(&[f32], &[f32], &[f32]) -> f64,
 ) -> Vec<f64> {
     let noise = normals(
         &mut stream(9, Purpose::Preview, 0, 0),
         draws * network.likelihood().weight_count(),
     );
-    let mut found = Vec::new();
-    let visit = |by_mean: &[f32], by_deviation: &[f32]| {
-        found.push(form(&network.posterior().deviation, by_mean, by_deviation));
+    let mut gains = Vec::new();
+    let visit = |mean_gradient: &[f32], deviation_gradient: &[f32]| {
+        let deviation = &network.posterior().deviation;
+        gains.push(gain(deviation, mean_gradient, deviation_gradient));
     };
     let data = (&data.inputs[..], &data.targets[..]);
     network.likelihood().expected_gradients(
@@ -98,21 +100,22 @@ fn gains(
         &mut Draws::default(),
         visit,
     );
-    found
+    gains
 }
 
 fn second_order(step: f32) -> impl Fn(&[f32], &[f32], &[f32]) -> f64 {
-    move |deviation, by_mean, by_deviation| {
+    move |deviation, mean_gradient, deviation_gradient| {
         f64::from(information_gain::second_order(
             deviation,
-            by_mean,
-            by_deviation,
+            mean_gradient,
+            deviation_gradient,
             step,
         ))
     }
 }
 
-/// By the mean gradient of ten draws.
+/// Mean information gain of the transitions, to second order, from the mean gradients over ten
+/// draws.
 fn mean_gain(network: &BayesianNetwork, data: &Transitions) -> f64 {
     gains(network, data, 10, second_order(STEP))
         .iter()
@@ -120,8 +123,10 @@ fn mean_gain(network: &BayesianNetwork, data: &Transitions) -> f64 {
         / data.len() as f64
 }
 
+/// Sums with the coefficients of one draw equal the second-order gain computed from the gradients
+/// of the same draw.
 #[test]
-fn the_factored_form_is_that_of_materialised_gradients() {
+fn gains_without_stored_gradients_equal_gains_from_gradients() {
     let (network, data) = (
         network(),
         Transitions::pendulum(&mut stream(2, Purpose::Preview, 0, 0), 100, [-1.0, 1.0]),
@@ -139,7 +144,7 @@ fn the_factored_form_is_that_of_materialised_gradients() {
     likelihood.weighted_squares(
         (&weights, &coefficients),
         (&data.inputs, &data.targets),
-        &mut Pass::default(),
+        &mut PassBuffers::default(),
         &mut found,
     );
     for (found, expected) in found.iter().zip(&expected) {
@@ -150,9 +155,9 @@ fn the_factored_form_is_that_of_materialised_gradients() {
     }
 }
 
-/// The forms differ by terms of third order in λσg_σ, so that the relative difference is
-/// proportional to λ. Mostly the explicit step gives less, as a wider posterior mostly lowers the
-/// likelihood (g_σ < 0).
+/// The gain of an explicit step and the second-order gain differ by terms of third order in λσg_σ,
+/// so their relative difference is proportional to λ. For small steps the explicit gain is smaller,
+/// because a wider posterior mostly lowers the likelihood (g_σ < 0).
 #[test]
 fn explicit_and_second_order_gains_agree_for_small_steps() {
     let (network, data) = (
@@ -162,11 +167,11 @@ fn explicit_and_second_order_gains_agree_for_small_steps() {
     let difference = |draws: usize, step: f32| {
         let exact =
             |d: &[f32], m: &[f32], s: &[f32]| information_gain::explicit_step(d, m, s, step);
-        let [exact, second] = [
+        let [exact_gains, second_order_gains] = [
             gains(&network, &data, draws, exact),
             gains(&network, &data, draws, second_order(step)),
         ];
-        exact.iter().sum::<f64>() / second.iter().sum::<f64>() - 1.0
+        exact_gains.iter().sum::<f64>() / second_order_gains.iter().sum::<f64>() - 1.0
     };
     for draws in [1, 10] {
         let [large, middle, small] = [1.0, 0.1, 0.01].map(|step| difference(draws, step));
@@ -180,46 +185,46 @@ fn explicit_and_second_order_gains_agree_for_small_steps() {
 }
 
 #[test]
-fn what_was_seen_teaches_less_than_what_is_new() {
+fn transitions_that_the_model_learned_from_give_less_information_than_new_ones() {
     let mut random = stream(3, Purpose::Preview, 0, 0);
     let (seen, new) = (
         Transitions::pendulum(&mut random, 2000, [-1.0, 0.0]),
         Transitions::pendulum(&mut random, 2000, [1.0, 2.0]),
     );
     let mut network = network();
-    let [seen_before, new_before] = [&seen, &new].map(|data| mean_gain(&network, data));
+    let [seen_untrained, new_untrained] = [&seen, &new].map(|data| mean_gain(&network, data));
     train(&mut network, &seen, seen.len(), 3000, &mut random);
     let [seen_after, new_after] = [&seen, &new].map(|data| mean_gain(&network, data));
     assert!(
-        seen_after < 0.05 * seen_before,
-        "{seen_before} {seen_after}"
+        seen_after < 0.05 * seen_untrained,
+        "{seen_untrained} {seen_after}"
     );
     assert!(new_after > 20.0 * seen_after, "{new_after} {seen_after}");
     train(&mut network, &new, new.len(), 3000, &mut random);
-    let new_visited = mean_gain(&network, &new);
+    let new_learned = mean_gain(&network, &new);
     assert!(
-        new_visited < 0.05 * new_before.min(new_after),
-        "{new_before} {new_after} {new_visited}"
+        new_learned < 0.05 * new_untrained.min(new_after),
+        "{new_untrained} {new_after} {new_learned}"
     );
 }
 
-/// The gain has the posterior's variance, which falls as 1/N, and the squared residual, which falls
-/// as the fit improves.
+/// The gain is proportional to the posterior's variance, which falls as 1/N, and to the squared
+/// residual, which falls as the fit improves.
 #[test]
-fn a_deterministic_world_has_ever_less_to_teach() {
+fn information_decreases_with_the_number_of_transitions() {
     let mut random = stream(4, Purpose::Preview, 0, 0);
     let data = Transitions::pendulum(&mut random, 20_000, [-1.0, 1.0]);
     let mut network = network();
     let untrained = mean_gain(&network, &data);
-    let mut before = f64::INFINITY;
+    let mut previous = f64::INFINITY;
     for count in [20, 200, 2000, 20_000] {
         train(&mut network, &data, count, 3000, &mut random);
         let gain = mean_gain(&network, &data);
         assert!(
-            gain < 0.25 * before,
-            "{count} transitions: {gain} after {before}"
+            gain < 0.25 * previous,
+            "{count} transitions: {gain} after {previous}"
         );
-        before = gain;
+        previous = gain;
     }
-    assert!(before < 0.01 * untrained, "{before} {untrained}");
+    assert!(previous < 0.01 * untrained, "{previous} {untrained}");
 }

@@ -19,7 +19,7 @@ use rerun::external::re_sdk_types::blueprint::components::{
 use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoint, Timeline};
 
-use super::curves::metrics;
+use super::curves::recorded_metrics;
 use super::error::RecordingError;
 use super::framing::Bounds;
 use super::layouts::Layouts;
@@ -30,7 +30,7 @@ use crate::record::metrics::{Metric, Range, Scope};
 use crate::record::visitation::LineQuota;
 
 /// Maximum number of agents in a legend. A larger legend would cover the curves.
-const AGENTS_IN_LEGEND: u32 = 8;
+const MAX_AGENTS_IN_LEGEND: u32 = 8;
 
 /// Color of density images where no state was visited.
 const BACKGROUND: [u8; 3] = [0, 0, 4];
@@ -73,22 +73,23 @@ pub(super) fn messages(
 ) -> Result<Vec<LogMsg>, RecordingError> {
     let mut builder = ViewBuilder::default();
     let blueprint = builder.blueprint(config);
-    let mut messages = encoded(application, &blueprint)?;
+    let mut messages = blueprint_messages(application, &blueprint)?;
     let Some(store) = messages.first().map(|message| message.store_id().clone()) else {
         return Ok(messages);
     };
-    let activation = messages.len() - 1;
+    // The last message activates the blueprint.
+    let activation_index = messages.len() - 1;
     for (entity, property) in &builder.properties {
         let start = TimePoint::default().with(Timeline::new_sequence("blueprint"), 0);
         let chunk = single_row_chunk(entity.clone(), start, property.as_ref())?;
         let message = chunk.to_arrow_msg()?;
-        messages.insert(activation, LogMsg::ArrowMsg(store.clone(), message));
+        messages.insert(activation_index, LogMsg::ArrowMsg(store.clone(), message));
     }
     Ok(messages)
 }
 
 /// Messages of a blueprint. The SDK returns them through a stream only.
-fn encoded(
+fn blueprint_messages(
     application: &'static str,
     blueprint: &Blueprint,
 ) -> Result<Vec<LogMsg>, RecordingError> {
@@ -116,10 +117,10 @@ impl ViewBuilder {
             return self.motion_blueprint(config);
         }
         let columns = [self.visitation_tabs(config), self.learning_column(config)];
-        let time = TimePanel::new()
+        let time_panel = TimePanel::new()
             .with_timeline(EPISODE)
             .with_play_state(PlayState::Following);
-        blueprint_of_columns(columns, [3.0, 2.0], time)
+        blueprint_of_columns(columns, [3.0, 2.0], time_panel)
     }
 
     fn learning_column(&mut self, config: &BlueprintConfig) -> ContainerLike {
@@ -129,34 +130,38 @@ impl ViewBuilder {
             .into();
         let legend = PlotLegend::new()
             .with_corner(Corner2D::RightBottom)
-            .with_visible(config.agents <= AGENTS_IN_LEGEND);
-        self.property(&returns, "PlotLegend", legend);
-        self.all_times(&returns);
-        let updates: Vec<_> = metrics(Scope::Agent)
-            .chain(metrics(Scope::Team))
+            .with_visible(config.agents <= MAX_AGENTS_IN_LEGEND);
+        self.set_property(&returns, "PlotLegend", legend);
+        self.show_all_times(&returns);
+        let updates: Vec<_> = recorded_metrics(Scope::Agent)
+            .chain(recorded_metrics(Scope::Team))
             .map(|metric| self.update_view(metric))
             .collect();
-        let mut rest: Vec<ContainerLike> = vec![
+        let mut other_tabs: Vec<ContainerLike> = vec![
             TextDocumentView::new("Scenario")
                 .with_origin("/scenario")
                 .into(),
         ];
         if let Some(scenes) = self.scenes(config) {
-            rest.insert(0, scenes);
+            other_tabs.insert(0, scenes);
         }
-        Vertical::new([returns, Tabs::new(updates).into(), Tabs::new(rest).into()])
-            .with_row_shares([3.0, 2.0, 3.0])
-            .into()
+        Vertical::new([
+            returns,
+            Tabs::new(updates).into(),
+            Tabs::new(other_tabs).into(),
+        ])
+        .with_row_shares([3.0, 2.0, 3.0])
+        .into()
     }
 
     fn update_view(&mut self, metric: &Metric) -> ContainerLike {
         let view: ContainerLike = TimeSeriesView::new(title(metric))
             .with_origin(format!("/curves/{}", metric.key))
             .into();
-        self.property(&view, "PlotLegend", PlotLegend::new().with_visible(false));
-        self.all_times(&view);
-        if metric.full_axis && metric.range == Range::Share {
-            self.property(
+        self.set_property(&view, "PlotLegend", PlotLegend::new().with_visible(false));
+        self.show_all_times(&view);
+        if metric.axis_shows_full_range && metric.range == Range::Share {
+            self.set_property(
                 &view,
                 "ScalarAxis",
                 ScalarAxis::new().with_range(Range1D::new(0.0, 1.0)),
@@ -166,12 +171,12 @@ impl ViewBuilder {
     }
 
     /// Makes a plot show all rows, from the first to the last, on every timeline.
-    fn all_times(&mut self, view: &ContainerLike) {
+    fn show_all_times(&mut self, view: &ContainerLike) {
         let always = TimeRange {
             start: TimeRangeBoundary::Infinite,
             end: TimeRangeBoundary::Infinite,
         };
-        self.property(view, "TimeAxis", TimeAxis::new().with_view_range(always));
+        self.set_property(view, "TimeAxis", TimeAxis::new().with_view_range(always));
     }
 
     fn scene(&mut self, scene: &SceneView) -> ContainerLike {
@@ -185,21 +190,21 @@ impl ViewBuilder {
                 x_range: [left, right].into(),
                 y_range: [top, bottom].into(),
             };
-            self.property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
+            self.set_property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
         }
-        self.background(&view);
+        self.set_background(&view);
         view
     }
 
-    fn background(&mut self, view: &ContainerLike) {
-        self.property(
+    fn set_background(&mut self, view: &ContainerLike) {
+        self.set_property(
             view,
             "Background",
             Background::new(BackgroundKind::SolidColor).with_color(rgb(BACKGROUND)),
         );
     }
 
-    fn property(
+    fn set_property(
         &mut self,
         view: &ContainerLike,
         name: &str,
@@ -217,14 +222,14 @@ impl ViewBuilder {
 fn blueprint_of_columns(
     columns: impl IntoIterator<Item = ContainerLike>,
     shares: [f32; 2],
-    time: TimePanel,
+    time_panel: TimePanel,
 ) -> Blueprint {
     Blueprint::new(Horizontal::new(columns).with_column_shares(shares))
         .with_auto_views(false)
         .with_auto_layout(false)
         .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
         .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
-        .with_time_panel(time.with_state(PanelState::Collapsed))
+        .with_time_panel(time_panel.with_state(PanelState::Collapsed))
 }
 
 /// The title of a view of a metric, such as `Clipped fraction`.

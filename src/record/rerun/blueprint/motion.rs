@@ -17,12 +17,12 @@ impl ViewBuilder {
             .into_iter()
             .chain([side_column.into()])
             .collect();
-        let time = TimePanel::new()
+        let time_panel = TimePanel::new()
             .with_timeline(ENV_STEP)
             .with_fps(1.0 / config.control_step)
             .with_loop_mode(LoopMode::All)
             .with_play_state(PlayState::Playing);
-        blueprint_of_columns(columns, [2.0, 1.0], time)
+        blueprint_of_columns(columns, [2.0, 1.0], time_panel)
     }
 
     /// The scenes of all agents with a recorded scene.
@@ -48,18 +48,18 @@ impl ViewBuilder {
 
     /// Densities of all visited states so far, of the team and of each agent.
     fn visited_states(&mut self, config: &BlueprintConfig) -> ContainerLike {
-        let agents = self.density(config, false, "density");
+        let agents = self.density_view(config, false, "density");
         if config.agents == 1 {
             return agents;
         }
-        Tabs::new([self.density(config, true, "density"), agents]).into()
+        Tabs::new([self.density_view(config, true, "density"), agents]).into()
     }
 
     fn returns_and_scenario(&mut self) -> ContainerLike {
         let returns: ContainerLike = TimeSeriesView::new("Return of each episode")
             .with_origin("/curves/return")
             .into();
-        self.all_times(&returns);
+        self.show_all_times(&returns);
         let scenario = TextDocumentView::new("Scenario")
             .with_origin("/scenario")
             .into();

@@ -30,53 +30,53 @@ struct ImageViewSpec<'a> {
 
 impl ViewBuilder {
     pub(super) fn visitation_tabs(&mut self, config: &BlueprintConfig) -> ContainerLike {
-        let mut tabs = vec![self.latest(config), self.so_far(config)];
+        let mut tabs = vec![self.latest_tab(config), self.so_far_tab(config)];
         if Arrangement::of(config.agents) == Arrangement::Many {
             tabs.push(
-                Vertical::new([self.lines(config, false)])
+                Vertical::new([self.lines_view(config, false)])
                     .with_name("Lines")
                     .into(),
             );
         }
-        tabs.push(self.pairs(config));
+        tabs.push(self.pairs_tab(config));
         if config.has_bonus {
-            tabs.push(self.bonuses(config));
+            tabs.push(self.bonus_tab(config));
         }
         Tabs::new(tabs).into()
     }
 
-    fn latest(&mut self, config: &BlueprintConfig) -> ContainerLike {
-        let densities = self.density(config, false, "latest");
+    fn latest_tab(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let densities = self.density_view(config, false, "latest");
         let tab = format!("Latest {} episodes", config.quota.window);
         match Arrangement::of(config.agents) {
-            Arrangement::Alone => Vertical::new([self.lines(config, false), densities])
+            Arrangement::Alone => Vertical::new([self.lines_view(config, false), densities])
                 .with_name(tab)
                 .into(),
-            Arrangement::Few => Horizontal::new([self.lines(config, false), densities])
+            Arrangement::Few => Horizontal::new([self.lines_view(config, false), densities])
                 .with_name(tab)
                 .into(),
             Arrangement::Many => {
                 let team = [
-                    self.density(config, true, "latest"),
-                    self.lines(config, true),
+                    self.density_view(config, true, "latest"),
+                    self.lines_view(config, true),
                 ];
                 team_above_agents(Horizontal::new(team).into(), densities, tab)
             }
         }
     }
 
-    fn so_far(&mut self, config: &BlueprintConfig) -> ContainerLike {
+    fn so_far_tab(&mut self, config: &BlueprintConfig) -> ContainerLike {
         let (densities, tab) = (
-            self.density(config, false, "density"),
+            self.density_view(config, false, "density"),
             "All states so far".to_owned(),
         );
         let arrangement = Arrangement::of(config.agents);
         if arrangement == Arrangement::Alone {
             return Vertical::new([densities]).with_name(tab).into();
         }
-        let mut team = vec![self.density(config, true, "density")];
+        let mut team = vec![self.density_view(config, true, "density")];
         if let Some(title) = difference_title(&config.difference) {
-            team.push(self.difference(config, &title));
+            team.push(self.difference_view(config, &title));
         }
         match arrangement {
             Arrangement::Many => team_above_agents(Horizontal::new(team).into(), densities, tab),
@@ -86,21 +86,21 @@ impl ViewBuilder {
         }
     }
 
-    fn pairs(&mut self, config: &BlueprintConfig) -> ContainerLike {
-        let states = self.pair_views(config, false);
-        self.with_team(config, "Pairs of observations", states, |builder| {
-            builder.pair_views(config, true)
+    fn pairs_tab(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let states = self.pairs_view(config, false);
+        self.tab_with_team(config, "Pairs of observations", states, |builder| {
+            builder.pairs_view(config, true)
         })
     }
 
-    fn bonuses(&mut self, config: &BlueprintConfig) -> ContainerLike {
-        let bonuses = self.bonus(config, false);
-        self.with_team(config, "Mean bonus", bonuses, |builder| {
-            builder.bonus(config, true)
+    fn bonus_tab(&mut self, config: &BlueprintConfig) -> ContainerLike {
+        let bonuses = self.bonus_view(config, false);
+        self.tab_with_team(config, "Mean bonus", bonuses, |builder| {
+            builder.bonus_view(config, true)
         })
     }
 
-    fn with_team(
+    fn tab_with_team(
         &mut self,
         config: &BlueprintConfig,
         tab: &str,
@@ -116,7 +116,7 @@ impl ViewBuilder {
         }
     }
 
-    fn lines(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
+    fn lines_view(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
         let layout = if of_team {
             config.layouts.team_axes
         } else {
@@ -137,7 +137,7 @@ impl ViewBuilder {
         )
     }
 
-    pub(super) fn density(
+    pub(super) fn density_view(
         &mut self,
         config: &BlueprintConfig,
         of_team: bool,
@@ -168,7 +168,7 @@ impl ViewBuilder {
         )
     }
 
-    fn pair_views(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
+    fn pairs_view(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
         let layout = if of_team {
             config.layouts.team_pairs
         } else {
@@ -189,7 +189,7 @@ impl ViewBuilder {
         )
     }
 
-    fn bonus(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
+    fn bonus_view(&mut self, config: &BlueprintConfig, of_team: bool) -> ContainerLike {
         let layout = if of_team {
             config.layouts.team_pairs
         } else {
@@ -214,12 +214,12 @@ impl ViewBuilder {
         )
     }
 
-    fn difference(&mut self, config: &BlueprintConfig, title: &str) -> ContainerLike {
+    fn difference_view(&mut self, config: &BlueprintConfig, title: &str) -> ContainerLike {
         let contents = [
             "/visitation/difference/**".to_owned(),
             "/visitation/team/axes/**".to_owned(),
         ];
-        self.view(
+        self.visitation_view(
             config.layouts.team_axes,
             title,
             "visitation",
@@ -238,23 +238,23 @@ impl ViewBuilder {
             accumulates,
         } = spec;
         let annotations = if *root == "pairs" { "frames" } else { "axes" };
-        let place = if *of_team {
+        let parent_entity = if *of_team {
             format!("/{root}/team")
         } else {
             format!("/{root}")
         };
         let mut contents: Vec<String> = vec![
-            format!("{place}/{annotations}/**"),
-            format!("{place}/scale/{scale}"),
-            format!("{place}/scale/{scale}/labels"),
-            format!("{place}/scale/{name}/ends"),
+            format!("{parent_entity}/{annotations}/**"),
+            format!("{parent_entity}/scale/{scale}"),
+            format!("{parent_entity}/scale/{scale}/labels"),
+            format!("{parent_entity}/scale/{name}/ends"),
         ];
         let agents = (0..config.agents).map(|agent| format!("/{root}/agent_{agent}/{name}"));
         contents.extend(agents.filter(|_| !of_team));
         contents.extend(of_team.then(|| format!("/{root}/team/{name}")));
-        let view = self.view(*layout, title, root, contents);
+        let view = self.visitation_view(*layout, title, root, contents);
         if *accumulates {
-            self.property(
+            self.set_property(
                 &view,
                 "VisibleTimeRanges",
                 VisibleTimeRanges::new(visible_ranges(config)),
@@ -263,7 +263,7 @@ impl ViewBuilder {
         view
     }
 
-    fn view(
+    fn visitation_view(
         &mut self,
         layout: PanelLayout,
         title: &str,
@@ -277,8 +277,8 @@ impl ViewBuilder {
             x_range: x_range.into(),
             y_range: y_range.into(),
         };
-        self.property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
-        self.background(&view);
+        self.set_property(&view, "VisualBounds2D", VisualBounds2D::new(bounds));
+        self.set_background(&view);
         view
     }
 }
@@ -329,9 +329,9 @@ fn sample_title(config: &BlueprintConfig, of_team: bool) -> String {
     )
 }
 
-/// The latest episodes on each timeline. On the timeline of steps, the range is that of one episode
-/// of maximum length, or of 2 steps per episode if that is longer: an episode has at least two
-/// rows, so that no more than the wanted number of episodes is visible.
+/// The latest episodes on each timeline. On the timeline of steps, the range has the length of one
+/// episode of maximum length, or of 2 steps per episode if that is longer: an episode has at least
+/// two rows, so that at most the given number of episodes is visible.
 fn visible_ranges(config: &BlueprintConfig) -> [VisibleTimeRange; 3] {
     let latest = |timeline: &str, length: u32| VisibleTimeRange {
         timeline: timeline.into(),

@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::{UnnumberedFigure, capitalized, color, in_one_panel};
+use super::{UnnumberedFigure, capitalized, color, picture_of_curves, picture_of_one_panel};
 use crate::study::comparison::{summarize_scores, times_to_event};
 use crate::study::measure::Measure;
 use crate::study::results::CellResults;
-use seedbed_figure::{Curves, Figure as Picture, IntervalRow, Intervals, Panel, Row, Series};
+use seedbed_figure::{Curves, IntervalRow, Intervals, Panel, Series};
 use seedbed_stats::aggregate::interquartile_mean;
 use seedbed_stats::profile::performance_profile;
 use seedbed_stats::survival::kaplan_meier;
@@ -60,8 +60,9 @@ impl Group<'_> {
             .collect()
     }
 
-    /// Estimate with its interval, and number of runs. The estimate is the median or, if tasks are
-    /// pooled, the interquartile mean of all runs with a bootstrap interval stratified by task.
+    /// Estimate with its interval, and number of runs; `None` without runs. The estimate is the
+    /// median or, if tasks are pooled, the interquartile mean of all runs with a bootstrap interval
+    /// stratified by task.
     fn estimate_with_count(&self, measure: Measure, is_pooled: bool) -> Option<(Estimate, usize)> {
         if let ([cell], false) = (&self.cells[..], is_pooled) {
             let aggregate = summarize_scores(&cell.scores(measure), measure.is_time())?;
@@ -106,32 +107,26 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> UnnumberedFig
         rows,
         ..Intervals::default()
     };
-    let method = match (is_pooled, measure.is_time()) {
-        (true, _) => "bootstrap over the runs of all tasks, stratified by task",
-        (_, true) => "Kaplan–Meier; runs that ended without reaching it are censored",
-        _ => "bootstrap",
-    };
     let caption = format!(
-        "{} {} with its 95 % interval ({method}).",
+        "{} {} with its 95 % interval ({}).",
         capitalized(statistic),
-        measure.title()
+        measure.title(),
+        interval_method(measure, is_pooled)
     );
-    let row = Row {
-        height: panel.height(),
-        panels: vec![Panel::Intervals(panel)],
-        key: None,
-    };
-    let picture = Picture {
-        title: String::new(),
-        description: String::new(),
-        width: 760.0,
-        rows: vec![row],
-    };
     UnnumberedFigure {
         kind: "intervals",
         title: capitalized(&measure.title()),
         caption,
-        picture,
+        picture: picture_of_one_panel(panel.height(), Panel::Intervals(panel)),
+    }
+}
+
+/// How the intervals of a measure are computed.
+fn interval_method(measure: Measure, is_pooled: bool) -> &'static str {
+    match (is_pooled, measure.is_time()) {
+        (true, _) => "bootstrap over the runs of all tasks, stratified by task",
+        (_, true) => "Kaplan–Meier; runs that ended without reaching it are censored",
+        _ => "bootstrap",
     }
 }
 
@@ -151,7 +146,7 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> UnnumberedFigure {
             name: cell.description.name.clone(),
             color: color(number),
             points,
-            steps: true,
+            has_steps: true,
             ..Series::default()
         }
     });
@@ -160,7 +155,7 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> UnnumberedFigure {
         y_label: "share of runs not solved yet".to_owned(),
         series: series.collect(),
         y_range: Some([0.0, 1.0]),
-        legend: true,
+        has_legend: true,
         ..Curves::default()
     };
     let caption =
@@ -169,7 +164,7 @@ pub(super) fn unsolved(cells: &[&CellResults]) -> UnnumberedFigure {
         kind: "unsolved",
         title: "Runs not solved yet".to_owned(),
         caption,
-        picture: in_one_panel(curves),
+        picture: picture_of_curves(curves),
     }
 }
 
@@ -187,7 +182,7 @@ pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> UnnumberedFigu
         [low.min(value), high.max(value)]
     });
     let profile = |(number, group): (usize, &&Group<'_>)| profile(group, measure, ends, number);
-    let side = if measure.is_better_below() {
+    let side = if measure.is_smaller_better() {
         "below"
     } else {
         "above"
@@ -197,7 +192,7 @@ pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> UnnumberedFigu
         y_label: format!("share of runs {side}"),
         series: groups.par_iter().enumerate().map(profile).collect(),
         y_range: Some([0.0, 1.0]),
-        legend: true,
+        has_legend: true,
         ..Curves::default()
     };
     let caption = format!(
@@ -207,12 +202,12 @@ pub(super) fn profiles(groups: &[Group<'_>], measure: Measure) -> UnnumberedFigu
         kind: "profiles",
         title: format!("Performance profiles: {}", measure.title()),
         caption,
-        picture: in_one_panel(curves),
+        picture: picture_of_curves(curves),
     }
 }
 
 fn profile(group: &Group<'_>, measure: Measure, ends: [f64; 2], number: usize) -> Series {
-    let shares = profile_steps(group.scores(measure), measure.is_better_below(), ends);
+    let shares = profile_steps(group.scores(measure), measure.is_smaller_better(), ends);
     let band = shares
         .iter()
         .filter_map(|(position, share)| match share.interval {
@@ -230,14 +225,14 @@ fn profile(group: &Group<'_>, measure: Measure, ends: [f64; 2], number: usize) -
         color: color(number),
         points,
         band,
-        steps: true,
+        has_steps: true,
         ..Series::default()
     }
 }
 
-/// Steps of a profile: places on the axis, and the share of runs above, or `is_below`, from there
-/// to the next place. Places are the values of runs and both ends of the figure.   `scores:
-/// [task][run]`
+/// Steps of a profile: positions on the axis, each with the share of runs above it or, if
+/// `is_below` is set, below it, which is the share up to the next position. Positions are the
+/// scores of runs and both ends of the figure.   `scores: [task][run]`
 fn profile_steps(
     mut scores: Vec<Vec<f64>>,
     is_below: bool,
@@ -249,9 +244,9 @@ fn profile_steps(
         .chain([high])
         .collect();
     // A performance profile is the share of runs above a threshold. For shares below, scores and
-    // thresholds are negated. The share at the first position is that just before its value: all
-    // runs, or none. `next_up` and `next_down` include or exclude runs whose score equals the
-    // threshold.
+    // thresholds are negated. The share at the first position is the share just before it: all runs
+    // or, for shares below, none. `next_up` and `next_down` determine whether runs count whose
+    // score equals the threshold.
     let first_threshold = if is_below { -low } else { low.next_down() };
     let threshold_after = |position: &f64| {
         if is_below {
@@ -288,8 +283,8 @@ fn sorted_distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Of the scores 1, 2, 2, 4 and ∞, four are above 1, two above 2, and one above 4; one is at
-    /// most 1, three at most 2, and four at most 4.
+    /// Of the scores 1, 2, 2, 4 and ∞, four are above 1, two are above 2, and one is above 4. One
+    /// score is at most 1, three are at most 2, and four are at most 4.
     #[test]
     fn profiles_have_steps_at_the_values_of_runs() {
         let steps = |is_below: bool| {

@@ -96,10 +96,14 @@ fn draw_figure(results: &Results, figure: &Figure) -> Option<UnnumberedFigure> {
     Some(UnnumberedFigure { title, ..drawing })
 }
 
-fn in_one_panel(curves: Curves) -> Picture {
+fn picture_of_curves(curves: Curves) -> Picture {
+    picture_of_one_panel(360.0, Panel::Curves(curves))
+}
+
+fn picture_of_one_panel(height: f64, panel: Panel) -> Picture {
     let row = Row {
-        height: 360.0,
-        panels: vec![Panel::Curves(curves)],
+        height,
+        panels: vec![panel],
         key: None,
     };
     Picture {
@@ -128,21 +132,8 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> UnnumberedFigure 
         .collect();
     let label = of.metric().label();
     let title = format!("{}, mean of all runs", capitalized(&label));
-    let caption = format!(
-        "{}{}, mean over runs{}. {}",
-        capitalized(&label),
-        if window > 1 {
-            format!(", moving average over {window} values")
-        } else {
-            String::new()
-        },
-        if series.iter().any(|series| series.band.is_some()) {
-            ", with 95 % bootstrap bands"
-        } else {
-            ""
-        },
-        ended_early(cells)
-    );
+    let has_bands = series.iter().any(|series| series.band.is_some());
+    let caption = caption_of_curves(cells, &label, window, has_bands);
     let y_logarithmic = differ_by_orders_of_magnitude(&series);
     let curves = Curves {
         x_label: "episodes of each agent".to_owned(),
@@ -154,23 +145,47 @@ fn curves(cells: &[&CellResults], of: Curve, window: usize) -> UnnumberedFigure 
             Vec::new()
         },
         series,
-        legend: true,
+        has_legend: true,
         ..Curves::default()
     };
     UnnumberedFigure {
         kind: "curves",
         title,
-        caption: caption.trim().to_owned(),
-        picture: in_one_panel(curves),
+        caption,
+        picture: picture_of_curves(curves),
     }
+}
+
+fn caption_of_curves(
+    cells: &[&CellResults],
+    label: &str,
+    window: usize,
+    has_bands: bool,
+) -> String {
+    let caption = format!(
+        "{}{}, mean over runs{}. {}",
+        capitalized(label),
+        if window > 1 {
+            format!(", moving average over {window} values")
+        } else {
+            String::new()
+        },
+        if has_bands {
+            ", with 95 % bootstrap bands"
+        } else {
+            ""
+        },
+        sentence_about_early_ends(cells)
+    );
+    caption.trim().to_owned()
 }
 
 /// Maximum ratio between the medians of two curves on a linear axis. With a larger ratio, the lower
 /// curve would look flat.
 const MAX_RATIO_ON_LINEAR_AXIS: f64 = 100.0;
 
-/// Whether the medians of two curves differ by more than [`MAX_RATIO_ON_LINEAR_AXIS`] and all
-/// values are above 0.
+/// Whether the medians of two curves differ by more than the factor [`MAX_RATIO_ON_LINEAR_AXIS`],
+/// and all values are above 0.
 fn differ_by_orders_of_magnitude(series: &[Series]) -> bool {
     let y_values = |series: &Series| {
         series
@@ -200,7 +215,7 @@ fn differ_by_orders_of_magnitude(series: &[Series]) -> bool {
 }
 
 /// Sentence for the caption if some runs ended earlier than others; otherwise empty.
-fn ended_early(cells: &[&CellResults]) -> &'static str {
+fn sentence_about_early_ends(cells: &[&CellResults]) -> &'static str {
     let lengths = |cell: &&CellResults| {
         cell.runs
             .iter()
@@ -218,7 +233,8 @@ fn ended_early(cells: &[&CellResults]) -> &'static str {
     }
 }
 
-/// Line at the return at which the task counts as solved, if it is equal for all runs.
+/// Line at the return at which the task counts as solved; empty unless this return is equal for all
+/// runs.
 fn thresholds(cells: &[&CellResults]) -> Vec<Threshold> {
     let mut values: Vec<f64> = cells
         .iter()
@@ -399,7 +415,7 @@ fn names_without_common_parts(cells: &[&CellResults]) -> Vec<String> {
         .collect()
 }
 
-/// Width of panels of visited states.
+/// Width of panels of visited states, in CSS pixels.
 const PANEL_WIDTH: f64 = 300.0;
 
 fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<UnnumberedFigure> {
@@ -417,7 +433,7 @@ fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Unnum
         "States visited in the run with seed {seed}: one axis per observation, one line per state; \
          darker where more lines cross. Each panel shows a uniform sample of at most \
          {} states of all agents{}.",
-        crate::study::run_result::STATES,
+        crate::study::run_result::MAX_SAMPLED_STATES,
         if windows.len() > 1 {
             "; rows show increasing parts of training"
         } else {
@@ -458,7 +474,7 @@ fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> 
         let mut density = Density::new(&axes);
         let mut fractions = Vec::new();
         for state in states.chunks_exact(spec.observation_width()) {
-            axes.project(&VisitedState::state(0, state, 0.0), &mut fractions);
+            axes.project(&VisitedState::without_action(0, state, 0.0), &mut fractions);
             density.add(&fractions);
         }
         let episodes_text = match window {
@@ -487,7 +503,7 @@ fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> 
 fn row_of_densities(mut row: Vec<CellDensity>) -> Row {
     let pixels_per_cell: Vec<Vec<u32>> = row
         .iter_mut()
-        .map(|dense| dense.density.draw_all().clone())
+        .map(|cell| cell.density.draw_all().clone())
         .collect();
     let max_count = pixels_per_cell
         .iter()
@@ -497,7 +513,7 @@ fn row_of_densities(mut row: Vec<CellDensity>) -> Row {
         .unwrap_or(1)
         .max(1);
     let panel = |(CellDensity { title, axes, .. }, pixels): (CellDensity, Vec<u32>)| {
-        let width = pixels.len() / crate::record::visitation::HEIGHT;
+        let width = pixels.len() / crate::record::visitation::AXIS_HEIGHT;
         let states = States::Density(DensityImage {
             pixels,
             width,
@@ -560,7 +576,8 @@ mod tests {
         }
     }
 
-    /// Curves with a constant value after the first point, which does not change the median.
+    /// Each curve has a constant value after its first point, and the first point does not change
+    /// the median.
     #[test]
     fn curves_that_differ_by_orders_of_magnitude_have_a_logarithmic_axis() {
         assert!(differ_by_orders_of_magnitude(&[

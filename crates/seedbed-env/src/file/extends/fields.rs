@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use crate::input;
 
-/// A file of the form `Kind(name: value, …)`. All places are byte offsets.
+/// The parts of a file of the form `Kind(name: value, …)`. All positions are byte offsets.
 pub(super) struct FileParts {
-    /// After the opening parenthesis.
+    /// Just after the opening parenthesis.
     pub(super) open: usize,
-    /// Before the closing parenthesis.
+    /// At the closing parenthesis.
     pub(super) close: usize,
     pub(super) fields: Vec<Field>,
 }
@@ -16,17 +16,17 @@ pub(super) struct FileParts {
 /// A top-level field.
 pub(super) struct Field {
     pub(super) name: String,
-    /// The whole field, with the comments before it, its comma, and a comment behind that on the
-    /// same line.
+    /// The whole field, with the comments before it, its comma, and a comment behind the comma on
+    /// the same line.
     pub(super) text: Range<usize>,
     pub(super) value: Range<usize>,
     /// Where a comma belongs, if the field is the last one and has none.
     pub(super) missing_comma: Option<usize>,
 }
 
-/// What has been seen of a field.
+/// The part of a field that has been read so far.
 #[derive(Default)]
-struct Unfinished {
+struct PartialField {
     name: Option<Range<usize>>,
     value_start: Option<usize>,
     /// End of the last token that is neither a space nor a comment.
@@ -34,60 +34,56 @@ struct Unfinished {
 }
 
 impl FileParts {
-    /// `None` if the text does not have this form, as far as can be seen without parsing values.
-    pub(super) fn of(text: &str) -> Option<Self> {
-        let mut at = skip_blank(text, input::after_first_word(text))?;
-        if !text[at..].starts_with('(') {
-            return None;
-        }
-        let open = at + 1;
+    /// Splits a text. `None` if it does not have this form, as far as can be seen without parsing
+    /// values.
+    pub(super) fn split(text: &str) -> Option<Self> {
+        let open = after_opening_parenthesis(text)?;
         let (mut fields, mut depth) = (Vec::new(), 0_usize);
-        let (mut start, mut field) = (open, Unfinished::default());
-        at = open;
+        let (mut field_start, mut field) = (open, PartialField::default());
+        let mut offset = open;
         loop {
-            at = skip_blank(text, at)?;
-            let token = next_token(text, at)?;
-            match &text[at..token] {
+            let start = skip_blank(text, offset)?;
+            let end = token_end(text, start)?;
+            match &text[start..end] {
                 "(" | "[" | "{" => depth += 1,
                 ")" if depth == 0 => {
-                    fields.extend(field.finish(text, start..at, true));
-                    let close = at;
+                    fields.extend(field.finish(text, field_start..start, true));
                     return Some(Self {
                         open,
-                        close,
+                        close: start,
                         fields,
                     });
                 }
                 ")" | "]" | "}" => depth = depth.checked_sub(1)?,
                 "," if depth == 0 => {
-                    let end = with_comment(text, token);
-                    fields.push(field.finish(text, start..end, false)?);
-                    (start, field) = (end, Unfinished::default());
-                    at = end;
+                    offset = end_with_comment(text, end);
+                    fields.push(field.finish(text, field_start..offset, false)?);
+                    (field_start, field) = (offset, PartialField::default());
                     continue;
                 }
                 ":" if depth == 0 && field.value_start.is_none() => {
-                    field.value_start = Some(skip_blank(text, token)?);
+                    field.value_start = Some(skip_blank(text, end)?);
                 }
                 _ => {}
             }
-            field.name.get_or_insert(at..token);
-            field.end = token;
-            at = token;
+            field.name.get_or_insert(start..end);
+            field.end = end;
+            offset = end;
         }
     }
 
-    /// The field `extends`.
-    pub(super) fn extends(&self) -> Option<usize> {
+    /// Index of the field `extends`.
+    pub(super) fn extends_index(&self) -> Option<usize> {
         self.fields.iter().position(|field| field.name == "extends")
     }
 
+    /// Removes the field `extends` and returns it.
     pub(super) fn take_extends(&mut self) -> Option<Field> {
-        self.extends().map(|index| self.fields.remove(index))
+        self.extends_index().map(|index| self.fields.remove(index))
     }
 }
 
-impl Unfinished {
+impl PartialField {
     fn finish(self, text: &str, whole: Range<usize>, is_last: bool) -> Option<Field> {
         let name = text[self.name?].to_owned();
         let blank_lines = text[whole.clone()]
@@ -102,8 +98,14 @@ impl Unfinished {
     }
 }
 
-/// The end of the line, if nothing but a comment follows on it.
-fn with_comment(text: &str, at: usize) -> usize {
+/// Byte offset just after the opening parenthesis of the file; `None` if there is none.
+fn after_opening_parenthesis(text: &str) -> Option<usize> {
+    let start = skip_blank(text, input::after_first_word(text))?;
+    text[start..].starts_with('(').then_some(start + 1)
+}
+
+/// The end of the line of `at` if only a comment follows on it, else `at` itself.
+fn end_with_comment(text: &str, at: usize) -> usize {
     let line = text[at..].split('\n').next().unwrap_or_default();
     if line.trim_start().starts_with("//") {
         at + line.len()
@@ -121,7 +123,7 @@ fn skip_blank(text: &str, mut at: usize) -> Option<usize> {
         if trimmed.starts_with("//") {
             at += trimmed.find('\n').unwrap_or(trimmed.len());
         } else if trimmed.starts_with("/*") {
-            at += block_comment(trimmed)?;
+            at += block_comment_length(trimmed)?;
         } else {
             return Some(at);
         }
@@ -129,7 +131,7 @@ fn skip_blank(text: &str, mut at: usize) -> Option<usize> {
 }
 
 /// Length of the comment with which `text` begins. Block comments nest.
-fn block_comment(text: &str) -> Option<usize> {
+fn block_comment_length(text: &str) -> Option<usize> {
     let (mut depth, mut at) = (0, 0);
     loop {
         let rest = text.get(at..)?;
@@ -142,31 +144,31 @@ fn block_comment(text: &str) -> Option<usize> {
     }
 }
 
-/// Where the token ends that begins at `at`: a word, a string, a character in quotes, or any other
+/// End of the token that begins at `start`: a word, a string, a character in quotes, or any other
 /// single character. `None` at the end of the text.
-fn next_token(text: &str, at: usize) -> Option<usize> {
-    let rest = &text[at..];
+fn token_end(text: &str, start: usize) -> Option<usize> {
+    let rest = &text[start..];
     let first = rest.chars().next()?;
     let length = match first {
-        '"' => quoted(rest, '"')?,
-        '\'' => quoted(rest, '\'')?,
-        'r' | 'b' => match raw_string(rest)? {
-            0 => word(rest),
+        '"' => quoted_length(rest, '"')?,
+        '\'' => quoted_length(rest, '\'')?,
+        'r' | 'b' => match raw_string_length(rest)? {
+            0 => word_length(rest),
             length => length,
         },
-        _ if first.is_alphanumeric() || first == '_' => word(rest),
+        _ if first.is_alphanumeric() || first == '_' => word_length(rest),
         _ => first.len_utf8(),
     };
-    Some(at + length)
+    Some(start + length)
 }
 
-fn word(text: &str) -> usize {
+fn word_length(text: &str) -> usize {
     text.find(|c: char| !c.is_alphanumeric() && c != '_')
         .unwrap_or(text.len())
 }
 
 /// Length of the string or character with which `text` begins, quotes included.
-fn quoted(text: &str, quote: char) -> Option<usize> {
+fn quoted_length(text: &str, quote: char) -> Option<usize> {
     let mut escaped = false;
     for (at, found) in text.char_indices().skip(1) {
         match found {
@@ -181,7 +183,7 @@ fn quoted(text: &str, quote: char) -> Option<usize> {
 
 /// Length of a raw string such as `r#"…"#` at the start of `text`; 0 if there is none, `None` if it
 /// does not end.
-fn raw_string(text: &str) -> Option<usize> {
+fn raw_string_length(text: &str) -> Option<usize> {
     let Some(after) = text.strip_prefix("br").or_else(|| text.strip_prefix('r')) else {
         return Some(0);
     };
@@ -200,7 +202,7 @@ mod tests {
     use super::*;
 
     fn names_and_values(text: &str) -> Vec<(String, String)> {
-        let parts = FileParts::of(text).unwrap();
+        let parts = FileParts::split(text).unwrap();
         let fields = parts.fields.into_iter();
         fields
             .map(|field| (field.name, text[field.value].to_owned()))
@@ -238,7 +240,7 @@ Kind( /* a: /* nested */ 1, */
             "Kind(a: \"1)",
             "Kind(a: 1]) /*",
         ] {
-            assert!(FileParts::of(text).is_none(), "{text}");
+            assert!(FileParts::split(text).is_none(), "{text}");
         }
     }
 }

@@ -9,7 +9,7 @@ use rapier2d::prelude::{
 
 use super::super::geometry::{PlacedShape, TOLERANCE};
 use super::super::vector;
-use super::link::{ControlInput, Link, Root, joint};
+use super::link::{ControlInput, Link, Root, rapier_joint};
 use crate::description::{self, Body, BodyTask, Drive};
 use crate::kinematics::{KinematicTree, Link as TreeLink};
 
@@ -31,7 +31,8 @@ pub(super) struct WorldTemplate {
     pub(super) links: Vec<Link>,
     /// One per free body.
     pub(super) roots: Vec<Root>,
-    pub(super) motors: Vec<ControlInput>,
+    /// One per control.
+    pub(super) control_inputs: Vec<ControlInput>,
 }
 
 impl WorldTemplate {
@@ -53,7 +54,9 @@ impl WorldTemplate {
         links
             .iter()
             .zip(&task.joints)
-            .for_each(|(link, described)| link.resist(&described.passive, &mut joints));
+            .for_each(|(link, described)| {
+                link.set_passive_forces(&described.passive_forces, &mut joints);
+            });
         Self {
             gravity: vector(task.gravity),
             parameters: parameters(task),
@@ -63,7 +66,7 @@ impl WorldTemplate {
                 .iter()
                 .map(|&body| root(body, task))
                 .collect(),
-            motors: ControlInput::all(task),
+            control_inputs: ControlInput::from_task(task),
             multibodies,
             multibody_joints: joints,
             bodies,
@@ -76,12 +79,13 @@ impl WorldTemplate {
 }
 
 /// Surfaces that approach each other more slowly than this, m/s, are found before they touch: the
-/// distance at which contacts are predicted grows with the time between two searches.
+/// distance at which contacts are predicted grows with the time between two contact updates.
 const MAX_PREDICTED_SPEED: f32 = 4.0;
 
-/// Contacts are not recycled from one step to the next, because recycled ones gain energy on
-/// sloping ground. Continuous collision detection is off, because it moves multibodies without
-/// updating their coordinates; bodies must be slow enough, or walls thick enough, to do without it.
+/// Rapier's settings. Contacts are not recycled from one step to the next, because recycled ones
+/// gain energy on sloping ground. Continuous collision detection is off, because it moves
+/// multibodies without updating their coordinates; bodies must be slow enough, or walls thick
+/// enough, to do without it.
 fn parameters(task: &BodyTask) -> IntegrationParameters {
     let dt = task.spec.control_step as f32 / task.solver.contact_updates as f32;
     IntegrationParameters {
@@ -133,7 +137,7 @@ fn colliders(
 
 fn collider(surface: &description::Collider, com: Vector) -> Collider {
     let PlacedShape { shape, pose, .. } = PlacedShape::new(surface);
-    let kinds = |bits| Group::from_bits_retain(bits);
+    let groups = |bits| Group::from_bits_retain(bits);
     ColliderBuilder::new(shape)
         .position(Pose::from_translation(-com) * pose)
         .density(0.0)
@@ -142,14 +146,15 @@ fn collider(surface: &description::Collider, com: Vector) -> Collider {
         .restitution(surface.restitution as f32)
         .restitution_combine_rule(CoefficientCombineRule::Max)
         .collision_groups(InteractionGroups::new(
-            kinds(surface.contype),
-            kinds(surface.conaffinity),
+            groups(surface.contype),
+            groups(surface.conaffinity),
             InteractionTestMode::Or,
         ))
         .build()
 }
 
-/// Each joint to the world gets its own fixed body, so that trees of bodies are independent.
+/// Inserts a joint. Each joint to the world gets its own fixed body, so that trees of bodies are
+/// independent.
 fn insert_link(
     index: usize,
     link: &TreeLink,
@@ -171,7 +176,7 @@ fn insert_link(
             Drive::Servo(servo) if servo.joint == index => Some(servo),
             _ => None,
         });
-    let joint = joint(link, &task.joints[index], servo, coms);
+    let joint = rapier_joint(link, &task.joints[index], servo, coms);
     let handle = joints.insert(parent, handles[link.child], joint, false);
     Link::new(link, handle.expect("joints form trees"), handles, coms[1])
 }

@@ -9,7 +9,7 @@ use rapier2d::prelude::{
 
 use super::super::vector;
 use super::build::WorldTemplate;
-use crate::description::{BodyTask, Drive, Joint, Passive, Servo, ServoTarget};
+use crate::description::{BodyTask, Drive, Joint, PassiveForces, Servo, ServoTarget};
 use crate::kinematics::{Frame, Link as TreeLink, Motion};
 
 /// A multibody joint.
@@ -26,13 +26,13 @@ pub(super) struct Link {
 /// A free body.
 pub(super) struct Root {
     pub(super) body: usize,
-    /// Its center of mass in its frame.
+    /// Center of mass in the body's frame, m.
     com: Vector,
-    /// Whether it is the parent of a joint, and thus the root of a multibody.
+    /// Whether the body is the parent of a joint, and thus the root of a multibody.
     pub(super) is_linked: bool,
 }
 
-/// Position and velocity of a frame's origin, its angle and angular velocity.
+/// Position and velocity of a frame's origin, and angle and angular velocity of the frame.
 pub(super) struct FrameMotion {
     pub(super) position: Vector,
     pub(super) velocity: Vector,
@@ -46,14 +46,15 @@ pub(super) struct ControlInput {
     gear: f32,
 }
 
-/// The joint for Rapier; `coms` are the centers of mass of parent and child in their frames.
-pub(super) fn joint(
+/// A joint as Rapier represents it; `coms` are the centers of mass of parent and child in their
+/// frames.
+pub(super) fn rapier_joint(
     link: &TreeLink,
     described: &Joint,
     servo: Option<&Servo>,
     coms: [[f64; 2]; 2],
 ) -> GenericJoint {
-    let (locked, turned) = match link.motion {
+    let (locked, axis_rotation) = match link.motion {
         Motion::Slide([x, y]) => (
             JointAxesMask::LOCKED_PRISMATIC_AXES,
             Rotation::from_cos_sin_unchecked(x as f32, y as f32),
@@ -65,11 +66,11 @@ pub(super) fn joint(
     let builder = GenericJointBuilder::new(locked)
         .local_frame1(Pose::from_parts(
             vector(link.anchor_in_parent) - vector(coms[0]),
-            turned,
+            axis_rotation,
         ))
         .local_frame2(Pose::from_parts(
             vector(link.anchor_in_child) - vector(coms[1]),
-            reference.inverse() * turned,
+            reference.inverse() * axis_rotation,
         ))
         .contacts_enabled(false);
     let mut joint = builder.build();
@@ -105,7 +106,11 @@ impl Link {
     }
 
     /// Sets spring, damping, armature and friction of the joint.
-    pub(super) fn resist(&self, passive: &Passive, joints: &mut MultibodyJointSet) {
+    pub(super) fn set_passive_forces(
+        &self,
+        passive: &PassiveForces,
+        joints: &mut MultibodyJointSet,
+    ) {
         let Some((sign, axis)) = axis(&self.motion) else {
             return;
         };
@@ -159,6 +164,7 @@ impl Link {
         multibody.generalized_velocity_mut()[dof] = sign * velocity;
     }
 
+    /// Position and velocity of the joint's coordinate.
     pub(super) fn read(&self, joints: &MultibodyJointSet) -> (f32, f32) {
         let Some((sign, axis)) = axis(&self.motion) else {
             return (0.0, 0.0);
@@ -218,7 +224,7 @@ impl Root {
         }
     }
 
-    /// Puts the root of a multibody to where its frame is.
+    /// Sets the position and velocity of the root of a multibody to those of its frame.
     pub(super) fn place(
         frame: &Frame,
         com: [f64; 2],
@@ -239,9 +245,9 @@ impl Root {
         }
     }
 
-    /// How the root's frame moves. Rapier's velocity of a multibody's body lags: the multibody's
-    /// own counts.
-    pub(super) fn moving(
+    /// The motion of the root's frame. In a multibody, Rapier updates the velocity of a body late:
+    /// that of the multibody is read instead.
+    pub(super) fn frame_motion(
         &self,
         body: &RigidBody,
         handle: RigidBodyHandle,
@@ -277,20 +283,21 @@ fn multibody_of(
 
 impl ControlInput {
     /// One per actuator, then one per formula force.
-    pub(super) fn all(task: &BodyTask) -> Vec<Self> {
+    pub(super) fn from_task(task: &BodyTask) -> Vec<Self> {
         let actuators = task.actuators.iter().map(|actuator| Self {
             drive: actuator.drive,
             gear: actuator.gear as f32,
         });
         actuators
-            .chain(task.formula_forces.iter().map(|field| Self {
-                drive: field.drive,
+            .chain(task.formula_forces.iter().map(|force| Self {
+                drive: force.drive,
                 gear: 1.0,
             }))
             .collect()
     }
 
-    pub(super) fn push(
+    /// Sets the servo target, or adds the force, that belongs to the value of the control.
+    pub(super) fn apply(
         &self,
         control: f32,
         template: &WorldTemplate,
@@ -308,7 +315,7 @@ impl ControlInput {
                 body,
                 at,
                 direction,
-                local,
+                is_local,
             } => {
                 let com = template.coms[body];
                 let arm = at.map_or(Vector::ZERO, |at| vector(at) - vector(com));
@@ -316,17 +323,17 @@ impl ControlInput {
                     &mut bodies[template.handles[body]],
                     arm,
                     vector(direction) * value,
-                    local,
+                    is_local,
                 );
             }
         }
     }
 }
 
-/// Adds a force (N) in the world's frame, or in the body's if it is `local`. `arm`: from the body's
+/// Adds a force (N) in the world's frame, or in the body's if `is_local`. `arm`: from the body's
 /// origin, in its frame.
-fn push_body(body: &mut RigidBody, arm: Vector, force: Vector, local: bool) {
-    let force = if local {
+fn push_body(body: &mut RigidBody, arm: Vector, force: Vector, is_local: bool) {
+    let force = if is_local {
         *body.rotation() * force
     } else {
         force

@@ -34,9 +34,9 @@ impl ContactWorlds {
         Self {
             worlds: (0..copies).map(|_| World::new(&template)).collect(),
             template,
-            frames: tree.frames(),
+            frames: tree.frame_buffer(),
             tree,
-            columns: CoordinateColumns::new(task.coordinates(), copies),
+            columns: CoordinateColumns::new(task.coordinate_count(), copies),
         }
     }
 }
@@ -78,8 +78,8 @@ impl Dynamics for ContactWorlds {
         }
     }
 
-    fn contacts(&self, copy: usize, forces: &mut Vec<Force>) {
-        self.worlds[copy].contacts(forces);
+    fn contact_forces(&self, copy: usize, forces: &mut Vec<Force>) {
+        self.worlds[copy].contact_forces(forces);
     }
 
     fn save(&self) -> Vec<u8> {
@@ -88,14 +88,14 @@ impl Dynamics for ContactWorlds {
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let (columns, worlds): (CoordinateColumns, Vec<World>) = from_bytes(bytes)?;
-        let fits = columns.same_shape(&self.columns) && worlds.len() == self.worlds.len();
-        if !fits
-            || !worlds
+        let has_same_shape = columns.same_shape(&self.columns)
+            && worlds.len() == self.worlds.len()
+            && worlds
                 .iter()
                 .zip(&self.worlds)
-                .all(|(new, old)| new.same_shape(old))
-        {
-            return Err("the state is of other bodies or another number of copies".to_owned());
+                .all(|(new, old)| new.same_shape(old));
+        if !has_same_shape {
+            return Err("the saved state has other bodies or another number of copies".to_owned());
         }
         (self.columns, self.worlds) = (columns, worlds);
         Ok(())

@@ -15,7 +15,7 @@ use crate::dynamics::CoordinateColumns;
 use crate::kinematics::Frame;
 use crate::{Force, ForceSource};
 
-/// One copy.
+/// One copy of a task in its own Rapier world.
 #[derive(Serialize, Deserialize)]
 pub(super) struct World {
     world: PhysicsWorld,
@@ -84,6 +84,7 @@ impl World {
         }
     }
 
+    /// Places the roots of multibodies, and the bodies that hang on them.
     fn place_roots(&mut self, template: &WorldTemplate, frames: &[Frame]) {
         for root in template.roots.iter().filter(|root| root.is_linked) {
             let (frame, com) = (&frames[root.body], template.coms[root.body]);
@@ -111,7 +112,8 @@ impl World {
         self.world.integration_parameters.dt = duration;
     }
 
-    /// Advances the world by one control step. `controls`: `[actuators × copies]`
+    /// Advances the world by one control step. `controls`: `[(actuators + formula
+    /// forces) × copies]`.
     pub(super) fn step(
         &mut self,
         template: &WorldTemplate,
@@ -120,20 +122,27 @@ impl World {
         copies: usize,
     ) {
         for _ in 0..template.contact_updates {
-            self.push(template, copy, controls, copies);
+            self.apply_controls(template, copy, controls, copies);
             self.world.step();
         }
     }
 
-    fn push(&mut self, template: &WorldTemplate, copy: usize, controls: &[f32], copies: usize) {
+    /// Sets the forces and servo targets.
+    fn apply_controls(
+        &mut self,
+        template: &WorldTemplate,
+        copy: usize,
+        controls: &[f32],
+        copies: usize,
+    ) {
         for &handle in &template.handles {
             let body = &mut self.world.bodies[handle];
             body.reset_forces(false);
             body.reset_torques(false);
         }
-        for (index, motor) in template.motors.iter().enumerate() {
+        for (index, input) in template.control_inputs.iter().enumerate() {
             let control = controls[index * copies + copy];
-            motor.push(
+            input.apply(
                 control,
                 template,
                 &mut self.world.bodies,
@@ -142,8 +151,8 @@ impl World {
         }
     }
 
-    /// Writes the coordinates into their columns. The angle of a free body is continued from the
-    /// one before, so that it counts full turns.
+    /// Writes the coordinates into their columns. The angle of a free body counts the full turns
+    /// that bring it nearest to its previous value.
     pub(super) fn read(
         &self,
         template: &WorldTemplate,
@@ -155,24 +164,29 @@ impl World {
             columns.set(index, copy, position, velocity);
         }
         for (index, root) in template.roots.iter().enumerate() {
-            let first = template.links.len() + 3 * index;
-            let (before, _) = columns.get(first + 2, copy);
+            let first_coordinate = template.links.len() + 3 * index;
+            let (before, _) = columns.get(first_coordinate + 2, copy);
             let body = &self.world.bodies[template.handles[root.body]];
-            let moving = root.moving(
+            let motion = root.frame_motion(
                 body,
                 template.handles[root.body],
                 &self.world.multibody_joints,
             );
-            let angle = moving.angle + TAU * ((before - moving.angle) / TAU).round();
-            columns.set(first, copy, moving.position.x, moving.velocity.x);
-            columns.set(first + 1, copy, moving.position.y, moving.velocity.y);
-            columns.set(first + 2, copy, angle, moving.spin);
+            let angle = motion.angle + TAU * ((before - motion.angle) / TAU).round();
+            columns.set(first_coordinate, copy, motion.position.x, motion.velocity.x);
+            columns.set(
+                first_coordinate + 1,
+                copy,
+                motion.position.y,
+                motion.velocity.y,
+            );
+            columns.set(first_coordinate + 2, copy, angle, motion.spin);
         }
     }
 
     /// Appends the contact forces of the latest step: those on the body that touches the world, or
     /// on the second of two bodies.
-    pub(super) fn contacts(&self, forces: &mut Vec<Force>) {
+    pub(super) fn contact_forces(&self, forces: &mut Vec<Force>) {
         let dt = self.world.integration_parameters.dt;
         for pair in self.world.narrow_phase.contact_pairs() {
             let pose = self.world.colliders[pair.collider1].position();

@@ -47,13 +47,13 @@ fn drive(
     }
 }
 
-/// Every step of random and of full-power driving, walls included, is Gym's to the resolution of an
-/// f32.
+/// Every step, also one that ends at a wall, is Gym's to the resolution of an f32.
 #[test]
 fn the_mountain_car_is_gyms() {
     for physics in [Physics::Rapier, Physics::Analytic] {
         for pushing in [0.0, 0.1] {
-            // So that the car swings up to the left wall again and again, but not up to the goal.
+            // With this policy the car swings up to the left wall again and again, but never up to
+            // the goal.
             let action = |_: usize, [_, v]: [f64; 2]| if v < 0.0 { -1.0 } else { pushing };
             let (mut before, mut step, mut stops) = ([f64::from(-0.5_f32), 0.0], 0, 0);
             drive(physics, -0.5, &action, &mut |found| {
@@ -79,17 +79,17 @@ fn the_mountain_car_is_gyms() {
 fn a_rolling_car_keeps_its_energy() {
     let energy = |[x, v]: [f64; 2]| 0.5 * v * v + 0.0025 / 3.0 * (3.0 * x).sin();
     for physics in [Physics::Rapier, Physics::Analytic] {
-        let (mut all, from) = (Vec::new(), f64::from(-0.9_f32));
+        let (mut energies, from) = (Vec::new(), f64::from(-0.9_f32));
         drive(physics, from, &|_, _| 0.0, &mut |state| {
-            all.push(energy(state));
+            energies.push(energy(state));
         });
         let before = energy([from, 0.0]);
         assert!(
-            all.iter().all(|energy| (energy - before).abs() < 5e-5),
+            energies.iter().all(|energy| (energy - before).abs() < 5e-5),
             "{physics:?}"
         );
         let mean = |energies: &[f64]| energies.iter().sum::<f64>() / energies.len() as f64;
-        let drift = mean(&all[4000..]) - mean(&all[..1000]);
+        let drift = mean(&energies[4000..]) - mean(&energies[..1000]);
         assert!(drift.abs() < 2e-6, "{physics:?}: {drift}");
     }
     let mut euler = [-0.9, 0.0];
@@ -102,11 +102,11 @@ fn a_rolling_car_keeps_its_energy() {
     assert!(energy(euler) - energy([-0.9, 0.0]) > 1e-4, "{euler:?}");
 }
 
-/// The file's claim about Gym's clipped speed: full power from the left wall stays below 0.07, a
-/// full-power run down from just below the goal reaches 0.081.
+/// What the task file says about Gym's clipped speed: at full power from the left wall, the car
+/// stays below 0.07; at full power down from just below the goal, it reaches 0.081.
 #[test]
 fn only_a_run_down_from_the_goal_is_faster_than_gyms_clip() {
-    let car = MountainCar::of(&task("mountain_car_continuous")).unwrap();
+    let car = MountainCar::from_task(&task("mountain_car_continuous")).unwrap();
     let fastest = |from: f64, push: f64| {
         let mut state = [from, 0.0];
         let mut fastest = 0.0_f64;

@@ -6,14 +6,14 @@ use seedbed_env::description::{BodyTask, Distribution, Measurement, StartCoordin
 use seedbed_env::random::{Purpose, stream};
 use seedbed_env::{Physics, Pose};
 
-use super::{rigid, start, state, task};
+use super::{rigid_bodies, start, state, task};
 use crate::{build_bodies, parse_bodies};
 
-/// A body of 2 kg and 0.5 kg m² on one joint, which `joint` describes, with the given actuators and
-/// no gravity.
+/// A body of 2 kg and 0.5 kg m² on one joint of the type `kind`. `joint_fields` are further fields
+/// of the joint, `solver` the fields of the solver.
 fn rig(
     kind: &str,
-    joint: &str,
+    joint_fields: &str,
     actuators: &str,
     solver: &str,
     gravity: &str,
@@ -23,7 +23,7 @@ fn rig(
         r#"Environment(
             description: "One body on one joint.", gravity: {gravity}, control_step: 0.02, time_limit: 1000, solver: ({solver}),
             bodies: [(name: "body", mass: 2.0, inertia: 0.5, com: {com})],
-            joints: [(name: "joint", parent: "world", child: "body", type: {kind}, {joint})],
+            joints: [(name: "joint", parent: "world", child: "body", type: {kind}, {joint_fields})],
             actuators: [{actuators}],
             sensors: [(name: "q", type: JointPosition("joint"))],
             observations: [(name: "q", range: (-1.0, 1.0))],
@@ -39,8 +39,8 @@ const LEVEL: &str = "Slide(axis: (1.0, 0.0))";
 
 const SLOPE: &str = "Slide(axis: (0.8, 0.6))";
 
-/// Every way in which a single joint is held, and its inertia without gravity: 2 kg, or 0.5 kg m²
-/// about the center of mass.
+/// Every kind of joint that Rapier represents differently, and the inertia of the body along its
+/// coordinate: 2 kg, or 0.5 kg m².
 const KINDS: [(&str, f64); 4] = [
     (LEVEL, 2.0),
     (SLOPE, 2.0),
@@ -48,10 +48,11 @@ const KINDS: [(&str, f64); 4] = [
     ("Hinge(positive: Clockwise)", 0.5),
 ];
 
-fn weightless(kind: &str, joint: &str, actuators: &str) -> BodyTask {
+/// The same rig without gravity.
+fn weightless(kind: &str, joint_fields: &str, actuators: &str) -> BodyTask {
     rig(
         kind,
-        joint,
+        joint_fields,
         actuators,
         "iterations: 32, passes: 4",
         "(0.0, 0.0)",
@@ -59,9 +60,9 @@ fn weightless(kind: &str, joint: &str, actuators: &str) -> BodyTask {
     )
 }
 
-/// The state after each of `steps` control steps under a constant control.
+/// Position and velocity after each of `steps` control steps under a constant control.
 fn run(task: &BodyTask, from: [f64; 2], control: f32, steps: usize) -> Vec<[f64; 2]> {
-    let mut bodies = rigid(task);
+    let mut bodies = rigid_bodies(task);
     start(&mut *bodies, &from);
     let mut step = || {
         bodies.step(&[control]);
@@ -73,7 +74,7 @@ fn run(task: &BodyTask, from: [f64; 2], control: f32, steps: usize) -> Vec<[f64;
 
 /// m v̇ = −b v: v = v₀ e^(−b t / m).
 #[test]
-fn damping_decays_as_it_should() {
+fn damping_slows_a_joint_exponentially() {
     for (kind, inertia) in KINDS {
         let states = run(&weightless(kind, "damping: 1.5", PUSH), [0.1, 3.0], 0.0, 50);
         for (step, state) in (1..).zip(&states) {
@@ -109,8 +110,8 @@ fn a_spring_has_its_frequency() {
     }
 }
 
-/// A force below the friction moves nothing; above it the rest accelerates: m v̇ = F − f. A moving
-/// body loses f t of momentum and stops.
+/// A force below the friction f moves nothing; a larger force F accelerates by m v̇ = F − f. A
+/// moving body loses f t of momentum and stops.
 #[test]
 fn dry_friction_holds_slides_and_stops() {
     for (kind, inertia) in KINDS {
@@ -135,8 +136,8 @@ fn dry_friction_holds_slides_and_stops() {
     }
 }
 
-/// A rotor of armature a: (m + a) v̇ = F; and it has no weight: a falling slide falls with g m / (m
-/// + a).
+/// A rotor of armature a adds inertia: (m + a) v̇ = F. It has no weight: a vertical slide falls with
+/// g m / (m + a).
 #[test]
 fn an_armature_adds_inertia_without_weight() {
     for (kind, inertia) in KINDS {
@@ -205,8 +206,8 @@ fn servos_push_no_harder_than_their_limit() {
     }
 }
 
-/// Several actuators act on one joint together: a force of 2 N and a velocity servo of kv 4 told to
-/// rest come to 0.5 m/s.
+/// Several actuators act on one joint together: forces of 2 N in total and a velocity servo with kv
+/// 4 and target 0 lead to 0.5 m/s.
 #[test]
 fn actuators_add_up() {
     let both = format!(
@@ -227,11 +228,11 @@ fn actuators_add_up() {
     }
 }
 
-/// A joint that is pushed or falls against an end of its range overshoots by millimeters, settles at
-/// that end, and rebounds with at most a fifth of its speed. The slider of a body without children
-/// stops without rebound.
+/// A joint that is pushed or falls against an end of its range overshoots by millimeters, settles
+/// at that end, and rebounds with at most a fifth of its speed. The slider of a body without
+/// children stops without rebound.
 #[test]
-fn ranges_hold() {
+fn a_joint_stays_within_its_range() {
     for (kind, _) in KINDS {
         for direction in [1.0, -1.0] {
             let task = weightless(kind, "range: (-0.3, 0.5)", PUSH);
@@ -282,11 +283,11 @@ fn a_range_holds_a_falling_pendulum() {
     );
 }
 
-/// A cart that carries a pole is held by a constraint, not stopped dead: the pole's momentum has to
-/// go somewhere.
+/// A cart that carries poles is held at the end of its range by a constraint. It is not stopped
+/// directly, because the poles keep their momentum.
 #[test]
 fn a_range_holds_a_cart_with_poles() {
-    let mut bodies = rigid(&task("double_pendulum_cart"));
+    let mut bodies = rigid_bodies(&task("double_pendulum_cart"));
     start(&mut *bodies, &[0.0; 6]);
     for _ in 0..100 {
         bodies.step(&[1.0]);
@@ -297,11 +298,9 @@ fn a_range_holds_a_cart_with_poles() {
     assert!((x - 1.0).abs() < 0.02, "{x}");
 }
 
-/// Two bodies welded together swing as one with the mass, center and inertia of both; one welded to
-/// the world stands still.
-#[test]
-fn a_weld_makes_two_bodies_one() {
-    let two = parse_bodies(
+/// A post that is welded to the world, and a pendulum of two welded bodies on it.
+fn welded_pendulum() -> BodyTask {
+    parse_bodies(
         "two",
         r#"Environment(
             description: "A post, and a pendulum of two welded bodies.", gravity: (0.0, -9.81), control_step: 0.02, time_limit: 100,
@@ -322,14 +321,19 @@ fn a_weld_makes_two_bodies_one() {
             reward: "0",
         )"#
         .to_owned(),
-    );
-    // Centre at (3 × 0.1, −0.5 − 3 × 1) / 4 = (0.075, −0.875); each body's inertia and m d² about
-    // it.
+    )
+}
+
+/// A pendulum of one body with the mass, center of mass and inertia of rod and bob of
+/// [`welded_pendulum`].
+fn equivalent_pendulum() -> BodyTask {
+    // Center of mass at (3 × 0.1, −0.5 − 3 × 1) / 4 = (0.075, −0.875); each body's inertia and m d²
+    // about it.
     let inertia = 0.1
         + (0.075_f64.powi(2) + 0.375_f64.powi(2))
         + 0.2
         + 3.0 * (0.025_f64.powi(2) + 0.125_f64.powi(2));
-    let one = rig(
+    let mut task = rig(
         "Hinge()",
         "",
         PUSH,
@@ -337,10 +341,19 @@ fn a_weld_makes_two_bodies_one() {
         "(0.0, -9.81)",
         "(0.075, -0.875)",
     );
-    let mut one = one;
-    one.bodies[0].inertial.mass = 4.0;
-    one.bodies[0].inertial.inertia = inertia;
-    let (mut welded, mut single) = (rigid(&two), rigid(&one));
+    task.bodies[0].inertial.mass = 4.0;
+    task.bodies[0].inertial.inertia = inertia;
+    task
+}
+
+/// Two bodies that are welded together swing as one with the mass, center of mass and inertia of
+/// both; a body that is welded to the world stands still.
+#[test]
+fn a_weld_makes_two_bodies_one() {
+    let (mut welded, mut single) = (
+        rigid_bodies(&welded_pendulum()),
+        rigid_bodies(&equivalent_pendulum()),
+    );
     welded.start(0, &[0.0, 1.0, 0.0], &[0.0; 3]);
     single.start(0, &[1.0], &[0.0]);
     let mut poses = vec![Pose::default(); 3];
@@ -356,13 +369,15 @@ fn a_weld_makes_two_bodies_one() {
             "{found} instead of {expected}"
         );
         welded.poses(0, &mut poses);
+        let [post, rod, bob] = poses[..] else {
+            panic!("expected three bodies")
+        };
         assert!(
-            (poses[2].angle - poses[1].angle - 0.7).sin().abs() < 1e-2,
+            (bob.angle - rod.angle - 0.7).sin().abs() < 1e-2,
             "{poses:?}"
         );
         assert!(
-            (poses[0].x - 0.2).abs() + (poses[0].y - 0.1).abs() + (poses[0].angle - 0.4).abs()
-                < 1e-6,
+            (post.x - 0.2).abs() + (post.y - 0.1).abs() + (post.angle - 0.4).abs() < 1e-6,
             "{poses:?}"
         );
     }
@@ -389,15 +404,15 @@ fn a_wrapped_angle_stays_within_half_a_turn() {
     for episode in 0..1000 {
         wrapped.reset(0, &mut stream(0, Purpose::Reset, 0, episode));
         counted.reset(0, &mut stream(0, Purpose::Reset, 0, episode));
-        let (angle, full) = (
+        let (angle, unwrapped) = (
             f64::from(wrapped.observations()[0]),
             f64::from(counted.observations()[0]),
         );
         assert!(angle > -PI - 1e-6 && angle < PI + 1e-6, "{angle}");
-        let turns = (full - angle) / TAU;
+        let turns = (unwrapped - angle) / TAU;
         assert!(
             (turns - turns.round()).abs() < 1e-6,
-            "{full} became {angle}"
+            "{unwrapped} became {angle}"
         );
     }
 }

@@ -1,6 +1,6 @@
-//! Smooth tasks, which have no contacts, against closed forms: how far rigid bodies are off, that
-//! the error falls as it should, what they conserve, and what springs, dampers, friction, servos
-//! and ranges do.
+//! Smooth tasks, which have no contacts, against closed forms: how large the errors of rigid bodies
+//! are, that the errors fall with the number of substeps, what is conserved, and what springs,
+//! dampers, friction, servos and ranges do.
 
 mod car;
 mod joints;
@@ -16,13 +16,13 @@ fn task(name: &str) -> BodyTask {
     crate::load_bodies(format!("envs/{name}.ron"))
 }
 
-fn with_iterations(name: &str, iterations: u32) -> BodyTask {
+fn with_substeps(name: &str, substeps: u32) -> BodyTask {
     let mut task = task(name);
-    task.solver.substeps = iterations;
+    task.solver.substeps = substeps;
     task
 }
 
-fn rigid(task: &BodyTask) -> Box<dyn Dynamics> {
+fn rigid_bodies(task: &BodyTask) -> Box<dyn Dynamics> {
     build_dynamics(task, Physics::Rapier, 1).expect("every task has rigid bodies")
 }
 

@@ -8,23 +8,24 @@ use seedbed_env::analytic::acrobot::Acrobot;
 use seedbed_env::analytic::cartpole::CartPole;
 use seedbed_env::analytic::pendulum::Pendulum;
 use seedbed_env::build_dynamics;
-use seedbed_env::description::{BodyTask, Passive};
+use seedbed_env::description::{BodyTask, PassiveForces};
 
-use super::{random, rigid, start, state, task, with_iterations};
+use super::{random, rigid_bodies, start, state, task, with_substeps};
 
-/// Largest distances, joint by joint, between rigid bodies and the analytic model after one control
-/// step from `trials` random states; `most` bounds the states, positions first.
-fn one_step_errors(task: &BodyTask, most: &[f64], trials: usize) -> Vec<f64> {
+/// Largest distances between rigid bodies and the analytic model after one control step from
+/// `trials` random states. `max_state` bounds the states; positions come first, then velocities,
+/// here and in the result.
+fn one_step_errors(task: &BodyTask, max_state: &[f64], trials: usize) -> Vec<f64> {
     let (mut bodies, mut exact) = (
-        rigid(task),
+        rigid_bodies(task),
         build_dynamics(task, Physics::Analytic, 1).unwrap(),
     );
     let (mut random, joints) = (random(), task.joints.len());
     let mut worst = vec![0.0_f64; 2 * joints];
     for _ in 0..trials {
-        let before: Vec<_> = most
+        let before: Vec<_> = max_state
             .iter()
-            .map(|&most| f64::from(random.random_range(-most..most) as f32))
+            .map(|&max| f64::from(random.random_range(-max..max) as f32))
             .collect();
         let range = task.actuators[0].range;
         let control = random.random_range(range[0]..range[1]);
@@ -48,7 +49,7 @@ fn one_step_errors(task: &BodyTask, most: &[f64], trials: usize) -> Vec<f64> {
 /// step halves when n doubles, and at the file's own n it is within what the file's comment says.
 #[test]
 fn one_step_errors_are_as_stated_and_halve_when_substeps_double() {
-    for (name, most, stated) in [
+    for (name, max_state, stated) in [
         ("pendulum", vec![PI, 8.0], vec![7e-3]),
         ("acrobot", vec![PI, PI, 3.0, 5.0], vec![8e-3, 2e-2]),
         (
@@ -62,9 +63,9 @@ fn one_step_errors_are_as_stated_and_halve_when_substeps_double() {
             vec![2e-4, 4e-4],
         ),
     ] {
-        let own = task(name).solver.substeps;
-        let [coarse, fine] = [own, 2 * own]
-            .map(|iterations| one_step_errors(&with_iterations(name, iterations), &most, 300));
+        let substeps = task(name).solver.substeps;
+        let [coarse, fine] = [substeps, 2 * substeps]
+            .map(|substeps| one_step_errors(&with_substeps(name, substeps), &max_state, 300));
         for (joint, &stated) in stated.iter().enumerate() {
             assert!(coarse[joint] < stated, "{name}: {coarse:?}");
             let ratio = coarse[joint] / fine[joint];
@@ -80,9 +81,9 @@ fn one_step_errors_are_as_stated_and_halve_when_substeps_double() {
 /// (`newthdot = thdot + (3 g / (2 l) sin θ + 3 u / (m l²)) dt; newth = th + newthdot dt`) is about
 /// five times as far off as five substeps, and the equations are Gym's.
 #[test]
-fn a_pendulum_is_four_times_closer_than_gyms() {
+fn a_pendulum_is_about_five_times_closer_than_gyms() {
     let task = task("pendulum");
-    let (equations, mut random) = (Pendulum::of(&task).unwrap(), random());
+    let (equations, mut random) = (Pendulum::from_task(&task).unwrap(), random());
     let mut worst = 0.0_f64;
     for _ in 0..300 {
         let (theta, rate, torque) = (
@@ -106,7 +107,7 @@ fn a_pendulum_is_four_times_closer_than_gyms() {
 /// inertias of 1 and centers at 0.5.
 #[test]
 fn the_acrobots_equations_are_gyms() {
-    let equations = Acrobot::of(&task("acrobot")).unwrap();
+    let equations = Acrobot::from_task(&task("acrobot")).unwrap();
     let mut random = random();
     for _ in 0..1000 {
         let [theta1, theta2] = [0; 2].map(|_| random.random_range(-PI..PI));
@@ -132,7 +133,8 @@ fn the_acrobots_equations_are_gyms() {
     }
 }
 
-/// Five seconds of swinging from a moderate height, without torque, at the file's own substeps.
+/// Free swings of 5 s from a moderate height, at the file's own substeps, stay within the stated
+/// distance from the analytic model.
 #[test]
 fn free_swings_stay_near_the_truth() {
     for (name, steps, from, stated) in [
@@ -141,7 +143,7 @@ fn free_swings_stay_near_the_truth() {
     ] {
         let task = task(name);
         let (mut bodies, mut exact) = (
-            rigid(&task),
+            rigid_bodies(&task),
             build_dynamics(&task, Physics::Analytic, 1).unwrap(),
         );
         start(&mut *bodies, &from);
@@ -159,57 +161,64 @@ fn free_swings_stay_near_the_truth() {
                 .for_each(|(worst, (found, exact))| *worst = worst.max((found - exact).abs()));
         }
         assert!(
-            worst.iter().zip(&stated).all(|(found, most)| found < most),
+            worst
+                .iter()
+                .zip(&stated)
+                .all(|(found, stated)| found < stated),
             "{name}: {worst:?}"
         );
     }
 }
 
-/// Without torque and friction T + V stays, over 20 s and through full turns.
+/// Without torque and friction T + V is constant over 20 s and through full turns.
 #[test]
 fn free_swings_keep_their_energy() {
     let pendulum = task("pendulum");
-    let equations = Pendulum::of(&pendulum).unwrap();
-    let change = energy_change(&pendulum, &[1.0, 5.0], 400, &|state| {
+    let equations = Pendulum::from_task(&pendulum).unwrap();
+    let change = max_energy_change(&pendulum, &[1.0, 5.0], 400, &|state| {
         equations.energy([state[0], state[1]])
     });
-    assert!(change < 0.5, "pendulum: {change} J of 7");
+    assert!(change < 0.5, "pendulum: {change} J");
     let acrobot = task("acrobot");
-    let equations = Acrobot::of(&acrobot).unwrap();
-    let change = energy_change(&acrobot, &[1.5, 0.5, 0.0, 0.0], 100, &|state| {
+    let equations = Acrobot::from_task(&acrobot).unwrap();
+    let change = max_energy_change(&acrobot, &[1.5, 0.5, 0.0, 0.0], 100, &|state| {
         equations.energy(equations.state_of_joints(state))
     });
-    assert!(change < 0.3, "acrobot: {change} J of 1, of a swing of 20");
+    assert!(change < 0.3, "acrobot: {change} J");
     for name in [
         "cartpole_continuous",
         "cartpole_swingup",
         "cartpole_swingup_concurrent",
     ] {
         let task = task(name);
-        let equations = CartPole::of(&task).unwrap();
-        // Angles grow clockwise in some files; the energy of a pole that starts at rest does not
-        // tell.
-        let angle = if name == "cartpole_swingup" {
+        let equations = CartPole::from_task(&task).unwrap();
+        // The model measures angles clockwise, but in this file they grow counter-clockwise.
+        let angle_sign = if name == "cartpole_swingup" {
             -1.0
         } else {
             1.0
         };
         let energy = |state: &[f64]| {
-            equations.energy([state[0], angle * state[1], state[2], angle * state[3]])
+            equations.energy([
+                state[0],
+                angle_sign * state[1],
+                state[2],
+                angle_sign * state[3],
+            ])
         };
-        let change = energy_change(&task, &[0.0, 1.0, 0.0, 0.0], 400, &energy);
-        assert!(change < 0.02, "{name}: {change} J of 0.5");
+        let change = max_energy_change(&task, &[0.0, 1.0, 0.0, 0.0], 400, &energy);
+        assert!(change < 0.02, "{name}: {change} J");
     }
 }
 
-/// Largest distance from the initial energy while nothing drives the bodies.
-fn energy_change(
+/// Largest distance from the initial energy, J, while nothing drives the bodies.
+fn max_energy_change(
     task: &BodyTask,
     from: &[f64],
     steps: usize,
     energy: &dyn Fn(&[f64]) -> f64,
 ) -> f64 {
-    let mut bodies = rigid(task);
+    let mut bodies = rigid_bodies(task);
     start(&mut *bodies, from);
     let before = energy(from);
     let mut worst = 0.0_f64;
@@ -223,8 +232,8 @@ fn energy_change(
 /// The analytic models' Runge–Kutta steps keep the energy to 1e-6 J over 20 s.
 #[test]
 fn the_analytic_models_are_exact() {
-    let pendulum = Pendulum::of(&task("pendulum")).unwrap();
-    let acrobot = Acrobot::of(&task("acrobot")).unwrap();
+    let pendulum = Pendulum::from_task(&task("pendulum")).unwrap();
+    let acrobot = Acrobot::from_task(&task("acrobot")).unwrap();
     let (mut swing, mut chain) = ([1.0, 5.0], [1.5, 2.0, 0.0, 0.0]);
     let before = (pendulum.energy(swing), acrobot.energy(chain));
     for _ in 0..4000 {
@@ -242,7 +251,7 @@ fn the_analytic_models_are_exact() {
 fn a_push_gives_the_double_pendulum_its_momentum() {
     let mut task = frictionless("double_pendulum_cart");
     (task.solver.substeps, task.solver.solver_iterations) = (64, 4);
-    let mut bodies = rigid(&task);
+    let mut bodies = rigid_bodies(&task);
     start(&mut *bodies, &[0.0, 0.3, -0.5, 0.1, 0.5, -0.2]);
     let [cart, pole, pole2] = [0, 1, 2].map(|body| task.bodies[body].inertial.mass);
     let momentum = |state: &[f64]| {
@@ -270,13 +279,13 @@ fn frictionless(name: &str) -> BodyTask {
     let mut task = task(name);
     for joint in &mut task.joints {
         joint.range = None;
-        joint.passive = Passive::default();
+        joint.passive_forces = PassiveForces::default();
     }
     task
 }
 
-/// T + V of the double pendulum: ½ Σ m v² + ½ Σ I ω² + Σ m g y, over 10 s from hanging out to the
-/// side.
+/// T + V = ½ Σ m v² + ½ Σ I ω² + Σ m g y of the double pendulum is constant over 10 s of a swing
+/// from the side.
 #[test]
 fn a_free_double_pendulum_keeps_its_energy() {
     let task = frictionless("double_pendulum_cart");
@@ -307,11 +316,11 @@ fn a_free_double_pendulum_keeps_its_energy() {
         let potential = (0..3).map(|body| inertial(body).mass * 9.81 * heights[body]);
         kinetic.sum::<f64>() + turning + potential.sum::<f64>()
     };
-    let change = energy_change(&task, &[0.0, 2.0, 0.3, 0.0, 0.0, 0.0], 200, &energy);
-    assert!(change < 1.0, "{change} J of a swing of 60 J");
+    let change = max_energy_change(&task, &[0.0, 2.0, 0.3, 0.0, 0.0, 0.0], 200, &energy);
+    assert!(change < 1.0, "{change} J");
 }
 
-/// Every chain at rest where its links hang stays there.
+/// A chain that hangs at rest stays at rest.
 #[test]
 fn hanging_chains_stay() {
     for (name, hanging) in [
@@ -319,13 +328,13 @@ fn hanging_chains_stay() {
         ("acrobot", vec![0.0; 4]),
         ("double_pendulum_cart", vec![0.0, PI, 0.0, 0.0, 0.0, 0.0]),
     ] {
-        let mut bodies = rigid(&task(name));
+        let mut bodies = rigid_bodies(&task(name));
         start(&mut *bodies, &hanging);
         (0..200).for_each(|_| bodies.step(&[0.0]));
         let moved = state(&*bodies, hanging.len() / 2)
             .iter()
             .zip(&hanging)
-            .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+            .fold(0.0_f64, |max, (a, b)| max.max((a - b).abs()));
         assert!(moved < 5e-5, "{name}: {moved}");
     }
 }

@@ -21,7 +21,7 @@ use super::{AgentContext, PROBE_STEPS};
 use crate::experience::{Episode, Experience};
 use crate::nn::MedianScale;
 use crate::rl::information_gain;
-use seedbed_env::input::numbers::{Count, NonNegative, Positive, known, known_count};
+use seedbed_env::input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
 use seedbed_env::random::{Purpose, Stream, stream};
 
 /// Exploration bonus (intrinsic reward) that is added to the rewards of the environment.
@@ -42,12 +42,12 @@ pub enum Bonus {
 /// Whose experience a bonus model learns from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum ModelSharing {
-    /// That of the team: one model for all agents.
+    /// The experience of the team: one model for all agents.
     #[default]
     Shared,
-    /// That of the agent itself: one model per agent.
+    /// The agent's own experience: one model per agent.
     Independent,
-    /// None: the model keeps its initial parameters. A control for experiments.
+    /// No experience: the model keeps its initial parameters. A control for experiments.
     Frozen,
 }
 
@@ -66,9 +66,9 @@ pub struct BonusScale {
 impl Default for BonusScale {
     fn default() -> Self {
         Self {
-            weight: known(1e-3),
-            cap: known(10.0),
-            medians: known_count(10),
+            weight: ranged_number(1e-3),
+            cap: ranged_number(10.0),
+            medians: ranged_count(10),
         }
     }
 }
@@ -89,7 +89,7 @@ impl Bonus {
 
     /// The largest bonus that a step can have: η c. None without a bonus.
     #[must_use]
-    pub fn largest(&self) -> Option<f32> {
+    pub fn largest_bonus(&self) -> Option<f32> {
         let scale = match self {
             Self::None => return None,
             Self::Vime(config) => config.scale,
@@ -101,17 +101,17 @@ impl Bonus {
     /// Whether all agents must learn at the same time from the same episodes, because they share
     /// one model.
     #[must_use]
-    pub fn is_shared(&self) -> bool {
-        self.model() == Some(ModelSharing::Shared)
+    pub fn has_shared_model(&self) -> bool {
+        self.sharing() == Some(ModelSharing::Shared)
     }
 
     /// Whether each agent has a model that learns from its own experience only.
     #[must_use]
-    pub fn is_independent(&self) -> bool {
-        self.model() == Some(ModelSharing::Independent)
+    pub fn has_independent_models(&self) -> bool {
+        self.sharing() == Some(ModelSharing::Independent)
     }
 
-    fn model(&self) -> Option<ModelSharing> {
+    fn sharing(&self) -> Option<ModelSharing> {
         match self {
             Self::None => None,
             Self::Vime(config) => Some(config.model),
@@ -175,16 +175,16 @@ impl BonusModel {
     /// Computes the bonus of every step of the chosen new episodes, before the model learns from
     /// them, and then adds the median of the agent's own gains to the scale.
     ///
-    /// `chosen` are indices of new episodes; `bonuses` gets one list per new episode, which is
-    /// empty for episodes that are not chosen.
+    /// `chosen_episodes` are indices of new episodes; `bonuses` gets one list per new episode,
+    /// which is empty for episodes that are not chosen.
     pub(crate) fn compute_bonuses(
         &mut self,
         experience: &Experience<'_>,
-        chosen: &[usize],
+        chosen_episodes: &[usize],
         bonuses: &mut Vec<Vec<f32>>,
     ) {
         let agent = self.agent;
-        self.compute_bonuses_where(experience, chosen, bonuses, |episode| {
+        self.compute_bonuses_where(experience, chosen_episodes, bonuses, |episode| {
             episode.agent == agent
         });
     }
@@ -194,10 +194,10 @@ impl BonusModel {
     pub(crate) fn compute_own_bonuses(
         &mut self,
         experience: &Experience<'_>,
-        own: &[usize],
+        own_episodes: &[usize],
         bonuses: &mut Vec<Vec<f32>>,
     ) {
-        self.compute_bonuses_where(experience, own, bonuses, |_| true);
+        self.compute_bonuses_where(experience, own_episodes, bonuses, |_| true);
     }
 
     /// Computes the bonus of every second step of `pairs` with the present model and scale.
@@ -214,7 +214,7 @@ impl BonusModel {
     fn compute_bonuses_where(
         &mut self,
         experience: &Experience<'_>,
-        chosen: &[usize],
+        chosen_episodes: &[usize],
         bonuses: &mut Vec<Vec<f32>>,
         is_own: impl Fn(&Episode) -> bool,
     ) {
@@ -227,7 +227,7 @@ impl BonusModel {
         bonuses.resize_with(experience.new_episodes.len().max(bonuses.len()), Vec::new);
         bonuses.iter_mut().for_each(Vec::clear);
         self.own_gains.clear();
-        for &index in chosen {
+        for &index in chosen_episodes {
             let (episode, bonuses) = (&experience.new_episodes[index], &mut bonuses[index]);
             self.compute_gains(episode, 1, &mut random, bonuses);
             if is_own(episode) {
@@ -281,10 +281,10 @@ impl BonusModel {
         };
         let new_episodes: Vec<&Episode> = experience.new_episodes.iter().filter(is_used).collect();
         let all_episodes: Vec<&Episode> = experience.all_episodes.iter().filter(is_used).collect();
-        let frozen = self.sharing == ModelSharing::Frozen;
+        let is_frozen = self.sharing == ModelSharing::Frozen;
         match &mut self.model {
-            Model::Vime(model) => model.learn(&all_episodes, &new_episodes, frozen, &mut random),
-            Model::Rnd(model) => model.learn(&new_episodes, frozen, &mut random),
+            Model::Vime(model) => model.learn(&all_episodes, &new_episodes, is_frozen, &mut random),
+            Model::Rnd(model) => model.learn(&new_episodes, is_frozen, &mut random),
         }
     }
 
@@ -332,8 +332,8 @@ impl BonusModel {
     }
 }
 
-/// Number of the agent whose random streams a model draws from; a shared model uses those of agent
-/// 0.
+/// Number of the agent whose random streams a model draws from; a shared model uses the streams of
+/// agent 0.
 fn stream_owner(sharing: ModelSharing, agent: u32) -> u32 {
     if sharing == ModelSharing::Shared {
         0
@@ -403,6 +403,7 @@ mod tests {
         episode
     }
 
+    /// Learns from the same episodes in every round; returns the prediction error of each round.
     fn learn(bonus_model: &mut BonusModel, episodes: &[Episode], rounds: u32) -> Vec<f32> {
         (0..rounds)
             .map(|round| {
@@ -430,7 +431,7 @@ mod tests {
     #[test]
     fn copies_of_a_shared_model_stay_equal() {
         let episodes = [episode(0), episode(1)];
-        for (sharing, same) in [
+        for (sharing, are_equal) in [
             (ModelSharing::Shared, true),
             (ModelSharing::Independent, false),
         ] {
@@ -440,14 +441,14 @@ mod tests {
             learn(&mut other, &episodes, 2);
             assert_eq!(
                 gains(&mut one, 0) == gains(&mut other, 0),
-                same,
+                are_equal,
                 "{sharing:?}"
             );
         }
     }
 
-    /// With the same random numbers, agents with seeds compute different bonuses. A fixed sample
-    /// does not depend on the random numbers at all.
+    /// With the same random numbers, agents compute different bonuses if they have seeds of the
+    /// model. With `FixedSample`, bonuses do not depend on the random numbers.
     #[test]
     fn seeds_make_bonuses_differ_between_agents() {
         for seeds in [
@@ -472,9 +473,9 @@ mod tests {
     }
 
     #[test]
-    fn prediction_errors_fall_unless_frozen() {
+    fn prediction_errors_fall_unless_the_model_is_frozen() {
         let episodes = [episode(0), episode(1)];
-        for (bonus, learns) in [
+        for (bonus, errors_fall) in [
             (vime(ModelSharing::Shared, ModelSeeds::Off), true),
             (vime(ModelSharing::Frozen, ModelSeeds::Off), false),
             (
@@ -497,7 +498,7 @@ mod tests {
             // The first error is measured before targets are scaled by running moments.
             assert_eq!(
                 errors[19] < 0.5 * errors[1],
-                learns,
+                errors_fall,
                 "{bonus:?}: {errors:?}"
             );
         }

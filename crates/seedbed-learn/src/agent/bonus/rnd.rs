@@ -4,17 +4,17 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::transitions::{Moments, Rows, Transitions};
+use super::transitions::{Moments, Rows, TransitionEncoder};
 use super::{BonusScale, ModelSharing};
 use crate::agent::AgentContext;
-use crate::agent::network::{Descent, Learned, Network};
+use crate::agent::network::{Descent, LearnedState, Network};
 use crate::experience::Episode;
 use crate::nn::{Activations, AdamSettings, Initial, Mlp};
-use seedbed_env::input::numbers::{Count, known_count};
+use seedbed_env::input::numbers::{Count, ranged_count};
 use seedbed_env::random::{Purpose, Stream, stream};
 
-/// The configuration of random network distillation. Both networks see a state and the action taken
-/// in it; those of Burda et al. see the next state.
+/// The configuration of random network distillation. The inputs of both networks are a state and
+/// the action in this state; in Burda et al. they are the next state.
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Rnd {
@@ -39,10 +39,10 @@ impl Default for Rnd {
         Self {
             model: ModelSharing::Shared,
             scale: BonusScale::default(),
-            minibatches: known_count(60),
-            minibatch: known_count(64),
-            hidden: vec![known_count(32), known_count(32)],
-            outputs: known_count(16),
+            minibatches: ranged_count(60),
+            minibatch: ranged_count(64),
+            hidden: vec![ranged_count(32), ranged_count(32)],
+            outputs: ranged_count(16),
             optimiser: AdamSettings::default(),
         }
     }
@@ -52,7 +52,7 @@ impl Default for Rnd {
 /// predictor. Inputs of both are the state and the action of a step.
 pub(crate) struct RndModel {
     config: Rnd,
-    transitions: Transitions,
+    encoder: TransitionEncoder,
     target: Mlp,
     target_parameters: Vec<f32>,
     predictor: Network,
@@ -69,7 +69,7 @@ struct Saved<L, M> {
 
 impl RndModel {
     pub(crate) fn new(config: &Rnd, owner: u32, context: &AgentContext<'_>) -> Self {
-        let [inputs, _] = Transitions::widths(context.spec);
+        let [inputs, _] = TransitionEncoder::widths(context.spec);
         let hidden = config.hidden.iter().map(|units| units.get() as usize);
         let sizes: Vec<usize> = [inputs]
             .into_iter()
@@ -78,12 +78,12 @@ impl RndModel {
             .collect();
         let mut random = stream(context.run_seed, Purpose::ModelParameters, owner, 0);
         let (target, predictor) = (Mlp::new(&sizes), Mlp::new(&sizes));
-        let target_parameters = target.initial(Initial::Random, &mut random);
-        let seed = predictor.initial(Initial::Random, &mut random);
+        let target_parameters = target.initial_parameters(Initial::Random, &mut random);
+        let initial_parameters = predictor.initial_parameters(Initial::Random, &mut random);
         Self {
-            predictor: Network::new(predictor, seed, config.optimiser),
+            predictor: Network::new(predictor, initial_parameters, config.optimiser),
             config: config.clone(),
-            transitions: Transitions::new(context.spec),
+            encoder: TransitionEncoder::new(context.spec),
             target,
             target_parameters,
             rows: Rows::default(),
@@ -95,8 +95,7 @@ impl RndModel {
     /// Mean squared error of the prediction at every `stride`-th step.   `gains: [⌈T/stride⌉]`,
     /// overwritten
     pub(crate) fn compute_gains(&mut self, episode: &Episode, stride: usize, gains: &mut Vec<f32>) {
-        self.transitions
-            .load_episode(episode, stride, &mut self.rows);
+        self.encoder.load_episode(episode, stride, &mut self.rows);
         self.compute_errors();
         let width = self.target.outputs();
         let mean_square =
@@ -105,19 +104,19 @@ impl RndModel {
         gains.extend(self.gradient.chunks_exact(width).map(mean_square));
     }
 
-    /// Trains on minibatches of the new episodes, unless `frozen`. Returns the mean squared error
-    /// on the new episodes before training.
+    /// Trains on minibatches of the new episodes, unless `is_frozen`. Returns the mean squared
+    /// error on the new episodes before training.
     pub(crate) fn learn(
         &mut self,
         new_episodes: &[&Episode],
-        frozen: bool,
+        is_frozen: bool,
         random: &mut Stream,
     ) -> f32 {
         let error = self.prediction_error(new_episodes);
         for episode in new_episodes {
-            self.transitions.update_moments(episode);
+            self.encoder.update_moments(episode);
         }
-        if frozen || new_episodes.iter().all(|episode| episode.length() == 0) {
+        if is_frozen || new_episodes.iter().all(|episode| episode.length() == 0) {
             return error;
         }
         let descent = Descent {
@@ -126,7 +125,7 @@ impl RndModel {
             step_size_factor: 1.0,
         };
         for _ in 0..self.config.minibatches.get() {
-            self.transitions.sample(
+            self.encoder.sample(
                 new_episodes,
                 self.config.minibatch.get() as usize,
                 random,
@@ -164,7 +163,7 @@ impl RndModel {
     fn prediction_error(&mut self, episodes: &[&Episode]) -> f32 {
         let (mut sum, mut count) = (0.0_f64, 0_usize);
         for episode in episodes {
-            self.transitions.load_episode(episode, 1, &mut self.rows);
+            self.encoder.load_episode(episode, 1, &mut self.rows);
             self.compute_errors();
             sum += self
                 .gradient
@@ -182,17 +181,17 @@ impl RndModel {
 
     pub(crate) fn save(&self) -> Vec<u8> {
         let saved = Saved {
-            predictor: self.predictor.learned(),
-            moments: self.transitions.moments(),
+            predictor: self.predictor.learned_state(),
+            moments: self.encoder.moments(),
         };
         postcard::to_stdvec(&saved).expect("plain numbers always serialize")
     }
 
     pub(crate) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<Learned, Moments> =
+        let saved: Saved<LearnedState, Moments> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.predictor.restore(saved.predictor)?;
-        self.transitions.restore(saved.moments);
+        self.encoder.restore(saved.moments);
         Ok(())
     }
 }

@@ -10,15 +10,15 @@ use seedbed_env::random::Stream;
 use seedbed_env::{Choice, Spec};
 
 /// Turns steps of episodes into rows of inputs and targets for a network.
-pub(crate) struct Transitions {
+pub(crate) struct TransitionEncoder {
     observation_width: usize,
-    actions: Vec<Encoding>,
+    action_encodings: Vec<ActionEncoding>,
     moments: Moments,
     /// Rows before standardization.
     raw: Rows,
 }
 
-/// Running moments of all steps that were learned from.
+/// Running moments of all steps that the model has learned from.
 #[derive(Clone, Serialize, Deserialize)]
 pub(crate) struct Moments {
     /// Moments of (s, a).
@@ -35,38 +35,39 @@ pub(crate) struct Rows {
 }
 
 /// How one component of an action is encoded as inputs of a network.
-enum Encoding {
-    /// One input per choice: 1 for the chosen one, 0 for the others.
+enum ActionEncoding {
+    /// One input per choice: 1 for the chosen value, 0 for all others.
     OneHot { choices: usize },
     /// One input: the action's range is scaled to −1 to 1, and values beyond it are clamped, as in
     /// the environment.
     Scaled { center: f32, half_range: f32 },
 }
 
-impl Transitions {
+impl TransitionEncoder {
     pub(crate) fn new(spec: &Spec) -> Self {
         let encoding = |action: &seedbed_env::Action| match &action.choice {
-            Choice::Discrete(values) => Encoding::OneHot {
+            Choice::Discrete(values) => ActionEncoding::OneHot {
                 choices: values.len(),
             },
             Choice::Continuous => {
                 let [low, high] = action.quantity.range;
-                Encoding::Scaled {
+                ActionEncoding::Scaled {
                     center: 0.5 * (low + high),
                     half_range: 0.5 * (high - low),
                 }
             }
         };
-        let actions: Vec<Encoding> = spec.actions.iter().map(encoding).collect();
+        let action_encodings: Vec<ActionEncoding> = spec.actions.iter().map(encoding).collect();
         let observation_width = spec.observation_width();
-        let width = observation_width + actions.iter().map(Encoding::width).sum::<usize>();
+        let action_width: usize = action_encodings.iter().map(ActionEncoding::width).sum();
+        let width = observation_width + action_width;
         let moments = Moments {
             inputs: Standardizer::new(width),
             changes: Standardizer::new(observation_width),
         };
         Self {
             observation_width,
-            actions,
+            action_encodings,
             moments,
             raw: Rows::default(),
         }
@@ -101,7 +102,8 @@ impl Transitions {
         self.standardize(rows);
     }
 
-    /// Writes `count` steps to `rows`, drawn with replacement from all steps of all episodes.
+    /// Writes `count` steps to `rows`, drawn uniformly with replacement from the steps of all
+    /// episodes.
     pub(crate) fn sample(
         &mut self,
         episodes: &[&Episode],
@@ -110,14 +112,16 @@ impl Transitions {
         rows: &mut Rows,
     ) {
         self.raw.clear();
-        let total: usize = episodes.iter().map(|episode| episode.length()).sum();
-        let mut drawn: Vec<usize> = (0..count).map(|_| random.random_range(0..total)).collect();
-        drawn.sort_unstable();
+        let step_count: usize = episodes.iter().map(|episode| episode.length()).sum();
+        let mut positions: Vec<usize> = (0..count)
+            .map(|_| random.random_range(0..step_count))
+            .collect();
+        positions.sort_unstable();
         let mut episodes = episodes.iter();
         let (mut episode, mut start) = (episodes.next(), 0);
         // Positions are sorted, so one pass over the episodes finds all of them.
-        for position in drawn {
-            while let Some(current) = episode.filter(|it| position >= start + it.length()) {
+        for position in positions {
+            while let Some(current) = episode.filter(|other| position >= start + other.length()) {
                 start += current.length();
                 episode = episodes.next();
             }
@@ -141,8 +145,9 @@ impl Transitions {
         let [state, next] =
             [step, step + 1].map(|row| &episode.observations[row * width..(row + 1) * width]);
         self.raw.inputs.extend_from_slice(state);
-        let actions = &episode.actions[step * self.actions.len()..(step + 1) * self.actions.len()];
-        for (encoding, &action) in self.actions.iter().zip(actions) {
+        let actions = &episode.actions
+            [step * self.action_encodings.len()..(step + 1) * self.action_encodings.len()];
+        for (encoding, &action) in self.action_encodings.iter().zip(actions) {
             encoding.push(action, &mut self.raw.inputs);
         }
         self.raw
@@ -167,7 +172,7 @@ impl Rows {
     }
 }
 
-impl Encoding {
+impl ActionEncoding {
     fn width(&self) -> usize {
         match self {
             Self::OneHot { choices } => *choices,
@@ -230,24 +235,24 @@ mod tests {
     /// 0…4 to −1…1 and clamped; Δx = 1, 2.
     #[test]
     fn steps_become_rows() {
-        assert_eq!(Transitions::widths(&spec()), [5, 1]);
-        let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
-        transitions.load_episode(&episode(), 1, &mut rows);
+        assert_eq!(TransitionEncoder::widths(&spec()), [5, 1]);
+        let (mut encoder, mut rows) = (TransitionEncoder::new(&spec()), Rows::default());
+        encoder.load_episode(&episode(), 1, &mut rows);
         assert_eq!(
             rows.inputs,
             [1.0, 0.0, 0.0, 1.0, 0.5, 2.0, 1.0, 0.0, 0.0, 1.0]
         );
         assert_eq!(rows.targets, [1.0, 2.0]);
-        transitions.load_episode(&episode(), 2, &mut rows);
+        encoder.load_episode(&episode(), 2, &mut rows);
         assert_eq!(rows.targets, [1.0]);
     }
 
     /// Δx = 1, 2 has a root mean square of √2.5.
     #[test]
     fn targets_are_in_units_of_their_root_mean_square() {
-        let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
-        transitions.update_moments(&episode());
-        transitions.load_episode(&episode(), 1, &mut rows);
+        let (mut encoder, mut rows) = (TransitionEncoder::new(&spec()), Rows::default());
+        encoder.update_moments(&episode());
+        encoder.load_episode(&episode(), 1, &mut rows);
         assert!(
             (rows.targets[1] - 2.0 / 2.5_f32.sqrt()).abs() < 1e-5,
             "{:?}",
@@ -261,16 +266,16 @@ mod tests {
     }
 
     /// Each of the 4 steps of two episodes is drawn about 750 times in 3,000; the tolerance is four
-    /// standard errors of √(3000 · 3/16) = 24. No step joins two episodes.
+    /// standard errors of √(3000 · 3/16) = 24. No drawn step leads from one episode to the other.
     #[test]
     fn steps_are_drawn_uniformly_and_never_across_episodes() {
-        let (mut transitions, mut rows) = (Transitions::new(&spec()), Rows::default());
+        let (mut encoder, mut rows) = (TransitionEncoder::new(&spec()), Rows::default());
         let other = Episode {
             observations: vec![5.0, 8.0, 12.0],
             ..episode()
         };
         let mut random = stream(1, Purpose::Shuffle, 0, 0);
-        transitions.sample(&[&episode(), &other], 3000, &mut random, &mut rows);
+        encoder.sample(&[&episode(), &other], 3000, &mut random, &mut rows);
         for change in [1.0, 2.0, 3.0, 4.0] {
             let count = rows
                 .targets

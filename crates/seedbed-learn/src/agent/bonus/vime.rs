@@ -10,14 +10,14 @@ use rand_distr::{Distribution, StandardNormal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::transitions::{Moments, Rows, Transitions};
+use super::transitions::{Moments, Rows, TransitionEncoder};
 use super::{BonusScale, ModelSharing};
 use crate::agent::AgentContext;
 use crate::experience::Episode;
-use crate::nn::bayesian::{BayesianState, DiagonalGaussian, Draws, Pass};
+use crate::nn::bayesian::{BayesianState, DiagonalGaussian, Draws, PassBuffers};
 use crate::nn::{BayesianNetwork, BayesianSettings};
 use crate::rl::information_gain;
-use seedbed_env::input::numbers::{Count, Positive, known, known_count};
+use seedbed_env::input::numbers::{Count, Positive, ranged_count, ranged_number};
 use seedbed_env::random::{Purpose, Stream, stream};
 
 /// The configuration of VIME and Seed-VIME.
@@ -49,7 +49,7 @@ pub struct Vime {
 /// How an agent's seeds `z_k`, drawn once per run, modify the model φ = {μ, σ} for its bonuses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 pub enum ModelSeeds {
-    /// Not at all: all agents compute the same bonuses.
+    /// The model is not modified: all agents compute the same bonuses.
     #[default]
     Off,
     /// σ ← σ |z| (thesis Alg. 2, which prints σ z: a deviation cannot be negative).
@@ -94,29 +94,29 @@ impl Default for Vime {
             model: ModelSharing::Shared,
             seeds: ModelSeeds::Off,
             gain: Gain::OneDraw,
-            step: known(0.01),
+            step: ranged_number(0.01),
             scale: BonusScale::default(),
             buffer: ModelBuffer::Kept {
                 transitions: default_transitions(),
             },
-            minibatches: known_count(60),
-            minibatch: known_count(64),
-            hidden: vec![known_count(32)],
+            minibatches: ranged_count(60),
+            minibatch: ranged_count(64),
+            hidden: vec![ranged_count(32)],
             network: BayesianSettings::default(),
         }
     }
 }
 
 fn default_transitions() -> Count<100_000_000> {
-    known_count(1_000_000)
+    ranged_count(1_000_000)
 }
 
 /// The model of one agent, or its copy of the team's model.
 pub(crate) struct VimeModel {
     config: Vime,
-    transitions: Transitions,
+    encoder: TransitionEncoder,
     network: BayesianNetwork,
-    /// `z_k: [P]`
+    /// Seeds `z_k` of the model: `[P]`.
     seeds: Vec<f32>,
     work: Workspace,
 }
@@ -129,7 +129,7 @@ struct Workspace {
     perturbed: DiagonalGaussian,
     weights: Vec<f32>,
     coefficients: Vec<f32>,
-    pass: Pass,
+    pass: PassBuffers,
     draws: Draws,
 }
 
@@ -144,7 +144,7 @@ impl VimeModel {
     /// A model that draws from the random streams of agent `owner`; its seeds are those of the
     /// agent in `context`.
     pub(crate) fn new(config: &Vime, owner: u32, context: &AgentContext<'_>) -> Self {
-        let [inputs, outputs] = Transitions::widths(context.spec);
+        let [inputs, outputs] = TransitionEncoder::widths(context.spec);
         let hidden = config.hidden.iter().map(|units| units.get() as usize);
         let sizes: Vec<usize> = [inputs]
             .into_iter()
@@ -162,7 +162,7 @@ impl VimeModel {
         );
         Self {
             config: config.clone(),
-            transitions: Transitions::new(context.spec),
+            encoder: TransitionEncoder::new(context.spec),
             network,
             seeds,
             work: Workspace::default(),
@@ -179,7 +179,7 @@ impl VimeModel {
         gains: &mut Vec<f32>,
     ) {
         let count = self.network.likelihood().weight_count();
-        self.transitions
+        self.encoder
             .load_episode(episode, stride, &mut self.work.rows);
         let draws = match self.config.gain {
             Gain::OneDraw => 1,
@@ -200,7 +200,7 @@ impl VimeModel {
         }
     }
 
-    /// Sets `φ_k`; with a fixed sample, replaces the noise by the seeds.
+    /// Sets `φ_k`, the agent's own posterior; with `FixedSample`, replaces the noise by the seeds.
     fn perturb(&mut self) {
         let Workspace {
             perturbed, noise, ..
@@ -255,9 +255,14 @@ impl VimeModel {
             ..
         } = &mut self.work;
         let (step, mut gains) = (self.config.step.get_f32(), gains.iter_mut());
-        let set_next_gain = |by_mean: &[f32], by_deviation: &[f32]| {
+        let set_next_gain = |mean_gradient: &[f32], deviation_gradient: &[f32]| {
             if let Some(next) = gains.next() {
-                *next = gain(&perturbed.deviation, by_mean, by_deviation, step);
+                *next = gain(
+                    &perturbed.deviation,
+                    mean_gradient,
+                    deviation_gradient,
+                    step,
+                );
             }
         };
         self.network.likelihood().expected_gradients(
@@ -268,36 +273,41 @@ impl VimeModel {
         );
     }
 
-    /// Trains on minibatches, unless `frozen`. Returns the mean squared error of the mean weights
-    /// on the new episodes before training.
+    /// Trains on minibatches, unless `is_frozen`. Returns the mean squared error of the network with
+    /// the mean weights, on the new episodes before training.
     pub(crate) fn learn(
         &mut self,
         all_episodes: &[&Episode],
         new_episodes: &[&Episode],
-        frozen: bool,
+        is_frozen: bool,
         random: &mut Stream,
     ) -> f32 {
         let error = self.prediction_error(new_episodes);
         for episode in new_episodes {
-            self.transitions.update_moments(episode);
+            self.encoder.update_moments(episode);
         }
         let is_cleared = self.config.buffer == ModelBuffer::Cleared;
-        let source = if is_cleared {
+        let training_episodes = if is_cleared {
             new_episodes
         } else {
             all_episodes
         };
-        let total: usize = source.iter().map(|episode| episode.length()).sum();
-        if frozen || total == 0 {
+        let lengths = training_episodes.iter().map(|episode| episode.length());
+        let transition_count: usize = lengths.sum();
+        if is_frozen || transition_count == 0 {
             return error;
         }
         for _ in 0..self.config.minibatches.get() {
             let Workspace { rows, noise, .. } = &mut self.work;
-            self.transitions
-                .sample(source, self.config.minibatch.get() as usize, random, rows);
+            self.encoder.sample(
+                training_episodes,
+                self.config.minibatch.get() as usize,
+                random,
+                rows,
+            );
             fill_normal(noise, self.network.likelihood().weight_count(), random);
             self.network
-                .descend(&rows.inputs, &rows.targets, noise, total);
+                .descend(&rows.inputs, &rows.targets, noise, transition_count);
         }
         if is_cleared {
             self.network.make_posterior_the_prior();
@@ -309,7 +319,7 @@ impl VimeModel {
         let (mut sum, mut count) = (0.0_f64, 0_usize);
         for episode in episodes {
             let Workspace { rows, pass, .. } = &mut self.work;
-            self.transitions.load_episode(episode, 1, rows);
+            self.encoder.load_episode(episode, 1, rows);
             let predicted = self.network.likelihood().forward(
                 &self.network.posterior().mean,
                 &rows.inputs,
@@ -336,7 +346,7 @@ impl VimeModel {
     pub(crate) fn save(&self) -> Vec<u8> {
         let saved = Saved {
             network: self.network.state(),
-            moments: self.transitions.moments(),
+            moments: self.encoder.moments(),
         };
         postcard::to_stdvec(&saved).expect("plain numbers always serialize")
     }
@@ -352,7 +362,7 @@ impl VimeModel {
             ));
         }
         self.network.restore(saved.network);
-        self.transitions.restore(saved.moments);
+        self.encoder.restore(saved.moments);
         Ok(())
     }
 }

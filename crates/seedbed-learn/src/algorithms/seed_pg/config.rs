@@ -11,7 +11,7 @@ use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::nn::AdamSettings;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::input::numbers::{
-    Count, Fraction, NonNegative, Positive, PositiveFraction, known, known_count,
+    Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
 use seedbed_env::input::{Located, ValidationError};
 
@@ -329,7 +329,7 @@ impl AlgorithmConfig for SeedPg {
                  `schedule: Synchronous(…)` or `Asynchronous(…)`, or a value-based algorithm: \
                  `QLearning(…)`, `SeedTd(…)`, `BootstrappedDqn(…)`",
             )),
-            ScheduleKind::Asynchronous if self.bonus.is_shared() => {
+            ScheduleKind::Asynchronous if self.bonus.has_shared_model() => {
                 Err(ScheduleError::Parameter(self.bonus.error(
                     "a shared model requires that all agents learn at the same time; expected \
                      `schedule: Synchronous(…)`, or `model: Independent`",
@@ -356,7 +356,7 @@ impl AlgorithmConfig for SeedPg {
             Data::Shared => f64::from(agents),
             Data::Own => 1.0,
         };
-        let cost_of_bonus = if self.bonus.largest().is_some() {
+        let cost_of_bonus = if self.bonus.largest_bonus().is_some() {
             20.0
         } else {
             0.0
@@ -484,23 +484,23 @@ impl Default for SeedPg {
                 clipping: Clipping::Joint,
             }
             .into(),
-            entropy_bonus: known(0.0),
+            entropy_bonus: ranged_number(0.0),
             returns: ReturnNormalisation::PopArt {
                 beta: default_beta(),
             },
-            discount: known(0.99),
+            discount: ranged_number(0.99),
             time_limit: TimeLimit::Ends,
             observations: ObservationScaling::Raw,
             actions: ActionSelection::Sampled.into(),
-            hidden: vec![known_count(32); 2].into(),
-            epochs: known_count(1),
+            hidden: vec![ranged_count(32); 2].into(),
+            epochs: ranged_count(1),
             minibatch: Minibatch::Trajectory,
             gradient_clip: None,
             step_size_schedule: StepSizeSchedule::Constant,
-            regularisation: known(0.0),
-            initial_deviation: known(0.5),
-            policy_scale: known(1.0),
-            value_scale: known(1.0),
+            regularisation: ranged_number(0.0),
+            initial_deviation: ranged_number(0.5),
+            policy_scale: ranged_number(1.0),
+            value_scale: ranged_number(1.0),
             policy_optimiser: AdamSettings::default(),
             value_optimiser: AdamSettings::default(),
             bonus: Bonus::None.into(),
@@ -511,9 +511,9 @@ impl Default for SeedPg {
 impl Default for VTrace {
     fn default() -> Self {
         Self {
-            lambda: known(1.0),
-            ratio_cap: known(1.0),
-            trace_cap: known(1.0),
+            lambda: ranged_number(1.0),
+            ratio_cap: ranged_number(1.0),
+            trace_cap: ranged_number(1.0),
         }
     }
 }
@@ -537,17 +537,17 @@ impl StepSizeSchedule {
     reason = "serde requires a default of the field's type"
 )]
 fn default_cap() -> Option<Positive> {
-    Some(known(1.0))
+    Some(ranged_number(1.0))
 }
 
 fn default_clip() -> NonNegative {
-    known(0.2)
+    ranged_number(0.2)
 }
 
 fn default_beta() -> PositiveFraction {
-    known(0.1)
+    ranged_number(0.1)
 }
 
 fn default_lambda() -> Fraction {
-    known(0.95)
+    ranged_number(0.95)
 }

@@ -19,20 +19,21 @@ pub(super) struct Trajectory<'a> {
     pub(super) discount: f32,
 }
 
-/// Intermediate results of estimates.
+/// Buffers for intermediate results.
 #[derive(Default)]
 pub(super) struct Scratch {
-    products: Vec<f32>,
+    /// Scratch buffer of [`returns::per_decision`].
+    per_decision: Vec<f32>,
     returns: Vec<f32>,
     baseline: Vec<f32>,
 }
 
-/// Maximal product of ratios of returns that are not those of the value target.
+/// Maximal product of ratios in per-decision returns that are computed for advantages only.
 const DEFAULT_PRODUCT_CAP: Option<f32> = Some(1.0);
 
 impl Trajectory<'_> {
-    /// Targets of the value function, and weights of their errors: `[T]` both.
-    pub(super) fn value_targets(
+    /// Computes targets of the value function, and weights of their errors: `[T]` both.
+    pub(super) fn compute_value_targets(
         &self,
         choice: ValueTarget,
         scratch: &mut Scratch,
@@ -54,7 +55,7 @@ impl Trajectory<'_> {
                 ratio_product_cap,
             } => {
                 let cap = ratio_product_cap.map(Positive::get_f32);
-                self.returns(importance, cap, &mut scratch.products, targets);
+                self.compute_returns(importance, cap, &mut scratch.per_decision, targets);
             }
             ValueTarget::Td {
                 importance,
@@ -70,12 +71,12 @@ impl Trajectory<'_> {
             ValueTarget::Gae { lambda } => {
                 returns::lambda(rewards, values, discount, lambda.get_f32(), targets);
             }
-            ValueTarget::VTrace(v_trace) => self.v_trace_targets(v_trace, targets),
+            ValueTarget::VTrace(v_trace) => self.compute_v_trace_targets(v_trace, targets),
         }
     }
 
-    /// Advantages of the actions: `[T]`. `targets` are those of the value function.
-    pub(super) fn advantages(
+    /// Computes advantages of the actions: `[T]`. `targets` are the targets of the value function.
+    pub(super) fn compute_advantages(
         &self,
         choice: AdvantageEstimate,
         value_target: ValueTarget,
@@ -95,9 +96,11 @@ impl Trajectory<'_> {
                 importance,
                 baseline,
             } => {
-                let value_targets = matches!(value_target, ValueTarget::MonteCarlo { .. });
-                let returns = value_targets.then_some(targets);
-                self.monte_carlo_advantages(importance, baseline, returns, scratch, advantages);
+                let targets_are_returns = matches!(value_target, ValueTarget::MonteCarlo { .. });
+                let returns = targets_are_returns.then_some(targets);
+                self.compute_monte_carlo_advantages(
+                    importance, baseline, returns, scratch, advantages,
+                );
             }
             AdvantageEstimate::NStep { segment } => {
                 let steps = segment.get() as usize;
@@ -111,15 +114,15 @@ impl Trajectory<'_> {
                 advantage::retrace(rewards, values, ratios, discount, lambda, advantages);
             }
             AdvantageEstimate::VTrace(v_trace) => {
-                self.v_trace_targets(v_trace, &mut scratch.returns);
+                self.compute_v_trace_targets(v_trace, &mut scratch.returns);
                 advantage::v_trace(rewards, &scratch.returns, values, discount, advantages);
             }
         }
     }
 
-    /// Returns minus a baseline. `returns` are those of the value target, or none to compute
-    /// per-decision returns.
-    fn monte_carlo_advantages(
+    /// Computes returns minus a baseline. `returns` are the targets of the value function; `None`
+    /// to compute per-decision returns instead.
+    fn compute_monte_carlo_advantages(
         &self,
         importance: RatioCount,
         baseline: Baseline,
@@ -128,17 +131,21 @@ impl Trajectory<'_> {
         advantages: &mut [f32],
     ) {
         let Scratch {
-            products,
-            returns: own_returns,
+            per_decision,
+            returns: per_decision_returns,
             baseline: baselines,
         } = scratch;
         let returns = returns.unwrap_or_else(|| {
-            own_returns.resize(self.rewards.len(), 0.0);
-            let cap = DEFAULT_PRODUCT_CAP;
-            self.returns(Importance::PerDecision, cap, products, own_returns);
-            own_returns
+            per_decision_returns.resize(self.rewards.len(), 0.0);
+            self.compute_returns(
+                Importance::PerDecision,
+                DEFAULT_PRODUCT_CAP,
+                per_decision,
+                per_decision_returns,
+            );
+            per_decision_returns
         });
-        self.baselines(baseline, returns, baselines);
+        self.compute_baselines(baseline, returns, baselines);
         match importance {
             RatioCount::Single => {
                 let (rewards, discount) = (self.rewards, self.discount);
@@ -148,7 +155,7 @@ impl Trajectory<'_> {
         }
     }
 
-    fn v_trace_targets(&self, v_trace: VTrace, targets: &mut Vec<f32>) {
+    fn compute_v_trace_targets(&self, v_trace: VTrace, targets: &mut Vec<f32>) {
         targets.resize(self.rewards.len(), 0.0);
         returns::v_trace(
             self.rewards,
@@ -160,12 +167,13 @@ impl Trajectory<'_> {
         );
     }
 
-    /// Weighted or unweighted discounted returns: `[T]`. `cap` is the maximal product of ratios.
-    fn returns(
+    /// Computes weighted or unweighted discounted returns: `[T]`. `cap` is the maximal product of
+    /// ratios.
+    fn compute_returns(
         &self,
         importance: Importance,
         cap: Option<f32>,
-        products: &mut Vec<f32>,
+        scratch: &mut Vec<f32>,
         returns: &mut [f32],
     ) {
         match importance {
@@ -175,7 +183,7 @@ impl Trajectory<'_> {
                     self.rewards,
                     self.discount,
                     cap,
-                    products,
+                    scratch,
                     returns,
                 );
             }
@@ -186,8 +194,8 @@ impl Trajectory<'_> {
         }
     }
 
-    /// The baseline of each step: `[T]`.
-    fn baselines(&self, baseline: Baseline, returns: &[f32], baselines: &mut Vec<f32>) {
+    /// Computes the baseline of each step: `[T]`.
+    fn compute_baselines(&self, baseline: Baseline, returns: &[f32], baselines: &mut Vec<f32>) {
         baselines.clear();
         match baseline {
             Baseline::Value => baselines.extend_from_slice(self.values),
@@ -208,7 +216,7 @@ fn truncation(v_trace: VTrace) -> Truncation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::known;
+    use seedbed_env::input::numbers::ranged_number;
 
     /// γ = ½, r = 1, 2, 4, v = 2, 4, 6, ρ = 2, ½, 3, as in the tests of the formulas.
     const TRAJECTORY: Trajectory<'static> = Trajectory {
@@ -218,18 +226,23 @@ mod tests {
         discount: 0.5,
     };
 
-    fn targets(choice: ValueTarget) -> (Vec<f32>, Vec<f32>) {
+    fn targets_and_weights(choice: ValueTarget) -> (Vec<f32>, Vec<f32>) {
         let (mut targets, mut weights) = (vec![], vec![]);
-        TRAJECTORY.value_targets(choice, &mut Scratch::default(), &mut targets, &mut weights);
+        TRAJECTORY.compute_value_targets(
+            choice,
+            &mut Scratch::default(),
+            &mut targets,
+            &mut weights,
+        );
         (targets, weights)
     }
 
     fn advantages(choice: AdvantageEstimate, value_target: ValueTarget) -> Vec<f32> {
         let mut advantages = vec![];
-        TRAJECTORY.advantages(
+        TRAJECTORY.compute_advantages(
             choice,
             value_target,
-            &targets(value_target).0,
+            &targets_and_weights(value_target).0,
             &mut Scratch::default(),
             &mut advantages,
         );
@@ -239,7 +252,7 @@ mod tests {
     fn monte_carlo(importance: Importance, cap: Option<f64>) -> ValueTarget {
         ValueTarget::MonteCarlo {
             importance,
-            ratio_product_cap: cap.map(known),
+            ratio_product_cap: cap.map(ranged_number),
         }
     }
 
@@ -248,19 +261,19 @@ mod tests {
     #[test]
     fn value_targets_by_hand() {
         assert_eq!(
-            targets(monte_carlo(Importance::PerDecision, None)).0,
+            targets_and_weights(monte_carlo(Importance::PerDecision, None)).0,
             [6.0, 4.0, 12.0]
         );
         assert_eq!(
-            targets(monte_carlo(Importance::PerDecision, Some(1.0))).0,
+            targets_and_weights(monte_carlo(Importance::PerDecision, Some(1.0))).0,
             [3.0, 3.0, 4.0]
         );
         assert_eq!(
-            targets(monte_carlo(Importance::Ordinary, None)).0,
+            targets_and_weights(monte_carlo(Importance::Ordinary, None)).0,
             [9.0, 6.0, 12.0]
         );
         assert_eq!(
-            targets(monte_carlo(Importance::Off, None)),
+            targets_and_weights(monte_carlo(Importance::Off, None)),
             (vec![3.0, 4.0, 4.0], vec![1.0; 3])
         );
     }
@@ -269,9 +282,9 @@ mod tests {
     #[test]
     fn temporal_difference_errors_are_weighted() {
         let td_targets = |importance, cap: Option<f64>| {
-            targets(ValueTarget::Td {
+            targets_and_weights(ValueTarget::Td {
                 importance,
-                ratio_cap: cap.map(known),
+                ratio_cap: cap.map(ranged_number),
             })
         };
         assert_eq!(
@@ -336,7 +349,10 @@ mod tests {
     #[test]
     fn v_trace_by_hand() {
         let v_trace = VTrace::default();
-        assert_eq!(targets(ValueTarget::VTrace(v_trace)).0, [3.0, 4.0, 4.0]);
+        assert_eq!(
+            targets_and_weights(ValueTarget::VTrace(v_trace)).0,
+            [3.0, 4.0, 4.0]
+        );
         assert_eq!(
             advantages(
                 AdvantageEstimate::VTrace(v_trace),

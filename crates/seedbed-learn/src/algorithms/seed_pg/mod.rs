@@ -4,8 +4,8 @@
 //! are weighted by ρₜ = `π_k(aₜ|sₜ)` / `π_i(aₜ|sₜ)`, and its rewards are perturbed by the seeds of
 //! agent k: rₜ₊₁ + `z_{k,t+1}`, where t is the step within the episode.
 //!
-//! [`config`] has the parameters: with own data and no seeds the same agent is REINFORCE, the
-//! simple policy gradient (§1.5), Off-PAC (§3.3.1), or standard PPO. `estimates` calls the formulas
+//! [`config`] has the parameters. With own data and no seeds they also give REINFORCE, the simple
+//! policy gradient (§1.5), Off-PAC (§3.3.1), and standard PPO. `estimates` calls the formulas
 //! in [`rl`](crate::rl) that the parameters select.
 
 pub mod config;
@@ -26,7 +26,7 @@ use self::estimates::{Scratch, Trajectory};
 use self::samples::Samples;
 use self::totals::Totals;
 use crate::agent::bonus::BonusModel;
-use crate::agent::network::{Descent, Learned, Network};
+use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::policy::{self, Policy};
 use crate::agent::scaling::Scaling;
 use crate::agent::{ActScratch, Agent, AgentContext, Tensor, Update};
@@ -34,9 +34,9 @@ use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Mlp, PopArt, Standardizer};
 use crate::rl::advantage;
 use crate::rl::policy_loss::{self, Surrogate};
-use crate::seed::Seed;
+use crate::seed::AgentSeed;
 use seedbed_env::Status;
-use seedbed_env::input::numbers::Positive;
+use seedbed_env::input::numbers::{NonNegative, Positive};
 use seedbed_env::random::{Purpose, Stream, stream};
 
 /// One agent of Seed-PG.
@@ -44,8 +44,8 @@ pub struct SeedPgAgent {
     config: SeedPg,
     run_seed: u64,
     agent: u32,
-    /// Reward seeds `z_{k,1} … z_{k,T}`: the number that this agent adds to the reward of each step,
-    /// up to the time limit T.
+    /// Reward seeds `z_{k,1} … z_{k,T}`: the number that this agent adds to the reward of each
+    /// step, up to the time limit T.
     reward_seeds: Vec<f32>,
     scaling: Scaling,
     policy: Policy,
@@ -61,7 +61,7 @@ pub struct SeedPgAgent {
 #[derive(Default)]
 struct Workspace {
     /// Indices of the new episodes to learn from.
-    order: Vec<usize>,
+    chosen_episodes: Vec<usize>,
     /// Bonuses of the steps of each new episode; empty without a bonus.
     bonuses: Vec<Vec<f32>>,
     /// Samples of the next gradient step.
@@ -70,7 +70,7 @@ struct Workspace {
     all_policy_samples: Samples,
     /// All samples of the value function.
     all_value_samples: Samples,
-    /// Order in which samples of a pool are drawn.
+    /// Order in which the samples of one of these two are drawn.
     rows: Vec<usize>,
     /// log π of each component of the actions of `samples`: `[N × C]`.
     log_probs: Vec<f32>,
@@ -132,24 +132,25 @@ impl SeedPgAgent {
             work,
             ..
         } = self;
-        let shares = config.value_data == Data::Shared || config.policy_data == Data::Shared;
+        let learns_from_others =
+            config.value_data == Data::Shared || config.policy_data == Data::Shared;
         let (own, others): (Vec<usize>, Vec<usize>) = (0..new_episodes.len())
             .filter(|&index| new_episodes[index].length() > 0)
             .partition(|&index| new_episodes[index].agent == *agent);
-        work.order = own;
+        work.chosen_episodes = own;
         match config.sharing {
-            _ if !shares => {}
-            Sharing::All => work.order.extend(others),
+            _ if !learns_from_others => {}
+            Sharing::All => work.chosen_episodes.extend(others),
             Sharing::Sampled { trajectories } => {
                 let count = others.len().min(trajectories.get() as usize);
-                work.order.extend(
+                work.chosen_episodes.extend(
                     index::sample(random, others.len(), count)
                         .into_iter()
                         .map(|position| others[position]),
                 );
             }
         }
-        work.order.sort_unstable();
+        work.chosen_episodes.sort_unstable();
     }
 
     /// Intrinsic rewards and, if they are recorded, advantages of the agent's own steps, before it
@@ -160,13 +161,13 @@ impl SeedPgAgent {
         if self.bonus_model.is_none() && !self.record_advantages {
             return step_data;
         }
-        for position in 0..self.work.order.len() {
-            let index = self.work.order[position];
+        for position in 0..self.work.chosen_episodes.len() {
+            let index = self.work.chosen_episodes[position];
             let episode = &new_episodes[index];
             if episode.agent != self.agent {
                 continue;
             }
-            let mut data = StepData::of(episode);
+            let mut data = StepData::empty_for(episode);
             if let Some(bonuses) = self.work.bonuses.get(index) {
                 data.intrinsic_rewards.clone_from(bonuses);
             }
@@ -198,12 +199,12 @@ impl SeedPgAgent {
     ) {
         match self.config.minibatch {
             Minibatch::Trajectory => {
-                let mut order = std::mem::take(&mut self.work.order);
+                let mut order = std::mem::take(&mut self.work.chosen_episodes);
                 order.shuffle(random);
                 for &index in &order {
                     self.learn_from_trajectory(new_episodes, index, descent, totals);
                 }
-                self.work.order = order;
+                self.work.chosen_episodes = order;
             }
             Minibatch::Steps(size) => {
                 self.learn_from_steps(new_episodes, size.get() as usize, descent, random, totals);
@@ -244,7 +245,7 @@ impl SeedPgAgent {
         random: &mut Stream,
         totals: &mut Totals,
     ) {
-        self.fill_pools(new_episodes);
+        self.collect_samples(new_episodes);
         let (weight, bias) = self.value.output_layer();
         self.normalizer
             .update(&self.work.all_value_samples.targets, weight, bias);
@@ -267,11 +268,11 @@ impl SeedPgAgent {
     }
 
     /// Collects the samples of all chosen trajectories.
-    fn fill_pools(&mut self, new_episodes: &[Episode]) {
+    fn collect_samples(&mut self, new_episodes: &[Episode]) {
         self.work.all_policy_samples.clear();
         self.work.all_value_samples.clear();
-        for position in 0..self.work.order.len() {
-            let index = self.work.order[position];
+        for position in 0..self.work.chosen_episodes.len() {
+            let index = self.work.chosen_episodes[position];
             let [value_learns, policy_learns] = self.networks_that_learn_from(&new_episodes[index]);
             self.load_trajectory(&new_episodes[index], index);
             let Workspace {
@@ -298,7 +299,7 @@ impl SeedPgAgent {
     }
 
     /// Turns a trajectory into samples, with targets and advantages under the present policy and
-    /// value function.   `index`: that of the episode among the new ones
+    /// value function.   `index`: position of the episode among the new episodes
     fn estimate(&mut self, episode: &Episode, index: usize) {
         let samples = &mut self.work.samples;
         self.scaling.apply(episode.states(), &mut samples.states);
@@ -329,8 +330,8 @@ impl SeedPgAgent {
             advantages,
             ..
         } = samples;
-        trajectory.value_targets(*config.value_target, estimates, targets, weights);
-        trajectory.advantages(
+        trajectory.compute_value_targets(*config.value_target, estimates, targets, weights);
+        trajectory.compute_advantages(
             *config.advantage,
             *config.value_target,
             targets,
@@ -373,7 +374,8 @@ impl SeedPgAgent {
         }
     }
 
-    /// Computes ρₜ = `π_k(aₜ|sₜ)` / μ(aₜ|sₜ) of the present samples.
+    /// Computes the importance ratios ρₜ = `π_k(aₜ|sₜ)` / μ(aₜ|sₜ) of the present samples, where μ
+    /// is the policy that acted.
     fn compute_ratios(&mut self) {
         let Workspace {
             samples,
@@ -383,7 +385,7 @@ impl SeedPgAgent {
         } = &mut self.work;
         self.policy
             .evaluate(&samples.states, &samples.actions, log_probs);
-        let width = self.policy.components();
+        let width = self.policy.component_count();
         let rows = log_probs
             .chunks_exact(width)
             .zip(samples.behavior_log_probs.chunks_exact(width));
@@ -409,7 +411,7 @@ impl SeedPgAgent {
             advantage::standardize(&mut work.samples.advantages);
         }
         let samples = &work.samples;
-        let width = samples.components();
+        let width = samples.component_count();
         let rows = work
             .log_probs
             .chunks_exact(width)
@@ -418,7 +420,7 @@ impl SeedPgAgent {
         for ((log_probs, behavior), (&ratio, &advantage)) in
             rows.zip(work.ratios.iter().zip(&samples.advantages))
         {
-            surrogates(
+            for_each_surrogate(
                 *self.config.policy_loss,
                 (log_probs, behavior),
                 ratio,
@@ -483,7 +485,11 @@ fn seeded_networks(config: &SeedPg, context: &AgentContext<'_>) -> (Network, Net
     value_sizes.extend(hidden);
     value_sizes.push(1);
     let value_shape = Mlp::new(&value_sizes);
-    let mut seed = Seed::draw(
+    let AgentSeed {
+        mut policy_parameters,
+        mut value_parameters,
+        reward_seeds,
+    } = AgentSeed::draw(
         context.run_seed,
         context.agent,
         context.team.seeds,
@@ -491,41 +497,42 @@ fn seeded_networks(config: &SeedPg, context: &AgentContext<'_>) -> (Network, Net
         (&policy_shape, &value_shape),
         spec.time_limit,
     );
-    let [policy_scale, value_scale] = [config.policy_scale, config.value_scale];
-    scale_output_layer(&policy_shape, &mut seed.policy, policy_scale.get_f32());
-    scale_output_layer(&value_shape, &mut seed.value, value_scale.get_f32());
+    let [policy_scale, value_scale] =
+        [config.policy_scale, config.value_scale].map(NonNegative::get_f32);
+    scale_output_layer(&policy_shape, &mut policy_parameters, policy_scale);
+    scale_output_layer(&value_shape, &mut value_parameters, value_scale);
     (
-        Network::new(policy_shape, seed.policy, config.policy_optimiser),
-        Network::new(value_shape, seed.value, config.value_optimiser),
-        seed.reward,
+        Network::new(policy_shape, policy_parameters, config.policy_optimiser),
+        Network::new(value_shape, value_parameters, config.value_optimiser),
+        reward_seeds,
     )
 }
 
-/// Passes the surrogate loss of a whole action, or one per component, to `add` with the number of
-/// components that it covers.   `log_probs`, `behavior`: log π and log μ of each component;
-/// `ratio`, `advantage`: those of the whole action
-fn surrogates(
+/// Passes the surrogate loss of a whole action, or one loss per component, to `visit`, with the
+/// number of components that the loss covers.   `log_probs`, `behavior`: log π and log μ of each
+/// component; `ratio`, `advantage`: of the whole action
+fn for_each_surrogate(
     loss: PolicyLoss,
     (log_probs, behavior): (&[f32], &[f32]),
     ratio: f32,
     advantage: f32,
-    mut add: impl FnMut(Surrogate, usize),
+    mut visit: impl FnMut(Surrogate, usize),
 ) {
     let width = log_probs.len();
     match loss {
         PolicyLoss::Ppo { clip, clipping } => {
             let clip = clip.get_f32();
             if clipping == Clipping::Joint {
-                add(policy_loss::ppo(ratio, advantage, clip), width);
+                visit(policy_loss::ppo(ratio, advantage, clip), width);
                 return;
             }
             for (log_prob, behavior) in log_probs.chunks_exact(1).zip(behavior.chunks_exact(1)) {
                 let ratio = importance_ratio(log_prob, behavior);
-                add(policy_loss::ppo(ratio, advantage, clip), 1);
+                visit(policy_loss::ppo(ratio, advantage, clip), 1);
             }
         }
         PolicyLoss::SimplePg => {
-            add(
+            visit(
                 policy_loss::simple(log_probs.iter().sum(), advantage),
                 width,
             );
@@ -533,7 +540,7 @@ fn surrogates(
         PolicyLoss::OffPac { ratio_cap } => {
             let cap = ratio_cap.map(Positive::get_f32);
             let log_prob = log_probs.iter().sum();
-            add(policy_loss::off_pac(log_prob, ratio, advantage, cap), width);
+            visit(policy_loss::off_pac(log_prob, ratio, advantage, cap), width);
         }
     }
 }
@@ -589,7 +596,11 @@ impl Agent for SeedPgAgent {
         let (descent, mut totals) = (self.descent(round), Totals::default());
         self.choose_episodes(new_episodes, &mut random);
         if let Some(bonus_model) = &mut self.bonus_model {
-            bonus_model.compute_bonuses(experience, &self.work.order, &mut self.work.bonuses);
+            bonus_model.compute_bonuses(
+                experience,
+                &self.work.chosen_episodes,
+                &mut self.work.bonuses,
+            );
             totals.set_bonuses(
                 self.agent,
                 new_episodes,
@@ -601,7 +612,7 @@ impl Agent for SeedPgAgent {
         for _ in 0..self.config.epochs.get() {
             self.learn_for_an_epoch(new_episodes, &descent, &mut random, &mut totals);
         }
-        for &index in &self.work.order {
+        for &index in &self.work.chosen_episodes {
             self.scaling.update(new_episodes[index].states());
         }
         Update {
@@ -619,8 +630,8 @@ impl Agent for SeedPgAgent {
     }
 
     fn is_finite(&self) -> bool {
-        let is_bonus_finite = self.bonus_model.as_ref().is_none_or(BonusModel::is_finite);
-        is_bonus_finite
+        let is_bonus_model_finite = self.bonus_model.as_ref().is_none_or(BonusModel::is_finite);
+        is_bonus_model_finite
             && self.policy.network().is_finite()
             && self.value.is_finite()
             && self.normalizer.is_finite()
@@ -645,7 +656,10 @@ impl Agent for SeedPgAgent {
     }
 
     fn save(&self) -> Vec<u8> {
-        let (policy, value) = (self.policy.network().learned(), self.value.learned());
+        let (policy, value) = (
+            self.policy.network().learned_state(),
+            self.value.learned_state(),
+        );
         let (observations, bonus_model) = (
             self.scaling.learned(),
             self.bonus_model.as_ref().map(BonusModel::save),
@@ -661,7 +675,7 @@ impl Agent for SeedPgAgent {
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<Learned, Standardizer> =
+        let saved: Saved<LearnedState, Standardizer> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
         self.policy.network_mut().restore(saved.policy)?;
         self.value.restore(saved.value)?;

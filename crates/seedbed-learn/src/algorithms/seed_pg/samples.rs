@@ -24,7 +24,7 @@ impl Samples {
     }
 
     /// Number of components C of an action.
-    pub(super) fn components(&self) -> usize {
+    pub(super) fn component_count(&self) -> usize {
         self.actions.len() / self.len().max(1)
     }
 
@@ -39,7 +39,7 @@ impl Samples {
         }
     }
 
-    /// Replaces the samples by the given rows of `source`.
+    /// Replaces the samples by the steps of `source` with the indices `rows`.
     pub(super) fn gather(&mut self, source: &Self, rows: &[usize]) {
         self.clear();
         for &row in rows {
@@ -88,6 +88,7 @@ impl Samples {
 mod tests {
     use super::*;
 
+    /// Samples whose numbers are the step plus an offset per column.
     fn samples(steps: &[u8]) -> Samples {
         let column = |offset: f32| {
             steps
@@ -109,15 +110,15 @@ mod tests {
     }
 
     #[test]
-    fn rows_stay_together() {
-        let mut all = samples(&[0, 1, 2]);
-        all.append(&samples(&[3, 4]));
-        assert_eq!((all.len(), all.components()), (5, 1));
-        let mut drawn = samples(&[9]);
-        drawn.gather(&all, &[4, 1]);
-        assert_eq!(drawn.states, [4.0, -4.0, 1.0, -1.0]);
+    fn numbers_of_a_step_stay_together() {
+        let mut all_samples = samples(&[0, 1, 2]);
+        all_samples.append(&samples(&[3, 4]));
+        assert_eq!((all_samples.len(), all_samples.component_count()), (5, 1));
+        let mut gathered = samples(&[9]);
+        gathered.gather(&all_samples, &[4, 1]);
+        assert_eq!(gathered.states, [4.0, -4.0, 1.0, -1.0]);
         assert_eq!(
-            (drawn.actions, drawn.advantages),
+            (gathered.actions, gathered.advantages),
             (vec![14.0, 11.0], vec![54.0, 51.0])
         );
     }

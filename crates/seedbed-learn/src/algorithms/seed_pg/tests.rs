@@ -8,7 +8,7 @@ use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::AlgorithmConfig;
 use crate::nn::Initial;
 use crate::seed::SeedDistribution;
-use seedbed_env::input::numbers::{known, known_count};
+use seedbed_env::input::numbers::{ranged_count, ranged_number};
 use seedbed_env::{Action, Choice, Quantity, Spec, Status};
 
 fn spec() -> Spec {
@@ -30,10 +30,10 @@ fn spec() -> Spec {
 
 fn agent(config: &SeedPg, number: u32, sigma: f64) -> SeedPgAgent {
     let seeds = SeedDistribution::Normal {
-        sigma: known(sigma),
+        sigma: ranged_number(sigma),
     };
     let team = TeamConfig {
-        count: known_count(2),
+        count: ranged_count(2),
         seeds,
         initial: Initial::Random,
     };
@@ -87,10 +87,11 @@ fn parameters(agent: &SeedPgAgent) -> Vec<f32> {
         .collect()
 }
 
-/// Targets of another agent's trajectory are those of its rewards plus the learning agent's seeds,
-/// by the step within the episode (Eq. 18).
+/// The learning agent adds its own reward seed `z_{k,t+1}` to the reward of step t of another
+/// agent's episode (Eq. 18): targets equal those of an episode whose rewards already include the
+/// seeds.
 #[test]
-fn an_agent_s_seeds_perturb_the_rewards_of_all_agents() {
+fn seeds_of_the_learning_agent_perturb_the_rewards_of_all_agents() {
     let mut seeded = agent(&SeedPg::default(), 0, 0.5);
     let mut plain = agent(&SeedPg::default(), 0, 0.0);
     let mut shifted = episode(1);
@@ -114,8 +115,9 @@ fn an_agent_s_seeds_perturb_the_rewards_of_all_agents() {
     );
 }
 
+/// ρ is π(a|s) of the learning agent over ½, the probability under the policy that acted.
 #[test]
-fn ratios_compare_the_two_policies() {
+fn ratios_compare_the_learning_policy_with_the_acting_policy() {
     let mut learner = agent(&SeedPg::default(), 0, 0.0);
     learner.estimate(&episode(1), 0);
     let expected: Vec<f32> = learner
@@ -136,11 +138,7 @@ fn ratios_compare_the_two_policies() {
 
 #[test]
 fn own_data_excludes_other_agents() {
-    let own = SeedPg {
-        value_data: Data::Own,
-        policy_data: Data::Own,
-        ..SeedPg::default()
-    };
+    let own = own_data();
     let (mut alone, mut among_others) = (agent(&own, 0, 0.1), agent(&own, 0, 0.1));
     update(&mut alone, [0], 0);
     update(&mut among_others, [0, 1], 0);
@@ -169,20 +167,21 @@ fn value_data_and_policy_data_are_independent() {
     assert_ne!(learner.value.parameters(), before.1);
 }
 
-/// With strong regularization parameters stay closer to the seed than without.
+/// With strong regularization, parameters stay closer to their initial values than without.
 #[test]
-fn regularization_keeps_parameters_near_the_seed() {
+fn regularization_keeps_parameters_near_their_initial_values() {
     let distance = |regularisation| {
         let config = SeedPg {
-            regularisation: known(regularisation),
+            regularisation: ranged_number(regularisation),
             ..SeedPg::default()
         };
         let mut learner = agent(&config, 0, 0.1);
-        let seed = learner.policy.network().parameters().to_vec();
+        let initial = learner.policy.network().parameters().to_vec();
         for round in 0..50 {
             update(&mut learner, [0, 1], round);
         }
-        seed.iter()
+        initial
+            .iter()
             .zip(learner.policy.network().parameters())
             .map(|(a, b)| (a - b).powi(2))
             .sum::<f32>()
@@ -200,7 +199,7 @@ fn regularization_keeps_parameters_near_the_seed() {
 #[test]
 fn rewarded_actions_become_more_likely() {
     let mut config = SeedPg::default();
-    config.policy_optimiser.step_size = known(0.01);
+    config.policy_optimiser.step_size = ranged_number(0.01);
     let mut learner = agent(&config, 0, 0.0);
     let mut rewarded = episode(0);
     rewarded.rewards = rewarded
@@ -258,7 +257,7 @@ fn advantages_of_own_steps_are_recorded() {
         }
         .into(),
         standardise: Standardization::PerTrajectory,
-        discount: known(0.5),
+        discount: ranged_number(0.5),
         ..SeedPg::default()
     };
     let rewarded = |agent, rewards: &[f32]| Episode {
@@ -291,13 +290,13 @@ fn recording_advantages_does_not_change_learning() {
     let variants = [
         SeedPg {
             sharing: Sharing::Sampled {
-                trajectories: known_count(1),
+                trajectories: ranged_count(1),
             },
-            epochs: known_count(3),
+            epochs: ranged_count(3),
             ..SeedPg::default()
         },
         SeedPg {
-            minibatch: Minibatch::Steps(known_count(4)),
+            minibatch: Minibatch::Steps(ranged_count(4)),
             observations: ObservationScaling::Running,
             ..SeedPg::default()
         },
@@ -308,18 +307,18 @@ fn recording_advantages_does_not_change_learning() {
         },
     ];
     for config in variants {
-        let (mut with, mut without) = (
+        let (mut recording, mut not_recording) = (
             with_recorded_advantages(agent(&config, 1, 0.5)),
             agent(&config, 1, 0.5),
         );
         for round in 0..3 {
             let mut before = agent(&config, 1, 0.5);
-            before.restore(&without.save()).unwrap();
+            before.restore(&not_recording.save()).unwrap();
             before.estimate(&episode(1), 1);
             let [recorded, plain] =
-                [&mut with, &mut without].map(|learner| update(learner, 0..3, round));
+                [&mut recording, &mut not_recording].map(|learner| update(learner, 0..3, round));
             assert_eq!(recorded.report, plain.report);
-            assert_eq!(with.save(), without.save());
+            assert_eq!(recording.save(), not_recording.save());
             let expected = &before.work.samples.advantages;
             assert_eq!(&advantages(&recorded), expected, "{config:?}");
             assert!(plain.step_data.is_empty());
@@ -346,64 +345,14 @@ fn advantages(update: &Update) -> Vec<f32> {
 /// more likely.
 #[test]
 fn every_combination_learns_from_own_data() {
-    let targets = [
-        ValueTarget::MonteCarlo {
-            importance: Importance::Off,
-            ratio_product_cap: None,
-        },
-        ValueTarget::MonteCarlo {
-            importance: Importance::Ordinary,
-            ratio_product_cap: Some(known(1.0)),
-        },
-        ValueTarget::Td {
-            importance: Importance::PerDecision,
-            ratio_cap: None,
-        },
-        ValueTarget::Gae {
-            lambda: known(0.95),
-        },
-        ValueTarget::VTrace(VTrace::default()),
-    ];
-    let advantages = [
-        AdvantageEstimate::MonteCarlo {
-            importance: RatioCount::Double,
-            baseline: Baseline::Off,
-        },
-        AdvantageEstimate::MonteCarlo {
-            importance: RatioCount::Single,
-            baseline: Baseline::Mean,
-        },
-        AdvantageEstimate::NStep {
-            segment: known_count(3),
-        },
-        AdvantageEstimate::Gae {
-            lambda: known(0.95),
-        },
-        AdvantageEstimate::Retrace {
-            lambda: known(0.95),
-        },
-        AdvantageEstimate::VTrace(VTrace::default()),
-    ];
-    let losses = [
-        PolicyLoss::Ppo {
-            clip: known(0.2),
-            clipping: Clipping::Joint,
-        },
-        PolicyLoss::Ppo {
-            clip: known(0.2),
-            clipping: Clipping::DimensionWise,
-        },
-        PolicyLoss::SimplePg,
-        PolicyLoss::OffPac { ratio_cap: None },
-    ];
-    for (target, advantage, loss) in combinations(&targets, &advantages, &losses) {
+    for (target, advantage, loss) in
+        combinations(&value_targets(), &advantage_estimates(), &policy_losses())
+    {
         let config = SeedPg {
-            value_data: Data::Own,
-            policy_data: Data::Own,
             value_target: target.into(),
             advantage: advantage.into(),
             policy_loss: loss.into(),
-            ..SeedPg::default()
+            ..own_data()
         };
         assert_eq!(config.check(), Ok(()), "{target:?} {advantage:?} {loss:?}");
         let increase = probability_increase(config);
@@ -414,45 +363,104 @@ fn every_combination_learns_from_own_data() {
     }
 }
 
+/// Every kind of value target that is allowed on the agent's own data.
+fn value_targets() -> [ValueTarget; 5] {
+    [
+        ValueTarget::MonteCarlo {
+            importance: Importance::Off,
+            ratio_product_cap: None,
+        },
+        ValueTarget::MonteCarlo {
+            importance: Importance::Ordinary,
+            ratio_product_cap: Some(ranged_number(1.0)),
+        },
+        ValueTarget::Td {
+            importance: Importance::PerDecision,
+            ratio_cap: None,
+        },
+        ValueTarget::Gae {
+            lambda: ranged_number(0.95),
+        },
+        ValueTarget::VTrace(VTrace::default()),
+    ]
+}
+
+/// Every kind of advantage estimate that is allowed on the agent's own data.
+fn advantage_estimates() -> [AdvantageEstimate; 6] {
+    [
+        AdvantageEstimate::MonteCarlo {
+            importance: RatioCount::Double,
+            baseline: Baseline::Off,
+        },
+        AdvantageEstimate::MonteCarlo {
+            importance: RatioCount::Single,
+            baseline: Baseline::Mean,
+        },
+        AdvantageEstimate::NStep {
+            segment: ranged_count(3),
+        },
+        AdvantageEstimate::Gae {
+            lambda: ranged_number(0.95),
+        },
+        AdvantageEstimate::Retrace {
+            lambda: ranged_number(0.95),
+        },
+        AdvantageEstimate::VTrace(VTrace::default()),
+    ]
+}
+
+/// Every kind of policy loss.
+fn policy_losses() -> [PolicyLoss; 4] {
+    [
+        PolicyLoss::Ppo {
+            clip: ranged_number(0.2),
+            clipping: Clipping::Joint,
+        },
+        PolicyLoss::Ppo {
+            clip: ranged_number(0.2),
+            clipping: Clipping::DimensionWise,
+        },
+        PolicyLoss::SimplePg,
+        PolicyLoss::OffPac { ratio_cap: None },
+    ]
+}
+
+/// With other minibatches, scalings, time limits and optimizer settings, a rewarded action becomes
+/// more likely.
 #[test]
 fn other_settings_learn_from_own_data() {
-    let base = SeedPg {
-        value_data: Data::Own,
-        policy_data: Data::Own,
-        ..SeedPg::default()
-    };
     let variants = [
         SeedPg {
-            minibatch: Minibatch::Steps(known_count(4)),
-            epochs: known_count(2),
-            ..base.clone()
+            minibatch: Minibatch::Steps(ranged_count(4)),
+            epochs: ranged_count(2),
+            ..own_data()
         },
         SeedPg {
             standardise: Standardization::PerTrajectory,
-            ..base.clone()
+            ..own_data()
         },
         SeedPg {
             standardise: Standardization::PerMinibatch,
-            minibatch: Minibatch::Steps(known_count(3)),
-            ..base.clone()
+            minibatch: Minibatch::Steps(ranged_count(3)),
+            ..own_data()
         },
         SeedPg {
             time_limit: TimeLimit::Bootstraps,
-            ..base.clone()
+            ..own_data()
         },
         SeedPg {
             observations: ObservationScaling::Running,
-            ..base.clone()
+            ..own_data()
         },
         SeedPg {
             observations: ObservationScaling::Range,
-            gradient_clip: Some(known(0.1)),
-            ..base.clone()
+            gradient_clip: Some(ranged_number(0.1)),
+            ..own_data()
         },
         SeedPg {
             returns: ReturnNormalisation::Raw,
-            entropy_bonus: known(0.001),
-            ..base
+            entropy_bonus: ranged_number(0.001),
+            ..own_data()
         },
     ];
     for config in variants {
@@ -473,8 +481,8 @@ fn combinations<A: Copy, B: Copy, C: Copy>(a: &[A], b: &[B], c: &[C]) -> Vec<(A,
 /// Increase of the mean probability of a rewarded action after 40 updates, each on an episode
 /// played by the present policy.
 fn probability_increase(mut config: SeedPg) -> f32 {
-    config.policy_optimiser.step_size = known(0.01);
-    config.value_optimiser.step_size = known(0.01);
+    config.policy_optimiser.step_size = ranged_number(0.01);
+    config.value_optimiser.step_size = ranged_number(0.01);
     let mut learner = agent(&config, 0, 0.0);
     let mut random = stream(3, Purpose::Action, 0, 0);
     let before = probability_of_action_0(&learner);
@@ -485,6 +493,8 @@ fn probability_increase(mut config: SeedPg) -> f32 {
     probability_of_action_0(&learner) - before
 }
 
+/// An episode of six steps played by the present policy, with reward 1 for action 0 and −1 for
+/// action 1.
 fn play(learner: &SeedPgAgent, random: &mut Stream) -> Episode {
     let mut played = Episode {
         outcome: Status::Truncated,
@@ -503,6 +513,7 @@ fn play(learner: &SeedPgAgent, random: &mut Stream) -> Episode {
     played
 }
 
+/// Mean probability of action 0 in the six states of [`episode`].
 fn probability_of_action_0(learner: &SeedPgAgent) -> f32 {
     let mut probabilities = vec![];
     let (mut action, mut log_prob) = ([0.0], [0.0]);
@@ -568,28 +579,32 @@ fn a_time_limit_bootstraps_if_configured() {
 /// With two sampled trajectories, an agent learns from its own episode and from two of the others,
 /// which differ from round to round.
 #[test]
-fn sharing_can_be_limited() {
+fn sampled_sharing_chooses_the_given_number_of_other_trajectories() {
     let config = SeedPg {
         sharing: Sharing::Sampled {
-            trajectories: known_count(2),
+            trajectories: ranged_count(2),
         },
         ..SeedPg::default()
     };
     let mut learner = agent(&config, 3, 0.0);
-    let fresh: Vec<Episode> = (0..8).map(episode).collect();
+    let new_episodes: Vec<Episode> = (0..8).map(episode).collect();
     let mut chosen = |round| {
-        learner.choose_episodes(&fresh, &mut stream(1, Purpose::Shuffle, 3, round));
-        learner.work.order.clone()
+        learner.choose_episodes(&new_episodes, &mut stream(1, Purpose::Shuffle, 3, round));
+        learner.work.chosen_episodes.clone()
     };
-    let rounds: Vec<Vec<usize>> = (0..20).map(&mut chosen).collect();
+    let chosen_per_round: Vec<Vec<usize>> = (0..20).map(&mut chosen).collect();
     assert!(
-        rounds
+        chosen_per_round
             .iter()
-            .all(|order| order.len() == 3 && order.contains(&3) && order.is_sorted())
+            .all(|chosen| chosen.len() == 3 && chosen.contains(&3) && chosen.is_sorted())
     );
     assert!(
-        (0..8).all(|agent| rounds.iter().any(|order| order.contains(&agent))),
-        "{rounds:?}"
+        (0..8).all(|agent| {
+            chosen_per_round
+                .iter()
+                .any(|chosen| chosen.contains(&agent))
+        }),
+        "{chosen_per_round:?}"
     );
 }
 
@@ -597,8 +612,8 @@ fn sharing_can_be_limited() {
 #[test]
 fn step_sizes_follow_their_schedule() {
     let schedule = StepSizeSchedule::Linear {
-        rounds: known_count(10),
-        to: known(0.1),
+        rounds: ranged_count(10),
+        to: ranged_number(0.1),
     };
     assert!((schedule.factor(5) - 0.55).abs() < 1e-12 && (schedule.factor(10) - 0.1).abs() < 1e-12);
     assert_eq!(
@@ -643,7 +658,7 @@ fn losses_and_actions_that_do_not_fit_are_errors() {
         },
         SeedPg {
             policy_loss: PolicyLoss::SimplePg.into(),
-            epochs: known_count(2),
+            epochs: ranged_count(2),
             ..own_data()
         },
         SeedPg {
@@ -671,9 +686,9 @@ fn estimates_that_do_not_fit_the_data_are_errors() {
         ..SeedPg::default()
     };
     let n_step = |steps| AdvantageEstimate::NStep {
-        segment: known_count(steps),
+        segment: ranged_count(steps),
     };
-    let lambda = known(0.9);
+    let lambda = ranged_number(0.9);
     let ordinary_td = ValueTarget::Td {
         importance: Importance::Ordinary,
         ratio_cap: None,

@@ -16,9 +16,9 @@ pub(super) struct Totals {
     largest_ratio: f32,
     entropy: f64,
     /// Number of components of actions.
-    components: u64,
+    component_count: u64,
     /// Number of components whose ratio was clipped.
-    clipped: u64,
+    clipped_count: u64,
     intrinsic_reward: Option<f32>,
     prediction_error: Option<f32>,
 }
@@ -31,11 +31,11 @@ impl Totals {
     }
 
     /// Adds the surrogate loss of an action, or of some of its components.   `components`: number
-    /// of components that it covers
+    /// of components that the loss covers
     pub(super) fn add_surrogate(&mut self, surrogate: &Surrogate, components: usize) {
         self.policy_loss += f64::from(surrogate.loss);
-        self.components += components as u64;
-        self.clipped += if surrogate.clipped {
+        self.component_count += components as u64;
+        self.clipped_count += if surrogate.is_clipped {
             components as u64
         } else {
             0
@@ -56,7 +56,7 @@ impl Totals {
     }
 
     /// Sets the mean bonus of the agent's own steps and the bonus model's prediction error.
-    /// `bonuses`: those of each of the new episodes
+    /// `bonuses`: one list per new episode
     pub(super) fn set_bonuses(
         &mut self,
         agent: u32,
@@ -64,12 +64,12 @@ impl Totals {
         bonuses: &[Vec<f32>],
         prediction_error: f32,
     ) {
-        let own = new_episodes
+        let own_bonuses = new_episodes
             .iter()
             .zip(bonuses)
             .filter(|(episode, _)| episode.agent == agent)
             .flat_map(|(_, bonuses)| bonuses);
-        let (sum, count) = own.fold((0.0, 0_u64), |(sum, count), &bonus| {
+        let (sum, count) = own_bonuses.fold((0.0, 0_u64), |(sum, count), &bonus| {
             (sum + f64::from(bonus), count + 1)
         });
         self.intrinsic_reward = mean(sum, count);
@@ -83,7 +83,7 @@ impl Totals {
             policy_loss: mean(self.policy_loss, self.policy_steps),
             ratio_deviation: mean(self.ratio_deviation, self.policy_steps).map(|mean| 1.0 + mean),
             largest_ratio: (self.policy_steps > 0).then_some(self.largest_ratio),
-            clipped_fraction: mean(self.clipped as f64, self.components),
+            clipped_fraction: mean(self.clipped_count as f64, self.component_count),
             entropy: mean(self.entropy, self.policy_steps),
             intrinsic_reward: self.intrinsic_reward,
             prediction_error: self.prediction_error,

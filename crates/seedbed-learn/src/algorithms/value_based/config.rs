@@ -15,7 +15,7 @@ use crate::nn::AdamSettings;
 use crate::team::{Team, TeamContext};
 use seedbed_env::Spec;
 use seedbed_env::input::numbers::{
-    Count, Fraction, NonNegative, Positive, PositiveFraction, known, known_count,
+    Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
 use seedbed_env::input::{Located, ValidationError};
 
@@ -151,11 +151,12 @@ pub struct Learning {
 pub(super) struct Composition {
     /// Number of models.
     pub(super) models: usize,
-    pub(super) following: Following,
-    /// Whether rewards are perturbed by seeds.
-    pub(super) seeded: bool,
+    pub(super) assignment: ModelAssignment,
+    /// Whether rewards are perturbed by reward seeds.
+    pub(super) has_reward_seeds: bool,
     /// Share of the transitions that each model learns from.
     pub(super) mask: f32,
+    /// Scale β of the fixed random network that is added to Q; 0 for none.
     pub(super) prior_scale: f32,
     pub(super) regularization: f32,
     pub(super) fit: Fit,
@@ -167,7 +168,7 @@ pub(super) struct Composition {
 
 /// Which model an agent acts by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Following {
+pub(super) enum ModelAssignment {
     /// Agent k always acts by model k mod the number of models.
     Fixed,
     /// A model drawn at random for each agent and round.
@@ -180,7 +181,7 @@ pub(super) trait ValueBased {
     fn compose(&self, agents: usize) -> Composition;
 
     /// The parameters that all value-based learners have.
-    fn common(&self) -> (&Learning, &Located<Bonus>);
+    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>);
 
     /// How actions are chosen.
     fn exploration_mut(&mut self) -> &mut Exploration;
@@ -198,8 +199,8 @@ impl<T: ValueBased> AlgorithmConfig for T {
     }
 
     fn check(&self) -> Result<(), ValidationError> {
-        let (learning, bonus) = self.common();
-        check(learning, bonus)
+        let (learning, bonus) = self.learning_and_bonus();
+        check_parameters(learning, bonus)
     }
 
     fn check_schedule(&self, schedule: ScheduleKind) -> Result<(), ScheduleError> {
@@ -229,7 +230,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
     }
 
     fn bonus(&self) -> Option<&Bonus> {
-        Some(self.common().1)
+        Some(self.learning_and_bonus().1)
     }
 
     fn cost_per_step(&self, _: u32) -> f64 {
@@ -238,7 +239,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
 }
 
 /// Checks that the parameters of a value-based learner fit together.
-fn check(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), ValidationError> {
+fn check_parameters(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), ValidationError> {
     if learning.hidden.is_empty() {
         return Err(learning
             .hidden
@@ -251,7 +252,7 @@ fn check(learning: &Learning, bonus: &Located<Bonus>) -> Result<(), ValidationEr
         );
         return Err(learning.minibatch.error(message));
     }
-    if bonus.is_independent() {
+    if bonus.has_independent_models() {
         return Err(bonus.error(
             "value-based learners share all transitions; expected `model: Shared` or `Frozen`",
         ));
@@ -273,7 +274,7 @@ impl ValueBased for QLearning {
         }
     }
 
-    fn common(&self) -> (&Learning, &Located<Bonus>) {
+    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
         (&self.learning, &self.bonus)
     }
 
@@ -290,7 +291,7 @@ impl ValueBased for SeedTd {
         };
         Composition {
             models: max_models.min(agents),
-            seeded: true,
+            has_reward_seeds: true,
             prior_scale: self.prior_scale.get_f32(),
             regularization: self.regularisation.get_f32(),
             fit: *self.fit,
@@ -300,7 +301,7 @@ impl ValueBased for SeedTd {
         }
     }
 
-    fn common(&self) -> (&Learning, &Located<Bonus>) {
+    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
         (&self.learning, &self.bonus)
     }
 
@@ -322,7 +323,7 @@ impl ValueBased for BootstrappedDqn {
     fn compose(&self, _: usize) -> Composition {
         Composition {
             models: self.models.get() as usize,
-            following: Following::Drawn,
+            assignment: ModelAssignment::Drawn,
             mask: self.mask.get_f32(),
             prior_scale: self.prior_scale.get_f32(),
             exploration: self.exploration,
@@ -331,7 +332,7 @@ impl ValueBased for BootstrappedDqn {
         }
     }
 
-    fn common(&self) -> (&Learning, &Located<Bonus>) {
+    fn learning_and_bonus(&self) -> (&Learning, &Located<Bonus>) {
         (&self.learning, &self.bonus)
     }
 
@@ -345,8 +346,8 @@ impl Composition {
     fn with_defaults(learning: &Learning, bonus: &Bonus) -> Self {
         Self {
             models: 1,
-            following: Following::Fixed,
-            seeded: false,
+            assignment: ModelAssignment::Fixed,
+            has_reward_seeds: false,
             mask: 1.0,
             prior_scale: 0.0,
             regularization: 0.0,
@@ -376,9 +377,9 @@ impl Default for QLearning {
         Self {
             networks: Networks::Shared,
             exploration: Exploration::EpsilonGreedy {
-                from: known(1.0),
-                to: known(0.05),
-                steps: known_count(10_000),
+                from: ranged_number(1.0),
+                to: ranged_number(0.05),
+                steps: ranged_count(10_000),
             },
             double: true,
             learning: Learning::default(),
@@ -394,8 +395,8 @@ impl Default for SeedTd {
                 most: default_ensemble(),
             },
             fit: Fit::Td.into(),
-            regularisation: known(0.0),
-            prior_scale: known(3.0),
+            regularisation: ranged_number(0.0),
+            prior_scale: ranged_number(3.0),
             exploration: Exploration::Greedy,
             double: false,
             learning: Learning::default(),
@@ -407,9 +408,9 @@ impl Default for SeedTd {
 impl Default for BootstrappedDqn {
     fn default() -> Self {
         Self {
-            models: known_count(10),
-            prior_scale: known(3.0),
-            mask: known(0.5),
+            models: ranged_count(10),
+            prior_scale: ranged_number(3.0),
+            mask: ranged_number(0.5),
             exploration: Exploration::Greedy,
             double: true,
             learning: Learning::default(),
@@ -421,14 +422,14 @@ impl Default for BootstrappedDqn {
 impl Default for Learning {
     fn default() -> Self {
         Self {
-            discount: known(0.99),
+            discount: ranged_number(0.99),
             time_limit: TimeLimit::Bootstraps,
             observations: ObservationScaling::Range,
-            hidden: vec![known_count(50); 2].into(),
-            replay: known_count(1_000_000),
-            minibatch: known_count(16).into(),
-            minibatches: known_count(1),
-            target_every: known_count(100),
+            hidden: vec![ranged_count(50); 2].into(),
+            replay: ranged_count(1_000_000),
+            minibatch: ranged_count(16).into(),
+            minibatches: ranged_count(1),
+            target_every: ranged_count(100),
             gradient_clip: None,
             optimiser: AdamSettings::default(),
         }
@@ -436,5 +437,5 @@ impl Default for Learning {
 }
 
 fn default_ensemble() -> Count<10_000> {
-    known_count(30)
+    ranged_count(30)
 }

@@ -65,16 +65,16 @@ impl Exploration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::{known, known_count};
+    use seedbed_env::input::numbers::{ranged_count, ranged_number};
     use seedbed_env::random::{Purpose, stream};
 
     /// ε from 1 to 0.2 over 100 steps: 1, 0.6, 0.2, 0.2.
     #[test]
     fn epsilon_changes_linearly() {
         let exploration = Exploration::EpsilonGreedy {
-            from: known(1.0),
-            to: known(0.2),
-            steps: known_count(100),
+            from: ranged_number(1.0),
+            to: ranged_number(0.2),
+            steps: ranged_count(100),
         };
         let epsilons = [0, 50, 100, 9999].map(|steps| exploration.epsilon(steps));
         assert!(
@@ -90,12 +90,12 @@ mod tests {
     #[test]
     fn frequencies_of_choices_match_their_probabilities() {
         let epsilon_greedy = Exploration::EpsilonGreedy {
-            from: known(0.3),
-            to: known(0.3),
-            steps: known_count(1),
+            from: ranged_number(0.3),
+            to: ranged_number(0.3),
+            steps: ranged_count(1),
         };
         let gibbs = Exploration::Gibbs {
-            temperature: known(0.5),
+            temperature: ranged_number(0.5),
         };
         for (exploration, expected) in [
             (Exploration::Greedy, [0.0, 0.0, 1.0]),

@@ -69,7 +69,7 @@ impl Minibatch {
         self.states.extend_from_slice(transition.state);
         self.actions.push(transition.action);
         self.rewards.push(reward);
-        self.next_states.extend_from_slice(transition.next);
+        self.next_states.extend_from_slice(transition.next_state);
         self.discounts.push(discount);
         self.weights.push(weight);
         if let Some(pairs) = &mut self.pairs {
@@ -88,7 +88,7 @@ fn push_pair(pairs: &mut Episode, transition: &Transition<'_>) {
     let connecting_steps = usize::from(!pairs.observations.is_empty());
     pairs
         .observations
-        .extend(transition.state.iter().chain(transition.next));
+        .extend(transition.state.iter().chain(transition.next_state));
     pairs.actions.extend(std::iter::repeat_n(
         transition.action as f32,
         1 + connecting_steps,
@@ -100,9 +100,9 @@ fn push_pair(pairs: &mut Episode, transition: &Transition<'_>) {
 
 /// The discount factor of the value of the next state: γ, or 0 if the episode ended.
 pub(super) fn discount_after(discount: f32, status: Status, time_limit: TimeLimit) -> f32 {
-    let ends = status == Status::Terminated
+    let has_ended = status == Status::Terminated
         || (status == Status::Truncated && time_limit == TimeLimit::Ends);
-    if ends { 0.0 } else { discount }
+    if has_ended { 0.0 } else { discount }
 }
 
 #[cfg(test)]
@@ -121,12 +121,12 @@ mod tests {
         let mut minibatch = Minibatch::for_bonus_model(&Spec::new("test", Vec::new(), Vec::new()));
         for _ in 0..2 {
             minibatch.clear();
-            for (state, next, action) in [([1.0], [2.0], 1), ([5.0], [6.0], 0)] {
+            for (state, next_state, action) in [([1.0], [2.0], 1), ([5.0], [6.0], 0)] {
                 let transition = Transition {
                     state: &state,
                     action,
                     reward: 0.0,
-                    next: &next,
+                    next_state: &next_state,
                     status: Status::Running,
                     origin,
                 };

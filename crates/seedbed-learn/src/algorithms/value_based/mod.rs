@@ -1,12 +1,12 @@
 //! Value-based learners: Q-learning, Seed TD, seed LSVI, seed ensembles and bootstrapped DQN.
 //!
 //! Models of Q(s, a) learn from the replay buffer, which has the newest transitions of all agents.
-//! Each agent acts by one of the models, whose followers are the agents that act by it. Seed TD
-//! (thesis §2.4; Dimakopoulou, Osband & Van Roy 2018) perturbs the reward of every transition by
-//! the model's own fixed z and starts each model at its own θ̂; randomized priors (Osband,
-//! Aslanides & Cassirer 2018) add a fixed random network. [`config`] has the parameters, [`model`]
-//! a model, and [`ValueTeam`] the models with the agents that act by them. Formulas are in
-//! [`rl`](crate::rl).
+//! Each agent acts by one of the models; the followers of a model are the agents that act by it.
+//! Seed TD (thesis §2.4; Dimakopoulou, Osband & Van Roy 2018) perturbs the reward of every
+//! transition by the model's own fixed z and starts each model at its own θ̂; randomized priors
+//! (Osband, Aslanides & Cassirer 2018) add a fixed random network. [`config`] has the parameters,
+//! [`model`] a model, and [`ValueTeam`] the models with the agents that act by them. Formulas are
+//! in [`rl`](crate::rl).
 
 pub mod config;
 pub mod exploration;
@@ -19,7 +19,7 @@ mod tests;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use self::config::{Composition, Following};
+use self::config::{Composition, ModelAssignment};
 use self::model::{LearningContext, ValueBuffers, ValueModel};
 use crate::agent::bonus::Bonus;
 use crate::agent::scaling::Scaling;
@@ -41,8 +41,8 @@ pub struct ValueTeam {
     choices: usize,
     scaling: Scaling,
     models: Vec<ValueModel>,
-    /// Index of the model of each agent in this round: `[K]`.
-    following: Vec<usize>,
+    /// Index of the model that each agent acts by in this round: `[K]`.
+    model_of_agent: Vec<usize>,
     /// Agents that act by each model in this round, in agent order: `[models]`.
     followers: Vec<Vec<usize>>,
     replay: Replay,
@@ -62,7 +62,7 @@ pub struct ValueTeam {
 struct ActionBuffers {
     /// Observations of the agents that act by one model.
     observations: Vec<f32>,
-    /// The same, scaled.
+    /// The same observations, scaled for the networks.
     scaled: Vec<f32>,
     value_buffers: ValueBuffers,
     /// Values of all choices of each agent: `[K × choices]`.
@@ -91,7 +91,7 @@ impl ValueTeam {
         sizes.extend(learning.hidden.iter().map(|units| units.get() as usize));
         sizes.push(choices);
         let model = |index| {
-            let first_follower = context.agent(index);
+            let first_follower = context.agent_context(index);
             ValueModel::new(index, &composition, Mlp::new(&sizes), &first_follower)
         };
         let agents = context.config.count.get() as usize;
@@ -101,7 +101,7 @@ impl ValueTeam {
             choices,
             scaling: Scaling::new(learning.observations, spec),
             models: (0..composition.models as u32).map(model).collect(),
-            following: (0..agents)
+            model_of_agent: (0..agents)
                 .map(|agent| agent % composition.models)
                 .collect(),
             followers: vec![Vec::new(); composition.models],
@@ -117,19 +117,19 @@ impl ValueTeam {
 
     /// Draws a model for each agent, if models are drawn for every round.
     fn draw_models(&mut self, round: u32) {
-        if self.composition.following != Following::Drawn {
+        if self.composition.assignment != ModelAssignment::Drawn {
             return;
         }
-        for (following, agent) in self.following.iter_mut().zip(0..) {
+        for (model, agent) in self.model_of_agent.iter_mut().zip(0..) {
             let mut random = stream(self.run_seed, Purpose::ModelChoice, agent, round);
-            *following = random.random_range(0..self.models.len());
+            *model = random.random_range(0..self.models.len());
         }
     }
 
     /// Lists the agents of each model.
     fn list_followers(&mut self) {
         self.followers.iter_mut().for_each(Vec::clear);
-        for (agent, &model) in self.following.iter().enumerate() {
+        for (agent, &model) in self.model_of_agent.iter().enumerate() {
             self.followers[model].push(agent);
         }
     }
@@ -178,29 +178,29 @@ impl ValueTeam {
     fn update_bonus_models(&mut self, experience: &Experience<'_>, workers: Workers<'_>) {
         let mut own_episodes: Vec<Vec<usize>> = vec![Vec::new(); self.models.len()];
         for (index, episode) in experience.new_episodes.iter().enumerate() {
-            own_episodes[self.following[episode.agent as usize]].push(index);
+            own_episodes[self.model_of_agent[episode.agent as usize]].push(index);
         }
         let models: Vec<(&mut ValueModel, Vec<usize>)> =
             self.models.iter_mut().zip(own_episodes).collect();
-        let bonuses = workers.map(models, |(model, own)| {
+        let bonuses = workers.map(models, |(model, own_episodes)| {
             let mut bonuses = Vec::new();
-            model.update_bonus_model(experience, &own, &mut bonuses);
+            model.update_bonus_model(experience, &own_episodes, &mut bonuses);
             bonuses
         });
         self.own_bonuses.iter_mut().for_each(Vec::clear);
         for (index, episode) in experience.new_episodes.iter().enumerate() {
             let agent = episode.agent as usize;
-            let bonuses_of_model = &bonuses[self.following[agent]];
+            let bonuses_of_model = &bonuses[self.model_of_agent[agent]];
             self.own_bonuses[agent].push(StepData {
                 intrinsic_rewards: bonuses_of_model.get(index).cloned().unwrap_or_default(),
-                ..StepData::of(episode)
+                ..StepData::empty_for(episode)
             });
         }
     }
 
     /// The result of the round for one agent.
-    fn update_of(&self, agent: usize) -> AgentUpdate {
-        let model = &self.models[self.following[agent]];
+    fn agent_update(&self, agent: usize) -> AgentUpdate {
+        let model = &self.models[self.model_of_agent[agent]];
         let step_data = self.own_bonuses.get(agent).cloned().unwrap_or_default();
         let bonuses = || step_data.iter().flat_map(|data| &data.intrinsic_rewards);
         let (steps, sum) = (bonuses().count(), bonuses().sum::<f32>());
@@ -218,7 +218,7 @@ impl ValueTeam {
 
 impl Team for ValueTeam {
     fn agent_count(&self) -> usize {
-        self.following.len()
+        self.model_of_agent.len()
     }
 
     fn begin_round(&mut self, round: u32) {
@@ -278,7 +278,7 @@ impl Team for ValueTeam {
         }
         let agents = request.learners.iter();
         agents
-            .map(|learner| self.update_of(learner.agent as usize))
+            .map(|learner| self.agent_update(learner.agent as usize))
             .collect()
     }
 

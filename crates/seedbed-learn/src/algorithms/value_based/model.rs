@@ -7,7 +7,7 @@ use super::config::{Composition, Fit};
 use super::minibatch::{Minibatch, discount_after};
 use super::perturbation::Perturbation;
 use crate::agent::bonus::BonusModel;
-use crate::agent::network::{Descent, Learned, Network};
+use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::scaling::Scaling;
 use crate::agent::{AgentContext, Tensor, UpdateReport};
 use crate::experience::replay::Replay;
@@ -21,12 +21,12 @@ use seedbed_env::random::{Purpose, Stream, stream};
 pub struct ValueModel {
     network: Network,
     /// Parameters of the target network.
-    target: Vec<f32>,
+    target_parameters: Vec<f32>,
     prior: Option<Prior>,
     perturbation: Perturbation,
     /// Initial state of the network, from which least-squares value iteration starts in every
     /// round; none for models that continue from their present parameters.
-    start: Option<Learned>,
+    initial_state: Option<LearnedState>,
     /// Number of gradient steps so far.
     descents: u64,
     bonus_model: Option<BonusModel>,
@@ -67,11 +67,11 @@ struct Workspace {
     /// Scaled observations after the actions.
     scaled_next: Vec<f32>,
     bonuses: Vec<f32>,
-    /// Values of the states before the actions.
-    now: ValueBuffers,
-    /// Values of the next states by the target network.
+    /// Values of the states before the actions, by the trained network.
+    current: ValueBuffers,
+    /// Values of the next states, by the target network.
     next: ValueBuffers,
-    /// Values of the next states by the trained network.
+    /// Values of the next states, by the trained network.
     online_next: ValueBuffers,
     targets: Vec<f32>,
     gradient: Vec<f32>,
@@ -95,6 +95,17 @@ struct Saved<L, V> {
     bonus_model: Option<Vec<u8>>,
 }
 
+impl Prior {
+    /// The prior of a model; none if its scale is 0.
+    fn draw(mlp: &Mlp, scale: f32, run_seed: u64, model: u32) -> Option<Self> {
+        let mut random = stream(run_seed, Purpose::ValuePrior, model, 0);
+        (scale > 0.0).then(|| Self {
+            parameters: mlp.initial_parameters(Initial::Random, &mut random),
+            scale,
+        })
+    }
+}
+
 impl ValueModel {
     /// Model number `index` of a team, which has not learned yet. `first_follower` is the first
     /// agent that acts by it.
@@ -105,36 +116,31 @@ impl ValueModel {
         first_follower: &AgentContext<'_>,
     ) -> Self {
         let (run_seed, team) = (first_follower.run_seed, first_follower.team);
-        let initial_parameters = mlp.initial(
+        let initial_parameters = mlp.initial_parameters(
             team.initial,
             &mut stream(run_seed, Purpose::InitialParameters, index, 0),
         );
-        let prior = (composition.prior_scale > 0.0).then(|| Prior {
-            parameters: mlp.initial(
-                Initial::Random,
-                &mut stream(run_seed, Purpose::ValuePrior, index, 0),
-            ),
-            scale: composition.prior_scale,
-        });
+        let prior = Prior::draw(&mlp, composition.prior_scale, run_seed, index);
         let network = Network::new(
             mlp,
             initial_parameters.clone(),
             composition.learning.optimiser,
         );
-        let seeds = composition.seeded.then_some(team.seeds);
+        let seed_distribution = composition.has_reward_seeds.then_some(team.seeds);
         let bonus_model = BonusModel::new(&composition.bonus, first_follower);
         let minibatch = bonus_model.as_ref().map_or_else(Minibatch::default, |_| {
             Minibatch::for_bonus_model(first_follower.spec)
         });
         Self {
-            start: matches!(composition.fit, Fit::Lsvi { .. }).then(|| network.learned().clone()),
+            initial_state: matches!(composition.fit, Fit::Lsvi { .. })
+                .then(|| network.learned_state().clone()),
             network,
-            target: initial_parameters,
+            target_parameters: initial_parameters,
             prior,
             perturbation: Perturbation {
                 run_seed,
                 model: index,
-                seeds,
+                seed_distribution,
                 mask: composition.mask,
             },
             descents: 0,
@@ -178,7 +184,7 @@ impl ValueModel {
         self.add_prior(states, activations, values);
     }
 
-    /// Adds the outputs of the prior network to values.
+    /// Adds the scaled outputs of the prior network to values.
     fn add_prior(&self, states: &[f32], activations: &mut Activations, values: &mut [f32]) {
         let Some(prior) = &self.prior else { return };
         let mlp = self.network.mlp();
@@ -204,11 +210,12 @@ impl ValueModel {
     /// Least-squares value iteration: a sequence of regressions, the first on rewards alone, each
     /// further one on the values of the one before.
     fn iterate_values(&mut self, context: &LearningContext<'_>, iterations: u32) {
-        if let Some(start) = &self.start {
-            self.network.reset_to(start);
+        if let Some(initial_state) = &self.initial_state {
+            self.network.reset_to(initial_state);
         }
         for iteration in 0..iterations {
-            self.target.copy_from_slice(self.network.parameters());
+            self.target_parameters
+                .copy_from_slice(self.network.parameters());
             for _ in 0..context.composition.learning.minibatches.get() {
                 self.descend(context, iteration > 0);
             }
@@ -216,7 +223,7 @@ impl ValueModel {
     }
 
     /// One gradient step on ½ mean w (r + z + γ max Q′(s′, ·) − Q(s, a))² + ½ λ ‖θ − θ̂‖² (thesis
-    /// §2.4). γ is 0 unless `bootstrap`.
+    /// §2.4). γ is 0 if `bootstrap` is false.
     fn descend(&mut self, context: &LearningContext<'_>, bootstrap: bool) {
         self.draw_minibatch(context, bootstrap);
         self.add_bonuses();
@@ -225,16 +232,18 @@ impl ValueModel {
         let Workspace {
             minibatch,
             scaled,
-            now,
+            current,
             targets,
             gradient,
             ..
         } = &mut work;
-        now.values.clear();
-        now.values.extend_from_slice(self.network.forward(scaled));
-        self.add_prior(scaled, &mut now.activations, &mut now.values);
+        current.values.clear();
+        current
+            .values
+            .extend_from_slice(self.network.forward(scaled));
+        self.add_prior(scaled, &mut current.activations, &mut current.values);
         let loss = q_learning::squared_error(
-            &now.values,
+            &current.values,
             &minibatch.actions,
             targets,
             &minibatch.weights,
@@ -242,13 +251,14 @@ impl ValueModel {
         );
         self.network
             .descend(scaled, gradient, &descent(context.composition));
-        self.accumulate_stats(context, loss, &mut now.values);
+        self.accumulate_stats(context, loss, &mut current.values);
         self.work = work;
         self.descents += 1;
-        let is_value_iteration = self.start.is_some();
+        let is_value_iteration = self.initial_state.is_some();
         let target_every = context.composition.learning.target_every.get();
         if !is_value_iteration && self.descents.is_multiple_of(target_every.into()) {
-            self.target.copy_from_slice(self.network.parameters());
+            self.target_parameters
+                .copy_from_slice(self.network.parameters());
         }
     }
 
@@ -275,7 +285,7 @@ impl ValueModel {
         minibatch.clear();
         for _ in 0..learning.minibatch.get() {
             let transition = context.replay.draw(random);
-            let reward = transition.reward + perturbation.seed(transition.origin);
+            let reward = transition.reward + perturbation.reward_seed(transition.origin);
             let discount = discount_after(discount, transition.status, learning.time_limit);
             minibatch.push(
                 &transition,
@@ -313,7 +323,7 @@ impl ValueModel {
             targets,
             ..
         } = &mut work;
-        self.values_with(&self.target, scaled_next, next);
+        self.values_with(&self.target_parameters, scaled_next, next);
         let choosing_values = if context.composition.double {
             self.values_with(self.network.parameters(), scaled_next, online_next);
             &online_next.values
@@ -344,16 +354,16 @@ impl ValueModel {
         self.totals.entropy += f64::from(categorical::entropy(row));
     }
 
-    /// Computes the bonuses of the followers' episodes, whose indices among the new ones are
-    /// `own`; then trains the bonus model on all new episodes.
+    /// Computes the bonuses of the followers' episodes, whose indices among the new episodes are
+    /// `own_episodes`; then trains the bonus model on all new episodes.
     pub fn update_bonus_model(
         &mut self,
         experience: &Experience<'_>,
-        own: &[usize],
+        own_episodes: &[usize],
         bonuses: &mut Vec<Vec<f32>>,
     ) {
         if let Some(bonus_model) = &mut self.bonus_model {
-            bonus_model.compute_own_bonuses(experience, own, bonuses);
+            bonus_model.compute_own_bonuses(experience, own_episodes, bonuses);
             self.totals.prediction_error = Some(bonus_model.learn(experience));
         }
     }
@@ -398,8 +408,8 @@ impl ValueModel {
     pub(super) fn save(&self) -> Vec<u8> {
         let bonus_model = self.bonus_model.as_ref().map(BonusModel::save);
         let saved = Saved {
-            learned: self.network.learned(),
-            target: &self.target,
+            learned: self.network.learned_state(),
+            target: &self.target_parameters,
             descents: self.descents,
             bonus_model,
         };
@@ -407,17 +417,17 @@ impl ValueModel {
     }
 
     pub(super) fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<Learned, Vec<f32>> =
+        let saved: Saved<LearnedState, Vec<f32>> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        if saved.target.len() != self.target.len() {
+        if saved.target.len() != self.target_parameters.len() {
             return Err(format!(
                 "the checkpoint has {} parameters of a target network; expected {}",
                 saved.target.len(),
-                self.target.len()
+                self.target_parameters.len()
             ));
         }
         self.network.restore(saved.learned)?;
-        (self.target, self.descents) = (saved.target, saved.descents);
+        (self.target_parameters, self.descents) = (saved.target, saved.descents);
         match (&mut self.bonus_model, saved.bonus_model) {
             (Some(bonus_model), Some(bytes)) => bonus_model.restore(&bytes),
             (None, None) => Ok(()),

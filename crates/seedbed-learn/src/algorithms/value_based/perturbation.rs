@@ -16,16 +16,18 @@ pub(super) struct Perturbation {
     pub(super) run_seed: u64,
     pub(super) model: u32,
     /// Distribution of z; none if rewards are not perturbed.
-    pub(super) seeds: Option<SeedDistribution>,
+    pub(super) seed_distribution: Option<SeedDistribution>,
     /// Share of transitions that the model learns from.
     pub(super) mask: f32,
 }
 
 impl Perturbation {
     /// Reward seed z of a transition, in units of reward.
-    pub(super) fn seed(&self, origin: Origin) -> f32 {
-        let Some(seeds) = self.seeds else { return 0.0 };
-        seeds.draw_one(&mut transition_stream(
+    pub(super) fn reward_seed(&self, origin: Origin) -> f32 {
+        let Some(distribution) = self.seed_distribution else {
+            return 0.0;
+        };
+        distribution.draw_one(&mut transition_stream(
             self.run_seed,
             Purpose::TransitionSeeds,
             self.model,
@@ -52,7 +54,7 @@ impl Perturbation {
     }
 }
 
-/// What identifies a transition in the name of a random stream.
+/// The numbers that identify the random streams of a transition.
 fn stream_key(origin: Origin) -> (u32, u32, u32) {
     (origin.agent, origin.episode, origin.step)
 }
@@ -60,13 +62,15 @@ fn stream_key(origin: Origin) -> (u32, u32, u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::input::numbers::known;
+    use seedbed_env::input::numbers::ranged_number;
 
     fn perturbation(model: u32) -> Perturbation {
         Perturbation {
             run_seed: 7,
             model,
-            seeds: Some(SeedDistribution::Normal { sigma: known(0.1) }),
+            seed_distribution: Some(SeedDistribution::Normal {
+                sigma: ranged_number(0.1),
+            }),
             mask: 0.5,
         }
     }
@@ -83,14 +87,14 @@ mod tests {
         })
     }
 
-    /// 4,000 draws of variance 0.01: the mean is within 4·0.1/√4000 = 0.0064 of 0, the deviation
-    /// within 4·0.1/√8000 = 0.0045 of 0.1, and the share of transitions that are learned from
-    /// within 4·0.5/√4000 = 0.032 of ½.
+    /// 4,000 draws of variance 0.01: the mean is within 4·0.1/√4000 = 0.0064 of 0, the standard
+    /// deviation within 4·0.1/√8000 = 0.0045 of 0.1, and the share of transitions that the model
+    /// learns from within 4·0.5/√4000 = 0.032 of ½.
     #[test]
     fn seeds_and_masks_have_the_expected_moments() {
         let count = 4000.0;
         let seeds: Vec<f32> = origins()
-            .map(|origin| perturbation(0).seed(origin))
+            .map(|origin| perturbation(0).reward_seed(origin))
             .collect();
         let mean = seeds.iter().sum::<f32>() / count;
         let deviation = (seeds.iter().map(|z| (z - mean).powi(2)).sum::<f32>() / count).sqrt();
@@ -107,23 +111,25 @@ mod tests {
 
     #[test]
     fn seeds_are_fixed_and_differ_between_models_and_transitions() {
-        let seed = |model, position: usize| {
+        let reward_seed = |model, position: usize| {
             origins()
                 .nth(position)
-                .map(|origin| perturbation(model).seed(origin))
+                .map(|origin| perturbation(model).reward_seed(origin))
         };
-        assert_eq!(seed(0, 17), seed(0, 17));
-        assert_ne!(seed(0, 17), seed(1, 17));
-        assert_ne!(seed(0, 17), seed(0, 18));
+        assert_eq!(reward_seed(0, 17), reward_seed(0, 17));
+        assert_ne!(reward_seed(0, 17), reward_seed(1, 17));
+        assert_ne!(reward_seed(0, 17), reward_seed(0, 18));
     }
 
     #[test]
-    fn without_seeds_or_masks_nothing_changes() {
+    fn without_seeds_and_masks_transitions_are_not_perturbed() {
         let plain = Perturbation {
-            seeds: None,
+            seed_distribution: None,
             mask: 1.0,
             ..perturbation(0)
         };
-        assert!(origins().all(|origin| (plain.seed(origin), plain.weight(origin)) == (0.0, 1.0)));
+        assert!(
+            origins().all(|origin| (plain.reward_seed(origin), plain.weight(origin)) == (0.0, 1.0))
+        );
     }
 }

@@ -1,11 +1,11 @@
-//! Values of a chain that is solved by hand, and which agent acts by which model.
+//! Tests: values of a chain that is solved by hand, and the assignment of models to agents.
 
 use super::config::{Fit, Learning, Models, QLearning, SeedTd, ValueBased};
 use super::*;
 use crate::agent::TeamConfig;
 use crate::agent::scaling::ObservationScaling;
 use crate::seed::SeedDistribution;
-use seedbed_env::input::numbers::{known, known_count};
+use seedbed_env::input::numbers::{ranged_count, ranged_number};
 use seedbed_env::{Action, Quantity, Status};
 
 /// A chain of three states with one-hot observations: action 0 goes left, action 1 goes right.
@@ -35,8 +35,8 @@ fn observation(state: usize) -> [f32; 3] {
     std::array::from_fn(|index| if index == state { 1.0 } else { 0.0 })
 }
 
-/// An episode of one step from `state`.
-fn step(agent: u32, state: usize, action: usize) -> Episode {
+/// An episode of one step: `action` in `state`.
+fn one_step_episode(agent: u32, state: usize, action: usize) -> Episode {
     let (next, reward, outcome) = match (state, action) {
         (0, 0) => (0, 0.2, Status::Terminated),
         (2, 1) => (2, 1.0, Status::Terminated),
@@ -54,20 +54,20 @@ fn step(agent: u32, state: usize, action: usize) -> Episode {
 
 fn learning() -> Learning {
     Learning {
-        discount: known(0.8),
+        discount: ranged_number(0.8),
         observations: ObservationScaling::Raw,
-        hidden: vec![known_count(16)].into(),
-        minibatch: known_count(6).into(),
-        target_every: known_count(20),
+        hidden: vec![ranged_count(16)].into(),
+        minibatch: ranged_count(6).into(),
+        target_every: ranged_count(20),
         ..Learning::default()
     }
 }
 
 fn team_of(agents: u32, sigma: f64) -> TeamConfig {
     TeamConfig {
-        count: known_count(agents),
+        count: ranged_count(agents),
         seeds: SeedDistribution::Normal {
-            sigma: known(sigma),
+            sigma: ranged_number(sigma),
         },
         ..TeamConfig::default()
     }
@@ -85,7 +85,9 @@ fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
         },
     );
     team.begin_round(0);
-    (0..3).for_each(|state| (0..2).for_each(|action| team.add_transition(&step(0, state, action))));
+    (0..3).for_each(|state| {
+        (0..2).for_each(|action| team.add_transition(&one_step_episode(0, state, action)))
+    });
     team
 }
 
@@ -93,7 +95,7 @@ fn learn(team: &mut ValueTeam, times: usize) {
     (0..times).for_each(|_| team.learn_from_replay(Workers::CURRENT_THREAD));
 }
 
-/// Q of all states by the model of `agent`, one of `agents`: `[3 × 2]`.
+/// Values Q of all states by the model of `agent`, in a team of `agents`: `[3 × 2]`.
 fn values(team: &mut ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
     let mut values = Vec::new();
     for state in 0..3 {
@@ -138,16 +140,16 @@ fn q_learning_finds_the_exact_values_of_a_chain() {
 #[test]
 fn least_squares_value_iteration_finds_the_exact_values() {
     let learning = Learning {
-        minibatches: known_count(1000),
+        minibatches: ranged_count(1000),
         ..learning()
     };
     let fit = Fit::Lsvi {
-        iterations: known_count(10),
+        iterations: ranged_count(10),
     }
     .into();
     let config = SeedTd {
         fit,
-        prior_scale: known(0.0),
+        prior_scale: ranged_number(0.0),
         learning,
         ..SeedTd::default()
     };
@@ -182,7 +184,7 @@ fn values_converge_with_a_prior() {
 fn seeds_shift_learned_values() {
     let config = SeedTd {
         learning: learning(),
-        prior_scale: known(0.0),
+        prior_scale: ranged_number(0.0),
         ..SeedTd::default()
     };
     let mut team = team(config.compose(2), 2, 0.3);
@@ -191,10 +193,10 @@ fn seeds_shift_learned_values() {
         let perturbation = perturbation::Perturbation {
             run_seed: 3,
             model,
-            seeds: Some(team_of(2, 0.3).seeds),
+            seed_distribution: Some(team_of(2, 0.3).seeds),
             mask: 1.0,
         };
-        let z = perturbation.seed(team.replay.get(5).origin);
+        let z = perturbation.reward_seed(team.replay.get(5).origin);
         let value = values(&mut team, model as usize, 2)[5];
         assert!((value - 1.0 - z).abs() < 0.03, "{value} with z = {z}");
     }
@@ -206,7 +208,7 @@ fn regularization_keeps_a_model_at_its_initial_parameters() {
     let largest_change = |regularisation| {
         let config = SeedTd {
             learning: learning(),
-            regularisation: known(regularisation),
+            regularisation: ranged_number(regularisation),
             ..SeedTd::default()
         };
         let mut team = team(config.compose(1), 1, 0.0);
@@ -226,10 +228,12 @@ fn regularization_keeps_a_model_at_its_initial_parameters() {
     );
 }
 
+/// With at most 30 models, agents 5, 35 and 65 of 70 act by model 5; each of 4 agents has its own
+/// model.
 #[test]
 fn agents_of_an_ensemble_share_its_models() {
     let models = Models::Ensemble {
-        most: known_count(30),
+        most: ranged_count(30),
     };
     let config = SeedTd {
         models,
@@ -257,7 +261,7 @@ fn agents_of_an_ensemble_share_its_models() {
 fn values_do_not_depend_on_other_agents() {
     let config = SeedTd {
         models: Models::Ensemble {
-            most: known_count(2),
+            most: ranged_count(2),
         },
         learning: learning(),
         ..SeedTd::default()
@@ -281,11 +285,11 @@ fn drawn_models_depend_on_the_round_only() {
     let mut team = team(config.compose(4), 4, 0.0);
     let mut models_of_round = |round| {
         team.begin_round(round);
-        team.following.clone()
+        team.model_of_agent.clone()
     };
     let rounds: Vec<Vec<usize>> = (0..20).map(&mut models_of_round).collect();
     assert_eq!(models_of_round(7), rounds[7]);
-    assert!(rounds.iter().any(|following| *following != rounds[0]));
+    assert!(rounds.iter().any(|models| *models != rounds[0]));
     assert!(rounds.iter().flatten().all(|&model| model < 10));
 }
 
@@ -325,12 +329,12 @@ fn a_task_must_have_one_discrete_action() {
         choice_count(&continuous),
         Err("the action `move` of `chain` is continuous".to_owned())
     );
-    let two = Spec {
+    let two_actions = Spec {
         actions: vec![discrete.actions[0].clone(), discrete.actions[0].clone()],
         ..spec()
     };
     assert_eq!(
-        choice_count(&two),
+        choice_count(&two_actions),
         Err("`chain` has 2 actions per step".to_owned())
     );
 }

@@ -98,18 +98,18 @@ impl DiagonalGaussian {
         let gradients = mean_gradient.iter_mut().zip(deviation_gradient);
         let own_moments = self.mean.iter().zip(&self.deviation);
         let other_moments = other.mean.iter().zip(&other.deviation);
-        for (((by_mean, by_deviation), (mean, deviation)), (other_mean, other_deviation)) in
+        for (((mean_slope, deviation_slope), (mean, deviation)), (other_mean, other_deviation)) in
             gradients.zip(own_moments).zip(other_moments)
         {
             let precision = 1.0 / (other_deviation * other_deviation);
-            *by_mean += weight * (mean - other_mean) * precision;
-            *by_deviation += weight * (deviation * precision - 1.0 / deviation);
+            *mean_slope += weight * (mean - other_mean) * precision;
+            *deviation_slope += weight * (deviation * precision - 1.0 / deviation);
         }
     }
 }
 
-/// KL(𝒩(μ, σ²) ‖ 𝒩(μ', σ'²)). In double precision, because its terms cancel if the distributions
-/// are similar.
+/// KL(𝒩(μ, σ²) ‖ 𝒩(μ', σ'²)), nats. Computed in double precision, because the terms cancel if the
+/// distributions are similar.
 fn divergence(mean: f64, deviation: f64, other_mean: f64, other_deviation: f64) -> f64 {
     let ratio = deviation / other_deviation;
     let shift = (mean - other_mean) / other_deviation;
@@ -195,18 +195,26 @@ mod tests {
     /// text lacks the square); ∂²KL/∂σ² = 2/σ² = 4.162738; ∂²KL/∂μ² = 1/σ² = 2.081369. By second
     /// differences (f(h) − 2f(0) + f(−h))/h², h = 10⁻³.
     #[test]
-    fn hessian_of_the_divergence() {
+    fn hessian_of_the_divergence_by_hand() {
         let sigma = |rho: f64| rho.exp().ln_1p();
-        let second = |f: &dyn Fn(f64) -> f64| (f(1e-3) - 2.0 * f(0.0) + f(-1e-3)) / 1e-6;
+        let second_derivative = |f: &dyn Fn(f64) -> f64| (f(1e-3) - 2.0 * f(0.0) + f(-1e-3)) / 1e-6;
         let start = sigma(0.0);
-        assert!((second(&|h| divergence(0.0, sigma(h), 0.0, start)) - 1.040_684).abs() < 1e-5);
-        assert!((second(&|h| divergence(0.0, start + h, 0.0, start)) - 4.162_738).abs() < 1e-4);
-        assert!((second(&|h| divergence(h, start, 0.0, start)) - 2.081_369).abs() < 1e-5);
+        assert!(
+            (second_derivative(&|h| divergence(0.0, sigma(h), 0.0, start)) - 1.040_684).abs()
+                < 1e-5
+        );
+        assert!(
+            (second_derivative(&|h| divergence(0.0, start + h, 0.0, start)) - 4.162_738).abs()
+                < 1e-4
+        );
+        assert!(
+            (second_derivative(&|h| divergence(h, start, 0.0, start)) - 2.081_369).abs() < 1e-5
+        );
     }
 
     /// σ is 1.2340e−4 for ρ = −9, log 2 for ρ = 0, and ρ for large ρ.
     #[test]
-    fn softplus_and_its_inverse() {
+    fn softplus_its_inverse_and_its_slope_agree() {
         assert!((softplus(-9.0) / 1.234_021_9e-4 - 1.0).abs() < 1e-5);
         assert!((softplus(0.0) - 2.0_f32.ln()).abs() < 1e-7 && softplus(80.0) == 80.0);
         for rho in [-9.0_f32, -3.0, 0.0, 1.0] {
@@ -219,8 +227,8 @@ mod tests {
         }
     }
 
-    /// μ = 1, σ = 0.5, z = −2: the scaled copy has moments (1, 1), the shifted one (0, 0.5). Then a
-    /// draw with ε = 1 from each.
+    /// μ = 1, σ = 0.5, z = −2: the scaled copy has moments (1, 1), the shifted copy (0, 0.5). Draws
+    /// with ε = 1 are μ + σ: 2 and 0.5.
     #[test]
     fn perturbed_copies_by_hand() {
         let (original, mut copy, mut weights) =
@@ -240,14 +248,14 @@ mod tests {
         fn gradient_agrees_with_central_differences(
             mean in -2.0_f32..2.0, deviation in 0.05_f32..1.3, other_mean in -2.0_f32..2.0, other in 0.05_f32..1.3, w in 0.1_f32..3.0,
         ) {
-            let (mut by_mean, mut by_deviation) = ([1.0], [2.0]);
-            gaussian(mean, deviation).add_divergence_gradient(&gaussian(other_mean, other), w, &mut by_mean, &mut by_deviation);
+            let (mut mean_gradient, mut deviation_gradient) = ([1.0], [2.0]);
+            gaussian(mean, deviation).add_divergence_gradient(&gaussian(other_mean, other), w, &mut mean_gradient, &mut deviation_gradient);
             let [mean, deviation, other_mean, other] = [mean, deviation, other_mean, other].map(f64::from);
             let numeric = |f: &dyn Fn(f64) -> f64| f64::from(w) * (f(1e-6) - f(-1e-6)) / 2e-6;
             let mean_slope = numeric(&|h| divergence(mean + h, deviation, other_mean, other));
             let deviation_slope = numeric(&|h| divergence(mean, deviation + h, other_mean, other));
-            prop_assert!((f64::from(by_mean[0]) - 1.0 - mean_slope).abs() < 1e-4 * (1.0 + mean_slope.abs()));
-            prop_assert!((f64::from(by_deviation[0]) - 2.0 - deviation_slope).abs() < 1e-4 * (1.0 + deviation_slope.abs()));
+            prop_assert!((f64::from(mean_gradient[0]) - 1.0 - mean_slope).abs() < 1e-4 * (1.0 + mean_slope.abs()));
+            prop_assert!((f64::from(deviation_gradient[0]) - 2.0 - deviation_slope).abs() < 1e-4 * (1.0 + deviation_slope.abs()));
         }
     }
 }

@@ -19,13 +19,13 @@ pub struct Likelihood {
 /// Buffers for evaluating one draw of weights on a batch. They grow to the largest batch and are
 /// then reused without allocation.
 #[derive(Clone, Debug, Default)]
-pub struct Pass {
+pub struct PassBuffers {
     /// Outputs of each layer: `[B × outputs]` each.
     layers: Vec<Vec<f32>>,
     /// δ of each layer, the derivative with respect to the inputs of its activation function:
     /// `[B × outputs]` each.
     deltas: Vec<Vec<f32>>,
-    /// x² of one layer, where x are the layer's inputs, and its product with the layer's
+    /// x² of one layer, where x are the layer's inputs, and the product of x² with the layer's
     /// coefficients.
     squares: [Vec<f32>; 2],
     /// Buffer for matrix products.
@@ -36,7 +36,7 @@ pub struct Pass {
 #[derive(Clone, Debug, Default)]
 pub struct Draws {
     weights: Vec<Vec<f32>>,
-    passes: Vec<Pass>,
+    passes: Vec<PassBuffers>,
     gradient: Vec<f32>,
     mean_gradient: Vec<f32>,
     deviation_gradient: Vec<f32>,
@@ -75,7 +75,12 @@ impl Likelihood {
     ///
     /// # Panics
     /// If a slice has another shape.
-    pub fn forward<'a>(&self, weights: &[f32], inputs: &[f32], pass: &'a mut Pass) -> &'a [f32] {
+    pub fn forward<'a>(
+        &self,
+        weights: &[f32],
+        inputs: &[f32],
+        pass: &'a mut PassBuffers,
+    ) -> &'a [f32] {
         assert_eq!(
             (weights.len(), inputs.len() % self.inputs()),
             (self.weight_count(), 0)
@@ -116,7 +121,7 @@ impl Likelihood {
         &self,
         (weights, coefficients): (&[f32], &[f32]),
         (inputs, targets): (&[f32], &[f32]),
-        pass: &mut Pass,
+        pass: &mut PassBuffers,
         sums: &mut [f32],
     ) {
         assert_eq!(coefficients.len(), weights.len());
@@ -126,7 +131,7 @@ impl Likelihood {
             .chunks(BLOCK_SAMPLES * input_width)
             .zip(targets.chunks(BLOCK_SAMPLES * target_width));
         for ((inputs, targets), sums) in blocks.zip(sums.chunks_mut(BLOCK_SAMPLES)) {
-            self.backward(weights, inputs, targets, 1.0, pass);
+            self.forward_and_backward(weights, inputs, targets, 1.0, pass);
             sums.fill(0.0);
             for layer in self.mlp.layers() {
                 pass.add_weighted_squares(layer, coefficients, inputs, sums);
@@ -155,7 +160,7 @@ impl Likelihood {
             .zip(targets.chunks(BLOCK_SAMPLES * target_width))
         {
             for (weights, pass) in draws.weights.iter().zip(&mut draws.passes) {
-                self.backward(
+                self.forward_and_backward(
                     weights,
                     inputs,
                     targets,
@@ -172,17 +177,17 @@ impl Likelihood {
 
     /// Evaluates the network, and sets δ = `scale` · ∂ log p/∂a for the inputs a of each layer's
     /// activation function. Returns Σ log p(y|x; w), without `scale`.
-    pub(super) fn backward(
+    pub(super) fn forward_and_backward(
         &self,
         weights: &[f32],
         inputs: &[f32],
         targets: &[f32],
         scale: f32,
-        pass: &mut Pass,
+        pass: &mut PassBuffers,
     ) -> f64 {
         self.forward(weights, inputs, pass);
         pass.deltas.resize_with(pass.layers.len(), Vec::new);
-        let log_likelihood = self.residuals(targets, scale, pass);
+        let log_likelihood = self.set_output_deltas(targets, scale, pass);
         for layer in self.mlp.layers().iter().skip(1).rev() {
             let (earlier, rest) = pass.deltas.split_at_mut(layer.index);
             let (deltas, outputs) = (&mut earlier[layer.index - 1], &pass.layers[layer.index - 1]);
@@ -202,21 +207,21 @@ impl Likelihood {
     }
 
     /// The gradient with respect to the weights, summed over the batch of the latest
-    /// [`backward`](Self::backward).   `gradient: [P]`, overwritten
-    pub(super) fn gradient(&self, inputs: &[f32], pass: &mut Pass, gradient: &mut [f32]) {
-        let Pass {
+    /// [`forward_and_backward`](Self::forward_and_backward).   `gradient: [P]`, overwritten
+    pub(super) fn gradient(&self, inputs: &[f32], pass: &mut PassBuffers, gradient: &mut [f32]) {
+        let PassBuffers {
             layers,
             deltas,
             scratch,
             ..
         } = pass;
         for layer in self.mlp.layers() {
-            let (by_weight, by_bias) = layer.split_mut(gradient);
+            let (weight_gradient, bias_gradient) = layer.split_mut(gradient);
             kernels::parameter_gradient(
-                inputs_of(layer, layers, inputs),
+                layer_inputs(layer, layers, inputs),
                 &deltas[layer.index],
-                by_weight,
-                by_bias,
+                weight_gradient,
+                bias_gradient,
                 scratch,
             );
         }
@@ -224,7 +229,7 @@ impl Likelihood {
 
     /// Sets δ of the output layer to `scale` · (y − f)/s². Returns Σ log p = −½ Σ ((y − f)/s)² − n
     /// (log s + ½ log 2π) over n targets.
-    fn residuals(&self, targets: &[f32], scale: f32, pass: &mut Pass) -> f64 {
+    fn set_output_deltas(&self, targets: &[f32], scale: f32, pass: &mut PassBuffers) -> f64 {
         let last = pass.layers.len() - 1;
         assert_eq!(pass.layers[last].len(), targets.len());
         let precision = 1.0 / (self.deviation * self.deviation);
@@ -252,7 +257,7 @@ impl Likelihood {
     }
 }
 
-impl Pass {
+impl PassBuffers {
     /// Adds (x²)ᵀ C δ² of one layer to the sum of each sample.   `sums: [B]`
     fn add_weighted_squares(
         &mut self,
@@ -268,7 +273,7 @@ impl Pass {
             scratch,
         } = self;
         squares.clear();
-        squares.extend(inputs_of(layer, layers, inputs).iter().map(|x| x * x));
+        squares.extend(layer_inputs(layer, layers, inputs).iter().map(|x| x * x));
         products.resize(sums.len() * layer.outputs, 0.0);
         kernels::affine(
             layer.weight(coefficients),
@@ -300,7 +305,7 @@ impl Draws {
         );
         let draws = noise.len() / count;
         self.weights.resize_with(draws, Vec::new);
-        self.passes.resize_with(draws, Pass::default);
+        self.passes.resize_with(draws, PassBuffers::default);
         for (weights, noise) in self.weights.iter_mut().zip(noise.chunks_exact(count)) {
             gaussian.draw(noise, weights);
         }
@@ -333,27 +338,27 @@ impl Draws {
                     &mut gradient[layer.range()],
                 );
             }
-            add_draw(gradient, noise, mean_gradient, deviation_gradient);
+            add_gradient_of_draw(gradient, noise, mean_gradient, deviation_gradient);
         }
     }
 }
 
-/// Adds the gradient of one draw to those with respect to μ and σ: ∂w/∂μ = 1 and ∂w/∂σ = ε.   all
-/// `[P]`
-pub(super) fn add_draw(
+/// Adds the gradient of one draw with respect to w to the gradients with respect to μ and σ:
+/// ∂w/∂μ = 1 and ∂w/∂σ = ε.   All slices: `[P]`
+pub(super) fn add_gradient_of_draw(
     gradient: &[f32],
     noise: &[f32],
-    by_mean: &mut [f32],
-    by_deviation: &mut [f32],
+    mean_gradient: &mut [f32],
+    deviation_gradient: &mut [f32],
 ) {
-    for (((by_mean, by_deviation), slope), noise) in by_mean
+    for (((mean_slope, deviation_slope), slope), noise) in mean_gradient
         .iter_mut()
-        .zip(by_deviation)
+        .zip(deviation_gradient)
         .zip(gradient)
         .zip(noise)
     {
-        *by_mean += slope;
-        *by_deviation += noise * slope;
+        *mean_slope += slope;
+        *deviation_slope += noise * slope;
     }
 }
 
@@ -371,12 +376,17 @@ fn write_outer_product(x: &[f32], delta: &[f32], outer: &mut [f32]) {
     }
 }
 
-/// The inputs of a layer: the outputs of the layer before, or those of the network: `[B × in]`.
-fn inputs_of<'a>(layer: &Layer, layers: &'a [Vec<f32>], inputs: &'a [f32]) -> &'a [f32] {
+/// The inputs of a layer: the outputs of the layer before, or the inputs of the network:
+/// `[B × in]`.
+fn layer_inputs<'a>(
+    layer: &Layer,
+    outputs_of_layers: &'a [Vec<f32>],
+    network_inputs: &'a [f32],
+) -> &'a [f32] {
     if layer.index == 0 {
-        inputs
+        network_inputs
     } else {
-        &layers[layer.index - 1]
+        &outputs_of_layers[layer.index - 1]
     }
 }
 
@@ -391,15 +401,18 @@ mod tests {
     use proptest::prelude::*;
 
     const SIZES: [usize; 4] = [3, 7, 5, 2];
-    const COUNT: usize = 4 * 7 + 8 * 5 + 6 * 2;
+    const WEIGHT_COUNT: usize = 4 * 7 + 8 * 5 + 6 * 2;
 
     fn gaussian(seed: u64) -> DiagonalGaussian {
-        let deviation = normals(seed + 1, COUNT)
+        let deviation = normals(seed + 1, WEIGHT_COUNT)
             .iter()
             .map(|x| 0.05 + 0.3 * x.abs())
             .collect();
         DiagonalGaussian {
-            mean: normals(seed, COUNT).iter().map(|x| 0.5 * x).collect(),
+            mean: normals(seed, WEIGHT_COUNT)
+                .iter()
+                .map(|x| 0.5 * x)
+                .collect(),
             deviation,
         }
     }
@@ -412,13 +425,14 @@ mod tests {
         let (likelihood, weights, mut pass) = (
             Likelihood::new(&[1, 1, 1], 0.5),
             [2.0, -1.0, 3.0, 0.5],
-            Pass::default(),
+            PassBuffers::default(),
         );
         assert_eq!(
             likelihood.forward(&weights, &[1.0, 0.0], &mut pass),
             [3.5, 0.5]
         );
-        let log_likelihood = likelihood.backward(&weights, &[1.0], &[4.0], 1.0, &mut pass);
+        let log_likelihood =
+            likelihood.forward_and_backward(&weights, &[1.0], &[4.0], 1.0, &mut pass);
         assert!((log_likelihood + 0.725_791_4).abs() < 1e-6);
         // δ₂ = 0.5/0.25 = 2, δ₁ = 2 · 3: gradient 6, 6, 2, 2. With c = 1, 2, 3, 4: 36 + 72 + 12 +
         // 16.
@@ -435,16 +449,16 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
-        /// Each sum agrees with the gradient of its sample by central differences.
+        /// The sum of each sample agrees with its gradient by central differences.
         #[test]
         fn weighted_squares_agree_with_gradients(seed in 0..1_000_000_u64, batch in 1..4_usize) {
             let likelihood = Likelihood::new(&SIZES, 0.7);
-            let (q, noise) = (gaussian(seed), normals(seed + 2, COUNT));
-            let coefficients: Vec<f32> = normals(seed + 3, COUNT).iter().map(|x| x.abs()).collect();
+            let (q, noise) = (gaussian(seed), normals(seed + 2, WEIGHT_COUNT));
+            let coefficients: Vec<f32> = normals(seed + 3, WEIGHT_COUNT).iter().map(|x| x.abs()).collect();
             let (inputs, targets) = (normals(seed + 4, 3 * batch), normals(seed + 5, 2 * batch));
             let (mut weights, mut sums) = (Vec::new(), vec![f32::NAN; batch]);
             q.draw(&noise, &mut weights);
-            likelihood.weighted_squares((&weights, &coefficients), (&inputs, &targets), &mut Pass::default(), &mut sums);
+            likelihood.weighted_squares((&weights, &coefficients), (&inputs, &targets), &mut PassBuffers::default(), &mut sums);
 
             for ((input, target), sum) in inputs.chunks(3).zip(targets.chunks(2)).zip(sums) {
                 let f = |w: &[f64]| reference::log_likelihood(&SIZES, f64::from(0.7_f32), w, input, target);
@@ -454,26 +468,26 @@ mod tests {
             }
         }
 
-        /// The derivative of the mean over draws of log p(y|x; μ + σ ε) with respect to μ and σ, by
-        /// central differences.
+        /// Gradients agree with the derivatives of the mean over draws of log p(y|x; μ + σ ε) with
+        /// respect to μ and σ by central differences.
         #[test]
         fn expected_gradients_agree_with_central_differences(seed in 0..1_000_000_u64, draws in 1..4_usize) {
             let likelihood = Likelihood::new(&SIZES, 0.7);
-            let (q, noise) = (gaussian(seed), normals(seed + 2, draws * COUNT));
+            let (q, noise) = (gaussian(seed), normals(seed + 2, draws * WEIGHT_COUNT));
             let (inputs, targets) = (normals(seed + 4, 6), normals(seed + 5, 4));
             let mut found = Vec::new();
-            let keep = |by_mean: &[f32], by_deviation: &[f32]| found.push([by_mean.to_vec(), by_deviation.to_vec()].concat());
-            likelihood.expected_gradients((&q, &noise), (&inputs, &targets), &mut Draws::default(), keep);
+            let collect = |mean: &[f32], deviation: &[f32]| found.push([mean.to_vec(), deviation.to_vec()].concat());
+            likelihood.expected_gradients((&q, &noise), (&inputs, &targets), &mut Draws::default(), collect);
 
             let moments: Vec<f64> = q.mean.iter().chain(&q.deviation).map(|&x| f64::from(x)).collect();
             for ((input, target), found) in inputs.chunks(3).zip(targets.chunks(2)).zip(found) {
                 let f = |moments: &[f64]| -> f64 {
-                    let (mean, deviation) = moments.split_at(COUNT);
-                    let each = noise.chunks(COUNT).map(|noise| {
+                    let (mean, deviation) = moments.split_at(WEIGHT_COUNT);
+                    let log_likelihoods = noise.chunks(WEIGHT_COUNT).map(|noise| {
                         let draw = mean.iter().zip(deviation).zip(noise).map(|((m, d), &e)| m + d * f64::from(e));
                         reference::log_likelihood(&SIZES, f64::from(0.7_f32), &draw.collect::<Vec<_>>(), input, target)
                     });
-                    each.sum::<f64>() / draws as f64
+                    log_likelihoods.sum::<f64>() / draws as f64
                 };
                 let expected = reference::gradient(&moments, f);
                 let scale = expected.iter().map(|g| g.abs()).fold(1.0, f64::max);
@@ -484,28 +498,32 @@ mod tests {
         }
     }
 
-    /// 150 samples in three blocks give the same results as each sample alone.
+    /// 150 samples in three blocks give the same sums as each sample alone, both by
+    /// `weighted_squares` and by summing the squares of `expected_gradients`.
     #[test]
     fn results_do_not_depend_on_blocks() {
-        let (likelihood, q, noise) = (Likelihood::new(&SIZES, 1.0), gaussian(1), normals(3, COUNT));
-        let (inputs, targets, mut pass, mut weights) = (
-            normals(4, 450),
-            normals(5, 300),
-            Pass::default(),
-            Vec::new(),
+        let (likelihood, q, noise) = (
+            Likelihood::new(&SIZES, 1.0),
+            gaussian(1),
+            normals(3, WEIGHT_COUNT),
         );
+        let (inputs, targets, mut weights) = (normals(4, 450), normals(5, 300), Vec::new());
         q.draw(&noise, &mut weights);
-        let mut sums = vec![0.0; 150];
-        likelihood.weighted_squares(
-            (&weights, &q.deviation),
-            (&inputs, &targets),
-            &mut pass,
-            &mut sums,
-        );
-        let mut visits = Vec::new();
-        let visit = |by_mean: &[f32], _: &[f32]| {
-            visits.push(
-                by_mean
+        let weighted_squares = |inputs: &[f32], targets: &[f32]| {
+            let mut sums = vec![0.0; targets.len() / 2];
+            likelihood.weighted_squares(
+                (&weights, &q.deviation),
+                (inputs, targets),
+                &mut PassBuffers::default(),
+                &mut sums,
+            );
+            sums
+        };
+        let sums = weighted_squares(&inputs, &targets);
+        let mut sums_of_gradients = Vec::new();
+        let visit = |mean_gradient: &[f32], _: &[f32]| {
+            sums_of_gradients.push(
+                mean_gradient
                     .iter()
                     .zip(&q.deviation)
                     .map(|(g, c)| c * g * g)
@@ -519,21 +537,10 @@ mod tests {
             visit,
         );
         for (index, (input, target)) in inputs.chunks(3).zip(targets.chunks(2)).enumerate() {
-            let mut alone = [0.0];
-            likelihood.weighted_squares(
-                (&weights, &q.deviation),
-                (input, target),
-                &mut pass,
-                &mut alone,
-            );
-            assert!(
-                (alone[0] - sums[index]).abs() < 1e-4 * (1.0 + alone[0]),
-                "{index}"
-            );
-            assert!(
-                (alone[0] - visits[index]).abs() < 1e-4 * (1.0 + alone[0]),
-                "{index}"
-            );
+            let alone = weighted_squares(input, target)[0];
+            for in_block in [sums[index], sums_of_gradients[index]] {
+                assert!((alone - in_block).abs() < 1e-4 * (1.0 + alone), "{index}");
+            }
         }
     }
 }

@@ -11,7 +11,7 @@ mod likelihood;
 mod reference;
 
 pub use gaussian::DiagonalGaussian;
-pub use likelihood::{Draws, Likelihood, Pass};
+pub use likelihood::{Draws, Likelihood, PassBuffers};
 
 use rand::Rng;
 use schemars::JsonSchema;
@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use self::gaussian::{softplus, softplus_inverse, softplus_slope};
 use super::{Adam, AdamSettings, Initial, Mlp};
-use seedbed_env::input::numbers::{Positive, known};
+use seedbed_env::input::numbers::{Positive, ranged_number};
 
 /// Parameters of a Bayesian network.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -38,7 +38,7 @@ pub struct BayesianSettings {
 impl Default for BayesianSettings {
     fn default() -> Self {
         let (initial_deviation, prior_deviation, likelihood_deviation) =
-            (known(0.2), known(0.5), known(1.0));
+            (ranged_number(0.2), ranged_number(0.5), ranged_number(1.0));
         Self {
             initial_deviation,
             prior_deviation,
@@ -58,7 +58,7 @@ pub struct BayesianNetwork {
     scratch: Scratch,
 }
 
-/// The state of a network that learning changes.
+/// The part of a network that learning changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BayesianState {
     /// All μ, then all ρ: `[2P]`.
@@ -82,7 +82,7 @@ const RHO_BOUNDS: [f32; 2] = [-9.0, 1.0];
 /// Buffers that are reused.
 #[derive(Clone, Debug, Default)]
 struct Scratch {
-    pass: Pass,
+    pass: PassBuffers,
     weights: Vec<f32>,
     antithetic_noise: Vec<f32>,
     weight_gradient: Vec<f32>,
@@ -97,7 +97,7 @@ impl BayesianNetwork {
     /// # Panics
     /// If there are fewer than two sizes, or if a size is 0.
     pub fn new(sizes: &[usize], settings: &BayesianSettings, random: &mut impl Rng) -> Self {
-        let mut parameters = Mlp::new(sizes).initial(Initial::Random, random);
+        let mut parameters = Mlp::new(sizes).initial_parameters(Initial::Random, random);
         let count = parameters.len();
         let rho = softplus_inverse(settings.initial_deviation.get_f32())
             .clamp(RHO_BOUNDS[0], RHO_BOUNDS[1]);
@@ -171,7 +171,7 @@ impl BayesianNetwork {
         &self.likelihood
     }
 
-    /// The state that learning changes, to be stored.
+    /// The part that learning changes, to be stored.
     #[must_use]
     pub fn state(&self) -> &BayesianState {
         &self.state
@@ -208,14 +208,15 @@ impl BayesianNetwork {
             .chunks_exact(count)
             .map(|noise| self.add_antithetic_pair(inputs, targets, noise, scale))
             .sum();
-        let (by_mean, by_rho) = self.scratch.gradient.split_at_mut(count);
+        let (mean_gradient, rho_gradient) = self.scratch.gradient.split_at_mut(count);
         self.posterior.add_divergence_gradient(
             &self.state.prior,
             1.0 / data_count as f32,
-            by_mean,
-            by_rho,
+            mean_gradient,
+            rho_gradient,
         );
-        for (slope, rho) in by_rho.iter_mut().zip(&self.state.parameters[count..]) {
+        // So far, `rho_gradient` is the gradient with respect to σ.
+        for (slope, rho) in rho_gradient.iter_mut().zip(&self.state.parameters[count..]) {
             *slope *= softplus_slope(*rho);
         }
         let negative_log_likelihood = -log_likelihood / (draws * rows) as f64;
@@ -225,7 +226,8 @@ impl BayesianNetwork {
         }
     }
 
-    /// Adds the gradients of the draws with ε and −ε; returns their Σ log p.
+    /// Adds the gradients of the draws with ε and −ε; returns Σ log p(y|x; w) over both draws and
+    /// all samples.
     fn add_antithetic_pair(
         &mut self,
         inputs: &[f32],
@@ -243,7 +245,7 @@ impl BayesianNetwork {
     }
 
     /// Adds `scale` · ∂ log p/∂w and `scale` · ε ∂ log p/∂w of one draw to the gradients with
-    /// respect to μ and σ; returns Σ log p.
+    /// respect to μ and σ; returns Σ log p(y|x; w).
     fn add_draw(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], scale: f32) -> f64 {
         let Scratch {
             pass,
@@ -256,10 +258,10 @@ impl BayesianNetwork {
         weight_gradient.resize(noise.len(), 0.0);
         let log_likelihood = self
             .likelihood
-            .backward(weights, inputs, targets, scale, pass);
+            .forward_and_backward(weights, inputs, targets, scale, pass);
         self.likelihood.gradient(inputs, pass, weight_gradient);
-        let (by_mean, by_deviation) = gradient.split_at_mut(noise.len());
-        likelihood::add_draw(weight_gradient, noise, by_mean, by_deviation);
+        let (mean_gradient, deviation_gradient) = gradient.split_at_mut(noise.len());
+        likelihood::add_gradient_of_draw(weight_gradient, noise, mean_gradient, deviation_gradient);
         log_likelihood
     }
 
@@ -277,7 +279,8 @@ impl BayesianNetwork {
 }
 
 impl BayesianState {
-    /// Number of weights P of the network; 0 if the parts of the state do not fit together.
+    /// Number of weights P of the network; 0 if the lengths of the state's vectors do not fit
+    /// together.
     #[must_use]
     pub fn weight_count(&self) -> usize {
         let count = self.prior.mean.len();
@@ -305,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn initial_moments_match_the_settings() {
+    fn initial_posterior_and_prior_match_the_settings() {
         let network = network(1, &[3, 8, 2], &BayesianSettings::default());
         assert_eq!(network.likelihood().weight_count(), 4 * 8 + 9 * 2);
         assert!(
@@ -333,7 +336,7 @@ mod tests {
         #[test]
         fn gradient_agrees_with_central_differences(seed in 0..1_000_000_u64, pairs in 1..3_usize, batch in 1..3_usize) {
             let (sizes, deviation) = ([2, 4, 3, 2], 0.6);
-            let settings = BayesianSettings { likelihood_deviation: known(deviation), ..BayesianSettings::default() };
+            let settings = BayesianSettings { likelihood_deviation: ranged_number(deviation), ..BayesianSettings::default() };
             let mut network = network(seed, &sizes, &settings);
             let count = network.likelihood().weight_count();
             network.state.parameters[count..].iter_mut().zip(normals(seed, count)).for_each(|(rho, z)| *rho += 0.5 * z);
@@ -342,7 +345,7 @@ mod tests {
             let noise = normals(seed + 3, pairs * count);
             let loss = network.compute_gradient(&inputs, &targets, &noise, 5);
 
-            let parts = |phi: &[f64]| -> [f64; 2] {
+            let loss_terms = |phi: &[f64]| -> [f64; 2] {
                 let (mean, rho) = phi.split_at(count);
                 let sigma: Vec<f64> = rho.iter().map(|rho| rho.exp().ln_1p()).collect();
                 let mut nll = 0.0;
@@ -353,14 +356,14 @@ mod tests {
                         nll -= reference::log_likelihood(&sizes, f64::from(deviation as f32), &weights, input, target);
                     }
                 }
-                let each = mean.iter().zip(&sigma).map(|(mean, sigma)| 0.5 * ((sigma / 0.5).powi(2) + (mean / 0.5).powi(2) - 1.0) - (sigma / 0.5).ln());
-                [each.sum(), nll / (2 * pairs * batch) as f64]
+                let divergences = mean.iter().zip(&sigma).map(|(mean, sigma)| 0.5 * ((sigma / 0.5).powi(2) + (mean / 0.5).powi(2) - 1.0) - (sigma / 0.5).ln());
+                [divergences.sum(), nll / (2 * pairs * batch) as f64]
             };
             let phi: Vec<f64> = network.state.parameters.iter().map(|&x| f64::from(x)).collect();
-            let [divergence, nll] = parts(&phi);
+            let [divergence, nll] = loss_terms(&phi);
             prop_assert!((loss.divergence - divergence).abs() < 1e-4 * (1.0 + divergence));
             prop_assert!((loss.negative_log_likelihood - nll).abs() < 1e-4 * (1.0 + nll));
-            let expected = reference::gradient(&phi, |phi| parts(phi)[0] / 5.0 + parts(phi)[1]);
+            let expected = reference::gradient(&phi, |phi| loss_terms(phi)[0] / 5.0 + loss_terms(phi)[1]);
             let scale = expected.iter().map(|g| g.abs()).fold(1.0, f64::max);
             for (found, expected) in network.scratch.gradient.iter().zip(expected) {
                 prop_assert!((f64::from(*found) - expected).abs() < 1e-4 * scale, "{found} {expected}");
@@ -373,9 +376,9 @@ mod tests {
     /// XᵀX/0.25 = 36, 132, 36, μ = Λ⁻¹ Xᵀy/0.25, σ² = 1/Λ. With y = x₁ − 0.4 x₂ + 0.6: μ = 32/36,
     /// −0.4·128/132, 0.6·32/36.
     #[test]
-    fn posterior_of_a_linear_model_is_the_conjugate_one() {
+    fn posterior_of_a_linear_model_is_the_conjugate_posterior() {
         let settings = BayesianSettings {
-            likelihood_deviation: known(0.5),
+            likelihood_deviation: ranged_number(0.5),
             ..BayesianSettings::default()
         };
         let mut network = network(2, &[2, 1], &settings);
@@ -385,7 +388,7 @@ mod tests {
         let (mut mean, mut deviation) = ([0.0; 3], [0.0; 3]);
         for (step, noise) in noise.chunks(12).enumerate() {
             network.descend(&inputs, &targets, noise, 8);
-            // Average over the second half, because Adam new_prior fluctuating around the optimum.
+            // Average over the second half, because Adam keeps fluctuating around the optimum.
             if step >= 10_000 {
                 for i in 0..3 {
                     mean[i] += network.posterior().mean[i] / 10_000.0;
@@ -414,7 +417,7 @@ mod tests {
     #[test]
     fn rho_stays_within_its_bounds() {
         let fast = AdamSettings {
-            step_size: known(5.0),
+            step_size: ranged_number(5.0),
             ..AdamSettings::default()
         };
         let mut network = network(
@@ -445,30 +448,35 @@ mod tests {
     /// with the old prior, it returns towards 𝒩(0, ½²).
     #[test]
     fn a_posterior_as_prior_keeps_what_was_learned() {
-        let mut new_prior = network(4, &[1, 1], &BayesianSettings::default());
+        let mut with_new_prior = network(4, &[1, 1], &BayesianSettings::default());
         let (inputs, targets) = ([1.0, -1.0], [1.5, -1.5]);
         for step in 0..3000 {
-            new_prior.descend(&inputs, &targets, &normals(step, 4), 50);
+            with_new_prior.descend(&inputs, &targets, &normals(step, 4), 50);
         }
-        let learned = new_prior.posterior().mean[0];
+        let learned = with_new_prior.posterior().mean[0];
         assert!(learned > 1.0, "{learned}");
-        let mut old_prior = new_prior.clone();
-        new_prior.make_posterior_the_prior();
-        assert_eq!(new_prior.posterior().divergence(new_prior.prior()), 0.0);
+        let mut with_old_prior = with_new_prior.clone();
+        with_new_prior.make_posterior_the_prior();
+        assert_eq!(
+            with_new_prior
+                .posterior()
+                .divergence(with_new_prior.prior()),
+            0.0
+        );
         for step in 0..1000 {
             // A sample at x = 0 has no information about the slope, so only the prior changes it.
-            new_prior.descend(&[0.0], &[0.0], &normals(step, 4), 1);
-            old_prior.descend(&[0.0], &[0.0], &normals(step, 4), 1);
+            with_new_prior.descend(&[0.0], &[0.0], &normals(step, 4), 1);
+            with_old_prior.descend(&[0.0], &[0.0], &normals(step, 4), 1);
         }
         assert!(
-            (new_prior.posterior().mean[0] - learned).abs() < 0.02,
+            (with_new_prior.posterior().mean[0] - learned).abs() < 0.02,
             "{} {learned}",
-            new_prior.posterior().mean[0]
+            with_new_prior.posterior().mean[0]
         );
         assert!(
-            old_prior.posterior().mean[0] < learned - 0.4,
+            with_old_prior.posterior().mean[0] < learned - 0.4,
             "{} {learned}",
-            old_prior.posterior().mean[0]
+            with_old_prior.posterior().mean[0]
         );
     }
 

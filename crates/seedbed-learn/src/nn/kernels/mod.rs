@@ -133,27 +133,29 @@ mod tests {
     use nalgebra::DMatrix;
     use proptest::prelude::*;
 
-    /// Compares a layer with nalgebra's products.
-    fn check_layer(batch: usize, inputs: usize, outputs: usize, seed: u64) {
-        let numbers = |count: usize, salt: u64| -> Vec<f32> {
-            let hashed = |i: usize| {
-                (i as u64 + 1)
-                    .wrapping_mul(0x9E37_79B9_7F4A_7C15 ^ (seed + salt))
-                    .rotate_left(29)
-                    >> 40
-            };
-            (0..count)
-                .map(|i| hashed(i) as f32 / 8_388_608.0 - 1.0)
-                .collect()
+    /// Pseudo-random numbers from −1 to 1, a hash of `seed` and their index.
+    fn pseudo_random(count: usize, seed: u64) -> Vec<f32> {
+        let hash = |i: usize| {
+            (i as u64 + 1)
+                .wrapping_mul(0x9E37_79B9_7F4A_7C15 ^ seed)
+                .rotate_left(29)
+                >> 40
         };
+        (0..count)
+            .map(|i| hash(i) as f32 / 8_388_608.0 - 1.0)
+            .collect()
+    }
+
+    /// Compares the outputs and the gradients of a layer with nalgebra's products.
+    fn check_layer(batch: usize, inputs: usize, outputs: usize, seed: u64) {
         let (x, w, b, dy) = (
-            numbers(batch * inputs, 1),
-            numbers(inputs * outputs, 2),
-            numbers(outputs, 3),
-            numbers(batch * outputs, 4),
+            pseudo_random(batch * inputs, seed + 1),
+            pseudo_random(inputs * outputs, seed + 2),
+            pseudo_random(outputs, seed + 3),
+            pseudo_random(batch * outputs, seed + 4),
         );
         let matrix = |rows, columns, data: &[f32]| DMatrix::from_row_slice(rows, columns, data);
-        let (xm, wm, dym) = (
+        let (x_matrix, w_matrix, dy_matrix) = (
             matrix(batch, inputs, &x),
             matrix(inputs, outputs, &w),
             matrix(batch, outputs, &dy),
@@ -173,18 +175,18 @@ mod tests {
         let mut y = vec![f32::NAN; batch * outputs];
         affine(&w, &b, &x, &mut y, &mut scratch);
         let rows_of_bias = DMatrix::from_fn(batch, outputs, |_, column| b[column]);
-        assert_close(&y, &xm * &wm + rows_of_bias);
+        assert_close(&y, &x_matrix * &w_matrix + rows_of_bias);
 
         let mut dx = vec![f32::NAN; batch * inputs];
         input_gradient(&w, &dy, &mut dx, outputs, &mut scratch);
-        assert_close(&dx, &dym * wm.transpose());
+        assert_close(&dx, &dy_matrix * w_matrix.transpose());
 
         let (mut dw, mut db) = (vec![f32::NAN; inputs * outputs], vec![f32::NAN; outputs]);
         parameter_gradient(&x, &dy, &mut dw, &mut db, &mut scratch);
-        assert_close(&dw, xm.transpose() * &dym);
+        assert_close(&dw, x_matrix.transpose() * &dy_matrix);
         assert_close(
             &db,
-            DMatrix::from_fn(1, outputs, |_, column| dym.column(column).sum()),
+            DMatrix::from_fn(1, outputs, |_, column| dy_matrix.column(column).sum()),
         );
     }
 

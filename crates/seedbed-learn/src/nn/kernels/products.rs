@@ -324,18 +324,18 @@ impl Tiled for ColumnSums<'_> {
 fn compute_tiles<S: Simd, T: Tiled>(simd: S, work: &mut T) {
     let [rows, columns] = work.shape();
     match (rows, columns / S::F32_LANES) {
-        (..4, 4..) => compute_tiles_of::<S, T, 1, 4>(simd, work),
-        (..4, 2..4) => compute_tiles_of::<S, T, 1, 2>(simd, work),
-        (..4, ..2) => compute_tiles_of::<S, T, 1, 1>(simd, work),
-        (4..6, 2..) => compute_tiles_of::<S, T, 4, 2>(simd, work),
-        (4..6, ..2) => compute_tiles_of::<S, T, 4, 1>(simd, work),
-        (6.., 2..) => compute_tiles_of::<S, T, 6, 2>(simd, work),
-        (6.., ..2) => compute_tiles_of::<S, T, 6, 1>(simd, work),
+        (..4, 4..) => compute_tiles_of_size::<S, T, 1, 4>(simd, work),
+        (..4, 2..4) => compute_tiles_of_size::<S, T, 1, 2>(simd, work),
+        (..4, ..2) => compute_tiles_of_size::<S, T, 1, 1>(simd, work),
+        (4..6, 2..) => compute_tiles_of_size::<S, T, 4, 2>(simd, work),
+        (4..6, ..2) => compute_tiles_of_size::<S, T, 4, 1>(simd, work),
+        (6.., 2..) => compute_tiles_of_size::<S, T, 6, 2>(simd, work),
+        (6.., ..2) => compute_tiles_of_size::<S, T, 6, 1>(simd, work),
     }
 }
 
 #[inline(always)]
-fn compute_tiles_of<S: Simd, T: Tiled, const HEIGHT: usize, const WIDTH: usize>(
+fn compute_tiles_of_size<S: Simd, T: Tiled, const HEIGHT: usize, const WIDTH: usize>(
     simd: S,
     work: &mut T,
 ) {
@@ -355,7 +355,7 @@ fn blocks(length: usize, size: usize) -> impl Iterator<Item = usize> {
     (0..length.div_ceil(size)).map(move |index| (index * size).min(length - size))
 }
 
-/// sums of row r ← sums of row r + factor of row r · terms
+/// For each row r of a tile: sums of row r ← sums of row r + factor of row r · terms.
 #[inline(always)]
 fn multiply_add<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
     simd: S,
@@ -400,7 +400,8 @@ fn store<S: Simd, const HEIGHT: usize, const WIDTH: usize>(
     }
 }
 
-/// y = x Wᵀ, or x Wᵀ + bias.   `x: [B × n]`, `rows: [columns × n]` → `y: [B × columns]`
+/// y = x Wᵀ, or x Wᵀ + bias, where `rows` are the rows of W.   `x: [B × n]`,
+/// `rows: [columns × n]` → `y: [B × columns]`
 #[inline(always)]
 fn inner_products<S: Simd>(
     simd: S,
