@@ -10,7 +10,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use rand::RngExt;
 use seedbed_env::input::numbers::ranged_count;
 use seedbed_env::random::{Purpose, stream};
-use seedbed_env::{Physics, Spec, Status, TaskDescription, build, load};
+use seedbed_env::{Physics, Status, TaskDescription, TaskSpec, build, load};
 use seedbed_learn::agent::{ActScratch, Agent, AgentContext, TeamConfig};
 use seedbed_learn::algorithms::seed_pg::SeedPgAgent;
 use seedbed_learn::algorithms::seed_pg::config::SeedPg;
@@ -161,7 +161,7 @@ fn cart_pole() -> TaskDescription {
         .expect("the task file is valid")
 }
 
-fn build_agent(spec: &Spec, agent: u32) -> Box<dyn Agent> {
+fn build_agent(spec: &TaskSpec, agent: u32) -> Box<dyn Agent> {
     let team = TeamConfig {
         count: ranged_count(AGENTS),
         ..TeamConfig::default()

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use rand_distr::{Distribution, StandardNormal};
 use seedbed::env::random::{Purpose, Stream, stream};
-use seedbed::env::{Physics, Spec};
+use seedbed::env::{Physics, TaskSpec};
 use seedbed::learn::agent::UpdateReport;
 use seedbed::learn::agent::{ActScratch, Agent, AgentContext, TeamConfig, Tensor, Update};
 use seedbed::learn::experience::{Episode, Experience};
@@ -115,7 +115,7 @@ fn final_return(agents: u32, run_seed: u64) -> Result<f64, Box<dyn Error>> {
         count: u64::from(agents).try_into()?,
         ..TeamConfig::default()
     };
-    let spec: &Spec = environment.spec();
+    let spec: &TaskSpec = environment.spec();
     let context = TeamContext {
         run_seed,
         config: &config,

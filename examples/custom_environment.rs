@@ -7,7 +7,7 @@
 use std::error::Error;
 
 use seedbed::env::random::Stream;
-use seedbed::env::{Action, Choice, Environment, Quantity, Spec, Status};
+use seedbed::env::{Action, Choice, Environment, Quantity, Status, TaskSpec};
 use seedbed::learn::agent::TeamConfig;
 use seedbed::learn::algorithms::Algorithm;
 use seedbed::learn::team::{LearningTiming, TeamContext};
@@ -15,7 +15,7 @@ use seedbed::run::trainer::{Trainer, TrainingSettings};
 
 /// Copies of the environment, each a line with one walker.
 struct Line {
-    spec: Spec,
+    spec: TaskSpec,
     positions: Vec<f32>,
     /// Steps since the reset, per copy.
     steps: Vec<u32>,
@@ -34,7 +34,7 @@ impl Line {
             quantity: quantity("step", [-1.0, 1.0]),
             choice: Choice::Discrete(vec![-1.0, 1.0]),
         };
-        let mut spec = Spec::new("line", vec![quantity("x", [-10.0, 10.0])], vec![step]);
+        let mut spec = TaskSpec::new("line", vec![quantity("x", [-10.0, 10.0])], vec![step]);
         spec.time_limit = 20;
         Self {
             spec,
@@ -47,7 +47,7 @@ impl Line {
 }
 
 impl Environment for Line {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &TaskSpec {
         &self.spec
     }
 

@@ -4,7 +4,7 @@
 //! Run with `cargo run --release --example statistics`.
 
 use seedbed::stats::aggregate::{interquartile_mean, median};
-use seedbed::stats::bootstrap::bootstrap_sample;
+use seedbed::stats::bootstrap::bootstrap_estimate;
 use seedbed::stats::hypothesis::welch_test;
 use seedbed::stats::survival::{TimeToEvent, kaplan_meier};
 use seedbed::stats::{Estimate, Interval};
@@ -13,10 +13,10 @@ fn main() {
     let ours = [195.0, 188.0, 200.0, 171.0, 199.0, 200.0, 183.0, 192.0];
     let theirs = [160.0, 181.0, 175.0, 149.0, 190.0, 172.0, 168.0, 180.0];
     for (name, returns) in [("ours", ours), ("theirs", theirs)] {
-        let median_return = bootstrap_sample(&returns, median);
+        let median_return = bootstrap_estimate(&returns, median);
         println!("{name}: median return {}", format_estimate(&median_return));
     }
-    let interquartile_return = bootstrap_sample(&ours, interquartile_mean);
+    let interquartile_return = bootstrap_estimate(&ours, interquartile_mean);
     println!(
         "ours: interquartile mean {}",
         format_estimate(&interquartile_return)

@@ -7,7 +7,7 @@ use crate::run::Plan;
 use crate::study::plan::StudyPlan;
 use crate::tabular;
 use seedbed_env::input::{self, FileKind, InputError};
-use seedbed_env::{self, Choice, Spec};
+use seedbed_env::{self, Choice, TaskSpec};
 
 /// Maximum number of observations that are listed by name.
 pub(super) const MAX_NAMED_OBSERVATIONS: usize = 30;
@@ -76,7 +76,7 @@ pub(super) fn describe_tabular(path: &Path) -> Result<String, InputError> {
     ))
 }
 
-fn describe_spaces(spec: &Spec) -> String {
+fn describe_spaces(spec: &TaskSpec) -> String {
     let observation_names: Vec<&str> = spec
         .observations
         .iter()
@@ -94,7 +94,7 @@ fn describe_spaces(spec: &Spec) -> String {
 }
 
 /// Names and values of the actions, e.g. `force (-10 or 10 N)`.
-pub(super) fn format_actions(spec: &Spec) -> String {
+pub(super) fn format_actions(spec: &TaskSpec) -> String {
     let action_texts = spec.actions.iter().map(|action| {
         let quantity = &action.quantity;
         let values = match &action.choice {

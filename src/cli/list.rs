@@ -34,7 +34,7 @@ fn print_environments() {
     });
 }
 
-fn print_environment(spec: &seedbed_env::Spec) {
+fn print_environment(spec: &seedbed_env::TaskSpec) {
     say!("  {}\n      {}", spec.name, spec.description);
     let lists_all = spec.observation_width() < MAX_NAMED_OBSERVATIONS;
     let listed_observations = &spec.observations[..if lists_all {

@@ -61,7 +61,7 @@ fn environment_file(environment: &str) -> Result<PathBuf, InputError> {
     if path.is_file() {
         return Ok(path);
     }
-    scenario::task_file(environment, &[std::env::current_dir().unwrap_or_default()]).map_err(
+    scenario::find_task_file(environment, &[std::env::current_dir().unwrap_or_default()]).map_err(
         |known| InputError {
             origin: environment.to_owned(),
             position: None,

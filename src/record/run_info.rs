@@ -1,6 +1,6 @@
 //! What a recording says about the run that it records.
 
-use seedbed_env::{Scene, Spec};
+use seedbed_env::{Scene, TaskSpec};
 
 use super::BonusRange;
 
@@ -21,7 +21,7 @@ pub struct RunInfo<'a> {
     /// What the recording is about.
     pub focus: Focus,
     /// The task.
-    pub spec: &'a Spec,
+    pub spec: &'a TaskSpec,
     /// The task's bodies, if it has any.
     pub scene: Option<&'a Scene>,
     /// Number of agents K.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count, ranged_number};
 use seedbed_env::input::{Located, ValidationError};
 
@@ -236,7 +236,7 @@ impl RecordingSettings {
     ///
     /// # Errors
     /// The first name that is not an observation.
-    pub fn check_pairs(&self, spec: &Spec) -> Result<(), ValidationError> {
+    pub fn check_pairs(&self, spec: &TaskSpec) -> Result<(), ValidationError> {
         let PairChoice::These(pairs) = &self.pairs else {
             return Ok(());
         };

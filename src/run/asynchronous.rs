@@ -12,13 +12,13 @@ use seedbed_learn::team::Team;
 /// The state of an asynchronous rollout between two calls of [`AsyncRollout::play`].
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct AsyncRollout {
-    clocks: Vec<AgentClock>,
+    progress: Vec<AgentProgress>,
     slots: EpisodeSlots,
 }
 
-/// The schedule of one agent.
+/// How far one agent is.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct AgentClock {
+struct AgentProgress {
     /// Number of episodes that the agent has started.
     started: u32,
     /// Number of environment steps until the current update of the agent is complete; the agent
@@ -42,7 +42,7 @@ pub(super) struct AsyncConfig<'a> {
 impl AsyncRollout {
     pub(super) fn new(run_seed: u64, agents: usize) -> Self {
         Self {
-            clocks: vec![AgentClock::default(); agents],
+            progress: vec![AgentProgress::default(); agents],
             slots: EpisodeSlots::new(run_seed, agents, 0),
         }
     }
@@ -62,8 +62,9 @@ impl AsyncRollout {
             if self.slots.any_playing() {
                 self.slots.step(environment, team);
             }
-            for clock in &mut self.clocks {
-                clock.steps_until_learned = clock.steps_until_learned.saturating_sub(1);
+            for agent_progress in &mut self.progress {
+                agent_progress.steps_until_learned =
+                    agent_progress.steps_until_learned.saturating_sub(1);
             }
             for slot in &mut self.slots.slots {
                 if let Some(episode) = slot.observe(environment) {
@@ -84,34 +85,39 @@ impl AsyncRollout {
         total: u64,
         config: &AsyncConfig<'_>,
     ) -> (u64, u32) {
-        let clock = &mut self.clocks[agent as usize];
-        clock.steps_until_learned = config.steps_per_update;
-        let learned_before = std::mem::replace(&mut clock.learned_episodes, total);
-        (learned_before, clock.started - 1)
+        let agent_progress = &mut self.progress[agent as usize];
+        agent_progress.steps_until_learned = config.steps_per_update;
+        let learned_before = std::mem::replace(&mut agent_progress.learned_episodes, total);
+        (learned_before, agent_progress.started - 1)
     }
 
     /// Number of the team's episodes that every agent has learned from.
     pub(super) fn learned_by_all(&self) -> u64 {
-        let learned = self.clocks.iter().map(|clock| clock.learned_episodes);
+        let learned = self
+            .progress
+            .iter()
+            .map(|agent_progress| agent_progress.learned_episodes);
         learned.min().unwrap_or(u64::MAX)
     }
 
     fn has_episodes_left(&self, config: &AsyncConfig<'_>) -> bool {
         let any_to_start = self
-            .clocks
+            .progress
             .iter()
-            .any(|clock| clock.started < config.episodes);
+            .any(|agent_progress| agent_progress.started < config.episodes);
         any_to_start || self.slots.any_playing()
     }
 
     fn begin_episodes(&mut self, environment: &mut dyn Environment, config: &AsyncConfig<'_>) {
-        for (agent, clock) in (0..).zip(&mut self.clocks) {
-            let is_free =
-                !self.slots.slots[agent as usize].is_playing() && clock.steps_until_learned == 0;
-            if is_free && clock.started < config.episodes {
-                let slot = self.slots.renew(config.run_seed, agent, clock.started);
-                slot.start(environment, clock.started, 0, config.scene);
-                clock.started += 1;
+        for (agent, agent_progress) in (0..).zip(&mut self.progress) {
+            let is_free = !self.slots.slots[agent as usize].is_playing()
+                && agent_progress.steps_until_learned == 0;
+            if is_free && agent_progress.started < config.episodes {
+                let slot = self
+                    .slots
+                    .renew(config.run_seed, agent, agent_progress.started);
+                slot.start(environment, agent_progress.started, 0, config.scene);
+                agent_progress.started += 1;
             }
         }
     }

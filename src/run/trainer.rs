@@ -14,7 +14,7 @@ use crate::record::{BodyTrajectory, SceneSettings};
 use crate::scenario::{Scenario, Schedule, Stop, Threshold};
 use seedbed_env::TaskDescription;
 use seedbed_env::input::InputError;
-use seedbed_env::{Environment, Spec, build};
+use seedbed_env::{Environment, TaskSpec, build};
 use seedbed_learn::agent::{Tensor, UpdateReport};
 use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
 use seedbed_learn::team::{
@@ -368,7 +368,7 @@ impl Trainer {
 
     /// The task.
     #[must_use]
-    pub fn spec(&self) -> &Spec {
+    pub fn spec(&self) -> &TaskSpec {
         self.environment.spec()
     }
 
@@ -467,7 +467,7 @@ fn learning_timing(schedule: Schedule) -> LearningTiming {
 }
 
 /// Checks that all numbers of an episode are finite.
-fn check_episode(spec: &Spec, episode: &Episode) -> Result<(), Diverged> {
+fn check_episode(spec: &TaskSpec, episode: &Episode) -> Result<(), Diverged> {
     let non_finite = episode.observations.iter().position(|x| !x.is_finite());
     let what = if let Some(index) = non_finite {
         let name = &spec.observations[index % spec.observations.len()].name;

@@ -15,7 +15,7 @@ use crate::record::RecordingSettings;
 use seedbed_env::input::edit::to_ron_string;
 use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count};
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
-use seedbed_env::{Physics, Spec};
+use seedbed_env::{Physics, TaskSpec};
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
 
@@ -130,7 +130,7 @@ impl Stop {
     /// When a task counts as solved: at the return and window set here; otherwise at the return set
     /// in the task's file, over a window of 25 episodes. `None` if neither is set.
     #[must_use]
-    pub fn threshold(&self, task: &Spec) -> Option<Threshold> {
+    pub fn threshold(&self, task: &TaskSpec) -> Option<Threshold> {
         match self {
             Self::Solved {
                 r#return, window, ..
@@ -222,7 +222,7 @@ pub fn environment_path(
         }
         return Err(scenario.locate(name.error(format!("no file {}", path.display()))));
     }
-    task_file(name, &start_folders).map_err(|known| {
+    find_task_file(name, &start_folders).map_err(|known| {
         scenario.locate(name.unknown_name("environment", known.iter().map(String::as_str)))
     })
 }
@@ -232,7 +232,7 @@ pub fn environment_path(
 ///
 /// # Errors
 /// The names of all tasks in these directories, if there is no such file.
-pub fn task_file(name: &str, start_folders: &[PathBuf]) -> Result<PathBuf, Vec<String>> {
+pub fn find_task_file(name: &str, start_folders: &[PathBuf]) -> Result<PathBuf, Vec<String>> {
     let file = format!("{name}.ron");
     let found = start_folders
         .iter()

@@ -9,7 +9,7 @@ use seedbed_stats::hypothesis::welch_test;
 use seedbed_stats::improvement::probability_of_improvement;
 use seedbed_stats::paired::{differences, signed_rank_test};
 use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
-use seedbed_stats::{Estimate, Interval, bootstrap_sample, bootstrap_strata};
+use seedbed_stats::{Estimate, Interval, bootstrap_estimate, stratified_bootstrap_estimate};
 
 /// Value of a measure for one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,10 +110,10 @@ pub fn summarize_scores(scores: &[RunScore], are_times: bool) -> Option<Aggregat
             interval: curve.median_interval(),
         }
     } else {
-        bootstrap_sample(&values, median)
+        bootstrap_estimate(&values, median)
     };
     let all_reached = reached == values.len();
-    let interquartile_mean = all_reached.then(|| bootstrap_sample(&values, interquartile_mean));
+    let interquartile_mean = all_reached.then(|| bootstrap_estimate(&values, interquartile_mean));
     let min = values.iter().copied().fold(values[0], f64::min);
     let max = values.iter().copied().fold(values[0], f64::max);
     Some(Aggregate {
@@ -242,10 +242,10 @@ fn compare_pairs(x: &[f64], y: &[f64], are_times: bool) -> (Effect, f64) {
             let differences: Vec<f64> = pairs
                 .map(|(&x, &y)| difference_of_times(x, y, unknown))
                 .collect();
-            bootstrap_sample(&differences, median)
+            bootstrap_estimate(&differences, median)
         })
     } else {
-        let estimate = bootstrap_sample(&differences, mean);
+        let estimate = bootstrap_estimate(&differences, mean);
         Effect {
             estimate,
             bounds: [estimate.value; 2],
@@ -299,7 +299,7 @@ fn compare_samples(
     let statistic = if are_times { median } else { mean };
     let samples = [x.to_vec(), y.to_vec()];
     let effect = bounded_effect(|unknown| {
-        bootstrap_strata(&samples, |samples| {
+        stratified_bootstrap_estimate(&samples, |samples| {
             difference_of_times(statistic(&samples[0]), statistic(&samples[1]), unknown)
         })
     });

@@ -440,10 +440,10 @@ fn check_measures(study: &Study, cells: &[Cell]) -> Result<(), ValidationError> 
             .map_or(Ok(()), |message| Err(measure.error(message)))?;
     }
     for figure in &study.figures {
-        let shown = cells.iter().filter(|cell| figure.shows(&cell.name));
+        let shown_cells = cells.iter().filter(|cell| figure.shows(&cell.name));
         let message = figure
             .required_measure(study.main_measure())
-            .and_then(|measure| missing_measure(shown, measure));
+            .and_then(|measure| missing_measure(shown_cells, measure));
         message.map_or(Ok(()), |message| {
             Err(figure.error(
                 study,

@@ -53,7 +53,7 @@ pub struct StoredRun {
     /// Result, or the reason why the run failed.
     pub outcome: Result<RunResult, String>,
     /// Whether the run was read from a file of `OLDER_LAYOUT`.
-    is_older: bool,
+    has_older_layout: bool,
 }
 
 /// Contents of a file. In the file, they are followed by the bytes of the build id.
@@ -91,7 +91,7 @@ impl StoredRun {
             digest,
             run_seed,
             outcome,
-            is_older: false,
+            has_older_layout: false,
         }
     }
 
@@ -135,7 +135,7 @@ impl StoredRun {
             digest: file.digest,
             run_seed: file.seed,
             outcome: file.outcome,
-            is_older: layout == OLDER_LAYOUT,
+            has_older_layout: layout == OLDER_LAYOUT,
         })
     }
 
@@ -146,7 +146,7 @@ impl StoredRun {
     #[must_use]
     pub fn is_reproduced_by(&self, outcome: &Result<RunResult, String>) -> bool {
         let bytes = |outcome: &Result<RunResult, String>| {
-            let outcome = if self.is_older {
+            let outcome = if self.has_older_layout {
                 outcome.clone().map(in_older_layout)
             } else {
                 outcome.clone()

@@ -8,7 +8,7 @@ use crate::record::{
 };
 use crate::scenario::overrides::Resolve;
 use seedbed_env::tabular::Model;
-use seedbed_env::{Action, Choice, Quantity, Spec, Status};
+use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 use seedbed_learn::experience::Episode;
 
 /// Max number of agents of a team that is recorded.
@@ -18,7 +18,7 @@ pub const MAX_AGENTS: u32 = 64;
 pub struct TabularRecorder {
     recorder: Option<Box<dyn Recorder>>,
     model: Model,
-    spec: Spec,
+    spec: TaskSpec,
     /// Current episode of each agent: `[K]`.
     current: Vec<Episode>,
     /// Finished episodes of rounds in which other agents have not finished their episode.
@@ -44,7 +44,7 @@ impl TabularRecorder {
     ) -> Result<Self, RecordError> {
         let agents = scenario.agents.count.get();
         let model = scenario.task.model(scenario.seed);
-        let spec = spec(scenario, &model);
+        let spec = task_spec(scenario, &model);
         let recorder = recorder_factory
             .filter(|_| agents <= MAX_AGENTS)
             .map(|factory| create_recorder(factory, name, scenario, &spec))
@@ -181,7 +181,7 @@ fn create_recorder(
     factory: Box<dyn RecorderFactory>,
     name: &str,
     scenario: &TabularScenario,
-    spec: &Spec,
+    spec: &TaskSpec,
 ) -> Result<Box<dyn Recorder>, RecordError> {
     let info = RunInfo {
         name: &format!("{name}-seed-{}", scenario.seed),
@@ -203,7 +203,7 @@ fn create_recorder(
 }
 
 /// An episode that has only its start state.
-fn start_episode(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episode {
+fn start_episode(model: &Model, spec: &TaskSpec, agent: u32, episode: u32) -> Episode {
     let round = episode;
     let mut started = Episode::start(agent, episode, round, spec);
     started
@@ -214,7 +214,7 @@ fn start_episode(model: &Model, spec: &Spec, agent: u32, episode: u32) -> Episod
 
 /// The task of a tabular scenario, as recordings and reports describe it.
 #[must_use]
-pub fn spec(scenario: &TabularScenario, model: &Model) -> Spec {
+pub fn task_spec(scenario: &TabularScenario, model: &Model) -> TaskSpec {
     let quantity = |name: &str, range| Quantity {
         name: name.to_owned(),
         unit: String::new(),
@@ -227,7 +227,7 @@ pub fn spec(scenario: &TabularScenario, model: &Model) -> Spec {
         .coordinates
         .iter()
         .map(|coordinate| quantity(coordinate.name, [0.0, coordinate.max]));
-    Spec {
+    TaskSpec {
         name: scenario.task.name().to_owned(),
         description: String::new(),
         observations: observations.collect(),

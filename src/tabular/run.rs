@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::recording::{TabularRecorder, spec};
+use super::recording::{TabularRecorder, task_spec};
 use super::results::{Results, Summary};
 use super::scenario::TabularScenario;
 use super::team::{Episode, TabularTeam};
@@ -11,7 +11,7 @@ use crate::record::RecorderFactory;
 use crate::run::summary::FINAL_WINDOW;
 use crate::run::{Observer, Options, Progress, RunError};
 use crate::text::file_stem;
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 
 /// A tabular scenario that can be run.
 #[derive(Clone, Debug)]
@@ -21,7 +21,7 @@ pub struct TabularPlan {
     /// The scenario.
     pub scenario: TabularScenario,
     /// The task, as recordings and reports describe it.
-    pub spec: Spec,
+    pub spec: TaskSpec,
 }
 
 /// How a tabular run ended.
@@ -43,7 +43,7 @@ impl TabularPlan {
         Self {
             name: file_stem(path, "run"),
             // All tasks that a family draws have the same states and actions.
-            spec: spec(&scenario, &scenario.task.model(0)),
+            spec: task_spec(&scenario, &scenario.task.model(0)),
             scenario,
         }
     }

@@ -18,7 +18,7 @@ pub use sensors::{BodyPoint, Measurement, Ray, Sensor};
 pub use super::tabular::TabularTask;
 
 use super::expression::Program;
-use super::{Scene, Shape, Spec};
+use super::{Scene, Shape, TaskSpec};
 
 /// One task: rigid bodies, or a tabular MDP.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +35,7 @@ pub struct BodyTask {
     /// File that the task was read from.
     pub origin: String,
     /// The task as an agent sees it.
-    pub spec: Spec,
+    pub spec: TaskSpec,
     /// What is drawn: the world's own shapes first, if there are any, then every body.
     pub scene: Option<Scene>,
     /// Acceleration of free fall to the right and upwards, m/s².
@@ -270,7 +270,7 @@ pub enum AnalyticModel {
 impl TaskDescription {
     /// The task as an agent sees it.
     #[must_use]
-    pub fn spec(&self) -> &Spec {
+    pub fn spec(&self) -> &TaskSpec {
         match self {
             Self::Bodies(task) => &task.spec,
             Self::Tabular(task) => &task.spec,
@@ -278,7 +278,7 @@ impl TaskDescription {
     }
 
     /// The task as an agent sees it, to be changed before building.
-    pub fn spec_mut(&mut self) -> &mut Spec {
+    pub fn spec_mut(&mut self) -> &mut TaskSpec {
         match self {
             Self::Bodies(task) => &mut task.spec,
             Self::Tabular(task) => &mut task.spec,
@@ -328,10 +328,10 @@ impl BodyTask {
     #[must_use]
     pub fn column_layout(&self) -> ColumnLayout {
         ColumnLayout {
-            sensors: self.sensors.len(),
-            observations: self.spec.observations.len(),
-            actions: self.actuators.len(),
-            formula_forces: self.formula_forces.len(),
+            sensor_count: self.sensors.len(),
+            observation_count: self.spec.observations.len(),
+            action_count: self.actuators.len(),
+            formula_force_count: self.formula_forces.len(),
         }
     }
 

@@ -15,7 +15,7 @@ use super::expression::{Evaluator, ValueTable};
 use super::sensing::SensorReader;
 use super::tabular::TabularEnvironment;
 use super::{
-    Choice, Environment, Force, Physics, Pose, Scene, Spec, Status, analytic, forces, physics,
+    Choice, Environment, Force, Physics, Pose, Scene, Status, TaskSpec, analytic, forces, physics,
 };
 use crate::input::InputError;
 use crate::random::Stream;
@@ -135,7 +135,7 @@ impl BodyEnvironment {
             terminated: Evaluator::new(&formulas.terminated, copies),
             reads_previous: formulas.reward.reads(&previous_columns)
                 || formulas.terminated.reads(&previous_columns),
-            episodes: EpisodeStates::new(copies, columns.observations),
+            episodes: EpisodeStates::new(copies, columns.observation_count),
             sensors: SensorReader::new(task, copies),
             start: [
                 task.reference_coordinates(),
@@ -147,7 +147,7 @@ impl BodyEnvironment {
 }
 
 impl Environment for BodyEnvironment {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &TaskSpec {
         &self.task.spec
     }
 
@@ -171,7 +171,7 @@ impl Environment for BodyEnvironment {
     fn step(&mut self, actions: &[f32]) {
         assert_eq!(
             actions.len(),
-            self.copies() * self.columns.actions,
+            self.copies() * self.columns.action_count,
             "one row of actions per copy"
         );
         self.write_controls(actions);
@@ -258,7 +258,7 @@ impl Environment for BodyEnvironment {
 impl BodyEnvironment {
     /// Translates actions into controls, in the table's action columns.
     fn write_controls(&mut self, actions: &[f32]) {
-        let width = self.columns.actions;
+        let width = self.columns.action_count;
         for (index, actuator) in self.task.actuators.iter().enumerate() {
             let controls = self.table.column_mut(self.columns.first_action() + index);
             let rows = actions.chunks_exact(width);
@@ -304,7 +304,7 @@ impl BodyEnvironment {
         let coordinates = self.dynamics.coordinates();
         self.sensors
             .read(coordinates, copies.clone(), &mut self.table);
-        let width = self.columns.observations;
+        let width = self.columns.observation_count;
         for (index, formula) in self.observation_formulas.iter_mut().enumerate() {
             let column = self.columns.first_observation() + index;
             let (before, column) = self.table.split_at(column);

@@ -28,7 +28,7 @@
 //! # Where to look
 //!
 //! - [`Environment`] is the interface to agents. Other crates may implement this trait; its
-//!   documentation has an example. [`Spec`] is what agents know of a task beforehand.
+//!   documentation has an example. [`TaskSpec`] is what agents know of a task beforehand.
 //! - [`mod@file`] is the schema of task files. `envs/README.md` in the repository teaches it.
 //! - [`description`] is what a checked file becomes, and may be changed before building.
 //! - [`tabular`] has finite MDPs with priors, and [`analytic`] the exact equations of classic
@@ -72,10 +72,10 @@ use crate::random::Stream;
 ///
 /// ```
 /// use seedbed_env::random::Stream;
-/// use seedbed_env::{Action, Environment, Quantity, Spec, Status};
+/// use seedbed_env::{Action, Environment, Quantity, TaskSpec, Status};
 ///
 /// struct Walk {
-///     spec: Spec,
+///     spec: TaskSpec,
 ///     positions: Vec<f32>,
 ///     rewards: Vec<f32>,
 ///     statuses: Vec<Status>,
@@ -84,7 +84,7 @@ use crate::random::Stream;
 /// impl Walk {
 ///     fn new(copies: usize) -> Self {
 ///         Self {
-///             spec: Spec::new(
+///             spec: TaskSpec::new(
 ///                 "walk",
 ///                 vec![Quantity::new("position", "m", [0.0, 3.0])],
 ///                 vec![Action::discrete("step", "m", &[-1.0, 1.0])],
@@ -97,7 +97,7 @@ use crate::random::Stream;
 /// }
 ///
 /// impl Environment for Walk {
-///     fn spec(&self) -> &Spec {
+///     fn spec(&self) -> &TaskSpec {
 ///         &self.spec
 ///     }
 ///     fn copies(&self) -> usize {
@@ -156,7 +156,7 @@ use crate::random::Stream;
 /// ```
 pub trait Environment: Send {
     /// Names, units and ranges of observations and actions.
-    fn spec(&self) -> &Spec;
+    fn spec(&self) -> &TaskSpec;
 
     /// Number of copies M.
     fn copies(&self) -> usize;
@@ -230,7 +230,7 @@ pub enum Status {
 
 /// A task as an agent sees it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Spec {
+pub struct TaskSpec {
     /// Name of the task: the stem of its file.
     pub name: String,
     /// One sentence for people.
@@ -365,7 +365,7 @@ pub enum Shape {
     Polyline(Vec<[f32; 2]>),
 }
 
-impl Spec {
+impl TaskSpec {
     /// A task with control steps of 0.1 s, a time limit of 1,000 steps and no reward threshold. All
     /// fields are public: change what differs.
     #[must_use]

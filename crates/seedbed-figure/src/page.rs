@@ -202,7 +202,7 @@ mod tests {
 
     fn panels_of_states() -> Vec<Panel> {
         let line = StateLine {
-            fractions: vec![0.0, 0.5, 1.0],
+            axis_positions: vec![0.0, 0.5, 1.0],
             color: [0; 3],
         };
         let density = DensityImage {

@@ -33,7 +33,7 @@ pub enum States {
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateLine {
     /// Position on each axis, from 0 (lower end) to 1 (upper end): `[axes]`.
-    pub fractions: Vec<f32>,
+    pub axis_positions: Vec<f32>,
     /// Color.
     pub color: Color,
 }
@@ -112,14 +112,19 @@ fn draw_lines(lines: &[StateLine], area: &Rect, svg: &mut SvgWriter) {
         _ => 0.35,
     };
     for line in lines {
-        let gap = area.width / (line.fractions.len() - 1).max(1) as f64;
+        let gap = area.width / (line.axis_positions.len() - 1).max(1) as f64;
         let position = |(index, fraction): (usize, &f32)| {
             [
                 area.x + gap * index as f64,
                 area.bottom() - f64::from(*fraction) * area.height,
             ]
         };
-        let positions: Vec<[f64; 2]> = line.fractions.iter().enumerate().map(position).collect();
+        let positions: Vec<[f64; 2]> = line
+            .axis_positions
+            .iter()
+            .enumerate()
+            .map(position)
+            .collect();
         svg.line(
             &positions,
             Stroke {

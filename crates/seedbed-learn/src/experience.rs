@@ -7,7 +7,7 @@ pub mod replay;
 
 use serde::{Deserialize, Serialize};
 
-use seedbed_env::{Spec, Status};
+use seedbed_env::{Status, TaskSpec};
 
 /// One episode of T steps (thesis §5.1): observations, actions with their log-probabilities, and
 /// rewards.
@@ -37,7 +37,7 @@ pub struct Episode {
 impl Episode {
     /// An empty episode, with memory for as many steps as the task's time limit (at most 10,000).
     #[must_use]
-    pub fn start(agent: u32, episode: u32, round: u32, spec: &Spec) -> Self {
+    pub fn start(agent: u32, episode: u32, round: u32, spec: &TaskSpec) -> Self {
         let steps = spec.time_limit.min(10_000) as usize;
         Self {
             agent,
@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     fn episode(agent: u32) -> Episode {
-        Episode::start(agent, 0, 0, &Spec::new("test", Vec::new(), Vec::new()))
+        Episode::start(agent, 0, 0, &TaskSpec::new("test", Vec::new(), Vec::new()))
     }
 
     /// The episodes have 0, 3 and 2 steps. The newest 2 transitions are in the last episode, the

@@ -5,15 +5,15 @@
 //!
 //! ```
 //! use seedbed_stats::aggregate::{mean, mean_of_tasks};
-//! use seedbed_stats::bootstrap::{bootstrap_sample, bootstrap_strata};
+//! use seedbed_stats::bootstrap::{bootstrap_estimate, stratified_bootstrap_estimate};
 //!
 //! // One task, five runs.
-//! let estimate = bootstrap_sample(&[3.0, 1.0, 4.0, 1.0, 5.0], mean);
+//! let estimate = bootstrap_estimate(&[3.0, 1.0, 4.0, 1.0, 5.0], mean);
 //! assert_eq!(estimate.value, 2.8);
 //!
 //! // Two tasks: every resample has as many runs per task as the data.
 //! let tasks = [vec![0.0; 5], vec![10.0; 5]];
-//! let estimate = bootstrap_strata(&tasks, mean_of_tasks);
+//! let estimate = stratified_bootstrap_estimate(&tasks, mean_of_tasks);
 //! assert_eq!(estimate.interval.ends(), Some([5.0, 5.0]));
 //! ```
 
@@ -42,7 +42,10 @@ const INTERVAL_SHARES: (f64, f64) = (0.025, 0.975);
 /// # Panics
 /// If there is no stratum, or if a stratum is empty.
 #[must_use]
-pub fn bootstrap_strata(strata: &[Vec<f64>], statistic: impl Fn(&[Vec<f64>]) -> f64) -> Estimate {
+pub fn stratified_bootstrap_estimate(
+    strata: &[Vec<f64>],
+    statistic: impl Fn(&[Vec<f64>]) -> f64,
+) -> Estimate {
     bootstrap_statistics(strata, 1, |strata, values| values[0] = statistic(strata))[0]
 }
 
@@ -51,8 +54,8 @@ pub fn bootstrap_strata(strata: &[Vec<f64>], statistic: impl Fn(&[Vec<f64>]) -> 
 /// # Panics
 /// If the sample is empty.
 #[must_use]
-pub fn bootstrap_sample(sample: &[f64], statistic: impl Fn(&[f64]) -> f64) -> Estimate {
-    bootstrap_strata(&[sample.to_vec()], |strata| statistic(&strata[0]))
+pub fn bootstrap_estimate(sample: &[f64], statistic: impl Fn(&[f64]) -> f64) -> Estimate {
+    stratified_bootstrap_estimate(&[sample.to_vec()], |strata| statistic(&strata[0]))
 }
 
 /// Estimates several statistics from the same resamples, each with its 95 % interval.
@@ -175,7 +178,7 @@ mod tests {
 
     #[test]
     fn fewer_than_five_runs_give_no_interval() {
-        let estimate_of_four = bootstrap_sample(&[1.0, 2.0, 3.0, 4.0], median);
+        let estimate_of_four = bootstrap_estimate(&[1.0, 2.0, 3.0, 4.0], median);
         assert_eq!(
             estimate_of_four,
             Estimate {
@@ -184,7 +187,7 @@ mod tests {
             }
         );
         let estimate_with_a_short_task =
-            bootstrap_strata(&[vec![1.0; 9], vec![2.0; 3]], mean_of_tasks);
+            stratified_bootstrap_estimate(&[vec![1.0; 9], vec![2.0; 3]], mean_of_tasks);
         assert_eq!(
             estimate_with_a_short_task.interval,
             Interval::TooFewRuns { n: 3 }
@@ -195,8 +198,8 @@ mod tests {
     fn equal_data_give_equal_intervals() {
         let sample = [3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0];
         assert_eq!(
-            bootstrap_sample(&sample, mean),
-            bootstrap_sample(&sample, mean)
+            bootstrap_estimate(&sample, mean),
+            bootstrap_estimate(&sample, mean)
         );
     }
 
@@ -204,7 +207,7 @@ mod tests {
     /// resample has the mean 5; resamples across tasks would have different means.
     #[test]
     fn runs_are_resampled_within_their_task() {
-        let estimate = bootstrap_strata(&[vec![0.0; 5], vec![10.0; 5]], mean_of_tasks);
+        let estimate = stratified_bootstrap_estimate(&[vec![0.0; 5], vec![10.0; 5]], mean_of_tasks);
         assert_eq!(
             estimate,
             Estimate {
@@ -222,7 +225,7 @@ mod tests {
     /// 0, and the 97.5 % quantile is 3/5.
     #[test]
     fn the_interval_of_a_binomial_sample_equals_its_quantiles() {
-        let estimate = bootstrap_sample(&[0.0, 0.0, 1.0, 0.0, 0.0], mean);
+        let estimate = bootstrap_estimate(&[0.0, 0.0, 1.0, 0.0, 0.0], mean);
         assert_eq!(
             estimate,
             Estimate {

@@ -9,7 +9,7 @@
 //! assert_eq!(probability_of_improvement(&[x], &[y]).value, 3.5 / 4.0);
 //! ```
 
-use super::{Estimate, bootstrap_strata};
+use super::{Estimate, stratified_bootstrap_estimate};
 
 /// P(X > Y), averaged over tasks, with its bootstrap interval. A tie counts half.
 /// `x: [task][run]`, `y: [task][run]`
@@ -22,7 +22,7 @@ use super::{Estimate, bootstrap_strata};
 pub fn probability_of_improvement(x: &[Vec<f64>], y: &[Vec<f64>]) -> Estimate {
     assert_eq!(x.len(), y.len());
     let strata_of_both = [x, y].concat();
-    bootstrap_strata(&strata_of_both, |strata_of_both| {
+    stratified_bootstrap_estimate(&strata_of_both, |strata_of_both| {
         let (x, y) = strata_of_both.split_at(x.len());
         let wins = x.iter().zip(y).map(|(x, y)| share_of_wins(x, y));
         wins.sum::<f64>() / x.len() as f64

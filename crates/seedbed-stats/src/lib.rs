@@ -11,7 +11,7 @@ pub mod verdict;
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
-pub use bootstrap::{bootstrap_sample, bootstrap_strata};
+pub use bootstrap::{bootstrap_estimate, stratified_bootstrap_estimate};
 pub use verdict::{Direction, Verdict, is_smaller_than_claimed, verdict};
 
 /// Minimum number of runs for an interval. With fewer runs, a bootstrap interval is far too narrow.

@@ -16,7 +16,7 @@ use seedbed_stats::improvement::probability_of_improvement;
 use seedbed_stats::paired::{differences, signed_rank_test};
 use seedbed_stats::profile::performance_profile;
 use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
-use seedbed_stats::{Estimate, Interval, bootstrap_sample, bootstrap_strata};
+use seedbed_stats::{Estimate, Interval, bootstrap_estimate, stratified_bootstrap_estimate};
 use serde::Deserialize;
 
 /// Reference values are rounded to eleven digits. Sums in another order differ by less than that.
@@ -116,7 +116,7 @@ fn aggregates_equal_rliable() {
             |kind: &str, reference: &ReferenceEstimate, statistic: &dyn Fn(&[Vec<f64>]) -> f64| {
                 assert_estimate(
                     &format!("{}, {kind}", case.name),
-                    &bootstrap_strata(&case.scores, statistic),
+                    &stratified_bootstrap_estimate(&case.scores, statistic),
                     reference,
                     0.0,
                 );
@@ -200,13 +200,13 @@ fn intervals_of_paired_differences_equal_scipy() {
         let differences = differences(&case.x, &case.y);
         assert_estimate(
             &format!("{}, mean", case.name),
-            &bootstrap_sample(&differences, mean),
+            &bootstrap_estimate(&differences, mean),
             &case.mean,
             0.0,
         );
         assert_estimate(
             &format!("{}, median", case.name),
-            &bootstrap_sample(&differences, median),
+            &bootstrap_estimate(&differences, median),
             &case.median,
             0.0,
         );
@@ -406,7 +406,7 @@ fn coverage(statistic: impl Fn(&[f64]) -> f64) -> f64 {
             .sample_iter(ChaCha8Rng::seed_from_u64(u64::from(sample)))
             .take(20)
             .collect();
-        let (low, high) = ends(bootstrap_sample(&normals, &statistic).interval);
+        let (low, high) = ends(bootstrap_estimate(&normals, &statistic).interval);
         low <= 0.0 && 0.0 <= high
     };
     (0..samples)

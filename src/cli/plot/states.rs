@@ -59,7 +59,7 @@ pub(super) fn lines_or_density(
             .sample(args)
             .into_iter()
             .map(|(agent, state)| StateLine {
-                fractions: state.selected_fractions.clone(),
+                axis_positions: state.selected_axis_positions.clone(),
                 color: colors.color(agent, state),
             });
         group.parallel_coordinates(
@@ -334,8 +334,8 @@ impl<'a> StateGroup<'a> {
         };
         let point = |(agent, state): (u32, &SelectedState)| ScatterPoint {
             position: [
-                axis_value(&x_axis, state.fractions[x]),
-                axis_value(&y_axis, state.fractions[y]),
+                axis_value(&x_axis, state.axis_positions[x]),
+                axis_value(&y_axis, state.axis_positions[y]),
             ],
             color: colors.color(agent, state),
         };

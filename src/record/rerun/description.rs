@@ -10,7 +10,7 @@ use super::error::RecordingError;
 use super::rows::static_chunk;
 use crate::record::RecordingSettings;
 use crate::record::RunInfo;
-use seedbed_env::{Choice, Quantity, Spec};
+use seedbed_env::{Choice, Quantity, TaskSpec};
 
 /// The recording's name, its properties and `/scenario`.
 pub(super) fn chunks(
@@ -107,7 +107,7 @@ fn page(info: &RunInfo<'_>, properties: &[(String, String)]) -> String {
     )
 }
 
-fn observation_rows(spec: &Spec) -> String {
+fn observation_rows(spec: &TaskSpec) -> String {
     spec.observations
         .iter()
         .map(|quantity| quantity_row(quantity, &range_text(quantity)))
@@ -115,7 +115,7 @@ fn observation_rows(spec: &Spec) -> String {
         .concat()
 }
 
-fn action_rows(spec: &Spec) -> String {
+fn action_rows(spec: &TaskSpec) -> String {
     let range = |choice: &Choice, quantity| match choice {
         Choice::Discrete(values) => format!("one of {values:?}"),
         Choice::Continuous => range_text(quantity),

@@ -26,7 +26,10 @@ impl RerunRecorder {
             self.layouts
                 .annotations(&self.style, &self.writers.images)?,
         );
-        chunks.extend(self.writers.styles(&self.style, self.constants.quota)?);
+        chunks.extend(
+            self.writers
+                .styles(&self.style, self.constants.line_quota)?,
+        );
         self.sink.send_chunks(&chunks)
     }
 
@@ -49,7 +52,7 @@ impl RerunRecorder {
         blueprint::BlueprintConfig {
             agents: self.writers.agents.len() as u32,
             layouts: self.layouts,
-            quota: constants.quota,
+            line_quota: constants.line_quota,
             window: constants.window,
             time_limit: constants.spec.time_limit,
             control_step: constants.spec.control_step,

@@ -14,7 +14,7 @@ use rerun::{AnyValues, ComponentIdentifier};
 use super::error::RecordingError;
 use super::rows::static_chunk;
 use crate::record::BonusRange;
-use seedbed_env::{Quantity, Spec};
+use seedbed_env::{Quantity, TaskSpec};
 
 pub(super) const ENTITY: &str = "/scenario/quantities";
 
@@ -28,7 +28,7 @@ pub(super) struct Quantities {
 }
 
 /// Encodes the quantities as a chunk for [`read`].
-pub(super) fn chunk(spec: &Spec, bonus: BonusRange) -> Result<Chunk, RecordingError> {
+pub(super) fn chunk(spec: &TaskSpec, bonus: BonusRange) -> Result<Chunk, RecordingError> {
     let rows = quantities_with_roles(spec, bonus);
     let texts = |text: fn(&(Quantity, &'static str)) -> String| {
         Arc::new(StringArray::from_iter_values(rows.iter().map(text)))
@@ -48,7 +48,7 @@ pub(super) fn chunk(spec: &Spec, bonus: BonusRange) -> Result<Chunk, RecordingEr
 }
 
 /// All quantities in the order of their rows, each with its role.
-fn quantities_with_roles(spec: &Spec, bonus: BonusRange) -> Vec<(Quantity, &'static str)> {
+fn quantities_with_roles(spec: &TaskSpec, bonus: BonusRange) -> Vec<(Quantity, &'static str)> {
     let step = Quantity {
         name: "step".to_owned(),
         unit: String::new(),

@@ -13,7 +13,7 @@ use rerun::{
 
 use super::error::RecordingError;
 use super::rows::{Moment, Moments, unit_column};
-use seedbed_env::{Choice, Spec, Status};
+use seedbed_env::{Choice, Status, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
 
 /// Number of rows in one chunk: large enough that the header of a chunk is small compared with its
@@ -56,7 +56,7 @@ struct Rows {
 impl RawColumns {
     /// The columns of a task. Fails if two columns have the same name.
     pub(super) fn of(
-        spec: &Spec,
+        spec: &TaskSpec,
         has_bonus: bool,
         has_advantages: bool,
     ) -> Result<Arc<Self>, RecordingError> {
@@ -86,7 +86,7 @@ impl RawColumns {
     }
 }
 
-fn check_column_names(spec: &Spec, has_advantages: bool) -> Result<(), RecordingError> {
+fn check_column_names(spec: &TaskSpec, has_advantages: bool) -> Result<(), RecordingError> {
     let observations = spec
         .observations
         .iter()

@@ -77,7 +77,10 @@ impl RerunRecorder {
             round.round,
         );
         for (index, episode) in episodes.iter().enumerate() {
-            let count_of_agent = self.constants.quota.lines_of_episode(index, episodes.len());
+            let count_of_agent = self
+                .constants
+                .line_quota
+                .lines_of_episode(index, episodes.len());
             let sample_counts = SampleCounts {
                 of_agent: count_of_agent,
                 of_team: count_of_agent.div_ceil(self.writers.agents.len()),

@@ -3,17 +3,17 @@
 use crate::record::visitation::LineQuota;
 use crate::record::{BonusRange, Difference, RecordingSettings};
 use crate::record::{Focus, RunInfo};
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 
 /// Constants of a run and its scenario that a recorder needs.
 pub(super) struct RunConstants {
     pub(super) focus: Focus,
-    pub(super) spec: Spec,
+    pub(super) spec: TaskSpec,
     pub(super) bonus: BonusRange,
     pub(super) max_episodes: u32,
     pub(super) run_seed: u64,
     /// Number of states that are drawn as lines and points.
-    pub(super) quota: LineQuota,
+    pub(super) line_quota: LineQuota,
     /// Number of latest rounds in one image.
     pub(super) window: u32,
     /// Number of rounds between two images, before the interval doubles.
@@ -32,7 +32,7 @@ impl RunConstants {
             bonus: info.bonus,
             max_episodes: info.max_episodes,
             run_seed: info.run_seed,
-            quota: LineQuota::of(settings.lines.get(), settings.window.get()),
+            line_quota: LineQuota::of(settings.lines.get(), settings.window.get()),
             window: settings.window.get(),
             density_every: settings.density_every.get(),
             raw_every: settings.raw_every.get(),

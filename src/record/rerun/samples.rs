@@ -86,19 +86,20 @@ impl VisitationStyle {
         let sampled = sample_states(states, counts.of_agent, random);
         let sampled_for_team =
             sample_states(sampled.len(), counts.of_team.min(sampled.len()), random);
-        let (mut fractions, mut remaining) = (Vec::new(), sampled.iter().enumerate().peekable());
+        let (mut axis_positions, mut remaining) =
+            (Vec::new(), sampled.iter().enumerate().peekable());
         let visited = VisitedState::of_episode(episode, step_data).take(states);
         for (step, state) in visited.enumerate() {
-            self.axes.project(&state, &mut fractions);
-            visits.add(&fractions, &self.pairs, &state);
+            self.axes.project(&state, &mut axis_positions);
+            visits.add(&axis_positions, &self.pairs, &state);
             if let Some((index, _)) = remaining.next_if(|(_, sampled)| **sampled == step) {
                 let color = self.coloring.color(episode, &state);
-                agent_writer.draw(self, &state, &fractions, color);
+                agent_writer.draw(self, &state, &axis_positions, color);
                 if sampled_for_team.binary_search(&index).is_ok() {
                     team_writer.draw(
                         self,
                         &state,
-                        &fractions,
+                        &axis_positions,
                         Some(color.unwrap_or_else(|| categorical_color(episode.agent))),
                     );
                 }
@@ -121,12 +122,12 @@ impl SampleWriter {
         &mut self,
         style: &VisitationStyle,
         state: &VisitedState<'_>,
-        fractions: &[f32],
+        axis_positions: &[f32],
         color: Option<[u8; 3]>,
     ) {
         self.lines
             .coordinates
-            .extend(style.axes.line(fractions).flatten());
+            .extend(style.axes.line(axis_positions).flatten());
         self.points
             .coordinates
             .extend(style.pairs.points(state).flatten());

@@ -54,7 +54,7 @@ impl Writers {
     pub(super) fn styles(
         &self,
         style: &VisitationStyle,
-        quota: LineQuota,
+        line_quota: LineQuota,
     ) -> Result<Vec<Chunk>, RecordingError> {
         let mut chunks = self.curves.styles()?;
         let panels = style.pairs.panels().len();
@@ -64,10 +64,10 @@ impl Writers {
             chunks.extend(
                 writers
                     .sample
-                    .styles(colored_agent, quota.per_round, panels)?,
+                    .styles(colored_agent, line_quota.per_round, panels)?,
             );
         }
-        chunks.extend(self.team.styles(None, quota.per_round, panels)?);
+        chunks.extend(self.team.styles(None, line_quota.per_round, panels)?);
         chunks.extend(self.images.styles(&style.axes, &style.pairs)?);
         for scene in &self.scenes {
             chunks.extend(scene.static_chunks()?);

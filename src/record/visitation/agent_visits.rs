@@ -55,9 +55,9 @@ impl AgentVisits {
         has_same_axes && has_same_pairs && self.bonuses.is_some() == has_bonus
     }
 
-    /// Counts a state whose positions on the axes are `fractions`.
-    pub fn add(&mut self, fractions: &[f32], pairs: &Pairs, state: &VisitedState<'_>) {
-        self.density.add(fractions);
+    /// Counts a state that is at these `axis_positions`.
+    pub fn add(&mut self, axis_positions: &[f32], pairs: &Pairs, state: &VisitedState<'_>) {
+        self.density.add(axis_positions);
         if let Some(bonuses) = self.bonuses.as_mut().filter(|_| state.has_action()) {
             bonuses
                 .current_round

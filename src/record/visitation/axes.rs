@@ -2,7 +2,7 @@
 
 use super::{BINS, fraction};
 use crate::record::{AxisChoice, BonusRange};
-use seedbed_env::{Choice, Quantity, Spec};
+use seedbed_env::{Choice, Quantity, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
 
 /// Height of the axes in pixels: one per bin.
@@ -106,7 +106,7 @@ impl Axes {
     /// The axes chosen in a scenario. If only one axis is chosen, an axis of the step within the
     /// episode is added before it. The intrinsic reward has an axis only if agents have a bonus.
     #[must_use]
-    pub fn of(spec: &Spec, choices: &[AxisChoice], bonus: BonusRange) -> Self {
+    pub fn of(spec: &TaskSpec, choices: &[AxisChoice], bonus: BonusRange) -> Self {
         let axes = choices
             .iter()
             .flat_map(|choice| Axis::of_choice(*choice, spec, bonus))
@@ -195,16 +195,16 @@ impl Axes {
         })
     }
 
-    /// Writes the positions of a state on the axes into `fractions`: `[axes]`, from 0 (lower end)
+    /// Writes the positions of a state on the axes into `axis_positions`: `[axes]`, from 0 (lower end)
     /// to 1 (upper end). Values outside the range of an axis are clamped to its ends.
-    pub fn project(&self, state: &VisitedState<'_>, fractions: &mut Vec<f32>) {
-        fractions.clear();
-        fractions.extend(self.axes.iter().map(|axis| axis.fraction(state)));
+    pub fn project(&self, state: &VisitedState<'_>, axis_positions: &mut Vec<f32>) {
+        axis_positions.clear();
+        axis_positions.extend(self.axes.iter().map(|axis| axis.fraction(state)));
     }
 
     /// The polyline of a state with these positions on the axes: `[axes]` points in pixels.
-    pub fn line(&self, fractions: &[f32]) -> impl Iterator<Item = [f32; 2]> {
-        fractions
+    pub fn line(&self, axis_positions: &[f32]) -> impl Iterator<Item = [f32; 2]> {
+        axis_positions
             .iter()
             .enumerate()
             .map(|(axis, fraction)| [self.x(axis), (1.0 - fraction) * AXIS_HEIGHT as f32])
@@ -212,7 +212,7 @@ impl Axes {
 }
 
 impl Axis {
-    fn of_choice(choice: AxisChoice, spec: &Spec, bonus: BonusRange) -> Vec<Self> {
+    fn of_choice(choice: AxisChoice, spec: &TaskSpec, bonus: BonusRange) -> Vec<Self> {
         match choice {
             AxisChoice::Observations => Self::observations(spec),
             AxisChoice::Action => (0..spec.actions.len())
@@ -235,7 +235,7 @@ impl Axis {
         }
     }
 
-    fn observations(spec: &Spec) -> Vec<Self> {
+    fn observations(spec: &TaskSpec) -> Vec<Self> {
         spec.observations
             .iter()
             .enumerate()
@@ -251,7 +251,7 @@ impl Axis {
         }
     }
 
-    fn action(spec: &Spec, index: usize) -> Self {
+    fn action(spec: &TaskSpec, index: usize) -> Self {
         let action = &spec.actions[index];
         Self {
             quantity: action.quantity.clone(),
@@ -318,7 +318,7 @@ pub(super) mod tests {
         [AxisChoice::Observations, AxisChoice::IntrinsicReward];
 
     /// A task with observations `o0`, `o1`, … and a discrete action with two values.
-    pub(crate) fn spec(ranges: &[[f32; 2]]) -> Spec {
+    pub(crate) fn spec(ranges: &[[f32; 2]]) -> TaskSpec {
         let quantity = |(i, &range): (usize, &[f32; 2])| Quantity {
             name: format!("o{i}"),
             unit: "m".to_owned(),
@@ -329,7 +329,7 @@ pub(super) mod tests {
             unit: "N".to_owned(),
             range: [-10.0, 10.0],
         };
-        Spec {
+        TaskSpec {
             name: "task".to_owned(),
             description: String::new(),
             observations: ranges.iter().enumerate().map(quantity).collect(),
@@ -356,9 +356,9 @@ pub(super) mod tests {
     }
 
     fn projected(axes: &Axes, state: &VisitedState<'_>) -> Vec<f32> {
-        let mut fractions = Vec::new();
-        axes.project(state, &mut fractions);
-        fractions
+        let mut axis_positions = Vec::new();
+        axes.project(state, &mut axis_positions);
+        axis_positions
     }
 
     #[test]
@@ -369,10 +369,10 @@ pub(super) mod tests {
             BonusRange::None,
         );
         assert_eq!((axes.pair_count(), axes.width()), (2, 193));
-        let fractions = projected(&axes, &state_at(0, &[1.0, 2.5, -1.0]));
-        assert_eq!(fractions, [0.75, 0.25, 0.0]);
+        let axis_positions = projected(&axes, &state_at(0, &[1.0, 2.5, -1.0]));
+        assert_eq!(axis_positions, [0.75, 0.25, 0.0]);
         assert_eq!(
-            axes.line(&fractions).collect::<Vec<_>>(),
+            axes.line(&axis_positions).collect::<Vec<_>>(),
             [[0.5, 16.0], [96.5, 48.0], [192.5, 64.0]]
         );
     }
@@ -423,14 +423,17 @@ pub(super) mod tests {
             BonusRange::UpTo(1.2),
         );
         assert_eq!(axes.all()[2].quantity.name, "intrinsic reward");
-        let fractions = projected(
+        let axis_positions = projected(
             &axes,
             &VisitedState {
                 bonus: 0.3,
                 ..state_at(0, &[0.5, 1.0])
             },
         );
-        assert!((fractions[2] - 0.25).abs() < 1e-6, "{fractions:?}");
+        assert!(
+            (axis_positions[2] - 0.25).abs() < 1e-6,
+            "{axis_positions:?}"
+        );
     }
 
     /// The first step has action 1 (10 N) and reward 1, on an axis from −2 to 2. The second step

@@ -3,7 +3,7 @@
 use super::axes::VisitedState;
 use super::fraction;
 use crate::record::{BonusRange, ColorBy};
-use seedbed_env::{Spec, Status};
+use seedbed_env::{Status, TaskSpec};
 use seedbed_figure::color::dark::{categorical_color, sequential_color};
 use seedbed_learn::experience::Episode;
 
@@ -23,7 +23,7 @@ impl Coloring {
     #[must_use]
     pub fn range_for_run(
         color_by: ColorBy,
-        spec: &Spec,
+        spec: &TaskSpec,
         max_episodes: u32,
         bonus: BonusRange,
         first_round_episodes: &[&Episode],

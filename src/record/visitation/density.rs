@@ -49,8 +49,8 @@ impl Density {
     }
 
     /// Counts one projected state.
-    pub fn add(&mut self, fractions: &[f32]) {
-        for (pair, ends) in fractions.windows(2).enumerate() {
+    pub fn add(&mut self, axis_positions: &[f32]) {
+        for (pair, ends) in axis_positions.windows(2).enumerate() {
             self.count((pair * BINS + bin(ends[0])) * BINS + bin(ends[1]), 1);
         }
     }

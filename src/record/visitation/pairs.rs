@@ -2,7 +2,7 @@
 
 use super::axes::{Axis, VisitedState};
 use crate::record::PairChoice;
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 
 /// Number of cells along each side of a panel; a cell is a pixel.
 pub const CELLS_PER_SIDE: usize = 40;
@@ -26,7 +26,7 @@ impl Pairs {
     /// [`check_pairs`](crate::record::RecordingSettings::check_pairs), which reports such names as
     /// errors.
     #[must_use]
-    pub fn of(spec: &Spec, choice: &PairChoice) -> Self {
+    pub fn of(spec: &TaskSpec, choice: &PairChoice) -> Self {
         let observation_count = spec.observations.len();
         let observation = |index: usize| Axis::observation(&spec.observations[index], index);
         let named = |name: &str| {

@@ -11,7 +11,7 @@ use self::diversity::Diversity;
 use self::visitation::Visitation;
 use crate::record::{EpisodeRow, RoundRow};
 use crate::scenario::Threshold;
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 use seedbed_learn::agent::UpdateReport;
 use seedbed_learn::experience::Episode;
 
@@ -61,7 +61,7 @@ impl VisitStatistics {
 impl Measures {
     /// Measures of a team of `agents` agents before its first episode.
     #[must_use]
-    pub fn new(spec: &Spec, agents: usize) -> Self {
+    pub fn new(spec: &TaskSpec, agents: usize) -> Self {
         Self {
             env_steps: 0,
             visitation: vec![Visitation::new(spec); agents],
@@ -74,7 +74,7 @@ impl Measures {
     /// `reports` in the order in which agents learned.
     pub fn add_round(
         &mut self,
-        spec: &Spec,
+        spec: &TaskSpec,
         round: u32,
         episodes: &[&Episode],
         reports: &[(u32, UpdateReport)],
@@ -182,7 +182,7 @@ impl Measures {
         }
     }
 
-    fn add_episode(&mut self, spec: &Spec, episode: &Episode) -> EpisodeRow {
+    fn add_episode(&mut self, spec: &TaskSpec, episode: &Episode) -> EpisodeRow {
         let visitation = &mut self.visitation[episode.agent as usize];
         visitation.visit(spec, &episode.observations);
         self.env_steps += episode.length() as u64;
@@ -230,15 +230,15 @@ mod tests {
     use super::*;
     use seedbed_env::{Quantity, Status};
 
-    pub(super) fn spec(axes: usize) -> Spec {
+    pub(super) fn spec(axes: usize) -> TaskSpec {
         let quantity = |index| Quantity {
             name: format!("o{index}"),
             unit: String::new(),
             range: [0.0, 20.0],
         };
-        Spec {
+        TaskSpec {
             observations: (0..axes).map(quantity).collect(),
-            ..Spec::new("test", Vec::new(), Vec::new())
+            ..TaskSpec::new("test", Vec::new(), Vec::new())
         }
     }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::diversity::{Diversity, add_to_mixture, distribution_entropy, entropy};
-use seedbed_env::{Quantity, Spec};
+use seedbed_env::{Quantity, TaskSpec};
 
 /// Number of cells of a grid along one observation.
 const CELLS_PER_AXIS: usize = 20;
@@ -35,7 +35,7 @@ pub struct Visitation {
 impl Visitation {
     /// Counts of zero for the observations of a task.
     #[must_use]
-    pub fn new(spec: &Spec) -> Self {
+    pub fn new(spec: &TaskSpec) -> Self {
         Self::for_observations(&spec.observations)
     }
 
@@ -56,7 +56,7 @@ impl Visitation {
     }
 
     /// Counts N visited states. `observations: [N × observation width]`
-    pub fn visit(&mut self, spec: &Spec, observations: &[f32]) {
+    pub fn visit(&mut self, spec: &TaskSpec, observations: &[f32]) {
         self.visit_states(&spec.observations, observations);
     }
 

@@ -47,9 +47,9 @@ pub struct SelectedStates {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelectedState {
     /// Position on every axis, from 0 to 1: `[all axes]`.
-    pub fractions: Vec<f32>,
+    pub axis_positions: Vec<f32>,
     /// Position on the selected axes, from 0 to 1: `[selected axes]`.
-    pub selected_fractions: Vec<f32>,
+    pub selected_axis_positions: Vec<f32>,
     /// Number of the agent's episode.
     pub episode: u32,
     /// Return of that episode.
@@ -129,25 +129,25 @@ impl SelectedStates {
         states_before: u64,
     ) {
         let r#return = episode.total_reward();
-        let (mut fractions, mut selected_fractions) = (Vec::new(), Vec::new());
+        let (mut axis_positions, mut selected_axis_positions) = (Vec::new(), Vec::new());
         for (step, observation) in episode.states().enumerate() {
             let intrinsic_reward = episode.bonus(step);
             axes.project(
                 &VisitedState::without_action(step, observation, intrinsic_reward),
-                &mut fractions,
+                &mut axis_positions,
             );
-            selected_fractions.clear();
-            selected_fractions.extend(selection.axes.iter().map(|&axis| fractions[axis]));
-            self.density.add(&selected_fractions);
-            self.count_pairs(&fractions, &selection.pairs);
+            selected_axis_positions.clear();
+            selected_axis_positions.extend(selection.axes.iter().map(|&axis| axis_positions[axis]));
+            self.density.add(&selected_axis_positions);
+            self.count_pairs(&axis_positions, &selection.pairs);
             if is_sampled(
                 states_before + step as u64,
                 self.count,
                 selection.sample_size as u64,
             ) {
                 self.sample.push(SelectedState {
-                    fractions: fractions.clone(),
-                    selected_fractions: selected_fractions.clone(),
+                    axis_positions: axis_positions.clone(),
+                    selected_axis_positions: selected_axis_positions.clone(),
                     episode: episode.episode,
                     r#return,
                     outcome: episode.outcome,
@@ -157,9 +157,9 @@ impl SelectedStates {
         }
     }
 
-    fn count_pairs(&mut self, fractions: &[f32], pairs: &[[usize; 2]]) {
+    fn count_pairs(&mut self, axis_positions: &[f32], pairs: &[[usize; 2]]) {
         let cell =
-            |axis: usize| ((fractions[axis] * GRID_CELLS as f32) as usize).min(GRID_CELLS - 1);
+            |axis: usize| ((axis_positions[axis] * GRID_CELLS as f32) as usize).min(GRID_CELLS - 1);
         for (grid, [first, second]) in self
             .grids
             .chunks_exact_mut(GRID_CELLS * GRID_CELLS)

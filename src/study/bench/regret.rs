@@ -2,7 +2,7 @@
 
 use super::{Bench, BenchReport, BenchTable, Column, format_interval, format_p};
 use seedbed_stats::aggregate::mean;
-use seedbed_stats::bootstrap_sample;
+use seedbed_stats::bootstrap_estimate;
 use seedbed_stats::hypothesis::holm_correction;
 use seedbed_stats::paired::{differences, signed_rank_test};
 
@@ -41,7 +41,7 @@ impl BenchReport for RegretReport {
 
     fn table_row(&self, bench: &Bench) -> Vec<String> {
         let regrets = regrets(bench);
-        let regret = bootstrap_sample(&regrets, mean);
+        let regret = bootstrap_estimate(&regrets, mean);
         let mut shares = Vec::with_capacity(bench.outcomes.len());
         for outcome in &bench.outcomes {
             shares.push(outcome.share_of_episodes_without_regret);
@@ -105,7 +105,7 @@ fn comparison_rows(first: &Bench, others: &[&Bench]) -> Vec<(String, Vec<String>
         .zip(&differences_of_others)
         .zip(holm_correction(&p_values))
     {
-        let difference = bootstrap_sample(differences, mean);
+        let difference = bootstrap_estimate(differences, mean);
         let cells = vec![
             format_regret(difference.value),
             format_interval(difference.interval, format_regret),

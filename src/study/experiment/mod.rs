@@ -16,7 +16,7 @@ use super::measure::Measure;
 use super::run_result::RunResult;
 use crate::record::RecorderFactory;
 use crate::run::{Observer, Options, RunError};
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 
 /// A scenario that was read and checked, and can be run with any run seed.
 pub trait Experiment: Debug + Send + Sync {
@@ -27,7 +27,7 @@ pub trait Experiment: Debug + Send + Sync {
     fn run_seed(&self) -> u64;
 
     /// The task: name, observations, actions, time limit.
-    fn spec(&self) -> &Spec;
+    fn spec(&self) -> &TaskSpec;
 
     /// Everything that defines the task, as text: experiments with equal texts have the same task.
     fn task_definition(&self) -> String;

@@ -18,7 +18,7 @@ use crate::tabular::run::{self, Ending};
 use crate::tabular::team::{Step, TabularTeam};
 use crate::tabular::{TabularPlan, TabularScenario};
 use crate::text::pluralize;
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 
 impl Experiment for TabularPlan {
     fn name(&self) -> &str {
@@ -29,7 +29,7 @@ impl Experiment for TabularPlan {
         self.scenario.seed
     }
 
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &TaskSpec {
         &self.spec
     }
 

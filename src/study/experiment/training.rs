@@ -15,7 +15,7 @@ use crate::study::bench::{BenchReport, SolvingReport};
 use crate::study::measure::{Measure, Needs};
 use crate::study::run_result::{Reservoir, RunResult};
 use crate::text::pluralize;
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::ranged_count;
 
 impl Experiment for Plan {
@@ -27,7 +27,7 @@ impl Experiment for Plan {
         self.scenario.seed
     }
 
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &TaskSpec {
         self.description.spec()
     }
 

@@ -2,13 +2,13 @@
 
 use seedbed::record::{BodyTrajectory, BonusRange, EpisodeRow, Recorder, RoundRecord, RoundRow};
 use seedbed::record::{Focus, RunInfo};
-use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Spec, Status};
+use seedbed_env::{Action, Choice, Pose, Quantity, Scene, SceneBody, Shape, Status, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
 
 /// A synthetic cart-pole run whose episodes become longer from round to round.
 pub(super) struct SyntheticRun {
     pub(super) agents: u32,
-    pub(super) spec: Spec,
+    pub(super) spec: TaskSpec,
     pub(super) scene: Scene,
     pub(super) rounds: Vec<SyntheticRound>,
 }
@@ -68,13 +68,13 @@ impl SyntheticRun {
     }
 }
 
-fn cart_pole() -> Spec {
+fn cart_pole() -> TaskSpec {
     let quantity = |name: &str, unit: &str, end: f32| Quantity {
         name: name.into(),
         unit: unit.into(),
         range: [-end, end],
     };
-    Spec {
+    TaskSpec {
         name: "cartpole".to_owned(),
         description: "Keep a pole upright on a cart.".to_owned(),
         observations: vec![

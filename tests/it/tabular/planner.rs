@@ -53,8 +53,8 @@ fn optimal_value_of_parallel_chains() {
     let task = TaskFamily::ParallelChains(ParallelChains::default());
     for run_seed in 0..5 {
         let model = task.model(run_seed);
-        let truth = task.draw_mdp(&model, run_seed);
-        let largest = truth
+        let true_mdp = task.draw_mdp(&model, run_seed);
+        let largest = true_mdp
             .values
             .iter()
             .copied()
@@ -114,10 +114,10 @@ fn paths_in_random_graphs_are_optimal() {
     for run_seed in 0..5 {
         let task = parse_task("MaximumRewardPath(vertices: 8, steps: 5)");
         let model = task.model(run_seed);
-        let truth = task.draw_mdp(&model, run_seed);
+        let true_mdp = task.draw_mdp(&model, run_seed);
         assert_relative_eq!(
             optimal_value(&task, run_seed),
-            exhaustive_value(&model, &truth, 0, 5),
+            exhaustive_value(&model, &true_mdp, 0, 5),
             max_relative = 1e-12
         );
     }

@@ -39,7 +39,7 @@ pub struct Acrobot {
     /// δ when both frames are parallel.
     delta_offset: f64,
     /// α and β − α at coordinates 0.
-    reference_angles: [f64; 2],
+    angles_at_zero: [f64; 2],
     /// For shoulder and elbow: +1 if the coordinate grows counter-clockwise, else −1.
     signs: [f64; 2],
     /// Index of the shoulder: 0 or 1.
@@ -109,7 +109,7 @@ impl Acrobot {
             lower_moment: c2.map(|length| lower.mass * length),
             gravity: task.gravity,
             delta_offset: libm::atan2(c2[1], c2[0]) - libm::atan2(e[1], e[0]),
-            reference_angles: [first.angle, second.angle],
+            angles_at_zero: [first.angle, second.angle],
             signs,
             shoulder,
             control_step,
@@ -175,9 +175,9 @@ impl Acrobot {
     #[must_use]
     pub fn state_of_joints(&self, joints: &[f64]) -> [f64; 4] {
         let elbow = 1 - self.shoulder;
-        let alpha = self.reference_angles[0] + self.signs[0] * joints[self.shoulder];
+        let alpha = self.angles_at_zero[0] + self.signs[0] * joints[self.shoulder];
         let alpha_rate = self.signs[0] * joints[2 + self.shoulder];
-        let beta = alpha + self.reference_angles[1] + self.signs[1] * joints[elbow];
+        let beta = alpha + self.angles_at_zero[1] + self.signs[1] * joints[elbow];
         let beta_rate = alpha_rate + self.signs[1] * joints[2 + elbow];
         [alpha, beta, alpha_rate, beta_rate]
     }
@@ -185,8 +185,8 @@ impl Acrobot {
     /// The inverse of [`state_of_joints`](Self::state_of_joints).
     #[must_use]
     pub fn joints_of_state(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> [f64; 4] {
-        let shoulder = self.signs[0] * (alpha - self.reference_angles[0]);
-        let elbow = self.signs[1] * (beta - alpha - self.reference_angles[1]);
+        let shoulder = self.signs[0] * (alpha - self.angles_at_zero[0]);
+        let elbow = self.signs[1] * (beta - alpha - self.angles_at_zero[1]);
         let rates = [
             self.signs[0] * alpha_rate,
             self.signs[1] * (beta_rate - alpha_rate),

@@ -33,7 +33,7 @@ pub struct CartPole {
     /// +1 if the hinge's coordinate grows clockwise, else −1.
     hinge_sign: f64,
     /// α at hinge coordinate 0.
-    reference_angle: f64,
+    angle_at_zero: f64,
     /// Index of the slider: 0 or 1.
     slider: usize,
     control_step: f64,
@@ -109,7 +109,7 @@ impl CartPole {
             gravity: -task.gravity[1],
             slider_sign,
             hinge_sign,
-            reference_angle: libm::atan2(right, up),
+            angle_at_zero: libm::atan2(right, up),
             slider,
             control_step,
             substeps: substeps(control_step, MAX_STEP),
@@ -180,7 +180,7 @@ impl CartPole {
     /// The state x, α, ẋ, α̇ for joint coordinates: positions, then velocities.
     fn state_of_joints(&self, joints: &[f64]) -> [f64; 4] {
         let (slider, hinge) = (self.slider, 1 - self.slider);
-        let angle = self.reference_angle + self.hinge_sign * joints[hinge];
+        let angle = self.angle_at_zero + self.hinge_sign * joints[hinge];
         let (speed, rate) = (
             self.slider_sign * joints[2 + slider],
             self.hinge_sign * joints[2 + hinge],
@@ -193,7 +193,7 @@ impl CartPole {
         let mut joints = [0.0; 4];
         let (slider, hinge) = (self.slider, 1 - self.slider);
         joints[slider] = self.slider_sign * position;
-        joints[hinge] = self.hinge_sign * (angle - self.reference_angle);
+        joints[hinge] = self.hinge_sign * (angle - self.angle_at_zero);
         joints[2 + slider] = self.slider_sign * speed;
         joints[2 + hinge] = self.hinge_sign * rate;
         joints

@@ -24,7 +24,7 @@ pub struct Pendulum {
     /// +1 if the coordinate grows counter-clockwise, else −1.
     sign: f64,
     /// α at coordinate 0.
-    reference_angle: f64,
+    angle_at_zero: f64,
     control_step: f64,
     substeps: u32,
 }
@@ -68,7 +68,7 @@ impl Pendulum {
             inertia: body.inertial.inertia + body.inertial.mass * length * length,
             gravity: task.gravity,
             sign,
-            reference_angle: libm::atan2(up, right),
+            angle_at_zero: libm::atan2(up, right),
             control_step: task.spec.control_step,
             substeps: substeps(task.spec.control_step, MAX_STEP),
         })
@@ -77,7 +77,7 @@ impl Pendulum {
     /// Acceleration q̈ at coordinate q under torque τ (N m) along it.
     #[must_use]
     pub fn acceleration(&self, position: f64, torque: f64) -> f64 {
-        let (sine, cosine) = libm::sincos(self.reference_angle + self.sign * position);
+        let (sine, cosine) = libm::sincos(self.angle_at_zero + self.sign * position);
         let weight = self.moment * (self.gravity[1] * cosine - self.gravity[0] * sine);
         (torque + self.sign * weight) / self.inertia
     }
@@ -85,7 +85,7 @@ impl Pendulum {
     /// Total energy T + V of the state q, q̇, J.
     #[must_use]
     pub fn energy(&self, [position, velocity]: [f64; 2]) -> f64 {
-        let (sine, cosine) = libm::sincos(self.reference_angle + self.sign * position);
+        let (sine, cosine) = libm::sincos(self.angle_at_zero + self.sign * position);
         0.5 * self.inertia * velocity * velocity
             - self.moment * (self.gravity[0] * cosine + self.gravity[1] * sine)
     }

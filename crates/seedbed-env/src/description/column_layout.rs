@@ -11,43 +11,43 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ColumnLayout {
     /// Number of sensors.
-    pub sensors: usize,
+    pub sensor_count: usize,
     /// Number of observations.
-    pub observations: usize,
+    pub observation_count: usize,
     /// Number of action components.
-    pub actions: usize,
+    pub action_count: usize,
     /// Number of formula forces.
-    pub formula_forces: usize,
+    pub formula_force_count: usize,
 }
 
 impl ColumnLayout {
     /// Column of the first observation.
     #[must_use]
     pub fn first_observation(&self) -> usize {
-        self.sensors
+        self.sensor_count
     }
 
     /// Column of the first action component.
     #[must_use]
     pub fn first_action(&self) -> usize {
-        self.sensors + self.observations
+        self.sensor_count + self.observation_count
     }
 
     /// Column of the first formula force.
     #[must_use]
     pub fn first_formula_force(&self) -> usize {
-        self.first_action() + self.actions
+        self.first_action() + self.action_count
     }
 
     /// Column of the first sensor's value before the step.
     #[must_use]
     pub fn first_previous_value(&self) -> usize {
-        self.first_formula_force() + self.formula_forces
+        self.first_formula_force() + self.formula_force_count
     }
 
     /// Number of columns.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.first_previous_value() + self.sensors + self.observations
+        self.first_previous_value() + self.sensor_count + self.observation_count
     }
 }

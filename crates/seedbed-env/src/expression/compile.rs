@@ -361,7 +361,7 @@ impl ExpressionError {
 }
 
 fn literal_value(literal: &ExprLit) -> TypedValueResult {
-    let number = |digits: &str, suffix: &str| match digits.parse::<f32>() {
+    let parse_number = |digits: &str, suffix: &str| match digits.parse::<f32>() {
         _ if !suffix.is_empty() => Err(error(
             literal.lit.span(),
             format!("a number takes no suffix, found `{suffix}`"),
@@ -370,8 +370,8 @@ fn literal_value(literal: &ExprLit) -> TypedValueResult {
         _ => Err(error(literal.lit.span(), "the number is too large")),
     };
     match &literal.lit {
-        Lit::Int(integer) => number(integer.base10_digits(), integer.suffix()),
-        Lit::Float(float) => number(float.base10_digits(), float.suffix()),
+        Lit::Int(integer) => parse_number(integer.base10_digits(), integer.suffix()),
+        Lit::Float(float) => parse_number(float.base10_digits(), float.suffix()),
         Lit::Bool(boolean) => Ok((
             Value::Constant(f32::from(u8::from(boolean.value))),
             Type::Boolean,

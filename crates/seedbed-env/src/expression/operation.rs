@@ -52,10 +52,10 @@ operations! {
     Divide() [x: Number, y: Number] -> Number = x / y;
     Remainder() [x: Number, y: Number] -> Number = x % y;
     Negate() [x: Number] -> Number = -x;
-    Less() [x: Number, y: Number] -> Boolean = truth(x < y);
-    LessOrEqual() [x: Number, y: Number] -> Boolean = truth(x <= y);
-    Equal() [x: Number, y: Number] -> Boolean = truth(x == y);
-    NotEqual() [x: Number, y: Number] -> Boolean = truth(x != y);
+    Less() [x: Number, y: Number] -> Boolean = truth_value(x < y);
+    LessOrEqual() [x: Number, y: Number] -> Boolean = truth_value(x <= y);
+    Equal() [x: Number, y: Number] -> Boolean = truth_value(x == y);
+    NotEqual() [x: Number, y: Number] -> Boolean = truth_value(x != y);
     And() [x: Boolean, y: Boolean] -> Boolean = x * y;
     Or() [x: Boolean, y: Boolean] -> Boolean = x + y - x * y;
     Not() [x: Boolean] -> Boolean = 1.0 - x;
@@ -94,6 +94,6 @@ impl Operation {
     }
 }
 
-fn truth(condition: bool) -> f32 {
+fn truth_value(condition: bool) -> f32 {
     f32::from(u8::from(condition))
 }

@@ -11,7 +11,7 @@ use crate::description::{self, BodyTask, ColumnLayout, Formulas, Inertial};
 use crate::expression::{Program, Type, Variable, compile};
 use crate::input::numbers::{FiniteNumber, Positive};
 use crate::input::{Located, ValidationError};
-use crate::{Quantity, Scene, SceneBody, Shape, Spec, physics};
+use crate::{Quantity, Scene, SceneBody, Shape, TaskSpec, physics};
 
 /// The name of the body that does not move, to which joints without a parent body are attached.
 const WORLD: &str = "world";
@@ -33,10 +33,10 @@ impl<'a> Resolver<'a> {
         // A force on a body has two components, each with a formula.
         let forces_on_bodies: usize = file.bodies.iter().map(|body| 2 * body.forces.len()).sum();
         let columns = ColumnLayout {
-            sensors: file.sensors.len(),
-            observations: file.observations.len(),
-            actions: file.actuators.len(),
-            formula_forces: forces_on_joints + forces_on_bodies,
+            sensor_count: file.sensors.len(),
+            observation_count: file.observations.len(),
+            action_count: file.actuators.len(),
+            formula_force_count: forces_on_joints + forces_on_bodies,
         };
         Self { file, columns }
     }
@@ -80,9 +80,9 @@ impl<'a> Resolver<'a> {
         Ok(task)
     }
 
-    fn spec(&self, name: &str) -> Spec {
+    fn spec(&self, name: &str) -> TaskSpec {
         let file = self.file;
-        Spec {
+        TaskSpec {
             name: name.to_owned(),
             description: file.description.clone(),
             observations: file.observations.iter().map(quantity).collect(),
@@ -322,7 +322,8 @@ impl<'a> Resolver<'a> {
     /// Observations, then the sensors that are not observed under their own name, then actions.
     fn all_variables(&self) -> Vec<Variable> {
         let observations = self.file.observations.iter().enumerate();
-        let first_previous_observation = self.columns.first_previous_value() + self.columns.sensors;
+        let first_previous_observation =
+            self.columns.first_previous_value() + self.columns.sensor_count;
         let mut variables: Vec<_> = observations
             .map(|(index, observation)| Variable {
                 name: observation.name.value().as_ref().to_owned(),

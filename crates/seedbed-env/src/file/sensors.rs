@@ -28,7 +28,7 @@ pub enum SensorKind {
     WrappedJointPosition(Located<String>),
     /// The velocity of a coordinate, m/s or rad/s.
     JointVelocity(Located<String>),
-    /// Position of a point of a body in the world, m.
+    /// Position of a point of a body along an axis of the world, m.
     BodyPosition {
         /// Name of the body.
         body: Located<String>,

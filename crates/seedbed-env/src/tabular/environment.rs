@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{Mdp, Model};
 use crate::dynamics::{from_bytes, to_bytes};
 use crate::random::Stream;
-use crate::{Environment, Quantity, Spec, Status};
+use crate::{Environment, Quantity, Status, TaskSpec};
 
 /// How a state is observed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,11 +25,11 @@ pub struct TabularTask {
     /// File that the task was read from.
     pub origin: String,
     /// The task as an agent sees it.
-    pub spec: Spec,
+    pub spec: TaskSpec,
     /// The known part of the family's MDPs.
     pub model: Model,
     /// The MDP that was drawn from the family.
-    pub truth: Mdp,
+    pub true_mdp: Mdp,
     /// How a state is observed.
     pub observation: StateEncoding,
 }
@@ -134,14 +134,20 @@ impl TabularEnvironment {
     /// Advances one copy by one action. An index beyond the last action of the state counts as the
     /// last action.
     fn advance(&mut self, copy: usize, action: f32) {
-        let (TabularTask { model, truth, .. }, copies) = (&self.task, &mut self.copies);
+        let (
+            TabularTask {
+                model, true_mdp, ..
+            },
+            copies,
+        ) = (&self.task, &mut self.copies);
         let random = copies.random[copy]
             .as_mut()
             .expect("a running copy was reset");
         let pairs = model.pairs(copies.states[copy]);
         let pair = (pairs.start + action as usize).min(pairs.end - 1);
-        let outcome = model.sample_outcome(truth, pair, random);
-        copies.rewards[copy] = model.reward(outcome, model.observe(truth, outcome, random)) as f32;
+        let outcome = model.sample_outcome(true_mdp, pair, random);
+        copies.rewards[copy] =
+            model.reward(outcome, model.observe(true_mdp, outcome, random)) as f32;
         copies.states[copy] = model.outcomes()[outcome].state;
         copies.steps[copy] += 1;
         if model.pairs(copies.states[copy]).is_empty() {
@@ -154,7 +160,7 @@ impl TabularEnvironment {
 }
 
 impl Environment for TabularEnvironment {
-    fn spec(&self) -> &Spec {
+    fn spec(&self) -> &TaskSpec {
         &self.task.spec
     }
 

@@ -7,7 +7,7 @@ use super::{Mdp, Model, TaskFamily};
 use crate::description::TaskDescription;
 use crate::input::numbers::FiniteNumber;
 use crate::input::{self, InputError, Located};
-use crate::{Action, Spec};
+use crate::{Action, TaskSpec};
 
 /// A file of a tabular task: `TabularEnvironment(…)`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -42,10 +42,10 @@ pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescript
         return Err(document.locate(base.error("`extends` is given twice")));
     }
     let model = file.task.model(file.mdp_seed);
-    let truth = file.task.draw_mdp(&model, file.mdp_seed);
-    let task = TabularTask::new(origin, model, truth, file.observation);
+    let true_mdp = file.task.draw_mdp(&model, file.mdp_seed);
+    let task = TabularTask::new(origin, model, true_mdp, file.observation);
     Ok(TaskDescription::from(TabularTask {
-        spec: Spec {
+        spec: TaskSpec {
             name: name.to_owned(),
             description: file.description.clone(),
             reward_threshold: file.reward_threshold.map(FiniteNumber::get_f32),
@@ -58,19 +58,19 @@ pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescript
 impl TabularTask {
     /// A task without a name. An action is an index among the actions of the current state.
     #[must_use]
-    pub fn new(origin: &str, model: Model, truth: Mdp, observation: StateEncoding) -> Self {
+    pub fn new(origin: &str, model: Model, true_mdp: Mdp, observation: StateEncoding) -> Self {
         let actions: Vec<_> = (0..model.max_actions()).map(|index| index as f32).collect();
         let action = Action::discrete("action", "", &actions);
-        let spec = Spec {
+        let spec = TaskSpec {
             control_step: 1.0,
             time_limit: model.horizon,
-            ..Spec::new("", observation.quantities(&model), vec![action])
+            ..TaskSpec::new("", observation.quantities(&model), vec![action])
         };
         Self {
             origin: origin.to_owned(),
             spec,
             model,
-            truth,
+            true_mdp,
             observation,
         }
     }

@@ -197,9 +197,9 @@ impl Model {
         }
     }
 
-    /// Samples an outcome of a pair in `truth`.
+    /// Samples an outcome of a pair in `true_mdp`.
     #[must_use]
-    pub fn sample_outcome(&self, truth: &Mdp, pair: usize, random: &mut Stream) -> usize {
+    pub fn sample_outcome(&self, true_mdp: &Mdp, pair: usize, random: &mut Stream) -> usize {
         let outcomes = self.outcomes_of(pair);
         let last = outcomes.end - 1;
         if outcomes.len() == 1 {
@@ -207,7 +207,7 @@ impl Model {
         }
         let mut remaining: f64 = random.random();
         let mut is_reached = |outcome: &usize| {
-            remaining -= truth.probabilities[*outcome];
+            remaining -= true_mdp.probabilities[*outcome];
             remaining < 0.0
         };
         (outcomes.start..last)
@@ -215,16 +215,16 @@ impl Model {
             .unwrap_or(last)
     }
 
-    /// Samples an observation of the outcome's parameter θ in `truth`; 0 if it has none.
+    /// Samples an observation of the outcome's parameter θ in `true_mdp`; 0 if it has none.
     #[must_use]
-    pub fn observe(&self, truth: &Mdp, outcome: usize, random: &mut Stream) -> f64 {
+    pub fn observe(&self, true_mdp: &Mdp, outcome: usize, random: &mut Stream) -> f64 {
         let Some((parameter, _)) = self.outcomes[outcome].reward.unknown else {
             return 0.0;
         };
-        self.parameters[parameter as usize].observe(truth.values[parameter as usize], random)
+        self.parameters[parameter as usize].observe(true_mdp.values[parameter as usize], random)
     }
 
-    /// Reward of an outcome, given the observation of its θ.
+    /// Reward of an outcome: its known part plus its factor times the observed θ.
     #[must_use]
     pub fn reward(&self, outcome: usize, observed: f64) -> f64 {
         let Reward { known, unknown } = self.outcomes[outcome].reward;

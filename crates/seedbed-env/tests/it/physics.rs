@@ -48,7 +48,7 @@ fn state(dynamics: &dyn Dynamics, copy: usize) -> State {
 
 /// One control step by the exact equations: 200 Runge–Kutta steps of 1e-4 s, whose error is below
 /// 1e-12.
-fn truth(equations: &CartPole, start: State, force: f64) -> State {
+fn exact_state(equations: &CartPole, start: State, force: f64) -> State {
     (0..200).fold(start, |state, _| {
         equations.runge_kutta(state, force, 0.0, 1e-4)
     })
@@ -86,7 +86,7 @@ fn one_step_error(substeps: u32) -> State {
         bodies.step(&[force as f32]);
         larger(
             worst,
-            difference(state(&*bodies, 0), truth(&equations, before, force)),
+            difference(state(&*bodies, 0), exact_state(&equations, before, force)),
         )
     })
 }
@@ -131,7 +131,7 @@ fn one_step_is_four_times_closer_than_gyms() {
             worst,
             difference(
                 equations.gym_euler(before, force, 0.02),
-                truth(&equations, before, force),
+                exact_state(&equations, before, force),
             ),
         )
     });
@@ -148,7 +148,7 @@ fn one_step_is_four_times_closer_than_gyms() {
 
 /// Ten trials of 500 steps: a random force of ±10 N plus a stabilizing feedback on each simulator's
 /// own state, so that errors neither blow up with the unstable pole nor vanish. Largest distances
-/// from the truth.
+/// from the exact motion.
 fn closed_loop_error(advance: &mut dyn FnMut(State, f64, bool) -> State) -> State {
     let equations = exact_equations(&cart_pole(4));
     let mut random = random();
@@ -161,7 +161,7 @@ fn closed_loop_error(advance: &mut dyn FnMut(State, f64, bool) -> State) -> Stat
             let force = |[x, theta, speed, rate]: State| {
                 push + 2.0 * x + 40.0 * theta + 4.0 * speed + 8.0 * rate
             };
-            exact = truth(&equations, exact, force(exact));
+            exact = exact_state(&equations, exact, force(exact));
             simulated = advance(simulated, force(simulated), step == 0);
             worst = larger(worst, difference(exact, simulated));
         }
@@ -180,7 +180,7 @@ fn closed_loop_error_of_bodies(substeps: u32) -> State {
     })
 }
 
-/// A run of 500 steps by rigid bodies stays closer to the truth than Gym's explicit Euler, in each
+/// A run of 500 steps by rigid bodies stays closer to the exact motion than Gym's explicit Euler, in each
 /// coordinate and velocity.
 #[test]
 fn a_controlled_run_is_closer_to_the_truth_than_gym() {
@@ -245,7 +245,7 @@ fn a_free_swing_keeps_its_energy() {
 }
 
 /// The analytic model's Runge–Kutta steps keep the energy to 1e-6 J over 20 s, and every control
-/// step is within the resolution of an f32 of the truth.
+/// step is within the resolution of an f32 of the exact motion.
 #[test]
 fn the_analytic_model_is_exact() {
     let task = cart_pole(4);
@@ -267,7 +267,7 @@ fn the_analytic_model_is_exact() {
         let (before, force) = (random_state(&mut random), random_force(&mut random));
         start(&mut *exact, 0, before);
         exact.step(&[force as f32]);
-        let error = difference(state(&*exact, 0), truth(&equations, before, force));
+        let error = difference(state(&*exact, 0), exact_state(&equations, before, force));
         assert!(error.into_iter().all(|error| error < 2.5e-7), "{error:?}");
     }
 }
@@ -373,7 +373,7 @@ fn a_slide_falls_along_its_slope() {
     );
 }
 
-/// Mean length of about 4,000 episodes of random pushes: with rigid bodies, it lies within the 95 %
+/// With random pushes, the mean length of about 4,000 episodes of rigid bodies lies within the 95 %
 /// interval of the mean with the exact equations.
 #[test]
 fn random_episodes_are_as_long_as_the_analytic_ones() {

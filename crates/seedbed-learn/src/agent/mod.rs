@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Activations, Initial};
 use crate::seed::SeedDistribution;
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{Count, ranged_count, ranged_number};
 use seedbed_env::random::Stream;
 
@@ -99,7 +99,7 @@ pub struct AgentContext<'a> {
     /// The configuration of its team.
     pub team: &'a TeamConfig,
     /// The task.
-    pub spec: &'a Spec,
+    pub spec: &'a TaskSpec,
     /// Whether updates return [advantages](crate::experience::StepData::advantages). Must not
     /// change what is learned.
     pub record_advantages: bool,

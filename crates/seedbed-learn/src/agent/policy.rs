@@ -15,7 +15,7 @@ use super::{ActScratch, Tensor};
 use crate::nn::Mlp;
 use crate::rl::{categorical, gaussian};
 use seedbed_env::input::numbers::Positive;
-use seedbed_env::{Action, Choice, Spec};
+use seedbed_env::{Action, Choice, TaskSpec};
 
 /// How an action is chosen from the policy's distribution.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -70,7 +70,7 @@ enum ComponentDistribution {
 const LOG_DEVIATION_BOUNDS: [f32; 2] = [-4.0, 1.0];
 
 /// The shape of a policy network for a task, with `hidden` layers.
-pub(crate) fn network_shape(spec: &Spec, hidden: &[usize]) -> Mlp {
+pub(crate) fn network_shape(spec: &TaskSpec, hidden: &[usize]) -> Mlp {
     let outputs = components(spec, 1.0)
         .last()
         .map_or(0, |component| component.start + component.width());
@@ -86,7 +86,7 @@ impl Policy {
     /// A policy over the task's actions. The standard deviation of continuous actions is initially
     /// about `initial_deviation`, as a share of half their range.
     pub(crate) fn new(
-        spec: &Spec,
+        spec: &TaskSpec,
         network: Network,
         selection: ActionSelection,
         initial_deviation: f32,
@@ -208,7 +208,7 @@ impl Policy {
     }
 }
 
-fn components(spec: &Spec, initial_deviation: f32) -> Vec<Component> {
+fn components(spec: &TaskSpec, initial_deviation: f32) -> Vec<Component> {
     let mut start = 0;
     let component = |action: &Action| {
         let distribution = match &action.choice {
@@ -398,13 +398,13 @@ mod tests {
     use seedbed_env::input::numbers::ranged_number;
     use seedbed_env::random::{Purpose, stream};
 
-    fn spec(choices: Vec<Choice>) -> Spec {
+    fn spec(choices: Vec<Choice>) -> TaskSpec {
         let quantity = |name: &str, range| Quantity {
             name: name.to_owned(),
             unit: String::new(),
             range,
         };
-        Spec {
+        TaskSpec {
             observations: vec![quantity("x", [-1.0, 1.0]); 3],
             actions: choices
                 .into_iter()
@@ -413,7 +413,7 @@ mod tests {
                     choice,
                 })
                 .collect(),
-            ..Spec::new("test", Vec::new(), Vec::new())
+            ..TaskSpec::new("test", Vec::new(), Vec::new())
         }
     }
 

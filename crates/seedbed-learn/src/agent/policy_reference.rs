@@ -8,7 +8,7 @@ use super::policy::{ActionSelection, Policy, network_shape};
 use crate::nn::AdamSettings;
 use crate::rl::policy_loss;
 use seedbed_env::input::numbers::ranged_number;
-use seedbed_env::{Action, Choice, Quantity, Spec};
+use seedbed_env::{Action, Choice, Quantity, TaskSpec};
 
 #[derive(Deserialize)]
 struct Reference {
@@ -43,7 +43,7 @@ enum Head {
 
 #[derive(Deserialize)]
 enum Loss {
-    Simple,
+    SimplePg,
     Ppo { clip: f32 },
     OffPac { cap: Option<f32> },
 }
@@ -64,13 +64,13 @@ impl Case {
             unit: String::new(),
             range,
         };
-        let spec = Spec {
+        let spec = TaskSpec {
             observations: vec![quantity([-1.0, 1.0]); self.sizes[0]],
             actions: vec![Action {
                 quantity: quantity(range),
                 choice,
             }],
-            ..Spec::new("test", Vec::new(), Vec::new())
+            ..TaskSpec::new("test", Vec::new(), Vec::new())
         };
         let mlp = network_shape(&spec, &self.sizes[1..self.sizes.len() - 1]);
         // Adam's first step is α g / (|g| + ε), which is g α/ε if ε is much larger than any
@@ -97,7 +97,7 @@ impl Case {
         let slope = |((&log_prob, behaviour), &advantage): ((&f32, &f32), &f32)| {
             let ratio = (log_prob - behaviour).exp();
             match self.loss {
-                Loss::Simple => policy_loss::simple(log_prob, advantage).slope,
+                Loss::SimplePg => policy_loss::simple(log_prob, advantage).slope,
                 Loss::Ppo { clip } => policy_loss::ppo(ratio, advantage, clip).slope,
                 Loss::OffPac { cap } => policy_loss::off_pac(log_prob, ratio, advantage, cap).slope,
             }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Tensor;
 use crate::nn::Standardizer;
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 
 /// How observations are scaled for networks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
@@ -31,7 +31,7 @@ pub(crate) enum Scaling {
 }
 
 impl Scaling {
-    pub(crate) fn new(scaling: ObservationScaling, spec: &Spec) -> Self {
+    pub(crate) fn new(scaling: ObservationScaling, spec: &TaskSpec) -> Self {
         match scaling {
             ObservationScaling::Raw => Self::Raw,
             ObservationScaling::Range => Self::Range(
@@ -119,15 +119,15 @@ mod tests {
     use super::*;
     use seedbed_env::Quantity;
 
-    fn spec() -> Spec {
+    fn spec() -> TaskSpec {
         let quantity = |name: &str, range| Quantity {
             name: name.to_owned(),
             unit: String::new(),
             range,
         };
-        Spec {
+        TaskSpec {
             observations: vec![quantity("x", [-8.0, 8.0]), quantity("y", [0.0, 4.0])],
-            ..Spec::new("test", Vec::new(), Vec::new())
+            ..TaskSpec::new("test", Vec::new(), Vec::new())
         }
     }
 

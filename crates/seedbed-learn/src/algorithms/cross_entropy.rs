@@ -18,7 +18,7 @@ use crate::agent::{ActScratch, Tensor, UpdateReport};
 use crate::experience::Episode;
 use crate::nn::{AdamSettings, Mlp};
 use crate::team::{ActionRequest, AgentUpdate, LearningRequest, Team, TeamContext, Workers};
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{
     Count, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
@@ -77,7 +77,7 @@ impl AlgorithmConfig for CrossEntropy {
 struct CrossEntropyTeam {
     config: CrossEntropy,
     run_seed: u64,
-    spec: Spec,
+    spec: TaskSpec,
     network: Mlp,
     scaling: Scaling,
     /// Mean μ of each parameter: `[P]`.
@@ -290,7 +290,7 @@ mod tests {
     use crate::team::{Learner, LearningTiming};
     use seedbed_env::{Action, Quantity};
 
-    fn spec() -> Spec {
+    fn spec() -> TaskSpec {
         let quantity = |name: &str| Quantity {
             name: name.to_owned(),
             unit: String::new(),
@@ -300,7 +300,7 @@ mod tests {
             quantity: quantity("push"),
             choice: seedbed_env::Choice::Discrete(vec![-1.0, 1.0]),
         };
-        Spec::new("line", vec![quantity("x")], vec![push])
+        TaskSpec::new("line", vec![quantity("x")], vec![push])
     }
 
     fn team(agents: u32, config: &CrossEntropy) -> CrossEntropyTeam {

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::agent::bonus::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 use seedbed_env::input::ValidationError;
 
 /// What the configuration of an algorithm provides. Its parameters are documented by the doc
@@ -51,7 +51,7 @@ pub trait AlgorithmConfig {
     ///
     /// # Errors
     /// What the task's actions are, and what was expected.
-    fn check_task(&self, _task: &Spec) -> Result<(), String> {
+    fn check_task(&self, _task: &TaskSpec) -> Result<(), String> {
         Ok(())
     }
 

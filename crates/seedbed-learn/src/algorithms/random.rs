@@ -9,7 +9,7 @@ use crate::agent::{ActScratch, Agent, Tensor, Update, UpdateReport};
 use crate::experience::Experience;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::random::Stream;
-use seedbed_env::{Action, Choice, Spec};
+use seedbed_env::{Action, Choice, TaskSpec};
 
 /// Uniformly random actions: the baseline for learning algorithms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
@@ -42,7 +42,7 @@ pub struct RandomAgent {
 impl RandomAgent {
     /// A random agent for a task.
     #[must_use]
-    pub fn new(spec: &Spec) -> Self {
+    pub fn new(spec: &TaskSpec) -> Self {
         Self {
             actions: spec.actions.clone(),
         }

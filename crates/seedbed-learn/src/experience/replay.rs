@@ -156,7 +156,7 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use seedbed_env::Spec;
+    use seedbed_env::TaskSpec;
     use seedbed_env::random::{Purpose, stream};
 
     /// Episode 5 of agent 3. Step t leads from state t to state t + 1, with action t mod 2 and
@@ -167,7 +167,7 @@ mod tests {
             actions: (0..steps).map(|step| f32::from(step % 2)).collect(),
             rewards: (0..steps).map(|step| 10.0 * f32::from(step)).collect(),
             outcome,
-            ..Episode::start(3, 5, 0, &Spec::new("test", Vec::new(), Vec::new()))
+            ..Episode::start(3, 5, 0, &TaskSpec::new("test", Vec::new(), Vec::new()))
         }
     }
 

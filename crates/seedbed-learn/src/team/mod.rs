@@ -10,7 +10,7 @@ mod workers;
 
 use crate::agent::{AgentContext, TeamConfig, Tensor, Update};
 use crate::experience::Episode;
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 use seedbed_env::random::Stream;
 
 pub use independent::IndependentLearners;
@@ -121,7 +121,7 @@ pub struct TeamContext<'a> {
     /// The number of agents, and how they differ from each other.
     pub config: &'a TeamConfig,
     /// The task.
-    pub spec: &'a Spec,
+    pub spec: &'a TaskSpec,
     /// When the team learns.
     pub timing: LearningTiming,
     /// Whether updates return [advantages](crate::experience::StepData::advantages). Must not

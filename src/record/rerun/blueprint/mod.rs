@@ -40,7 +40,7 @@ const BACKGROUND: [u8; 3] = [0, 0, 4];
 pub(super) struct BlueprintConfig {
     pub(super) agents: u32,
     pub(super) layouts: Layouts,
-    pub(super) quota: LineQuota,
+    pub(super) line_quota: LineQuota,
     /// Number of latest rounds in one image.
     pub(super) window: u32,
     pub(super) time_limit: u32,

@@ -47,7 +47,7 @@ impl ViewBuilder {
 
     fn latest_tab(&mut self, config: &BlueprintConfig) -> ContainerLike {
         let densities = self.density_view(config, false, "latest");
-        let tab = format!("Latest {} episodes", config.quota.window);
+        let tab = format!("Latest {} episodes", config.line_quota.window);
         match Arrangement::of(config.agents) {
             Arrangement::Alone => Vertical::new([self.lines_view(config, false), densities])
                 .with_name(tab)
@@ -321,7 +321,7 @@ fn window_text(config: &BlueprintConfig) -> String {
 }
 
 fn sample_title(config: &BlueprintConfig, of_team: bool) -> String {
-    let window = config.quota.window;
+    let window = config.line_quota.window;
     format!(
         "{}: sample of states in the latest {window} episodes, colored by {}",
         subject(config, of_team),
@@ -340,7 +340,7 @@ fn visible_ranges(config: &BlueprintConfig) -> [VisibleTimeRange; 3] {
             end: TimeRangeBoundary::CursorRelative(TimeInt(0)),
         },
     };
-    let window = config.quota.window;
+    let window = config.line_quota.window;
     [
         latest(EPISODE, window),
         latest(ROUND, window),

@@ -10,7 +10,7 @@ use seedbed_figure::{Curves, IntervalRow, Intervals, Panel, Series};
 use seedbed_stats::aggregate::interquartile_mean;
 use seedbed_stats::profile::performance_profile;
 use seedbed_stats::survival::kaplan_meier;
-use seedbed_stats::{Estimate, Interval, bootstrap_strata};
+use seedbed_stats::{Estimate, Interval, stratified_bootstrap_estimate};
 
 /// Cells whose runs are pooled and shown as one row or curve.
 pub(super) struct Group<'a> {
@@ -72,7 +72,7 @@ impl Group<'_> {
         let n = tasks.iter().map(Vec::len).sum();
         (n > 0).then(|| {
             (
-                bootstrap_strata(&tasks, |tasks| interquartile_mean(&tasks.concat())),
+                stratified_bootstrap_estimate(&tasks, |tasks| interquartile_mean(&tasks.concat())),
                 n,
             )
         })

@@ -12,7 +12,7 @@ use crate::record::visitation::{Axes, Density, VisitedState};
 use crate::study::figure::{EpisodeWindow, Figure};
 use crate::study::measure::{Curve, moving_average, to_f64};
 use crate::study::results::{CellResults, Results};
-use seedbed_env::{Quantity, Spec};
+use seedbed_env::{Quantity, TaskSpec};
 use seedbed_figure::color::categorical_color;
 use seedbed_figure::{
     Curves, DensityImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row, Series, States,
@@ -472,10 +472,13 @@ fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> 
         let spec = spec(cell);
         let axes = axes(&spec);
         let mut density = Density::new(&axes);
-        let mut fractions = Vec::new();
+        let mut axis_positions = Vec::new();
         for state in states.chunks_exact(spec.observation_width()) {
-            axes.project(&VisitedState::without_action(0, state, 0.0), &mut fractions);
-            density.add(&fractions);
+            axes.project(
+                &VisitedState::without_action(0, state, 0.0),
+                &mut axis_positions,
+            );
+            density.add(&axis_positions);
         }
         let episodes_text = match window {
             EpisodeWindow::First(episodes) if episodes.get() == 1 => "first episode".to_owned(),
@@ -536,18 +539,18 @@ fn row_of_densities(mut row: Vec<CellDensity>) -> Row {
     }
 }
 
-fn axes(spec: &Spec) -> Axes {
+fn axes(spec: &TaskSpec) -> Axes {
     Axes::of_quantities(&spec.observations, spec.time_limit, BonusRange::None)
 }
 
 /// Specification of a task, with the fields that its axes need.
-fn spec(cell: &CellResults) -> Spec {
+fn spec(cell: &CellResults) -> TaskSpec {
     let quantity = |(name, unit, range): &(String, String, [f32; 2])| Quantity {
         name: name.clone(),
         unit: unit.clone(),
         range: *range,
     };
-    Spec {
+    TaskSpec {
         name: cell.description.task.clone(),
         description: String::new(),
         observations: cell.description.observations.iter().map(quantity).collect(),

@@ -33,7 +33,7 @@ pub(super) struct Root {
 }
 
 /// Position and velocity of a frame's origin, and angle and angular velocity of the frame.
-pub(super) struct FrameMotion {
+pub(super) struct FrameState {
     pub(super) position: Vector,
     pub(super) velocity: Vector,
     pub(super) angle: f32,
@@ -247,12 +247,12 @@ impl Root {
 
     /// The motion of the root's frame. In a multibody, Rapier updates the velocity of a body late:
     /// that of the multibody is read instead.
-    pub(super) fn frame_motion(
+    pub(super) fn frame_state(
         &self,
         body: &RigidBody,
         handle: RigidBodyHandle,
         joints: &MultibodyJointSet,
-    ) -> FrameMotion {
+    ) -> FrameState {
         let multibody = joints
             .rigid_body_link(handle)
             .and_then(|link| joints.get_multibody(link.multibody));
@@ -264,7 +264,7 @@ impl Root {
             None => (body.linvel(), body.angvel()),
         };
         let arm = *body.rotation() * self.com;
-        FrameMotion {
+        FrameState {
             position: body.translation() - arm,
             velocity: velocity - Vector::new(-arm.y, arm.x) * spin,
             angle: libm::atan2f(body.rotation().im, body.rotation().re),

@@ -167,20 +167,20 @@ impl World {
             let first_coordinate = template.links.len() + 3 * index;
             let (before, _) = columns.get(first_coordinate + 2, copy);
             let body = &self.world.bodies[template.handles[root.body]];
-            let motion = root.frame_motion(
+            let state = root.frame_state(
                 body,
                 template.handles[root.body],
                 &self.world.multibody_joints,
             );
-            let angle = motion.angle + TAU * ((before - motion.angle) / TAU).round();
-            columns.set(first_coordinate, copy, motion.position.x, motion.velocity.x);
+            let angle = state.angle + TAU * ((before - state.angle) / TAU).round();
+            columns.set(first_coordinate, copy, state.position.x, state.velocity.x);
             columns.set(
                 first_coordinate + 1,
                 copy,
-                motion.position.y,
-                motion.velocity.y,
+                state.position.y,
+                state.velocity.y,
             );
-            columns.set(first_coordinate + 2, copy, angle, motion.spin);
+            columns.set(first_coordinate + 2, copy, angle, state.spin);
         }
     }
 

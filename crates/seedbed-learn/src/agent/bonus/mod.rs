@@ -346,21 +346,21 @@ fn stream_owner(sharing: ModelSharing, agent: u32) -> u32 {
 mod tests {
     use super::*;
     use crate::agent::TeamConfig;
-    use seedbed_env::{Action, Choice, Quantity, Spec, Status};
+    use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 
-    fn spec() -> Spec {
+    fn spec() -> TaskSpec {
         let quantity = |name: &str| Quantity {
             name: name.to_owned(),
             unit: String::new(),
             range: [-1.0, 1.0],
         };
-        Spec {
+        TaskSpec {
             observations: vec![quantity("x"), quantity("v")],
             actions: vec![Action {
                 quantity: quantity("push"),
                 choice: Choice::Continuous,
             }],
-            ..Spec::new("test", Vec::new(), Vec::new())
+            ..TaskSpec::new("test", Vec::new(), Vec::new())
         }
     }
 

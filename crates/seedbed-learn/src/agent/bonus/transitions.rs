@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experience::Episode;
 use crate::nn::Standardizer;
 use seedbed_env::random::Stream;
-use seedbed_env::{Choice, Spec};
+use seedbed_env::{Choice, TaskSpec};
 
 /// Turns steps of episodes into rows of inputs and targets for a network.
 pub(crate) struct TransitionEncoder {
@@ -44,7 +44,7 @@ enum ActionEncoding {
 }
 
 impl TransitionEncoder {
-    pub(crate) fn new(spec: &Spec) -> Self {
+    pub(crate) fn new(spec: &TaskSpec) -> Self {
         let encoding = |action: &seedbed_env::Action| match &action.choice {
             Choice::Discrete(values) => ActionEncoding::OneHot {
                 choices: values.len(),
@@ -74,7 +74,7 @@ impl TransitionEncoder {
     }
 
     /// Number of inputs and number of targets of a row.
-    pub(crate) fn widths(spec: &Spec) -> [usize; 2] {
+    pub(crate) fn widths(spec: &TaskSpec) -> [usize; 2] {
         let actions = spec.actions.iter().map(|action| match &action.choice {
             Choice::Discrete(values) => values.len(),
             Choice::Continuous => 1,
@@ -198,13 +198,13 @@ mod tests {
     use seedbed_env::random::{Purpose, stream};
     use seedbed_env::{Action, Quantity, Status};
 
-    fn spec() -> Spec {
+    fn spec() -> TaskSpec {
         let quantity = |name: &str, range| Quantity {
             name: name.to_owned(),
             unit: String::new(),
             range,
         };
-        Spec {
+        TaskSpec {
             observations: vec![quantity("x", [-1.0, 1.0])],
             actions: vec![
                 Action {
@@ -216,7 +216,7 @@ mod tests {
                     choice: Choice::Continuous,
                 },
             ],
-            ..Spec::new("test", Vec::new(), Vec::new())
+            ..TaskSpec::new("test", Vec::new(), Vec::new())
         }
     }
 

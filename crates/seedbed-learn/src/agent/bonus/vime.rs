@@ -54,7 +54,8 @@ pub enum ModelSeeds {
     Off,
     /// σ ← σ |z| (thesis Alg. 2, which prints σ z: a deviation cannot be negative).
     Scale,
-    /// μ ← μ + σ z: Standard-Gaussian seed sampling (thesis §2.3).
+    /// The mean of each weight is shifted: μ ← μ + σ z, standard-Gaussian seed sampling (thesis
+    /// §2.3).
     Shift,
     /// Weights are always drawn with the agent's own fixed noise, ε = z, instead of the fresh draws
     /// that `gain` sets.
@@ -78,7 +79,7 @@ pub enum Gain {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ModelBuffer {
-    /// The team's newest transitions; the prior stays the same.
+    /// The newest transitions, old and new ones. Every update has the same prior of the weights.
     Kept {
         /// Minimal number of transitions.
         #[serde(default = "default_transitions")]

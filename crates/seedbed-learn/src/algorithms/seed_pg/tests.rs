@@ -9,22 +9,22 @@ use crate::algorithms::AlgorithmConfig;
 use crate::nn::Initial;
 use crate::seed::SeedDistribution;
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
-use seedbed_env::{Action, Choice, Quantity, Spec, Status};
+use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 
-fn spec() -> Spec {
+fn spec() -> TaskSpec {
     let quantity = |name: &str| Quantity {
         name: name.to_owned(),
         unit: String::new(),
         range: [-1.0, 1.0],
     };
-    Spec {
+    TaskSpec {
         observations: vec![quantity("x"), quantity("y")],
         actions: vec![Action {
             quantity: quantity("push"),
             choice: Choice::Discrete(vec![-1.0, 1.0]),
         }],
         time_limit: 8,
-        ..Spec::new("test", Vec::new(), Vec::new())
+        ..TaskSpec::new("test", Vec::new(), Vec::new())
     }
 }
 

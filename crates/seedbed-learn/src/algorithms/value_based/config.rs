@@ -13,7 +13,7 @@ use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::nn::AdamSettings;
 use crate::team::{Team, TeamContext};
-use seedbed_env::Spec;
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{
     Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
@@ -214,7 +214,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
         }
     }
 
-    fn check_task(&self, task: &Spec) -> Result<(), String> {
+    fn check_task(&self, task: &TaskSpec) -> Result<(), String> {
         let message = |problem| {
             format!(
                 "value-based learners need one discrete action, but {problem}; expected `SeedPg`, \

@@ -3,7 +3,7 @@
 use crate::algorithms::seed_pg::config::TimeLimit;
 use crate::experience::Episode;
 use crate::experience::replay::Transition;
-use seedbed_env::{Spec, Status};
+use seedbed_env::{Status, TaskSpec};
 
 /// B transitions, stored column by column.
 #[derive(Default)]
@@ -27,7 +27,7 @@ pub(super) struct Minibatch {
 
 impl Minibatch {
     /// An empty minibatch whose transitions will be passed to a bonus model.
-    pub(super) fn for_bonus_model(spec: &Spec) -> Self {
+    pub(super) fn for_bonus_model(spec: &TaskSpec) -> Self {
         Self {
             pairs: Some(Episode::start(0, 0, 0, spec)),
             ..Self::default()
@@ -118,7 +118,8 @@ mod tests {
             episode: 0,
             step: 0,
         };
-        let mut minibatch = Minibatch::for_bonus_model(&Spec::new("test", Vec::new(), Vec::new()));
+        let mut minibatch =
+            Minibatch::for_bonus_model(&TaskSpec::new("test", Vec::new(), Vec::new()));
         for _ in 0..2 {
             minibatch.clear();
             for (state, next_state, action) in [([1.0], [2.0], 1), ([5.0], [6.0], 0)] {

@@ -31,7 +31,7 @@ use crate::team::{
     ActionRequest, AgentUpdate, LearningRequest, LearningTiming, Team, TeamContext, Workers,
 };
 use seedbed_env::random::{Purpose, stream};
-use seedbed_env::{Choice, Spec};
+use seedbed_env::{Choice, TaskSpec};
 
 /// K agents that act by value models. Several agents may act by the same model.
 pub struct ValueTeam {
@@ -333,7 +333,7 @@ impl Team for ValueTeam {
 /// # Errors
 /// If the task does not have exactly one action, or if it is continuous. The message says what it
 /// has instead.
-pub fn choice_count(spec: &Spec) -> Result<usize, String> {
+pub fn choice_count(spec: &TaskSpec) -> Result<usize, String> {
     match spec.actions.as_slice() {
         [action] => match &action.choice {
             Choice::Discrete(values) => Ok(values.len()),

@@ -11,13 +11,13 @@ use seedbed_env::{Action, Quantity, Status};
 /// A chain of three states with one-hot observations: action 0 goes left, action 1 goes right.
 /// Leaving state 2 to the right ends the episode with reward 1; leaving state 0 to the left ends it
 /// with reward 0.2.
-fn spec() -> Spec {
+fn spec() -> TaskSpec {
     let quantity = |name: &str| Quantity {
         name: name.to_owned(),
         unit: String::new(),
         range: [-1.0, 1.0],
     };
-    Spec {
+    TaskSpec {
         name: "chain".to_owned(),
         description: String::new(),
         observations: ["first", "second", "third"].map(quantity).to_vec(),
@@ -86,7 +86,7 @@ fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
     );
     team.begin_round(0);
     (0..3).for_each(|state| {
-        (0..2).for_each(|action| team.add_transition(&one_step_episode(0, state, action)))
+        (0..2).for_each(|action| team.add_transition(&one_step_episode(0, state, action)));
     });
     team
 }
@@ -318,7 +318,7 @@ fn a_restored_team_continues_with_the_same_bits() {
 fn a_task_must_have_one_discrete_action() {
     let discrete = spec();
     assert_eq!(choice_count(&discrete), Ok(2));
-    let continuous = Spec {
+    let continuous = TaskSpec {
         actions: vec![Action {
             choice: Choice::Continuous,
             ..discrete.actions[0].clone()
@@ -329,7 +329,7 @@ fn a_task_must_have_one_discrete_action() {
         choice_count(&continuous),
         Err("the action `move` of `chain` is continuous".to_owned())
     );
-    let two_actions = Spec {
+    let two_actions = TaskSpec {
         actions: vec![discrete.actions[0].clone(), discrete.actions[0].clone()],
         ..spec()
     };

@@ -32,7 +32,7 @@ pub struct PassBuffers {
     scratch: Vec<f32>,
 }
 
-/// Several draws of weights, with buffers for each.
+/// Samples of the weights, with buffers for their passes and gradients.
 #[derive(Clone, Debug, Default)]
 pub struct Draws {
     weights: Vec<Vec<f32>>,
