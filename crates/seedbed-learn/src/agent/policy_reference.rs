@@ -43,6 +43,7 @@ enum Head {
 
 #[derive(Deserialize)]
 enum Loss {
+    #[serde(rename = "Simple")]
     SimplePg,
     Ppo { clip: f32 },
     OffPac { cap: Option<f32> },
