@@ -8,11 +8,10 @@
 //!   → each agent's update → measures + state visitation → recorder (run.rrd, tables) → report
 //! ```
 //!
-//! Each module may depend on the modules to its right: [`cli`] → [`study`] → [`tabular`] → [`run`]
+//! Each module may depend on the modules to its right: [`study`] → [`tabular`] → [`run`]
 //! → [`scenario`] → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
 //! describes all modules.
 
-pub mod cli;
 pub mod plotting;
 pub mod record;
 pub mod run;

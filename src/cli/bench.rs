@@ -5,8 +5,8 @@ use std::sync::Arc;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::{BenchArgs, CliError, pluralize};
-use crate::study::bench::{Bench, BenchReport, BenchTable, Column};
-use crate::study::experiment::{self, Experiment, LoadError};
+use seedbed::study::bench::{Bench, BenchReport, BenchTable, Column};
+use seedbed::study::experiment::{self, Experiment, LoadError};
 use seedbed_stats::MIN_RUNS;
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::{CliError, pluralize};
-use crate::run::Plan;
-use crate::study::plan::StudyPlan;
-use crate::tabular;
+use seedbed::run::Plan;
+use seedbed::study::plan::StudyPlan;
+use seedbed::tabular;
 use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_env::{self, Choice, TaskSpec};
 

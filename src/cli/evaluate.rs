@@ -1,7 +1,7 @@
 //! `seedbed evaluate`.
 
 use super::{ActionsArg, CliError, EvaluateArgs, PlayArgs};
-use crate::run::evaluate::{self, EvaluationSettings};
+use seedbed::run::evaluate::{self, EvaluationSettings};
 use seedbed_env::input::numbers::Positive;
 use seedbed_learn::agent::policy::ActionSelection;
 

@@ -10,13 +10,13 @@ use indicatif::HumanBytes;
 use super::progress::ReadCounter;
 use super::sparkline::sparkline;
 use super::{CliError, pluralize};
-use crate::record::RoundRow;
-use crate::run::measures::visitation::Visitation;
-use crate::run::review::recording_stats::{RecordingStats, ValueDistribution};
-use crate::run::review::{LoadRunError, LoadedRun, final_mean};
-use crate::run::summary::FINAL_WINDOW;
-use crate::study::experiment::NO_THRESHOLD;
-use crate::text::without_trailing_zeros;
+use seedbed::record::RoundRow;
+use seedbed::run::measures::visitation::Visitation;
+use seedbed::run::review::recording_stats::{RecordingStats, ValueDistribution};
+use seedbed::run::review::{LoadRunError, LoadedRun, final_mean};
+use seedbed::run::summary::FINAL_WINDOW;
+use seedbed::study::experiment::NO_THRESHOLD;
+use seedbed::text::without_trailing_zeros;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use super::check::{MAX_NAMED_OBSERVATIONS, describe_tabular, format_actions};
 use super::{ListKind, pluralize};
-use crate::run::Plan;
-use crate::scenario::{self, Scenario};
-use crate::study::plan::StudyPlan;
-use crate::tabular::Algorithm as TabularAlgorithm;
+use seedbed::run::Plan;
+use seedbed::scenario::{self, Scenario};
+use seedbed::study::plan::StudyPlan;
+use seedbed::tabular::Algorithm as TabularAlgorithm;
 use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_learn::algorithms::Algorithm;
 use seedbed_learn::algorithms::catalogue::Parameter;

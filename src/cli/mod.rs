@@ -29,12 +29,12 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::record::LiveError;
-use crate::record::recording::DEFAULT_VIEWER;
-use crate::run::RunError;
-use crate::run::review::LoadRunError;
-use crate::study::experiment::LoadError;
-use crate::text::pluralize;
+use seedbed::record::LiveError;
+use seedbed::record::recording::DEFAULT_VIEWER;
+use seedbed::run::RunError;
+use seedbed::run::review::LoadRunError;
+use seedbed::study::experiment::LoadError;
+use seedbed::text::pluralize;
 use seedbed_env::input::InputError;
 
 /// Train teams of reinforcement learning agents that explore in coordination, and record every
@@ -347,7 +347,7 @@ enum CliError {
 
 /// Runs the command line of this process.
 #[must_use]
-pub fn main() -> ExitCode {
+pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
     let result = match cli.command {
         Command::Run(args) => run::run(&args),

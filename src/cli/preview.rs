@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::run::recorder_factory_at;
 use super::{CliError, PreviewArgs, pluralize};
-use crate::run::preview;
-use crate::scenario;
+use seedbed::run::preview;
+use seedbed::scenario;
 use seedbed_env::input::InputError;
 use seedbed_env::input::numbers::Count;
 use seedbed_env::{self, Physics};

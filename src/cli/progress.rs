@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 
-use crate::run::{Observer, Progress};
-use crate::study::plan::PlannedRun;
+use seedbed::run::{Observer, Progress};
+use seedbed::study::plan::PlannedRun;
 
 /// Shows no progress; prints warnings only.
 pub(super) struct NoProgress;

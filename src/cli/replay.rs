@@ -6,9 +6,9 @@ use super::evaluate::{EpisodeResult, describe_actions, evaluation_settings, prin
 use super::progress::episode_bar;
 use super::run::recorder_factory_at;
 use super::{CliError, ReplayArgs, pluralize};
-use crate::run::evaluate;
-use crate::run::folder::RunFolder;
-use crate::run::replay::{self, ReplaySettings};
+use seedbed::run::evaluate;
+use seedbed::run::folder::RunFolder;
+use seedbed::run::replay::{self, ReplaySettings};
 
 pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
     let folder = evaluate::run_folder(&args.run);

@@ -1,11 +1,11 @@
 //! `seedbed report`: writes the report of a study.
 
 use super::{CliError, ReportArgs};
-use crate::study::claims::{self, ClaimResult};
-use crate::study::file::Study;
-use crate::study::report;
-use crate::study::results::{Results, ResultsError};
-use crate::study::store::StudyFolder;
+use seedbed::study::claims::{self, ClaimResult};
+use seedbed::study::file::Study;
+use seedbed::study::report;
+use seedbed::study::results::{Results, ResultsError};
+use seedbed::study::store::StudyFolder;
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
     args.folders

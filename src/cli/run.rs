@@ -7,12 +7,12 @@ use std::time::Instant;
 
 use super::progress::{AbortAfter, NoProgress, RunProgress};
 use super::{CliError, RunArgs, pluralize};
-use crate::record::RecorderFactory;
-use crate::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
-use crate::run::folder::{Contents, FolderLock, RunFolder};
-use crate::run::{Observer, Options, RunError};
-use crate::study::experiment::{self, Experiment, RunEnding, RunReport};
-use crate::text::shell_word;
+use seedbed::record::RecorderFactory;
+use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
+use seedbed::run::folder::{Contents, FolderLock, RunFolder};
+use seedbed::run::{Observer, Options, RunError};
+use seedbed::study::experiment::{self, Experiment, RunEnding, RunReport};
+use seedbed::text::shell_word;
 
 pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let mut overrides = args.overrides.clone();

@@ -8,9 +8,9 @@ use std::time::Instant;
 use super::progress::StudyProgress;
 use super::run::interruption_flag;
 use super::{CliError, StudyArgs, pluralize, report};
-use crate::study::plan::{PlannedRun, StudyPlan};
-use crate::study::runner;
-use crate::study::store::{StoredRun, StudyFolder, StudyLock};
+use seedbed::study::plan::{PlannedRun, StudyPlan};
+use seedbed::study::runner;
+use seedbed::study::store::{StoredRun, StudyFolder, StudyLock};
 
 pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
     let plans: Result<Vec<StudyPlan>, _> = args

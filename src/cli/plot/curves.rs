@@ -1,8 +1,8 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
 use super::PlottedRun;
-use crate::record::metrics::{Metric, round_metrics_in_display_order};
-use crate::run::summary::FINAL_WINDOW;
+use seedbed::record::metrics::{Metric, round_metrics_in_display_order};
+use seedbed::run::summary::FINAL_WINDOW;
 use seedbed_figure::color::categorical_color;
 use seedbed_figure::{Curves, Panel, Row, Series, Threshold};
 

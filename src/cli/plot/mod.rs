@@ -12,11 +12,11 @@ use clap::{Args, ValueEnum};
 use self::page::PlotPage;
 use super::progress::ReadCounter;
 use super::{CliError, pluralize};
-use crate::record::recording::Recording;
-use crate::record::visitation::Axes;
-use crate::run::files;
-use crate::run::review::selection::{SelectedStates, StateSelection};
-use crate::run::review::{LoadRunError, LoadedRun};
+use seedbed::record::recording::Recording;
+use seedbed::record::visitation::Axes;
+use seedbed::run::files;
+use seedbed::run::review::selection::{SelectedStates, StateSelection};
+use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed_figure::Figure;
 
 #[derive(Debug, Args)]

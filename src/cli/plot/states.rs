@@ -1,8 +1,8 @@
 //! Panels of visited states: parallel coordinates and pairs of axes.
 
 use super::{ColorBy, PlotArgs, PlottedRun};
-use crate::plotting::axis;
-use crate::run::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
+use seedbed::plotting::axis;
+use seedbed::run::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
 use seedbed_env::{Quantity, Status};
 use seedbed_figure::color::{categorical_color, sequential_color};
 use seedbed_figure::{

@@ -45,8 +45,12 @@ enum Head {
 enum Loss {
     #[serde(rename = "Simple")]
     SimplePg,
-    Ppo { clip: f32 },
-    OffPac { cap: Option<f32> },
+    Ppo {
+        clip: f32,
+    },
+    OffPac {
+        cap: Option<f32>,
+    },
 }
 
 impl Case {
