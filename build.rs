@@ -56,7 +56,11 @@ fn checked_out_commit(package: &Path) -> Option<String> {
     }
     let sources = sources(package);
     for source in &sources {
-        rerun_if_changed(&package.join(source));
+        if source == "src" {
+            watch_library(&package.join(source));
+        } else {
+            rerun_if_changed(&package.join(source));
+        }
     }
     let mut status = vec!["status", "--porcelain", "--"];
     status.extend(sources.iter().map(String::as_str));
@@ -81,6 +85,18 @@ fn sources(package: &Path) -> Vec<String> {
     sources.sort();
     sources.retain(|source| package.join(source).exists());
     sources
+}
+
+/// Watches the sources of the library. A change of the command line alone would otherwise compile the
+/// library again, because Cargo does so whenever this script has run. Programs that differ in the
+/// command line only differ in their build id, and the commit is marked at the next change of the
+/// library.
+fn watch_library(src: &Path) {
+    for entry in fs::read_dir(src).into_iter().flatten().flatten() {
+        if entry.file_name() != "cli" && entry.file_name() != "main.rs" {
+            rerun_if_changed(&entry.path());
+        }
+    }
 }
 
 /// Cargo would run the script each time if a path did not exist.
