@@ -30,7 +30,7 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
         let folder = StudyFolder::new(args.out.clone().unwrap_or_else(|| plan.default_folder()));
         failed_runs += match (args.index, args.verify) {
             _ if args.list => {
-                list(plan, &folder);
+                print_runs(plan, &folder);
                 0
             }
             (Some(index), _) => run_one(args, plan, &folder, index)?,
@@ -93,7 +93,7 @@ fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliErr
 }
 
 /// Prints all runs with their indices and states.
-fn list(plan: &StudyPlan, folder: &StudyFolder) {
+fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
     for run in plan.runs() {
         let state = match folder.stored_run(&run).map(|stored| stored.outcome) {
             Some(Ok(_)) => "finished",

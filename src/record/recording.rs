@@ -19,7 +19,7 @@ pub const AVAILABLE: bool = false;
 /// The address at which a viewer listens by default.
 pub const DEFAULT_VIEWER: &str = "rerun+http://127.0.0.1:9876/proxy";
 
-/// A recording that cannot be written.
+/// Stands in for the recording's file: this build cannot write recordings.
 #[derive(Debug)]
 pub struct RecordingFile {
     /// Path that the recording would have.

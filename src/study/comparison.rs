@@ -423,10 +423,10 @@ mod tests {
             "{even_number_of_pairs:?}"
         );
         let scores = (times("10 50+ 50+ 50+ 50+"), times("50+ 50+ 50+ 50+ 50+"));
-        let samples = compare(&scores.0, &scores.1, true, Test::Independent).unwrap();
+        let independent = compare(&scores.0, &scores.1, true, Test::Independent).unwrap();
         assert!(
-            samples.effect.value.is_nan() && is_unbounded(samples.effect.interval),
-            "{samples:?}"
+            independent.effect.value.is_nan() && is_unbounded(independent.effect.interval),
+            "{independent:?}"
         );
     }
 
@@ -453,10 +453,10 @@ mod tests {
                 .collect()
         };
         let (first, second) = (scores(0, &[10.0, 20.0, 30.0]), scores(1, &[4.0, 6.0]));
-        let pairs = compare(&first, &second, false, Test::Paired).unwrap();
-        assert_eq!((pairs.n, pairs.effect.value), ([2, 2], 20.0));
-        let samples = compare(&first, &second, false, Test::Independent).unwrap();
-        assert_eq!((samples.n, samples.effect.value), ([3, 2], 15.0));
+        let paired = compare(&first, &second, false, Test::Paired).unwrap();
+        assert_eq!((paired.n, paired.effect.value), ([2, 2], 20.0));
+        let independent = compare(&first, &second, false, Test::Independent).unwrap();
+        assert_eq!((independent.n, independent.effect.value), ([3, 2], 15.0));
         assert_eq!(
             compare(&first, &scores(7, &[1.0]), false, Test::Paired),
             None

@@ -116,17 +116,17 @@ impl Figure {
     /// Title in the study file; empty if there is none.
     #[must_use]
     pub fn title(&self) -> &str {
-        self.heading().0
+        self.title_and_cells().0
     }
 
     /// Names of the cells that the figure shows; empty for all cells.
     #[must_use]
     pub fn cells(&self) -> &[Located<String>] {
-        self.heading().1
+        self.title_and_cells().1
     }
 
     /// Title and cells, which all kinds of figures have.
-    fn heading(&self) -> (&str, &[Located<String>]) {
+    fn title_and_cells(&self) -> (&str, &[Located<String>]) {
         match self {
             Self::Curves { title, cells, .. }
             | Self::Agents { title, cells, .. }

@@ -92,10 +92,15 @@ impl Measure {
     /// does not have this measure.
     #[must_use]
     pub fn of(self, run: &RunResult) -> Option<f64> {
-        let time = |time: Option<f64>| run.threshold.map(|_| time.unwrap_or(f64::INFINITY));
+        let time_or_infinity =
+            |time: Option<f64>| run.threshold.map(|_| time.unwrap_or(f64::INFINITY));
         match self {
-            Self::EpisodesToSolve => time(run.solved.map(|solved| f64::from(solved.episodes))),
-            Self::EnvStepsToSolve => time(run.solved.map(|solved| solved.env_steps as f64)),
+            Self::EpisodesToSolve => {
+                time_or_infinity(run.solved.map(|solved| f64::from(solved.episodes)))
+            }
+            Self::EnvStepsToSolve => {
+                time_or_infinity(run.solved.map(|solved| solved.env_steps as f64))
+            }
             Self::Solved => run
                 .threshold
                 .map(|_| f64::from(u8::from(run.solved.is_some()))),

@@ -165,7 +165,8 @@ impl StreamSum {
     }
 }
 
-/// Weight of each outcome before its first observation: `[outcomes]`.
+/// The agent's Gamma-distributed number for the prior of each outcome, with which the sum of its
+/// weights begins: `[outcomes]`.
 fn prior_weights(model: &Model, run_seed: u64, agent: u32) -> Vec<StreamSum> {
     let gamma = gamma_distribution(model.outcome_weight);
     let weight = |outcome| {

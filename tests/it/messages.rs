@@ -5,11 +5,11 @@ use std::path::Path;
 
 use seedbed_golden::check_folder;
 
-use super::util::refuse;
+use super::util::run_refused;
 
 /// The error that `seedbed check FILE` prints.
 fn check_error(file: &Path) -> String {
-    refuse(&["check", file.to_str().unwrap()])
+    run_refused(&["check", file.to_str().unwrap()])
 }
 
 #[test]

@@ -7,7 +7,7 @@ use seedbed::record::RecordedEpisode;
 use seedbed::record::recording::Recording;
 use seedbed::run::review::LoadedRun;
 
-use super::util::{REPOSITORY, command, refuse, small_run, stderr, succeed};
+use super::util::{REPOSITORY, command, run_refused, run_successful, small_run, stderr};
 
 const SAMPLE: &str = "recordings/sample/run.rrd";
 
@@ -28,7 +28,7 @@ fn inspect_prints_the_same_statistics_with_and_without_tables() {
     let recording_path = folder.path().join("alone.rrd");
     std::fs::copy(run.join("run.rrd"), &recording_path).unwrap();
     let [printed_with_tables, printed_without_tables] =
-        [&run, &recording_path].map(|path| succeed(&["inspect", path.to_str().unwrap()]));
+        [&run, &recording_path].map(|path| run_successful(&["inspect", path.to_str().unwrap()]));
     for page in [&printed_with_tables, &printed_without_tables] {
         assert!(
             page.starts_with("cartpole, run seed 0: 2 agents in cartpole, 6 episodes each, "),
@@ -81,17 +81,17 @@ fn inspect_and_plot_work_without_a_recording() {
     let folder = tempfile::tempdir().unwrap();
     let run = finish_small_run(folder.path(), &["--no-recording"]);
     let run = run.to_str().unwrap();
-    let page = succeed(&["inspect", run]);
+    let page = run_successful(&["inspect", run]);
     assert!(
         page.contains("effective agents: ") && !page.contains("observations in "),
         "{page}"
     );
     let figure = format!("{run}/curves.svg");
     assert!(
-        succeed(&["plot", run, "--what", "returns,curves", "--out", &figure])
+        run_successful(&["plot", run, "--what", "returns,curves", "--out", &figure])
             .starts_with(&format!("{figure}: "))
     );
-    let error = refuse(&["plot", run]);
+    let error = run_refused(&["plot", run]);
     let expected = "has no recording, which is needed to draw states; use --what returns,curves, which needs only the tables\n";
     assert!(error.ends_with(expected), "{error}");
 }
@@ -103,17 +103,17 @@ fn inspect_explains_why_a_path_is_not_a_run() {
     let missing_path = folder.path().join("nowhere");
     let missing_path = missing_path.to_str().unwrap();
     assert_eq!(
-        refuse(&["inspect", missing_path]),
+        run_refused(&["inspect", missing_path]),
         format!("error: no such file or directory: {missing_path}\n")
     );
     assert_eq!(
-        refuse(&["inspect", empty]),
+        run_refused(&["inspect", empty]),
         format!("error: {empty} contains no run: expected episodes.csv or run.rrd in it\n")
     );
     let broken_table = folder.path().join("episodes.csv");
     std::fs::write(&broken_table, "agent,episode\n0,zero\n").unwrap();
     std::fs::write(folder.path().join("rounds.csv"), "").unwrap();
-    let error = refuse(&["inspect", empty]);
+    let error = run_refused(&["inspect", empty]);
     assert!(
         error.starts_with(&format!(
             "error: cannot read {}: CSV ",
@@ -125,7 +125,8 @@ fn inspect_explains_why_a_path_is_not_a_run() {
 
 #[test]
 fn plot_explains_invalid_options() {
-    let plot = |extra_arguments: &[&str]| refuse(&[&["plot", SAMPLE], extra_arguments].concat());
+    let plot =
+        |extra_arguments: &[&str]| run_refused(&[&["plot", SAMPLE], extra_arguments].concat());
     assert_eq!(
         plot(&["--out", "a.pdf"]),
         "error: --out a.pdf: expected FILE.svg or FILE.png\n"
@@ -158,7 +159,7 @@ fn plot_visitation_of_agent_3(extra_arguments: &[&str]) -> String {
     let figure = folder.path().join("figure.svg");
     let out = ["--out", figure.to_str().unwrap()];
     let base = ["plot", SAMPLE, "--what", "visitation", "--agents", "3"];
-    succeed(&[&base, extra_arguments, &out].concat());
+    run_successful(&[&base, extra_arguments, &out].concat());
     std::fs::read_to_string(&figure).unwrap()
 }
 
@@ -191,7 +192,7 @@ fn plot_supports_every_color_option() {
     let png = folder.path().join("figure.png");
     let out = png.to_str().unwrap();
     for colour in ["agent", "episode", "return", "outcome"] {
-        succeed(&[
+        run_successful(&[
             "plot",
             SAMPLE,
             "--what",
@@ -211,7 +212,7 @@ fn plot_supports_every_color_option() {
             "1200 × 1600 pixels"
         );
     }
-    let line = succeed(&[
+    let line = run_successful(&[
         "plot",
         SAMPLE,
         SAMPLE,

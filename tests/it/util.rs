@@ -35,7 +35,7 @@ pub(crate) fn seedbed(arguments: &[&str]) -> Output {
 }
 
 /// Runs `seedbed ARGUMENTS`, which must succeed, and returns its standard output.
-pub(crate) fn succeed(arguments: &[&str]) -> String {
+pub(crate) fn run_successful(arguments: &[&str]) -> String {
     let output = seedbed(arguments);
     assert!(
         output.status.success(),
@@ -47,7 +47,7 @@ pub(crate) fn succeed(arguments: &[&str]) -> String {
 
 /// Runs `seedbed ARGUMENTS`, which must fail with exit status 2 (invalid input), and returns its
 /// standard error.
-pub(crate) fn refuse(arguments: &[&str]) -> String {
+pub(crate) fn run_refused(arguments: &[&str]) -> String {
     let output = seedbed(arguments);
     assert_eq!(
         output.status.code(),

@@ -362,18 +362,18 @@ mod tests {
 
     #[test]
     fn type_errors_are_located() {
-        let number = "expected a number, found true or false";
-        let boolean = "expected true or false, found a number";
+        let expected_number = "expected a number, found true or false";
+        let expected_boolean = "expected true or false, found a number";
         assert_errors(
             Type::Number,
             &[
-                ("x + (x < 1)", 4, number),
-                ("if x { 1 } else { 2 }", 3, boolean),
+                ("x + (x < 1)", 4, expected_number),
+                ("if x { 1 } else { 2 }", 3, expected_boolean),
                 ("abs(x, 1)", 0, "`abs` takes 1 argument, found 2"),
                 ("if x > 0 { 1 }", 0, "`if` needs an `else { … }`"),
             ],
         );
-        assert_errors(Type::Boolean, &[("x", 0, boolean)]);
+        assert_errors(Type::Boolean, &[("x", 0, expected_boolean)]);
     }
 
     #[test]

@@ -75,7 +75,7 @@ impl ParallelCoordinates {
                 axis,
                 [x, y],
                 panel,
-                self.max_name_width(panel, staggered),
+                self.allowed_name_width(panel, staggered),
                 svg,
             );
         }
@@ -85,8 +85,8 @@ impl ParallelCoordinates {
         area.x + area.width * axis as f64 / (self.axes.len() - 1).max(1) as f64
     }
 
-    /// Maximum width of the name of an axis.
-    fn max_name_width(&self, panel: &Rect, staggered: bool) -> f64 {
+    /// Width that the name of an axis may have.
+    fn allowed_name_width(&self, panel: &Rect, staggered: bool) -> f64 {
         let width_per_axis = panel.width / self.axes.len().max(1) as f64;
         if staggered {
             2.0 * width_per_axis - 6.0
@@ -98,10 +98,10 @@ impl ParallelCoordinates {
     /// Whether names of axes are too wide to be on one line. If so, every second name is drawn one
     /// line higher.
     fn must_stagger_names(&self, panel: &Rect) -> bool {
-        let max_width = self.max_name_width(panel, false);
+        let allowed_width = self.allowed_name_width(panel, false);
         self.axes
             .iter()
-            .any(|axis| text_width(&axis_label(axis), LABEL_SIZE, Weight::Regular) > max_width)
+            .any(|axis| text_width(&axis_label(axis), LABEL_SIZE, Weight::Regular) > allowed_width)
     }
 }
 

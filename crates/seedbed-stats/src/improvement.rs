@@ -24,8 +24,8 @@ pub fn probability_of_improvement(x: &[Vec<f64>], y: &[Vec<f64>]) -> Estimate {
     let strata_of_both = [x, y].concat();
     stratified_bootstrap_estimate(&strata_of_both, |strata_of_both| {
         let (x, y) = strata_of_both.split_at(x.len());
-        let wins = x.iter().zip(y).map(|(x, y)| share_of_wins(x, y));
-        wins.sum::<f64>() / x.len() as f64
+        let shares_of_wins = x.iter().zip(y).map(|(x, y)| share_of_wins(x, y));
+        shares_of_wins.sum::<f64>() / x.len() as f64
     })
 }
 

@@ -53,10 +53,10 @@ fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
         ..Series::default()
     };
     let mut series: Vec<Series> = shown_agents.iter().map(agent_series).collect();
-    let prefix = if is_team { "team, " } else { "" };
+    let name_prefix = if is_team { "team, " } else { "" };
     series.push(team_series(
         run,
-        format!("{prefix}mean of {FINAL_WINDOW} episodes"),
+        format!("{name_prefix}mean of {FINAL_WINDOW} episodes"),
         TEAM_COLOR,
     ));
     let thresholds = threshold(run).into_iter().collect();

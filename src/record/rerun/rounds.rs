@@ -5,7 +5,7 @@ use std::slice::Iter;
 use super::RerunRecorder;
 use super::error::RecordingError;
 use super::rows::Moment;
-use super::samples::SampleCounts;
+use super::samples::DrawnStateCounts;
 use crate::record::visitation::Coloring;
 use crate::record::{BodyTrajectory, EpisodeRow, RoundRecord};
 use seedbed_env::random::{Purpose, stream};
@@ -81,7 +81,7 @@ impl RerunRecorder {
                 .constants
                 .line_quota
                 .lines_of_episode(index, episodes.len());
-            let sample_counts = SampleCounts {
+            let drawn_state_counts = DrawnStateCounts {
                 of_agent: count_of_agent,
                 of_team: count_of_agent.div_ceil(self.writers.agents.len()),
             };
@@ -96,7 +96,7 @@ impl RerunRecorder {
                 end,
                 &mut self.state.visits[agent],
                 [&mut writers.sample, &mut self.writers.team],
-                sample_counts,
+                drawn_state_counts,
                 &mut random,
             );
             if let Some(row) = rows.next() {

@@ -48,7 +48,7 @@ struct MarkSeries {
 
 /// Number of sampled states of an episode, for its agent and for the team.
 #[derive(Clone, Copy)]
-pub(super) struct SampleCounts {
+pub(super) struct DrawnStateCounts {
     pub(super) of_agent: usize,
     pub(super) of_team: usize,
 }
@@ -79,7 +79,7 @@ impl VisitationStyle {
         end: Moment,
         visits: &mut AgentVisits,
         [agent_writer, team_writer]: [&mut SampleWriter; 2],
-        counts: SampleCounts,
+        counts: DrawnStateCounts,
         random: &mut Stream,
     ) {
         let states = episode.length() + usize::from(!self.axes.need_actions());

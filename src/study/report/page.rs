@@ -470,7 +470,7 @@ mod tests {
     }
 
     /// Results for which the report has every warning.
-    fn results() -> Results {
+    fn results_with_every_warning() -> Results {
         let study = input::parse("small.ron", STUDY.to_owned()).unwrap().value;
         let cells = vec![cell("A", 40, 3.0), cell("B", 50, 1.0)];
         Results {
@@ -511,7 +511,7 @@ mod tests {
 
     #[test]
     fn no_sentence_has_double_spaces() {
-        let results = results();
+        let results = results_with_every_warning();
         let claim_results = claims::evaluate(&results);
         let (tables, figures) = (tables::all(&results), figures::draw(&results));
         assert_eq!((tables.len(), figures.len()), (3, 5));

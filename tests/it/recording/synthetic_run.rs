@@ -46,7 +46,7 @@ impl SyntheticRun {
             .collect();
         Self {
             agents,
-            spec: cart_pole(),
+            spec: cart_pole_spec(),
             scene: cart_and_pole(),
             rounds,
         }
@@ -68,7 +68,7 @@ impl SyntheticRun {
     }
 }
 
-fn cart_pole() -> TaskSpec {
+fn cart_pole_spec() -> TaskSpec {
     let quantity = |name: &str, unit: &str, end: f32| Quantity {
         name: name.into(),
         unit: unit.into(),

@@ -32,7 +32,7 @@ fn a_resumed_recording_equals_an_uninterrupted_one() {
     assert_eq!(complete.columns(), resumed.columns());
 }
 
-/// A recorder is dropped after some rounds that follow its checkpoint, and its file is cut 100
+/// A recorder writes a checkpoint, records more rounds, and is dropped. Then its file is cut 100
 /// bytes after the checkpoint. It can be resumed twice.
 #[test]
 fn a_truncated_recording_is_resumed_from_its_checkpoint() {

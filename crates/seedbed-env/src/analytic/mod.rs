@@ -53,8 +53,8 @@ struct State {
     rows: Vec<f64>,
 }
 
-/// Builds `copies` copies of the analytic model of a task, none of them live. `None` if the task
-/// has no analytic model.
+/// Builds `copies` copies of the analytic model of a task; none is live before its `start`. `None` if
+/// the task has no analytic model.
 #[must_use]
 pub(crate) fn build(task: &BodyTask, copies: usize) -> Option<Box<dyn Dynamics>> {
     Some(match task.analytic_model? {

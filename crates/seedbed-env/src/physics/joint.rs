@@ -74,7 +74,8 @@ impl RapierJoint {
         }
     }
 
-    /// The bodies that a force along the joint pushes.
+    /// The bodies on which a force along the joint acts: its child, and its parent unless that is the
+    /// world.
     pub(super) fn bodies(&self) -> impl Iterator<Item = usize> {
         self.parent.into_iter().chain([self.child])
     }

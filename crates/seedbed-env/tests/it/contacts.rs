@@ -104,7 +104,7 @@ fn motion(task: &BodyTask, bodies: &dyn Dynamics) -> Motion {
         .zip(&frames)
         .map(|(body, frame)| (body.inertial, frame))
         .collect();
-    let mass: f64 = moving_bodies
+    let total_mass: f64 = moving_bodies
         .iter()
         .map(|(inertial, _)| inertial.mass)
         .sum();
@@ -118,7 +118,10 @@ fn motion(task: &BodyTask, bodies: &dyn Dynamics) -> Motion {
             })
             .sum()
     };
-    let center = [mass_sum(&|p, _| p[0]) / mass, mass_sum(&|p, _| p[1]) / mass];
+    let center = [
+        mass_sum(&|p, _| p[0]) / total_mass,
+        mass_sum(&|p, _| p[1]) / total_mass,
+    ];
     let inertia_sum = |value: &dyn Fn(f64) -> f64| -> f64 {
         moving_bodies
             .iter()

@@ -108,17 +108,17 @@ fn values(team: &mut ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
 
 /// By hand, γ = 0.8: Q(2, right) = 1; Q(1, right) = 0.8; Q(0, right) = 0.64, so V = 0.64, 0.8, 1
 /// and Q(0, left) = 0.2, Q(1, left) = 0.8 V(0) = 0.512, Q(2, left) = 0.8 V(1) = 0.64.
-const OPTIMAL: [f32; 6] = [0.2, 0.64, 0.512, 0.8, 0.64, 1.0];
+const OPTIMAL_VALUES: [f32; 6] = [0.2, 0.64, 0.512, 0.8, 0.64, 1.0];
 
-fn assert_optimal(values: &[f32], tolerance: f32) {
+fn assert_optimal_values(values: &[f32], tolerance: f32) {
     let largest_error = values
         .iter()
-        .zip(OPTIMAL)
+        .zip(OPTIMAL_VALUES)
         .map(|(value, exact)| (value - exact).abs())
         .fold(0.0, f32::max);
     assert!(
         largest_error < tolerance,
-        "{values:?}; expected {OPTIMAL:?}"
+        "{values:?}; expected {OPTIMAL_VALUES:?}"
     );
 }
 
@@ -132,7 +132,7 @@ fn q_learning_finds_the_exact_values_of_a_chain() {
         };
         let mut team = team(config.compose(1), 1, 0.0);
         learn(&mut team, 6000);
-        assert_optimal(&values(&mut team, 0, 1), 0.02);
+        assert_optimal_values(&values(&mut team, 0, 1), 0.02);
     }
 }
 
@@ -155,7 +155,7 @@ fn least_squares_value_iteration_finds_the_exact_values() {
     };
     let mut team = team(config.compose(1), 1, 0.0);
     learn(&mut team, 1);
-    assert_optimal(&values(&mut team, 0, 1), 0.03);
+    assert_optimal_values(&values(&mut team, 0, 1), 0.03);
 }
 
 /// The learned network compensates for the prior: their sum converges to the same values.
@@ -170,12 +170,12 @@ fn values_converge_with_a_prior() {
     assert!(
         before
             .iter()
-            .zip(OPTIMAL)
+            .zip(OPTIMAL_VALUES)
             .any(|(value, exact)| (value - exact).abs() > 0.3),
         "{before:?}"
     );
     learn(&mut team, 6000);
-    (0..2).for_each(|agent| assert_optimal(&values(&mut team, agent, 2), 0.03));
+    (0..2).for_each(|agent| assert_optimal_values(&values(&mut team, agent, 2), 0.03));
 }
 
 /// Seed TD learns the values of the chain with rewards r + z: Q(2, right) = 1 + z, where z is the
