@@ -29,6 +29,7 @@ mod serve;
 mod shapes;
 mod sink;
 mod tiles;
+mod viewer_connection;
 mod writers;
 
 use std::ffi::OsString;

@@ -24,11 +24,13 @@ use tokio::io::AsyncReadExt;
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
+use tonic::codegen::tokio_stream::StreamExt;
 use tonic::codegen::tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::error::RecordingError;
+use super::viewer_connection::ViewerConnection;
 use crate::record::LiveError;
 
 /// After the recording is complete, the server stops if no viewer receives a message for this time.
@@ -125,14 +127,16 @@ async fn serve_until_complete(
     let server = tonic::transport::Server::builder()
         .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
         .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT));
-    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
+    let connections = TcpIncoming::from(listener)
+        .with_nodelay(Some(true))
+        .map(|stream| stream.map(ViewerConnection::new));
     let completion = async move { drop(progress.wait_for(|progress| progress.complete).await) };
     // Errors of connections are ignored, because the file is complete without viewers.
     drop(
         server
             .serve_with_incoming_shutdown(
                 MessageProxyServiceServer::new(service),
-                incoming,
+                connections,
                 completion,
             )
             .await,
