@@ -47,8 +47,8 @@ impl TabularTeam {
     }
 
     /// Sets `self.mdp` and `self.optimism` to the best MDP within `width` standard deviations of
-    /// the posterior mean. An unknown sign is set to −1 or 1, whichever gives the agent's state the
-    /// larger value.
+    /// the posterior mean. An unknown sign is set to the one of −1 and 1 with which the agent's state
+    /// has the larger value.
     fn set_optimistic_mdp(&mut self, agent_index: u32, width: f64) {
         let (model, belief, mdp) = (&self.model, &self.belief, &mut self.mdp);
         set_posterior_mean(model, belief, mdp);
@@ -73,7 +73,7 @@ impl TabularTeam {
         }
     }
 
-    /// Sets an unknown sign to −1 or 1, whichever gives the agent's state the larger value.
+    /// Sets an unknown sign to the one of −1 and 1 with which the agent's state has the larger value.
     fn choose_optimistic_sign(&mut self, agent_index: u32, parameter: usize) {
         let agent = &self.agents[agent_index as usize];
         let mut policy = self.planner.empty_policy();

@@ -1,5 +1,7 @@
 //! Recordings that are interrupted, resumed, or cannot be written.
 
+use std::path::Path;
+
 use seedbed::record::rerun::RerunRecorder;
 use seedbed::record::{Recorder, RecordingSettings};
 
@@ -32,6 +34,22 @@ fn a_resumed_recording_equals_an_uninterrupted_one() {
     assert_eq!(complete.columns(), resumed.columns());
 }
 
+/// Records all rounds of a run, with a checkpoint after four rounds. Returns the recorder, the
+/// checkpoint, and the length of the file at the checkpoint.
+fn record_past_checkpoint(
+    run: &SyntheticRun,
+    settings: &RecordingSettings,
+    path: &Path,
+) -> (RerunRecorder, Vec<u8>, u64) {
+    let mut recorder = RerunRecorder::create(path, &run.run_info(), settings).unwrap();
+    record_rounds(&run.rounds[..4], &mut recorder);
+    let checkpoint = recorder.checkpoint().unwrap();
+    let part = path.with_extension("rrd.part");
+    let length_at_checkpoint = std::fs::metadata(part).unwrap().len();
+    record_rounds(&run.rounds[4..], &mut recorder);
+    (recorder, checkpoint, length_at_checkpoint)
+}
+
 /// A recorder writes a checkpoint, records more rounds, and is dropped. Then its file is cut 100
 /// bytes after the checkpoint. It can be resumed twice.
 #[test]
@@ -39,13 +57,10 @@ fn a_truncated_recording_is_resumed_from_its_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let (run, settings) = (SyntheticRun::new(2, 8), RecordingSettings::default());
     let path = folder.path().join("run.rrd");
-    let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings).unwrap();
-    record_rounds(&run.rounds[..4], &mut recorder);
-    let checkpoint = recorder.checkpoint().unwrap();
-    let part = folder.path().join("run.rrd.part");
-    let length_at_checkpoint = std::fs::metadata(&part).unwrap().len();
-    record_rounds(&run.rounds[4..], &mut recorder);
+    let (recorder, checkpoint, length_at_checkpoint) =
+        record_past_checkpoint(&run, &settings, &path);
     drop(recorder);
+    let part = folder.path().join("run.rrd.part");
     set_file_length(&part, length_at_checkpoint + 100);
 
     for _ in 0..2 {
@@ -63,12 +78,8 @@ fn resume_explains_invalid_checkpoints_and_recordings() {
     let run = SyntheticRun::new(2, 8);
     let path = folder.path().join("run.rrd");
     let settings = RecordingSettings::default();
-    let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings).unwrap();
-    record_rounds(&run.rounds[..4], &mut recorder);
-    let checkpoint = recorder.checkpoint().unwrap();
-    let part = folder.path().join("run.rrd.part");
-    let length_at_checkpoint = std::fs::metadata(&part).unwrap().len();
-    record_rounds(&run.rounds[4..], &mut recorder);
+    let (mut recorder, checkpoint, length_at_checkpoint) =
+        record_past_checkpoint(&run, &settings, &path);
     recorder.finish().unwrap();
     let resume_error = |run: &SyntheticRun, checkpoint: &[u8]| {
         RerunRecorder::resume(&path, &run.run_info(), &settings, checkpoint)
