@@ -15,7 +15,7 @@ criterion_group!(benches, tasks, cart_pole, idle_copies, formulas);
 criterion_main!(benches);
 
 /// Numbers of copies for which the cart-pole is measured.
-const COPY_COUNTS: [usize; 3] = [1, 16, 64];
+const COPY_COUNTS: [usize; 4] = [1, 16, 64, 1024];
 
 /// Number of steps whose random actions are drawn before the measurement. After the last of these
 /// steps, the same actions are used again.

@@ -93,11 +93,11 @@ impl Environment for Line {
     }
 
     // Each round begins with a reset of all copies, so a checkpoint needs no state of them.
-    fn save(&self) -> Vec<u8> {
+    fn save(&self, _: usize) -> Vec<u8> {
         Vec::new()
     }
 
-    fn restore(&mut self, _: &[u8]) -> Result<(), String> {
+    fn restore(&mut self, _: usize, _: &[u8]) -> Result<(), String> {
         Ok(())
     }
 }

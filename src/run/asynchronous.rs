@@ -4,7 +4,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::rollout::{EpisodeSlots, PlayedEpisodes};
+use super::episode_slots::EpisodeSlots;
+use super::rollout::PlayedEpisodes;
 use crate::record::SceneSettings;
 use seedbed_env::Environment;
 use seedbed_learn::team::Team;
@@ -43,7 +44,7 @@ impl AsyncRollout {
     pub(super) fn new(run_seed: u64, agents: usize) -> Self {
         Self {
             progress: vec![AgentProgress::default(); agents],
-            slots: EpisodeSlots::new(run_seed, agents, 0),
+            slots: EpisodeSlots::new(run_seed, 0..agents as u32, 0),
         }
     }
 
@@ -53,14 +54,14 @@ impl AsyncRollout {
     pub(super) fn play(
         &mut self,
         environment: &mut dyn Environment,
-        team: &mut dyn Team,
+        team: &dyn Team,
         config: &AsyncConfig<'_>,
     ) -> PlayedEpisodes {
         let mut ended = PlayedEpisodes::default();
         while ended.episodes.is_empty() && self.has_episodes_left(config) {
             self.begin_episodes(environment, config);
             if self.slots.any_playing() {
-                self.slots.step(environment, team);
+                self.slots.step(environment, team, 0);
             }
             for agent_progress in &mut self.progress {
                 agent_progress.steps_until_learned =
@@ -109,9 +110,9 @@ impl AsyncRollout {
     }
 
     fn begin_episodes(&mut self, environment: &mut dyn Environment, config: &AsyncConfig<'_>) {
-        for (agent, agent_progress) in (0..).zip(&mut self.progress) {
-            let is_free = !self.slots.slots[agent as usize].is_playing()
-                && agent_progress.steps_until_learned == 0;
+        for (agent, agent_progress) in self.progress.iter_mut().enumerate() {
+            let is_free =
+                !self.slots.slots[agent].is_playing() && agent_progress.steps_until_learned == 0;
             if is_free && agent_progress.started < config.episodes {
                 let slot = self
                     .slots

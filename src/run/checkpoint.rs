@@ -1,5 +1,8 @@
 //! Checkpoints: all that is needed to resume a run. A crash at any moment leaves the newest
 //! complete checkpoint.
+//!
+//! `state.bin` is replaced as a whole. It says which part of which replay file belongs to it, so
+//! that transitions are written once.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,16 +10,26 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::files;
+use super::replay_file::{ReplayFile, StoredTransitions};
+use super::trainer::Trainer;
 
 /// The contents of `checkpoint/state.bin`.
 #[derive(Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Version of the format; files of other versions cannot be read.
     version: u32,
-    /// The state of the [`Trainer`](super::trainer::Trainer).
+    /// The state of the [`Trainer`].
     pub trainer: Vec<u8>,
     /// The states of the recorders, in their order.
     pub recorders: Vec<Vec<u8>>,
+    /// The transitions of the replay buffer; `None` if the team has none.
+    replay: Option<StoredTransitions>,
+}
+
+/// Writes the checkpoints of a run.
+pub struct CheckpointWriter {
+    folder: PathBuf,
+    replay_file: ReplayFile,
 }
 
 /// A checkpoint could not be written or read.
@@ -30,35 +43,53 @@ pub struct CheckpointError {
 }
 
 /// Version of the format that this program reads and writes.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
-impl Checkpoint {
-    /// A checkpoint in the version of the format that this program writes.
+impl CheckpointWriter {
+    /// For a run in this folder that has no checkpoint yet.
     #[must_use]
-    pub fn new(trainer: Vec<u8>, recorders: Vec<Vec<u8>>) -> Self {
+    pub fn new(folder: &Path) -> Self {
         Self {
-            version: VERSION,
-            trainer,
-            recorders,
+            folder: folder.to_owned(),
+            replay_file: ReplayFile::new(checkpoint_folder(folder)),
         }
     }
 
-    /// Replaces the checkpoint in a run's folder.
+    /// Replaces the checkpoint in the run's folder. `recorders` are the states of the recorders, in
+    /// their order.
     ///
     /// # Errors
-    /// The file cannot be written; then the old checkpoint is kept.
+    /// A file cannot be written; then the old checkpoint is kept.
     ///
     /// # Panics
     /// Never: bytes always serialize.
-    pub fn write(&self, folder: &Path) -> Result<(), CheckpointError> {
-        let path = file(folder);
-        let bytes = postcard::to_stdvec(self).expect("bytes always serialize");
-        files::replace(&path, &bytes).map_err(|error| CheckpointError {
+    pub fn write(
+        &mut self,
+        trainer: &Trainer,
+        recorders: Vec<Vec<u8>>,
+    ) -> Result<(), CheckpointError> {
+        let replay = trainer.replay();
+        let checkpoint = Checkpoint {
+            version: VERSION,
+            trainer: trainer.save(),
+            recorders,
+            replay: replay
+                .map(|replay| self.replay_file.write(replay))
+                .transpose()?,
+        };
+        let path = file(&self.folder);
+        let bytes = postcard::to_stdvec(&checkpoint).expect("bytes always serialize");
+        let written = files::replace(&path, &bytes);
+        // Only now does no checkpoint need the earlier replay file.
+        let written = written.and_then(|()| self.replay_file.delete_other_files());
+        written.map_err(|error| CheckpointError {
             path,
             reason: error.to_string(),
         })
     }
+}
 
+impl Checkpoint {
     /// Reads the checkpoint in a run's folder.
     ///
     /// # Errors
@@ -79,10 +110,59 @@ impl Checkpoint {
         }
         postcard::from_bytes(&bytes).map_err(|error| error_with(format!("is damaged: {error}")))
     }
+
+    /// Restores the state of a trainer whose team is not going to learn.
+    ///
+    /// # Errors
+    /// The checkpoint is damaged or belongs to another scenario.
+    pub fn restore_to_act(
+        &self,
+        folder: &Path,
+        trainer: &mut Trainer,
+    ) -> Result<(), CheckpointError> {
+        trainer
+            .restore(&self.trainer)
+            .map_err(|reason| CheckpointError {
+                path: file(folder),
+                reason,
+            })
+    }
+
+    /// Restores the state of a trainer that continues the run in a folder, and returns the writer
+    /// of its next checkpoints.
+    ///
+    /// # Errors
+    /// The checkpoint or its replay file is damaged or belongs to another scenario.
+    pub fn restore(
+        &self,
+        folder: &Path,
+        trainer: &mut Trainer,
+    ) -> Result<CheckpointWriter, CheckpointError> {
+        self.restore_to_act(folder, trainer)?;
+        let replay_folder = checkpoint_folder(folder);
+        let replay_file = match (self.replay, trainer.replay_mut()) {
+            (Some(stored), Some(replay)) => ReplayFile::read(replay_folder, stored, replay)?,
+            (None, None) => ReplayFile::new(replay_folder),
+            _ => {
+                return Err(CheckpointError {
+                    path: file(folder),
+                    reason: "is of another algorithm".to_owned(),
+                });
+            }
+        };
+        Ok(CheckpointWriter {
+            folder: folder.to_owned(),
+            replay_file,
+        })
+    }
 }
 
 /// The path of a run's checkpoint.
 #[must_use]
 pub fn file(folder: &Path) -> PathBuf {
-    folder.join("checkpoint").join("state.bin")
+    checkpoint_folder(folder).join("state.bin")
+}
+
+fn checkpoint_folder(folder: &Path) -> PathBuf {
+    folder.join("checkpoint")
 }

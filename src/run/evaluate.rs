@@ -1,9 +1,9 @@
 //! Evaluation: plays the trained policies of a run without learning, greedily or with sampled
 //! actions.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::checkpoint::{self, Checkpoint, CheckpointError};
+use super::checkpoint::Checkpoint;
 use super::folder::RunFolder;
 use super::rollout::{PlayedEpisodes, RoundPlan};
 use super::summary::Summary;
@@ -73,11 +73,7 @@ pub(super) fn load_trained(
             .into();
     }
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1)?;
-    let checkpoint = Checkpoint::read(folder.path())?;
-    let path: PathBuf = checkpoint::file(folder.path());
-    trainer
-        .restore(&checkpoint.trainer)
-        .map_err(|reason| CheckpointError { path, reason })?;
+    Checkpoint::read(folder.path())?.restore_to_act(folder.path(), &mut trainer)?;
     Ok((plan, trainer))
 }
 

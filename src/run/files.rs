@@ -19,7 +19,14 @@ pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
         let _ = fs::remove_file(&part_path);
     }
     written?;
-    // After a crash, the new name is certain to exist only if the folder itself was synced.
+    sync_folder_of(path)
+}
+
+/// Syncs the folder of a file. Only then a new name is certain to exist after a crash.
+///
+/// # Errors
+/// The operating system reports an error.
+pub fn sync_folder_of(path: &Path) -> Result<()> {
     path.parent()
         .filter(|folder| !folder.as_os_str().is_empty())
         .map_or(Ok(()), |folder| File::open(folder)?.sync_all())

@@ -9,12 +9,14 @@
 mod agreement;
 mod asynchronous;
 pub mod checkpoint;
+mod episode_slots;
 pub mod evaluate;
 pub mod files;
 pub mod folder;
 pub mod measures;
 pub mod preview;
 pub mod replay;
+mod replay_file;
 pub mod review;
 pub mod rollout;
 pub mod summary;
@@ -24,7 +26,7 @@ pub mod weights;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use self::checkpoint::{Checkpoint, CheckpointError};
+use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter};
 use self::folder::RunFolder;
 use self::measures::RoundRows;
 use self::summary::{FINAL_WINDOW, Summary};
@@ -181,10 +183,11 @@ pub fn execute(
     interrupted: &AtomicBool,
 ) -> Result<RunOutcome, RunError> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, options.threads)?;
-    let mut recorders = if options.resume {
+    let (mut recorders, mut checkpoints) = if options.resume {
         resume_run(plan, options, recorder_factories, &mut trainer)?
     } else {
-        create_recorders(plan, options, recorder_factories, &trainer)?
+        let recorders = create_recorders(plan, options, recorder_factories, &trainer)?;
+        (recorders, CheckpointWriter::new(options.folder.path()))
     };
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
@@ -197,7 +200,7 @@ pub fn execute(
                 .rounds()
                 .is_multiple_of(plan.scenario.checkpoint_every.get())
         {
-            write_checkpoint(options, &trainer, &mut recorders)?;
+            write_checkpoint(&mut checkpoints, &trainer, &mut recorders)?;
         }
         if is_interrupted {
             return Ok(RunOutcome::Interrupted {
@@ -205,7 +208,8 @@ pub fn execute(
             });
         }
     }
-    let ending = finish(plan, options, &trainer, &mut recorders);
+    let checkpoint = write_checkpoint(&mut checkpoints, &trainer, &mut recorders);
+    let ending = checkpoint.and_then(|()| finish(plan, options, &trainer, &mut recorders));
     report_warnings(&mut recorders, observer);
     ending
 }
@@ -267,26 +271,23 @@ fn resume_run(
     options: &Options,
     recorder_factories: RecorderFactories,
     trainer: &mut Trainer,
-) -> Result<Recorders, RunError> {
+) -> Result<(Recorders, CheckpointWriter), RunError> {
     let folder = &options.folder;
     check_same_run(plan, options)?;
     let checkpoint = Checkpoint::read(folder.path())?;
-    let damaged = |reason| CheckpointError {
-        path: checkpoint::file(folder.path()),
-        reason,
-    };
-    trainer.restore(&checkpoint.trainer).map_err(damaged)?;
+    let checkpoints = checkpoint.restore(folder.path(), trainer)?;
     let (states, max_states) = (&checkpoint.recorders, recorder_factories.len());
     if states.is_empty() || states.len() > max_states {
         let reason = format!(
             "it has the states of {} recorders; expected 1 to {max_states}",
             states.len()
         );
-        return Err(damaged(reason).into());
+        let path = checkpoint::file(folder.path());
+        return Err(CheckpointError { path, reason }.into());
     }
     check_max_episodes(plan, options, trainer)?;
     replace_file(&folder.scenario_file(), plan.scenario.resolved().as_bytes())?;
-    with_run_info(plan, trainer, |info| {
+    let recorders = with_run_info(plan, trainer, |info| {
         let resume = |(factory, state): (Box<dyn RecorderFactory>, &Vec<u8>)| {
             Ok(factory.resume(info, &plan.scenario.recording, state)?)
         };
@@ -294,8 +295,9 @@ fn resume_run(
             .into_iter()
             .zip(states)
             .map(resume)
-            .collect()
-    })
+            .collect::<Result<Recorders, RunError>>()
+    })?;
+    Ok((recorders, checkpoints))
 }
 
 /// Checks that the run to resume does not have more episodes than the plan allows.
@@ -348,7 +350,7 @@ fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>)
         name: &format!("{}-seed-{}", plan.name, plan.scenario.seed),
         focus: Focus::Learning,
         spec: trainer.spec(),
-        scene: trainer.environment().scene(),
+        scene: trainer.scene(),
         agents: trainer.agent_count() as u32,
         bonus: plan.scenario.algorithm.largest_intrinsic_reward().into(),
         max_episodes: plan.scenario.max_episodes(),
@@ -359,7 +361,7 @@ fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>)
 }
 
 fn write_checkpoint(
-    options: &Options,
+    checkpoints: &mut CheckpointWriter,
     trainer: &Trainer,
     recorders: &mut Recorders,
 ) -> Result<(), RunError> {
@@ -367,18 +369,17 @@ fn write_checkpoint(
         .iter_mut()
         .map(|recorder| recorder.checkpoint())
         .collect();
-    Ok(Checkpoint::new(trainer.save(), states?).write(options.folder.path())?)
+    Ok(checkpoints.write(trainer, states?)?)
 }
 
-/// Completes the files of a finished run. The summary is written last, because its presence marks a
-/// finished run.
+/// Completes the files of a finished run, whose checkpoint has been written. The summary is written
+/// last, because its presence marks a finished run.
 fn finish(
     plan: &Plan,
     options: &Options,
     trainer: &Trainer,
     recorders: &mut Recorders,
 ) -> Result<RunOutcome, RunError> {
-    write_checkpoint(options, trainer, recorders)?;
     recorders
         .iter_mut()
         .try_for_each(|recorder| recorder.finish())?;

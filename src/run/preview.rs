@@ -34,7 +34,7 @@ pub fn record(
         name: &format!("{}-preview", description.spec().name),
         focus: Focus::Motion,
         spec: trainer.spec(),
-        scene: trainer.environment().scene(),
+        scene: trainer.scene(),
         agents: 1,
         bonus: BonusRange::None,
         max_episodes: episodes.get(),

@@ -123,7 +123,7 @@ fn create_recorder(
         name: &format!("{}-seed-{}-replay", plan.name, plan.scenario.seed),
         focus: Focus::Motion,
         spec: trainer.spec(),
-        scene: trainer.environment().scene(),
+        scene: trainer.scene(),
         agents: trainer.agent_count() as u32,
         bonus: BonusRange::None,
         max_episodes: settings.evaluation.episodes,

@@ -1,16 +1,15 @@
-//! Rollouts: every agent acts in its own copy of the environment, all copies one step at a time
-//! (thesis Alg. 3).
+//! Synchronous rounds: every agent acts in its own copy of the environment (thesis Alg. 3).
 //!
-//! [`play`] plays a round that starts and ends for all agents together. An `EpisodeSlot` holds the
-//! current episode of one agent; asynchronous rollouts use it as well.
+//! Copies and agents are divided into groups, which play on different threads. Agents do not
+//! influence each other within a round, except through a team that learns during episodes: it gets
+//! the transitions of all groups in the order of steps and agents. So results do not depend on the
+//! division.
 
-use serde::{Deserialize, Serialize};
-
+use super::episode_slots::EpisodeSlots;
 use crate::record::{BodyTrajectory, SceneSettings};
-use seedbed_env::random::{Purpose, Stream, stream};
-use seedbed_env::{Environment, Pose, Status};
+use seedbed_env::Environment;
 use seedbed_learn::experience::Episode;
-use seedbed_learn::team::{ActionRequest, Team, Workers};
+use seedbed_learn::team::{Team, Workers};
 
 /// Settings of one round.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +20,7 @@ pub struct RoundPlan<'a> {
     pub round: u32,
     /// Number of episodes that each agent plays.
     pub episodes: u32,
-    /// Whose bodies are recorded, and in which episodes; `None` records no bodies.
+    /// Which bodies are recorded, if any.
     pub scene: Option<&'a SceneSettings>,
 }
 
@@ -30,218 +29,162 @@ pub struct RoundPlan<'a> {
 pub struct PlayedEpisodes {
     /// The episodes, in (agent, episode) order.
     pub episodes: Vec<Episode>,
-    /// The recorded bodies, in the order in which their episodes ended.
+    /// The recorded bodies, in (agent, episode) order.
     pub body_trajectories: Vec<BodyTrajectory>,
 }
 
-/// Plays one round. Agent k acts in copy k; a copy that has played its episodes waits for the
-/// others. With `learning`, the team receives every transition and may learn between steps.
-pub fn play(
-    environment: &mut dyn Environment,
+/// Copies of the environment that one thread steps, and their agents.
+pub(super) struct CopyGroup {
+    /// Number of the agent that acts in the first copy.
+    pub(super) first_agent: u32,
+    pub(super) environment: Box<dyn Environment>,
+}
+
+/// Plays one round. A copy that has played its episodes waits for the others. With `learning`, the
+/// team gets transitions if it learns from them, and may learn between steps.
+pub(super) fn play(
+    groups: &mut [CopyGroup],
     team: &mut dyn Team,
     plan: &RoundPlan<'_>,
-    learning: Option<Workers<'_>>,
+    learning: bool,
+    workers: Workers<'_>,
 ) -> PlayedEpisodes {
     team.begin_round(plan.round);
-    let count = team.agent_count();
-    let mut slots = EpisodeSlots::new(plan.run_seed, count, plan.round);
-    let mut finished_by_agent: Vec<Vec<Episode>> = vec![Vec::new(); count];
-    let mut body_trajectories = Vec::new();
-    let first_episode = plan.round.wrapping_mul(plan.episodes);
-    for slot in &mut slots.slots {
-        slot.start(environment, first_episode, plan.round, plan.scene);
-    }
-    while slots.any_playing() {
-        slots.step(environment, team);
-        for (slot, finished) in slots.slots.iter_mut().zip(&mut finished_by_agent) {
-            let ended = slot.observe(environment);
-            if let Some(newest) = ended.as_ref().or(slot.playing.as_ref())
-                && learning.is_some()
-            {
-                team.add_transition(newest);
-            }
-            let Some(episode) = ended else { continue };
-            body_trajectories.extend(slot.body_trajectory.take());
-            finished.push(episode);
-            if finished.len() < plan.episodes as usize {
-                let next = first_episode.wrapping_add(finished.len() as u32);
-                slot.start(environment, next, plan.round, plan.scene);
-            }
-        }
-        if let Some(workers) = learning {
-            team.end_step(workers);
+    let mut rounds: Vec<GroupRound<'_>> = groups
+        .iter_mut()
+        .map(|group| GroupRound::new(group, plan))
+        .collect();
+    while rounds.iter().any(|round| round.slots.any_playing()) {
+        let interval = team.transition_interval().filter(|_| learning);
+        let reader: &dyn Team = team;
+        workers.for_each(&mut rounds, |round| round.play(reader, interval));
+        if interval.is_some() {
+            report_transitions(&mut rounds, team, workers);
         }
     }
-    PlayedEpisodes {
-        episodes: finished_by_agent.into_iter().flatten().collect(),
-        body_trajectories,
+    collect_episodes(rounds)
+}
+
+/// Passes the transitions that were played since the last call to the team, in the order of steps
+/// and agents.
+fn report_transitions(rounds: &mut [GroupRound<'_>], team: &mut dyn Team, workers: Workers<'_>) {
+    let steps = rounds.iter().map(|round| round.unreported_steps).max();
+    for _ in 0..steps.unwrap_or(0) {
+        for round in &mut *rounds {
+            round.report_step(team);
+        }
+        team.end_step(workers);
+    }
+    for round in rounds {
+        round.unreported_steps = 0;
     }
 }
 
-/// The episodes that a team is playing, one slot per agent.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct EpisodeSlots {
-    pub(super) slots: Vec<EpisodeSlot>,
-    /// The stream from which each agent draws its actions: `[K]`.
-    action_streams: Vec<Stream>,
-    #[serde(skip)]
-    buffers: StepBuffers,
+fn collect_episodes(rounds: Vec<GroupRound<'_>>) -> PlayedEpisodes {
+    let mut played = PlayedEpisodes::default();
+    for round in rounds {
+        let agents = round.agents.into_iter();
+        played
+            .episodes
+            .extend(agents.flat_map(|agent| agent.finished));
+        played.body_trajectories.extend(round.body_trajectories);
+    }
+    played
+        .body_trajectories
+        .sort_by_key(|trajectory| (trajectory.agent, trajectory.episode));
+    played
 }
 
-/// Memory for one step of all agents, reused from step to step.
-#[derive(Debug, Default)]
-struct StepBuffers {
-    playing: Vec<bool>,
-    actions: Vec<f32>,
-    log_probs: Vec<f32>,
+/// The round of one group.
+struct GroupRound<'a> {
+    environment: &'a mut dyn Environment,
+    plan: &'a RoundPlan<'a>,
+    slots: EpisodeSlots,
+    agents: Vec<AgentRound>,
+    body_trajectories: Vec<BodyTrajectory>,
+    /// Number of steps whose transitions the team has not got yet.
+    unreported_steps: u32,
 }
 
-impl EpisodeSlots {
-    /// Slots for `count` agents, with the random streams of round number `round`.
-    pub(super) fn new(run_seed: u64, count: usize, round: u32) -> Self {
-        let agents = 0..count as u32;
-        Self {
-            slots: agents
-                .clone()
-                .map(|agent| EpisodeSlot::new(run_seed, agent, round))
-                .collect(),
-            action_streams: agents
-                .map(|agent| stream(run_seed, Purpose::Action, agent, round))
-                .collect(),
-            buffers: StepBuffers::default(),
-        }
+/// The round of one agent.
+#[derive(Default)]
+struct AgentRound {
+    /// The episodes that have ended.
+    finished: Vec<Episode>,
+    /// The next transition for the team: index of its episode in this round, and its step.
+    unreported: (usize, usize),
+}
+
+impl<'a> GroupRound<'a> {
+    /// Starts the first episode of each agent.
+    fn new(group: &'a mut CopyGroup, plan: &'a RoundPlan<'a>) -> Self {
+        let count = group.environment.copies();
+        let agents = group.first_agent..group.first_agent + count as u32;
+        let mut round = Self {
+            environment: &mut *group.environment,
+            plan,
+            slots: EpisodeSlots::new(plan.run_seed, agents, plan.round),
+            agents: Vec::new(),
+            body_trajectories: Vec::new(),
+            unreported_steps: 0,
+        };
+        round.agents.resize_with(count, AgentRound::default);
+        (0..count).for_each(|copy| round.start_episode(copy));
+        round
     }
 
-    /// Gives an agent a new slot, with the random streams of round number `round`.
-    pub(super) fn renew(&mut self, run_seed: u64, agent: u32, round: u32) -> &mut EpisodeSlot {
-        self.action_streams[agent as usize] = stream(run_seed, Purpose::Action, agent, round);
-        let slot = &mut self.slots[agent as usize];
-        *slot = EpisodeSlot::new(run_seed, agent, round);
-        slot
+    /// Starts the next episode of an agent.
+    fn start_episode(&mut self, copy: usize) {
+        let plan = self.plan;
+        let first_episode = plan.round.wrapping_mul(plan.episodes);
+        let episode = first_episode.wrapping_add(self.agents[copy].finished.len() as u32);
+        self.slots.slots[copy].start(&mut *self.environment, episode, plan.round, plan.scene);
     }
 
-    pub(super) fn any_playing(&self) -> bool {
-        self.slots.iter().any(EpisodeSlot::is_playing)
-    }
-
-    /// All playing agents act, and all environments advance by one step.
-    pub(super) fn step(&mut self, environment: &mut dyn Environment, team: &mut dyn Team) {
-        let width = environment.spec().action_width();
-        let buffers = &mut self.buffers;
-        buffers.playing.clear();
-        buffers
-            .playing
-            .extend(self.slots.iter().map(EpisodeSlot::is_playing));
-        buffers.actions.resize(self.slots.len() * width, 0.0);
-        buffers.log_probs.resize(self.slots.len() * width, 0.0);
-        team.act(&mut ActionRequest {
-            observations: environment.observations(),
-            playing: &buffers.playing,
-            random: &mut self.action_streams,
-            actions: &mut buffers.actions,
-            log_probs: &mut buffers.log_probs,
-        });
-        let rows = buffers.actions.chunks_exact(width);
-        let rows = rows.zip(buffers.log_probs.chunks_exact(width));
-        for (slot, (action, log_prob)) in self.slots.iter_mut().zip(rows) {
-            if let Some(episode) = &mut slot.playing {
-                episode.actions.extend_from_slice(action);
-                episode.log_probs.extend_from_slice(log_prob);
+    /// Plays to the end of the round, or at most `max_steps` steps.
+    fn play(&mut self, team: &dyn Team, max_steps: Option<u32>) {
+        while self.slots.any_playing() && max_steps.is_none_or(|max| self.unreported_steps < max) {
+            self.slots
+                .step(&mut *self.environment, team, self.unreported_steps);
+            (0..self.agents.len()).for_each(|copy| self.observe(copy));
+            if max_steps.is_some() {
+                self.unreported_steps += 1;
             }
         }
-        environment.step(&buffers.actions);
-    }
-}
-
-/// The episode that one agent is playing, if any.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct EpisodeSlot {
-    agent: u32,
-    resets: Stream,
-    playing: Option<Episode>,
-    /// The bodies during the episode that is playing or has just ended, if they are recorded.
-    pub(super) body_trajectory: Option<BodyTrajectory>,
-}
-
-impl EpisodeSlot {
-    /// A slot that draws start states from the random stream of (run seed, agent, `round`).
-    fn new(run_seed: u64, agent: u32, round: u32) -> Self {
-        Self {
-            agent,
-            resets: stream(run_seed, Purpose::Reset, agent, round),
-            playing: None,
-            body_trajectory: None,
-        }
     }
 
-    pub(super) fn is_playing(&self) -> bool {
-        self.playing.is_some()
-    }
-
-    /// Starts the agent's episode number `episode`.
-    pub(super) fn start(
-        &mut self,
-        environment: &mut dyn Environment,
-        episode: u32,
-        round: u32,
-        scene: Option<&SceneSettings>,
-    ) {
-        environment.reset(self.agent as usize, &mut self.resets);
-        let mut started = Episode::start(self.agent, episode, round, environment.spec());
-        let observation = self.observation(environment);
-        started.observations.extend_from_slice(observation);
-        self.playing = Some(started);
-        let recorded = scene.is_some_and(|scene| scene.records(self.agent, episode));
-        self.body_trajectory = recorded.then(|| BodyTrajectory {
-            agent: self.agent,
-            episode,
-            ..BodyTrajectory::default()
-        });
-        self.record_bodies(environment);
-    }
-
-    /// Adds the result of the latest step to the episode; returns the episode if it has ended.
-    pub(super) fn observe(&mut self, environment: &dyn Environment) -> Option<Episode> {
-        let mut episode = self.playing.take()?;
-        let copy = self.agent as usize;
-        episode.rewards.push(environment.rewards()[copy]);
-        let observation = self.observation(environment);
-        episode.observations.extend_from_slice(observation);
-        self.record_bodies(environment);
-        episode.outcome = environment.statuses()[copy];
-        if episode.outcome == Status::Running {
-            self.playing = Some(episode);
-            return None;
-        }
-        Some(episode)
-    }
-
-    /// Observation of the agent's copy of the environment.
-    fn observation<'a>(&self, environment: &'a dyn Environment) -> &'a [f32] {
-        let width = environment.spec().observation_width();
-        let copy = self.agent as usize;
-        &environment.observations()[copy * width..(copy + 1) * width]
-    }
-
-    fn record_bodies(&mut self, environment: &dyn Environment) {
-        let (Some(scene), Some(trajectory)) = (environment.scene(), &mut self.body_trajectory)
-        else {
+    /// Adds the result of the latest step to an agent's episode. If it has ended, the next begins.
+    fn observe(&mut self, copy: usize) {
+        let slot = &mut self.slots.slots[copy];
+        let Some(episode) = slot.observe(&*self.environment) else {
             return;
         };
-        let copy = self.agent as usize;
-        let first_pose = trajectory.poses.len();
-        let body_count = scene.bodies.len();
-        trajectory
-            .poses
-            .resize(first_pose + body_count, Pose::default());
-        environment.poses(copy, &mut trajectory.poses[first_pose..]);
-        let forces_before = trajectory.forces.len();
-        environment.forces(
-            copy,
-            &trajectory.poses[first_pose..],
-            &mut trajectory.forces,
-        );
-        let added_forces = trajectory.forces.len() - forces_before;
-        trajectory.forces_per_row.push(added_forces);
+        self.body_trajectories.extend(slot.body_trajectory.take());
+        let finished = &mut self.agents[copy].finished;
+        finished.push(episode);
+        if finished.len() < self.plan.episodes as usize {
+            self.start_episode(copy);
+        }
+    }
+
+    /// Passes the next transition of each agent that has one to the team.
+    fn report_step(&mut self, team: &mut dyn Team) {
+        for (agent, slot) in self.agents.iter_mut().zip(&self.slots.slots) {
+            let (index, step) = agent.unreported;
+            let finished = agent.finished.get(index);
+            let Some(episode) = finished.or(slot.playing.as_ref()) else {
+                continue;
+            };
+            if step == episode.length() {
+                continue;
+            }
+            team.add_transition(episode, step);
+            let is_complete = finished.is_some() && step + 1 == episode.length();
+            agent.unreported = if is_complete {
+                (index + 1, 0)
+            } else {
+                (index, step + 1)
+            };
+        }
     }
 }

@@ -3,19 +3,22 @@
 //! A [`Trainer`] is built from any [`Environment`] and any [`Team`] ([`Trainer::new`]), or from a
 //! scenario ([`Trainer::from_scenario`]).
 
+use std::num::NonZero;
+
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
 
 use super::agreement;
 use super::asynchronous::{AsyncConfig, AsyncRollout};
 use super::measures::{Measures, RoundRows};
-use super::rollout::{self, PlayedEpisodes, RoundPlan};
+use super::rollout::{self, CopyGroup, PlayedEpisodes, RoundPlan};
 use crate::record::{BodyTrajectory, SceneSettings};
 use crate::scenario::{Scenario, Schedule, Stop, Threshold};
 use seedbed_env::TaskDescription;
 use seedbed_env::input::InputError;
-use seedbed_env::{Environment, TaskSpec, build};
+use seedbed_env::{Environment, Physics, Scene, TaskSpec, build};
 use seedbed_learn::agent::{Tensor, UpdateReport};
+use seedbed_learn::experience::replay::Replay;
 use seedbed_learn::experience::{Episode, SharedBuffer, StepData};
 use seedbed_learn::team::{
     AgentUpdate, Learner, LearningRequest, LearningTiming, Team, TeamContext, Workers,
@@ -24,7 +27,7 @@ use seedbed_learn::team::{
 /// The environments, team, shared buffer and measures of a run.
 pub struct Trainer {
     settings: TrainingSettings,
-    environment: Box<dyn Environment>,
+    groups: Vec<CopyGroup>,
     team: Box<dyn Team>,
     buffer: SharedBuffer,
     /// Number of the team's episodes before the newest round.
@@ -89,7 +92,8 @@ pub struct Round {
 #[derive(Serialize, Deserialize)]
 struct Saved<B, R, M> {
     round: u32,
-    environment: Vec<u8>,
+    /// State of each copy.
+    copies: Vec<Vec<u8>>,
     team: Vec<u8>,
     buffer: B,
     recorded: u64,
@@ -134,15 +138,38 @@ impl Trainer {
         team: Box<dyn Team>,
         settings: TrainingSettings,
     ) -> Self {
-        let (copies, agents) = (environment.copies(), team.agent_count());
+        Self::with_groups(vec![environment], team, settings)
+    }
+
+    /// Like [`new`](Self::new), with the copies of the environment in several groups, which are
+    /// stepped on different threads. The bits of a run do not depend on the division, if those of a
+    /// copy do not depend on the copies beside it.
+    ///
+    /// # Panics
+    /// If there are not as many copies as agents, if there are several groups although the schedule
+    /// is asynchronous, or if the system refuses to start threads.
+    #[must_use]
+    pub fn with_groups(
+        environments: Vec<Box<dyn Environment>>,
+        team: Box<dyn Team>,
+        settings: TrainingSettings,
+    ) -> Self {
+        let agents = team.agent_count();
+        let groups = number_agents(environments);
+        let copies: usize = groups.iter().map(|group| group.environment.copies()).sum();
         assert_eq!(copies, agents, "an environment has one copy per agent");
+        let is_asynchronous = matches!(settings.schedule, Schedule::Asynchronous { .. });
+        assert!(
+            groups.len() == 1 || !is_asynchronous,
+            "copies that are stepped in an asynchronous schedule are one group"
+        );
         let (threads, needs_pool) = (settings.threads, settings.threads != 1 && agents > 1);
         Self {
-            measures: Measures::new(environment.spec(), agents),
+            measures: Measures::new(groups[0].environment.spec(), agents),
             buffer: SharedBuffer::default(),
             episodes_before_round: 0,
             rollout: None,
-            environment,
+            groups,
             team,
             round: 0,
             pool: needs_pool.then(|| thread_pool(threads)),
@@ -159,12 +186,14 @@ impl Trainer {
         description: &TaskDescription,
         threads: usize,
     ) -> Result<Self, InputError> {
-        let count = scenario.agents.count.get() as usize;
-        let environment = build(description, scenario.physics, count)?;
+        let environments = group_sizes(description, scenario, threads)
+            .into_iter()
+            .map(|copies| build(description, scenario.physics, copies))
+            .collect::<Result<Vec<_>, _>>()?;
         let team = scenario.algorithm.config().build(&TeamContext {
             run_seed: scenario.seed,
             config: &scenario.agents,
-            spec: environment.spec(),
+            spec: description.spec(),
             timing: learning_timing(scenario.schedule),
             record_advantages: scenario.recording.has_advantages(),
         });
@@ -177,7 +206,7 @@ impl Trainer {
             has_intrinsic_rewards: scenario.algorithm.largest_intrinsic_reward().is_some(),
             threads,
         };
-        Ok(Self::new(environment, team, settings))
+        Ok(Self::with_groups(environments, team, settings))
     }
 
     /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
@@ -188,7 +217,7 @@ impl Trainer {
     /// # Errors
     /// An observation, a reward or a network's parameters are not finite.
     pub fn advance(&mut self) -> Result<Round, Diverged> {
-        self.remove_old_episodes();
+        self.buffer.remove_first(self.count_old_episodes());
         self.episodes_before_round = self.buffer.episodes_added();
         let (updates, body_trajectories) = match self.settings.schedule {
             Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
@@ -209,7 +238,7 @@ impl Trainer {
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
         let episodes = newest_episodes(&self.buffer, self.episodes_before_round);
-        let spec = self.environment.spec();
+        let spec = self.groups[0].environment.spec();
         let rows = self
             .measures
             .add_round(spec, self.round, &episodes, &reports);
@@ -221,8 +250,9 @@ impl Trainer {
         })
     }
 
-    /// Removes episodes that all agents have learned from, except for the transitions to keep.
-    fn remove_old_episodes(&mut self) {
+    /// Number of the team's first episodes that are not needed any more: all agents have learned
+    /// from them, and they have none of the transitions to keep.
+    fn count_old_episodes(&self) -> u64 {
         let learned_by_all = self
             .rollout
             .as_ref()
@@ -230,7 +260,7 @@ impl Trainer {
         let before_kept = self
             .buffer
             .count_before_newest(self.settings.transitions_kept);
-        self.buffer.remove_first(learned_by_all.min(before_kept));
+        learned_by_all.min(before_kept)
     }
 
     /// Every agent plays `episodes` episodes; then all agents learn.
@@ -242,8 +272,7 @@ impl Trainer {
             scene: self.settings.scene.as_ref(),
         };
         let workers = Workers::new(self.pool.as_ref());
-        let (environment, team) = (&mut *self.environment, &mut *self.team);
-        let played = rollout::play(environment, team, &plan, Some(workers));
+        let played = rollout::play(&mut self.groups, &mut *self.team, &plan, true, workers);
         let learned_before = self.buffer.episodes_added();
         self.add_to_buffer(played.episodes)?;
         let learners =
@@ -269,7 +298,7 @@ impl Trainer {
         let mut rollout = rollout.unwrap_or_else(|| AsyncRollout::new(config.run_seed, count));
         let (mut updates, mut body_trajectories) = (Vec::new(), Vec::new());
         while self.buffer.episodes_added() < self.episodes_before_round + count as u64 {
-            let ended = rollout.play(&mut *self.environment, &mut *self.team, &config);
+            let ended = rollout.play(&mut *self.groups[0].environment, &*self.team, &config);
             if ended.episodes.is_empty() {
                 break;
             }
@@ -291,7 +320,7 @@ impl Trainer {
     /// Checks episodes that ended in the same step, and adds them to the shared buffer.
     fn add_to_buffer(&mut self, mut episodes: Vec<Episode>) -> Result<(), Diverged> {
         for episode in &mut episodes {
-            check_episode(self.environment.spec(), episode)?;
+            check_episode(self.groups[0].environment.spec(), episode)?;
             episode.round = self.round;
         }
         self.buffer.add_episodes(episodes);
@@ -327,7 +356,8 @@ impl Trainer {
     /// Plays a round without learning and without measuring it. Episodes are in (agent, episode)
     /// order.
     pub fn play_without_learning(&mut self, plan: &RoundPlan<'_>) -> PlayedEpisodes {
-        rollout::play(&mut *self.environment, &mut *self.team, plan, None)
+        let workers = Workers::new(self.pool.as_ref());
+        rollout::play(&mut self.groups, &mut *self.team, plan, false, workers)
     }
 
     /// Agreement of the agents' intrinsic rewards for the steps of the round's first episode; see
@@ -369,19 +399,19 @@ impl Trainer {
     /// The task.
     #[must_use]
     pub fn spec(&self) -> &TaskSpec {
-        self.environment.spec()
+        self.groups[0].environment.spec()
     }
 
-    /// The environments.
+    /// The bodies of the task, if it has any to draw.
     #[must_use]
-    pub fn environment(&self) -> &dyn Environment {
-        &*self.environment
+    pub fn scene(&self) -> Option<&Scene> {
+        self.groups[0].environment.scene()
     }
 
     /// Number of agents K.
     #[must_use]
     pub fn agent_count(&self) -> usize {
-        self.environment.copies()
+        self.team.agent_count()
     }
 
     /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; the
@@ -409,7 +439,8 @@ impl Trainer {
         self.round
     }
 
-    /// Everything that cannot be derived from the scenario, as bytes.
+    /// Everything that cannot be derived from the scenario and that the next round needs, as bytes,
+    /// without the [replay buffer](Self::replay).
     ///
     /// # Panics
     /// Never: plain data always serializes.
@@ -417,9 +448,9 @@ impl Trainer {
     pub fn save(&self) -> Vec<u8> {
         let saved = Saved {
             round: self.round,
-            environment: self.environment.save(),
+            copies: self.save_copies(),
             team: self.team.save(),
-            buffer: &self.buffer,
+            buffer: self.buffer.without_first(self.count_old_episodes()),
             recorded: self.episodes_before_round,
             rollout: &self.rollout,
             measures: &self.measures,
@@ -428,20 +459,57 @@ impl Trainer {
     }
 
     /// Restores the state that [`save`](Self::save) wrote. Results after that are bit-identical to
-    /// those of an uninterrupted run.
+    /// those of an uninterrupted run, if the transitions of the [replay buffer](Self::replay) are
+    /// restored as well.
     ///
     /// # Errors
     /// The bytes are damaged or belong to another scenario.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let saved: Saved<SharedBuffer, Option<AsyncRollout>, Measures> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        self.environment.restore(&saved.environment)?;
+        self.restore_copies(&saved.copies)?;
         self.team.restore(&saved.team)?;
         self.buffer = saved.buffer;
         self.episodes_before_round = saved.recorded;
         self.rollout = saved.rollout;
         self.measures = saved.measures;
         self.round = saved.round;
+        Ok(())
+    }
+
+    /// The transitions that the team learns from, if it has a replay buffer.
+    #[must_use]
+    pub fn replay(&self) -> Option<&Replay> {
+        self.team.replay()
+    }
+
+    /// The replay buffer, to restore its transitions.
+    pub fn replay_mut(&mut self) -> Option<&mut Replay> {
+        self.team.replay_mut()
+    }
+
+    fn save_copies(&self) -> Vec<Vec<u8>> {
+        let mut saved = Vec::new();
+        for CopyGroup { environment, .. } in &self.groups {
+            saved.extend((0..environment.copies()).map(|copy| environment.save(copy)));
+        }
+        saved
+    }
+
+    fn restore_copies(&mut self, saved: &[Vec<u8>]) -> Result<(), String> {
+        let count = self.agent_count();
+        if saved.len() != count {
+            return Err(format!("it has {} copies; expected {count}", saved.len()));
+        }
+        for CopyGroup {
+            first_agent,
+            environment,
+        } in &mut self.groups
+        {
+            for copy in 0..environment.copies() {
+                environment.restore(copy, &saved[*first_agent as usize + copy])?;
+            }
+        }
         Ok(())
     }
 }
@@ -455,6 +523,52 @@ fn thread_pool(threads: usize) -> ThreadPool {
         .thread_name(|index| format!("agents-{index}"))
         .build()
         .expect("the system starts threads")
+}
+
+/// Numbers of copies of the groups in which a scenario's environment is built. Rigid bodies that
+/// share a world are divided as little as possible, because every world has a cost of its own in
+/// each step. Other copies are divided into more groups than threads, so that all threads are busy
+/// to the end of a round.
+fn group_sizes(description: &TaskDescription, scenario: &Scenario, threads: usize) -> Vec<usize> {
+    let agents = scenario.agents.count.get() as usize;
+    if matches!(scenario.schedule, Schedule::Asynchronous { .. }) {
+        return vec![agents];
+    }
+    let threads = match threads {
+        0 => std::thread::available_parallelism().map_or(1, NonZero::get),
+        threads => threads,
+    };
+    let shares_world = scenario.physics == Physics::Rapier
+        && description
+            .body_task()
+            .is_some_and(|task| !task.needs_own_worlds());
+    let groups = if threads == 1 || shares_world {
+        threads
+    } else {
+        GROUPS_PER_THREAD * threads
+    };
+    let groups = groups.min(agents);
+    let first_of_group = |group: usize| group * agents / groups;
+    (0..groups)
+        .map(|group| first_of_group(group + 1) - first_of_group(group))
+        .collect()
+}
+
+/// Groups of copies per thread, if copies do not share a world.
+const GROUPS_PER_THREAD: usize = 4;
+
+/// Groups whose agents are numbered consecutively.
+fn number_agents(environments: Vec<Box<dyn Environment>>) -> Vec<CopyGroup> {
+    let mut first_agent = 0;
+    let number = |environment: Box<dyn Environment>| {
+        let group = CopyGroup {
+            first_agent,
+            environment,
+        };
+        first_agent += group.environment.copies() as u32;
+        group
+    };
+    environments.into_iter().map(number).collect()
 }
 
 fn learning_timing(schedule: Schedule) -> LearningTiming {

@@ -4,12 +4,13 @@
 use super::file::Test;
 use super::measure::Measure;
 use super::run_result::RunResult;
-use seedbed_stats::aggregate::{interquartile_mean, mean, median};
+use seedbed_stats::aggregate::{interquartile_mean_of_sorted, mean, median_of_sorted};
+use seedbed_stats::bootstrap::{bootstrap_sorted_statistics, bootstrap_statistics};
 use seedbed_stats::hypothesis::welch_test;
 use seedbed_stats::improvement::probability_of_improvement;
 use seedbed_stats::paired::{differences, signed_rank_test};
 use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
-use seedbed_stats::{Estimate, Interval, bootstrap_estimate, stratified_bootstrap_estimate};
+use seedbed_stats::{Estimate, Interval, bootstrap_estimate};
 
 /// Value of a measure for one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,17 +104,18 @@ pub fn summarize_scores(scores: &[RunScore], are_times: bool) -> Option<Aggregat
         return None;
     }
     let reached = values.iter().filter(|value| value.is_finite()).count();
-    let median = if are_times {
-        let curve = kaplan_meier(&times_to_event(scores));
-        Estimate {
-            value: curve.median().unwrap_or(f64::INFINITY),
-            interval: curve.median_interval(),
-        }
-    } else {
-        bootstrap_estimate(&values, median)
-    };
     let all_reached = reached == values.len();
-    let interquartile_mean = all_reached.then(|| bootstrap_estimate(&values, interquartile_mean));
+    let (median, interquartile_mean) = match (are_times, all_reached) {
+        (true, false) => (median_time(scores), None),
+        (true, true) => (
+            median_time(scores),
+            Some(median_and_interquartile_mean(&values)[1]),
+        ),
+        (false, _) => {
+            let [median, interquartile_mean] = median_and_interquartile_mean(&values);
+            (median, all_reached.then_some(interquartile_mean))
+        }
+    };
     let min = values.iter().copied().fold(values[0], f64::min);
     let max = values.iter().copied().fold(values[0], f64::max);
     Some(Aggregate {
@@ -123,6 +125,25 @@ pub fn summarize_scores(scores: &[RunScore], are_times: bool) -> Option<Aggregat
         interquartile_mean,
         range: [min, max],
     })
+}
+
+/// Kaplan–Meier median with its interval.
+fn median_time(scores: &[RunScore]) -> Estimate {
+    let curve = kaplan_meier(&times_to_event(scores));
+    Estimate {
+        value: curve.median().unwrap_or(f64::INFINITY),
+        interval: curve.median_interval(),
+    }
+}
+
+/// Median and interquartile mean with their bootstrap intervals, from the same resamples.
+fn median_and_interquartile_mean(values: &[f64]) -> [Estimate; 2] {
+    let estimates =
+        bootstrap_sorted_statistics(&[vec![values.to_vec()]], 2, |groups, statistics| {
+            statistics[0] = median_of_sorted(&groups[0]);
+            statistics[1] = interquartile_mean_of_sorted(&groups[0]);
+        });
+    [estimates[0], estimates[1]]
 }
 
 /// Compares the scores of two cells. `None` if a cell has no runs or, in a paired comparison, if
@@ -237,13 +258,13 @@ struct Effect {
 fn compare_pairs(x: &[f64], y: &[f64], are_times: bool) -> (Effect, f64) {
     let differences = differences(x, y);
     let effect = if are_times {
-        bounded_effect(|unknown| {
+        bounded_effect([f64::NEG_INFINITY, f64::INFINITY].map(|unknown| {
             let pairs = x.iter().zip(y);
             let differences: Vec<f64> = pairs
                 .map(|(&x, &y)| difference_of_times(x, y, unknown))
                 .collect();
-            bootstrap_estimate(&differences, median)
-        })
+            bootstrap_median(differences)
+        }))
     } else {
         let estimate = bootstrap_estimate(&differences, mean);
         Effect {
@@ -264,19 +285,21 @@ fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
     }
 }
 
-/// Computes an effect that may depend on unknown differences, with bounds.
+fn bootstrap_median(values: Vec<f64>) -> Estimate {
+    bootstrap_sorted_statistics(&[vec![values]], 1, |groups, statistics| {
+        statistics[0] = median_of_sorted(&groups[0]);
+    })[0]
+}
+
+/// An effect that may depend on unknown differences, with bounds, from the estimates of the effect
+/// if every unknown difference were −∞ and if every unknown difference were ∞.
 ///
-/// `estimate_assuming(d)` estimates the effect if every unknown difference were `d`. Medians never
-/// decrease when one of their values increases. So the estimates for d = −∞ and d = ∞ are the
-/// smallest and the largest that any unknown differences can give. The same holds for the ends of
-/// their intervals, so the interval from the lower end for −∞ to the upper end for ∞ covers all
-/// cases. If both estimates are equal, the effect does not depend on unknown differences; otherwise
-/// its value is NaN.
-fn bounded_effect(estimate_assuming: impl Fn(f64) -> Estimate) -> Effect {
-    let (smallest, largest) = (
-        estimate_assuming(f64::NEG_INFINITY),
-        estimate_assuming(f64::INFINITY),
-    );
+/// Medians never decrease when one of their values increases. So these estimates are the smallest
+/// and the largest that any unknown differences can give. The same holds for the ends of their
+/// intervals, so the interval from the lower end for −∞ to the upper end for ∞ covers all cases. If
+/// both estimates are equal, the effect does not depend on unknown differences; otherwise its value
+/// is NaN.
+fn bounded_effect([smallest, largest]: [Estimate; 2]) -> Effect {
     let interval = match (smallest.interval, largest.interval) {
         (Interval::Known { low, .. }, Interval::Known { high, .. }) => {
             Interval::Known { low, high }
@@ -296,13 +319,21 @@ fn compare_samples(
     [x, y]: [&[f64]; 2],
     are_times: bool,
 ) -> (Effect, f64) {
-    let statistic = if are_times { median } else { mean };
+    let effects = |[x, y]: [f64; 2], effects: &mut [f64]| {
+        effects[0] = difference_of_times(x, y, f64::NEG_INFINITY);
+        effects[1] = difference_of_times(x, y, f64::INFINITY);
+    };
     let samples = [x.to_vec(), y.to_vec()];
-    let effect = bounded_effect(|unknown| {
-        stratified_bootstrap_estimate(&samples, |samples| {
-            difference_of_times(statistic(&samples[0]), statistic(&samples[1]), unknown)
+    let estimates = if are_times {
+        bootstrap_sorted_statistics(&samples.map(|sample| vec![sample]), 2, |groups, values| {
+            effects([0, 1].map(|group| median_of_sorted(&groups[group])), values);
         })
-    });
+    } else {
+        bootstrap_statistics(&samples, 2, |samples, values| {
+            effects([0, 1].map(|sample| mean(&samples[sample])), values);
+        })
+    };
+    let effect = bounded_effect([estimates[0], estimates[1]]);
     // The log-rank test accounts for censoring itself, so it gets the times without the common
     // horizon.
     let p = if are_times {

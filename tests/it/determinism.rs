@@ -4,7 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use super::util::{RESULT_FILES, assert_same_results, crash, differing_results, run_command};
+use super::util::{
+    RESULT_FILES, assert_same_results, crash, differing_results, run_command, stderr,
+};
 
 /// The command `seedbed run scenarios/cartpole.ron --quiet`, with standard error discarded.
 fn quiet_run_command(folder: &Path, extra_arguments: &[&str]) -> Command {
@@ -216,6 +218,42 @@ fn assert_resumed_run_gives_the_same_bits(extra_arguments: &[&str]) {
 
     assert_same_results(&uninterrupted, &crashed);
     assert!(crashed.join("run.rrd").exists() && !crashed.join("run.rrd.part").exists());
+}
+
+/// A replay file that lacks a byte or has another one is refused. With the original file, the run
+/// can be resumed.
+#[test]
+fn a_damaged_replay_file_is_refused() {
+    let (_temporary, folder, _) = two_run_folders();
+    let arguments = [
+        &SHORT_RUN[..],
+        &ENSEMBLE_OVERRIDES,
+        &["--no-recording", "--set", "checkpoint_every=5"],
+    ]
+    .concat();
+    crash(quiet_run_command(
+        &folder,
+        &[&arguments[..], &["--abort-after-rounds", "12"]].concat(),
+    ));
+    let file = folder.join("checkpoint/replay-1.bin");
+    let original = std::fs::read(&file).unwrap();
+    let resume = [&["--quiet", "--resume"], &arguments[..]].concat();
+    let refused_with = |bytes: &[u8], reason: &str| {
+        std::fs::write(&file, bytes).unwrap();
+        let output = run_command(&folder, &resume).output().unwrap();
+        let expected = format!("checkpoint {}: {reason}", file.display());
+        let printed = stderr(&output);
+        assert!(
+            !output.status.success() && printed.contains(&expected),
+            "{printed}"
+        );
+    };
+    refused_with(&original[1..], "is too short: it has ");
+    let mut changed = original.clone();
+    changed[original.len() / 2] ^= 1;
+    refused_with(&changed, "is damaged: it has another checksum");
+    std::fs::write(&file, &original).unwrap();
+    run_to_end(&folder, &[&arguments[..], &["--resume"]].concat());
 }
 
 /// A run cannot be resumed with another discount or an end before its checkpoint. It can be resumed

@@ -4,8 +4,8 @@
 //! or an analytic model ([`analytic`](super::analytic)). This module must not depend on
 //! observations, rewards or episodes.
 
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
 use super::{Force, Pose};
 
@@ -33,20 +33,20 @@ pub trait Dynamics: Send {
     /// colliders there are none.
     fn contact_forces(&self, _copy: usize, _forces: &mut Vec<Force>) {}
 
-    /// The whole state as bytes, from which [`restore`](Self::restore) continues with the same
-    /// bits.
-    fn save(&self) -> Vec<u8>;
+    /// The whole state of one copy as bytes, from which [`restore`](Self::restore) continues with
+    /// the same bits.
+    fn save(&self, copy: usize) -> Vec<u8>;
 
-    /// Restores a state that [`save`](Self::save) returned.
+    /// Sets a copy to a state that [`save`](Self::save) returned, for any copy of the task.
     ///
     /// # Errors
-    /// The bytes are not a state of this task with this number of copies.
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
+    /// The bytes are not a state of this task.
+    fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String>;
 }
 
 /// Positions and velocities of the coordinates of M copies: `[coordinates × M]`, one column per
 /// coordinate.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CoordinateColumns {
     copies: usize,
     positions: Vec<f32>,
@@ -95,13 +95,39 @@ impl CoordinateColumns {
         self.velocities[index] = velocity;
     }
 
-    /// Whether both have the same number of coordinates and copies.
-    pub(crate) fn same_shape(&self, other: &Self) -> bool {
-        self.copies == other.copies
-            && self.positions.len() == other.positions.len()
-            && self.velocities.len() == other.velocities.len()
+    /// Positions and velocities of one coordinate: `[M]` each.
+    pub(crate) fn columns_mut(&mut self, coordinate: usize) -> (&mut [f32], &mut [f32]) {
+        let first = coordinate * self.copies;
+        (
+            &mut self.positions[first..][..self.copies],
+            &mut self.velocities[first..][..self.copies],
+        )
+    }
+
+    /// Position and velocity of each coordinate of one copy: `[coordinates]`.
+    pub(crate) fn row(&self, copy: usize) -> Vec<(f32, f32)> {
+        (0..self.positions.len() / self.copies)
+            .map(|coordinate| self.get(coordinate, copy))
+            .collect()
+    }
+
+    /// Sets position and velocity of each coordinate of one copy.
+    ///
+    /// # Errors
+    /// The row has another number of coordinates.
+    pub(crate) fn set_row(&mut self, copy: usize, row: &[(f32, f32)]) -> Result<(), String> {
+        if row.len() != self.positions.len() / self.copies {
+            return Err(OTHER_BODIES.to_owned());
+        }
+        for (coordinate, &(position, velocity)) in row.iter().enumerate() {
+            self.set(coordinate, copy, position, velocity);
+        }
+        Ok(())
     }
 }
+
+/// Message for a saved state that does not fit the task.
+pub(super) const OTHER_BODIES: &str = "the saved state has other bodies";
 
 /// Writes a state as bytes, which [`from_bytes`] reads.
 pub(super) fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::description::{BodyTask, ColumnLayout, TaskDescription};
 use super::dynamics::{Dynamics, from_bytes, to_bytes};
-use super::expression::{Evaluator, ValueTable};
+use super::expression::{Evaluator, ValueTable, copy_values};
 use super::sensing::SensorReader;
 use super::tabular::TabularEnvironment;
 use super::{
@@ -93,7 +93,7 @@ struct BodyEnvironment {
 }
 
 /// The state of each copy's episode, besides the table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 struct EpisodeStates {
     /// `[copies × observations]`
     observations: Vec<f32>,
@@ -103,11 +103,16 @@ struct EpisodeStates {
     steps: Vec<u32>,
 }
 
+/// The state of one copy, which a checkpoint stores.
 #[derive(Serialize, Deserialize)]
-struct SavedEnvironment {
+struct SavedCopy {
     task: String,
-    table: Vec<f32>,
-    episodes: EpisodeStates,
+    /// The copy's row of the table.
+    values: Vec<f32>,
+    observation: Vec<f32>,
+    reward: f32,
+    status: Status,
+    steps: u32,
     dynamics: Vec<u8>,
 }
 
@@ -202,34 +207,39 @@ impl Environment for BodyEnvironment {
         &self.episodes.statuses
     }
 
-    fn save(&self) -> Vec<u8> {
-        let state = SavedEnvironment {
+    fn save(&self, copy: usize) -> Vec<u8> {
+        let width = self.columns.observation_count;
+        to_bytes(&SavedCopy {
             task: self.task.spec.name.clone(),
-            table: self.table.values().to_vec(),
-            episodes: self.episodes.clone(),
-            dynamics: self.dynamics.save(),
-        };
-        to_bytes(&state)
+            values: self.table.row(copy),
+            observation: self.episodes.observations[copy * width..][..width].to_vec(),
+            reward: self.episodes.rewards[copy],
+            status: self.episodes.statuses[copy],
+            steps: self.episodes.steps[copy],
+            dynamics: self.dynamics.save(copy),
+        })
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let state: SavedEnvironment = from_bytes(bytes)
+    fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
+        let saved: SavedCopy = from_bytes(bytes)
             .map_err(|error| format!("not a saved state of an environment: {error}"))?;
         let name = &self.task.spec.name;
-        if state.task != *name {
+        if saved.task != *name {
             return Err(format!(
                 "the saved state is of task `{}`, expected `{name}`",
-                state.task
+                saved.task
             ));
         }
-        if state.table.len() != self.table.values().len()
-            || !state.episodes.same_shape(&self.episodes)
-        {
-            return Err("the saved state has another number of copies".to_owned());
+        let width = self.columns.observation_count;
+        if saved.values.len() != self.columns.count() || saved.observation.len() != width {
+            return Err("the saved state has other observations or sensors".to_owned());
         }
-        self.dynamics.restore(&state.dynamics)?;
-        self.table.values_mut().copy_from_slice(&state.table);
-        self.episodes = state.episodes;
+        self.dynamics.restore(copy, &saved.dynamics)?;
+        self.table.set_row(copy, &saved.values);
+        self.episodes.observations[copy * width..][..width].copy_from_slice(&saved.observation);
+        self.episodes.rewards[copy] = saved.reward;
+        self.episodes.statuses[copy] = saved.status;
+        self.episodes.steps[copy] = saved.steps;
         Ok(())
     }
 
@@ -261,17 +271,17 @@ impl BodyEnvironment {
         let width = self.columns.action_count;
         for (index, actuator) in self.task.actuators.iter().enumerate() {
             let controls = self.table.column_mut(self.columns.first_action() + index);
-            let rows = actions.chunks_exact(width);
-            for ((control, row), status) in
-                controls.iter_mut().zip(rows).zip(&self.episodes.statuses)
-            {
-                if *status == Status::Running {
-                    *control = match &actuator.choice {
-                        Choice::Discrete(values) => values[row[index] as usize],
-                        Choice::Continuous => {
-                            row[index].clamp(actuator.range[0], actuator.range[1])
-                        }
-                    };
+            let copies = controls.iter_mut().zip(&self.episodes.statuses).enumerate();
+            let running = copies
+                .filter(|(_, (_, status))| **status == Status::Running)
+                .map(|(copy, (control, _))| (control, actions[copy * width + index]));
+            match &actuator.choice {
+                Choice::Discrete(values) => {
+                    running.for_each(|(control, action)| *control = values[action as usize]);
+                }
+                Choice::Continuous => {
+                    let [low, high] = actuator.range;
+                    running.for_each(|(control, action)| *control = action.clamp(low, high));
                 }
             }
         }
@@ -283,7 +293,7 @@ impl BodyEnvironment {
         for (index, force) in self.formula_forces.iter_mut().enumerate() {
             let column = self.columns.first_formula_force() + index;
             let (before, column) = self.table.split_at(column);
-            column.copy_from_slice(force.evaluate(before, copies.clone()));
+            copy_values(force.evaluate(before, copies.clone()), column);
         }
     }
 
@@ -309,10 +319,12 @@ impl BodyEnvironment {
             let column = self.columns.first_observation() + index;
             let (before, column) = self.table.split_at(column);
             let values = formula.evaluate(before, copies.clone());
-            column[copies.clone()].copy_from_slice(values);
-            let rows = self.episodes.observations.chunks_exact_mut(width);
-            for (row, &value) in rows.skip(copies.start).zip(values) {
-                row[index] = value;
+            copy_values(values, &mut column[copies.clone()]);
+            // Chunks of a width that is not known at compile time would take a division.
+            let mut at = copies.start * width + index;
+            for value in values {
+                self.episodes.observations[at] = *value;
+                at += width;
             }
         }
     }
@@ -321,34 +333,24 @@ impl BodyEnvironment {
     fn compute_rewards_and_statuses(&mut self) {
         let copies = 0..self.copies();
         let terminated = self.terminated.evaluate(self.table.view(), copies.clone());
-        let rewards = self
-            .constant_reward
-            .is_none()
-            .then(|| self.reward.evaluate(self.table.view(), copies.clone()));
         let episodes = &mut self.episodes;
-        for copy in copies {
-            if episodes.statuses[copy] != Status::Running {
-                continue;
-            }
-            episodes.rewards[copy] = self
-                .constant_reward
-                .unwrap_or_else(|| rewards.map_or(0.0, |rewards| rewards[copy]));
-            episodes.steps[copy] += 1;
-            let at_limit = episodes.steps[copy] >= self.task.spec.time_limit;
-            episodes.statuses[copy] = status_after_step(terminated[copy] != 0.0, at_limit);
-            if episodes.statuses[copy] != Status::Running {
-                self.dynamics.stop(copy);
+        match self.constant_reward {
+            Some(reward) => episodes.set_rewards(std::iter::repeat(reward)),
+            None => episodes.set_rewards(
+                self.reward
+                    .evaluate(self.table.view(), copies)
+                    .iter()
+                    .copied(),
+            ),
+        }
+        if episodes.end_step(terminated, self.task.spec.time_limit) {
+            for (copy, status) in self.episodes.statuses.iter().enumerate() {
+                // Stopping a copy again changes nothing.
+                if *status != Status::Running {
+                    self.dynamics.stop(copy);
+                }
             }
         }
-    }
-}
-
-/// Termination takes precedence over the time limit.
-fn status_after_step(terminated: bool, at_limit: bool) -> Status {
-    match (terminated, at_limit) {
-        (true, _) => Status::Terminated,
-        (false, true) => Status::Truncated,
-        (false, false) => Status::Running,
     }
 }
 
@@ -362,10 +364,36 @@ impl EpisodeStates {
         }
     }
 
-    fn same_shape(&self, other: &Self) -> bool {
-        self.observations.len() == other.observations.len()
-            && self.rewards.len() == other.rewards.len()
-            && self.statuses.len() == other.statuses.len()
-            && self.steps.len() == other.steps.len()
+    /// Sets the rewards of the running copies.   `rewards: [copies]`
+    fn set_rewards(&mut self, rewards: impl Iterator<Item = f32>) {
+        let copies = self.rewards.iter_mut().zip(&self.statuses).zip(rewards);
+        for ((reward, status), new) in copies {
+            // Choosing a number and storing it always has no branch.
+            *reward = if *status == Status::Running {
+                new
+            } else {
+                *reward
+            };
+        }
+    }
+
+    /// Counts a step of the running copies and ends their episodes; returns whether any ended.
+    /// Termination takes precedence over the time limit.   `terminated: [copies]`, 0 or 1
+    fn end_step(&mut self, terminated: &[f32], time_limit: u32) -> bool {
+        let mut any_ended = false;
+        let copies = self.statuses.iter_mut().zip(&mut self.steps);
+        for ((status, steps), terminated) in copies.zip(terminated) {
+            let running = *status == Status::Running;
+            *steps += u32::from(running);
+            let terminates = running && *terminated != 0.0;
+            let is_truncated = running && *steps >= time_limit;
+            any_ended |= terminates | is_truncated;
+            if terminates {
+                *status = Status::Terminated;
+            } else if is_truncated {
+                *status = Status::Truncated;
+            }
+        }
+        any_ended
     }
 }

@@ -101,6 +101,21 @@ impl Evaluator {
         variables: ValueTableView<'a>,
         copies: Range<usize>,
     ) -> &'a [f32] {
+        if copies.len() == 1 {
+            self.run_for_one(variables, copies.start);
+        } else {
+            self.run(variables, &copies);
+        }
+        match self.program.result {
+            Operand::Variable(index) => &variables.column(index)[copies],
+            Operand::Scratch(index) => &self.scratch.column(index)[copies],
+        }
+    }
+}
+
+impl Evaluator {
+    /// Computes the scratch columns of the given copies.
+    fn run(&mut self, variables: ValueTableView, copies: &Range<usize>) {
         let first = self.program.constants.len();
         for (index, instruction) in self.program.instructions.iter().enumerate() {
             let (inputs, output) = self.scratch.split_at(first + index);
@@ -113,9 +128,20 @@ impl Evaluator {
                 .operation
                 .apply(&mut output[copies.clone()], a, b, c);
         }
-        match self.program.result {
-            Operand::Variable(index) => &variables.column(index)[copies],
-            Operand::Scratch(index) => &self.scratch.column(index)[copies],
+    }
+
+    /// Computes the scratch columns of one copy, without the overhead of loops. The bits are those
+    /// of [`run`](Self::run).
+    fn run_for_one(&mut self, variables: ValueTableView, copy: usize) {
+        let (first, copies) = (self.program.constants.len(), self.scratch.copies);
+        let scratch = &mut self.scratch.values;
+        for (index, instruction) in self.program.instructions.iter().enumerate() {
+            let read = |operand: Operand| match operand {
+                Operand::Variable(index) => variables.column(index)[copy],
+                Operand::Scratch(index) => scratch[index * copies + copy],
+            };
+            let [a, b, c] = instruction.operands.map(read);
+            scratch[(first + index) * copies + copy] = instruction.operation.value(a, b, c);
         }
     }
 }
@@ -150,6 +176,20 @@ impl ValueTable {
     /// All values, column by column: `[columns × copies]`.
     pub fn values_mut(&mut self) -> &mut [f32] {
         &mut self.values
+    }
+
+    /// The values of one copy: `[columns]`.
+    pub(crate) fn row(&self, copy: usize) -> Vec<f32> {
+        let values = self.values.iter().skip(copy).step_by(self.copies);
+        values.copied().collect()
+    }
+
+    /// Sets the values of one copy.   `row: [columns]`
+    pub(crate) fn set_row(&mut self, copy: usize, row: &[f32]) {
+        let values = self.values.iter_mut().skip(copy).step_by(self.copies);
+        for (value, new) in values.zip(row) {
+            *value = *new;
+        }
     }
 
     /// Copies the columns `source` to the columns that begin with `target`.
@@ -191,6 +231,14 @@ impl ValueTable {
 impl<'a> ValueTableView<'a> {
     fn column(self, index: usize) -> &'a [f32] {
         &self.values[index * self.copies..][..self.copies]
+    }
+}
+
+/// Copies numbers to a column. For a single number this takes less time than a call of `memcpy`.
+pub(crate) fn copy_values(from: &[f32], to: &mut [f32]) {
+    match (from, &mut *to) {
+        ([value], [column]) => *column = *value,
+        _ => to.copy_from_slice(from),
     }
 }
 

@@ -129,20 +129,15 @@ use crate::random::Stream;
 ///     fn statuses(&self) -> &[Status] {
 ///         &self.statuses
 ///     }
-///     fn save(&self) -> Vec<u8> {
-///         let running = |status: &Status| u8::from(*status == Status::Running);
-///         let positions = self.positions.iter().map(|position| *position as u8);
-///         positions.chain(self.statuses.iter().map(running)).collect()
+///     fn save(&self, copy: usize) -> Vec<u8> {
+///         vec![self.positions[copy] as u8, u8::from(self.statuses[copy] == Status::Running)]
 ///     }
-///     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-///         if bytes.len() != 2 * self.copies() {
-///             return Err(format!("expected {} bytes, found {}", 2 * self.copies(), bytes.len()));
-///         }
-///         let (positions, running) = bytes.split_at(self.copies());
-///         self.positions = positions.iter().copied().map(f32::from).collect();
-///         for (status, running) in self.statuses.iter_mut().zip(running) {
-///             *status = if *running == 1 { Status::Running } else { Status::Idle };
-///         }
+///     fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
+///         let &[position, running] = bytes else {
+///             return Err(format!("expected 2 bytes, found {}", bytes.len()));
+///         };
+///         self.positions[copy] = f32::from(position);
+///         self.statuses[copy] = if running == 1 { Status::Running } else { Status::Idle };
 ///         Ok(())
 ///     }
 /// }
@@ -179,15 +174,15 @@ pub trait Environment: Send {
     /// Whether the episode of each copy is running, and if not, how it ended: `[M]`.
     fn statuses(&self) -> &[Status];
 
-    /// The whole state as bytes, from which [`restore`](Self::restore) continues with the same
-    /// bits.
-    fn save(&self) -> Vec<u8>;
+    /// The whole state of one copy as bytes, from which [`restore`](Self::restore) continues with
+    /// the same bits.
+    fn save(&self, copy: usize) -> Vec<u8>;
 
-    /// Restores a state that [`save`](Self::save) returned.
+    /// Sets a copy to a state that [`save`](Self::save) returned, for any copy of the task.
     ///
     /// # Errors
-    /// The bytes are not a state of this task with this number of copies.
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
+    /// The bytes are not a state of this task.
+    fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String>;
 
     /// The bodies to draw; `None` (the default) if there is nothing to draw.
     fn scene(&self) -> Option<&Scene> {

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::description::{BodyPoint, BodyTask, Measurement};
 use super::dynamics::CoordinateColumns;
-use super::expression::{Evaluator, ValueTable};
+use super::expression::{Evaluator, ValueTable, copy_values};
 use super::kinematics::{Frame, KinematicTree};
 use super::physics::Geometry;
 
@@ -66,13 +66,13 @@ impl SensorReader {
             let column = &mut table.column_mut(column)[copies.clone()];
             match measurement {
                 Measurement::JointPosition(coordinate) => {
-                    column.copy_from_slice(&coordinates.positions(*coordinate)[copies.clone()]);
+                    copy_values(&coordinates.positions(*coordinate)[copies.clone()], column);
                 }
                 Measurement::WrappedJointPosition(coordinate) => {
                     wrap(column, &coordinates.positions(*coordinate)[copies.clone()]);
                 }
                 Measurement::JointVelocity(coordinate) => {
-                    column.copy_from_slice(&coordinates.velocities(*coordinate)[copies.clone()]);
+                    copy_values(&coordinates.velocities(*coordinate)[copies.clone()], column);
                 }
                 _ => {}
             }

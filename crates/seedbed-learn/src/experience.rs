@@ -122,6 +122,13 @@ pub struct SharedBuffer {
     episodes: Vec<Episode>,
 }
 
+/// What a checkpoint stores of a [`SharedBuffer`], in the same encoding.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct StoredBuffer<'a> {
+    removed: u64,
+    episodes: &'a [Episode],
+}
+
 /// The episodes that an agent learns from in one update.
 #[derive(Clone, Copy, Debug)]
 pub struct Experience<'a> {
@@ -156,6 +163,17 @@ impl SharedBuffer {
     #[must_use]
     pub fn episodes_after(&self, count: u64) -> &[Episode] {
         &self.episodes[count.saturating_sub(self.removed) as usize..]
+    }
+
+    /// The buffer after the first `count` of all episodes added so far are
+    /// [removed](Self::remove_first).
+    #[must_use]
+    pub fn without_first(&self, count: u64) -> StoredBuffer<'_> {
+        let removed = count.clamp(self.removed, self.episodes_added());
+        StoredBuffer {
+            removed,
+            episodes: self.episodes_after(removed),
+        }
     }
 
     /// Number of episodes before the newest ones, where the newest ones are as few as together have
@@ -222,6 +240,15 @@ mod tests {
             (vec![1, 0, 2], vec![0, 2], vec![])
         );
         assert_eq!(buffer.episodes_added(), 4);
+        for count in [0, 2, 9] {
+            let stored = buffer.without_first(count);
+            let mut removed = buffer.clone();
+            removed.remove_first(count);
+            assert_eq!(
+                (stored.removed, stored.episodes),
+                (removed.removed, &removed.episodes[..])
+            );
+        }
         buffer.remove_first(9);
         assert_eq!(
             (buffer.episodes_added(), buffer.episodes_after(0).len()),

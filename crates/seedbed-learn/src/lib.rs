@@ -10,6 +10,7 @@
 pub mod agent;
 pub mod algorithms;
 pub mod experience;
+pub mod math;
 pub mod nn;
 pub mod rl;
 pub mod seed;

@@ -28,7 +28,16 @@ pub fn mean(scores: &[f64]) -> f64 {
 /// If there are no scores.
 #[must_use]
 pub fn median(scores: &[f64]) -> f64 {
-    let sorted = sorted(scores);
+    median_of_sorted(&sorted(scores))
+}
+
+/// [`median`] of scores that are in ascending order.   `sorted: [n]`
+///
+/// # Panics
+/// If there are no scores.
+#[must_use]
+pub fn median_of_sorted(sorted: &[f64]) -> f64 {
+    assert!(!sorted.is_empty());
     let (low, high) = (sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]);
     if low == -high {
         // Includes −∞ and ∞, whose mean would be NaN.
@@ -48,7 +57,15 @@ pub fn median(scores: &[f64]) -> f64 {
 /// If there are no scores.
 #[must_use]
 pub fn interquartile_mean(scores: &[f64]) -> f64 {
-    let sorted = sorted(scores);
+    interquartile_mean_of_sorted(&sorted(scores))
+}
+
+/// [`interquartile_mean`] of scores that are in ascending order.   `sorted: [n]`
+///
+/// # Panics
+/// If there are no scores.
+#[must_use]
+pub fn interquartile_mean_of_sorted(sorted: &[f64]) -> f64 {
     let dropped_per_end = sorted.len() / 4;
     mean(&sorted[dropped_per_end..sorted.len() - dropped_per_end])
 }

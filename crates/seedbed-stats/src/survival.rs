@@ -89,9 +89,9 @@ pub struct SurvivalCurve {
 #[must_use]
 pub fn kaplan_meier(runs: &[TimeToEvent]) -> SurvivalCurve {
     let (mut survival, mut greenwood) = (1.0, 0.0);
-    let mut steps = Vec::new();
-    for time in event_times(runs) {
-        let (at_risk, events) = (count_at_risk(runs, time), count_events(runs, time));
+    let (mut steps, times) = (Vec::new(), SortedTimes::of(runs));
+    for time in times.distinct_events() {
+        let (at_risk, events) = (times.count_at_risk(time), times.count_events(time));
         survival *= (at_risk - events) as f64 / at_risk as f64;
         greenwood += events as f64 / (at_risk * (at_risk - events)) as f64;
         let interval = log_log_interval(runs.len(), survival, greenwood);
@@ -166,15 +166,15 @@ pub struct LogRankTest {
 /// `None` if the variance is 0: no run reached the threshold while both groups had runs at risk.
 #[must_use]
 pub fn log_rank_test(x: &[TimeToEvent], y: &[TimeToEvent]) -> Option<LogRankTest> {
-    let all_runs = [x, y].concat();
+    let (all_runs, x) = (SortedTimes::of(&[x, y].concat()), SortedTimes::of(x));
     let (mut excess, mut variance) = (0.0, 0.0);
-    for time in event_times(&all_runs) {
+    for time in all_runs.distinct_events() {
         let (n, n_x, d) = (
-            count_at_risk(&all_runs, time) as f64,
-            count_at_risk(x, time) as f64,
-            count_events(&all_runs, time) as f64,
+            all_runs.count_at_risk(time) as f64,
+            x.count_at_risk(time) as f64,
+            all_runs.count_events(time) as f64,
         );
-        excess += count_events(x, time) as f64 - n_x * d / n;
+        excess += x.count_events(time) as f64 - n_x * d / n;
         // A single run at risk contributes no variance, and n − 1 would be 0.
         if n > 1.0 {
             variance += n_x * (n - n_x) * d * (n - d) / (n * n * (n - 1.0));
@@ -187,32 +187,44 @@ pub fn log_rank_test(x: &[TimeToEvent], y: &[TimeToEvent]) -> Option<LogRankTest
     })
 }
 
-/// Times at which runs reached the threshold, in ascending order, each once.
-fn event_times(runs: &[TimeToEvent]) -> Vec<f64> {
-    let mut times = Vec::new();
-    for run in runs {
-        if run.observed {
-            times.push(run.time);
-        }
+/// Times of runs in ascending order, so that counting takes no pass over all runs.
+struct SortedTimes {
+    /// Times at which runs reached the threshold or ended.
+    all: Vec<f64>,
+    /// Times at which runs reached the threshold.
+    events: Vec<f64>,
+}
+
+impl SortedTimes {
+    fn of(runs: &[TimeToEvent]) -> Self {
+        let mut all: Vec<f64> = runs.iter().map(|run| run.time).collect();
+        let observed = runs.iter().filter(|run| run.observed);
+        let mut events: Vec<f64> = observed.map(|run| run.time).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        events.sort_unstable_by(f64::total_cmp);
+        Self { all, events }
     }
-    times.sort_unstable_by(f64::total_cmp);
-    times.dedup();
-    times
-}
 
-/// Number of runs that have neither reached the threshold nor ended before `time`.
-///
-/// At equal times events come before censoring, by convention: a run that ended at `time` without
-/// reaching the threshold was still at risk when others reached it at `time`. Hence ≥.
-fn count_at_risk(runs: &[TimeToEvent], time: f64) -> usize {
-    runs.iter().filter(|run| run.time >= time).count()
-}
+    /// Times at which runs reached the threshold, in ascending order, each once.
+    fn distinct_events(&self) -> Vec<f64> {
+        let mut times = self.events.clone();
+        times.dedup();
+        times
+    }
 
-/// Number of runs that reached the threshold exactly at `time`.
-fn count_events(runs: &[TimeToEvent], time: f64) -> usize {
-    runs.iter()
-        .filter(|run| run.observed && run.time == time)
-        .count()
+    /// Number of runs that have neither reached the threshold nor ended before `time`.
+    ///
+    /// At equal times events come before censoring, by convention: a run that ended at `time`
+    /// without reaching the threshold was still at risk when others reached it at `time`. Hence ≥.
+    fn count_at_risk(&self, time: f64) -> usize {
+        self.all.len() - self.all.partition_point(|&other| other < time)
+    }
+
+    /// Number of runs that reached the threshold exactly at `time`.
+    fn count_events(&self, time: f64) -> usize {
+        let before = self.events.partition_point(|&other| other < time);
+        self.events.partition_point(|&other| other <= time) - before
+    }
 }
 
 fn log_log_interval(runs: usize, survival: f64, greenwood: f64) -> Interval {
@@ -300,5 +312,22 @@ mod tests {
     #[test]
     fn groups_without_events_have_no_log_rank_test() {
         assert_eq!(log_rank_test(&times("5+ 5+"), &times("5+")), None);
+    }
+
+    /// Counts in sorted times equal counts over all runs.
+    #[test]
+    fn runs_at_risk_and_events_are_counted_in_sorted_times() {
+        let runs = times("5 3 3+ 8 3 1+ 8+ 8 9");
+        let sorted = SortedTimes::of(&runs);
+        assert_eq!(sorted.distinct_events(), [3.0, 5.0, 8.0, 9.0]);
+        for time in [0.0, 1.0, 3.0, 4.0, 8.0, 9.0, 10.0] {
+            let at_risk = runs.iter().filter(|run| run.time >= time).count();
+            let events = |run: &&TimeToEvent| run.observed && run.time == time;
+            assert_eq!(sorted.count_at_risk(time), at_risk, "{time}");
+            assert_eq!(
+                sorted.count_events(time),
+                runs.iter().filter(events).count()
+            );
+        }
     }
 }

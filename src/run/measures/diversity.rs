@@ -2,6 +2,8 @@
 //!
 //! Entropies are in nats. A cell without visits contributes nothing, as p ln p → 0.
 
+use libm::log;
+
 /// Shannon entropy of visit counts c, H = −Σ p ln p with p = c / N and N = Σ c, computed as
 /// ln N − (Σ c ln c) / N.
 ///
@@ -14,7 +16,7 @@ pub fn entropy(counts: &[u32]) -> f64 {
     for count in counts.iter().filter(|&&count| count > 1) {
         let count = f64::from(*count);
         total += count;
-        weighted += count * count.ln();
+        weighted += count * log(count);
     }
     // Cells visited once contribute to the total only, since 1 ln 1 = 0.
     total += counts
@@ -22,7 +24,7 @@ pub fn entropy(counts: &[u32]) -> f64 {
         .map(|&count| f64::from(u8::from(count == 1)))
         .sum::<f64>();
     if total > 0.0 {
-        total.ln() - weighted / total
+        log(total) - weighted / total
     } else {
         0.0
     }
@@ -46,7 +48,7 @@ pub fn distribution_entropy(probabilities: &[f64]) -> f64 {
     -probabilities
         .iter()
         .filter(|&&p| p > 0.0)
-        .map(|p| p * p.ln())
+        .map(|p| p * log(*p))
         .sum::<f64>()
 }
 
@@ -85,7 +87,7 @@ impl Diversity {
     /// weights).
     #[must_use]
     pub fn from_divergence(divergence: f64, agents: usize) -> Self {
-        let max_divergence = (agents.max(1) as f64).ln();
+        let max_divergence = log(agents.max(1) as f64);
         // Rounding may leave the range by a few units in the last place.
         let divergence = divergence.clamp(0.0, max_divergence);
         Self {
@@ -94,7 +96,7 @@ impl Diversity {
             } else {
                 1.0
             },
-            effective_agents: divergence.exp(),
+            effective_agents: libm::exp(divergence),
         }
     }
 }

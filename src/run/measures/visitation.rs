@@ -128,7 +128,7 @@ impl Visitation {
     /// observation.
     #[must_use]
     pub fn max_entropy(&self) -> f64 {
-        (self.cells_per_grid as f64).ln()
+        libm::log(self.cells_per_grid as f64)
     }
 
     fn grids(&self) -> std::slice::ChunksExact<'_, u32> {

@@ -17,7 +17,9 @@
 //! The shoulder's torque τ₁ turns the upper link, the elbow's τ₂ the lower link and its reaction
 //! the upper one: Q₁ = τ₁ − τ₂, Q₂ = τ₂.
 
-use super::{EquationsOfMotion, require, require_only_gravity, runge_kutta, substeps};
+use super::integration::{Accelerations, State, runge_kutta, substeps};
+use super::trigonometry::{Trigonometry, Unbounded};
+use super::{EquationsOfMotion, require, require_only_gravity};
 use crate::description::{AnalyticModel, BodyTask, JointKind};
 use crate::kinematics::{Frame, KinematicTree};
 
@@ -49,8 +51,8 @@ pub struct Acrobot {
 }
 
 /// Maximum time step of the Runge–Kutta integration, s. Its error over one control step is below
-/// what an f32 resolves.
-const MAX_STEP: f64 = 0.005;
+/// what an f32 resolves: at most 6e-9 up to 4 rad/s of the upper and 9 rad/s of the lower link.
+const MAX_STEP: f64 = 0.0125;
 
 impl Acrobot {
     /// Takes the parameters from the bodies of a task with this analytic model.
@@ -122,29 +124,21 @@ impl Acrobot {
     pub fn accelerations(
         &self,
         [alpha, beta, alpha_rate, beta_rate]: [f64; 4],
-        [shoulder, elbow]: [f64; 2],
+        torques: [f64; 2],
     ) -> [f64; 2] {
-        let (sine, cosine) = libm::sincos(beta - alpha + self.delta_offset);
-        // K cos δ and K sin δ.
-        let (inertial_coupling, rate_coupling) = (self.coupling * cosine, self.coupling * sine);
-        let upper_torque = shoulder - elbow
-            + self.gravity_torque(self.upper_moment, alpha)
-            + rate_coupling * beta_rate * beta_rate;
-        let lower_torque = elbow + self.gravity_torque(self.lower_moment, beta)
-            - rate_coupling * alpha_rate * alpha_rate;
-        let determinant =
-            self.upper_inertia * self.lower_inertia - inertial_coupling * inertial_coupling;
-        [
-            (self.lower_inertia * upper_torque - inertial_coupling * lower_torque) / determinant,
-            (self.upper_inertia * lower_torque - inertial_coupling * upper_torque) / determinant,
-        ]
+        let state = State {
+            positions: [alpha, beta],
+            velocities: [alpha_rate, beta_rate],
+        };
+        Accelerations::accelerations::<Unbounded>(self, &state, torques)
     }
 
     /// Torque of gravity, N m, on the first moment of mass `moment` (kg m) in a frame that is
     /// turned by `angle`.
-    fn gravity_torque(&self, moment: [f64; 2], angle: f64) -> f64 {
-        let [x, y] = Frame::at([0.0; 2], angle).point(moment);
-        x * self.gravity[1] - y * self.gravity[0]
+    #[inline(always)]
+    fn gravity_torque<T: Trigonometry>(&self, [x, y]: [f64; 2], angle: f64) -> f64 {
+        let (sine, cosine) = T::sincos(angle);
+        (cosine * x - sine * y) * self.gravity[1] - (sine * x + cosine * y) * self.gravity[0]
     }
 
     /// Total energy T + V of the state α, β, α̇, β̇, J.
@@ -164,52 +158,109 @@ impl Acrobot {
 
     /// The state α, β, α̇, β̇ after one Runge–Kutta step of `duration`, s.
     #[must_use]
-    pub fn runge_kutta(&self, state: [f64; 4], torques: [f64; 2], duration: f64) -> [f64; 4] {
-        runge_kutta(state, duration, |state| {
-            let [alpha_acceleration, beta_acceleration] = self.accelerations(state, torques);
-            [state[2], state[3], alpha_acceleration, beta_acceleration]
-        })
+    pub fn runge_kutta(
+        &self,
+        [alpha, beta, alpha_rate, beta_rate]: [f64; 4],
+        torques: [f64; 2],
+        duration: f64,
+    ) -> [f64; 4] {
+        let start = State {
+            positions: [alpha, beta],
+            velocities: [alpha_rate, beta_rate],
+        };
+        let end = runge_kutta::<Unbounded, _, 2>(self, &start, torques, duration);
+        let ([alpha, beta], [alpha_rate, beta_rate]) = (end.positions, end.velocities);
+        [alpha, beta, alpha_rate, beta_rate]
     }
 
     /// The state α, β, α̇, β̇ for joint coordinates: positions, then velocities.
     #[must_use]
     pub fn state_of_joints(&self, joints: &[f64]) -> [f64; 4] {
         let elbow = 1 - self.shoulder;
-        let alpha = self.angles_at_zero[0] + self.signs[0] * joints[self.shoulder];
-        let alpha_rate = self.signs[0] * joints[2 + self.shoulder];
-        let beta = alpha + self.angles_at_zero[1] + self.signs[1] * joints[elbow];
-        let beta_rate = alpha_rate + self.signs[1] * joints[2 + elbow];
+        let state = self.state_of_coordinates(&State {
+            positions: [joints[self.shoulder], joints[elbow]],
+            velocities: [joints[2 + self.shoulder], joints[2 + elbow]],
+        });
+        let ([alpha, beta], [alpha_rate, beta_rate]) = (state.positions, state.velocities);
         [alpha, beta, alpha_rate, beta_rate]
     }
 
-    /// The inverse of [`state_of_joints`](Self::state_of_joints).
-    #[must_use]
-    pub fn joints_of_state(&self, [alpha, beta, alpha_rate, beta_rate]: [f64; 4]) -> [f64; 4] {
-        let shoulder = self.signs[0] * (alpha - self.angles_at_zero[0]);
-        let elbow = self.signs[1] * (beta - alpha - self.angles_at_zero[1]);
-        let rates = [
-            self.signs[0] * alpha_rate,
-            self.signs[1] * (beta_rate - alpha_rate),
-        ];
-        if self.shoulder == 0 {
-            [shoulder, elbow, rates[0], rates[1]]
-        } else {
-            [elbow, shoulder, rates[1], rates[0]]
+    /// α, β and their rates for the coordinates of shoulder and elbow.
+    #[inline(always)]
+    fn state_of_coordinates(&self, joints: &State<2>) -> State<2> {
+        let ([shoulder, elbow], rates) = (joints.positions, joints.velocities);
+        let alpha = self.angles_at_zero[0] + self.signs[0] * shoulder;
+        let alpha_rate = self.signs[0] * rates[0];
+        State {
+            positions: [
+                alpha,
+                alpha + self.angles_at_zero[1] + self.signs[1] * elbow,
+            ],
+            velocities: [alpha_rate, alpha_rate + self.signs[1] * rates[1]],
+        }
+    }
+
+    /// The inverse of [`state_of_coordinates`](Self::state_of_coordinates).
+    #[inline(always)]
+    fn coordinates_of_state(&self, state: &State<2>) -> State<2> {
+        let ([alpha, beta], [alpha_rate, beta_rate]) = (state.positions, state.velocities);
+        State {
+            positions: [
+                self.signs[0] * (alpha - self.angles_at_zero[0]),
+                self.signs[1] * (beta - alpha - self.angles_at_zero[1]),
+            ],
+            velocities: [
+                self.signs[0] * alpha_rate,
+                self.signs[1] * (beta_rate - alpha_rate),
+            ],
         }
     }
 }
 
-impl EquationsOfMotion for Acrobot {
-    fn advance(&self, joints: &mut [f64], forces: &[f64]) {
-        let torques = [
-            self.signs[0] * forces[self.shoulder],
-            self.signs[1] * forces[1 - self.shoulder],
-        ];
+impl Accelerations<2> for Acrobot {
+    /// α̈ and β̈ under the torques τ₁, τ₂.
+    #[inline(always)]
+    fn accelerations<T: Trigonometry>(
+        &self,
+        state: &State<2>,
+        [shoulder, elbow]: [f64; 2],
+    ) -> [f64; 2] {
+        let ([alpha, beta], [alpha_rate, beta_rate]) = (state.positions, state.velocities);
+        let (sine, cosine) = T::sincos(beta - alpha + self.delta_offset);
+        // K cos δ and K sin δ.
+        let (inertial_coupling, rate_coupling) = (self.coupling * cosine, self.coupling * sine);
+        let upper_torque = shoulder - elbow
+            + self.gravity_torque::<T>(self.upper_moment, alpha)
+            + rate_coupling * beta_rate * beta_rate;
+        let lower_torque = elbow + self.gravity_torque::<T>(self.lower_moment, beta)
+            - rate_coupling * alpha_rate * alpha_rate;
+        // One division is faster than two.
+        let inverse =
+            1.0 / (self.upper_inertia * self.lower_inertia - inertial_coupling * inertial_coupling);
+        [
+            (self.lower_inertia * upper_torque - inertial_coupling * lower_torque) * inverse,
+            (self.upper_inertia * lower_torque - inertial_coupling * upper_torque) * inverse,
+        ]
+    }
+}
+
+/// The coordinates are those of the shoulder and of the elbow.
+impl EquationsOfMotion<2> for Acrobot {
+    fn joints(&self) -> [usize; 2] {
+        [self.shoulder, 1 - self.shoulder]
+    }
+
+    fn substeps(&self) -> u32 {
+        self.substeps
+    }
+
+    #[inline(always)]
+    fn advance<T: Trigonometry>(&self, joints: &State<2>, forces: [f64; 2]) -> State<2> {
         let duration = self.control_step / f64::from(self.substeps);
-        let start = self.state_of_joints(joints);
-        let end =
-            (0..self.substeps).fold(start, |state, _| self.runge_kutta(state, torques, duration));
-        joints.copy_from_slice(&self.joints_of_state(end));
+        let torques = [self.signs[0] * forces[0], self.signs[1] * forces[1]];
+        let start = self.state_of_coordinates(joints);
+        let end = runge_kutta::<T, _, 2>(self, &start, torques, duration);
+        self.coordinates_of_state(&end)
     }
 }
 

@@ -13,7 +13,9 @@
 //! (Florian, "Correct equations for the dynamics of the cart-pole system", 2007, without friction;
 //! a thin rod has I = m l² / 3).
 
-use super::{EquationsOfMotion, require, require_only_gravity, runge_kutta, substeps};
+use super::integration::{Accelerations, State, runge_kutta, substeps};
+use super::trigonometry::{Trigonometry, Unbounded};
+use super::{EquationsOfMotion, require, require_only_gravity};
 use crate::description::{AnalyticModel, BodyTask, JointKind};
 use crate::kinematics::{Frame, KinematicTree, Motion};
 
@@ -40,9 +42,9 @@ pub struct CartPole {
     substeps: u32,
 }
 
-/// Maximum time step of the fourth-order Runge–Kutta integration, s. Its error over one control
-/// step is below what an f32 resolves (tested against steps of 1e-4 s).
-const MAX_STEP: f64 = 0.005;
+/// Maximum time step of the Runge–Kutta integration, s. Its error over one control step is below
+/// what an f32 resolves (tested against steps of 1e-4 s): at most 3e-8 up to 4 m/s and 12 rad/s.
+const MAX_STEP: f64 = 0.02;
 
 impl CartPole {
     /// Takes the parameters from the bodies of a task with this analytic model.
@@ -116,25 +118,15 @@ impl CartPole {
         }
     }
 
-    /// The same cart-pole, integrated with this many Runge–Kutta steps per control step.
-    #[must_use]
-    pub fn with_substeps(self, substeps: u32) -> Self {
-        Self { substeps, ..self }
-    }
-
     /// Accelerations ẍ and α̈ at angle α and rate α̇, under force F (N) on the cart and torque τ (N
     /// m) on the hinge.
     #[must_use]
     pub fn accelerations(&self, angle: f64, rate: f64, force: f64, torque: f64) -> [f64; 2] {
-        let (sine, cosine) = libm::sincos(angle);
-        let coupling = self.moment * cosine;
-        let cart_force = force + self.moment * sine * rate * rate;
-        let pole_torque = torque + self.moment * self.gravity * sine;
-        let determinant = self.total_mass * self.inertia - coupling * coupling;
-        [
-            (self.inertia * cart_force - coupling * pole_torque) / determinant,
-            (self.total_mass * pole_torque - coupling * cart_force) / determinant,
-        ]
+        let state = State {
+            positions: [0.0, angle],
+            velocities: [0.0, rate],
+        };
+        Accelerations::accelerations::<Unbounded>(self, &state, [force, torque])
     }
 
     /// Total energy T + V of the state x, α, ẋ, α̇, J.
@@ -145,14 +137,22 @@ impl CartPole {
         0.5 * (linear + angular) + coupling + self.moment * self.gravity * angle.cos()
     }
 
-    /// The state x, α, ẋ, α̇ after one fourth-order Runge–Kutta step of `duration`, s.
+    /// The state x, α, ẋ, α̇ after one sixth-order Runge–Kutta step of `duration`, s.
     #[must_use]
-    pub fn runge_kutta(&self, state: [f64; 4], force: f64, torque: f64, duration: f64) -> [f64; 4] {
-        runge_kutta(state, duration, |[_, angle, speed, rate]| {
-            let [acceleration, angular_acceleration] =
-                self.accelerations(angle, rate, force, torque);
-            [speed, rate, acceleration, angular_acceleration]
-        })
+    pub fn runge_kutta(
+        &self,
+        [position, angle, speed, rate]: [f64; 4],
+        force: f64,
+        torque: f64,
+        duration: f64,
+    ) -> [f64; 4] {
+        let start = State {
+            positions: [position, angle],
+            velocities: [speed, rate],
+        };
+        let end = runge_kutta::<Unbounded, _, 2>(self, &start, [force, torque], duration);
+        let ([position, angle], [speed, rate]) = (end.positions, end.velocities);
+        [position, angle, speed, rate]
     }
 
     /// The state x, α, ẋ, α̇ after one step of Gym's explicit Euler integration, which uses the
@@ -176,39 +176,55 @@ impl CartPole {
             rate + duration * angular_acceleration,
         ]
     }
+}
 
-    /// The state x, α, ẋ, α̇ for joint coordinates: positions, then velocities.
-    fn state_of_joints(&self, joints: &[f64]) -> [f64; 4] {
-        let (slider, hinge) = (self.slider, 1 - self.slider);
-        let angle = self.angle_at_zero + self.hinge_sign * joints[hinge];
-        let (speed, rate) = (
-            self.slider_sign * joints[2 + slider],
-            self.hinge_sign * joints[2 + hinge],
-        );
-        [self.slider_sign * joints[slider], angle, speed, rate]
-    }
-
-    /// The inverse of [`state_of_joints`](Self::state_of_joints).
-    fn joints_of_state(&self, [position, angle, speed, rate]: [f64; 4]) -> [f64; 4] {
-        let mut joints = [0.0; 4];
-        let (slider, hinge) = (self.slider, 1 - self.slider);
-        joints[slider] = self.slider_sign * position;
-        joints[hinge] = self.hinge_sign * (angle - self.angle_at_zero);
-        joints[2 + slider] = self.slider_sign * speed;
-        joints[2 + hinge] = self.hinge_sign * rate;
-        joints
+impl Accelerations<2> for CartPole {
+    /// ẍ and α̈ under the force on the cart and the torque on the hinge.
+    #[inline(always)]
+    fn accelerations<T: Trigonometry>(
+        &self,
+        state: &State<2>,
+        [force, torque]: [f64; 2],
+    ) -> [f64; 2] {
+        let ([_, angle], [_, rate]) = (state.positions, state.velocities);
+        let (sine, cosine) = T::sincos(angle);
+        let coupling = self.moment * cosine;
+        let cart_force = force + self.moment * sine * rate * rate;
+        let pole_torque = torque + self.moment * self.gravity * sine;
+        // One division is faster than two.
+        let inverse = 1.0 / (self.total_mass * self.inertia - coupling * coupling);
+        [
+            (self.inertia * cart_force - coupling * pole_torque) * inverse,
+            (self.total_mass * pole_torque - coupling * cart_force) * inverse,
+        ]
     }
 }
 
-impl EquationsOfMotion for CartPole {
-    fn advance(&self, joints: &mut [f64], forces: &[f64]) {
-        let force = self.slider_sign * forces[self.slider];
-        let torque = self.hinge_sign * forces[1 - self.slider];
+/// The coordinates are those of the slider and of the hinge.
+impl EquationsOfMotion<2> for CartPole {
+    fn joints(&self) -> [usize; 2] {
+        [self.slider, 1 - self.slider]
+    }
+
+    fn substeps(&self) -> u32 {
+        self.substeps
+    }
+
+    #[inline(always)]
+    fn advance<T: Trigonometry>(&self, joints: &State<2>, forces: [f64; 2]) -> State<2> {
         let duration = self.control_step / f64::from(self.substeps);
-        let start = self.state_of_joints(joints);
-        let end = (0..self.substeps).fold(start, |state, _| {
-            self.runge_kutta(state, force, torque, duration)
-        });
-        joints.copy_from_slice(&self.joints_of_state(end));
+        let signs = [self.slider_sign, self.hinge_sign];
+        let along = |values: [f64; 2]| [signs[0] * values[0], signs[1] * values[1]];
+        let [position, angle] = along(joints.positions);
+        let start = State {
+            positions: [position, self.angle_at_zero + angle],
+            velocities: along(joints.velocities),
+        };
+        let end = runge_kutta::<T, _, 2>(self, &start, along(forces), duration);
+        let [position, angle] = end.positions;
+        State {
+            positions: along([position, angle - self.angle_at_zero]),
+            velocities: along(end.velocities),
+        }
     }
 }

@@ -4,53 +4,87 @@
 //! Rigid bodies are validated against them, and they are fast enough to learn on. All their
 //! parameters come from the bodies of the [`BodyTask`]. This module must not depend on rigid-body
 //! engines.
+//!
+//! A control step advances eight copies at a time in loops that compile to SIMD instructions.
+//! They consist of operations that IEEE 754 defines to the bit and of sines and cosines made of
+//! such operations, so that results have the same bits in every lane, with every instruction set
+//! and for every number of copies.
+
+#![expect(
+    clippy::inline_always,
+    reason = "a loop is compiled for a SIMD instruction set only if it is inlined into the dispatch"
+)]
 
 pub mod acrobot;
 pub mod cartpole;
+mod integration;
 pub mod mountain_car;
 pub mod pendulum;
+mod trigonometry;
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::Pose;
 use super::description::{AnalyticModel, BodyTask, Drive, Joint, PassiveForces};
-use super::dynamics::{CoordinateColumns, Dynamics, from_bytes, to_bytes};
+use super::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, from_bytes, to_bytes};
 use super::kinematics::{Frame, KinematicTree};
 use acrobot::Acrobot;
 use cartpole::CartPole;
+use integration::State;
 use mountain_car::MountainCar;
 use pendulum::Pendulum;
-use serde::{Deserialize, Serialize};
+use trigonometry::{Bounded, Trigonometry, Unbounded};
 
-/// The equations of motion of all joints of a task.
-pub(crate) trait EquationsOfMotion: Send {
-    /// Advances `state`, the positions of the joints and then their velocities, by one control step
-    /// under constant joint forces. `state`: `[2 × joints]`; `forces`: `[joints]`
-    fn advance(&self, state: &mut [f64], forces: &[f64]);
+/// The equations of motion of all N joints of a task.
+trait EquationsOfMotion<const N: usize>: Copy + Send {
+    /// Index of each joint in the task, in the order of the equations' coordinates.
+    fn joints(&self) -> [usize; N];
+
+    /// Number of times that [`advance`](Self::advance) is called per control step.
+    fn substeps(&self) -> u32;
+
+    /// The joint coordinates after one substep under constant joint forces, without branches.
+    fn advance<T: Trigonometry>(&self, state: &State<N>, forces: [f64; N]) -> State<N>;
 }
 
-/// M copies of a task as equations of motion.
-struct AnalyticDynamics<E> {
+/// M copies of a task with N joints as equations of motion.
+struct AnalyticDynamics<E, const N: usize> {
     equations: E,
     joint_forces: Vec<JointForce>,
     tree: KinematicTree,
-    state: State,
+    copies: usize,
+    /// Whether each copy is live: `[copies]`, filled up to a whole number of groups with copies
+    /// that never are.
+    live: Vec<[bool; LANES]>,
+    /// States of the joints, in the order of the equations, likewise filled up.
+    states: Vec<StateLanes<N>>,
     columns: CoordinateColumns,
-    /// Forces on the joints of the copy that is being advanced: `[joints]`.
-    forces: Vec<f64>,
+}
+
+/// Number of copies in a group, which are advanced together.
+const LANES: usize = 8;
+
+/// Up to this number of live copies in a group, they are advanced one by one, which takes less time
+/// and has the same bits.
+const MAX_SINGLE_COPIES: usize = 2;
+
+/// A number of each of some copies.
+type Lanes = [f64; LANES];
+
+/// The states of some copies.
+#[derive(Clone, Copy)]
+struct StateLanes<const N: usize> {
+    positions: [Lanes; N],
+    velocities: [Lanes; N],
 }
 
 /// An actuator or a formula force that acts along a joint.
 struct JointForce {
+    /// Index of the controls' column.
+    control: usize,
+    /// Index of the joint, in the order of the equations.
     joint: usize,
     gear: f64,
-}
-
-/// The state of all copies, which a checkpoint stores.
-#[derive(Clone, Serialize, Deserialize)]
-struct State {
-    /// Whether each copy is live: `[copies]`.
-    live: Vec<bool>,
-    /// Positions, then velocities of all joints, one row per copy: `[copies × 2 joints]`.
-    rows: Vec<f64>,
 }
 
 /// Builds `copies` copies of the analytic model of a task; none is live before its `start`. `None` if
@@ -67,7 +101,7 @@ pub(crate) fn build(task: &BodyTask, copies: usize) -> Option<Box<dyn Dynamics>>
     })
 }
 
-fn boxed<E: EquationsOfMotion + 'static>(
+fn boxed<E: EquationsOfMotion<N> + 'static, const N: usize>(
     equations: E,
     task: &BodyTask,
     copies: usize,
@@ -142,101 +176,240 @@ fn require(condition: bool, message: &str) -> Result<(), String> {
     }
 }
 
-/// The state after `duration`, s, by one step of the fourth-order Runge–Kutta method; `derivative`
-/// is the time derivative of a state.
-fn runge_kutta<const N: usize>(
-    state: [f64; N],
-    duration: f64,
-    derivative: impl Fn([f64; N]) -> [f64; N],
-) -> [f64; N] {
-    let extrapolate =
-        |time: f64, rate: [f64; N]| std::array::from_fn(|i| state[i] + time * rate[i]);
-    let k1 = derivative(state);
-    let k2 = derivative(extrapolate(0.5 * duration, k1));
-    let k3 = derivative(extrapolate(0.5 * duration, k2));
-    let k4 = derivative(extrapolate(duration, k3));
-    std::array::from_fn(|i| state[i] + duration / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
-}
-
-/// Number of steps of at most `max_step` in a control step.
-fn substeps(control_step: f64, max_step: f64) -> u32 {
-    (control_step / max_step).ceil().max(1.0) as u32
-}
-
-impl<E: EquationsOfMotion> AnalyticDynamics<E> {
+impl<E: EquationsOfMotion<N>, const N: usize> AnalyticDynamics<E, N> {
     fn new(equations: E, task: &BodyTask, copies: usize) -> Self {
-        let joints = task.joints.len();
-        let formula_forces = task
-            .formula_forces
-            .iter()
-            .filter_map(|force| JointForce::new(force.drive, 1.0));
+        let joints = equations.joints();
+        let drives = task.actuators.iter().map(|it| (it.drive, it.gear));
+        let formula_drives = task.formula_forces.iter().map(|it| (it.drive, 1.0));
         Self {
             equations,
-            joint_forces: task
-                .actuators
-                .iter()
-                .filter_map(|actuator| JointForce::new(actuator.drive, actuator.gear))
-                .chain(formula_forces)
+            joint_forces: drives
+                .chain(formula_drives)
+                .enumerate()
+                .filter_map(|(control, (drive, gear))| {
+                    JointForce::new(control, drive, gear, joints)
+                })
                 .collect(),
             tree: KinematicTree::new(task),
-            state: State {
-                live: vec![false; copies],
-                rows: vec![0.0; copies * 2 * joints],
-            },
-            columns: CoordinateColumns::new(joints, copies),
-            forces: vec![0.0; joints],
+            copies,
+            live: vec![[false; LANES]; copies.div_ceil(LANES)],
+            states: vec![StateLanes::ZERO; copies.div_ceil(LANES)],
+            columns: CoordinateColumns::new(N, copies),
         }
     }
 
-    /// Length of a row: two numbers per joint.
-    fn width(&self) -> usize {
-        2 * self.forces.len()
-    }
-
-    /// Advances one copy by one control step.
-    fn advance(&mut self, copy: usize, controls: &[f32]) {
-        self.forces.fill(0.0);
-        for (index, joint_force) in self.joint_forces.iter().enumerate() {
-            self.forces[joint_force.joint] +=
-                joint_force.gear * f64::from(controls[index * self.state.live.len() + copy]);
+    /// Positions, then velocities of one copy, in the order of the task's joints: `[2 N]`.
+    fn row(&self, copy: usize) -> Vec<f64> {
+        let mut row = vec![0.0; 2 * N];
+        let state = self.states[copy / LANES].get(copy % LANES);
+        for (i, joint) in self.equations.joints().into_iter().enumerate() {
+            row[joint] = state.positions[i];
+            row[N + joint] = state.velocities[i];
         }
-        let width = self.width();
-        self.equations
-            .advance(&mut self.state.rows[copy * width..][..width], &self.forces);
-        self.update_columns(copy);
+        row
     }
 
-    /// Writes the state of one copy to the coordinate columns.
-    fn update_columns(&mut self, copy: usize) {
-        let width = self.width();
-        let (positions, velocities) = self.state.rows[copy * width..][..width].split_at(width / 2);
-        for (joint, (&position, &velocity)) in positions.iter().zip(velocities).enumerate() {
+    /// Sets positions and velocities of one copy, in the order of the task's joints: `[N]` each.
+    fn set_row(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
+        let joints = self.equations.joints();
+        let state = State {
+            positions: joints.map(|joint| positions[joint]),
+            velocities: joints.map(|joint| velocities[joint]),
+        };
+        self.states[copy / LANES].set(copy % LANES, &state);
+        for joint in joints {
+            let (position, velocity) = (positions[joint], velocities[joint]);
             self.columns
                 .set(joint, copy, position as f32, velocity as f32);
         }
     }
+
+    fn live_mut(&mut self, copy: usize) -> &mut bool {
+        &mut self.live[copy / LANES][copy % LANES]
+    }
+
+    /// Advances the live copies of one group by one control step.
+    #[inline(always)]
+    fn advance_group(&mut self, group: usize, controls: &[f32]) {
+        let live = self.live[group];
+        let forces = self.force_lanes(group, controls);
+        let before = self.states[group];
+        let mut after = before;
+        if live.iter().filter(|live| **live).count() > MAX_SINGLE_COPIES {
+            advance_lanes(self.equations, &mut after, &forces);
+        } else {
+            for lane in (0..LANES).filter(|&lane| live[lane]) {
+                let (start, forces) = (before.get(lane), of_lane(&forces, lane));
+                after.set(
+                    lane,
+                    &advance::<Bounded, E, N>(self.equations, &start, forces),
+                );
+            }
+        }
+        for lane in (0..LANES).filter(|&lane| live[lane]) {
+            if after.get(lane).velocities[0].is_nan() {
+                let (start, forces) = (before.get(lane), of_lane(&forces, lane));
+                after.set(lane, &advance_unbounded(self.equations, &start, forces));
+            }
+        }
+        self.states[group].set_live(&after, live);
+        self.update_columns(group);
+    }
+
+    /// Forces on the joints of the copies of one group.
+    #[inline(always)]
+    fn force_lanes(&self, group: usize, controls: &[f32]) -> [Lanes; N] {
+        let mut forces = [[0.0; LANES]; N];
+        for it in &self.joint_forces {
+            let column = &controls[it.control * self.copies..][..self.copies];
+            let lanes = &column[group * LANES..];
+            for (force, control) in forces[it.joint].iter_mut().zip(lanes) {
+                *force += it.gear * f64::from(*control);
+            }
+        }
+        forces
+    }
+
+    /// Writes the states of one group to the coordinate columns.
+    #[inline(always)]
+    fn update_columns(&mut self, group: usize) {
+        let lanes = &self.states[group];
+        for (i, joint) in self.equations.joints().into_iter().enumerate() {
+            let (positions, velocities) = self.columns.columns_mut(joint);
+            for (lanes, column) in [
+                (&lanes.positions[i], positions),
+                (&lanes.velocities[i], velocities),
+            ] {
+                for (value, rounded) in lanes.iter().zip(&mut column[group * LANES..]) {
+                    *rounded = *value as f32;
+                }
+            }
+        }
+    }
 }
 
-impl<E: EquationsOfMotion> Dynamics for AnalyticDynamics<E> {
+/// Advances all copies of a group by one control step. The equations are passed by value, so that
+/// the compiler sees that the states do not change them; otherwise the loop over lanes would not
+/// become SIMD instructions.
+#[inline(always)]
+fn advance_lanes<E: EquationsOfMotion<N>, const N: usize>(
+    equations: E,
+    states: &mut StateLanes<N>,
+    forces: &[Lanes; N],
+) {
+    for _ in 0..equations.substeps() {
+        for lane in 0..LANES {
+            let end = equations.advance::<Bounded>(&states.get(lane), of_lane(forces, lane));
+            states.set(lane, &end);
+        }
+    }
+}
+
+/// The state of one copy after one control step.
+#[inline(always)]
+fn advance<T: Trigonometry, E: EquationsOfMotion<N>, const N: usize>(
+    equations: E,
+    start: &State<N>,
+    forces: [f64; N],
+) -> State<N> {
+    let mut state = *start;
+    for _ in 0..equations.substeps() {
+        state = equations.advance::<T>(&state, forces);
+    }
+    state
+}
+
+/// Like [`advance`], for a copy that turned further than [`Bounded`] allows.
+#[cold]
+#[inline(never)]
+fn advance_unbounded<E: EquationsOfMotion<N>, const N: usize>(
+    equations: E,
+    start: &State<N>,
+    forces: [f64; N],
+) -> State<N> {
+    advance::<Unbounded, E, N>(equations, start, forces)
+}
+
+/// The numbers of one copy. The lanes are passed by reference, because a copy of them within a loop
+/// over lanes would keep that loop from becoming SIMD instructions.
+#[inline(always)]
+fn of_lane<const N: usize>(lanes: &[Lanes; N], lane: usize) -> [f64; N] {
+    std::array::from_fn(|i| lanes[i][lane])
+}
+
+impl<const N: usize> StateLanes<N> {
+    const ZERO: Self = Self {
+        positions: [[0.0; LANES]; N],
+        velocities: [[0.0; LANES]; N],
+    };
+
+    /// The state of one copy.
+    #[inline(always)]
+    fn get(&self, lane: usize) -> State<N> {
+        State {
+            positions: of_lane(&self.positions, lane),
+            velocities: of_lane(&self.velocities, lane),
+        }
+    }
+
+    /// Sets the state of one copy.
+    #[inline(always)]
+    fn set(&mut self, lane: usize, state: &State<N>) {
+        for i in 0..N {
+            self.positions[i][lane] = state.positions[i];
+            self.velocities[i][lane] = state.velocities[i];
+        }
+    }
+
+    /// Sets the states of the live copies.
+    #[inline(always)]
+    fn set_live(&mut self, new: &Self, live: [bool; LANES]) {
+        for i in 0..N {
+            for (lane, is_live) in live.into_iter().enumerate() {
+                // Choosing a number and storing it always has no branch.
+                let choose = |new, old| if is_live { new } else { old };
+                self.positions[i][lane] = choose(new.positions[i][lane], self.positions[i][lane]);
+                self.velocities[i][lane] =
+                    choose(new.velocities[i][lane], self.velocities[i][lane]);
+            }
+        }
+    }
+}
+
+/// One control step of all live copies.
+struct ControlStep<'a, E, const N: usize> {
+    dynamics: &'a mut AnalyticDynamics<E, N>,
+    controls: &'a [f32],
+}
+
+impl<E: EquationsOfMotion<N>, const N: usize> WithSimd for ControlStep<'_, E, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for group in 0..self.dynamics.live.len() {
+            if self.dynamics.live[group].contains(&true) {
+                self.dynamics.advance_group(group, self.controls);
+            }
+        }
+    }
+}
+
+impl<E: EquationsOfMotion<N>, const N: usize> Dynamics for AnalyticDynamics<E, N> {
     fn start(&mut self, copy: usize, positions: &[f64], velocities: &[f64]) {
-        let width = self.width();
-        let row = &mut self.state.rows[copy * width..][..width];
-        row[..width / 2].copy_from_slice(positions);
-        row[width / 2..].copy_from_slice(velocities);
-        self.state.live[copy] = true;
-        self.update_columns(copy);
+        self.set_row(copy, positions, velocities);
+        *self.live_mut(copy) = true;
     }
 
     fn stop(&mut self, copy: usize) {
-        self.state.live[copy] = false;
+        *self.live_mut(copy) = false;
     }
 
     fn step(&mut self, controls: &[f32]) {
-        for copy in 0..self.state.live.len() {
-            if self.state.live[copy] {
-                self.advance(copy, controls);
-            }
-        }
+        Arch::new().dispatch(ControlStep {
+            dynamics: self,
+            controls,
+        });
     }
 
     fn coordinates(&self) -> &CoordinateColumns {
@@ -244,8 +417,8 @@ impl<E: EquationsOfMotion> Dynamics for AnalyticDynamics<E> {
     }
 
     fn poses(&self, copy: usize, poses: &mut [Pose]) {
-        let width = self.width();
-        let (positions, velocities) = self.state.rows[copy * width..][..width].split_at(width / 2);
+        let row = self.row(copy);
+        let (positions, velocities) = row.split_at(N);
         let mut frames = self.tree.frame_buffer();
         self.tree.compute_frames(positions, velocities, &mut frames);
         for (pose, frame) in poses.iter_mut().zip(&frames) {
@@ -253,27 +426,39 @@ impl<E: EquationsOfMotion> Dynamics for AnalyticDynamics<E> {
         }
     }
 
-    fn save(&self) -> Vec<u8> {
-        to_bytes(&self.state)
+    fn save(&self, copy: usize) -> Vec<u8> {
+        to_bytes(&(self.live[copy / LANES][copy % LANES], self.row(copy)))
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let state: State = from_bytes(bytes)?;
-        if state.live.len() != self.state.live.len() || state.rows.len() != self.state.rows.len() {
-            return Err("the saved state has another number of copies".to_owned());
+    fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
+        let (live, row): (bool, Vec<f64>) = from_bytes(bytes)?;
+        if row.len() != 2 * N {
+            return Err(OTHER_BODIES.to_owned());
         }
-        self.state = state;
-        (0..self.state.live.len()).for_each(|copy| self.update_columns(copy));
+        let (positions, velocities) = row.split_at(N);
+        self.set_row(copy, positions, velocities);
+        *self.live_mut(copy) = live;
         Ok(())
     }
 }
 
 impl JointForce {
-    fn new(drive: Drive, gear: f64) -> Option<Self> {
-        match drive {
-            Drive::JointForce(joint) => Some(Self { joint, gear }),
-            Drive::Nothing | Drive::Servo(_) | Drive::BodyForce { .. } => None,
-        }
+    /// `joints`: the task's index of each joint of the equations.
+    fn new<const N: usize>(
+        control: usize,
+        drive: Drive,
+        gear: f64,
+        joints: [usize; N],
+    ) -> Option<Self> {
+        let Drive::JointForce(driven) = drive else {
+            return None;
+        };
+        let joint = joints.iter().position(|joint| *joint == driven)?;
+        Some(Self {
+            control,
+            joint,
+            gear,
+        })
     }
 }
 
@@ -284,6 +469,108 @@ impl From<&Frame> for Pose {
             x,
             y,
             angle: frame.angle as f32,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::load;
+
+    fn task(name: &str) -> BodyTask {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../envs/{name}.ron"));
+        load(&path).unwrap().body_task().unwrap().clone()
+    }
+
+    /// The bits of the coordinates of all copies after `steps` control steps from `starts`, each the
+    /// positions and then the velocities of one copy: all copies in one batch of dynamics, or each
+    /// in dynamics of its own.
+    fn bits(task: &BodyTask, starts: &[Vec<f64>], together: bool, steps: usize) -> Vec<Vec<u32>> {
+        let joints = task.joints.len();
+        let run = |starts: &[Vec<f64>]| {
+            let mut dynamics = build(task, starts.len()).unwrap();
+            for (copy, start) in starts.iter().enumerate() {
+                dynamics.start(copy, &start[..joints], &start[joints..]);
+            }
+            let controls = vec![0.75; task.actuators.len() * starts.len()];
+            let formula_forces = vec![0.001; task.formula_forces.len() * starts.len()];
+            let controls = [controls, formula_forces].concat();
+            (0..steps).for_each(|_| dynamics.step(&controls));
+            let row = |copy| dynamics.coordinates().row(copy);
+            (0..starts.len())
+                .map(|copy| {
+                    let numbers = row(copy).into_iter().flat_map(|(q, v)| [q, v]);
+                    numbers.map(f32::to_bits).collect()
+                })
+                .collect::<Vec<Vec<u32>>>()
+        };
+        if together {
+            run(starts)
+        } else {
+            starts.chunks(1).flat_map(run).collect()
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// SIMD lanes, copies that are advanced one by one, and copies that turned beyond the bound
+        /// of [`Bounded`] have the bits of a copy alone.
+        #[test]
+        fn copies_have_the_same_bits_together_and_alone(
+            starts in prop::collection::vec(
+                (
+                    prop::collection::vec(-4.0_f64..4.0, 4),
+                    prop::sample::select(vec![0.0, 0.0, 0.0, 1e5, 1e6, -1e6, 1e9]),
+                ),
+                1..35,
+            ),
+        ) {
+            for name in ["cartpole", "cartpole_swingup", "acrobot", "pendulum", "mountain_car_continuous"] {
+                let task = task(name);
+                let joints = task.joints.len();
+                let starts: Vec<_> = starts
+                    .iter()
+                    .map(|(start, turns)| {
+                        let mut start = start[..2 * joints].to_vec();
+                        start[joints - 1] += turns;
+                        start
+                    })
+                    .collect();
+                prop_assert_eq!(bits(&task, &starts, true, 3), bits(&task, &starts, false, 3), "{}", name);
+            }
+        }
+    }
+
+    /// A control step in SIMD lanes has the bits of the equations' own Runge–Kutta steps, which are
+    /// compiled without SIMD instructions.
+    #[test]
+    fn lanes_have_the_bits_of_scalar_equations() {
+        let task = task("pendulum");
+        let equations = Pendulum::from_task(&task).unwrap();
+        let mut dynamics = build(&task, LANES).unwrap();
+        let starts: Vec<[f64; 2]> = (0..LANES)
+            .map(|copy| [0.7 * copy as f64 - 2.0, 1.0 - copy as f64])
+            .collect();
+        for (copy, [position, velocity]) in starts.iter().enumerate() {
+            dynamics.start(copy, &[*position], &[*velocity]);
+        }
+        dynamics.step(&[0.5; LANES]);
+        let (substeps, gear) = (equations.substeps(), task.actuators[0].gear);
+        let duration = task.spec.control_step / f64::from(substeps);
+        for (copy, start) in starts.into_iter().enumerate() {
+            let [position, velocity] = (0..substeps).fold(start, |state, _| {
+                equations.runge_kutta(state, gear * 0.5, duration)
+            });
+            assert_eq!(
+                dynamics.coordinates().get(0, copy),
+                (position as f32, velocity as f32)
+            );
         }
     }
 }

@@ -10,6 +10,8 @@
 //!
 //! The map is symplectic: for F = −V′(x) the energy ½ m v² + V(x) oscillates but does not drift.
 
+use super::integration::State;
+use super::trigonometry::Trigonometry;
 use super::{EquationsOfMotion, require, require_common_properties};
 use crate::description::{AnalyticModel, BodyTask};
 use crate::kinematics::{KinematicTree, Motion};
@@ -67,6 +69,7 @@ impl MountainCar {
 
     /// The state x, v after one control step under the force F, N.
     #[must_use]
+    #[inline(always)]
     pub fn next_state(&self, [position, velocity]: [f64; 2], force: f64) -> [f64; 2] {
         let velocity = velocity + self.control_step * force / self.mass;
         let position = position + self.control_step * velocity;
@@ -79,9 +82,22 @@ impl MountainCar {
     }
 }
 
-impl EquationsOfMotion for MountainCar {
-    fn advance(&self, state: &mut [f64], forces: &[f64]) {
-        let end = self.next_state([state[0], state[1]], forces[0]);
-        state.copy_from_slice(&end);
+impl EquationsOfMotion<1> for MountainCar {
+    fn joints(&self) -> [usize; 1] {
+        [0]
+    }
+
+    fn substeps(&self) -> u32 {
+        1
+    }
+
+    #[inline(always)]
+    fn advance<T: Trigonometry>(&self, state: &State<1>, [force]: [f64; 1]) -> State<1> {
+        let [position, velocity] =
+            self.next_state([state.positions[0], state.velocities[0]], force);
+        State {
+            positions: [position],
+            velocities: [velocity],
+        }
     }
 }

@@ -8,7 +8,9 @@
 //! (I + m l²) α̈ = τ + m l (g_y cos α − gₓ sin α)
 //! ```
 
-use super::{EquationsOfMotion, require, require_only_gravity, runge_kutta, substeps};
+use super::integration::{Accelerations, State, runge_kutta, substeps};
+use super::trigonometry::{Trigonometry, Unbounded};
+use super::{EquationsOfMotion, require, require_only_gravity};
 use crate::description::{AnalyticModel, BodyTask, JointKind};
 use crate::kinematics::Frame;
 
@@ -31,7 +33,7 @@ pub struct Pendulum {
 
 /// Maximum time step of the Runge–Kutta integration, s. Its error over one control step is below
 /// what an f32 resolves.
-const MAX_STEP: f64 = 0.005;
+const MAX_STEP: f64 = 0.02;
 
 impl Pendulum {
     /// Takes the parameters from the body of a task with this analytic model.
@@ -77,9 +79,12 @@ impl Pendulum {
     /// Acceleration q̈ at coordinate q under torque τ (N m) along it.
     #[must_use]
     pub fn acceleration(&self, position: f64, torque: f64) -> f64 {
-        let (sine, cosine) = libm::sincos(self.angle_at_zero + self.sign * position);
-        let weight = self.moment * (self.gravity[1] * cosine - self.gravity[0] * sine);
-        (torque + self.sign * weight) / self.inertia
+        let state = State {
+            positions: [position],
+            velocities: [0.0],
+        };
+        let [acceleration] = self.accelerations::<Unbounded>(&state, [torque]);
+        acceleration
     }
 
     /// Total energy T + V of the state q, q̇, J.
@@ -92,20 +97,42 @@ impl Pendulum {
 
     /// The state q, q̇ after one Runge–Kutta step of `duration`, s.
     #[must_use]
-    pub fn runge_kutta(&self, state: [f64; 2], torque: f64, duration: f64) -> [f64; 2] {
-        runge_kutta(state, duration, |[position, velocity]| {
-            [velocity, self.acceleration(position, torque)]
-        })
+    pub fn runge_kutta(
+        &self,
+        [position, velocity]: [f64; 2],
+        torque: f64,
+        duration: f64,
+    ) -> [f64; 2] {
+        let start = State {
+            positions: [position],
+            velocities: [velocity],
+        };
+        let end = runge_kutta::<Unbounded, _, 1>(self, &start, [torque], duration);
+        [end.positions[0], end.velocities[0]]
     }
 }
 
-impl EquationsOfMotion for Pendulum {
-    fn advance(&self, state: &mut [f64], forces: &[f64]) {
+impl Accelerations<1> for Pendulum {
+    #[inline(always)]
+    fn accelerations<T: Trigonometry>(&self, state: &State<1>, [torque]: [f64; 1]) -> [f64; 1] {
+        let (sine, cosine) = T::sincos(self.angle_at_zero + self.sign * state.positions[0]);
+        let weight = self.moment * (self.gravity[1] * cosine - self.gravity[0] * sine);
+        [(torque + self.sign * weight) / self.inertia]
+    }
+}
+
+impl EquationsOfMotion<1> for Pendulum {
+    fn joints(&self) -> [usize; 1] {
+        [0]
+    }
+
+    fn substeps(&self) -> u32 {
+        self.substeps
+    }
+
+    #[inline(always)]
+    fn advance<T: Trigonometry>(&self, state: &State<1>, forces: [f64; 1]) -> State<1> {
         let duration = self.control_step / f64::from(self.substeps);
-        let start = [state[0], state[1]];
-        let end = (0..self.substeps).fold(start, |state, _| {
-            self.runge_kutta(state, forces[0], duration)
-        });
-        state.copy_from_slice(&end);
+        runge_kutta::<T, _, 1>(self, state, forces, duration)
     }
 }

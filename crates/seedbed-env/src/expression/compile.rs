@@ -274,7 +274,8 @@ impl Compiler<'_> {
             }
         };
         if let Some(constants) = operands.iter().map(constant).collect::<Option<Vec<_>>>() {
-            return Value::Constant(operation.value(&constants));
+            let operand = |index| constants.get(index).copied().unwrap_or_default();
+            return Value::Constant(operation.value(operand(0), operand(1), operand(2)));
         }
         self.instructions.push((operation, operands));
         Value::Result(self.instructions.len() - 1)

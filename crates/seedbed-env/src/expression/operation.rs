@@ -29,11 +29,23 @@ macro_rules! operations {
             pub(super) fn apply(self, out: &mut [f32], a: &[f32], b: &[f32], c: &[f32]) {
                 match self { $(Self::$variant => operations!(@loop out a b c [$($argument)*] $value),)* }
             }
+
+            /// The result for one value per operand. Operands beyond the number of operands are not
+            /// used.
+            pub(super) fn value(self, a: f32, b: f32, c: f32) -> f32 {
+                match self { $(Self::$variant => operations!(@value a b c [$($argument)*] $value),)* }
+            }
         }
 
         /// Names of all functions.
         pub(super) const FUNCTIONS: &[&str] = &[$($($name,)?)*];
     };
+    (@value $a:ident $b:ident $c:ident [$x:ident] $value:expr) => {{ let $x = $a; $value }};
+    (@value $a:ident $b:ident $c:ident [$x:ident $y:ident] $value:expr) => {{ let ($x, $y) = ($a, $b); $value }};
+    (@value $a:ident $b:ident $c:ident [$x:ident $y:ident $z:ident] $value:expr) => {{
+        let ($x, $y, $z) = ($a, $b, $c);
+        $value
+    }};
     (@loop $out:ident $a:ident $b:ident $c:ident [$x:ident] $value:expr) => {
         for (out, &$x) in $out.iter_mut().zip($a) { *out = $value; }
     };
@@ -82,15 +94,6 @@ impl Operation {
     /// Number of operands.
     pub(super) fn argument_count(self) -> usize {
         self.parameters().len()
-    }
-
-    /// The result for one value per operand.
-    pub(super) fn value(self, operands: &[f32]) -> f32 {
-        let operand =
-            |index: usize| std::slice::from_ref(operands.get(index).unwrap_or(&operands[0]));
-        let mut out = [0.0];
-        self.apply(&mut out, operand(0), operand(1), operand(2));
-        out[0]
     }
 }
 

@@ -93,6 +93,11 @@ impl RapierJoint {
         matches!(self.representation, Representation::Hinge { .. })
     }
 
+    /// Whether the effect of [`push`](Self::push) depends on where the bodies are.
+    pub(super) fn push_depends_on_poses(&self) -> bool {
+        matches!(self.representation, Representation::Slide { .. })
+    }
+
     /// Whether the child is stopped directly, without a constraint, at the ends of its range.
     pub(super) fn has_walls(&self) -> bool {
         matches!(

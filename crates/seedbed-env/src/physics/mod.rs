@@ -26,7 +26,7 @@ use self::joint::RapierJoint;
 pub use self::shape::inertial;
 use super::Pose;
 use super::description::{self, BodyTask, FormulaForce, Servo, ServoTarget};
-use super::dynamics::{CoordinateColumns, Dynamics, from_bytes, to_bytes};
+use super::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, from_bytes, to_bytes};
 use super::kinematics::{Frame, KinematicTree};
 
 /// M copies of a task as rigid bodies in Rapier worlds.
@@ -54,8 +54,10 @@ struct CopyTemplate {
     servos: Vec<CoordinateConstraint>,
     /// One per body: the armature of its joint.
     rotors: Vec<Rotor>,
-    /// Indices of the bodies that controls push. Their forces are reset before each step.
+    /// Indices of the bodies that controls push. Their forces are reset before new ones are set.
     pushed_bodies: Vec<usize>,
+    /// Whether forces on bodies depend on more than the controls.
+    pushes_depend_on_poses: bool,
     /// Centers of mass in the bodies' frames.
     coms: Vec<[f64; 2]>,
 }
@@ -76,11 +78,12 @@ enum ControlEffect {
     Nothing,
 }
 
-/// What Rapier keeps of bodies without contacts from one step to the next.
+/// The state of one copy, which a checkpoint stores.
 #[derive(Serialize, Deserialize)]
-struct SavedState {
-    columns: CoordinateColumns,
-    live: Vec<bool>,
+struct SavedCopy {
+    /// Position and velocity of each joint.
+    row: Vec<(f32, f32)>,
+    live: bool,
     bodies: Vec<SavedBody>,
 }
 
@@ -164,43 +167,22 @@ impl Dynamics for RigidBodies {
         }
     }
 
-    fn save(&self) -> Vec<u8> {
-        let state = SavedState {
-            columns: self.columns.clone(),
-            live: self
-                .batches
-                .iter()
-                .flat_map(|batch| batch.live.iter().copied())
-                .collect(),
-            bodies: (0..self.columns.copies())
-                .flat_map(|copy| self.bodies(copy))
-                .map(SavedBody::from_body)
-                .collect(),
-        };
-        to_bytes(&state)
+    fn save(&self, copy: usize) -> Vec<u8> {
+        to_bytes(&SavedCopy {
+            row: self.columns.row(copy),
+            live: self.batches[copy / self.batch_size].live[copy % self.batch_size],
+            bodies: self.bodies(copy).map(SavedBody::from_body).collect(),
+        })
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let state: SavedState = from_bytes(bytes)?;
-        let copies = self.columns.copies();
-        let has_same_shape = state.columns.same_shape(&self.columns)
-            && state.live.len() == copies
-            && state.bodies.len() == copies * self.template.body_count;
-        if !has_same_shape {
-            return Err("the saved state has other bodies or another number of copies".to_owned());
+    fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
+        let saved: SavedCopy = from_bytes(bytes)?;
+        if saved.bodies.len() != self.template.body_count {
+            return Err(OTHER_BODIES.to_owned());
         }
-        for (copy, bodies) in state
-            .bodies
-            .chunks_exact(self.template.body_count)
-            .enumerate()
-        {
-            self.batches[copy / self.batch_size].restore(
-                copy % self.batch_size,
-                bodies,
-                state.live[copy],
-            );
-        }
-        self.columns = state.columns;
+        self.columns.set_row(copy, &saved.row)?;
+        let batch = &mut self.batches[copy / self.batch_size];
+        batch.restore(copy % self.batch_size, &saved.bodies, saved.live);
         Ok(())
     }
 }
@@ -224,6 +206,9 @@ impl CopyTemplate {
         Self {
             body_count: task.bodies.len(),
             passive_constraints: CoordinateConstraint::all_passive(task, &joints),
+            pushes_depend_on_poses: control_inputs
+                .iter()
+                .any(|input| input.is_force() && joints[input.joint].push_depends_on_poses()),
             joints,
             control_inputs,
             servos: servos.iter().map(CoordinateConstraint::servo).collect(),

@@ -43,7 +43,7 @@ pub(crate) struct TabularEnvironment {
 }
 
 /// The states of all copies.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug)]
 struct CopyStates {
     states: Vec<u32>,
     rewards: Vec<f32>,
@@ -53,10 +53,15 @@ struct CopyStates {
     random: Vec<Option<Stream>>,
 }
 
+/// The state of one copy, which a checkpoint stores.
 #[derive(Serialize, Deserialize)]
-struct SavedEnvironment {
+struct SavedCopy {
     task: String,
-    copies: CopyStates,
+    state: u32,
+    reward: f32,
+    status: Status,
+    steps: u32,
+    random: Option<Stream>,
 }
 
 impl StateEncoding {
@@ -198,15 +203,19 @@ impl Environment for TabularEnvironment {
         &self.copies.statuses
     }
 
-    fn save(&self) -> Vec<u8> {
-        to_bytes(&SavedEnvironment {
+    fn save(&self, copy: usize) -> Vec<u8> {
+        to_bytes(&SavedCopy {
             task: self.task.spec.name.clone(),
-            copies: self.copies.clone(),
+            state: self.copies.states[copy],
+            reward: self.copies.rewards[copy],
+            status: self.copies.statuses[copy],
+            steps: self.copies.steps[copy],
+            random: self.copies.random[copy].clone(),
         })
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: SavedEnvironment = from_bytes(bytes)
+    fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
+        let saved: SavedCopy = from_bytes(bytes)
             .map_err(|error| format!("not a saved state of an environment: {error}"))?;
         if saved.task != self.task.spec.name {
             return Err(format!(
@@ -214,14 +223,16 @@ impl Environment for TabularEnvironment {
                 saved.task, self.task.spec.name
             ));
         }
-        if saved.copies.states.len() != self.copies() {
-            return Err("the saved state has another number of copies".to_owned());
+        if saved.state as usize >= self.task.model.state_count() {
+            return Err("the saved state is of a task with more states".to_owned());
         }
-        self.copies = saved.copies;
-        for copy in 0..self.copies() {
-            if self.copies.statuses[copy] != Status::Idle {
-                self.observe(copy);
-            }
+        self.copies.states[copy] = saved.state;
+        self.copies.rewards[copy] = saved.reward;
+        self.copies.statuses[copy] = saved.status;
+        self.copies.steps[copy] = saved.steps;
+        self.copies.random[copy] = saved.random;
+        if saved.status != Status::Idle {
+            self.observe(copy);
         }
         Ok(())
     }

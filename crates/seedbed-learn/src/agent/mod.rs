@@ -16,6 +16,7 @@ use std::borrow::Cow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use self::bonus::BonusModel;
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Activations, Initial};
 use crate::seed::SeedDistribution;
@@ -44,6 +45,11 @@ pub trait Agent: Send + Sync {
     /// bonus model; empty if the agent has no bonus.
     fn probe_bonuses(&mut self, _episode: &Episode, _round: u32) -> Vec<f32> {
         Vec::new()
+    }
+
+    /// The agent's bonus model, if the team shares one model. Agent 0 trains it.
+    fn shared_bonus_model(&mut self) -> Option<&mut BonusModel> {
+        None
     }
 
     /// Whether every learned number is finite.
@@ -111,6 +117,26 @@ pub struct ActScratch {
     pub(crate) state: Vec<f32>,
     pub(crate) activations: Activations,
     pub(crate) outputs: Vec<f32>,
+    pub(crate) values: ValueScratch,
+}
+
+/// Buffers for the values of the agents that act by one value model.
+#[derive(Debug, Default)]
+pub(crate) struct ValueScratch {
+    /// Observations of the agents.
+    pub(crate) observations: Vec<f32>,
+    /// The same, scaled.
+    pub(crate) scaled: Vec<f32>,
+    /// Values of all choices of each agent of a group: `[agents × choices]`.
+    pub(crate) values: Vec<f32>,
+    pub(crate) model: ValueBuffers,
+}
+
+/// Buffers for the values of many states.
+#[derive(Debug, Default)]
+pub(crate) struct ValueBuffers {
+    pub(crate) activations: Activations,
+    pub(crate) values: Vec<f32>,
 }
 
 /// The result of one agent's update.

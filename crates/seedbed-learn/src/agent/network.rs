@@ -71,8 +71,8 @@ impl Network {
     /// One step of Adam along ∇L + λ (θ − θ̂): the regularization term is λψ with ψ = ½‖θ − θ̂‖²
     /// (thesis §3.4.3).
     ///
-    /// `output_gradient: [B × out]` is the gradient of L with respect to the outputs of the latest
-    /// forward pass, which must have had the same `inputs`.
+    /// `output_gradient: [B × out]` is the gradient of L with respect to the first B outputs of the
+    /// latest forward pass, which must have had the same `inputs`.
     pub(crate) fn descend(&mut self, inputs: &[f32], output_gradient: &[f32], descent: &Descent) {
         let parameters = &mut self.learned.parameters;
         self.mlp.backward(
@@ -124,6 +124,13 @@ impl Network {
 
     pub(crate) fn learned_state(&self) -> &LearnedState {
         &self.learned
+    }
+
+    /// Copies the parameters of a network of the same shape.
+    pub(crate) fn copy_parameters(&mut self, other: &Self) {
+        self.learned
+            .parameters
+            .clone_from(&other.learned.parameters);
     }
 
     /// Returns to an earlier state.

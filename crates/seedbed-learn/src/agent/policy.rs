@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::network::{Descent, Network};
 use super::{ActScratch, Tensor};
+use crate::math;
 use crate::nn::Mlp;
 use crate::rl::{categorical, gaussian};
 use seedbed_env::input::numbers::Positive;
@@ -41,7 +42,16 @@ pub(crate) struct Policy {
     /// Outputs of the network for the latest evaluated rows, with log-probabilities in place of
     /// logits: `[N × outputs]`.
     outputs: Vec<f32>,
+    /// Exponentials of `outputs`, the probabilities of choices: `[N × outputs]`.
+    probabilities: Vec<f32>,
     output_gradient: Vec<f32>,
+}
+
+/// One row of the outputs, with log-probabilities in place of logits, and their exponentials.
+#[derive(Clone, Copy)]
+struct OutputRow<'a> {
+    outputs: &'a [f32],
+    probabilities: &'a [f32],
 }
 
 /// One component of an action.
@@ -97,6 +107,7 @@ impl Policy {
             selection,
             components,
             outputs: Vec::new(),
+            probabilities: Vec::new(),
             output_gradient: Vec::new(),
         }
     }
@@ -131,28 +142,39 @@ impl Policy {
         let width = self.network.mlp().outputs();
         self.outputs.clear();
         self.outputs.extend_from_slice(self.network.forward(states));
+        self.normalize_outputs();
         log_probs.clear();
-        for (row, actions) in self
-            .outputs
-            .chunks_exact_mut(width)
-            .zip(actions.chunks_exact(self.components.len()))
-        {
+        let actions = actions.chunks_exact(self.components.len());
+        for (row, actions) in self.outputs.chunks_exact(width).zip(actions) {
             for (component, &action) in self.components.iter().zip(actions) {
-                let outputs = component.slice_mut(row);
-                component.normalize(outputs);
-                log_probs.push(component.log_prob(outputs, action));
+                log_probs.push(component.log_prob(component.slice(row), action));
             }
         }
     }
 
+    /// Replaces logits by log-probabilities, and computes probabilities.
+    fn normalize_outputs(&mut self) {
+        if let [component] = self.components.as_slice() {
+            component.normalize(&mut self.outputs);
+        } else {
+            for row in self.outputs.chunks_exact_mut(self.network.mlp().outputs()) {
+                for component in &self.components {
+                    component.normalize(component.slice_mut(row));
+                }
+            }
+        }
+        self.probabilities.clone_from(&self.outputs);
+        math::exp_in_place(&mut self.probabilities);
+    }
+
     /// Mean entropy over the latest evaluated rows, nats.
     pub(crate) fn mean_entropy(&self) -> f32 {
-        let rows = self.outputs.chunks_exact(self.network.mlp().outputs());
+        let rows = self.rows();
         let count = rows.len().max(1) as f32;
-        let entropy = |row| {
-            self.components
-                .iter()
-                .map(|component| component.entropy(component.slice(row)))
+        let entropy = |row: OutputRow<'_>| {
+            let components = self.components.iter();
+            components
+                .map(|component| component.entropy(row))
                 .sum::<f32>()
         };
         rows.map(entropy).sum::<f32>() / count
@@ -172,22 +194,32 @@ impl Policy {
         let (width, count) = (self.network.mlp().outputs(), self.components.len());
         self.output_gradient.resize(self.outputs.len(), 0.0);
         let weight = count as f32 / slopes.len() as f32;
-        let rows = self
-            .outputs
-            .chunks_exact(width)
-            .zip(self.output_gradient.chunks_exact_mut(width));
-        for ((outputs, gradient), (actions, slopes)) in
+        let mut output_gradient = std::mem::take(&mut self.output_gradient);
+        let rows = self.rows().zip(output_gradient.chunks_exact_mut(width));
+        for ((row, gradient), (actions, slopes)) in
             rows.zip(actions.chunks_exact(count).zip(slopes.chunks_exact(count)))
         {
             for ((component, &action), slope) in self.components.iter().zip(actions).zip(slopes) {
-                let (outputs, gradient) = (component.slice(outputs), component.slice_mut(gradient));
-                component.gradient(outputs, action, weight * slope, gradient);
+                let gradient = component.slice_mut(gradient);
+                component.gradient(row, action, weight * slope, gradient);
                 if entropy_bonus > 0.0 {
-                    component.add_entropy_gradient(outputs, -weight * entropy_bonus, gradient);
+                    component.add_entropy_gradient(row, -weight * entropy_bonus, gradient);
                 }
             }
         }
-        self.network.descend(states, &self.output_gradient, descent);
+        self.network.descend(states, &output_gradient, descent);
+        self.output_gradient = output_gradient;
+    }
+
+    /// The latest evaluated rows.
+    fn rows(&self) -> impl ExactSizeIterator<Item = OutputRow<'_>> {
+        let width = self.network.mlp().outputs();
+        let rows = self.outputs.chunks_exact(width);
+        rows.zip(self.probabilities.chunks_exact(width))
+            .map(|(outputs, probabilities)| OutputRow {
+                outputs,
+                probabilities,
+            })
     }
 
     pub(crate) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
@@ -221,7 +253,7 @@ fn components(spec: &TaskSpec, initial_deviation: f32) -> Vec<Component> {
                 ComponentDistribution::Gaussian {
                     center,
                     half_range,
-                    initial_log_deviation: initial_deviation.ln(),
+                    initial_log_deviation: math::ln(initial_deviation),
                 }
             }
         };
@@ -247,11 +279,17 @@ impl Component {
         &row[self.start..self.start + self.width()]
     }
 
+    /// Its outputs and their exponentials.
+    fn slices<'a>(&self, row: OutputRow<'a>) -> [&'a [f32]; 2] {
+        [self.slice(row.outputs), self.slice(row.probabilities)]
+    }
+
     fn slice_mut<'a>(&self, row: &'a mut [f32]) -> &'a mut [f32] {
         &mut row[self.start..self.start + self.width()]
     }
 
-    /// Replaces logits by log-probabilities; leaves a mean and a deviation unchanged.
+    /// Replaces the logits of one or more rows by log-probabilities; leaves means and deviations
+    /// unchanged.
     fn normalize(&self, outputs: &mut [f32]) {
         if let ComponentDistribution::Categorical { choices } = self.distribution {
             categorical::log_softmax_in_place(outputs, choices);
@@ -275,12 +313,12 @@ impl Component {
                 let log_deviation = match selection {
                     ActionSelection::Sampled => log_deviation,
                     ActionSelection::Tempered { temperature } => {
-                        log_deviation + 0.5 * temperature.get_f32().ln()
+                        log_deviation + 0.5 * math::ln(temperature.get_f32())
                     }
                     ActionSelection::Greedy => return (mean, 0.0),
                 };
                 let standard: f32 = StandardNormal.sample(random);
-                let action = log_deviation.exp().mul_add(standard, mean);
+                let action = math::exp(log_deviation) * standard + mean;
                 (action, gaussian::log_density(action, mean, log_deviation))
             }
         }
@@ -296,18 +334,22 @@ impl Component {
         }
     }
 
-    fn entropy(&self, outputs: &[f32]) -> f32 {
+    fn entropy(&self, row: OutputRow<'_>) -> f32 {
+        let [outputs, probabilities] = self.slices(row);
         match self.distribution {
-            ComponentDistribution::Categorical { .. } => categorical::entropy(outputs),
+            ComponentDistribution::Categorical { .. } => {
+                categorical::entropy(outputs, probabilities)
+            }
             ComponentDistribution::Gaussian { .. } => gaussian::entropy(self.moments(outputs).1),
         }
     }
 
     /// Writes `weight` · ∂log π(a)/∂outputs to `gradient`.
-    fn gradient(&self, outputs: &[f32], action: f32, weight: f32, gradient: &mut [f32]) {
+    fn gradient(&self, row: OutputRow<'_>, action: f32, weight: f32, gradient: &mut [f32]) {
+        let [outputs, probabilities] = self.slices(row);
         match self.distribution {
             ComponentDistribution::Categorical { .. } => {
-                categorical::log_prob_gradient(outputs, action as usize, weight, gradient);
+                categorical::log_prob_gradient(probabilities, action as usize, weight, gradient);
             }
             ComponentDistribution::Gaussian {
                 half_range,
@@ -328,10 +370,11 @@ impl Component {
     }
 
     /// Adds `weight` · ∂H/∂outputs to `gradient`, where H is the entropy.
-    fn add_entropy_gradient(&self, outputs: &[f32], weight: f32, gradient: &mut [f32]) {
+    fn add_entropy_gradient(&self, row: OutputRow<'_>, weight: f32, gradient: &mut [f32]) {
+        let [outputs, probabilities] = self.slices(row);
         match self.distribution {
             ComponentDistribution::Categorical { .. } => {
-                categorical::add_entropy_gradient(outputs, weight, gradient);
+                categorical::add_entropy_gradient(outputs, probabilities, weight, gradient);
             }
             ComponentDistribution::Gaussian {
                 initial_log_deviation,
@@ -362,7 +405,7 @@ impl Component {
                     .clamp(LOG_DEVIATION_BOUNDS[0], LOG_DEVIATION_BOUNDS[1]);
                 (
                     half_range.mul_add(outputs[0], center),
-                    relative + half_range.ln(),
+                    relative + math::ln(half_range),
                 )
             }
         }
@@ -437,6 +480,23 @@ mod tests {
         )
     }
 
+    /// Outputs with log-probabilities in place of logits, and their exponentials.
+    fn normalized(policy: &Policy, raw_outputs: &[f32]) -> (Vec<f32>, Vec<f32>) {
+        let mut row = raw_outputs.to_vec();
+        for component in &policy.components {
+            component.normalize(component.slice_mut(&mut row));
+        }
+        let probabilities = row.iter().copied().map(math::exp).collect();
+        (row, probabilities)
+    }
+
+    fn output_row<'a>(outputs: &'a [f32], probabilities: &'a [f32]) -> OutputRow<'a> {
+        OutputRow {
+            outputs,
+            probabilities,
+        }
+    }
+
     /// The gradient of log π(a) with respect to the outputs agrees with central differences.
     #[test]
     fn output_gradient_agrees_with_central_differences() {
@@ -455,16 +515,11 @@ mod tests {
                 });
             log_probs.sum()
         };
-        let mut row = raw_outputs.to_vec();
+        let (row, probabilities) = normalized(&policy, &raw_outputs);
         let mut gradient = [0.0; 7];
         for (component, action) in policy.components.iter().zip(actions) {
-            component.normalize(component.slice_mut(&mut row));
-            component.gradient(
-                component.slice(&row),
-                action,
-                1.0,
-                component.slice_mut(&mut gradient),
-            );
+            let (row, gradient) = (output_row(&row, &probabilities), &mut gradient);
+            component.gradient(row, action, 1.0, component.slice_mut(gradient));
         }
         for index in 0..raw_outputs.len() {
             let (mut above, mut below) = (raw_outputs, raw_outputs);
@@ -484,29 +539,16 @@ mod tests {
     fn entropy_gradient_agrees_with_central_differences() {
         let policy = mixed_policy(ActionSelection::Sampled);
         let raw_outputs = [0.3_f32, -0.2, 0.9, 0.4, -0.6, -1.1, 0.2];
-        let normalized = |raw_outputs: &[f32]| {
-            let mut row = raw_outputs.to_vec();
-            policy
-                .components
-                .iter()
-                .for_each(|component| component.normalize(component.slice_mut(&mut row)));
-            row
-        };
         let entropy = |raw_outputs: &[f32]| -> f32 {
-            let row = normalized(raw_outputs);
-            policy
-                .components
-                .iter()
-                .map(|component| component.entropy(component.slice(&row)))
-                .sum()
+            let (row, probabilities) = normalized(&policy, raw_outputs);
+            let row = output_row(&row, &probabilities);
+            let components = policy.components.iter();
+            components.map(|component| component.entropy(row)).sum()
         };
-        let (row, mut gradient) = (normalized(&raw_outputs), [0.0; 7]);
+        let ((row, probabilities), mut gradient) = (normalized(&policy, &raw_outputs), [0.0; 7]);
         for component in &policy.components {
-            component.add_entropy_gradient(
-                component.slice(&row),
-                1.0,
-                component.slice_mut(&mut gradient),
-            );
+            let row = output_row(&row, &probabilities);
+            component.add_entropy_gradient(row, 1.0, component.slice_mut(&mut gradient));
         }
         for index in 0..raw_outputs.len() {
             let (mut above, mut below) = (raw_outputs, raw_outputs);

@@ -87,8 +87,6 @@ struct CrossEntropyTeam {
     /// Parameters of each agent in this round: `[K][P]`.
     population: Vec<Vec<f32>>,
     policies: Vec<Policy>,
-    scratch: ActScratch,
-    scaled: Vec<f32>,
 }
 
 /// What a checkpoint holds of a team. The rest derives from the scenario.
@@ -116,8 +114,6 @@ impl CrossEntropyTeam {
             deviation: vec![config.initial_deviation.get_f32(); parameters],
             population: vec![Vec::new(); context.config.count.get() as usize],
             policies: Vec::new(),
-            scratch: ActScratch::default(),
-            scaled: Vec::new(),
             config: config.clone(),
             network,
         }
@@ -197,25 +193,28 @@ impl Team for CrossEntropyTeam {
         self.build_policies();
     }
 
-    fn act(&mut self, request: &mut ActionRequest<'_>) {
+    fn act(&self, request: &mut ActionRequest<'_>, scratch: &mut ActScratch) {
         let observation_width = self.spec.observation_width();
         let action_width = self.spec.action_width();
-        for (agent, policy) in self.policies.iter().enumerate() {
+        let mut scaled = std::mem::take(&mut scratch.state);
+        let group = &self.policies[request.first_agent..][..request.playing.len()];
+        for (agent, policy) in group.iter().enumerate() {
             if !request.playing[agent] {
                 continue;
             }
             let observation = agent * observation_width..(agent + 1) * observation_width;
             let action = agent * action_width..(agent + 1) * action_width;
             self.scaling
-                .apply(&request.observations[observation], &mut self.scaled);
+                .apply(&request.observations[observation], &mut scaled);
             policy.sample(
-                &self.scaled,
+                &scaled,
                 &mut request.random[agent],
-                &mut self.scratch,
+                scratch,
                 &mut request.actions[action.clone()],
                 &mut request.log_probs[action],
             );
         }
+        scratch.state = scaled;
     }
 
     fn learn(&mut self, request: &LearningRequest<'_>, _: Workers<'_>) -> Vec<AgentUpdate> {

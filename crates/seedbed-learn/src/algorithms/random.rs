@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::agent::{ActScratch, Agent, Tensor, Update, UpdateReport};
 use crate::experience::Experience;
+use crate::math::ln;
 use crate::team::{IndependentLearners, Team, TeamContext};
 use seedbed_env::random::Stream;
 use seedbed_env::{Action, Choice, TaskSpec};
@@ -98,7 +99,7 @@ impl Agent for RandomAgent {
 /// number of choices, or of the length of the range.
 fn entropy(component: &Action) -> f32 {
     match &component.choice {
-        Choice::Discrete(values) => (values.len() as f32).ln(),
-        Choice::Continuous => (component.quantity.range[1] - component.quantity.range[0]).ln(),
+        Choice::Discrete(values) => ln(values.len() as f32),
+        Choice::Continuous => ln(component.quantity.range[1] - component.quantity.range[0]),
     }
 }

@@ -1,14 +1,15 @@
 //! The replay buffer: the team's newest transitions in a ring buffer of limited size.
 
+use std::ops::Range;
+
 use rand::RngExt;
-use serde::{Deserialize, Serialize};
 
 use super::Episode;
 use seedbed_env::Status;
 use seedbed_env::random::Stream;
 
 /// Which step of which episode a transition is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Origin {
     /// Number of the agent, from 0.
     pub agent: u32,
@@ -19,15 +20,16 @@ pub struct Origin {
 }
 
 /// The newest transitions, each with one discrete action. When the buffer is full, a new transition
-/// replaces the oldest.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// replaces the oldest. Transitions are numbered from 0 in the order in which they were added; they
+/// never change, so that checkpoints need to store each of them only once.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Replay {
     /// Maximal number of transitions.
     capacity: usize,
     /// Width of an observation.
     width: usize,
-    /// Index of the oldest transition, which is replaced next when the buffer is full.
-    oldest: usize,
+    /// Number of transitions added so far. Transition n is at index n mod `capacity`.
+    added: u64,
     /// Observations before and after each action: `[N × 2 × width]`.
     observations: Vec<f32>,
     actions: Vec<u16>,
@@ -68,13 +70,19 @@ impl Replay {
         Self {
             capacity,
             width,
-            oldest: 0,
+            added: 0,
             observations: Vec::new(),
             actions: Vec::new(),
             rewards: Vec::new(),
             statuses: Vec::new(),
             origins: Vec::new(),
         }
+    }
+
+    /// Maximal number of transitions.
+    #[must_use]
+    pub fn capacity(&self) -> usize {
+        self.capacity
     }
 
     /// Number of transitions in the buffer.
@@ -89,34 +97,54 @@ impl Replay {
         self.rewards.is_empty()
     }
 
-    /// Adds the last step of an episode that is being played or has just ended.
+    /// Adds the transition of step number `step` of an episode, which may still be playing.
     ///
     /// # Panics
-    /// If the episode has no step, or observations of another width.
-    pub fn push_newest(&mut self, episode: &Episode) {
-        let (width, step) = (self.width, episode.length() - 1);
+    /// If the episode has no such step, or observations of another width.
+    pub fn push(&mut self, episode: &Episode, step: usize) {
+        let width = self.width;
+        let is_last = step + 1 == episode.length();
+        let status = if is_last {
+            episode.outcome
+        } else {
+            Status::Running
+        };
         let observations = &episode.observations[step * width..(step + 2) * width];
         let origin = Origin {
             agent: episode.agent,
             episode: episode.episode,
             step: step as u32,
         };
-        let (action, reward) = (episode.actions[step] as u16, episode.rewards[step]);
-        if self.len() < self.capacity {
-            self.observations.extend_from_slice(observations);
-            self.actions.push(action);
-            self.rewards.push(reward);
-            self.statuses.push(episode.outcome);
-            self.origins.push(origin);
+        self.add(&Transition {
+            state: &observations[..width],
+            action: episode.actions[step] as usize,
+            reward: episode.rewards[step],
+            next_state: &observations[width..],
+            status,
+            origin,
+        });
+    }
+
+    /// Adds a transition, in place of the oldest if the buffer is full.
+    fn add(&mut self, transition: &Transition<'_>) {
+        let index = (self.added % self.capacity as u64) as usize;
+        self.added += 1;
+        if index == self.len() {
+            self.observations.extend_from_slice(transition.state);
+            self.observations.extend_from_slice(transition.next_state);
+            self.actions.push(transition.action as u16);
+            self.rewards.push(transition.reward);
+            self.statuses.push(transition.status);
+            self.origins.push(transition.origin);
             return;
         }
-        let index = self.oldest;
-        self.observations[index * 2 * width..(index + 1) * 2 * width].copy_from_slice(observations);
-        self.actions[index] = action;
-        self.rewards[index] = reward;
-        self.statuses[index] = episode.outcome;
-        self.origins[index] = origin;
-        self.oldest = (index + 1) % self.capacity;
+        let pair = &mut self.observations[index * 2 * self.width..(index + 1) * 2 * self.width];
+        pair[..self.width].copy_from_slice(transition.state);
+        pair[self.width..].copy_from_slice(transition.next_state);
+        self.actions[index] = transition.action as u16;
+        self.rewards[index] = transition.reward;
+        self.statuses[index] = transition.status;
+        self.origins[index] = transition.origin;
     }
 
     /// A transition drawn uniformly from the buffer.
@@ -146,10 +174,139 @@ impl Replay {
         }
     }
 
-    /// Whether another buffer has the same capacity and width of observations.
+    /// Numbers of the transitions in the buffer.
     #[must_use]
-    pub fn has_same_shape(&self, other: &Self) -> bool {
-        (self.capacity, self.width) == (other.capacity, other.width)
+    pub fn numbers(&self) -> Range<u64> {
+        self.added - self.len() as u64..self.added
+    }
+
+    /// Number of bytes of each transition that [`encode`](Self::encode) writes.
+    #[must_use]
+    pub fn encoded_length(&self) -> usize {
+        // Observations, action, reward, status, origin.
+        2 * 4 * self.width + 2 + 4 + 1 + 3 * 4
+    }
+
+    /// Appends the transitions with these numbers to `bytes`, all numbers in little-endian order.
+    ///
+    /// # Panics
+    /// If one of them is not in the buffer.
+    pub fn encode(&self, numbers: Range<u64>, bytes: &mut Vec<u8>) {
+        let present = self.numbers();
+        assert!(present.start <= numbers.start && numbers.end <= present.end);
+        for number in numbers {
+            let transition = self.get((number % self.capacity as u64) as usize);
+            for observation in transition.state.iter().chain(transition.next_state) {
+                bytes.extend(observation.to_le_bytes());
+            }
+            bytes.extend((transition.action as u16).to_le_bytes());
+            bytes.extend(transition.reward.to_le_bytes());
+            bytes.push(encode_status(transition.status));
+            let Origin {
+                agent,
+                episode,
+                step,
+            } = transition.origin;
+            bytes.extend(
+                [agent, episode, step]
+                    .into_iter()
+                    .flat_map(u32::to_le_bytes),
+            );
+        }
+    }
+
+    /// Replaces the contents by encoded transitions, the first of which has number `first`.
+    ///
+    /// # Errors
+    /// If they are not the transitions of a buffer of this capacity and width.
+    pub fn restore(&mut self, first: u64, bytes: &[u8]) -> Result<(), String> {
+        let transitions = bytes.chunks_exact(self.encoded_length());
+        let count = transitions.len() as u64;
+        let is_complete = transitions.remainder().is_empty()
+            && count <= self.capacity as u64
+            && (count == self.capacity as u64 || first == 0);
+        if !is_complete {
+            return Err("the replay buffer has another size".to_owned());
+        }
+        let mut restored = Self::new(self.capacity, self.width);
+        let mut observations = vec![0.0; 2 * self.width];
+        // The first transition may be in the middle of the ring.
+        restored.resize(count as usize);
+        restored.added = first;
+        for transition in transitions {
+            restored.add(&decode(transition, &mut observations)?);
+        }
+        *self = restored;
+        Ok(())
+    }
+
+    /// Makes room for `count` transitions, which are added later.
+    fn resize(&mut self, count: usize) {
+        self.observations.resize(count * 2 * self.width, 0.0);
+        self.actions.resize(count, 0);
+        self.rewards.resize(count, 0.0);
+        self.statuses.resize(count, Status::Running);
+        let origin = Origin {
+            agent: 0,
+            episode: 0,
+            step: 0,
+        };
+        self.origins.resize(count, origin);
+    }
+}
+
+/// Reads an encoded transition; `observations: [2 × width]` is a buffer for its observations.
+fn decode<'a>(bytes: &[u8], observations: &'a mut [f32]) -> Result<Transition<'a>, String> {
+    let mut rest = bytes;
+    for observation in &mut *observations {
+        *observation = f32::from_le_bytes(take(&mut rest));
+    }
+    let action = u16::from_le_bytes(take(&mut rest)).into();
+    let reward = f32::from_le_bytes(take(&mut rest));
+    let status = decode_status(take(&mut rest))?;
+    let [agent, episode, step] = [(); 3].map(|()| u32::from_le_bytes(take(&mut rest)));
+    let (state, next_state) = observations.split_at(observations.len() / 2);
+    Ok(Transition {
+        state,
+        action,
+        reward,
+        next_state,
+        status,
+        origin: Origin {
+            agent,
+            episode,
+            step,
+        },
+    })
+}
+
+/// Takes the first N bytes.
+fn take<const N: usize>(bytes: &mut &[u8]) -> [u8; N] {
+    let (first, rest) = bytes
+        .split_first_chunk()
+        .expect("an encoded transition has all its bytes");
+    *bytes = rest;
+    *first
+}
+
+fn encode_status(status: Status) -> u8 {
+    match status {
+        Status::Idle => 0,
+        Status::Running => 1,
+        Status::Terminated => 2,
+        Status::Truncated => 3,
+    }
+}
+
+fn decode_status([byte]: [u8; 1]) -> Result<Status, String> {
+    match byte {
+        0 => Ok(Status::Idle),
+        1 => Ok(Status::Running),
+        2 => Ok(Status::Terminated),
+        3 => Ok(Status::Truncated),
+        _ => Err(format!(
+            "a transition of the replay buffer has status {byte}"
+        )),
     }
 }
 
@@ -174,8 +331,8 @@ mod tests {
     /// A buffer of capacity 4 after one episode of `steps` steps.
     fn replay_after(steps: u8) -> Replay {
         let mut replay = Replay::new(4, 1);
-        (1..steps).for_each(|length| replay.push_newest(&episode(length, Status::Running)));
-        replay.push_newest(&episode(steps, Status::Terminated));
+        let episode = episode(steps, Status::Terminated);
+        (0..episode.length()).for_each(|step| replay.push(&episode, step));
         replay
     }
 
@@ -223,5 +380,54 @@ mod tests {
             counts[..2] == [0, 0] && counts[2..].iter().all(|count| (count - 1000).abs() < 110),
             "{counts:?}"
         );
+    }
+
+    /// After three, four and six steps, a buffer of four is not full, full, and has replaced
+    /// steps. A restored buffer has the same transitions at the same indices, and replaces the same
+    /// ones.
+    #[test]
+    fn a_restored_buffer_equals_the_original() {
+        for (steps, numbers) in [(3, 0..3), (4, 0..4), (6, 2..6)] {
+            let (mut original, mut bytes) = (replay_after(steps), Vec::new());
+            assert_eq!(original.numbers(), numbers);
+            original.encode(numbers.clone(), &mut bytes);
+            assert_eq!(bytes.len(), original.len() * original.encoded_length());
+            let mut restored = replay_after(1);
+            restored.restore(numbers.start, &bytes).unwrap();
+            assert_eq!(restored, original);
+            for replay in [&mut original, &mut restored] {
+                replay.push(&episode(2, Status::Truncated), 1);
+            }
+            assert_eq!(restored, original);
+        }
+    }
+
+    /// Step 2 of agent 3's episode 5 leads from state 2 (0x40000000) to state 3 (0x40400000) with
+    /// action 0 and reward 20 (0x41a00000), and ends the episode.
+    #[test]
+    fn transitions_are_encoded_in_little_endian_order() {
+        let mut bytes = Vec::new();
+        replay_after(3).encode(2..3, &mut bytes);
+        let expected = [
+            &[0, 0, 0, 0x40, 0, 0, 0x40, 0x40][..],
+            &[0, 0],
+            &[0, 0, 0xa0, 0x41],
+            &[2],
+            &[3, 0, 0, 0, 5, 0, 0, 0, 2, 0, 0, 0],
+        ];
+        assert_eq!(bytes, expected.concat());
+    }
+
+    #[test]
+    fn transitions_of_another_buffer_are_refused() {
+        let mut bytes = Vec::new();
+        replay_after(6).encode(2..6, &mut bytes);
+        let mut other_capacity = Replay::new(5, 1);
+        assert!(other_capacity.restore(2, &bytes).is_err());
+        assert!(Replay::new(4, 2).restore(2, &bytes).is_err());
+        assert!(Replay::new(4, 1).restore(2, &bytes[1..]).is_err());
+        let status = 2 * 4 + 2 + 4;
+        bytes[status] = 9;
+        assert!(Replay::new(4, 1).restore(2, &bytes).is_err());
     }
 }

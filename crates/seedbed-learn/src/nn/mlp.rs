@@ -35,7 +35,7 @@ pub struct Activations {
     /// Derivatives of the loss with respect to the inputs of the activation function: those of the
     /// layer that the backward pass has reached, and those of the layer before it.
     deltas: [Vec<f32>; 2],
-    scratch: Vec<f32>,
+    scratch: kernels::Scratch,
 }
 
 impl Mlp {
@@ -132,8 +132,9 @@ impl Mlp {
     }
 
     /// Computes the gradient of a loss with respect to the parameters from its gradient with
-    /// respect to the outputs of the latest forward pass, which must have had the same `inputs`.
-    /// `inputs: [B × in]`, `output_gradient: [B × out]` → `gradient: [P]`, overwritten
+    /// respect to the first B outputs of the latest forward pass, which must have had the same
+    /// `inputs`.   `inputs: [B or more × in]`, `output_gradient: [B × out]` → `gradient: [P]`,
+    /// overwritten
     ///
     /// # Panics
     /// If a slice has another shape.
@@ -151,6 +152,7 @@ impl Mlp {
             deltas: [deltas, earlier_deltas],
             scratch,
         } = activations;
+        let batch = output_gradient.len() / self.outputs();
         deltas.clear();
         deltas.extend_from_slice(output_gradient);
         for layer in self.layers.iter().rev() {
@@ -159,6 +161,7 @@ impl Mlp {
             } else {
                 &layers[layer.index - 1]
             };
+            let x = &x[..batch * layer.inputs];
             let (dw, db) = layer.split_mut(gradient);
             kernels::parameter_gradient(x, deltas, dw, db, scratch);
             if layer.index > 0 {

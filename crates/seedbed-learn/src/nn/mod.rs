@@ -14,7 +14,7 @@ pub mod standardizer;
 
 pub use adam::{Adam, AdamSettings};
 pub use bayesian::{
-    BayesianLoss, BayesianNetwork, BayesianSettings, BayesianState, DiagonalGaussian, Likelihood,
+    BayesianNetwork, BayesianSettings, BayesianState, DiagonalGaussian, Likelihood,
 };
 pub use median_scale::MedianScale;
 pub use mlp::{Activations, Initial, Mlp};

@@ -1,26 +1,65 @@
 //! The categorical policy over n choices (thesis §1.5.4): π(a|s) = softmax(logits).
 
+#![expect(
+    clippy::inline_always,
+    reason = "a loop is compiled for a SIMD instruction set only if it is inlined into the dispatch"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::math::{exp, ln};
+
 /// Replaces the logits of each row by log-probabilities: log π(a) = `x_a` − log Σ exp x.
 /// `logits: [B × n]`
 pub fn log_softmax_in_place(logits: &mut [f32], choices: usize) {
-    for row in logits.chunks_exact_mut(choices) {
-        let log_sum = log_sum_exp(row);
-        for x in row {
-            *x -= log_sum;
+    Arch::new().dispatch(LogSoftmax { logits, choices });
+}
+
+struct LogSoftmax<'a> {
+    logits: &'a mut [f32],
+    choices: usize,
+}
+
+impl WithSimd for LogSoftmax<'_> {
+    type Output = ();
+
+    /// If the number of choices is known, the compiler computes several rows at once.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        match self.choices {
+            2 => log_softmax_of_rows::<2>(self.logits),
+            3 => log_softmax_of_rows::<3>(self.logits),
+            choices => {
+                for row in self.logits.chunks_exact_mut(choices) {
+                    log_softmax_of_row(row);
+                }
+            }
         }
     }
 }
 
-/// log Σ exp x, computed relative to the largest logit to avoid overflow.   `logits: [n]`
-fn log_sum_exp(logits: &[f32]) -> f32 {
-    // Two choices are the most common case and need a single exponential, because the term of the
-    // larger logit is e⁰ = 1.
-    if let &[a, b] = logits {
-        let largest = if a > b { a } else { b };
-        return (1.0 + (-(a - b).abs()).exp()).ln() + largest;
+#[inline(always)]
+fn log_softmax_of_rows<const CHOICES: usize>(logits: &mut [f32]) {
+    for row in logits.as_chunks_mut::<CHOICES>().0 {
+        log_softmax_of_row(row);
     }
-    let largest = logits.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-    logits.iter().map(|x| (x - largest).exp()).sum::<f32>().ln() + largest
+}
+
+/// Exponentials are relative to the largest logit, so that they do not overflow.
+#[inline(always)]
+fn log_softmax_of_row(logits: &mut [f32]) {
+    let mut largest = f32::NEG_INFINITY;
+    for x in &*logits {
+        largest = if *x > largest { *x } else { largest };
+    }
+    let mut sum = 0.0;
+    for x in &*logits {
+        sum += exp(*x - largest);
+    }
+    let log_sum = ln(sum) + largest;
+    for x in logits {
+        *x -= log_sum;
+    }
 }
 
 /// The choice at which the cumulative probability first exceeds `uniform`, a number in `[0, 1)`.
@@ -29,43 +68,52 @@ fn log_sum_exp(logits: &[f32]) -> f32 {
 pub fn choose(log_probs: &[f32], uniform: f32) -> usize {
     let mut cumulative = 0.0;
     let choice = log_probs.iter().position(|log_prob| {
-        cumulative += log_prob.exp();
+        cumulative += exp(*log_prob);
         uniform < cumulative
     });
     // The probabilities may add up to slightly less than 1.
     choice.unwrap_or(log_probs.len() - 1)
 }
 
-/// Entropy H = −Σ π log π, nats.   `log_probs: [n]`
+/// Entropy H = −Σ π log π, nats.   `log_probs`, `probabilities`: `[n]`
 #[must_use]
-pub fn entropy(log_probs: &[f32]) -> f32 {
-    // The term of a choice with probability 0 is 0, but 0 · −∞ would be NaN.
-    -log_probs
-        .iter()
-        .filter(|log_prob| **log_prob != f32::NEG_INFINITY)
-        .map(|log_prob| log_prob.exp() * log_prob)
+pub fn entropy(log_probs: &[f32], probabilities: &[f32]) -> f32 {
+    let terms = log_probs.iter().zip(probabilities);
+    -terms
+        .map(|(log_prob, p)| entropy_term(*log_prob, *p))
         .sum::<f32>()
 }
 
-/// Writes the gradient of w log π(a) with respect to the logits: w (1{i = a} − πᵢ).   `log_probs:
-/// [n]` → `gradient: [n]`
-pub fn log_prob_gradient(log_probs: &[f32], choice: usize, weight: f32, gradient: &mut [f32]) {
-    for (index, (derivative, log_prob)) in gradient.iter_mut().zip(log_probs).enumerate() {
-        let indicator = if index == choice { 1.0 } else { 0.0 };
-        *derivative = weight * (indicator - log_prob.exp());
+/// π log π. The term of a choice with probability 0 is 0, but 0 · −∞ would be NaN.
+fn entropy_term(log_prob: f32, probability: f32) -> f32 {
+    if log_prob == f32::NEG_INFINITY {
+        0.0
+    } else {
+        probability * log_prob
     }
 }
 
-/// Adds the gradient of w H with respect to the logits: −w πᵢ (log πᵢ + H).   `log_probs: [n]` →
-/// `gradient: [n]`
-pub fn add_entropy_gradient(log_probs: &[f32], weight: f32, gradient: &mut [f32]) {
-    let entropy = entropy(log_probs);
-    for (derivative, log_prob) in gradient
-        .iter_mut()
-        .zip(log_probs)
-        .filter(|(_, log_prob)| **log_prob != f32::NEG_INFINITY)
+/// Writes the gradient of w log π(a) with respect to the logits: w (1{i = a} − πᵢ).
+/// `probabilities: [n]` → `gradient: [n]`
+pub fn log_prob_gradient(probabilities: &[f32], choice: usize, weight: f32, gradient: &mut [f32]) {
+    for (index, (derivative, p)) in gradient.iter_mut().zip(probabilities).enumerate() {
+        let indicator = if index == choice { 1.0 } else { 0.0 };
+        *derivative = weight * (indicator - p);
+    }
+}
+
+/// Adds the gradient of w H with respect to the logits: −w πᵢ (log πᵢ + H).   `log_probs`,
+/// `probabilities`: `[n]` → `gradient: [n]`
+pub fn add_entropy_gradient(
+    log_probs: &[f32],
+    probabilities: &[f32],
+    weight: f32,
+    gradient: &mut [f32],
+) {
+    let entropy = entropy(log_probs, probabilities);
+    for (derivative, (log_prob, p)) in gradient.iter_mut().zip(log_probs.iter().zip(probabilities))
     {
-        *derivative -= weight * log_prob.exp() * (log_prob + entropy);
+        *derivative -= weight * (entropy_term(*log_prob, *p) + p * entropy);
     }
 }
 
@@ -95,13 +143,17 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn probabilities(log_probs: &[f32]) -> Vec<f32> {
+        log_probs.iter().copied().map(exp).collect()
+    }
+
     /// Logits 0 and ln 3: π = ¼, ¾; H = ¼ ln 4 + ¾ ln(4/3) = 0.5623351.
     #[test]
     fn two_choices_by_hand() {
         let mut row = [0.0, 3.0_f32.ln()];
         log_softmax_in_place(&mut row, 2);
         assert!((row[0].exp() - 0.25).abs() < 1e-6 && (row[1].exp() - 0.75).abs() < 1e-6);
-        assert!((entropy(&row) - 0.562_335_1).abs() < 1e-6);
+        assert!((entropy(&row, &row.map(exp)) - 0.562_335_1).abs() < 1e-6);
         assert_eq!(
             [
                 choose(&row, 0.0),
@@ -117,7 +169,7 @@ mod tests {
     fn extreme_logits_have_finite_log_probs() {
         let mut row = [-1e4, 1e4];
         log_softmax_in_place(&mut row, 2);
-        assert_eq!((row[1], entropy(&row)), (0.0, 0.0));
+        assert_eq!((row[1], entropy(&row, &row.map(exp))), (0.0, 0.0));
         assert!(row[0].is_finite());
     }
 
@@ -138,6 +190,18 @@ mod tests {
     }
 
     proptest! {
+        /// Rows that are computed together have the bits of rows that are computed alone.
+        #[test]
+        fn rows_are_independent(choices in 2..6_usize, logits in prop::collection::vec(-30.0_f32..30.0, 60)) {
+            let mut together = logits.clone();
+            log_softmax_in_place(&mut together, choices);
+            let mut alone = logits;
+            for row in alone.chunks_exact_mut(choices) {
+                log_softmax_in_place(row, choices);
+            }
+            prop_assert_eq!(together, alone);
+        }
+
         /// A third choice with probability 0 does not change the others.
         #[test]
         fn two_choices_agree_with_three(a in -30.0_f32..30.0, b in -30.0_f32..30.0) {
@@ -152,10 +216,11 @@ mod tests {
             let entropy_and_log_probs = |logits: &[f32]| {
                 let mut row = logits.to_vec();
                 log_softmax_in_place(&mut row, logits.len());
-                (entropy(&row), row)
+                (entropy(&row, &probabilities(&row)), row)
             };
             let mut gradient = vec![0.25; logits.len()];
-            add_entropy_gradient(&entropy_and_log_probs(&logits).1, 2.0, &mut gradient);
+            let row = entropy_and_log_probs(&logits).1;
+            add_entropy_gradient(&row, &probabilities(&row), 2.0, &mut gradient);
             for index in 0..logits.len() {
                 let (mut above, mut below) = (logits.clone(), logits.clone());
                 above[index] += 1e-2;
@@ -174,7 +239,7 @@ mod tests {
                 row
             };
             let mut gradient = vec![0.0; logits.len()];
-            log_prob_gradient(&log_probs(&logits), choice, 2.0, &mut gradient);
+            log_prob_gradient(&probabilities(&log_probs(&logits)), choice, 2.0, &mut gradient);
             for index in 0..logits.len() {
                 let (mut above, mut below) = (logits.clone(), logits.clone());
                 above[index] += 1e-2;

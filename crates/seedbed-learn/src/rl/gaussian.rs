@@ -1,19 +1,22 @@
 //! The Gaussian policy over one continuous action (thesis §1.5.4): π(a|s) = 𝒩(μ(s), σ(s)²). σ is
 //! represented by its logarithm.
 
-use std::f32::consts::{E, PI};
+use crate::math::exp;
+
+/// ½ log 2π.
+const HALF_LOG_TAU: f32 = 0.918_938_5;
 
 /// Log-density log π(a) = −½ ((a − μ)/σ)² − log σ − ½ log 2π.
 #[must_use]
 pub fn log_density(action: f32, mean: f32, log_deviation: f32) -> f32 {
-    let standardized = (action - mean) / log_deviation.exp();
-    -0.5 * standardized * standardized - log_deviation - 0.5 * (2.0 * PI).ln()
+    let standardized = (action - mean) / exp(log_deviation);
+    -0.5 * standardized * standardized - log_deviation - HALF_LOG_TAU
 }
 
 /// Derivatives of log π(a) with respect to μ and log σ: (a − μ)/σ² and ((a − μ)/σ)² − 1.
 #[must_use]
 pub fn log_density_gradient(action: f32, mean: f32, log_deviation: f32) -> [f32; 2] {
-    let deviation = log_deviation.exp();
+    let deviation = exp(log_deviation);
     let standardized = (action - mean) / deviation;
     [standardized / deviation, standardized * standardized - 1.0]
 }
@@ -21,7 +24,7 @@ pub fn log_density_gradient(action: f32, mean: f32, log_deviation: f32) -> [f32;
 /// Entropy H = log σ + ½ log 2πe, nats.
 #[must_use]
 pub fn entropy(log_deviation: f32) -> f32 {
-    log_deviation + 0.5 * (2.0 * PI * E).ln()
+    log_deviation + HALF_LOG_TAU + 0.5
 }
 
 #[cfg(test)]

@@ -87,7 +87,7 @@ pub fn explicit_step(
             [sigma, mean_slope, sigma_slope, step].map(f64::from);
         let shift = step * sigma * mean_slope;
         let growth = relative_growth(sigma, sigma_slope, step);
-        0.5 * shift * shift + growth + 0.5 * growth * growth - growth.ln_1p()
+        0.5 * shift * shift + growth + 0.5 * growth * growth - libm::log1p(growth)
     };
     deviation.iter().zip(gradients).map(term).sum()
 }
@@ -108,9 +108,9 @@ pub fn bonus(gain: f32, scale: Option<f32>, cap: f32, weight: f32) -> f32 {
 fn relative_growth(sigma: f64, sigma_slope: f64, step: f64) -> f64 {
     // e^x would overflow for larger exponents x.
     const MAX_EXPONENT: f64 = 700.0;
-    let slope = -(-sigma).exp_m1();
+    let slope = -libm::expm1(-sigma);
     let rho_step = step * sigma * sigma * sigma_slope / (2.0 * slope);
-    (slope * rho_step.min(MAX_EXPONENT).exp_m1()).ln_1p() / sigma
+    libm::log1p(slope * libm::expm1(rho_step.min(MAX_EXPONENT))) / sigma
 }
 
 #[cfg(test)]

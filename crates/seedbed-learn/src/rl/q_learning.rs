@@ -5,6 +5,7 @@
 //! of Seed TD (thesis §2.4).
 
 use super::categorical::most_likely;
+use crate::math::ln;
 
 /// Targets yᵢ = rᵢ + γᵢ Q′(s′ᵢ, argmax_b C(s′ᵢ, b)), where γᵢ is 0 after the end of an episode.
 /// With C = Q′ they are the targets r + γ max_b Q′(s′, b) of Q-learning; with the values of the
@@ -79,8 +80,8 @@ pub fn squared_error(
 pub fn epsilon_greedy(values: &mut [f32], epsilon: f32) {
     let greedy_choice = most_likely(values);
     let share = epsilon / values.len() as f32;
-    values.fill(share.ln());
-    values[greedy_choice] = (1.0 - epsilon + share).ln();
+    values.fill(ln(share));
+    values[greedy_choice] = ln(1.0 - epsilon + share);
 }
 
 /// Replaces values by the log-probabilities of the Gibbs policy π(a|s) ∝ exp(Q(s, a)/τ) (thesis

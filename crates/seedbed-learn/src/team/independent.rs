@@ -7,17 +7,13 @@ use crate::experience::{Episode, Experience};
 /// A team of independent [`Agent`]s, which all learn from the team's shared episodes.
 pub struct IndependentLearners {
     agents: Vec<Box<dyn Agent>>,
-    scratch: ActScratch,
 }
 
 impl IndependentLearners {
     /// A team of these agents, in the order of their numbers.
     #[must_use]
     pub fn new(agents: Vec<Box<dyn Agent>>) -> Self {
-        Self {
-            agents,
-            scratch: ActScratch::default(),
-        }
+        Self { agents }
     }
 
     /// A team with the number of agents in `context`, each built by `build`.
@@ -30,6 +26,24 @@ impl IndependentLearners {
             .map(|agent| Box::new(build(&context.agent_context(agent))) as Box<dyn Agent>);
         Box::new(Self::new(agents.collect()))
     }
+
+    /// Copies the bonus model that agent 0 has trained to the other agents; returns whether there is
+    /// such a model.
+    fn copy_shared_bonus_model(&mut self, workers: Workers<'_>) -> bool {
+        let Some((first, others)) = self.agents.split_first_mut() else {
+            return false;
+        };
+        let Some(trained) = first.shared_bonus_model() else {
+            return false;
+        };
+        let trained = &*trained;
+        workers.for_each(others, |agent| {
+            if let Some(model) = agent.shared_bonus_model() {
+                model.copy_learned(trained);
+            }
+        });
+        true
+    }
 }
 
 impl Team for IndependentLearners {
@@ -37,11 +51,12 @@ impl Team for IndependentLearners {
         self.agents.len()
     }
 
-    fn act(&mut self, request: &mut ActionRequest<'_>) {
-        let count = self.agents.len();
+    fn act(&self, request: &mut ActionRequest<'_>, scratch: &mut ActScratch) {
+        let count = request.playing.len();
         let observation_width = request.observations.len() / count;
         let action_width = request.actions.len() / count;
-        for (index, agent) in self.agents.iter().enumerate() {
+        let group = &self.agents[request.first_agent..][..count];
+        for (index, agent) in group.iter().enumerate() {
             if !request.playing[index] {
                 continue;
             }
@@ -50,7 +65,7 @@ impl Team for IndependentLearners {
             agent.act(
                 &request.observations[observation],
                 &mut request.random[index],
-                &mut self.scratch,
+                scratch,
                 &mut request.actions[action.clone()],
                 &mut request.log_probs[action],
             );
@@ -66,7 +81,7 @@ impl Team for IndependentLearners {
                 learning_agents.push((agent, learner));
             }
         }
-        workers.map(learning_agents, |(agent, learner)| AgentUpdate {
+        let mut updates = workers.map(learning_agents, |(agent, learner)| AgentUpdate {
             agent: learner.agent,
             update: agent.update(&Experience {
                 new_episodes: &request.episodes[learner.first_new_episode..],
@@ -74,7 +89,14 @@ impl Team for IndependentLearners {
                 earlier_updates: learner.earlier_updates,
             }),
             is_finite: agent.is_finite(),
-        })
+        });
+        if self.copy_shared_bonus_model(workers) {
+            let trained = updates[0].update.report.prediction_error;
+            for update in &mut updates {
+                update.update.report.prediction_error = trained;
+            }
+        }
+        updates
     }
 
     fn probe_bonuses(&mut self, episode: &Episode, round: u32) -> Vec<Vec<f32>> {

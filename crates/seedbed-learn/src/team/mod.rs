@@ -8,8 +8,9 @@
 mod independent;
 mod workers;
 
-use crate::agent::{AgentContext, TeamConfig, Tensor, Update};
+use crate::agent::{ActScratch, AgentContext, TeamConfig, Tensor, Update};
 use crate::experience::Episode;
+use crate::experience::replay::Replay;
 use seedbed_env::TaskSpec;
 use seedbed_env::random::Stream;
 
@@ -18,27 +19,36 @@ pub use workers::Workers;
 
 /// K agents that act concurrently and learn from shared experience.
 ///
-/// In each round, a training loop calls [`begin_round`](Self::begin_round); then for every step
-/// [`act`](Self::act), [`add_transition`](Self::add_transition) once per playing agent, and
-/// [`end_step`](Self::end_step); and finally [`learn`](Self::learn). To evaluate a team, it calls
-/// [`begin_round`](Self::begin_round) and [`act`](Self::act) only. Results must not depend on the
-/// number of [`Workers`], to the bit.
-pub trait Team: Send {
+/// In each round, a training loop calls [`begin_round`](Self::begin_round); then
+/// [`act`](Self::act) for every step, possibly for groups of agents on several threads; and finally
+/// [`learn`](Self::learn). If the team learns from single transitions, the loop calls
+/// [`add_transition`](Self::add_transition) once per playing agent and
+/// [`end_step`](Self::end_step) for every step, at the latest when
+/// [`transition_interval`](Self::transition_interval) steps have been played. To evaluate a team, it
+/// calls [`begin_round`](Self::begin_round) and [`act`](Self::act) only. Results must not depend on
+/// the number of [`Workers`], to the bit.
+pub trait Team: Send + Sync {
     /// Number of agents K.
     fn agent_count(&self) -> usize;
 
     /// Prepares for the round with this number, which is played next.
     fn begin_round(&mut self, _round: u32) {}
 
-    /// Chooses the next action of every agent that plays.
-    fn act(&mut self, request: &mut ActionRequest<'_>);
+    /// Chooses the next action of every agent of a group that plays.
+    fn act(&self, request: &mut ActionRequest<'_>, scratch: &mut ActScratch);
 
-    /// Adds the last transition of an agent's episode, for teams that learn from single
-    /// transitions. Called in agent order.
-    fn add_transition(&mut self, _episode: &Episode) {}
+    /// For a team that learns from single transitions: the number of steps that may be played
+    /// before it gets their transitions. `None` (the default): the team needs no transitions.
+    fn transition_interval(&self) -> Option<u32> {
+        None
+    }
 
-    /// Called after every step of the environments. Teams that learn during episodes
-    /// ([`LearningTiming::EverySteps`]) do so here.
+    /// Adds the transition of step number `step` of an agent's episode. Called in the order of
+    /// steps, and in agent order within a step. Steps after this one may have been played already.
+    fn add_transition(&mut self, _episode: &Episode, _step: usize) {}
+
+    /// Called when the transitions of a step of all agents have been added. Teams that learn during
+    /// episodes ([`LearningTiming::EverySteps`]) do so here.
     fn end_step(&mut self, _workers: Workers<'_>) {}
 
     /// Lets the agents of `request.learners` learn; returns one update per learner, in the same
@@ -55,7 +65,17 @@ pub trait Team: Send {
     /// models that several agents share begin with `model_3.` instead.
     fn tensors(&self) -> Vec<Tensor<'_>>;
 
-    /// Everything that learning changed, as bytes.
+    /// The transitions that the team learns from, if it has a replay buffer.
+    fn replay(&self) -> Option<&Replay> {
+        None
+    }
+
+    /// The replay buffer, to restore its transitions.
+    fn replay_mut(&mut self) -> Option<&mut Replay> {
+        None
+    }
+
+    /// Everything that learning changed, as bytes, without the [replay buffer](Self::replay).
     fn save(&self) -> Vec<u8>;
 
     /// Continues from what [`save`](Self::save) wrote.
@@ -65,19 +85,24 @@ pub trait Team: Send {
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String>;
 }
 
-/// The observations of one step, and buffers for the actions. There is one row per agent.
+/// The observations of one step of a group of consecutive agents, and buffers for the actions. There
+/// is one row per agent of the group.
 #[derive(Debug)]
 pub struct ActionRequest<'a> {
-    /// Observations of all agents: `[K × observation width]`.
+    /// Number of the group's first agent.
+    pub first_agent: usize,
+    /// Number of steps that have been played since the last [`Team::end_step`]; 0 in evaluation.
+    pub unreported_steps: u32,
+    /// Observations of the group: `[agents × observation width]`.
     pub observations: &'a [f32],
-    /// Whether each agent plays; rows of other agents are ignored: `[K]`.
+    /// Whether each agent plays; rows of other agents are ignored: `[agents]`.
     pub playing: &'a [bool],
-    /// Random streams from which the agents draw their actions: `[K]`.
+    /// Random streams from which the agents draw their actions: `[agents]`.
     pub random: &'a mut [Stream],
-    /// Output: the actions of the agents for which `playing` is true. A discrete action is the
-    /// index of its value: `[K × action width]`.
+    /// Output: the actions of the agents for which `playing` is true. A discrete action is the index
+    /// of its value: `[agents × action width]`.
     pub actions: &'a mut [f32],
-    /// Output: the log-probability of each component of these actions: `[K × action width]`.
+    /// Output: the log-probability of each component of these actions: `[agents × action width]`.
     pub log_probs: &'a mut [f32],
 }
 

@@ -128,6 +128,7 @@ fn categorical_distributions_match_the_reference() {
         let (name, choices) = (&case.name, case.logits.len());
         let mut log_probs = case.logits.clone();
         categorical::log_softmax_in_place(&mut log_probs, choices);
+        let probabilities: Vec<f32> = log_probs.iter().copied().map(f32::exp).collect();
         assert_close(
             &format!("{name}: log-probability"),
             &log_probs,
@@ -135,13 +136,13 @@ fn categorical_distributions_match_the_reference() {
         );
         assert_close(
             &format!("{name}: entropy"),
-            &[categorical::entropy(&log_probs)],
+            &[categorical::entropy(&log_probs, &probabilities)],
             &[case.entropy],
         );
 
         let mut gradients = vec![f32::NAN; choices * choices];
         for (choice, gradient) in gradients.chunks_exact_mut(choices).enumerate() {
-            categorical::log_prob_gradient(&log_probs, choice, 1.0, gradient);
+            categorical::log_prob_gradient(&probabilities, choice, 1.0, gradient);
         }
         assert_close(
             &format!("{name}: gradient of log-probability"),
@@ -149,7 +150,7 @@ fn categorical_distributions_match_the_reference() {
             &case.log_prob_gradients,
         );
         let mut gradient = vec![0.0; choices];
-        categorical::add_entropy_gradient(&log_probs, 1.0, &mut gradient);
+        categorical::add_entropy_gradient(&log_probs, &probabilities, 1.0, &mut gradient);
         assert_close(
             &format!("{name}: gradient of entropy"),
             &gradient,
@@ -317,9 +318,12 @@ impl PolicyCase {
         let mut log_probs = outputs.to_vec();
         categorical::log_softmax_in_place(&mut log_probs, choices);
         let Surrogate { loss, slope, .. } = self.surrogate(index, log_probs[choice]);
-        categorical::log_prob_gradient(&log_probs, choice, weight * slope, gradient);
-        categorical::add_entropy_gradient(&log_probs, -weight * self.entropy_bonus, gradient);
-        weight * (loss - self.entropy_bonus * categorical::entropy(&log_probs))
+        let probabilities: Vec<f32> = log_probs.iter().copied().map(f32::exp).collect();
+        let entropy = categorical::entropy(&log_probs, &probabilities);
+        let entropy_weight = -weight * self.entropy_bonus;
+        categorical::log_prob_gradient(&probabilities, choice, weight * slope, gradient);
+        categorical::add_entropy_gradient(&log_probs, &probabilities, entropy_weight, gradient);
+        weight * (loss - self.entropy_bonus * entropy)
     }
 
     fn gaussian_sample(

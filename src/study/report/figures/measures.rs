@@ -7,10 +7,11 @@ use crate::study::comparison::{summarize_scores, times_to_event};
 use crate::study::measure::Measure;
 use crate::study::results::CellResults;
 use seedbed_figure::{Curves, IntervalRow, Intervals, Panel, Series};
-use seedbed_stats::aggregate::interquartile_mean;
+use seedbed_stats::aggregate::interquartile_mean_of_sorted;
+use seedbed_stats::bootstrap::bootstrap_sorted_statistics;
 use seedbed_stats::profile::performance_profile;
 use seedbed_stats::survival::kaplan_meier;
-use seedbed_stats::{Estimate, Interval, stratified_bootstrap_estimate};
+use seedbed_stats::{Estimate, Interval};
 
 /// Cells whose runs are pooled and shown as one row or curve.
 pub(super) struct Group<'a> {
@@ -71,10 +72,10 @@ impl Group<'_> {
         let tasks = self.scores(measure);
         let n = tasks.iter().map(Vec::len).sum();
         (n > 0).then(|| {
-            (
-                stratified_bootstrap_estimate(&tasks, |tasks| interquartile_mean(&tasks.concat())),
-                n,
-            )
+            let estimates = bootstrap_sorted_statistics(&[tasks], 1, |groups, statistics| {
+                statistics[0] = interquartile_mean_of_sorted(&groups[0]);
+            });
+            (estimates[0], n)
         })
     }
 }

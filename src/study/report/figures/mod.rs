@@ -19,7 +19,7 @@ use seedbed_figure::{
     Threshold,
 };
 use seedbed_stats::aggregate::median;
-use seedbed_stats::bootstrap::bootstrap_statistics;
+use seedbed_stats::bootstrap::bootstrap_means;
 use seedbed_stats::{Interval, MIN_RUNS};
 
 /// Approximate number of points of a curve at which its band is computed.
@@ -296,17 +296,10 @@ fn band(moving_averages: &[Vec<f64>], x: impl Fn(usize) -> f64) -> Vec<[f64; 3]>
     let positions: Vec<usize> = (0..=sections)
         .map(|section| section * last / sections)
         .collect();
-    let runs: Vec<f64> = (0..moving_averages.len()).map(|run| run as f64).collect();
-    let means = |resampled_runs: &[Vec<f64>], means: &mut [f64]| {
-        for (mean, &position) in means.iter_mut().zip(&positions) {
-            *mean = resampled_runs[0]
-                .iter()
-                .map(|&run| moving_averages[run as usize][position])
-                .sum::<f64>()
-                / resampled_runs[0].len() as f64;
-        }
-    };
-    let estimates = bootstrap_statistics(&[runs], positions.len(), means);
+    let values_of_run =
+        |run: &Vec<f64>| -> Vec<f64> { positions.iter().map(|&position| run[position]).collect() };
+    let runs: Vec<Vec<f64>> = moving_averages.iter().map(values_of_run).collect();
+    let estimates = bootstrap_means(&runs);
     let band_point = |(position, interval): (&usize, Interval)| match interval {
         Interval::Known { low, high } => Some([x(*position), low, high]),
         Interval::TooFewRuns { .. } => None,

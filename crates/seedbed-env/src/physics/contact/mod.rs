@@ -12,7 +12,7 @@ mod world;
 use self::build::WorldTemplate;
 use self::world::World;
 use crate::description::BodyTask;
-use crate::dynamics::{CoordinateColumns, Dynamics, from_bytes, to_bytes};
+use crate::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, from_bytes, to_bytes};
 use crate::kinematics::{Frame, KinematicTree};
 use crate::{Force, Pose};
 
@@ -82,22 +82,17 @@ impl Dynamics for ContactWorlds {
         self.worlds[copy].contact_forces(forces);
     }
 
-    fn save(&self) -> Vec<u8> {
-        to_bytes(&(&self.columns, &self.worlds))
+    fn save(&self, copy: usize) -> Vec<u8> {
+        to_bytes(&(self.columns.row(copy), &self.worlds[copy]))
     }
 
-    fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let (columns, worlds): (CoordinateColumns, Vec<World>) = from_bytes(bytes)?;
-        let has_same_shape = columns.same_shape(&self.columns)
-            && worlds.len() == self.worlds.len()
-            && worlds
-                .iter()
-                .zip(&self.worlds)
-                .all(|(new, old)| new.same_shape(old));
-        if !has_same_shape {
-            return Err("the saved state has other bodies or another number of copies".to_owned());
+    fn restore(&mut self, copy: usize, bytes: &[u8]) -> Result<(), String> {
+        let (row, world): (Vec<(f32, f32)>, World) = from_bytes(bytes)?;
+        if !world.same_shape(&self.worlds[copy]) {
+            return Err(OTHER_BODIES.to_owned());
         }
-        (self.columns, self.worlds) = (columns, worlds);
+        self.columns.set_row(copy, &row)?;
+        self.worlds[copy] = world;
         Ok(())
     }
 }

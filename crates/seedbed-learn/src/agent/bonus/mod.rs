@@ -1,9 +1,8 @@
 //! Exploration bonuses: intrinsic rewards for informative or novel steps, added to the rewards that
 //! an agent learns from (thesis §4).
 //!
-//! A model that the team shares exists once per agent: all copies are trained on the same episodes
-//! with the same random numbers and so have the same bits. Agents thus communicate by episodes
-//! only. Formulas are in [`rl`](crate::rl).
+//! Every agent has a model of its own to compute bonuses with. If the team shares one model, agent 0
+//! trains it, and the others copy what it has learned. Formulas are in [`rl`](crate::rl).
 
 mod rnd;
 mod transitions;
@@ -121,7 +120,7 @@ impl Bonus {
 }
 
 /// Computes the bonuses of one agent, and learns from its experience.
-pub(crate) struct BonusModel {
+pub struct BonusModel {
     run_seed: u64,
     agent: u32,
     sharing: ModelSharing,
@@ -266,9 +265,18 @@ impl BonusModel {
         gains
     }
 
-    /// Trains the model, unless it is frozen. Returns its mean squared error on the new episodes
-    /// before training, in the units of its targets.
-    pub(crate) fn learn(&mut self, experience: &Experience<'_>) -> f32 {
+    /// Whether the team shares one model, which agent 0 trains.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.sharing == ModelSharing::Shared
+    }
+
+    /// Trains the model, unless it is frozen, or a copy of a shared model that another agent trains.
+    /// Returns its mean squared error on the new episodes before training, in the units of its
+    /// targets; `None` for a copy.
+    pub(crate) fn learn(&mut self, experience: &Experience<'_>) -> Option<f32> {
+        if self.is_shared() && self.agent != 0 {
+            return None;
+        }
         let owner = stream_owner(self.sharing, self.agent);
         let mut random = stream(
             self.run_seed,
@@ -282,9 +290,21 @@ impl BonusModel {
         let new_episodes: Vec<&Episode> = experience.new_episodes.iter().filter(is_used).collect();
         let all_episodes: Vec<&Episode> = experience.all_episodes.iter().filter(is_used).collect();
         let is_frozen = self.sharing == ModelSharing::Frozen;
-        match &mut self.model {
+        let error = match &mut self.model {
             Model::Vime(model) => model.learn(&all_episodes, &new_episodes, is_frozen, &mut random),
             Model::Rnd(model) => model.learn(&new_episodes, is_frozen, &mut random),
+        };
+        Some(error)
+    }
+
+    /// Copies what the model of another agent has learned, as far as bonuses depend on it.
+    pub(crate) fn copy_learned(&mut self, trained: &Self) {
+        match (&mut self.model, &trained.model) {
+            (Model::Vime(model), Model::Vime(trained)) => model.copy_learned(trained),
+            (Model::Rnd(model), Model::Rnd(trained)) => model.copy_learned(trained),
+            (Model::Vime(_), Model::Rnd(_)) | (Model::Rnd(_), Model::Vime(_)) => {
+                unreachable!("all agents of a team have the same kind of model")
+            }
         }
     }
 
@@ -406,7 +426,7 @@ mod tests {
     /// Learns from the same episodes in every round; returns the prediction error of each round.
     fn learn(bonus_model: &mut BonusModel, episodes: &[Episode], rounds: u32) -> Vec<f32> {
         (0..rounds)
-            .map(|round| {
+            .filter_map(|round| {
                 bonus_model.learn(&Experience {
                     new_episodes: episodes,
                     all_episodes: episodes,
@@ -427,24 +447,30 @@ mod tests {
         gains
     }
 
-    /// All copies of a shared model keep the same bits; independent models do not.
+    /// Only agent 0 trains a shared model; then a copy of another agent computes the same gains. An
+    /// independent model learns from the agent's own episodes.
     #[test]
-    fn copies_of_a_shared_model_stay_equal() {
+    fn one_agent_trains_a_shared_model() {
         let episodes = [episode(0), episode(1)];
-        for (sharing, are_equal) in [
-            (ModelSharing::Shared, true),
-            (ModelSharing::Independent, false),
+        for bonus in [
+            vime(ModelSharing::Shared, ModelSeeds::Off),
+            Bonus::Rnd(Rnd::default()),
         ] {
-            let [mut one, mut other] =
-                [0, 1].map(|agent| bonus_model(&vime(sharing, ModelSeeds::Off), agent));
-            learn(&mut one, &episodes, 2);
-            learn(&mut other, &episodes, 2);
-            assert_eq!(
-                gains(&mut one, 0) == gains(&mut other, 0),
-                are_equal,
-                "{sharing:?}"
-            );
+            let [mut trained, mut copy] = [0, 1].map(|agent| bonus_model(&bonus, agent));
+            let untrained_gains = gains(&mut copy, 0);
+            assert_eq!(gains(&mut trained, 0), untrained_gains);
+            assert_eq!(learn(&mut trained, &episodes, 2).len(), 2);
+            assert!(learn(&mut copy, &episodes, 2).is_empty());
+            assert_eq!(gains(&mut copy, 0), untrained_gains);
+            copy.copy_learned(&trained);
+            assert_eq!(gains(&mut copy, 0), gains(&mut trained, 0));
+            assert_ne!(gains(&mut copy, 0), untrained_gains);
         }
+        let independent = vime(ModelSharing::Independent, ModelSeeds::Off);
+        assert_eq!(
+            learn(&mut bonus_model(&independent, 1), &episodes, 2).len(),
+            2
+        );
     }
 
     /// With the same random numbers, agents compute different bonuses if they have seeds of the

@@ -175,6 +175,12 @@ impl RndModel {
         (sum / count.max(1) as f64) as f32
     }
 
+    /// Copies what another model has learned, as far as gains depend on it.
+    pub(crate) fn copy_learned(&mut self, trained: &Self) {
+        self.predictor.copy_parameters(&trained.predictor);
+        self.encoder.restore(trained.encoder.moments().clone());
+    }
+
     pub(crate) fn is_finite(&self) -> bool {
         self.predictor.is_finite()
     }

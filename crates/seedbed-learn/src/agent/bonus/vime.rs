@@ -336,6 +336,12 @@ impl VimeModel {
         (sum / count.max(1) as f64) as f32
     }
 
+    /// Copies what another model has learned, as far as gains depend on it.
+    pub(crate) fn copy_learned(&mut self, trained: &Self) {
+        self.network.copy_posterior(&trained.network);
+        self.encoder.restore(trained.encoder.moments().clone());
+    }
+
     pub(crate) fn is_finite(&self) -> bool {
         self.network
             .posterior()

@@ -31,6 +31,7 @@ use crate::agent::policy::{self, Policy};
 use crate::agent::scaling::Scaling;
 use crate::agent::{ActScratch, Agent, AgentContext, Tensor, Update};
 use crate::experience::{Episode, Experience, StepData};
+use crate::math;
 use crate::nn::{Mlp, PopArt, Standardizer};
 use crate::rl::advantage;
 use crate::rl::policy_loss::{self, Surrogate};
@@ -390,7 +391,8 @@ impl SeedPgAgent {
             .chunks_exact(width)
             .zip(samples.behavior_log_probs.chunks_exact(width));
         ratios.clear();
-        ratios.extend(rows.map(|(log_probs, behavior)| importance_ratio(log_probs, behavior)));
+        ratios.extend(rows.map(|(log_probs, behavior)| log_ratio(log_probs, behavior)));
+        math::exp_in_place(ratios);
     }
 
     /// Computes v(sₜ) = σ Ŷₜ + μ of the present samples.
@@ -527,7 +529,7 @@ fn for_each_surrogate(
                 return;
             }
             for (log_prob, behavior) in log_probs.chunks_exact(1).zip(behavior.chunks_exact(1)) {
-                let ratio = importance_ratio(log_prob, behavior);
+                let ratio = math::exp(log_ratio(log_prob, behavior));
                 visit(policy_loss::ppo(ratio, advantage, clip), 1);
             }
         }
@@ -545,13 +547,13 @@ fn for_each_surrogate(
     }
 }
 
-/// π/μ of one action from log π and log μ of its components, clamped to e^±20.
-fn importance_ratio(log_probs: &[f32], behavior: &[f32]) -> f32 {
+/// log π/μ of one action from log π and log μ of its components, clamped to ±20.
+fn log_ratio(log_probs: &[f32], behavior: &[f32]) -> f32 {
     let differences = log_probs
         .iter()
         .zip(behavior)
         .map(|(log_pi, log_mu)| log_pi - log_mu);
-    differences.sum::<f32>().clamp(-20.0, 20.0).exp()
+    differences.sum::<f32>().clamp(-20.0, 20.0)
 }
 
 /// Sets `rows` to 0 … `count` − 1 in random order.
@@ -627,6 +629,10 @@ impl Agent for SeedPgAgent {
             .map_or_else(Vec::new, |bonus_model| {
                 bonus_model.probe_bonuses(episode, round)
             })
+    }
+
+    fn shared_bonus_model(&mut self) -> Option<&mut BonusModel> {
+        self.bonus_model.as_mut().filter(|model| model.is_shared())
     }
 
     fn is_finite(&self) -> bool {

@@ -62,7 +62,7 @@ impl Totals {
         agent: u32,
         new_episodes: &[Episode],
         bonuses: &[Vec<f32>],
-        prediction_error: f32,
+        prediction_error: Option<f32>,
     ) {
         let own_bonuses = new_episodes
             .iter()
@@ -73,7 +73,7 @@ impl Totals {
             (sum + f64::from(bonus), count + 1)
         });
         self.intrinsic_reward = mean(sum, count);
-        self.prediction_error = Some(prediction_error);
+        self.prediction_error = prediction_error;
     }
 
     /// The means over all samples.

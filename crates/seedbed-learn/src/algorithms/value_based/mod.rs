@@ -20,10 +20,10 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use self::config::{Composition, ModelAssignment};
-use self::model::{LearningContext, ValueBuffers, ValueModel};
+use self::model::{LearningContext, ValueModel};
 use crate::agent::bonus::Bonus;
 use crate::agent::scaling::Scaling;
-use crate::agent::{Tensor, Update, UpdateReport};
+use crate::agent::{ActScratch, Tensor, Update, UpdateReport, ValueScratch};
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Mlp, Standardizer};
@@ -51,29 +51,15 @@ pub struct ValueTeam {
     /// Number of steps of each agent in this round so far.
     steps_of_round: u32,
     timing: LearningTiming,
-    buffers: ActionBuffers,
     /// Bonuses of each agent's own steps in the latest round, by episode: `[K]`; empty if the team
     /// has no bonus.
     own_bonuses: Vec<Vec<StepData>>,
 }
 
-/// Buffers for the actions of a team, reused from step to step.
-#[derive(Debug, Default)]
-struct ActionBuffers {
-    /// Observations of the agents that act by one model.
-    observations: Vec<f32>,
-    /// The same observations, scaled for the networks.
-    scaled: Vec<f32>,
-    value_buffers: ValueBuffers,
-    /// Values of all choices of each agent: `[K × choices]`.
-    values: Vec<f32>,
-}
-
 /// What a checkpoint holds of a team. The rest derives from the scenario.
 #[derive(Serialize, Deserialize)]
-struct Saved<R, S> {
+struct Saved<S> {
     models: Vec<Vec<u8>>,
-    replay: R,
     observations: Option<S>,
     steps: u64,
 }
@@ -109,7 +95,6 @@ impl ValueTeam {
             steps: 0,
             steps_of_round: 0,
             timing: context.timing,
-            buffers: ActionBuffers::default(),
             own_bonuses: vec![Vec::new(); if has_bonus { agents } else { 0 }],
             composition,
         }
@@ -134,30 +119,41 @@ impl ValueTeam {
         }
     }
 
-    /// Computes the values of all choices for all agents that play, in one batch per model.
-    /// `observations: [K × width]`, `playing: [K]`
-    fn evaluate(&mut self, observations: &[f32], playing: &[bool]) {
-        let buffers = &mut self.buffers;
-        let width = observations.len() / playing.len();
-        buffers.values.resize(playing.len() * self.choices, 0.0);
+    /// Computes the values of all choices for the agents of a group that play, in one batch per
+    /// model. `observations: [agents × width]`, `playing: [agents]`
+    fn evaluate(
+        &self,
+        first_agent: usize,
+        observations: &[f32],
+        playing: &[bool],
+        buffers: &mut ValueScratch,
+    ) {
+        let count = playing.len();
+        let width = observations.len() / count;
+        buffers.values.resize(count * self.choices, 0.0);
         for (model, followers) in self.models.iter().zip(&self.followers) {
-            let playing_followers = || followers.iter().copied().filter(|&agent| playing[agent]);
+            let playing_rows = || {
+                let rows = followers
+                    .iter()
+                    .filter_map(|agent| agent.checked_sub(first_agent));
+                rows.filter(|&row| row < count && playing[row])
+            };
             buffers.observations.clear();
-            for agent in playing_followers() {
-                let row = &observations[agent * width..(agent + 1) * width];
-                buffers.observations.extend_from_slice(row);
+            for row in playing_rows() {
+                let observation = &observations[row * width..(row + 1) * width];
+                buffers.observations.extend_from_slice(observation);
             }
             if buffers.observations.is_empty() {
                 continue;
             }
             self.scaling
                 .apply(&buffers.observations, &mut buffers.scaled);
-            let rows = model
-                .values(&buffers.scaled, &mut buffers.value_buffers)
+            let values = model
+                .values(&buffers.scaled, &mut buffers.model)
                 .chunks_exact(self.choices);
-            for (agent, row) in playing_followers().zip(rows) {
-                let range = agent * self.choices..(agent + 1) * self.choices;
-                buffers.values[range].copy_from_slice(row);
+            for (row, values) in playing_rows().zip(values) {
+                let range = row * self.choices..(row + 1) * self.choices;
+                buffers.values[range].copy_from_slice(values);
             }
         }
     }
@@ -187,6 +183,9 @@ impl ValueTeam {
             model.update_bonus_model(experience, &own_episodes, &mut bonuses);
             bonuses
         });
+        if let Some((first, others)) = self.models.split_first_mut() {
+            workers.for_each(others, |model| model.copy_shared_bonus_model(first));
+        }
         self.own_bonuses.iter_mut().for_each(Vec::clear);
         for (index, episode) in experience.new_episodes.iter().enumerate() {
             let agent = episode.agent as usize;
@@ -230,22 +229,32 @@ impl Team for ValueTeam {
         self.steps_of_round = 0;
     }
 
-    fn act(&mut self, request: &mut ActionRequest<'_>) {
-        self.evaluate(request.observations, request.playing);
+    fn act(&self, request: &mut ActionRequest<'_>, scratch: &mut ActScratch) {
+        let buffers = &mut scratch.values;
+        let (observations, playing) = (request.observations, request.playing);
+        self.evaluate(request.first_agent, observations, playing, buffers);
         let exploration = &self.composition.exploration;
-        let rows = self.buffers.values.chunks_exact_mut(self.choices);
+        let steps = self.steps + u64::from(request.unreported_steps);
+        let rows = buffers.values.chunks_exact_mut(self.choices);
         for (agent, values) in rows.enumerate() {
             if request.playing[agent] {
                 let random = &mut request.random[agent];
-                let (choice, log_prob) = exploration.choose(self.steps, values, random);
+                let (choice, log_prob) = exploration.choose(steps, values, random);
                 request.actions[agent] = choice as f32;
                 request.log_probs[agent] = log_prob;
             }
         }
     }
 
-    fn add_transition(&mut self, episode: &Episode) {
-        self.replay.push_newest(episode);
+    fn transition_interval(&self) -> Option<u32> {
+        match self.timing {
+            LearningTiming::EverySteps(count) => Some(count - self.steps_of_round % count),
+            LearningTiming::AfterEpisodes => Some(u32::MAX),
+        }
+    }
+
+    fn add_transition(&mut self, episode: &Episode, step: usize) {
+        self.replay.push(episode, step);
     }
 
     fn end_step(&mut self, workers: Workers<'_>) {
@@ -301,10 +310,17 @@ impl Team for ValueTeam {
         tensors
     }
 
+    fn replay(&self) -> Option<&Replay> {
+        Some(&self.replay)
+    }
+
+    fn replay_mut(&mut self) -> Option<&mut Replay> {
+        Some(&mut self.replay)
+    }
+
     fn save(&self) -> Vec<u8> {
         let saved = Saved {
             models: self.models.iter().map(ValueModel::save).collect(),
-            replay: &self.replay,
             observations: self.scaling.learned(),
             steps: self.steps,
         };
@@ -312,18 +328,16 @@ impl Team for ValueTeam {
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
-        let saved: Saved<Replay, Standardizer> =
+        let saved: Saved<Standardizer> =
             postcard::from_bytes(bytes).map_err(|error| error.to_string())?;
-        if saved.models.len() != self.models.len() || !saved.replay.has_same_shape(&self.replay) {
-            return Err(
-                "the checkpoint is of a team with other models or another replay buffer".to_owned(),
-            );
+        if saved.models.len() != self.models.len() {
+            return Err("the checkpoint is of a team with other models".to_owned());
         }
         for (model, bytes) in self.models.iter_mut().zip(&saved.models) {
             model.restore(bytes)?;
         }
         self.scaling.restore(saved.observations)?;
-        (self.replay, self.steps) = (saved.replay, saved.steps);
+        self.steps = saved.steps;
         Ok(())
     }
 }

@@ -9,9 +9,10 @@ use super::perturbation::Perturbation;
 use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::scaling::Scaling;
-use crate::agent::{AgentContext, Tensor, UpdateReport};
+use crate::agent::{AgentContext, Tensor, UpdateReport, ValueBuffers};
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience};
+use crate::math;
 use crate::nn::{Activations, Initial, Mlp};
 use crate::rl::{categorical, q_learning};
 use seedbed_env::input::numbers::Positive;
@@ -51,30 +52,26 @@ struct Prior {
     scale: f32,
 }
 
-/// Buffers for the values of many states.
-#[derive(Debug, Default)]
-pub(super) struct ValueBuffers {
-    activations: Activations,
-    values: Vec<f32>,
-}
-
 /// Buffers that are reused from one minibatch to the next.
 #[derive(Default)]
 struct Workspace {
     minibatch: Minibatch,
-    /// Scaled observations before the actions.
-    scaled: Vec<f32>,
-    /// Scaled observations after the actions.
-    scaled_next: Vec<f32>,
+    /// Observations before the B actions, then those after them: `[2B × width]`.
+    observations: Vec<f32>,
+    /// The same, scaled: `[2B × width]`.
+    states: Vec<f32>,
     bonuses: Vec<f32>,
-    /// Values of the states before the actions, by the trained network.
-    current: ValueBuffers,
-    /// Values of the next states, by the target network.
-    next: ValueBuffers,
-    /// Values of the next states, by the trained network.
-    online_next: ValueBuffers,
+    /// Activations of the prior network in all states.
+    prior: Activations,
+    /// Values by the target network after the actions: `[B × choices]`.
+    next_values: ValueBuffers,
+    /// Values by the trained network before the actions, and after them if these choose the next
+    /// actions: `[B or 2B × choices]`.
+    values: Vec<f32>,
     targets: Vec<f32>,
     gradient: Vec<f32>,
+    /// Probabilities of the choices in the first state of the minibatch.
+    probabilities: Vec<f32>,
 }
 
 /// Sums over the gradient steps of one round.
@@ -169,28 +166,32 @@ impl ValueModel {
         states: &[f32],
         buffers: &'a mut ValueBuffers,
     ) -> &'a mut [f32] {
-        self.values_with(self.network.parameters(), states, buffers);
-        &mut buffers.values
-    }
-
-    /// Values under the given parameters, plus the prior.
-    fn values_with(&self, parameters: &[f32], states: &[f32], buffers: &mut ValueBuffers) {
         let ValueBuffers {
             activations,
             values,
         } = buffers;
+        let (mlp, parameters) = (self.network.mlp(), self.network.parameters());
         values.clear();
-        values.extend_from_slice(self.network.mlp().forward(parameters, states, activations));
-        self.add_prior(states, activations, values);
+        values.extend_from_slice(mlp.forward(parameters, states, activations));
+        self.add_prior(self.prior_values(states, activations), values);
+        values
+    }
+
+    /// Outputs of the prior network.   `states: [B × width]` → `[B × choices]`, or empty without a
+    /// prior
+    fn prior_values<'a>(&self, states: &[f32], activations: &'a mut Activations) -> &'a [f32] {
+        let mlp = self.network.mlp();
+        match &self.prior {
+            Some(prior) => mlp.forward(&prior.parameters, states, activations),
+            None => &[],
+        }
     }
 
     /// Adds the scaled outputs of the prior network to values.
-    fn add_prior(&self, states: &[f32], activations: &mut Activations, values: &mut [f32]) {
+    fn add_prior(&self, prior_values: &[f32], values: &mut [f32]) {
         let Some(prior) = &self.prior else { return };
-        let mlp = self.network.mlp();
-        let outputs = mlp.forward(&prior.parameters, states, activations);
-        for (value, output) in values.iter_mut().zip(outputs) {
-            *value += prior.scale * output;
+        for (value, prior_value) in values.iter_mut().zip(prior_values) {
+            *value += prior.scale * prior_value;
         }
     }
 
@@ -227,32 +228,34 @@ impl ValueModel {
     fn descend(&mut self, context: &LearningContext<'_>, bootstrap: bool) {
         self.draw_minibatch(context, bootstrap);
         self.add_bonuses();
-        self.compute_targets(context);
-        let mut work = std::mem::take(&mut self.work);
+        self.compute_values(context);
         let Workspace {
             minibatch,
-            scaled,
-            current,
+            states,
+            next_values,
+            values,
             targets,
             gradient,
             ..
-        } = &mut work;
-        current.values.clear();
-        current
-            .values
-            .extend_from_slice(self.network.forward(scaled));
-        self.add_prior(scaled, &mut current.activations, &mut current.values);
-        let loss = q_learning::squared_error(
-            &current.values,
-            &minibatch.actions,
+        } = &mut self.work;
+        let (values, later_values) = values.split_at_mut(next_values.values.len());
+        let choosing_values = if context.composition.double {
+            &*later_values
+        } else {
+            &next_values.values[..]
+        };
+        q_learning::targets(
+            &minibatch.rewards,
+            &minibatch.discounts,
+            &next_values.values,
+            choosing_values,
             targets,
-            &minibatch.weights,
-            gradient,
         );
+        let (actions, weights) = (&minibatch.actions, &minibatch.weights);
+        let loss = q_learning::squared_error(values, actions, targets, weights, gradient);
         self.network
-            .descend(scaled, gradient, &descent(context.composition));
-        self.accumulate_stats(context, loss, &mut current.values);
-        self.work = work;
+            .descend(states, gradient, &descent(context.composition));
+        self.accumulate_stats(context, loss);
         self.descents += 1;
         let is_value_iteration = self.initial_state.is_some();
         let target_every = context.composition.learning.target_every.get();
@@ -269,8 +272,8 @@ impl ValueModel {
             work:
                 Workspace {
                     minibatch,
-                    scaled,
-                    scaled_next,
+                    observations,
+                    states,
                     ..
                 },
             perturbation,
@@ -294,8 +297,9 @@ impl ValueModel {
                 perturbation.weight(transition.origin),
             );
         }
-        context.scaling.apply(&minibatch.states, scaled);
-        context.scaling.apply(&minibatch.next_states, scaled_next);
+        observations.clone_from(&minibatch.states);
+        observations.extend_from_slice(&minibatch.next_states);
+        context.scaling.apply(observations, states);
     }
 
     /// Adds the bonuses of the minibatch's transitions, computed with the present bonus model.
@@ -312,50 +316,62 @@ impl ValueModel {
         }
     }
 
-    /// Computes the targets of the minibatch.
-    fn compute_targets(&mut self, context: &LearningContext<'_>) {
+    /// Computes the values of the minibatch's states. All that one network evaluates is one batch.
+    fn compute_values(&mut self, context: &LearningContext<'_>) {
         let mut work = std::mem::take(&mut self.work);
         let Workspace {
-            minibatch,
-            scaled_next,
-            next,
-            online_next,
-            targets,
+            states,
+            prior,
+            next_values,
+            values,
             ..
         } = &mut work;
-        self.values_with(&self.target_parameters, scaled_next, next);
-        let choosing_values = if context.composition.double {
-            self.values_with(self.network.parameters(), scaled_next, online_next);
-            &online_next.values
+        let earlier = states.len() / 2;
+        let evaluated = if context.composition.double {
+            states.len()
         } else {
-            &next.values
+            earlier
         };
-        q_learning::targets(
-            &minibatch.rewards,
-            &minibatch.discounts,
-            &next.values,
-            choosing_values,
-            targets,
+        values.clear();
+        values.extend_from_slice(self.network.forward(&states[..evaluated]));
+        let mlp = self.network.mlp();
+        let later_values = mlp.forward(
+            &self.target_parameters,
+            &states[earlier..],
+            &mut next_values.activations,
+        );
+        next_values.values.clear();
+        next_values.values.extend_from_slice(later_values);
+        let prior_values = self.prior_values(states, prior);
+        self.add_prior(prior_values, values);
+        self.add_prior(
+            &prior_values[prior_values.len() / 2..],
+            &mut next_values.values,
         );
         self.work = work;
     }
 
     /// Adds the loss, and the entropy of the policy in the first state of the minibatch, to the
-    /// totals. `values: [B × choices]`, overwritten
-    fn accumulate_stats(&mut self, context: &LearningContext<'_>, loss: f32, values: &mut [f32]) {
+    /// totals. Overwrites the values of this state.
+    fn accumulate_stats(&mut self, context: &LearningContext<'_>, loss: f32) {
         let choices = self.network.mlp().outputs();
-        let row = &mut values[..choices];
+        let row = &mut self.work.values[..choices];
         context
             .composition
             .exploration
             .log_probs(context.steps, row);
         self.totals.descents += 1;
         self.totals.loss += f64::from(loss);
-        self.totals.entropy += f64::from(categorical::entropy(row));
+        let probabilities = &mut self.work.probabilities;
+        probabilities.clear();
+        probabilities.extend_from_slice(row);
+        math::exp_in_place(probabilities);
+        self.totals.entropy += f64::from(categorical::entropy(row, probabilities));
     }
 
     /// Computes the bonuses of the followers' episodes, whose indices among the new episodes are
-    /// `own_episodes`; then trains the bonus model on all new episodes.
+    /// `own_episodes`; then trains the bonus model on all new episodes, unless it is a copy of the
+    /// first model's.
     pub fn update_bonus_model(
         &mut self,
         experience: &Experience<'_>,
@@ -364,7 +380,17 @@ impl ValueModel {
     ) {
         if let Some(bonus_model) = &mut self.bonus_model {
             bonus_model.compute_own_bonuses(experience, own_episodes, bonuses);
-            self.totals.prediction_error = Some(bonus_model.learn(experience));
+            self.totals.prediction_error = bonus_model.learn(experience);
+        }
+    }
+
+    /// Copies the bonus model of the first model, if the team shares it.
+    pub(super) fn copy_shared_bonus_model(&mut self, first: &Self) {
+        if let (Some(bonus_model), Some(trained)) = (&mut self.bonus_model, &first.bonus_model)
+            && trained.is_shared()
+        {
+            bonus_model.copy_learned(trained);
+            self.totals.prediction_error = first.totals.prediction_error;
         }
     }
 

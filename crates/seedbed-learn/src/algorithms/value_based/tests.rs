@@ -86,7 +86,7 @@ fn team(composition: Composition, agents: u32, sigma: f64) -> ValueTeam {
     );
     team.begin_round(0);
     (0..3).for_each(|state| {
-        (0..2).for_each(|action| team.add_transition(&one_step_episode(0, state, action)));
+        (0..2).for_each(|action| team.add_transition(&one_step_episode(0, state, action), 0));
     });
     team
 }
@@ -100,8 +100,9 @@ fn values(team: &mut ValueTeam, agent: usize, agents: usize) -> Vec<f32> {
     let mut values = Vec::new();
     for state in 0..3 {
         let observations: Vec<f32> = (0..agents).flat_map(|_| observation(state)).collect();
-        team.evaluate(&observations, &vec![true; agents]);
-        values.extend_from_slice(&team.buffers.values[2 * agent..2 * agent + 2]);
+        let mut buffers = ValueScratch::default();
+        team.evaluate(0, &observations, &vec![true; agents], &mut buffers);
+        values.extend_from_slice(&buffers.values[2 * agent..2 * agent + 2]);
     }
     values
 }
@@ -268,11 +269,21 @@ fn values_do_not_depend_on_other_agents() {
     };
     let mut team = team(config.compose(5), 5, 0.1);
     let observations: Vec<f32> = [0, 1, 2, 1, 0].into_iter().flat_map(observation).collect();
-    team.evaluate(&observations, &[false, true, true, true, true]);
-    let together = team.buffers.values.clone();
+    let mut together = ValueScratch::default();
+    let playing = [false, true, true, true, true];
+    team.evaluate(0, &observations, &playing, &mut together);
+    let mut second_group = ValueScratch::default();
+    let width = observations.len() / 5;
+    team.evaluate(
+        3,
+        &observations[3 * width..],
+        &[true, true],
+        &mut second_group,
+    );
+    assert_eq!(together.values[6..], second_group.values);
     for (agent, state) in [(1, 1), (2, 2), (3, 1), (4, 0)] {
         let alone = values(&mut team, agent, 5)[2 * state..2 * state + 2].to_vec();
-        assert_eq!(together[2 * agent..2 * agent + 2], alone);
+        assert_eq!(together.values[2 * agent..2 * agent + 2], alone);
     }
 }
 
@@ -305,11 +316,16 @@ fn a_restored_team_continues_with_the_same_bits() {
         let [mut original, mut restored] = [0, 1].map(|_| team(config.compose(3), 3, 0.1));
         learn(&mut original, 30);
         restored.restore(&original.save()).unwrap();
+        let (numbers, mut transitions) = (original.replay.numbers(), Vec::new());
+        original.replay.encode(numbers.clone(), &mut transitions);
+        let replay = restored.replay_mut().unwrap();
+        replay.restore(numbers.start, &transitions).unwrap();
         for team in [&mut original, &mut restored] {
             team.begin_round(1);
             learn(team, 30);
         }
         assert_eq!(original.save(), restored.save());
+        assert_eq!(original.replay, restored.replay);
         assert!(restored.restore(&[7]).is_err());
     }
 }

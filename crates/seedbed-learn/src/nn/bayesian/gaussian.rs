@@ -1,7 +1,16 @@
 //! Independent Gaussian weights: q(w) = Π 𝒩(wᵢ; μᵢ, σᵢ²) (thesis Eq. 29, with one deviation per
 //! weight).
 
+#![expect(
+    clippy::inline_always,
+    reason = "a loop is compiled for a SIMD instruction set only if it is inlined into the dispatch"
+)]
+
 use serde::{Deserialize, Serialize};
+
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::math::{exp, ln_1p};
 
 /// A Gaussian distribution of P weights with diagonal covariance.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -113,22 +122,51 @@ impl DiagonalGaussian {
 fn divergence(mean: f64, deviation: f64, other_mean: f64, other_deviation: f64) -> f64 {
     let ratio = deviation / other_deviation;
     let shift = (mean - other_mean) / other_deviation;
-    0.5 * (ratio * ratio + shift * shift - 1.0) - ratio.ln()
+    0.5 * (ratio * ratio + shift * shift - 1.0) - libm::log(ratio)
 }
 
-/// σ = log(1 + eᵖ).
-pub(super) fn softplus(rho: f32) -> f32 {
-    rho.max(0.0) + (-rho.abs()).exp().ln_1p()
+/// σ = log(1 + eᵖ) in place of each ρ.
+pub(super) fn softplus_in_place(rho: &mut [f32]) {
+    Arch::new().dispatch(SoftplusInPlace(rho));
 }
 
-/// ∂σ/∂ρ = 1/(1 + e⁻ᵖ).
-pub(super) fn softplus_slope(rho: f32) -> f32 {
-    1.0 / (1.0 + (-rho).exp())
+struct SoftplusInPlace<'a>(&'a mut [f32]);
+
+impl WithSimd for SoftplusInPlace<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for rho in self.0 {
+            *rho = rho.max(0.0) + ln_1p(exp(-rho.abs()));
+        }
+    }
+}
+
+/// Multiplies each of the `slopes` by ∂σ/∂ρ = 1/(1 + e⁻ᵖ).
+pub(super) fn multiply_by_softplus_slope(rho: &[f32], slopes: &mut [f32]) {
+    Arch::new().dispatch(MultiplyBySoftplusSlope { rho, slopes });
+}
+
+struct MultiplyBySoftplusSlope<'a> {
+    rho: &'a [f32],
+    slopes: &'a mut [f32],
+}
+
+impl WithSimd for MultiplyBySoftplusSlope<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (slope, rho) in self.slopes.iter_mut().zip(self.rho) {
+            *slope *= 1.0 / (1.0 + exp(-*rho));
+        }
+    }
 }
 
 /// ρ = log(eˢ − 1) for s = σ.
 pub(super) fn softplus_inverse(deviation: f32) -> f32 {
-    deviation.exp_m1().ln()
+    libm::logf(libm::expm1f(deviation))
 }
 
 #[cfg(test)]
@@ -210,6 +248,18 @@ mod tests {
         assert!(
             (second_derivative(&|h| divergence(h, start, 0.0, start)) - 2.081_369).abs() < 1e-5
         );
+    }
+
+    fn softplus(rho: f32) -> f32 {
+        let mut deviation = [rho];
+        softplus_in_place(&mut deviation);
+        deviation[0]
+    }
+
+    fn softplus_slope(rho: f32) -> f32 {
+        let mut slope = [1.0];
+        multiply_by_softplus_slope(&[rho], &mut slope);
+        slope[0]
     }
 
     /// σ is 1.2340e−4 for ρ = −9, log 2 for ρ = 0, and ρ for large ρ.

@@ -8,6 +8,9 @@ use super::gaussian::DiagonalGaussian;
 use crate::nn::kernels;
 use crate::nn::mlp::{Layer, Mlp};
 
+/// ½ log 2π.
+const HALF_LOG_TAU: f64 = 0.918_938_533_204_672_7;
+
 /// The shape of f and the standard deviation s. The caller provides the weights, in the layout of
 /// an [`Mlp`].
 #[derive(Clone, Debug, PartialEq)]
@@ -29,7 +32,7 @@ pub struct PassBuffers {
     /// coefficients.
     squares: [Vec<f32>; 2],
     /// Buffer for matrix products.
-    scratch: Vec<f32>,
+    scratch: kernels::Scratch,
 }
 
 /// Samples of the weights, with buffers for their passes and gradients.
@@ -245,7 +248,7 @@ impl Likelihood {
                     scale * precision * residual
                 }),
         );
-        let constant = f64::from(self.deviation).ln() + 0.5 * std::f64::consts::TAU.ln();
+        let constant = libm::log(f64::from(self.deviation)) + HALF_LOG_TAU;
         -0.5 * f64::from(squares * precision) - targets.len() as f64 * constant
     }
 

@@ -17,7 +17,7 @@ use rand::Rng;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use self::gaussian::{softplus, softplus_inverse, softplus_slope};
+use self::gaussian::{multiply_by_softplus_slope, softplus_in_place, softplus_inverse};
 use super::{Adam, AdamSettings, Initial, Mlp};
 use seedbed_env::input::numbers::{Positive, ranged_number};
 
@@ -65,15 +65,6 @@ pub struct BayesianState {
     parameters: Vec<f32>,
     prior: DiagonalGaussian,
     optimizer: Adam,
-}
-
-/// The two parts of the loss per sample before a gradient step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BayesianLoss {
-    /// KL(q‖prior) of all weights, nats; in the loss it is divided by N.
-    pub divergence: f64,
-    /// Mean of −log p(y|x; w) over draws and samples, nats.
-    pub negative_log_likelihood: f64,
 }
 
 /// Bounds of ρ, which keep σ from vanishing and from growing beyond the scale of the weights.
@@ -128,14 +119,8 @@ impl BayesianNetwork {
     ///
     /// # Panics
     /// If a slice is empty or has another shape.
-    pub fn descend(
-        &mut self,
-        inputs: &[f32],
-        targets: &[f32],
-        noise: &[f32],
-        data_count: usize,
-    ) -> BayesianLoss {
-        let loss = self.compute_gradient(inputs, targets, noise, data_count);
+    pub fn descend(&mut self, inputs: &[f32], targets: &[f32], noise: &[f32], data_count: usize) {
+        self.compute_gradient(inputs, targets, noise, data_count);
         self.state
             .optimizer
             .descend(&mut self.state.parameters, &self.scratch.gradient, 1.0);
@@ -144,13 +129,19 @@ impl BayesianNetwork {
             *rho = rho.clamp(RHO_BOUNDS[0], RHO_BOUNDS[1]);
         }
         self.refresh_posterior();
-        loss
     }
 
     /// Replaces the prior by the present posterior, so that what was learned is kept when the data
     /// are no longer available.
     pub fn make_posterior_the_prior(&mut self) {
         self.state.prior.clone_from(&self.posterior);
+    }
+
+    /// Copies the posterior of a network of the same shape. Training must not continue from the copy,
+    /// because it lacks the optimiser's moments and the prior.
+    pub(crate) fn copy_posterior(&mut self, other: &Self) {
+        self.state.parameters.clone_from(&other.state.parameters);
+        self.posterior.clone_from(&other.posterior);
     }
 
     /// The posterior q(w; φ) in terms of (μ, σ).
@@ -187,14 +178,15 @@ impl BayesianNetwork {
         self.refresh_posterior();
     }
 
-    /// Computes the loss and its gradient.
+    /// Computes the gradient of the loss; returns the mean of −log p(y|x; w) over draws and samples,
+    /// nats.
     fn compute_gradient(
         &mut self,
         inputs: &[f32],
         targets: &[f32],
         noise: &[f32],
         data_count: usize,
-    ) -> BayesianLoss {
+    ) -> f64 {
         let count = self.likelihood.weight_count();
         let rows = inputs.len() / self.likelihood.inputs();
         assert!(
@@ -216,14 +208,8 @@ impl BayesianNetwork {
             rho_gradient,
         );
         // So far, `rho_gradient` is the gradient with respect to σ.
-        for (slope, rho) in rho_gradient.iter_mut().zip(&self.state.parameters[count..]) {
-            *slope *= softplus_slope(*rho);
-        }
-        let negative_log_likelihood = -log_likelihood / (draws * rows) as f64;
-        BayesianLoss {
-            divergence: self.posterior.divergence(&self.state.prior),
-            negative_log_likelihood,
-        }
+        multiply_by_softplus_slope(&self.state.parameters[count..], rho_gradient);
+        -log_likelihood / (draws * rows) as f64
     }
 
     /// Adds the gradients of the draws with ε and −ε; returns Σ log p(y|x; w) over both draws and
@@ -272,9 +258,8 @@ impl BayesianNetwork {
             .parameters
             .split_at(self.likelihood.weight_count());
         self.posterior.mean.copy_from_slice(mean);
-        for (deviation, rho) in self.posterior.deviation.iter_mut().zip(rho) {
-            *deviation = softplus(*rho);
-        }
+        self.posterior.deviation.copy_from_slice(rho);
+        softplus_in_place(&mut self.posterior.deviation);
     }
 }
 
@@ -343,7 +328,7 @@ mod tests {
             network.refresh_posterior();
             let (inputs, targets) = (normals(seed + 1, 2 * batch), normals(seed + 2, 2 * batch));
             let noise = normals(seed + 3, pairs * count);
-            let loss = network.compute_gradient(&inputs, &targets, &noise, 5);
+            let found_nll = network.compute_gradient(&inputs, &targets, &noise, 5);
 
             let loss_terms = |phi: &[f64]| -> [f64; 2] {
                 let (mean, rho) = phi.split_at(count);
@@ -361,8 +346,9 @@ mod tests {
             };
             let phi: Vec<f64> = network.state.parameters.iter().map(|&x| f64::from(x)).collect();
             let [divergence, nll] = loss_terms(&phi);
-            prop_assert!((loss.divergence - divergence).abs() < 1e-4 * (1.0 + divergence));
-            prop_assert!((loss.negative_log_likelihood - nll).abs() < 1e-4 * (1.0 + nll));
+            let found_divergence = network.posterior().divergence(network.prior());
+            prop_assert!((found_divergence - divergence).abs() < 1e-4 * (1.0 + divergence));
+            prop_assert!((found_nll - nll).abs() < 1e-4 * (1.0 + nll));
             let expected = reference::gradient(&phi, |phi| loss_terms(phi)[0] / 5.0 + loss_terms(phi)[1]);
             let scale = expected.iter().map(|g| g.abs()).fold(1.0, f64::max);
             for (found, expected) in network.scratch.gradient.iter().zip(expected) {
@@ -489,9 +475,9 @@ mod tests {
         network.make_posterior_the_prior();
         let stored = postcard::to_stdvec(network.state()).unwrap();
         resumed.restore(postcard::from_bytes(&stored).unwrap());
-        let losses = [&mut network, &mut resumed]
-            .map(|network| network.descend(&inputs, &targets, &normals(4, 50), 4));
-        assert_eq!(losses[0], losses[1]);
+        for network in [&mut network, &mut resumed] {
+            network.descend(&inputs, &targets, &normals(4, 50), 4);
+        }
         assert_eq!(network.state(), resumed.state());
         assert_eq!(network.posterior(), resumed.posterior());
     }

@@ -2,8 +2,7 @@
 //! time.
 //!
 //! Matrices are row-major with one row per sample: `x: [B × in]`, `weight: [in × out]`,
-//! `y: [B × out]`. Small matrices are multiplied here, large ones by `gemm` of nalgebra
-//! (matrixmultiply). `scratch` is a buffer that grows to the size of the largest layer.
+//! `y: [B × out]`. The bits of results do not depend on the instruction set.
 
 #![expect(
     clippy::inline_always,
@@ -12,11 +11,12 @@
 
 mod elementwise;
 mod products;
+mod transpose;
 
-use nalgebra::{DMatrixView, DMatrixViewMut, Dyn};
 use pulp::Arch;
 
 pub(super) use elementwise::{AdamStep, tanh_gradient_in_place, tanh_in_place};
+pub(super) use products::Scratch;
 use products::{Affine, BiasGradient, InputGradient, WeightGradient};
 
 /// y = x W + b.   `x: [B × in]`, `weight: [in × out]`, `bias: [out]` → `y: [B × out]`
@@ -25,7 +25,7 @@ pub(super) fn affine(
     bias: &[f32],
     x: &[f32],
     y: &mut [f32],
-    scratch: &mut Vec<f32>,
+    scratch: &mut Scratch,
 ) {
     let (inputs, outputs) = (weight.len() / bias.len(), bias.len());
     let batch = y.len() / outputs;
@@ -33,26 +33,13 @@ pub(super) fn affine(
         (x.len(), y.len(), weight.len()),
         (batch * inputs, batch * outputs, inputs * outputs)
     );
-    if !is_large(batch, inputs, outputs) {
-        return Arch::new().dispatch(Affine {
-            weight,
-            bias,
-            x,
-            y,
-            scratch,
-        });
-    }
-    for row in y.chunks_exact_mut(outputs) {
-        row.copy_from_slice(bias);
-    }
-    // Row-major [B × n] is nalgebra's column-major [n × B]: yᵀ ← Wᵀ xᵀ + yᵀ.
-    let transposed_weight = DMatrixView::from_slice(weight, outputs, inputs);
-    DMatrixViewMut::from_slice(y, outputs, batch).gemm(
-        1.0,
-        &transposed_weight,
-        &DMatrixView::from_slice(x, inputs, batch),
-        1.0,
-    );
+    Arch::new().dispatch(Affine {
+        weight,
+        bias,
+        x,
+        y,
+        scratch,
+    });
 }
 
 /// ∂L/∂x = ∂L/∂y Wᵀ.   `weight: [in × out]`, `dy: [B × out]` → `dx: [B × in]`
@@ -61,30 +48,20 @@ pub(super) fn input_gradient(
     dy: &[f32],
     dx: &mut [f32],
     outputs: usize,
-    scratch: &mut Vec<f32>,
+    scratch: &mut Scratch,
 ) {
     let (inputs, batch) = (weight.len() / outputs, dy.len() / outputs);
     assert_eq!(
         (dx.len(), dy.len(), weight.len()),
         (batch * inputs, batch * outputs, inputs * outputs)
     );
-    if !is_large(batch, inputs, outputs) {
-        return Arch::new().dispatch(InputGradient {
-            weight,
-            dy,
-            dx,
-            outputs,
-            scratch,
-        });
-    }
-    let weight =
-        DMatrixView::<f32, Dyn, Dyn>::from_slice_with_strides(weight, inputs, outputs, outputs, 1);
-    DMatrixViewMut::from_slice(dx, inputs, batch).gemm(
-        1.0,
-        &weight,
-        &DMatrixView::from_slice(dy, outputs, batch),
-        0.0,
-    );
+    Arch::new().dispatch(InputGradient {
+        weight,
+        dy,
+        dx,
+        outputs,
+        scratch,
+    });
 }
 
 /// ∂L/∂W = xᵀ ∂L/∂y and ∂L/∂b = Σ ∂L/∂y.   `x: [B × in]`, `dy: [B × out]` → `dw: [in × out]`,
@@ -94,7 +71,7 @@ pub(super) fn parameter_gradient(
     dy: &[f32],
     dw: &mut [f32],
     db: &mut [f32],
-    scratch: &mut Vec<f32>,
+    scratch: &mut Scratch,
 ) {
     let (inputs, outputs) = (dw.len() / db.len(), db.len());
     let batch = dy.len() / outputs;
@@ -102,29 +79,14 @@ pub(super) fn parameter_gradient(
         (x.len(), dy.len(), dw.len()),
         (batch * inputs, batch * outputs, inputs * outputs)
     );
-    Arch::new().dispatch(BiasGradient { dy, db });
-    if !is_large(batch, inputs, outputs) {
-        return Arch::new().dispatch(WeightGradient {
-            x,
-            dy,
-            dw,
-            outputs,
-            scratch,
-        });
-    }
-    let x = DMatrixView::<f32, Dyn, Dyn>::from_slice_with_strides(x, batch, inputs, inputs, 1);
-    DMatrixViewMut::from_slice(dw, outputs, inputs).gemm(
-        1.0,
-        &DMatrixView::from_slice(dy, outputs, batch),
-        &x,
-        0.0,
-    );
-}
-
-/// Whether `gemm` is faster in spite of its packing: from about 48 × 48 weights on, if no dimension
-/// is small.
-fn is_large(batch: usize, inputs: usize, outputs: usize) -> bool {
-    batch >= 16 && inputs >= 16 && outputs >= 16 && inputs * outputs > 48 * 48
+    Arch::new().dispatch(BiasGradient { dy, db, scratch });
+    Arch::new().dispatch(WeightGradient {
+        x,
+        dy,
+        dw,
+        outputs,
+        scratch,
+    });
 }
 
 #[cfg(test)]
@@ -132,6 +94,7 @@ mod tests {
     use super::*;
     use nalgebra::DMatrix;
     use proptest::prelude::*;
+    use pulp::{Scalar, WithSimd};
 
     /// Pseudo-random numbers from −1 to 1, a hash of `seed` and their index.
     fn pseudo_random(count: usize, seed: u64) -> Vec<f32> {
@@ -171,7 +134,7 @@ mod tests {
         };
 
         // The initial contents of buffers must not matter.
-        let mut scratch = vec![f32::NAN; 7];
+        let mut scratch = Scratch::default();
         let mut y = vec![f32::NAN; batch * outputs];
         affine(&w, &b, &x, &mut y, &mut scratch);
         let rows_of_bias = DMatrix::from_fn(batch, outputs, |_, column| b[column]);
@@ -190,7 +153,7 @@ mod tests {
         );
     }
 
-    /// Sizes just below and above those of tiles, of vectors and of the threshold for `gemm`.
+    /// Sizes just below and above those of tiles, of vectors and of the threshold for panels.
     #[test]
     fn layers_of_edge_sizes_agree_with_nalgebra() {
         const SIZES: [usize; 12] = [1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 31, 33];
@@ -203,10 +166,86 @@ mod tests {
         }
     }
 
+    #[test]
+    fn large_layers_agree_with_nalgebra() {
+        for (batch, inputs, outputs) in [(13, 80, 77), (40, 96, 64), (40, 64, 96), (33, 150, 41)] {
+            check_layer(batch, inputs, outputs, 6);
+        }
+    }
+
+    /// Runs an operation without SIMD, or with the best instruction set of this processor.
+    fn run<O: WithSimd>(with_simd: bool, operation: O) -> O::Output {
+        if with_simd {
+            Arch::new().dispatch(operation)
+        } else {
+            operation.with_simd(Scalar)
+        }
+    }
+
+    /// The bits of a layer: outputs, and gradients of inputs, weights and biases.
+    fn layer_bits([batch, inputs, outputs]: [usize; 3], with_simd: bool) -> Vec<u32> {
+        let (x, weight, bias, dy) = (
+            pseudo_random(batch * inputs, 1),
+            pseudo_random(inputs * outputs, 2),
+            pseudo_random(outputs, 3),
+            pseudo_random(batch * outputs, 4),
+        );
+        let mut scratch = Scratch::default();
+        let (mut y, mut dx) = (vec![0.0; batch * outputs], vec![0.0; batch * inputs]);
+        let (mut dw, mut db) = (vec![0.0; inputs * outputs], vec![0.0; outputs]);
+        let affine = Affine {
+            weight: &weight,
+            bias: &bias,
+            x: &x,
+            y: &mut y,
+            scratch: &mut scratch,
+        };
+        run(with_simd, affine);
+        let input_gradient = InputGradient {
+            weight: &weight,
+            dy: &dy,
+            dx: &mut dx,
+            outputs,
+            scratch: &mut scratch,
+        };
+        run(with_simd, input_gradient);
+        let weight_gradient = WeightGradient {
+            x: &x,
+            dy: &dy,
+            dw: &mut dw,
+            outputs,
+            scratch: &mut scratch,
+        };
+        run(with_simd, weight_gradient);
+        let bias_gradient = BiasGradient {
+            dy: &dy,
+            db: &mut db,
+            scratch: &mut scratch,
+        };
+        run(with_simd, bias_gradient);
+        let numbers = [y, dx, dw, db].concat();
+        numbers.into_iter().map(f32::to_bits).collect()
+    }
+
+    #[test]
+    fn bits_do_not_depend_on_the_instruction_set() {
+        for batch in [1, 3, 5, 16, 33] {
+            for inputs in [1, 3, 8, 11, 32, 100] {
+                for outputs in [1, 2, 7, 8, 13, 32, 100] {
+                    let shape = [batch, inputs, outputs];
+                    assert!(
+                        layer_bits(shape, true) == layer_bits(shape, false),
+                        "{batch} × {inputs} × {outputs}"
+                    );
+                }
+            }
+        }
+    }
+
     /// The bits of a row's output do not depend on the rows around it.
     #[test]
-    fn rows_of_small_layers_are_independent() {
-        for outputs in [1, 2, 8, 13, 32] {
+    fn rows_of_layers_are_independent() {
+        for outputs in [1, 2, 8, 13, 32, 100] {
             let wave = |count: usize| {
                 (0..count)
                     .map(|i| (i as f32 * 0.7).sin())
@@ -214,9 +253,9 @@ mod tests {
             };
             let (x, weight, bias) = (wave(13 * 9), wave(9 * outputs), wave(outputs));
             let (mut together, mut alone) = (vec![0.0; 13 * outputs], vec![0.0; outputs]);
-            affine(&weight, &bias, &x, &mut together, &mut Vec::new());
+            affine(&weight, &bias, &x, &mut together, &mut Scratch::default());
             for (x, expected) in x.chunks_exact(9).zip(together.chunks_exact(outputs)) {
-                affine(&weight, &bias, x, &mut alone, &mut Vec::new());
+                affine(&weight, &bias, x, &mut alone, &mut Scratch::default());
                 assert_eq!(alone, expected);
             }
         }

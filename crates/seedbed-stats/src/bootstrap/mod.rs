@@ -1,0 +1,477 @@
+//! Stratified percentile bootstrap: 95 % confidence intervals of any statistic.
+//!
+//! Runs are resampled with replacement within each stratum (usually a task), never across strata
+//! (Agarwal et al. 2021, §4.1; `rliable.library.StratifiedBootstrap`).
+//!
+//! ```
+//! use seedbed_stats::aggregate::{mean, mean_of_tasks};
+//! use seedbed_stats::bootstrap::{bootstrap_estimate, stratified_bootstrap_estimate};
+//!
+//! // One task, five runs.
+//! let estimate = bootstrap_estimate(&[3.0, 1.0, 4.0, 1.0, 5.0], mean);
+//! assert_eq!(estimate.value, 2.8);
+//!
+//! // Two tasks: every resample has as many runs per task as the data.
+//! let tasks = [vec![0.0; 5], vec![10.0; 5]];
+//! let estimate = stratified_bootstrap_estimate(&tasks, mean_of_tasks);
+//! assert_eq!(estimate.interval.ends(), Some([5.0, 5.0]));
+//! ```
+
+mod draws;
+
+use super::aggregate::sorted;
+use super::{Estimate, Interval, MIN_RUNS};
+pub(crate) use draws::for_each_resample;
+
+/// Number of resamples, as in `rliable`.
+///
+/// If the bootstrap distribution is normal with standard deviation σ, the Monte-Carlo error of an
+/// interval end is √(0.025 · 0.975 / 50 000) / φ(1.96) σ ≈ 0.012 σ.
+pub const RESAMPLES: usize = 50_000;
+
+/// Shares of resampled values below the lower and below the upper end of a 95 % interval.
+const INTERVAL_SHARES: (f64, f64) = (0.025, 0.975);
+
+/// Estimates a statistic of strata, such as the runs of each task, with its 95 % interval.
+/// `strata: [stratum][run]`
+///
+/// To compare two algorithms, pass the strata of both, one after the other, and let `statistic`
+/// compute the difference. There is an interval if the smallest stratum has at least [`MIN_RUNS`]
+/// runs.
+///
+/// # Panics
+/// If there is no stratum, or if a stratum is empty.
+#[must_use]
+pub fn stratified_bootstrap_estimate(
+    strata: &[Vec<f64>],
+    statistic: impl Fn(&[Vec<f64>]) -> f64,
+) -> Estimate {
+    bootstrap_statistics(strata, 1, |strata, values| values[0] = statistic(strata))[0]
+}
+
+/// Estimates a statistic of a single sample, with its 95 % interval.   `sample: [run]`
+///
+/// # Panics
+/// If the sample is empty.
+#[must_use]
+pub fn bootstrap_estimate(sample: &[f64], statistic: impl Fn(&[f64]) -> f64) -> Estimate {
+    stratified_bootstrap_estimate(&[sample.to_vec()], |strata| statistic(&strata[0]))
+}
+
+/// Estimates several statistics from the same resamples, each with its 95 % interval.
+/// `strata: [stratum][run]` → `[count]`
+///
+/// `statistic` fills a slice with the `count` values of the statistics.
+///
+/// # Panics
+/// If there is no stratum, or if a stratum is empty.
+#[must_use]
+pub fn bootstrap_statistics(
+    strata: &[Vec<f64>],
+    count: usize,
+    statistic: impl Fn(&[Vec<f64>], &mut [f64]),
+) -> Vec<Estimate> {
+    let runs = strata.concat();
+    let mut resampled = strata.to_vec();
+    estimate_statistics(&sizes(strata), count, |drawn, values| {
+        let mut drawn = drawn.iter();
+        for resampled in &mut resampled {
+            for (resampled, &run) in resampled.iter_mut().zip(&mut drawn) {
+                *resampled = runs[run as usize];
+            }
+        }
+        statistic(&resampled, values);
+    })
+}
+
+/// Estimates several statistics that depend on the sorted scores of groups, such as medians, from
+/// the same resamples, each with its 95 % interval.   `groups: [group][stratum][run]` → `[count]`
+///
+/// `statistic` gets the scores of each group in ascending order, `[group][run]`, and fills a slice
+/// with the `count` values of the statistics. Results are to the bit those of
+/// [`bootstrap_statistics`] with all strata, one after the other, and a statistic that sorts the
+/// scores of each group by [`f64::total_cmp`]. Scores are sorted once: a resample needs only the
+/// number of times that each run was drawn.
+///
+/// # Panics
+/// If there is no stratum, or if a stratum is empty.
+#[must_use]
+pub fn bootstrap_sorted_statistics(
+    groups: &[Vec<Vec<f64>>],
+    count: usize,
+    statistic: impl Fn(&[Vec<f64>], &mut [f64]),
+) -> Vec<Estimate> {
+    let sorted: Vec<Vec<f64>> = groups.iter().map(|group| sorted(&group.concat())).collect();
+    if sorted.iter().all(|group| has_equal_bits(group)) {
+        return estimates_of_equal_scores(groups, &sorted, count, statistic);
+    }
+    let (positions, mut resampled) = (sorted_positions(groups), sorted.clone());
+    let mut counts = vec![0; positions.len()];
+    estimate_statistics(&sizes(groups.iter().flatten()), count, |drawn, values| {
+        count_draws(drawn, &positions, &mut counts);
+        let mut counts = &counts[..];
+        for (sorted, resampled) in sorted.iter().zip(&mut resampled) {
+            let (of_group, others) = counts.split_at(sorted.len());
+            repeat_scores(sorted, of_group, resampled);
+            counts = others;
+        }
+        statistic(&resampled, values);
+    })
+}
+
+/// Whether all sorted scores have the same bits.
+fn has_equal_bits(sorted: &[f64]) -> bool {
+    sorted.first().map(|score| score.to_bits()) == sorted.last().map(|score| score.to_bits())
+}
+
+/// Estimates statistics of groups in which all scores are equal: every resample equals the data.
+fn estimates_of_equal_scores(
+    groups: &[Vec<Vec<f64>>],
+    sorted: &[Vec<f64>],
+    count: usize,
+    statistic: impl Fn(&[Vec<f64>], &mut [f64]),
+) -> Vec<Estimate> {
+    let n = smallest_stratum(&sizes(groups.iter().flatten()));
+    let mut values = vec![0.0; count];
+    statistic(sorted, &mut values);
+    let estimate = |value| Estimate {
+        value,
+        interval: Interval::of_runs(n, value, value),
+    };
+    values.into_iter().map(estimate).collect()
+}
+
+/// Estimates the mean over runs of each of several quantities, from the same resamples, each with
+/// its 95 % interval.   `runs: [run][count]` → `[count]`
+///
+/// # Panics
+/// If there are no runs, or if the numbers of quantities differ.
+#[must_use]
+pub fn bootstrap_means(runs: &[Vec<f64>]) -> Vec<Estimate> {
+    assert!(!runs.is_empty(), "no runs");
+    estimate_statistics(&[runs.len()], runs[0].len(), |drawn, means| {
+        // As the sum of an iterator begins, so that the sum of −0 is −0.
+        means.fill(-0.0);
+        for &run in drawn {
+            let run = &runs[run as usize];
+            assert_eq!(run.len(), means.len());
+            for (sum, value) in means.iter_mut().zip(run) {
+                *sum += value;
+            }
+        }
+        for mean in means {
+            *mean /= runs.len() as f64;
+        }
+    })
+}
+
+/// Number of runs of each stratum.
+pub(crate) fn sizes<'a>(strata: impl IntoIterator<Item = &'a Vec<f64>>) -> Vec<usize> {
+    strata.into_iter().map(Vec::len).collect()
+}
+
+/// Estimates `count` statistics of the runs with these numbers, counted over all strata.
+/// `sizes: [stratum]` → `[count]`
+///
+/// # Panics
+/// If there is no stratum, or if a stratum is empty.
+pub(crate) fn estimate_statistics(
+    sizes: &[usize],
+    count: usize,
+    mut statistic: impl FnMut(&[u32], &mut [f64]),
+) -> Vec<Estimate> {
+    let n = smallest_stratum(sizes);
+    let mut values = vec![0.0; count];
+    let all_runs: Vec<u32> = (0..sizes.iter().sum::<usize>() as u32).collect();
+    statistic(&all_runs, &mut values);
+    let intervals = if n < MIN_RUNS {
+        vec![Interval::TooFewRuns { n }; count]
+    } else {
+        resampled_values(sizes, count, statistic)
+            .into_iter()
+            .map(percentile_interval)
+            .collect()
+    };
+    values
+        .into_iter()
+        .zip(intervals)
+        .map(|(value, interval)| Estimate { value, interval })
+        .collect()
+}
+
+/// Number of runs of the smallest stratum.
+///
+/// # Panics
+/// If there is no stratum, or if a stratum is empty.
+pub(crate) fn smallest_stratum(sizes: &[usize]) -> usize {
+    let smallest = sizes.iter().copied().min().unwrap_or(0);
+    assert!(smallest > 0, "a stratum without runs");
+    smallest
+}
+
+/// The values of all statistics in all resamples.   → `[count][RESAMPLES]`
+fn resampled_values(
+    sizes: &[usize],
+    count: usize,
+    mut statistic: impl FnMut(&[u32], &mut [f64]),
+) -> Vec<Vec<f64>> {
+    let mut values = vec![0.0; count];
+    let mut values_of_resamples = vec![Vec::with_capacity(RESAMPLES); count];
+    for_each_resample(sizes, |drawn| {
+        statistic(drawn, &mut values);
+        for (values_of_resamples, &value) in values_of_resamples.iter_mut().zip(&values) {
+            values_of_resamples.push(value);
+        }
+    });
+    values_of_resamples
+}
+
+/// Positions of runs among the sorted scores of all groups, group after group.
+/// `groups: [group][stratum][run]` → `[run]`, counted over all strata
+pub(crate) fn sorted_positions(groups: &[Vec<Vec<f64>>]) -> Vec<u32> {
+    let mut positions = Vec::new();
+    for group in groups {
+        let (scores, first) = (group.concat(), positions.len());
+        let mut order: Vec<usize> = (0..scores.len()).collect();
+        order.sort_by(|&a, &b| scores[a].total_cmp(&scores[b]));
+        positions.resize(first + scores.len(), 0);
+        for (position, run) in order.into_iter().enumerate() {
+            positions[first + run] = (first + position) as u32;
+        }
+    }
+    positions
+}
+
+/// Counts how often the run at each position was drawn.   `drawn: [n]`, `positions: [n]` of runs →
+/// `counts: [n]`
+pub(crate) fn count_draws(drawn: &[u32], positions: &[u32], counts: &mut [u32]) {
+    counts.fill(0);
+    for &run in drawn {
+        counts[positions[run as usize] as usize] += 1;
+    }
+}
+
+/// Largest number of draws of one run that is not exceptional: five or more draws have probability
+/// 0.4 % in a large sample.
+const USUAL_DRAWS: usize = 4;
+
+/// Repeats each score as often as it was drawn.   `scores: [n]`, `counts: [n]` with sum n →
+/// `repeated: [n]`
+fn repeat_scores(scores: &[f64], counts: &[u32], repeated: &mut [f64]) {
+    let mut end = 0;
+    for (&score, &count) in scores.iter().zip(counts) {
+        let rest = &mut repeated[end..];
+        // Always writes four scores, of which later scores overwrite those too many: a loop of an
+        // unpredictable length takes several times as long.
+        match rest.first_chunk_mut::<USUAL_DRAWS>() {
+            Some(usual) if count as usize <= USUAL_DRAWS => *usual = [score; USUAL_DRAWS],
+            _ => rest[..count as usize].fill(score),
+        }
+        end += count as usize;
+    }
+}
+
+fn percentile_interval(mut values: Vec<f64>) -> Interval {
+    interval_between(values.len(), |index| neighbors(&mut values, index))
+}
+
+/// The 95 % interval of `count` values, of which `neighbors(i)` are the i-th and the next in
+/// ascending order; the next of the last is any number.
+pub(crate) fn interval_between(
+    count: usize,
+    mut neighbors: impl FnMut(usize) -> [f64; 2],
+) -> Interval {
+    Interval::Known {
+        low: percentile(count, INTERVAL_SHARES.0, &mut neighbors),
+        high: percentile(count, INTERVAL_SHARES.1, &mut neighbors),
+    }
+}
+
+/// Percentile of `count` values, with linear interpolation between neighboring values, as
+/// `numpy.percentile`. `neighbors` is as in [`interval_between`].
+fn percentile(count: usize, share: f64, neighbors: impl FnOnce(usize) -> [f64; 2]) -> f64 {
+    let position = share * (count - 1) as f64;
+    interpolate(neighbors(position.floor() as usize), position.fract())
+}
+
+/// The value that has `index` values below it, and the next one. Reorders the values.
+fn neighbors(values: &mut [f64], index: usize) -> [f64; 2] {
+    let (_, &mut value, above) = values.select_nth_unstable_by(index, f64::total_cmp);
+    let next = above.iter().copied().min_by(f64::total_cmp);
+    [value, next.unwrap_or(value)]
+}
+
+/// Linear interpolation between neighboring values, `fraction` of the way.
+fn interpolate([low, high]: [f64; 2], fraction: f64) -> f64 {
+    // Statistics of runs that never reached a goal may be infinite. ∞ − ∞ is NaN, so equal
+    // neighbors are not interpolated.
+    if fraction == 0.0 || low == high {
+        return low;
+    }
+    // Between a finite value and ∞, interpolation gives ∞ for every fraction above 0.
+    if low.is_finite() {
+        return low + (high - low) * fraction;
+    }
+    // Between −∞ and a finite value, interpolation would give −∞ + ∞ = NaN: take the nearer
+    // neighbor.
+    if fraction < 0.5 { low } else { high }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::aggregate::{
+        interquartile_mean, interquartile_mean_of_sorted, mean, mean_of_tasks, median,
+        median_of_sorted,
+    };
+
+    fn percentile(values: &[f64], share: f64) -> f64 {
+        super::percentile(values.len(), share, |index| {
+            neighbors(&mut values.to_vec(), index)
+        })
+    }
+
+    /// Position 0.025 · 4 = 0.1 is a tenth of the way from the first to the second value.
+    #[test]
+    fn percentiles_are_interpolated() {
+        assert!((percentile(&[40.0, 20.0, 50.0, 30.0, 10.0], 0.025) - 11.0).abs() < 1e-12);
+        assert_eq!(percentile(&[10.0, 20.0, 30.0, 40.0, 50.0], 0.5), 30.0);
+        assert_eq!(
+            percentile(&[1.0, f64::INFINITY, f64::INFINITY], 0.975),
+            f64::INFINITY
+        );
+        assert_eq!(
+            [0.1, 0.4].map(|share| percentile(&[f64::NEG_INFINITY, 1.0, 2.0], share)),
+            [f64::NEG_INFINITY, 1.0]
+        );
+    }
+
+    #[test]
+    fn fewer_than_five_runs_give_no_interval() {
+        let estimate_of_four = bootstrap_estimate(&[1.0, 2.0, 3.0, 4.0], median);
+        assert_eq!(
+            estimate_of_four,
+            Estimate {
+                value: 2.5,
+                interval: Interval::TooFewRuns { n: 4 }
+            }
+        );
+        let estimate_with_a_short_task =
+            stratified_bootstrap_estimate(&[vec![1.0; 9], vec![2.0; 3]], mean_of_tasks);
+        assert_eq!(
+            estimate_with_a_short_task.interval,
+            Interval::TooFewRuns { n: 3 }
+        );
+    }
+
+    #[test]
+    fn equal_data_give_equal_intervals() {
+        let sample = [3.0, 1.0, 4.0, 1.0, 5.0, 9.0, 2.0];
+        assert_eq!(
+            bootstrap_estimate(&sample, mean),
+            bootstrap_estimate(&sample, mean)
+        );
+    }
+
+    /// Two tasks have the constant scores 0 and 10. If runs are resampled within their task, every
+    /// resample has the mean 5; resamples across tasks would have different means.
+    #[test]
+    fn runs_are_resampled_within_their_task() {
+        let estimate = stratified_bootstrap_estimate(&[vec![0.0; 5], vec![10.0; 5]], mean_of_tasks);
+        assert_eq!(
+            estimate,
+            Estimate {
+                value: 5.0,
+                interval: Interval::Known {
+                    low: 5.0,
+                    high: 5.0
+                }
+            }
+        );
+    }
+
+    /// One run with score 1 and four with score 0: the sum of a resample is binomial(5, 0.2), with
+    /// P(0) = 0.8⁵ = 0.328, P(≤ 2) = 0.942 and P(≤ 3) = 0.993. So the 2.5 % quantile of the mean is
+    /// 0, and the 97.5 % quantile is 3/5.
+    #[test]
+    fn the_interval_of_a_binomial_sample_equals_its_quantiles() {
+        let estimate = bootstrap_estimate(&[0.0, 0.0, 1.0, 0.0, 0.0], mean);
+        assert_eq!(
+            estimate,
+            Estimate {
+                value: 0.2,
+                interval: Interval::Known {
+                    low: 0.0,
+                    high: 0.6
+                }
+            }
+        );
+    }
+
+    /// Samples of equal scores, and samples with ties, infinities and both zeros.
+    fn samples() -> Vec<Vec<f64>> {
+        let never = f64::INFINITY;
+        let fractions = (0..30).map(|run| f64::from(run * run % 17) / 7.0 - 1.0);
+        vec![
+            vec![0.1; 7],
+            vec![never; 6],
+            vec![0.0, -0.0, 0.1, -0.0, 0.3],
+            vec![3.0, never, 1.0, -never, 3.0, 0.1, never, 2.0],
+            fractions.collect(),
+        ]
+    }
+
+    /// Bits of values and intervals, so that NaN equals itself, and 0 differs from −0.
+    fn bits(estimates: &[Estimate]) -> Vec<[u64; 3]> {
+        let bits = |estimate: &Estimate| {
+            let [low, high] = estimate.interval.ends().unwrap();
+            [estimate.value, low, high].map(f64::to_bits)
+        };
+        estimates.iter().map(bits).collect()
+    }
+
+    /// Counted resamples of sorted scores give the bits of resamples that are sorted.
+    #[test]
+    fn statistics_of_counts_equal_statistics_of_sorted_resamples() {
+        for sample in samples() {
+            let counted =
+                bootstrap_sorted_statistics(&[vec![sample.clone()]], 2, |groups, values| {
+                    values[0] = median_of_sorted(&groups[0]);
+                    values[1] = interquartile_mean_of_sorted(&groups[0]);
+                });
+            let sorted = [
+                bootstrap_estimate(&sample, median),
+                bootstrap_estimate(&sample, interquartile_mean),
+            ];
+            assert_eq!(bits(&counted), bits(&sorted), "{sample:?}");
+        }
+    }
+
+    /// The first group has two strata, which are pooled, and the second has one.
+    #[test]
+    fn groups_of_strata_are_resampled_by_stratum_and_sorted_together() {
+        let strata = samples().split_off(2);
+        let groups = [strata[..2].to_vec(), strata[2..].to_vec()];
+        let counted = bootstrap_sorted_statistics(&groups, 1, |groups, values| {
+            values[0] = median_of_sorted(&groups[0]) - interquartile_mean_of_sorted(&groups[1]);
+        });
+        let sorted = stratified_bootstrap_estimate(&strata, |strata| {
+            median(&strata[..2].concat()) - interquartile_mean(&strata[2])
+        });
+        assert_eq!(bits(&counted), bits(&[sorted]));
+    }
+
+    /// Means of several quantities have the bits of the means of each.
+    #[test]
+    fn means_of_several_quantities_equal_the_mean_of_each() {
+        let quantities = [
+            vec![0.1, 0.2, 0.3, 0.7, 1.9, 0.2],
+            vec![1e9, 0.3, -1e9, 3.0, 0.1, 7.0],
+            vec![-0.0; 6],
+        ];
+        let run = |run: usize| quantities.iter().map(|values| values[run]).collect();
+        let runs: Vec<Vec<f64>> = (0..6).map(run).collect();
+        let of_each = quantities.map(|values| bootstrap_estimate(&values, mean));
+        assert_eq!(bits(&bootstrap_means(&runs)), bits(&of_each));
+    }
+}
