@@ -304,7 +304,7 @@ mod tests {
         }
     }
 
-    /// With checkpoints after every four transitions, the file begins anew whenever it would have
+    /// With checkpoints after every four transitions, a new file begins whenever the old one would have
     /// more transitions that have left the buffer than it has in the buffer.
     #[test]
     fn files_have_at_most_twice_the_transitions_of_the_buffer() {

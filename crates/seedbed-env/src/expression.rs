@@ -111,9 +111,7 @@ impl Evaluator {
             Operand::Scratch(index) => &self.scratch.column(index)[copies],
         }
     }
-}
 
-impl Evaluator {
     /// Computes the scratch columns of the given copies.
     fn run(&mut self, variables: ValueTableView, copies: &Range<usize>) {
         let first = self.program.constants.len();

@@ -151,8 +151,9 @@ impl RecordingStats {
 }
 
 impl LoadedRun {
-    /// Computes the statistics of the recording, if there is one. If `episodes.csv`
-    /// or `rounds.csv` is missing, sets `self.episodes` to the rows of these statistics. Calls `on_episode` for each episode.
+    /// Computes the statistics of the recording, if there is one. If `episodes.csv` or `rounds.csv` is
+    /// missing, sets `self.episodes` to the rows of these statistics. Calls `on_episode` for each
+    /// episode.
     ///
     /// # Errors
     /// The recording cannot be read.

@@ -105,8 +105,8 @@ impl Batch {
         }
     }
 
-    /// Sets the forces and servo targets of the live copies. Rapier keeps them, and has to assemble
-    /// its joints anew if a body or joint was changed: nothing is set again that stays the same.
+    /// Sets the forces and servo targets of the live copies whose controls have changed. Rapier keeps
+    /// those of the others, and would assemble all joints again if a body or joint were touched.
     fn apply_controls(
         &mut self,
         first_copy: usize,
@@ -123,7 +123,7 @@ impl Batch {
             let applied = &mut self.applied_controls[copy * width..][..width];
             for (index, applied) in applied.iter_mut().enumerate() {
                 let control = controls[index * copies + first_copy + copy];
-                is_same &= applied.to_bits() == control.to_bits();
+                is_same &= applied.to_bits() == control.to_bits() && !control.is_nan();
                 *applied = control;
             }
             if !is_same {

@@ -10,8 +10,8 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::RESAMPLES;
 
-/// Maximum number of draws that are kept in memory, of 2 bytes each. Larger resamples are drawn
-/// anew each time.
+/// Maximum number of draws that are kept in memory, of 2 bytes each. Larger resamples are drawn again
+/// for each statistic.
 const MAX_KEPT_DRAWS: usize = 1 << 27;
 
 /// Draws of the sizes that were used last; the newest are at the back.

@@ -240,8 +240,8 @@ fn a_restored_agent_continues_with_the_same_bits() {
 
 /// With γ = ½ and neither ratios, seeds nor a baseline, advantages are discounted returns: rewards
 /// of 4, 2, 8 give 4 + ½ (2 + ½ 8) = 7, 2 + ½ 8 = 6 and 8; the agent's other episode has the single
-/// reward 1. No advantages are recorded for other agents'
-/// episodes, and recorded advantages are not standardized.
+/// reward 1. No advantages are recorded for other agents' episodes, and recorded advantages are not
+/// standardized.
 #[test]
 fn advantages_of_own_steps_are_recorded() {
     let config = SeedPg {
