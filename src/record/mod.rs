@@ -40,16 +40,25 @@ use seedbed_learn::experience::{Episode, StepData};
 /// Error message of builds without the feature `rerun` when a recording is requested.
 pub(crate) const UNAVAILABLE: &str = "this build of seedbed cannot write, show or read recordings: build it with the feature `rerun`, which is on by default";
 
-/// Records each round after it is finished. Must not change what is learned.
-pub trait Recorder {
+/// Records each round after it is finished. Must not change what is learned. A run calls its
+/// recorders in a thread of their own if it has more than one thread.
+pub trait Recorder: Send {
     /// Records one round.
     ///
     /// # Errors
     /// If the file cannot be written. Everything written before stays readable.
     fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError>;
 
-    /// Writes everything recorded so far to disk, and returns what is needed to resume after an
-    /// interruption.
+    /// Writes everything recorded so far to the file, before the run ends or is interrupted. Without
+    /// this call, [`checkpoint`](Self::checkpoint) may keep the newest rows for larger blocks.
+    ///
+    /// # Errors
+    /// The file could not be written.
+    fn flush(&mut self) -> Result<(), RecordError> {
+        Ok(())
+    }
+
+    /// Writes the file to disk, and returns what is needed to resume after an interruption.
     ///
     /// # Errors
     /// The file could not be written.

@@ -11,7 +11,8 @@ use seedbed_env::input::{Located, ValidationError};
 #[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordingSettings {
-    /// Maximum number of lines and points per agent that are visible at once.
+    /// Maximum number of lines and points per agent that are visible at once. Episodes of fewer than
+    /// 160 states have proportionally fewer.
     pub lines: Count<10_000>,
     /// Number of latest rounds in one density image, and number of latest episodes whose lines and
     /// points are visible at once.
@@ -27,7 +28,8 @@ pub struct RecordingSettings {
     /// The two agents whose densities are compared.
     pub difference: Difference,
     /// Rounds between two density images; the interval doubles after 200 images, and again each
-    /// time the run has doubled in length.
+    /// time the run has doubled in length. Rounds in which agents visit fewer than 200 states count
+    /// proportionally less.
     pub density_every: Count,
     /// Interval between the episodes of each agent whose states and actions are recorded as
     /// columns; 1 records every episode. The first episode is always recorded.
@@ -102,7 +104,8 @@ pub enum PairChoice {
 #[derive(Clone, Debug, Default, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Difference {
-    /// The two agents that differ most at the time of the image.
+    /// The two agents that differ most at the time of the image; in teams of more than 32 agents, the
+    /// agent that differs most from the mean of the team, and the agent that differs most from it.
     #[default]
     MostDifferent,
     /// The two given agents.

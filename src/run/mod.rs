@@ -3,7 +3,7 @@
 //!
 //! [`execute`] is the loop. A [`trainer`] holds environment, team and shared buffer; [`rollout`]
 //! plays the episodes of a round, `asynchronous` those without a common start and end; [`measures`]
-//! computes coverage and returns; [`checkpoint`] and [`folder`] store a run, and [`review`] reads
+//! computes coverage and returns; `round_recorder` passes rounds to the recorders; [`checkpoint`] and [`folder`] store a run, and [`review`] reads
 //! its results. Must not contain formulas of learning.
 
 mod agreement;
@@ -19,6 +19,7 @@ pub mod replay;
 mod replay_file;
 pub mod review;
 pub mod rollout;
+mod round_recorder;
 pub mod summary;
 pub mod trainer;
 pub mod weights;
@@ -28,10 +29,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use self::checkpoint::{Checkpoint, CheckpointError, CheckpointWriter};
 use self::folder::RunFolder;
-use self::measures::RoundRows;
+use self::round_recorder::{CheckpointKind, Recorders, RoundRecorder};
 use self::summary::{FINAL_WINDOW, Summary};
-use self::trainer::{Diverged, Round, Trainer};
-use crate::record::{Focus, RecordError, Recorder, RecorderFactory, RoundRecord, RunInfo};
+use self::trainer::{Diverged, Trainer};
+use crate::record::{Focus, RecordError, RecorderFactory, RunInfo};
 use crate::scenario::{self, Scenario};
 use crate::text::file_stem;
 use seedbed_env::TaskDescription;
@@ -183,16 +184,18 @@ pub fn execute(
     interrupted: &AtomicBool,
 ) -> Result<RunOutcome, RunError> {
     let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, options.threads)?;
-    let (mut recorders, mut checkpoints) = if options.resume {
+    let (recorders, mut checkpoints) = if options.resume {
         resume_run(plan, options, recorder_factories, &mut trainer)?
     } else {
         let recorders = create_recorders(plan, options, recorder_factories, &trainer)?;
         (recorders, CheckpointWriter::new(options.folder.path()))
     };
+    let mut recorder = RoundRecorder::new(recorders, trainer.agent_count(), options.threads);
     observer.begun(&progress(plan, &trainer));
     while !trainer.is_done() {
-        advance_and_record(&mut trainer, &mut recorders)?;
-        report_warnings(&mut recorders, observer);
+        let round = trainer.advance()?;
+        recorder.record(trainer.rounds() - 1, &trainer.newest_episodes(), round)?;
+        report_warnings(&mut recorder, observer);
         observer.round_finished(&progress(plan, &trainer));
         let is_interrupted = interrupted.load(Ordering::Relaxed) && !trainer.is_done();
         if is_interrupted
@@ -200,7 +203,12 @@ pub fn execute(
                 .rounds()
                 .is_multiple_of(plan.scenario.checkpoint_every.get())
         {
-            write_checkpoint(&mut checkpoints, &trainer, &mut recorders)?;
+            let kind = if is_interrupted {
+                CheckpointKind::AtEnd
+            } else {
+                CheckpointKind::Meanwhile
+            };
+            write_checkpoint(&mut checkpoints, &trainer, &mut recorder, kind)?;
         }
         if is_interrupted {
             return Ok(RunOutcome::Interrupted {
@@ -208,43 +216,21 @@ pub fn execute(
             });
         }
     }
-    let checkpoint = write_checkpoint(&mut checkpoints, &trainer, &mut recorders);
-    let ending = checkpoint.and_then(|()| finish(plan, options, &trainer, &mut recorders));
-    report_warnings(&mut recorders, observer);
+    let checkpoint = write_checkpoint(
+        &mut checkpoints,
+        &trainer,
+        &mut recorder,
+        CheckpointKind::AtEnd,
+    );
+    let ending = checkpoint.and_then(|()| finish(plan, options, &trainer, &mut recorder));
+    report_warnings(&mut recorder, observer);
     ending
 }
 
-type Recorders = Vec<Box<dyn Recorder>>;
-
-/// Plays one round, updates the team, and records the round. Returns the rows of the tables.
-fn advance_and_record(
-    trainer: &mut Trainer,
-    recorders: &mut [Box<dyn Recorder>],
-) -> Result<RoundRows, RunError> {
-    let Round {
-        rows,
-        step_data,
-        body_trajectories,
-    } = trainer.advance()?;
-    let round = RoundRecord {
-        round: trainer.rounds() - 1,
-        episodes: &trainer.newest_episodes(),
-        episode_rows: &rows.episodes,
-        round_rows: &rows.updates,
-        step_data: &step_data,
-        body_trajectories: &body_trajectories,
-    };
-    recorders
-        .iter_mut()
-        .try_for_each(|recorder| recorder.record_round(&round))?;
-    Ok(rows)
-}
-
-fn report_warnings(recorders: &mut Recorders, observer: &mut dyn Observer) {
-    recorders
-        .iter_mut()
-        .filter_map(|recorder| recorder.take_warning())
-        .for_each(|warning| observer.warn(&warning));
+fn report_warnings(recorder: &mut RoundRecorder, observer: &mut dyn Observer) {
+    for warning in recorder.take_warnings() {
+        observer.warn(&warning);
+    }
 }
 
 fn create_recorders(
@@ -363,13 +349,11 @@ fn with_run_info<R>(plan: &Plan, trainer: &Trainer, f: impl FnOnce(&RunInfo<'_>)
 fn write_checkpoint(
     checkpoints: &mut CheckpointWriter,
     trainer: &Trainer,
-    recorders: &mut Recorders,
+    recorder: &mut RoundRecorder,
+    kind: CheckpointKind,
 ) -> Result<(), RunError> {
-    let states: Result<Vec<Vec<u8>>, RecordError> = recorders
-        .iter_mut()
-        .map(|recorder| recorder.checkpoint())
-        .collect();
-    Ok(checkpoints.write(trainer, states?)?)
+    let states = recorder.checkpoint(kind)?;
+    Ok(checkpoints.write(trainer, states)?)
 }
 
 /// Completes the files of a finished run, whose checkpoint has been written. The summary is written
@@ -378,11 +362,9 @@ fn finish(
     plan: &Plan,
     options: &Options,
     trainer: &Trainer,
-    recorders: &mut Recorders,
+    recorder: &mut RoundRecorder,
 ) -> Result<RunOutcome, RunError> {
-    recorders
-        .iter_mut()
-        .try_for_each(|recorder| recorder.finish())?;
+    recorder.finish()?;
     let policies = options.folder.policies_file();
     weights::write(&policies, &trainer.tensors()).map_err(|error| RunError::File {
         path: policies,

@@ -1,8 +1,9 @@
 //! Previews: records a few episodes of random actions, so that the author of a task sees how its
 //! bodies move.
 
+use super::RunError;
+use super::round_recorder::RoundRecorder;
 use super::trainer::Trainer;
-use super::{Recorders, RunError, advance_and_record};
 use crate::record::{
     BonusRange, EpisodeRow, Focus, RecorderFactory, RecordingSettings, RunInfo, SceneSettings,
 };
@@ -42,14 +43,15 @@ pub fn record(
         scenario: &scenario_text,
         properties: &[],
     };
-    let mut recorders: Recorders = vec![recorder_factory.create(&info, &scenario.recording)?];
+    let recorders = vec![recorder_factory.create(&info, &scenario.recording)?];
+    let mut recorder = RoundRecorder::new(recorders, 1, 1);
     let mut rows = Vec::new();
     while !trainer.is_done() {
-        rows.extend(advance_and_record(&mut trainer, &mut recorders)?.episodes);
+        let round = trainer.advance()?;
+        rows.extend(round.rows.episodes.iter().cloned());
+        recorder.record(trainer.rounds() - 1, &trainer.newest_episodes(), round)?;
     }
-    recorders
-        .iter_mut()
-        .try_for_each(|recorder| recorder.finish())?;
+    recorder.finish()?;
     Ok(rows)
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+use super::recording::contents::RecordingContents;
 #[cfg(unix)]
 use super::util::interrupt;
 use super::util::{
@@ -797,14 +798,9 @@ fn a_run_is_replayed() {
         "{}",
         stdout(&replayed)
     );
-    let bytes = std::fs::read(&recording).unwrap();
-    let has_entity = |name: &str| {
-        bytes
-            .windows(name.len())
-            .any(|window| window == name.as_bytes())
-    };
-    assert!(has_entity("/raw/agent_0"));
-    assert!(has_entity("/scene/agent_1") && !has_entity("/scene/agent_0"));
+    let contents = RecordingContents::read(&recording);
+    assert!(contents.has_entity("/raw/agent_0"));
+    assert!(contents.has_entity("/scene/agent_1") && !contents.has_entity("/scene/agent_0"));
 }
 
 #[test]

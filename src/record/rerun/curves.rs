@@ -36,6 +36,7 @@ pub(super) fn recorded_metrics(scope: Scope) -> impl Iterator<Item = &'static Me
 }
 
 /// All curves of a run.
+#[derive(Clone)]
 pub(super) struct Curves {
     returns: Vec<Curve>,
     team_mean: Curve,
@@ -46,6 +47,7 @@ pub(super) struct Curves {
 }
 
 /// One entity with one or more series.
+#[derive(Clone)]
 struct Curve {
     entity: EntityPath,
     series_count: usize,

@@ -29,12 +29,14 @@ const ARROW_LENGTH: f32 = 0.125;
 const DRAW_ORDER: f32 = 100.0;
 
 /// Forces in the scene of one agent that are not written yet.
+#[derive(Clone)]
 pub(super) struct ForceWriter {
     /// The forces of the action and the contact forces.
     kinds: [ForceArrows; 2],
 }
 
 /// The forces of one kind.
+#[derive(Clone)]
 struct ForceArrows {
     entity: EntityPath,
     source: ForceSource,

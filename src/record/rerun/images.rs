@@ -19,23 +19,31 @@ use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use super::samples::VisitationStyle;
 use crate::record::Difference;
 use crate::record::visitation::{
-    AXIS_HEIGHT, AgentVisits, Axes, BonusMap, CELLS_PER_SIDE, Pairs, brightness_of_pixels,
-    first_round, most_different, share_difference,
+    AXIS_HEIGHT, AgentVisits, Axes, BonusMap, CELLS_PER_SIDE, MIN_BRIGHTNESS, Pairs,
+    brightness_of_pixels, first_round, most_different, share_difference,
 };
 use seedbed_figure::color::dark::{diverging_color, sequential_color};
 
-/// Number of images in one chunk.
+/// Number of images in one chunk, in teams of up to 128 agents. In larger teams it is smaller,
+/// because the images of all agents wait in memory at the same time.
 const IMAGES_PER_CHUNK: usize = 8;
+const MAX_WAITING_IMAGES: usize = 1024;
+
+/// Number of colors in an image, apart from the color of pixels without lines. Neighboring pixels
+/// often have the same color, so that an image compresses to a third of its size with 255 colors.
+const COLOR_STEPS: u8 = 16;
 
 /// The color of cells without states.
 const EMPTY_COLOR: [u8; 3] = [0, 0, 4];
 
 /// The images of one entity that are not written yet.
+#[derive(Clone)]
 pub(super) struct ImageSeries {
     entity: EntityPath,
     kind: ImageKind,
     moments: Moments,
     images: Vec<ImageBuffer>,
+    images_per_chunk: usize,
 }
 
 /// What the bytes of an image are.
@@ -48,6 +56,7 @@ enum ImageKind {
 }
 
 /// Labels that are recorded with each image and are not written yet.
+#[derive(Clone)]
 pub(super) struct LabelSeries {
     entity: EntityPath,
     moments: Moments,
@@ -56,6 +65,7 @@ pub(super) struct LabelSeries {
 }
 
 /// The images of each agent and of the team, with the ends of their scales.
+#[derive(Clone)]
 pub(super) struct ImageGroup {
     agents: Vec<ImageSeries>,
     team: ImageSeries,
@@ -64,6 +74,7 @@ pub(super) struct ImageGroup {
 }
 
 /// All images of a recording.
+#[derive(Clone)]
 pub(super) struct ImageWriter {
     pub(super) latest: ImageGroup,
     pub(super) density: ImageGroup,
@@ -82,7 +93,11 @@ impl ImageWriter {
             latest: density("latest", 2),
             density: density("density", 1),
             bonus: has_bonus.then(bonus),
-            difference: ImageSeries::new("visitation/difference".into(), ImageKind::Colored),
+            difference: ImageSeries::new(
+                "visitation/difference".into(),
+                ImageKind::Colored,
+                IMAGES_PER_CHUNK,
+            ),
             difference_scale: LabelSeries::new("visitation/difference/scale/ends", 4),
             compared_agents: compared_agents.clone(),
         }
@@ -124,8 +139,8 @@ impl ImageWriter {
         };
         let Some((one, other)) = agents else { return };
         let (differences, max) = share_difference(densities[one], densities[other], width);
-        let pixels: Vec<u8> = differences.into_iter().flat_map(diverging_color).collect();
-        self.difference.push(pixels, moment);
+        self.difference
+            .push(difference_pixels(&differences), moment);
         let end = format!("+{:.2} %", 100.0 * max);
         let [one, other] = [one, other].map(|agent| format!("agent {agent}"));
         self.difference_scale
@@ -134,20 +149,26 @@ impl ImageWriter {
 
     /// Takes the images of entities that have enough images for a chunk or, if `all` is set, all
     /// images.
-    pub(super) fn take(&mut self, all: bool) -> Result<Vec<Chunk>, RecordingError> {
-        let mut chunks = Vec::new();
+    pub(super) fn take(
+        &mut self,
+        all: bool,
+    ) -> impl Iterator<Item = Result<Chunk, RecordingError>> {
         let groups = [&mut self.latest, &mut self.density]
             .into_iter()
             .chain(&mut self.bonus);
-        for group in groups {
+        let of_groups = groups.flat_map(move |group| {
             let images = group.agents.iter_mut().chain([&mut group.team]);
-            chunks.extend(images.filter_map(|series| series.take(all)));
             let labels = [&mut group.agents_scale, &mut group.team_scale];
-            chunks.extend(labels.into_iter().filter_map(|series| series.take(all)));
-        }
-        chunks.extend(self.difference.take(all));
-        chunks.extend(self.difference_scale.take(all));
-        chunks.into_iter().collect()
+            images.filter_map(move |series| series.take(all)).chain(
+                labels
+                    .into_iter()
+                    .filter_map(move |series| series.take(all)),
+            )
+        });
+        let difference = self.difference.take(all);
+        of_groups
+            .chain(difference)
+            .chain(self.difference_scale.take(all))
     }
 
     /// Static formats of all images.
@@ -175,8 +196,10 @@ impl ImageWriter {
 
 impl ImageGroup {
     fn new(agents: usize, root: &str, name: &str, kind: ImageKind, labels: usize) -> Self {
+        let images_per_chunk = (MAX_WAITING_IMAGES / agents.max(1)).clamp(1, IMAGES_PER_CHUNK);
         let series = |subject_name: &str| {
-            ImageSeries::new(format!("{root}/{subject_name}/{name}").into(), kind)
+            let entity = format!("{root}/{subject_name}/{name}");
+            ImageSeries::new(entity.into(), kind, images_per_chunk)
         };
         Self {
             agents: (0..agents)
@@ -213,12 +236,11 @@ impl ImageGroup {
             .max()
             .unwrap_or(0);
         for (series, pixels) in self.agents.iter_mut().zip(agents) {
-            series.push(brightness_of_pixels(pixels, max), moment);
+            series.push(density_pixels(pixels, max), moment);
         }
         let team = sum_of_densities(agents);
         let max_of_team = team.iter().copied().max().unwrap_or(0);
-        self.team
-            .push(brightness_of_pixels(&team, max_of_team), moment);
+        self.team.push(density_pixels(&team, max_of_team), moment);
         let ends = [max, max_of_team].map(|lines| with_thousands_separators(u64::from(lines)));
         self.push_scale_labels(ends, note, moment);
     }
@@ -263,6 +285,42 @@ fn sum_of_densities(densities: &[&[u32]]) -> Vec<u32> {
     sum
 }
 
+/// Brightness of each pixel, as [`brightness_of_pixels`], rounded to one of 16 steps.
+fn density_pixels(lines: &[u32], max_lines: u32) -> Vec<u8> {
+    let steps: [u8; 256] = std::array::from_fn(|brightness| rounded_brightness(brightness as u8));
+    let mut pixels = brightness_of_pixels(lines, max_lines);
+    for pixel in &mut pixels {
+        *pixel = steps[usize::from(*pixel)];
+    }
+    pixels
+}
+
+/// The nearest of 16 steps from [`MIN_BRIGHTNESS`] to 255; 0 for 0.
+fn rounded_brightness(brightness: u8) -> u8 {
+    if brightness < MIN_BRIGHTNESS {
+        return 0;
+    }
+    let (range, steps) = (u16::from(255 - MIN_BRIGHTNESS), u16::from(COLOR_STEPS - 1));
+    let step = (u16::from(brightness - MIN_BRIGHTNESS) * steps + range / 2) / range;
+    MIN_BRIGHTNESS + ((step * range + steps / 2) / steps) as u8
+}
+
+/// A share from 0 to 1, rounded to one of 16 steps.
+fn rounded_share(share: f32) -> f32 {
+    let steps = f32::from(COLOR_STEPS - 1);
+    (share * steps).round() / steps
+}
+
+/// Colors of differences from −1 to 1, rounded to 16 steps in each direction.
+fn difference_pixels(differences: &[f32]) -> Vec<u8> {
+    let steps = f32::from(COLOR_STEPS);
+    let colors: Vec<[u8; 3]> = (-i16::from(COLOR_STEPS)..=i16::from(COLOR_STEPS))
+        .map(|step| diverging_color(f32::from(step) / steps))
+        .collect();
+    let color = |difference: &f32| colors[(difference * steps + steps + 0.5) as usize];
+    differences.iter().flat_map(color).collect()
+}
+
 /// Colors of mean bonuses from 0 (dark) to `max` (bright), with panels side by side.
 fn bonus_pixels(map: &BonusMap, max: f64, pairs: &Pairs) -> Vec<u8> {
     let (width, scale) = (pairs.width(), if max > 0.0 { max } else { 1.0 });
@@ -274,7 +332,9 @@ fn bonus_pixels(map: &BonusMap, max: f64, pairs: &Pairs) -> Vec<u8> {
             cell % CELLS_PER_SIDE,
         );
         let pixel = 3 * (row * width + pairs.x(panel) + column);
-        let color = mean.map_or(EMPTY_COLOR, |mean| sequential_color((mean / scale) as f32));
+        let color = mean.map_or(EMPTY_COLOR, |mean| {
+            sequential_color(rounded_share((mean / scale) as f32))
+        });
         pixels[pixel..pixel + 3].copy_from_slice(&color);
     }
     pixels
@@ -293,12 +353,13 @@ fn with_thousands_separators(number: u64) -> String {
 }
 
 impl ImageSeries {
-    fn new(entity: EntityPath, kind: ImageKind) -> Self {
+    fn new(entity: EntityPath, kind: ImageKind, images_per_chunk: usize) -> Self {
         Self {
             entity,
             kind,
             moments: Moments::default(),
             images: Vec::new(),
+            images_per_chunk,
         }
     }
 
@@ -308,7 +369,7 @@ impl ImageSeries {
     }
 
     fn take(&mut self, all: bool) -> Option<Result<Chunk, RecordingError>> {
-        let min_images = if all { 1 } else { IMAGES_PER_CHUNK };
+        let min_images = if all { 1 } else { self.images_per_chunk };
         (self.images.len() >= min_images).then(|| self.take_chunk())
     }
 

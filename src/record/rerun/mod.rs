@@ -3,7 +3,9 @@
 //!
 //! While a run is in progress, or if it crashed, the file is `run.rrd.part`; it gets its final name
 //! when it is complete. Rows are collected and written in chunks, because each chunk has a header
-//! of its own. [`checkpoint`](Recorder::checkpoint) writes all collected rows.
+//! of its own. When they are written depends only on the number of recorded states, so that the
+//! division into chunks depends neither on clocks nor on checkpoints. A
+//! [`checkpoint`](Recorder::checkpoint) contains the rows that are not in the file yet.
 
 mod annotations;
 mod blueprint;
@@ -46,8 +48,8 @@ use self::resume::State;
 use self::run_constants::RunConstants;
 use self::samples::VisitationStyle;
 pub use self::serve::Server;
-use self::sink::{Sink, Storage};
-use self::writers::Writers;
+use self::sink::{MessageBytes, Sink, Storage};
+use self::writers::{Due, Writers};
 use super::{
     Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
 };
@@ -144,10 +146,13 @@ impl RerunRecorder {
         bytes: &[u8],
     ) -> Result<Self, RecordError> {
         let paths = Paths::of(path);
-        let resumed = State::from_bytes(bytes).and_then(|state| {
+        let resumed = State::from_bytes(bytes).and_then(|mut state| {
             state.check(info, settings)?;
             let store = StoreId::recording(APPLICATION, state.recording_id.as_str());
-            let sink = resume::reopen(&paths.part, &paths.done, state.messages, store)?;
+            let unwritten = std::mem::take(&mut state.unwritten);
+            let messages = (state.messages, &unwritten[..]);
+            let sink = resume::reopen(&paths.part, &paths.done, messages, (store, info.agents))?;
+            state.states_since_write = 0;
             Self::from_parts(paths.clone(), sink, info, settings, state)
         });
         resumed.map_err(|error| paths.error(Attempt::Resume, &error))
@@ -182,7 +187,7 @@ impl RerunRecorder {
     ) -> Result<Self, RecordingError> {
         let state = State::start(info, settings);
         let store = StoreId::recording(APPLICATION, state.recording_id.as_str());
-        let sink = Sink::new(store, storage)?;
+        let sink = Sink::new(store, info.agents, storage)?;
         let mut recorder = Self::from_parts(paths, sink, info, settings, state)?;
         recorder.write_header(info, settings)?;
         Ok(recorder)
@@ -208,17 +213,22 @@ impl RerunRecorder {
     }
 
     fn save(&mut self) -> Result<Vec<u8>, RecordingError> {
-        self.write_chunks(true)?;
         self.sink.sync()?;
         self.state.messages = self.sink.message_count();
-        self.state.to_bytes()
+        let mut unwritten = MessageBytes::new(self.sink.store_id())?;
+        let mut rows = self.writers.clone();
+        rows.write(&self.style, Due::All, &mut |chunk| unwritten.add(&chunk))?;
+        self.state.unwritten = unwritten.into_bytes()?;
+        let bytes = self.state.to_bytes();
+        self.state.unwritten = Vec::new();
+        bytes
     }
 
     fn complete(&mut self) -> Result<(), RecordingError> {
         if self.state.latest.is_some() && !self.state.has_latest_images {
             self.add_images();
         }
-        self.write_chunks(true)?;
+        self.write_chunks(Due::All)?;
         self.sink.finish()?;
         Ok(fs::rename(&self.paths.part, &self.paths.done)?)
     }
@@ -227,6 +237,12 @@ impl RerunRecorder {
 impl Recorder for RerunRecorder {
     fn record_round(&mut self, round: &RoundRecord<'_>) -> Result<(), RecordError> {
         self.add_round(round)
+            .map_err(|error| self.paths.error(Attempt::Write, &error))
+    }
+
+    fn flush(&mut self) -> Result<(), RecordError> {
+        self.state.states_since_write = 0;
+        self.write_chunks(Due::All)
             .map_err(|error| self.paths.error(Attempt::Write, &error))
     }
 
@@ -249,7 +265,7 @@ impl Recorder for RerunRecorder {
 /// written to `run.rrd.part`.
 impl Drop for RerunRecorder {
     fn drop(&mut self) {
-        drop(self.write_chunks(true));
+        drop(self.write_chunks(Due::All));
     }
 }
 

@@ -16,15 +16,13 @@ use super::rows::{Moment, Moments, unit_column};
 use seedbed_env::{Choice, Status, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
 
-/// Number of rows in one chunk: large enough that the header of a chunk is small compared with its
-/// data, and small enough that columns compress well.
-const ROWS_PER_CHUNK: usize = 2048;
-
 /// The rows of one agent that are not written yet.
+#[derive(Clone)]
 pub(super) struct RawTable {
     entity: EntityPath,
     columns: Arc<RawColumns>,
     rows: Rows,
+    rows_per_chunk: usize,
 }
 
 /// The columns of a task, in the order of the table.
@@ -40,7 +38,7 @@ pub(super) struct RawColumns {
     outcome: ComponentDescriptor,
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Rows {
     moments: Moments,
     observations: Vec<Vec<f32>>,
@@ -117,11 +115,12 @@ fn column(name: &str) -> ComponentDescriptor {
 }
 
 impl RawTable {
-    pub(super) fn new(agent: usize, columns: &Arc<RawColumns>) -> Self {
+    pub(super) fn new(agent: usize, columns: &Arc<RawColumns>, rows_per_chunk: usize) -> Self {
         Self {
             entity: format!("raw/agent_{agent}").into(),
             columns: Arc::clone(columns),
             rows: Rows::of(columns),
+            rows_per_chunk,
         }
     }
 
@@ -175,7 +174,7 @@ impl RawTable {
     /// Takes the rows as a chunk if there are enough for a chunk or, if `all` is set, if there are
     /// any.
     pub(super) fn take(&mut self, all: bool) -> Option<Result<Chunk, RecordingError>> {
-        let min_rows = if all { 1 } else { ROWS_PER_CHUNK };
+        let min_rows = if all { 1 } else { self.rows_per_chunk };
         if self.rows.moments.len() < min_rows {
             return None;
         }

@@ -1,8 +1,9 @@
 //! Resumes a recording that was interrupted.
 //!
-//! A checkpoint stores the number of messages in the file. To resume, this number of messages is
-//! copied to a new file, which replaces the old file. Rounds after the checkpoint are not copied,
-//! because they are run and recorded again.
+//! A checkpoint stores the number of messages in the file, and the rows that are not in the file
+//! yet. To resume, this number of messages is copied to a new file, which replaces the old file, and
+//! these rows are added. Rounds after the checkpoint are not copied, because they are run and
+//! recorded again.
 
 use std::collections::VecDeque;
 use std::fs::{self, File};
@@ -22,7 +23,7 @@ use crate::record::RunInfo;
 use crate::record::visitation::AgentVisits;
 
 /// Version of the order and types of the fields of [`State`].
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// What a recorder needs to resume, in addition to its file.
 #[derive(Serialize, Deserialize)]
@@ -31,6 +32,8 @@ pub(super) struct State {
     format: u32,
     /// Number of messages in the file at the checkpoint.
     pub(super) messages: u64,
+    /// The rows that are not in the file yet: [`MessageBytes`](super::sink::MessageBytes).
+    pub(super) unwritten: Vec<u8>,
     /// Unique id of the recording.
     pub(super) recording_id: String,
     /// The next step of each agent on the timeline of its steps.
@@ -41,6 +44,10 @@ pub(super) struct State {
     pub(super) color_range: Option<[f32; 2]>,
     /// The team's mean returns of the latest rounds.
     pub(super) latest_returns: VecDeque<f64>,
+    /// Number of the team's states since rows of all entities were written.
+    pub(super) states_since_write: u64,
+    /// Number of the team's states since the latest images.
+    pub(super) states_since_images: u64,
     /// Whether there are images of the latest round.
     pub(super) has_latest_images: bool,
     /// The latest round and its latest episode.
@@ -56,11 +63,14 @@ impl State {
         Self {
             format: FORMAT,
             messages: 0,
+            unwritten: Vec::new(),
             recording_id: format!("{}-{}", info.name, random_suffix()),
             next_steps: vec![0; agents],
             visits: vec![AgentVisits::new(&style.axes, info.bonus.exists()); agents],
             color_range: None,
             latest_returns: VecDeque::new(),
+            states_since_write: 0,
+            states_since_images: 0,
             has_latest_images: false,
             latest: None,
         }
@@ -111,18 +121,19 @@ fn random_suffix() -> String {
         .collect()
 }
 
-/// Opens `part` truncated to its first `messages` messages. If `part` does not exist, the messages
-/// are copied from `done`.
+/// Opens `part` with its first `messages` messages and the `unwritten` ones. If `part` does not
+/// exist, the messages are copied from `done`. `store` is the id of the recording.
 pub(super) fn reopen(
     part: &Path,
     done: &Path,
-    messages: u64,
-    store: StoreId,
+    (messages, unwritten): (u64, &[u8]),
+    (store, agents): (StoreId, u32),
 ) -> Result<Sink, RecordingError> {
     let source = if part.exists() { part } else { done };
     let new_part = part.with_extension("resuming");
-    let mut sink = Sink::new(store, Box::new(File::create(&new_part)?))?;
+    let mut sink = Sink::new(store, agents, Box::new(File::create(&new_part)?))?;
     copy_messages(source, messages, &mut sink)?;
+    sink.send_encoded(unwritten)?;
     sink.sync()?;
     fs::rename(&new_part, part)?;
     Ok(sink)

@@ -1,4 +1,5 @@
-//! Adds rounds to a recording. Rows are collected, and written when there are enough for a chunk.
+//! Adds rounds to a recording. Rows are collected, and written after every 4,096 states per agent, or
+//! more often while viewers show the recording.
 
 use std::slice::Iter;
 
@@ -6,10 +7,20 @@ use super::RerunRecorder;
 use super::error::RecordingError;
 use super::rows::Moment;
 use super::samples::DrawnStateCounts;
+use super::writers::{Due, states_per_write};
 use crate::record::visitation::Coloring;
 use crate::record::{BodyTrajectory, EpisodeRow, RoundRecord};
 use seedbed_env::random::{Purpose, stream};
 use seedbed_learn::experience::Episode;
+
+/// Minimum number of states per agent between two images, for each round of the initial interval.
+/// An image takes as many bytes as about a hundred states, and there are two of each agent. So images
+/// of short episodes, which would differ little from each other, do not make up most of the file.
+const STATES_PER_IMAGE_ROUND: u64 = 200;
+
+/// Number of states per agent after which rows of all entities are written while viewers show the
+/// recording, so that they see the newest rounds soon, in larger files.
+const STATES_PER_WRITE_TO_VIEWERS: usize = 128;
 
 /// Number of images at the initial interval, before it doubles.
 const IMAGES_BEFORE_DOUBLING: u32 = 200;
@@ -27,6 +38,15 @@ fn has_images(round: u32, every: u32) -> bool {
         .checked_ilog2()
         .map_or(0, |octave| octave + 1);
     u64::from(round).is_multiple_of(u64::from(every) << doublings)
+}
+
+/// Number of lines of the team that an episode gets, out of `lines` for one episode of each of
+/// `agents` agents. The lines of the team are divided evenly; if there are fewer lines than agents,
+/// other agents have one in the next round. `position` is the number of the agent plus the number of
+/// the round.
+fn share_of_team(lines: usize, position: u64, agents: usize) -> usize {
+    let position = (position % agents as u64) as usize;
+    (position + 1) * lines / agents - position * lines / agents
 }
 
 impl RerunRecorder {
@@ -54,10 +74,45 @@ impl RerunRecorder {
             end,
             &mut self.state.latest_returns,
         );
-        if has_images(round.round, self.constants.density_every) {
+        self.count_states(round.episodes);
+        if self.are_images_due(round.round) {
             self.add_images();
         }
-        self.write_chunks(false)
+        let due = self.due_rows();
+        self.write_chunks(due)
+    }
+
+    fn count_states(&mut self, episodes: &[&Episode]) {
+        let states = |episode: &&Episode| episode.length() as u64 + 1;
+        let states: u64 = episodes.iter().map(states).sum();
+        self.state.states_since_write += states;
+        self.state.states_since_images += states;
+    }
+
+    /// Whether a round gets images: the first round, and rounds of the interval between images if
+    /// the agents have visited enough states since the latest images.
+    fn are_images_due(&self, round: u32) -> bool {
+        let every = self.constants.density_every;
+        let agents = self.writers.agents.len() as u64;
+        let min_states = u64::from(every) * STATES_PER_IMAGE_ROUND * agents;
+        let has_enough_states = self.state.states_since_images >= min_states;
+        has_images(round, every) && (round == 0 || has_enough_states)
+    }
+
+    /// The rows that are written after the latest round. Depends on numbers of states only, not on
+    /// clocks, so that repeated runs write the same chunks.
+    fn due_rows(&mut self) -> Due {
+        let agents = self.writers.agents.len();
+        let states_per_agent = if self.sink.has_viewers() {
+            STATES_PER_WRITE_TO_VIEWERS
+        } else {
+            states_per_write(agents as u32)
+        };
+        if self.state.states_since_write < (agents * states_per_agent) as u64 {
+            return Due::FullChunks;
+        }
+        self.state.states_since_write = 0;
+        Due::Shown
     }
 
     /// Adds the episodes of one agent in a round. The random stream that samples states depends
@@ -77,13 +132,12 @@ impl RerunRecorder {
             round.round,
         );
         for (index, episode) in episodes.iter().enumerate() {
-            let count_of_agent = self
-                .constants
-                .line_quota
-                .lines_of_episode(index, episodes.len());
+            let quota = self.constants.line_quota;
+            let count_of_agent = quota.lines_of_episode(index, episodes.len(), episode.length());
+            let position = u64::from(episode.agent) + u64::from(round.round);
             let drawn_state_counts = DrawnStateCounts {
                 of_agent: count_of_agent,
-                of_team: count_of_agent.div_ceil(self.writers.agents.len()),
+                of_team: share_of_team(count_of_agent, position, self.writers.agents.len()),
             };
             let (first_moment, end) = self.reserve_moments(episode);
             let step_data = round.step_data_of(episode);
@@ -154,10 +208,15 @@ impl RerunRecorder {
         }
     }
 
-    /// Writes the collected rows of entities that have enough rows for a chunk or, if `all` is set,
-    /// all rows.
-    pub(super) fn write_chunks(&mut self, all: bool) -> Result<(), RecordingError> {
-        self.writers.write(&self.style, all, &mut self.sink)
+    /// Writes collected rows.
+    pub(super) fn write_chunks(&mut self, due: Due) -> Result<(), RecordingError> {
+        let Self {
+            writers,
+            style,
+            sink,
+            ..
+        } = self;
+        writers.write(style, due, &mut |chunk| sink.send_chunk(&chunk))
     }
 
     /// Adds images of the states visited so far and in the latest rounds.
@@ -170,6 +229,7 @@ impl RerunRecorder {
             end_of_latest_round,
         );
         self.state.has_latest_images = true;
+        self.state.states_since_images = 0;
     }
 
     /// Sets the color scale of states for the whole run, using the returns of the first round.
@@ -192,6 +252,20 @@ impl RerunRecorder {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of three lines, four agents get 0, 1, 1 and 1; in the next round another agent gets none. Of
+    /// twenty lines, each of two agents gets ten.
+    #[test]
+    fn the_lines_of_the_team_are_divided_evenly() {
+        let shares = |lines, round, agents: u64| -> Vec<usize> {
+            (0..agents)
+                .map(|agent| share_of_team(lines, agent + round, agents as usize))
+                .collect()
+        };
+        assert_eq!(shares(3, 0, 4), [0, 1, 1, 1]);
+        assert_eq!(shares(3, 1, 4), [1, 1, 1, 0]);
+        assert_eq!(shares(20, 7, 2), [10, 10]);
+    }
 
     /// There are 200 images before round 2000, 100 images from there to round 4000, and 100 images
     /// from there to round 8000.

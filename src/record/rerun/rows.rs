@@ -32,7 +32,7 @@ pub(super) struct Moment {
 }
 
 /// The moments of collected rows.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Moments {
     env_steps: Vec<i64>,
     episodes: Vec<i64>,

@@ -19,9 +19,6 @@ use seedbed_env::random::Stream;
 use seedbed_figure::color::dark::categorical_color;
 use seedbed_learn::experience::{Episode, StepData};
 
-/// Number of episodes in one chunk.
-const EPISODES_PER_CHUNK: usize = 64;
-
 /// Axes, panels and colors with which states are drawn.
 pub(super) struct VisitationStyle {
     pub(super) axes: Axes,
@@ -30,12 +27,14 @@ pub(super) struct VisitationStyle {
 }
 
 /// The sampled states of one agent or of the team, as lines and as points.
+#[derive(Clone)]
 pub(super) struct SampleWriter {
     lines: MarkSeries,
     points: MarkSeries,
 }
 
 /// The lines or points of one entity that are not written yet.
+#[derive(Clone)]
 struct MarkSeries {
     entity: EntityPath,
     moments: Moments,
@@ -106,7 +105,9 @@ impl VisitationStyle {
             }
         }
         agent_writer.end_episode(sampled.len(), end);
-        team_writer.end_episode(sampled_for_team.len(), end);
+        if !sampled_for_team.is_empty() {
+            team_writer.end_episode(sampled_for_team.len(), end);
+        }
     }
 }
 
@@ -147,16 +148,8 @@ impl SampleWriter {
         }
     }
 
-    /// Takes lines and points as chunks if there are enough for a chunk or, if `all` is set, if
-    /// there are any.
-    pub(super) fn take(
-        &mut self,
-        style: &VisitationStyle,
-        all: bool,
-    ) -> Result<Vec<Chunk>, RecordingError> {
-        if !all && self.lines.moments.len() < EPISODES_PER_CHUNK {
-            return Ok(Vec::new());
-        }
+    /// Takes lines and points as chunks, if there are any.
+    pub(super) fn take(&mut self, style: &VisitationStyle) -> Result<Vec<Chunk>, RecordingError> {
         let (axes, panels) = (style.axes.all().len(), style.pairs.panels().len());
         let lines_column = |coordinates, states| {
             (

@@ -32,6 +32,7 @@ const FIXED_COLOR: [u8; 3] = [120, 120, 130];
 const ALTERNATE_COLOR: [u8; 3] = [225, 225, 232];
 
 /// Poses, traces and forces in the scene of one agent that are not written yet.
+#[derive(Clone)]
 pub(super) struct SceneWriter {
     agent: u32,
     scene: Scene,
@@ -42,6 +43,7 @@ pub(super) struct SceneWriter {
 }
 
 /// The poses of one body that are not written yet.
+#[derive(Clone)]
 struct PoseTrack {
     entity: EntityPath,
     moments: Moments,
@@ -49,12 +51,14 @@ struct PoseTrack {
 }
 
 /// The position of the tracked body, without its rotation.
+#[derive(Clone)]
 struct Camera {
     body: usize,
     track: PoseTrack,
 }
 
 /// The traces that are not written yet.
+#[derive(Clone)]
 struct Trace {
     entity: EntityPath,
     moments: Moments,

@@ -334,6 +334,7 @@ mod tests {
         let path = folder.path().join("run.rrd.part");
         let mut sink = Sink::new(
             StoreId::recording("test", "test"),
+            1,
             Box::new(std::fs::File::create(&path).unwrap()),
         )
         .unwrap();

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use rerun::StoreId;
 use rerun::external::re_log_encoding::rrd::{
-    CrateVersion, EncodeError, Encoder, EncodingOptions, StreamHeader,
+    CrateVersion, DecoderApp, EncodeError, Encoder, EncodingOptions, StreamHeader,
 };
 use rerun::log::{Chunk, LogMsg};
 
@@ -40,16 +40,18 @@ impl Storage for File {
     }
 }
 
-/// Maximum number of messages in a file with an index at its end. The encoder keeps the index in
-/// memory, as a table with one row per message and columns per entity. In a long run it would need
-/// more memory than everything else. Tools read a file without an index from its beginning.
-const MAX_INDEXED_MESSAGES: u64 = 8192;
+/// Maximum product of the number of messages and the number of agents in a file with an index at its
+/// end. The encoder keeps the index in memory, as a table with one row per message and several
+/// columns per entity. In recordings of many rounds and agents it would need more memory than
+/// everything else, and much of the file. Tools read a file without an index from its beginning.
+const MAX_INDEX_SIZE: u64 = 8192;
 
 /// The encoded file of one recording.
 pub(super) struct Sink {
     store_id: StoreId,
     encoder: Option<Encoder<SyncOnFlush>>,
     message_count: u64,
+    max_indexed_messages: u64,
     /// Number of bytes of the header and all messages.
     length: u64,
     /// The error of the first failed call, which all later calls return.
@@ -60,22 +62,19 @@ pub(super) struct Sink {
 }
 
 impl Sink {
-    /// Starts a file for the messages of the recording `store_id`.
+    /// Starts a file for the messages of the recording `store_id` of a team of `agents` agents.
     pub(super) fn new(
         store_id: StoreId,
+        agents: u32,
         storage: Box<dyn Storage>,
     ) -> Result<Self, RecordingError> {
-        let storage = SyncOnFlush { storage };
-        let encoder = Encoder::new_eager(
-            CrateVersion::LOCAL,
-            EncodingOptions::PROTOBUF_COMPRESSED,
-            storage,
-        );
+        let encoder = new_encoder(SyncOnFlush { storage })?;
         let length = StreamHeader::ENCODED_SIZE_BYTES as u64;
         Ok(Self {
             store_id,
-            encoder: Some(encoder?),
+            encoder: Some(encoder),
             message_count: 0,
+            max_indexed_messages: MAX_INDEX_SIZE / u64::from(agents.max(1)),
             length,
             error: None,
             viewer: None,
@@ -107,7 +106,7 @@ impl Sink {
 
     /// Writes a message. After a failure, every call fails with the same error.
     pub(super) fn send(&mut self, message: &LogMsg) -> Result<(), RecordingError> {
-        let has_index = self.message_count < MAX_INDEXED_MESSAGES;
+        let has_index = self.message_count < self.max_indexed_messages;
         self.length += self.with_encoder(|encoder| {
             if !has_index {
                 encoder.do_not_emit_footer();
@@ -126,6 +125,14 @@ impl Sink {
         Ok(())
     }
 
+    /// Writes the messages of [`MessageBytes`].
+    pub(super) fn send_encoded(&mut self, messages: &[u8]) -> Result<(), RecordingError> {
+        for message in DecoderApp::decode_lazy(messages) {
+            self.send(&message?)?;
+        }
+        Ok(())
+    }
+
     /// Also sends all further messages to a viewer.
     pub(super) fn push_to(&mut self, viewer: Viewer) {
         self.viewer = Some(viewer);
@@ -135,6 +142,11 @@ impl Sink {
     pub(super) fn serve_from(&mut self, server: Server, path: &Path) -> Result<(), RecordingError> {
         self.server = Some(server.start(path, self.length)?);
         Ok(())
+    }
+
+    /// Whether messages are also sent or served to viewers.
+    pub(super) fn has_viewers(&self) -> bool {
+        self.viewer.is_some() || self.server.is_some()
     }
 
     /// Stores a warning for [`take_warning`](Self::take_warning).
@@ -152,7 +164,7 @@ impl Sink {
         self.with_encoder(Encoder::flush_blocking)
     }
 
-    /// Completes the file: writes the index at its end, unless the file is too long for one.
+    /// Completes the file: writes the index at its end, unless the file has too many messages for one.
     pub(super) fn finish(&mut self) -> Result<(), RecordingError> {
         self.with_encoder(|encoder| {
             encoder.finish()?;
@@ -195,6 +207,41 @@ impl Sink {
     }
 }
 
+/// Chunks that are encoded as the messages of a separate file, for [`Sink::send_encoded`].
+pub(super) struct MessageBytes {
+    store_id: StoreId,
+    encoder: Encoder<Vec<u8>>,
+}
+
+impl MessageBytes {
+    /// Without messages, and without an index at the end.
+    pub(super) fn new(store_id: &StoreId) -> Result<Self, RecordingError> {
+        let mut encoder = new_encoder(Vec::new())?;
+        encoder.do_not_emit_footer();
+        Ok(Self {
+            store_id: store_id.clone(),
+            encoder,
+        })
+    }
+
+    /// Encodes a chunk.
+    pub(super) fn add(&mut self, chunk: &Chunk) -> Result<(), RecordingError> {
+        let message = LogMsg::ArrowMsg(self.store_id.clone(), chunk.to_arrow_msg()?);
+        self.encoder.append(&message)?;
+        Ok(())
+    }
+
+    /// The encoded chunks.
+    pub(super) fn into_bytes(self) -> Result<Vec<u8>, RecordingError> {
+        Ok(self.encoder.into_inner()?)
+    }
+}
+
+fn new_encoder<W: Write>(storage: W) -> Result<Encoder<W>, EncodeError> {
+    let options = EncodingOptions::PROTOBUF_COMPRESSED;
+    Encoder::new_eager(CrateVersion::LOCAL, options, storage)
+}
+
 /// A writer whose flush also syncs its storage.
 struct SyncOnFlush {
     storage: Box<dyn Storage>,
@@ -217,11 +264,12 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::sync::{Arc, Mutex};
 
-    use rerun::external::re_log_encoding::rrd::DecoderApp;
     use rerun::{EntityPath, TextDocument};
 
     use super::*;
     use crate::record::rerun::rows::static_chunk;
+
+    const AGENTS: u32 = 4;
 
     /// A simulated disk with space for `capacity` bytes.
     #[derive(Clone)]
@@ -275,8 +323,12 @@ mod tests {
             bytes: Arc::default(),
             capacity: Arc::new(capacity.into()),
         };
-        let mut sink =
-            Sink::new(StoreId::recording("test", "test"), Box::new(disk.clone())).unwrap();
+        let mut sink = Sink::new(
+            StoreId::recording("test", "test"),
+            AGENTS,
+            Box::new(disk.clone()),
+        )
+        .unwrap();
         let chunk =
             static_chunk(EntityPath::from("text"), &TextDocument::new("some words")).unwrap();
         let sent = (0..messages).try_for_each(|_| sink.send_chunk(&chunk));
@@ -317,13 +369,10 @@ mod tests {
         assert_eq!(count_readable_messages(&disk), 10);
     }
 
-    /// A file with at most `MAX_INDEXED_MESSAGES` messages has an index, a file with more has none.
+    /// A file of four agents with at most 8192 / 4 messages has an index, a file with more has none.
     #[test]
     fn a_file_with_many_messages_has_no_index() {
-        for (messages, indexed) in [
-            (MAX_INDEXED_MESSAGES, true),
-            (MAX_INDEXED_MESSAGES + 1, false),
-        ] {
+        for (messages, indexed) in [(2048, true), (2049, false)] {
             let (disk, mut sink, sent) = write_messages(100_000_000, messages);
             sent.unwrap();
             let before = disk.used();
@@ -340,5 +389,22 @@ mod tests {
         drop(sink);
         assert!(disk.used() > without_index);
         assert_eq!(count_readable_messages(&disk), 10);
+    }
+
+    #[test]
+    fn encoded_chunks_are_written_as_messages() {
+        let (disk, mut sink, _) = write_messages(1_000_000, 2);
+        let store_id = sink.store_id().clone();
+        let chunk = static_chunk(EntityPath::from("more"), &TextDocument::new("words")).unwrap();
+        let mut encoded = MessageBytes::new(&store_id).unwrap();
+        sink.send_encoded(&MessageBytes::new(&store_id).unwrap().into_bytes().unwrap())
+            .unwrap();
+        assert_eq!(sink.message_count(), 2);
+        (0..2).for_each(|_| encoded.add(&chunk).unwrap());
+        sink.send_encoded(&encoded.into_bytes().unwrap()).unwrap();
+        assert_eq!(
+            (sink.message_count(), count_readable_messages(&disk)),
+            (4, 4)
+        );
     }
 }

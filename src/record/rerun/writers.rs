@@ -9,12 +9,23 @@ use super::images::ImageWriter;
 use super::raw::{RawColumns, RawTable};
 use super::samples::{SampleWriter, VisitationStyle};
 use super::scene::SceneWriter;
-use super::sink::Sink;
 use crate::record::RunInfo;
 use crate::record::visitation::LineQuota;
 use crate::record::{ColorBy, RecordingSettings};
 
+/// The rows that are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Due {
+    /// The rows of entities that have enough rows for a chunk.
+    FullChunks,
+    /// Also all rows of the entities that views show, that is, all entities except `/raw`.
+    Shown,
+    /// All rows.
+    All,
+}
+
 /// The writers of all entities, with the rows that are not written yet.
+#[derive(Clone)]
 pub(super) struct Writers {
     pub(super) agents: Vec<AgentWriters>,
     pub(super) team: SampleWriter,
@@ -24,6 +35,7 @@ pub(super) struct Writers {
 }
 
 /// The writers of one agent, with the rows that are not written yet.
+#[derive(Clone)]
 pub(super) struct AgentWriters {
     pub(super) raw: RawTable,
     pub(super) sample: SampleWriter,
@@ -37,8 +49,9 @@ impl Writers {
         let has_bonus = info.bonus.exists();
         let columns = RawColumns::of(info.spec, has_bonus, settings.has_advantages())?;
         let agents = info.agents as usize;
+        let rows_per_chunk = states_per_write(info.agents).min(MAX_RAW_ROWS_PER_CHUNK);
         let agent_writers = |agent| AgentWriters {
-            raw: RawTable::new(agent, &columns),
+            raw: RawTable::new(agent, &columns, rows_per_chunk),
             sample: SampleWriter::new(&format!("agent_{agent}")),
         };
         Ok(Self {
@@ -75,31 +88,53 @@ impl Writers {
         Ok(chunks)
     }
 
-    /// Writes the rows of entities that have enough rows for a chunk or, if `all` is set, all rows.
+    /// Passes rows to `send` as chunks, one chunk at a time.
     pub(super) fn write(
         &mut self,
         style: &VisitationStyle,
-        all: bool,
-        sink: &mut Sink,
+        due: Due,
+        send: &mut dyn FnMut(Chunk) -> Result<(), RecordingError>,
     ) -> Result<(), RecordingError> {
-        for AgentWriters { raw, sample } in &mut self.agents {
-            if let Some(chunk) = raw.take(all) {
-                sink.send_chunk(&chunk?)?;
+        for agent in &mut self.agents {
+            if let Some(chunk) = agent.raw.take(due == Due::All) {
+                send(chunk?)?;
             }
-            sink.send_chunks(&sample.take(style, all)?)?;
+        }
+        let all_shown = due != Due::FullChunks;
+        if all_shown {
+            let agents = self.agents.iter_mut().map(|agent| &mut agent.sample);
+            for sample in agents.chain([&mut self.team]) {
+                sample.take(style)?.into_iter().try_for_each(&mut *send)?;
+            }
         }
         for scene in &mut self.scenes {
-            sink.send_chunks(&scene.take(all)?)?;
+            let chunks = scene.take(all_shown)?;
+            chunks.into_iter().try_for_each(&mut *send)?;
         }
-        let mut chunks = self.team.take(style, all)?;
-        chunks.extend(self.images.take(all)?);
-        sink.send_chunks(&chunks)?;
-        for chunk in self.curves.take(all) {
-            sink.send_chunk(&chunk?)?;
+        for chunk in self.images.take(all_shown) {
+            send(chunk?)?;
+        }
+        for chunk in self.curves.take(all_shown) {
+            send(chunk?)?;
         }
         Ok(())
     }
 }
+
+/// Number of states per agent after which rows of all entities are written.
+///
+/// It is large enough that the header of a chunk (about 2 kB) is small compared with its data. In
+/// large teams it is smaller, because the rows of all agents wait in memory at the same time.
+pub(super) fn states_per_write(agents: u32) -> usize {
+    (MAX_WAITING_STATES / agents.max(1) as usize).clamp(256, 4096)
+}
+
+/// Number of the team's states that wait in memory, if the team has at least 1,024 agents.
+const MAX_WAITING_STATES: usize = 1 << 22;
+
+/// Maximum number of rows in a chunk of `/raw`. LZ4 finds repetitions within 64 kB: with more rows,
+/// similar columns would be too far from each other, and take up to a tenth more space.
+const MAX_RAW_ROWS_PER_CHUNK: usize = 2048;
 
 fn scene_writers(info: &RunInfo<'_>, settings: &RecordingSettings) -> Vec<SceneWriter> {
     let (Some(settings), Some(scene)) = (&settings.scene, info.scene) else {

@@ -1,6 +1,6 @@
 //! Parallel coordinates: the position of a state on each axis.
 
-use super::{BINS, fraction};
+use super::{BINS, clamped, fraction};
 use crate::record::{AxisChoice, BonusRange};
 use seedbed_env::{Choice, Quantity, TaskSpec};
 use seedbed_learn::experience::{Episode, StepData};
@@ -17,8 +17,14 @@ const MIN_AXIS_GAP: usize = 32;
 /// The axes of a recording, from left to right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
-    axes: Vec<Axis>,
+    left_to_right: Vec<Axis>,
     gap: usize,
+    /// Number of axes from the left that show the observations in their order.
+    leading_observations: usize,
+    /// The lower end of each axis.
+    lower_ends: Vec<f32>,
+    /// The distance from the lower to the upper end of each axis.
+    spans: Vec<f32>,
 }
 
 /// One axis.
@@ -140,7 +146,19 @@ impl Axes {
 
     fn side_by_side(axes: Vec<Axis>) -> Self {
         let gap = (TOTAL_WIDTH / (axes.len() - 1).max(1)).max(MIN_AXIS_GAP);
-        Self { axes, gap }
+        let is_in_order =
+            |(index, axis): &(usize, &Axis)| axis.source == Source::Observation(*index);
+        let range = |axis: &Axis| axis.quantity.range;
+        Self {
+            leading_observations: axes.iter().enumerate().take_while(is_in_order).count(),
+            lower_ends: axes.iter().map(|axis| range(axis)[0]).collect(),
+            spans: axes
+                .iter()
+                .map(|axis| range(axis)[1] - range(axis)[0])
+                .collect(),
+            left_to_right: axes,
+            gap,
+        }
     }
 
     /// The axes with the given indices, arranged as a separate image.
@@ -149,7 +167,7 @@ impl Axes {
         Self::side_by_side(
             indices
                 .iter()
-                .map(|&index| self.axes[index].clone())
+                .map(|&index| self.left_to_right[index].clone())
                 .collect(),
         )
     }
@@ -157,13 +175,13 @@ impl Axes {
     /// All axes, from left to right.
     #[must_use]
     pub fn all(&self) -> &[Axis] {
-        &self.axes
+        &self.left_to_right
     }
 
     /// Number of pairs of neighboring axes.
     #[must_use]
     pub fn pair_count(&self) -> usize {
-        self.axes.len() - 1
+        self.left_to_right.len() - 1
     }
 
     /// Distance from one axis to the next, in pixels.
@@ -187,7 +205,7 @@ impl Axes {
     /// episode has no line, because no action is taken in it.
     #[must_use]
     pub fn need_actions(&self) -> bool {
-        self.axes.iter().any(|axis| {
+        self.left_to_right.iter().any(|axis| {
             matches!(
                 axis.source,
                 Source::Action(..) | Source::Reward | Source::Advantage
@@ -198,8 +216,15 @@ impl Axes {
     /// Writes the positions of a state on the axes into `axis_positions`: `[axes]`, from 0 (lower end)
     /// to 1 (upper end). Values outside the range of an axis are clamped to its ends.
     pub fn project(&self, state: &VisitedState<'_>, axis_positions: &mut Vec<f32>) {
+        let (leading, others) = self.left_to_right.split_at(self.leading_observations);
         axis_positions.clear();
-        axis_positions.extend(self.axes.iter().map(|axis| axis.fraction(state)));
+        axis_positions.extend_from_slice(&state.observation[..leading.len()]);
+        axis_positions.extend(others.iter().map(|axis| axis.value(state)));
+        // In a separate loop over slices, because tasks have up to hundreds of axes.
+        let ends_and_spans = self.lower_ends.iter().zip(&self.spans);
+        for (position, (end, span)) in axis_positions.iter_mut().zip(ends_and_spans) {
+            *position = clamped((*position - end) / span);
+        }
     }
 
     /// The polyline of a state with these positions on the axes: `[axes]` points in pixels.
@@ -286,7 +311,11 @@ impl Axis {
 
     /// Position of a state on the axis, 0 to 1.
     pub(super) fn fraction(&self, state: &VisitedState<'_>) -> f32 {
-        let value = match &self.source {
+        fraction(self.value(state), self.quantity.range)
+    }
+
+    fn value(&self, state: &VisitedState<'_>) -> f32 {
+        match &self.source {
             Source::Step => state.step as f32,
             Source::Observation(index) => state.observation[*index],
             Source::Action(index, choice) => state
@@ -295,8 +324,7 @@ impl Axis {
             Source::Reward => state.reward,
             Source::Advantage => state.advantage,
             Source::IntrinsicReward => state.bonus,
-        };
-        fraction(value, self.quantity.range)
+        }
     }
 }
 

@@ -10,6 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::axes::{AXIS_HEIGHT, Axes};
 use super::{BINS, DensityDelta};
 
+/// Maximum number of cells of a histogram that is kept from one round to the next. Smaller ones are
+/// made anew in each round, because those of thousands of agents would fill the memory.
+const MAX_CELLS_MADE_ANEW: usize = 1 << 16;
+
 /// Brightness of a pixel with a single line, so that it differs visibly from black (no line).
 pub const MIN_BRIGHTNESS: u8 = 40;
 
@@ -20,12 +24,51 @@ pub struct Density {
     gap: usize,
     pairs: usize,
     /// Counts of the states that are not drawn yet: `[pairs × bins × bins]`, by the bins on the
-    /// left and the right axis of each pair.
+    /// left and the right axis of each pair. May be empty if all counts are zero, as between rounds.
+    #[serde(skip)]
     counts: Vec<u32>,
     /// The cells of `counts` that are not zero.
+    #[serde(skip)]
     nonzero_cells: Vec<u32>,
     /// Number of lines over each pixel, without the states in `counts`: `[height × width]`.
+    #[serde(with = "sparse")]
     pixels: Vec<u32>,
+}
+
+/// The format of pixels in checkpoints: their number, and those that are not zero.
+mod sparse {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::DensityDelta;
+
+    /// More pixels than any image has: a damaged file must not make the process allocate all memory.
+    const MAX_PIXELS: u32 = 1 << 28;
+
+    pub(super) fn serialize<S: Serializer>(
+        pixels: &[u32],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let nonzero = (0..).zip(pixels).filter(|(_, lines)| **lines > 0);
+        let nonzero = nonzero.map(|(pixel, lines)| (pixel, *lines));
+        (pixels.len() as u32, DensityDelta::of(nonzero)).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<u32>, D::Error> {
+        let (length, nonzero) = <(u32, DensityDelta)>::deserialize(deserializer)?;
+        if length > MAX_PIXELS {
+            return Err(D::Error::custom("too many pixels"));
+        }
+        let mut pixels = vec![0; length as usize];
+        for (pixel, lines) in nonzero.cells() {
+            *pixels
+                .get_mut(pixel as usize)
+                .ok_or_else(|| D::Error::custom("a pixel outside the image"))? = lines;
+        }
+        Ok(pixels)
+    }
 }
 
 impl Density {
@@ -35,7 +78,7 @@ impl Density {
         Self {
             gap: axes.gap(),
             pairs: axes.pair_count(),
-            counts: vec![0; axes.pair_count() * BINS * BINS],
+            counts: Vec::new(),
             nonzero_cells: Vec::new(),
             pixels: vec![0; axes.width() * AXIS_HEIGHT],
         }
@@ -50,9 +93,17 @@ impl Density {
 
     /// Counts one projected state.
     pub fn add(&mut self, axis_positions: &[f32]) {
-        for (pair, ends) in axis_positions.windows(2).enumerate() {
-            self.count((pair * BINS + bin(ends[0])) * BINS + bin(ends[1]), 1);
+        self.counts.resize(self.cell_count(), 0);
+        let mut bins = axis_positions.iter().map(|position| bin(*position));
+        let Some(mut left) = bins.next() else { return };
+        for (pair, right) in bins.enumerate() {
+            self.count((pair * BINS + left) * BINS + right, 1);
+            left = right;
         }
+    }
+
+    fn cell_count(&self) -> usize {
+        self.pairs * BINS * BINS
     }
 
     fn count(&mut self, cell: usize, states: u32) {
@@ -71,6 +122,9 @@ impl Density {
                 .map(|&cell| (cell, self.counts[cell as usize])),
         );
         self.draw_all();
+        if self.counts.len() <= MAX_CELLS_MADE_ANEW {
+            self.counts = Vec::new();
+        }
         delta
     }
 
@@ -79,13 +133,13 @@ impl Density {
     pub fn has_cells_of(&self, round: &DensityDelta) -> bool {
         round
             .cells()
-            .all(|(cell, _)| (cell as usize) < self.counts.len())
+            .all(|(cell, _)| (cell as usize) < self.cell_count())
     }
 
     /// Number of lines of the given rounds over each pixel: `[height × width]`.
     #[must_use]
     pub fn draw_rounds<'a>(&self, rounds: impl Iterator<Item = &'a DensityDelta>) -> Vec<u32> {
-        let (counts, pixels) = (vec![0; self.counts.len()], vec![0; self.pixels.len()]);
+        let (counts, pixels) = (vec![0; self.cell_count()], vec![0; self.pixels.len()]);
         let mut rounds_only = Self {
             gap: self.gap,
             pairs: self.pairs,
@@ -230,6 +284,21 @@ mod tests {
             once.add(state);
         }
         assert_eq!(often.draw_all(), once.draw_all());
+    }
+
+    /// Between rounds, a checkpoint has only the pixels with lines: here 193 pixels of 12,352, with a
+    /// distance and a count each.
+    #[test]
+    fn checkpoints_store_pixels_with_lines_only() {
+        let mut density = Density::new(&axes(2));
+        density.add(&[0.0, 1.0]);
+        density.end_round();
+        let bytes = postcard::to_stdvec(&density).unwrap();
+        assert!(bytes.len() < 3 * 193, "{} bytes", bytes.len());
+        assert_eq!(postcard::from_bytes::<Density>(&bytes).unwrap(), density);
+        let pixel_outside = DensityDelta::of([(7, 1)].into_iter());
+        let damaged = postcard::to_stdvec(&(192_usize, 1_usize, 3_u32, pixel_outside)).unwrap();
+        assert!(postcard::from_bytes::<Density>(&damaged).is_err());
     }
 
     #[test]

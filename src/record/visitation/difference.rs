@@ -33,30 +33,72 @@ pub fn share_difference(one: &[u32], other: &[u32], width: usize) -> (Vec<f32>, 
     (scaled, largest)
 }
 
+/// Maximum number of agents of which every pair is compared. The time for all pairs grows with the
+/// square of the number of agents.
+const MAX_AGENTS_FOR_ALL_PAIRS: usize = 32;
+
 /// The two agents whose densities differ most, measured by the sum of |d| over every eighth column
 /// of pixels. In case of a tie, the first such pair; `None` for a single agent.
+///
+/// In teams of more than 32 agents, these are the agent that differs most from the mean of the team,
+/// and the agent that differs most from this agent.
 ///
 /// `densities`: number of lines over each pixel, `[agents][height × width]`.
 #[must_use]
 pub fn most_different(densities: &[&[u32]], width: usize) -> Option<(usize, usize)> {
+    if densities.len() < 2 {
+        return None;
+    }
+    if densities.len() > MAX_AGENTS_FOR_ALL_PAIRS {
+        let one = farthest(&mean_shares(densities, width), densities, width);
+        let other = farthest(&column_shares(densities[one], width), densities, width);
+        return Some((one.min(other), one.max(other)));
+    }
     let all_shares: Vec<Vec<f32>> = densities
         .iter()
         .map(|pixels| column_shares(pixels, width))
         .collect();
-    let mut max = None;
+    let mut max = ((0, 1), f32::NEG_INFINITY);
     for (one, shares_of_one) in all_shares.iter().enumerate() {
         for (other, shares_of_other) in all_shares.iter().enumerate().skip(one + 1) {
-            let distance: f32 = shares_of_one
-                .iter()
-                .zip(shares_of_other)
-                .map(|(one, other)| (one - other).abs())
-                .sum();
-            if max.is_none_or(|(_, largest)| distance > largest) {
-                max = Some(((one, other), distance));
+            let distance = distance(shares_of_one, shares_of_other);
+            if distance > max.1 {
+                max = ((one, other), distance);
             }
         }
     }
-    max.map(|(agents, _)| agents)
+    Some(max.0)
+}
+
+/// The agent whose shares differ most from `shares`; the first one in case of a tie.
+fn farthest(shares: &[f32], densities: &[&[u32]], width: usize) -> usize {
+    let distances = densities
+        .iter()
+        .map(|pixels| distance(shares, &column_shares(pixels, width)));
+    let farther = |max: (usize, f32), next: (usize, f32)| if next.1 > max.1 { next } else { max };
+    let max = distances.enumerate().reduce(farther);
+    max.map_or(0, |(agent, _)| agent)
+}
+
+/// The mean of the shares of all agents.
+fn mean_shares(densities: &[&[u32]], width: usize) -> Vec<f32> {
+    let mut sum = column_shares(densities[0], width);
+    for pixels in &densities[1..] {
+        let shares = column_shares(pixels, width);
+        sum.iter_mut()
+            .zip(shares)
+            .for_each(|(sum, share)| *sum += share);
+    }
+    let agents = densities.len() as f32;
+    sum.into_iter().map(|sum| sum / agents).collect()
+}
+
+fn distance(one: &[f32], other: &[f32]) -> f32 {
+    let differences = one
+        .iter()
+        .zip(other)
+        .map(|(one, other)| (one - other).abs());
+    differences.sum()
 }
 
 /// The share of lines that cross each pixel of every eighth column, row by row.
@@ -121,5 +163,14 @@ mod tests {
             Some((0, 1))
         );
         assert_eq!(most_different(&densities[..1], 1), None);
+    }
+
+    /// All agents of a large team have their lines in the upper row, except agent 70, whose lines
+    /// are in the lower row, and agent 20, whose lines are in both.
+    #[test]
+    fn two_agents_of_a_large_team_are_found() {
+        let mut densities: Vec<&[u32]> = vec![&[9, 0]; 100];
+        (densities[20], densities[70]) = (&[5, 5], &[0, 3]);
+        assert_eq!(most_different(&densities, 1), Some((0, 70)));
     }
 }

@@ -35,7 +35,11 @@ pub const BINS: usize = 64;
 /// The position of `value` in a range, from 0 (low end) to 1 (high end). Values outside are clamped
 /// to the ends; NaN counts as the low end.
 fn fraction(value: f32, [low, high]: [f32; 2]) -> f32 {
-    let fraction = (value - low) / (high - low);
+    clamped((value - low) / (high - low))
+}
+
+/// `fraction` from 0 to 1; 0 for NaN.
+fn clamped(fraction: f32) -> f32 {
     if fraction > 0.0 {
         fraction.min(1.0)
     } else {

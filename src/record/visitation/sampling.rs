@@ -2,7 +2,8 @@
 //!
 //! The viewer shows the lines of a window of episodes on top of each other. More than about 1,000
 //! lines would cover the whole image, so their number is limited. Each round gets an equal share of
-//! the lines, and each episode of a round gets an equal share of the lines of the round. The states
+//! the lines, and each episode of a round gets an equal share of the lines of the round; short
+//! episodes get fewer lines, so that a line stands for at least a few states. The states
 //! of an episode are divided into parts of equal length, and one state is sampled at random from
 //! each part. So every part of the episode is shown, without a fixed interval, which could be equal
 //! to the period of a motion. Samples use the random stream of recordings, so that learning does
@@ -11,6 +12,10 @@
 use rand::RngExt;
 
 use seedbed_env::random::Stream;
+
+/// Number of states of an episode from which on it gets its whole share of the lines. Shorter
+/// episodes get proportionally fewer.
+const STATES_FOR_ALL_LINES: usize = 160;
 
 /// How many states of each round are drawn as lines, so that at most a given number is visible at
 /// once.
@@ -34,11 +39,14 @@ impl LineQuota {
         }
     }
 
-    /// Number of lines of episode `index` of the `episodes` that an agent finished in a round.
+    /// Number of lines of episode `index` of the `episodes` that an agent finished in a round. The
+    /// episode has `length` steps.
     #[must_use]
-    pub fn lines_of_episode(self, index: usize, episodes: usize) -> usize {
+    pub fn lines_of_episode(self, index: usize, episodes: usize, length: usize) -> usize {
         let lines_before = |episode: usize| self.per_round as usize * episode / episodes;
-        lines_before(index + 1) - lines_before(index)
+        let lines = lines_before(index + 1) - lines_before(index);
+        let states = (length + 1).min(STATES_FOR_ALL_LINES);
+        (lines * states).div_ceil(STATES_FOR_ALL_LINES)
     }
 }
 
@@ -90,9 +98,12 @@ mod tests {
             }
         );
         let shares: Vec<_> = (0..3)
-            .map(|index| LineQuota::of(1000, 50).lines_of_episode(index, 3))
+            .map(|index| LineQuota::of(1000, 50).lines_of_episode(index, 3, 200))
             .collect();
         assert_eq!(shares, [6, 7, 7]);
+        let lines_of_length = |length| LineQuota::of(1000, 50).lines_of_episode(0, 1, length);
+        assert_eq!([0, 7, 20, 159, 500].map(lines_of_length), [1, 1, 3, 20, 20]);
+        assert_eq!(LineQuota::of(0, 50).lines_of_episode(0, 1, 20), 0);
     }
 
     #[test]

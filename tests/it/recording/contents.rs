@@ -11,10 +11,10 @@ use rerun::log::{Chunk, LogMsg};
 use rerun::{ComponentIdentifier, StoreKind, TimelineName};
 
 /// The chunks of a recording by entity, in the order of the file.
-pub(super) struct RecordingContents(BTreeMap<String, Vec<Chunk>>);
+pub(crate) struct RecordingContents(BTreeMap<String, Vec<Chunk>>);
 
 impl RecordingContents {
-    pub(super) fn read(path: &Path) -> Self {
+    pub(crate) fn read(path: &Path) -> Self {
         let mut entities: BTreeMap<String, Vec<Chunk>> = BTreeMap::new();
         for message in messages(path) {
             if let LogMsg::ArrowMsg(store, arrow) = message
@@ -28,6 +28,11 @@ impl RecordingContents {
             }
         }
         Self(entities)
+    }
+
+    /// Whether an entity whose path begins like this has data.
+    pub(crate) fn has_entity(&self, path: &str) -> bool {
+        self.0.keys().any(|entity| entity.starts_with(path))
     }
 
     pub(super) fn chunks(&self, entity: &str) -> &[Chunk] {

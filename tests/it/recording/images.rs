@@ -7,6 +7,7 @@ use seedbed::record::{AxisChoice, ColorBy, Difference, Recorder, RecordingSettin
 use seedbed_env::Status;
 use seedbed_env::input::numbers::ranged_count;
 use seedbed_figure::color::dark::sequential_color;
+use seedbed_learn::experience::Episode;
 
 use super::contents::{RecordingContents, messages};
 use super::synthetic_run::{SyntheticRound, SyntheticRun};
@@ -38,15 +39,26 @@ fn the_number_of_visible_lines_follows_the_setting() {
     }
 }
 
+/// With images every second round, there is an image of the first round, of even rounds in which
+/// the two agents have visited at least 2 × 400 states since the latest image, and of the last round.
 #[test]
 fn images_are_recorded_every_n_rounds_and_after_the_last_round() {
-    let folder = tempfile::tempdir().unwrap();
+    let (folder, run) = (tempfile::tempdir().unwrap(), SyntheticRun::new(2, 60));
     let settings = RecordingSettings {
-        density_every: ranged_count(5),
+        density_every: ranged_count(2),
         ..RecordingSettings::default()
     };
-    let contents =
-        RecordingContents::read(&record(&SyntheticRun::new(2, 12), folder.path(), &settings));
+    let contents = RecordingContents::read(&record(&run, folder.path(), &settings));
+    let (mut expected, mut states) = (vec![0], 0);
+    for round in &run.rounds[1..] {
+        let lengths = round.episodes.iter().map(Episode::length);
+        states += lengths.map(|length| length + 1).sum::<usize>();
+        if round.round % 2 == 0 && states >= 2 * 400 {
+            (expected, states) = ([expected, vec![i64::from(round.round)]].concat(), 0);
+        }
+    }
+    expected.push(59);
+    assert!((5..25).contains(&expected.len()), "{expected:?}");
     let densities = [
         "/visitation/agent_0/density",
         "/visitation/agent_1/latest",
@@ -58,7 +70,7 @@ fn images_are_recorded_every_n_rounds_and_after_the_last_round() {
         "/pairs/agent_1/bonus",
         "/pairs/team/bonus",
     ]) {
-        assert_eq!(contents.times(entity, "round"), [0, 5, 10, 11]);
+        assert_eq!(contents.times(entity, "round"), expected);
     }
 }
 
@@ -152,6 +164,12 @@ fn scale_labels_give_the_count_of_the_brightest_color() {
     );
 }
 
+/// Number of states of an episode that are shown: 20 of 160 states or more, and proportionally fewer
+/// of a shorter episode.
+fn shown_states(episode: &Episode) -> usize {
+    (20 * (episode.length() + 1).min(160)).div_ceil(160)
+}
+
 /// At most 20 states per episode are shown. Each state has one point in each of the two pairs of
 /// observations.
 #[test]
@@ -164,8 +182,7 @@ fn points_show_states_of_their_episode() {
     let mut remaining_points = points.as_slice();
     for round in &run.rounds {
         let episode = &round.episodes[1];
-        let shown_states = (episode.length() + 1).min(20);
-        let (points_of_episode, others) = remaining_points.split_at(shown_states * 2);
+        let (points_of_episode, others) = remaining_points.split_at(shown_states(episode) * 2);
         let is_state_of_episode = |points: &[[f32; 2]]| {
             episode.observations.chunks_exact(4).any(|state| {
                 expected_points(state)
@@ -180,12 +197,16 @@ fn points_show_states_of_their_episode() {
         remaining_points = others;
     }
     assert!(remaining_points.is_empty());
-    assert_eq!(
-        contents
-            .list_lengths("/pairs/team/states", "Points2D:positions")
-            .len(),
-        24,
-        "one row per episode of each agent"
+    let points_of_team = contents.list_lengths("/pairs/team/states", "Points2D:positions");
+    let episodes = run.rounds.iter().flat_map(|round| &round.episodes);
+    let points_of_agents: usize = episodes.map(|episode| 2 * shown_states(episode)).sum();
+    let difference = points_of_team
+        .iter()
+        .sum::<usize>()
+        .abs_diff(points_of_agents / 2);
+    assert!(
+        difference <= 24,
+        "the team has half as many points as its two agents"
     );
 }
 
@@ -220,15 +241,11 @@ fn line_colors(contents: &RecordingContents) -> Vec<u32> {
     contents.u32_values("/visitation/agent_1/lines", "LineStrips2D:colors")
 }
 
-/// The colors of the lines of agent 1 if each episode has one color. At most 20 states per episode
-/// are shown.
+/// The colors of the lines of agent 1 if each episode has one color.
 fn colors_by_episode(run: &SyntheticRun, color: impl Fn(&SyntheticRound) -> [u8; 3]) -> Vec<u32> {
     run.rounds
         .iter()
-        .flat_map(|round| {
-            let lines = (round.episodes[1].length() + 1).min(20);
-            vec![rgba(color(round)); lines]
-        })
+        .flat_map(|round| vec![rgba(color(round)); shown_states(&round.episodes[1])])
         .collect()
 }
 

@@ -10,7 +10,7 @@
     reason = "the rows of a round have the names of `RoundRecord`"
 )]
 
-mod contents;
+pub(crate) mod contents;
 mod images;
 mod reading;
 mod rows;

@@ -40,7 +40,7 @@ fn read_episodes_equal_recorded_episodes() {
 }
 
 /// A recording that was not finished, or that ends within a message, is read up to its last
-/// complete message. The test cuts the file 50 bytes after its checkpoint at round 20.
+/// complete message. The test cuts the file 50 bytes after all rows of 20 rounds were written.
 #[test]
 fn complete_episodes_of_a_truncated_recording_are_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -52,13 +52,13 @@ fn complete_episodes_of_a_truncated_recording_are_read() {
     )
     .unwrap();
     record_rounds(&run.rounds[..20], &mut recorder);
-    recorder.checkpoint().unwrap();
+    recorder.flush().unwrap();
     let part = folder.path().join("run.rrd.part");
-    let length_at_checkpoint = std::fs::metadata(&part).unwrap().len();
+    let length_after_flush = std::fs::metadata(&part).unwrap().len();
     record_rounds(&run.rounds[20..], &mut recorder);
     drop(recorder);
     assert_eq!(read_sorted_episodes(&part), expected_episodes(&run, 60));
-    set_file_length(&part, length_at_checkpoint + 50);
+    set_file_length(&part, length_after_flush + 50);
     assert_eq!(read_sorted_episodes(&part), expected_episodes(&run, 20));
 }
 

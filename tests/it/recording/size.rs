@@ -9,6 +9,7 @@ use seedbed_env::Quantity;
 use super::contents::messages;
 use super::record;
 use super::synthetic_run::SyntheticRun;
+use super::trained::{load_plan, run_and_read_recording};
 
 /// A row of `/raw` with four observations, action, reward, log-probability and intrinsic reward
 /// takes at most 45 bytes; a fifth observation takes at most 6 further bytes.
@@ -37,6 +38,46 @@ fn raw_data_takes_few_bytes_per_state() {
         "{} bytes per state for the fifth observation",
         bytes_with_fifth_observation - bytes_per_state
     );
+}
+
+/// Sixteen random agents whose episodes have about 22 states, in 300 rounds with twelve checkpoints:
+/// everything that a recording has takes at most 60 bytes per state.
+#[test]
+fn recordings_of_short_episodes_take_few_bytes_per_state() {
+    let overrides = [
+        "agents.count=16",
+        "algorithm=Random",
+        "stop=Episodes(300)",
+        "checkpoint_every=25",
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let contents = run_and_read_recording(&load_plan(&overrides), folder.path(), 2);
+    let states: usize = (0..16)
+        .map(|agent| {
+            contents
+                .times(&format!("/raw/agent_{agent}"), "env_step")
+                .len()
+        })
+        .sum();
+    let bytes = std::fs::metadata(folder.path().join("run.rrd"))
+        .unwrap()
+        .len();
+    assert!(states > 100_000, "{states} states");
+    let bytes_per_state = bytes as f64 / states as f64;
+    assert!(bytes_per_state <= 60.0, "{bytes_per_state} bytes per state");
+}
+
+/// A recording of eight times as many agents takes at most eight times as many bytes, and five
+/// percent more.
+#[test]
+fn the_size_of_a_recording_is_linear_in_the_number_of_agents() {
+    let folder = tempfile::tempdir().unwrap();
+    let [few, many] = [40, 320].map(|agents| {
+        let run = SyntheticRun::new(agents, 2);
+        let path = record(&run, folder.path(), &RecordingSettings::default());
+        std::fs::metadata(path).unwrap().len() as f64
+    });
+    assert!(many <= 1.05 * 8.0 * few, "{few} and {many} bytes");
 }
 
 /// Adds a fifth observation to a run, which compresses as badly as the others.

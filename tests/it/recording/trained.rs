@@ -41,7 +41,7 @@ impl Observer for SilentObserver {
 }
 
 /// The cart-pole scenario with overrides.
-fn load_plan(overrides: &[&str]) -> Plan {
+pub(super) fn load_plan(overrides: &[&str]) -> Plan {
     let overrides: Vec<String> = overrides.iter().map(|text| (*text).to_owned()).collect();
     Plan::load(Path::new("scenarios/cartpole.ron"), &overrides).unwrap()
 }
@@ -58,7 +58,11 @@ fn recorder_factories(folder: &RunFolder) -> RecorderFactories {
 }
 
 /// Runs a plan in a folder, and reads the recording of the run.
-fn run_and_read_recording(plan: &Plan, folder: &Path, threads: usize) -> RecordingContents {
+pub(super) fn run_and_read_recording(
+    plan: &Plan,
+    folder: &Path,
+    threads: usize,
+) -> RecordingContents {
     let folder = RunFolder::new(folder);
     let _lock = folder.lock().unwrap();
     let options = Options {

@@ -34,6 +34,37 @@ fn a_resumed_recording_equals_an_uninterrupted_one() {
     assert_eq!(complete.columns(), resumed.columns());
 }
 
+/// A checkpoint contains the rows that wait for a full chunk, instead of writing small chunks.
+#[test]
+fn checkpoints_do_not_change_the_chunks_of_a_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, settings) = (SyntheticRun::new(2, 40), RecordingSettings::default());
+    let rows_per_chunk = |contents: &RecordingContents, entity: &str| -> Vec<usize> {
+        let chunks = contents.chunks(entity).iter();
+        chunks.map(rerun::log::Chunk::num_rows).collect()
+    };
+    let without = RecordingContents::read(&record(&run, folder.path(), &settings));
+    let path = folder.path().join("often.rrd");
+    let mut recorder = RerunRecorder::create(&path, &run.run_info(), &settings).unwrap();
+    for rounds in run.rounds.chunks(3) {
+        record_rounds(rounds, &mut recorder);
+        recorder.checkpoint().unwrap();
+    }
+    recorder.finish().unwrap();
+    let with = RecordingContents::read(&path);
+    assert_eq!(without.columns(), with.columns());
+    for entity in [
+        "/raw/agent_0",
+        "/visitation/agent_1/lines",
+        "/curves/coverage",
+    ] {
+        assert_eq!(
+            rows_per_chunk(&without, entity),
+            rows_per_chunk(&with, entity)
+        );
+    }
+}
+
 /// Records all rounds of a run, with a checkpoint after four rounds. Returns the recorder, the
 /// checkpoint, and the length of the file at the checkpoint.
 fn record_past_checkpoint(
