@@ -404,7 +404,7 @@ impl Component {
                 let relative = (outputs[1] + initial_log_deviation)
                     .clamp(LOG_DEVIATION_BOUNDS[0], LOG_DEVIATION_BOUNDS[1]);
                 (
-                    half_range.mul_add(outputs[0], center),
+                    center + half_range * outputs[0],
                     relative + math::ln(half_range),
                 )
             }

@@ -159,7 +159,7 @@ fn one_step_differences(
         .zip(baseline)
         .zip(successors)
     {
-        *difference = discount.mul_add(successor, *reward) - baseline;
+        *difference = reward + discount * successor - baseline;
     }
 }
 
@@ -167,7 +167,7 @@ fn one_step_differences(
 /// `decay`.
 fn add_decayed_successors(errors: &mut [f32], decay: impl Fn(usize) -> f32) {
     for step in (0..errors.len().saturating_sub(1)).rev() {
-        errors[step] = decay(step + 1).mul_add(errors[step + 1], errors[step]);
+        errors[step] += decay(step + 1) * errors[step + 1];
     }
 }
 

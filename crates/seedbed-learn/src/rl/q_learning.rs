@@ -38,7 +38,7 @@ pub fn targets(
             .iter()
             .zip(discounts)
             .zip(bootstrapped_values)
-            .map(|((reward, discount), value)| discount.mul_add(value, *reward)),
+            .map(|((reward, discount), value)| reward + discount * value),
     );
 }
 

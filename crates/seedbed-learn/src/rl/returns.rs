@@ -128,7 +128,7 @@ pub fn v_trace(
     let mut correction = 0.0_f32;
     for ((target, value), ratio) in targets.iter_mut().zip(values).zip(ratios).rev() {
         let trace = discount * truncation.lambda * ratio.min(truncation.trace);
-        correction = trace.mul_add(correction, ratio.min(truncation.ratio) * *target);
+        correction = ratio.min(truncation.ratio) * *target + trace * correction;
         *target = value + correction;
     }
 }

@@ -367,10 +367,7 @@ impl SeedPgAgent {
         if self.config.time_limit == TimeLimit::Bootstraps && episode.outcome == Status::Truncated {
             self.scaling.apply(episode.last_observation(), last_state);
             let normalized = self.value.forward(last_state)[0];
-            let value = self
-                .normalizer
-                .deviation()
-                .mul_add(normalized, self.normalizer.mean());
+            let value = self.normalizer.mean() + self.normalizer.deviation() * normalized;
             rewards[episode.length() - 1] += self.config.discount.get_f32() * value;
         }
     }
@@ -402,7 +399,7 @@ impl SeedPgAgent {
         self.work.values.clear();
         self.work
             .values
-            .extend(normalized.iter().map(|y| deviation.mul_add(*y, mean)));
+            .extend(normalized.iter().map(|y| mean + deviation * y));
     }
 
     /// One gradient step of the policy on the present samples, whose [ratios](Self::compute_ratios)

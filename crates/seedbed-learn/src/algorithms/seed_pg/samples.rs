@@ -29,58 +29,59 @@ impl Samples {
     }
 
     pub(super) fn clear(&mut self) {
-        self.columns().into_iter().for_each(Vec::clear);
+        self.columns_mut().into_iter().for_each(Vec::clear);
     }
 
     /// Appends all steps of `other`.
     pub(super) fn append(&mut self, other: &Self) {
-        for row in 0..other.len() {
-            self.push_row(other, row);
+        for (column, other) in self.columns_mut().into_iter().zip(other.columns()) {
+            column.extend_from_slice(other);
         }
     }
 
     /// Replaces the samples by the steps of `source` with the indices `rows`.
     pub(super) fn gather(&mut self, source: &Self, rows: &[usize]) {
-        self.clear();
-        for &row in rows {
-            self.push_row(source, row);
+        let count = source.len().max(1);
+        for (column, source) in self.columns_mut().into_iter().zip(source.columns()) {
+            copy_rows(source, source.len() / count, rows, column);
         }
     }
 
-    fn push_row(&mut self, source: &Self, row: usize) {
-        let count = source.len();
-        let columns = self.columns();
-        let source_columns = [
-            &source.states,
-            &source.actions,
-            &source.behavior_log_probs,
-            &source.targets,
-            &source.weights,
-            &source.advantages,
-        ];
-        for (column, source_column) in columns.into_iter().zip(source_columns) {
-            let width = source_column.len() / count;
-            column.extend_from_slice(&source_column[row * width..(row + 1) * width]);
-        }
-    }
-
-    fn columns(&mut self) -> [&mut Vec<f32>; 6] {
-        let Self {
-            states,
-            actions,
-            behavior_log_probs,
-            targets,
-            weights,
-            advantages,
-        } = self;
+    fn columns(&self) -> [&[f32]; 6] {
         [
-            states,
-            actions,
-            behavior_log_probs,
-            targets,
-            weights,
-            advantages,
+            &self.states,
+            &self.actions,
+            &self.behavior_log_probs,
+            &self.targets,
+            &self.weights,
+            &self.advantages,
         ]
+    }
+
+    fn columns_mut(&mut self) -> [&mut Vec<f32>; 6] {
+        [
+            &mut self.states,
+            &mut self.actions,
+            &mut self.behavior_log_probs,
+            &mut self.targets,
+            &mut self.weights,
+            &mut self.advantages,
+        ]
+    }
+}
+
+/// Replaces `target` by the rows of `source` with the indices `rows`.   `source: [N × width]`
+/// → `target: [rows × width]`
+fn copy_rows(source: &[f32], width: usize, rows: &[usize], target: &mut Vec<f32>) {
+    target.resize(rows.len() * width, 0.0);
+    if width == 0 {
+        return;
+    }
+    for (target, row) in target.chunks_exact_mut(width).zip(rows) {
+        // A loop, because copying a few numbers with `memcpy` takes longer.
+        for (target, number) in target.iter_mut().zip(&source[row * width..][..width]) {
+            *target = *number;
+        }
     }
 }
 

@@ -4,6 +4,13 @@
 //! A likelihood is immutable, and the caller provides the buffers, so that several threads can
 //! evaluate one likelihood in parallel.
 
+#![expect(
+    clippy::inline_always,
+    reason = "a loop is compiled for a SIMD instruction set only if it is inlined into the dispatch"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
+
 use super::gaussian::DiagonalGaussian;
 use crate::nn::kernels;
 use crate::nn::mlp::{Layer, Mlp};
@@ -335,11 +342,11 @@ impl Draws {
                 } else {
                     row(&pass.layers[layer.index - 1], layer.inputs, sample)
                 };
-                write_outer_product(
+                Arch::new().dispatch(WriteOuterProduct {
                     x,
-                    row(&pass.deltas[layer.index], layer.outputs, sample),
-                    &mut gradient[layer.range()],
-                );
+                    delta: row(&pass.deltas[layer.index], layer.outputs, sample),
+                    outer: &mut gradient[layer.range()],
+                });
             }
             add_gradient_of_draw(gradient, noise, mean_gradient, deviation_gradient);
         }
@@ -354,27 +361,57 @@ pub(super) fn add_gradient_of_draw(
     mean_gradient: &mut [f32],
     deviation_gradient: &mut [f32],
 ) {
-    for (((mean_slope, deviation_slope), slope), noise) in mean_gradient
-        .iter_mut()
-        .zip(deviation_gradient)
-        .zip(gradient)
-        .zip(noise)
-    {
-        *mean_slope += slope;
-        *deviation_slope += noise * slope;
+    Arch::new().dispatch(AddGradientOfDraw {
+        gradient,
+        noise,
+        mean_gradient,
+        deviation_gradient,
+    });
+}
+
+struct AddGradientOfDraw<'a> {
+    gradient: &'a [f32],
+    noise: &'a [f32],
+    mean_gradient: &'a mut [f32],
+    deviation_gradient: &'a mut [f32],
+}
+
+impl WithSimd for AddGradientOfDraw<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        for (((mean_slope, deviation_slope), slope), noise) in self
+            .mean_gradient
+            .iter_mut()
+            .zip(self.deviation_gradient)
+            .zip(self.gradient)
+            .zip(self.noise)
+        {
+            *mean_slope += slope;
+            *deviation_slope += noise * slope;
+        }
     }
 }
 
 /// Writes the outer product x δᵀ, with 1 appended to x for the bias.   `x: [in]`, `delta: [out]` →
 /// `outer: [(in + 1) × out]`
-fn write_outer_product(x: &[f32], delta: &[f32], outer: &mut [f32]) {
-    for (x, row) in x
-        .iter()
-        .chain(&[1.0])
-        .zip(outer.chunks_exact_mut(delta.len()))
-    {
-        for (product, delta) in row.iter_mut().zip(delta) {
-            *product = x * delta;
+struct WriteOuterProduct<'a> {
+    x: &'a [f32],
+    delta: &'a [f32],
+    outer: &'a mut [f32],
+}
+
+impl WithSimd for WriteOuterProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let rows = self.outer.chunks_exact_mut(self.delta.len());
+        for (x, row) in self.x.iter().chain(&[1.0]).zip(rows) {
+            for (product, delta) in row.iter_mut().zip(self.delta) {
+                *product = x * delta;
+            }
         }
     }
 }
