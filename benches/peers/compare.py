@@ -1,21 +1,24 @@
 #!/usr/bin/env python3
 """Compares the speed of the workbench with other libraries, on one core, and prints a table of ratios.
 
-    benches/peers/compare.py                  all lines, about ten minutes after the first installation
+    benches/peers/compare.py                  all lines, about 20 minutes after the first installation
     benches/peers/compare.py cartpole update  only lines whose name contains one of the words
     benches/peers/compare.py --rounds 9       more repetitions
 
 Each peer runs in a virtual environment of its own, which is made at the first use in --environments. For each line the
-workbench and the peer run in turn. The table shows the median of the speeds, and the median, minimum and maximum of
+workbench and the peer run in turn, each on one thread. The table shows the median of the speeds, and the median, minimum and maximum of
 the ratios of neighbouring runs: larger than 1 is in favor of the workbench. Leave the machine alone meanwhile.
 """
 
 import argparse
 import json
+import os
 import re
 import statistics
 import subprocess
 import sys
+import tempfile
+import time
 import venv
 from pathlib import Path
 
@@ -25,47 +28,108 @@ PACKAGES = {
     "mujoco": ["mujoco==4.0.0", "gymnasium==1.4.0"],
     "gymnasium": ["gymnasium==1.4.0"],
     "jax": ["jax==0.10.2"],
+    "sb3": ["stable-baselines3==2.9.2", "torch==2.15.0", "gymnasium==1.4.0"],
 }
 
 
 class Line:
-    """One comparison.
+    """One comparison: what is measured, and the peer's script with its virtual environment."""
 
-    `bench` and `benchmark` name a benchmark of the repository, `units` its work per iteration. `without` names a
-    benchmark whose time is subtracted.
-    """
-
-    def __init__(self, name, unit, bench, benchmark, units, environment, *command, without=None):
-        self.name, self.unit = name, unit
-        self.bench, self.benchmark, self.units, self.without = bench, benchmark, units, without
+    def __init__(self, name, unit, workbench, environment, *command):
+        self.name, self.unit, self.workbench = name, unit, workbench
         self.environment, self.command = environment, command
 
 
+class Benchmark:
+    """A benchmark of the repository, and its units of work per iteration.
+
+    `without` names a benchmark whose time is subtracted.
+    """
+
+    def __init__(self, target, name, units, without=None):
+        self.target, self.name, self.units, self.without = target, name, units, without
+
+    def speed(self, programs, seconds, _):
+        """Units per second."""
+        duration = nanoseconds(programs[self.target], self.name, seconds)
+        if self.without:
+            duration -= nanoseconds(programs[self.target], self.without, seconds)
+        return self.units / (duration * 1e-9)
+
+
+class Training:
+    """A run of a scenario in a process of its own: environment steps per second of CPU time."""
+
+    target = "seedbed"
+
+    def __init__(self, scenario, *overrides):
+        self.scenario, self.overrides = scenario, overrides
+
+    def speed(self, programs, _, repetition):
+        command = [programs[self.target], "run", f"scenarios/{self.scenario}.ron", "--quiet", "--no-recording"]
+        command += ["--threads", "1", "--seed", str(repetition)]
+        command += [argument for override in self.overrides for argument in ("--set", override)]
+        with tempfile.TemporaryDirectory() as folder:
+            before = os.times()
+            subprocess.run([*command, "--out", Path(folder, "run")], cwd=REPOSITORY, check=True)
+            after = os.times()
+            steps = json.loads(Path(folder, "run/summary.json").read_text())["env_steps"]
+        return steps / (after.children_user + after.children_system - before.children_user - before.children_system)
+
+
+class WholeRun:
+    """A recorded run of a scenario, from the start of the process to its end: runs per second."""
+
+    target = "seedbed"
+
+    def __init__(self, scenario):
+        self.scenario = scenario
+
+    def speed(self, programs, _, repetition):
+        command = [programs[self.target], "run", f"scenarios/{self.scenario}.ron", "--quiet"]
+        with tempfile.TemporaryDirectory() as folder:
+            return 1 / wall_seconds([*command, "--seed", str(1000 + repetition), "--out", Path(folder, "run")])
+
+
 def lines():
-    for copies in (1, 16, 64, 1024):
-        yield Line(
-            f"rigid cart-pole, M = {copies}", "steps", "environment", f"cartpole/rapier/{copies}", copies,
-            "mujoco", "mujoco_rollout.py", str(HERE / "cartpole.xml"), str(copies),
-        )
+    for kind, label in (("bare", "states only"), ("rapier", "with observations, rewards and resets")):
+        for copies in (1, 16, 64, 1024):
+            yield Line(
+                f"rigid cart-pole, {label}, M = {copies}", "steps",
+                Benchmark("environment", f"cartpole/{kind}/{copies}", copies),
+                "mujoco", "mujoco_rollout.py", str(HERE / "cartpole.xml"), str(copies),
+            )
     for task, model, substeps in (("cheetah", "half_cheetah", 5), ("hopper", "hopper", 4)):
         yield Line(
-            f"{task}, M = 16", "steps", "environment", f"tasks/{task}/rapier", 16,
+            f"{task}, M = 16", "steps", Benchmark("environment", f"tasks/{task}/rapier", 16),
             "mujoco", "mujoco_rollout.py", f"gymnasium:{model}.xml", "16", "--substeps", str(substeps),
         )
     for copies in (16, 64, 1024):
         yield Line(
-            f"closed-form cart-pole, M = {copies}", "steps", "environment", f"cartpole/analytic/{copies}", copies,
+            f"closed-form cart-pole, M = {copies}", "steps",
+            Benchmark("environment", f"cartpole/analytic/{copies}", copies),
             "gymnasium", "gymnasium_vector.py", str(copies),
         )
     yield Line(
-        "update of one agent of 16", "transitions", "learning",
-        "update/one agent of 16, a round of 16 × 200 steps", 3200, "jax", "jax_learning.py", "update",
+        "update of one agent of 16", "transitions",
+        Benchmark("learning", "update/one agent of 16, a round of 16 × 200 steps", 3200),
+        "jax", "jax_learning.py", "update",
+    )
+    name = "seed ensemble of 100"
+    yield Line(
+        "ensemble of 30, minibatches of 16", "gradient steps",
+        Benchmark("value", f"{name}/acting and learning, a round", 300 * 30, without=f"{name}/acting, a round"),
+        "jax", "jax_learning.py", "ensemble",
     )
     yield Line(
-        "ensemble of 30, minibatches of 16", "gradient steps", "value",
-        "seed ensemble of 100/acting and learning, a round", 300 * 30, "jax", "jax_learning.py", "ensemble",
-        without="seed ensemble of 100/acting, a round",
+        "DQN 256-256, minibatches of 64", "steps",
+        Training(
+            "cartpole_q", "agents.count=1", "algorithm.learning.hidden=[256, 256]", "algorithm.learning.target_every=100",
+            "stop=Episodes(60)",
+        ),
+        "sb3", "sb3_learning.py", "dqn",
     )
+    yield Line("CartPole to 195, whole process", "runs", WholeRun("cartpole_fast"), "sb3", "sb3_learning.py", "cartpole")
 
 
 def main():
@@ -84,29 +148,38 @@ def main():
     ]
     if not chosen:
         sys.exit("no line has such a name; names: " + "; ".join(line.name for line in lines()))
-    benches = build_benches(sorted({line.bench for line in chosen}))
+    programs = build({line.workbench.target for line in chosen})
     print("| Work | workbench, per second | peer, per second | ratio | range |")
     print("|---|---|---|---|---|", flush=True)
     for line in chosen:
         python = environment(arguments.environments, line.environment)
         pairs = [
-            (measure(benches[line.bench], line, arguments.seconds), measure_peer(python, line, arguments.seconds))
-            for _ in range(arguments.rounds)
+            (
+                line.workbench.speed(programs, arguments.seconds, repetition),
+                peer_speed(python, line, arguments.seconds, repetition),
+            )
+            for repetition in range(arguments.rounds)
         ]
         print(row(line, pairs), flush=True)
 
 
-def build_benches(names):
-    """Paths of the built benchmarks."""
-    command = ["cargo", "bench", "--no-run", "--message-format=json"]
-    command += [argument for name in names for argument in ("--bench", name)]
+def build(targets):
+    """Paths of the built benchmarks, and of the program."""
+    programs = {}
+    if "seedbed" in targets:
+        programs |= executables("build", "--release", "--bin", "seedbed")
+    benches = sorted(targets - {"seedbed"})
+    if benches:
+        programs |= executables("bench", "--no-run", *(argument for name in benches for argument in ("--bench", name)))
+    return programs
+
+
+def executables(*command):
+    """Paths of what `cargo` builds, by name."""
+    command = ["cargo", *command, "--message-format=json"]
     output = subprocess.run(command, cwd=REPOSITORY, check=True, stdout=subprocess.PIPE, text=True).stdout
     messages = (json.loads(line) for line in output.splitlines())
-    return {
-        message["target"]["name"]: message["executable"]
-        for message in messages
-        if message.get("executable") and "bench" in message["target"]["kind"]
-    }
+    return {message["target"]["name"]: message["executable"] for message in messages if message.get("executable")}
 
 
 def environment(folder, name):
@@ -121,14 +194,6 @@ def environment(folder, name):
     return python
 
 
-def measure(executable, line, seconds):
-    """Units per second of the workbench."""
-    time = nanoseconds(executable, line.benchmark, seconds)
-    if line.without:
-        time -= nanoseconds(executable, line.without, seconds)
-    return line.units / (time * 1e-9)
-
-
 def nanoseconds(executable, benchmark, seconds):
     """Median time of one iteration of a benchmark."""
     command = [executable, "--bench", "--noplot", "--warm-up-time", "0.5", "--measurement-time", str(seconds)]
@@ -140,13 +205,23 @@ def nanoseconds(executable, benchmark, seconds):
     return float(found[1].replace(",", ""))
 
 
-def measure_peer(python, line, seconds):
-    """Units per second of CPU time of the peer."""
+def peer_speed(python, line, seconds, repetition):
+    """Units per second of CPU time of the peer, or whole runs per second."""
     script, *rest = line.command
-    command = [python, HERE / script, *rest, "--seconds", str(seconds)]
+    command = [python, HERE / script, *rest]
+    if isinstance(line.workbench, WholeRun):
+        return 1 / wall_seconds([*command, "--seed", str(1000 + repetition)])
+    command += ["--seconds", str(seconds)]
     output = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
     result = json.loads(output)
     return result["units"] / result["cpu_seconds"]
+
+
+def wall_seconds(command):
+    """Time from the start of a process to its end."""
+    start = time.perf_counter()
+    subprocess.run(command, cwd=REPOSITORY, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - start
 
 
 def row(line, pairs):

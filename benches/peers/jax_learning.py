@@ -20,6 +20,7 @@ os.environ["XLA_FLAGS"] = (
 
 import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
+import numpy as np  # noqa: E402
 
 STEPS, TRAJECTORIES, MODELS, MINIBATCH = 200, 16, 30, 16
 DISCOUNT, CLIP, PRIOR_SCALE = 0.99, 0.2, 3.0
@@ -65,13 +66,14 @@ def log_probabilities(policy, states, actions):
 
 
 def capped_returns(log_ratios, rewards):
-    """Σ_k γ^(k−t) min(1, ρ_t … ρ_k) r_k for each t: all pairs (t, k) at once."""
+    """Σ_k γ^(k−t) min(1, ρ_t … ρ_k) r_k for each t: all pairs (t, k) at once, without an exponential per pair."""
     sums = jnp.cumsum(log_ratios)
     before = sums - log_ratios
-    products = jnp.minimum(jnp.exp(sums[None, :] - before[:, None]), 1.0)
-    index = jnp.arange(STEPS)
+    products = jnp.minimum(jnp.exp(sums)[None, :] * jnp.exp(-before)[:, None], 1.0)
+    index = np.arange(STEPS)
     lag = index[None, :] - index[:, None]
-    return jnp.where(lag >= 0, DISCOUNT**lag * products, 0.0) @ rewards
+    weights = np.where(lag >= 0, DISCOUNT ** np.maximum(lag, 0), 0.0).astype(np.float32)
+    return (weights * products) @ rewards
 
 
 def learn_from_trajectory(carry, trajectory):
