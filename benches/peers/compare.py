@@ -212,7 +212,9 @@ def peer_speed(python, line, seconds, repetition):
     if isinstance(line.workbench, WholeRun):
         return 1 / wall_seconds([*command, "--seed", str(1000 + repetition)])
     command += ["--seconds", str(seconds)]
-    output = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    # Not in the repository, because MuJoCo writes a log to the current folder.
+    folder = tempfile.gettempdir()
+    output = subprocess.run(command, cwd=folder, check=True, stdout=subprocess.PIPE, text=True).stdout
     result = json.loads(output)
     return result["units"] / result["cpu_seconds"]
 
