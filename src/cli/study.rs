@@ -8,6 +8,7 @@ use std::time::Instant;
 use super::progress::StudyProgress;
 use super::run::interruption_flag;
 use super::{CliError, StudyArgs, pluralize, report};
+use seedbed::run::thread_count;
 use seedbed::study::plan::{PlannedRun, StudyPlan};
 use seedbed::study::runner;
 use seedbed::study::store::{StoredRun, StudyFolder, StudyLock};
@@ -370,6 +371,5 @@ fn lock_folder(folder: &StudyFolder, is_exclusive: bool) -> Result<StudyLock, Cl
 
 /// Number of simultaneous runs.
 fn jobs(args: &StudyArgs) -> usize {
-    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    args.jobs.map_or_else(cores, usize::from)
+    thread_count(args.jobs.map_or(0, usize::from))
 }

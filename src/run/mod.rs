@@ -58,8 +58,17 @@ pub struct Options {
     pub folder: RunFolder,
     /// Whether to resume from the folder's checkpoint.
     pub resume: bool,
-    /// Number of threads for updates; 0 is the number of cores.
+    /// Number of threads; 0 is the number of cores.
     pub threads: usize,
+}
+
+/// The number of threads that a setting stands for: 0 is the number of cores.
+#[must_use]
+pub fn thread_count(setting: usize) -> usize {
+    match setting {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        threads => threads,
+    }
 }
 
 /// Factories of a run's recorders. To resume a run, pass the same factories in the same order.

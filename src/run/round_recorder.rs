@@ -5,11 +5,11 @@
 //! training waits: rounds are neither lost nor collected in memory. Recorders receive the same
 //! rounds in the same order in both cases, so that files do not depend on the number of threads.
 
-use std::num::NonZero;
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{self, JoinHandle};
 
+use super::thread_count;
 use super::trainer::Round;
 use crate::record::{RecordError, Recorder, RoundRecord};
 use seedbed_learn::experience::Episode;
@@ -74,11 +74,7 @@ impl RoundRecorder {
     /// Passes rounds of `agents` agents to `recorders`, in another thread unless `threads` allows
     /// one thread only. 0 threads are as many as there are cores.
     pub(super) fn new(recorders: Recorders, agents: usize, threads: usize) -> Self {
-        let threads = match threads {
-            0 => thread::available_parallelism().map_or(1, NonZero::get),
-            threads => threads,
-        };
-        if threads == 1 {
+        if thread_count(threads) == 1 {
             return Self::Direct(recorders);
         }
         let waiting_rounds = (MAX_WAITING_EPISODES / agents.max(1)).clamp(1, MAX_WAITING_ROUNDS);

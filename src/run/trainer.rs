@@ -3,8 +3,6 @@
 //! A [`Trainer`] is built from any [`Environment`] and any [`Team`] ([`Trainer::new`]), or from a
 //! scenario ([`Trainer::from_scenario`]).
 
-use std::num::NonZero;
-
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +10,7 @@ use super::agreement;
 use super::asynchronous::{AsyncConfig, AsyncRollout};
 use super::measures::{Measures, RoundRows};
 use super::rollout::{self, CopyGroup, PlayedEpisodes, RoundPlan};
+use super::thread_count;
 use crate::record::{BodyTrajectory, SceneSettings};
 use crate::scenario::{Scenario, Schedule, Stop, Threshold};
 use seedbed_env::TaskDescription;
@@ -534,10 +533,7 @@ fn group_sizes(description: &TaskDescription, scenario: &Scenario, threads: usiz
     if matches!(scenario.schedule, Schedule::Asynchronous { .. }) {
         return vec![agents];
     }
-    let threads = match threads {
-        0 => std::thread::available_parallelism().map_or(1, NonZero::get),
-        threads => threads,
-    };
+    let threads = thread_count(threads);
     let shares_world = scenario.physics == Physics::Rapier
         && description
             .body_task()

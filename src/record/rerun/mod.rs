@@ -38,8 +38,6 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use rerun::StoreId;
-
 use self::error::RecordingError;
 use self::layouts::Layouts;
 pub use self::live::{DEFAULT_VIEWER, Viewer};
@@ -148,11 +146,7 @@ impl RerunRecorder {
         let paths = Paths::of(path);
         let resumed = State::from_bytes(bytes).and_then(|mut state| {
             state.check(info, settings)?;
-            let store = StoreId::recording(APPLICATION, state.recording_id.as_str());
-            let unwritten = std::mem::take(&mut state.unwritten);
-            let messages = (state.messages, &unwritten[..]);
-            let sink = resume::reopen(&paths.part, &paths.done, messages, (store, info.agents))?;
-            state.states_since_write = 0;
+            let sink = resume::reopen(&paths.part, &paths.done, &mut state)?;
             Self::from_parts(paths.clone(), sink, info, settings, state)
         });
         resumed.map_err(|error| paths.error(Attempt::Resume, &error))
@@ -186,8 +180,7 @@ impl RerunRecorder {
         settings: &RecordingSettings,
     ) -> Result<Self, RecordingError> {
         let state = State::start(info, settings);
-        let store = StoreId::recording(APPLICATION, state.recording_id.as_str());
-        let sink = Sink::new(store, info.agents, storage)?;
+        let sink = Sink::new(state.store_id(), info.agents, storage)?;
         let mut recorder = Self::from_parts(paths, sink, info, settings, state)?;
         recorder.write_header(info, settings)?;
         Ok(recorder)

@@ -15,6 +15,7 @@ use rerun::external::re_log_encoding::rrd::DecoderApp;
 use rerun::external::re_log_types::RecordingId;
 use serde::{Deserialize, Serialize};
 
+use super::APPLICATION;
 use super::error::RecordingError;
 use super::samples::VisitationStyle;
 use super::sink::Sink;
@@ -76,6 +77,11 @@ impl State {
         }
     }
 
+    /// Id of the recording in Rerun.
+    pub(super) fn store_id(&self) -> StoreId {
+        StoreId::recording(APPLICATION, self.recording_id.as_str())
+    }
+
     /// Returns an error if this state has another number of agents, other axes or other panels than
     /// the run.
     pub(super) fn check(
@@ -121,19 +127,16 @@ fn random_suffix() -> String {
         .collect()
 }
 
-/// Opens `part` with its first `messages` messages and the `unwritten` ones. If `part` does not
-/// exist, the messages are copied from `done`. `store` is the id of the recording.
-pub(super) fn reopen(
-    part: &Path,
-    done: &Path,
-    (messages, unwritten): (u64, &[u8]),
-    (store, agents): (StoreId, u32),
-) -> Result<Sink, RecordingError> {
+/// Opens `part` with the messages that it had at the checkpoint, and writes the rows of the
+/// checkpoint to it. If `part` does not exist, the messages are copied from `done`.
+pub(super) fn reopen(part: &Path, done: &Path, state: &mut State) -> Result<Sink, RecordingError> {
     let source = if part.exists() { part } else { done };
     let new_part = part.with_extension("resuming");
+    let (store, agents) = (state.store_id(), state.visits.len() as u32);
     let mut sink = Sink::new(store, agents, Box::new(File::create(&new_part)?))?;
-    copy_messages(source, messages, &mut sink)?;
-    sink.send_encoded(unwritten)?;
+    copy_messages(source, state.messages, &mut sink)?;
+    sink.send_encoded(&std::mem::take(&mut state.unwritten))?;
+    state.states_since_write = 0;
     sink.sync()?;
     fs::rename(&new_part, part)?;
     Ok(sink)

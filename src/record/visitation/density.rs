@@ -10,9 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::axes::{AXIS_HEIGHT, Axes};
 use super::{BINS, DensityDelta};
 
-/// Maximum number of cells of a histogram that is kept from one round to the next. Smaller ones are
-/// made anew in each round, because those of thousands of agents would fill the memory.
-const MAX_CELLS_MADE_ANEW: usize = 1 << 16;
+/// Maximum number of cells of a histogram whose memory is freed after each round, because the
+/// histograms of thousands of agents would fill the memory. To allocate larger ones in each round
+/// would take too long.
+const MAX_FREED_CELLS: usize = 1 << 16;
 
 /// Brightness of a pixel with a single line, so that it differs visibly from black (no line).
 pub const MIN_BRIGHTNESS: u8 = 40;
@@ -122,7 +123,7 @@ impl Density {
                 .map(|&cell| (cell, self.counts[cell as usize])),
         );
         self.draw_all();
-        if self.counts.len() <= MAX_CELLS_MADE_ANEW {
+        if self.counts.len() <= MAX_FREED_CELLS {
             self.counts = Vec::new();
         }
         delta
