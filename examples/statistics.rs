@@ -1,13 +1,15 @@
-//! Uses only the statistics, for results from any source: intervals, and a comparison of two
-//! samples.
+//! Uses only the statistics, for results from any source: intervals, and a verdict on a claim about
+//! two samples.
 //!
 //! Run with `cargo run --release --example statistics`.
 
 use seedbed::stats::aggregate::{interquartile_mean, median};
 use seedbed::stats::bootstrap::bootstrap_estimate;
-use seedbed::stats::hypothesis::welch_test;
+use seedbed::stats::effect_test::{EffectTest, lower_bound, upper_bound};
+use seedbed::stats::family::FAMILY_LEVEL;
+use seedbed::stats::means::TwoMeans;
 use seedbed::stats::survival::{TimeToEvent, kaplan_meier};
-use seedbed::stats::{Estimate, Interval};
+use seedbed::stats::{Direction, Estimate, Interval, verdict_on_effect};
 
 fn main() {
     let ours = [195.0, 188.0, 200.0, 171.0, 199.0, 200.0, 183.0, 192.0];
@@ -21,9 +23,7 @@ fn main() {
         "ours: interquartile mean {}",
         format_estimate(&interquartile_return)
     );
-    if let Some(test) = welch_test(&ours, &theirs) {
-        println!("Welch's test of equal means: p = {:.4}", test.p);
-    }
+    judge(&ours, &theirs);
 
     // Two of six runs had not solved their task when they ended, after 200 episodes.
     let solved = [90.0, 120.0, 151.0, 160.0].map(TimeToEvent::observed);
@@ -36,6 +36,26 @@ fn main() {
     println!(
         "episodes until solved: median {}",
         format_estimate(&median_episodes)
+    );
+}
+
+/// Prints the verdict on the claim that ours have higher returns. Differences below 5 are of no
+/// interest.
+fn judge(ours: &[f64], theirs: &[f64]) {
+    const SMALLEST: f64 = 5.0;
+    let test = TwoMeans::new(ours, theirs);
+    let interval = Interval::Known {
+        low: lower_bound(&test, FAMILY_LEVEL, 0.0),
+        high: upper_bound(&test, FAMILY_LEVEL, SMALLEST),
+    };
+    let difference = Estimate {
+        value: test.estimate(),
+        interval,
+    };
+    let verdict = verdict_on_effect(interval, Direction::Positive, SMALLEST);
+    println!(
+        "ours - theirs: {}: {verdict:?}",
+        format_estimate(&difference)
     );
 }
 

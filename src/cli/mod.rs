@@ -219,12 +219,19 @@ struct EvaluateArgs {
 }
 
 #[derive(Debug, Args)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a switch on the command line"
+)]
 #[command(after_help = "Examples:
   seedbed study scenarios/thesis/fig_6_4a.ron             run what is missing, then write the report
   seedbed study scenarios/thesis/*.ron --quick            a short trial of every study
   seedbed study scenarios/thesis/fig_6_4a.ron --list      list all runs with their indices
   seedbed study scenarios/thesis/fig_6_4a.ron --index $SLURM_ARRAY_TASK_ID    one run per cluster job
   seedbed study scenarios/thesis/fig_6_4a.ron --verify    repeat ten stored runs and compare bits
+  seedbed study mine.ron --power                          how many runs each confirmatory claim needs
+  seedbed study mine.ron --register                       fix claims, cells and numbers of runs in mine.ron.lock
+  seedbed study mine.ron --confirm                        run what is registered, with run seeds of its own
 
 Repeat the same command to resume an interrupted study. After an edit of the study file only \
 affected runs are repeated.")]
@@ -256,6 +263,16 @@ struct StudyArgs {
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "10")]
     #[arg(value_parser = clap::value_parser!(u16).range(1..), conflicts_with_all = ["list", "index", "retry"])]
     verify: Option<u16>,
+    /// Print the number of runs that each confirmatory claim needs, and run nothing
+    #[arg(long, conflicts_with_all = ["list", "index", "retry", "verify", "quick"])]
+    power: bool,
+    /// Fix claims, cells and numbers of runs in STUDY.lock, and run nothing. Run seeds of --confirm are
+    /// derived from this file
+    #[arg(long, conflicts_with_all = ["list", "index", "retry", "verify", "quick", "power"])]
+    register: bool,
+    /// Run what STUDY.lock registers, look by look, until all confirmatory claims are decided
+    #[arg(long, conflicts_with_all = ["quick", "register", "power"])]
+    confirm: bool,
     /// Abort the process when N runs are finished, as a crash would: for tests
     #[arg(long, value_name = "N", hide = true)]
     abort_after_runs: Option<usize>,

@@ -6,6 +6,7 @@ use seedbed::study::file::Study;
 use seedbed::study::report;
 use seedbed::study::results::{Results, ResultsError};
 use seedbed::study::store::StudyFolder;
+use seedbed_stats::Verdict;
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
     args.folders
@@ -16,9 +17,7 @@ pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
 /// Writes the report of a study, and prints the verdicts and the paths of the files. Returns the
 /// number of failed runs.
 pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
-    let results = Results::read(folder).map_err(|error| match error {
-        ResultsError::Folder(_) | ResultsError::Study(_) => CliError::Usage(error.to_string()),
-    })?;
+    let results = read(folder)?;
     let claim_results = claims::evaluate(&results);
     let report_path = report::write(&results, &claim_results, folder.path())
         .map_err(|error| CliError::Runtime(format!("cannot write the report: {error}")))?;
@@ -30,10 +29,37 @@ pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
         }
     }
     say!("runs       {}", run_counts.join(", "));
+    print_registration(&results);
     print_claims(&results.study, &claim_results);
     say!("results    {}", folder.path().join("results.csv").display());
     say!("report     {}", report_path.display());
     Ok(failed)
+}
+
+/// Whether all confirmatory claims of a study have a verdict.
+pub(super) fn all_claims_are_decided(folder: &StudyFolder) -> Result<bool, CliError> {
+    let results = read(folder)?;
+    let is_open = |claim_result: &ClaimResult| claim_result.verdict == Some(Verdict::Open);
+    Ok(!claims::evaluate(&results).iter().any(is_open))
+}
+
+fn read(folder: &StudyFolder) -> Result<Results, CliError> {
+    Results::read(folder).map_err(|error| match error {
+        ResultsError::Folder(_) | ResultsError::Study(_) => CliError::Usage(error.to_string()),
+    })
+}
+
+fn print_registration(results: &Results) {
+    let (Some(lock), Some(audit)) = (&results.manifest.lock, &results.audit) else {
+        return;
+    };
+    say!("registered lock {}", lock.short_id());
+    for sentence in &audit.broken {
+        say!("not confirmed: {sentence}");
+    }
+    for sentence in &audit.notes {
+        say!("note       {sentence}");
+    }
 }
 
 fn print_claims(study: &Study, claim_results: &[ClaimResult]) {

@@ -10,15 +10,15 @@ use super::run::interruption_flag;
 use super::{CliError, StudyArgs, pluralize, report};
 use seedbed::run::thread_count;
 use seedbed::study::plan::{PlannedRun, StudyPlan};
+use seedbed::study::power::powers;
+use seedbed::study::registration::{Lock, RegistrationError};
 use seedbed::study::runner;
 use seedbed::study::store::{StoredRun, StudyFolder, StudyLock};
+use seedbed_stats::power::MAX_RUNS;
 
 pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
-    let plans: Result<Vec<StudyPlan>, _> = args
-        .studies
-        .iter()
-        .map(|path| StudyPlan::load(path, args.quick))
-        .collect();
+    let plans: Result<Vec<StudyPlan>, CliError> =
+        args.studies.iter().map(|path| load(args, path)).collect();
     let plans = plans?;
     check_distinct_folders(&plans)?;
     if plans.len() > 1 && (args.out.is_some() || args.index.is_some()) {
@@ -30,10 +30,9 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
     for plan in &plans {
         let folder = StudyFolder::new(args.out.clone().unwrap_or_else(|| plan.default_folder()));
         failed_runs += match (args.index, args.verify) {
-            _ if args.list => {
-                print_runs(plan, &folder);
-                0
-            }
+            _ if args.list => print_runs(plan, &folder),
+            _ if args.power => print_power(plan),
+            _ if args.register => register(plan, &folder)?,
             (Some(index), _) => run_one(args, plan, &folder, index)?,
             (None, Some(max_runs)) => verify(args, plan, &folder, max_runs.into())?,
             (None, None) => run_all(args, plan, &folder)?,
@@ -52,6 +51,94 @@ pub(super) fn study(args: &StudyArgs) -> Result<(), CliError> {
             pluralize(failed_runs, "run")
         )))
     }
+}
+
+/// Reads a study and, with `--confirm`, its lock.
+fn load(args: &StudyArgs, path: &Path) -> Result<StudyPlan, CliError> {
+    let plan = StudyPlan::load(path, args.quick)?;
+    if args.confirm {
+        plan.registered().map_err(registration_error)
+    } else {
+        Ok(plan)
+    }
+}
+
+fn registration_error(error: RegistrationError) -> CliError {
+    match error {
+        RegistrationError::File(error) => CliError::Runtime(error.to_string()),
+        error => CliError::Usage(error.to_string()),
+    }
+}
+
+/// Registers a study. `folder` may have runs from before. Returns 0, the number of failed runs.
+fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
+    let lock = Lock::register(plan, folder).map_err(registration_error)?;
+    let confirmatory = plan
+        .study()
+        .claims
+        .iter()
+        .filter(|claim| claim.confirmatory)
+        .count();
+    say!(
+        "registered {}: {}, {}, {} runs each",
+        plan.name,
+        pluralize(confirmatory, "confirmatory claim"),
+        pluralize(plan.cells.len(), "cell"),
+        plan.repeats()
+    );
+    let ancestors = lock.registered.ancestors.len();
+    if ancestors > 0 {
+        say!(
+            "history    {} before this one",
+            pluralize(ancestors, "lock")
+        );
+    }
+    for claim in lock.withdrawn_claims() {
+        say!("withdrawn  {claim}");
+    }
+    say!(
+        "lock       {} ({})",
+        Lock::path(&plan.path).display(),
+        lock.short_id()
+    );
+    say!("next       seedbed study {} --confirm", plan.path.display());
+    Ok(0)
+}
+
+/// Prints the power of each confirmatory claim. Returns 0, the number of failed runs.
+fn print_power(plan: &StudyPlan) -> usize {
+    let powers = powers(plan.study());
+    say!("power      {}: {} runs per cell", plan.name, plan.repeats());
+    say!(
+        "{:>7} {:>8} {:>8} {:>8}  claim",
+        "level",
+        "power",
+        "n (0.8)",
+        "n (0.9)"
+    );
+    for (index, power) in &powers {
+        let runs = |runs: Option<usize>| match runs {
+            Some(runs) => runs.to_string(),
+            None if power.expected.is_none() => "?".to_owned(),
+            None => format!("> {MAX_RUNS}"),
+        };
+        say!(
+            "{:>7.4} {:>8} {:>8} {:>8}  {}",
+            power.level,
+            power
+                .power
+                .map_or("?".to_owned(), |power| format!("{power:.2}")),
+            runs(power.runs_needed[0]),
+            runs(power.runs_needed[1]),
+            plan.study().claims[*index].text
+        );
+    }
+    if powers.iter().any(|(_, power)| power.expected.is_none()) {
+        say!(
+            "Claims with `?` do not say what is expected: `expected: Shares(0.95, 0.7)` or `expected: Deviation(20)`."
+        );
+    }
+    0
 }
 
 /// An error if two studies would write to one directory: each would take the other's runs for its
@@ -78,8 +165,17 @@ fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliErr
     let Ok(manifest) = folder.manifest() else {
         return Ok(());
     };
-    if (manifest.name.as_str(), manifest.quick) == (plan.name.as_str(), plan.quick) {
+    let is_same = (manifest.name.as_str(), manifest.quick) == (plan.name.as_str(), plan.quick);
+    let lock_id = |lock: &Option<Lock>| lock.as_ref().map(|lock| lock.id.clone());
+    if is_same && lock_id(&manifest.lock) == lock_id(&plan.lock) {
         return Ok(());
+    }
+    if is_same {
+        return Err(CliError::Usage(format!(
+            "{} contains this study with other run seeds (registered: {}); choose another directory with --out",
+            folder.path().display(),
+            manifest.lock.as_ref().map_or("no", Lock::short_id)
+        )));
     }
     let kind = if manifest.quick {
         "quick study"
@@ -93,8 +189,8 @@ fn check_same_study(plan: &StudyPlan, folder: &StudyFolder) -> Result<(), CliErr
     )))
 }
 
-/// Prints all runs with their indices and states.
-fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
+/// Prints all runs with their indices and states. Returns 0, the number of failed runs.
+fn print_runs(plan: &StudyPlan, folder: &StudyFolder) -> usize {
     for run in plan.runs() {
         let state = match folder.stored_run(&run).map(|stored| stored.outcome) {
             Some(Ok(_)) => "finished",
@@ -108,6 +204,7 @@ fn print_runs(plan: &StudyPlan, folder: &StudyFolder) {
             run.cell.name
         );
     }
+    0
 }
 
 /// Executes a single run; other processes may work in the same directory. Returns the number of
@@ -153,27 +250,52 @@ fn run_one(
 }
 
 /// Executes all runs that have no stored result, and writes the report. Returns the number of
-/// failed runs.
+/// failed runs. A registered study stops at the first look at which all confirmatory claims are
+/// decided.
 fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
     check_same_study(plan, folder)?;
     let _lock = lock_folder(folder, true)?;
     folder
         .write_manifest(plan)
         .map_err(|error| CliError::Runtime(error.to_string()))?;
-    let runs = plan.distinct_runs();
-    let has_result = |run: &&PlannedRun<'_>| {
-        folder
-            .stored_run(run)
-            .is_some_and(|stored| keeps_result(args, &stored))
+    let looks = match &plan.lock {
+        Some(lock) => lock.registered.looks.clone(),
+        None => vec![plan.repeats()],
     };
-    let missing: Vec<PlannedRun<'_>> = runs
-        .iter()
-        .filter(|run| !has_result(run))
-        .copied()
-        .collect();
+    for (number, &runs_per_cell) in (1..).zip(&looks) {
+        if looks.len() > 1 {
+            say!(
+                "look       {number} of {}: {runs_per_cell} runs per cell",
+                looks.len()
+            );
+        }
+        run_missing(args, plan, folder, runs_per_cell)?;
+        if number < looks.len() && report::all_claims_are_decided(folder)? {
+            say!(
+                "decided    all confirmatory claims, at look {number} of {}",
+                looks.len()
+            );
+            break;
+        }
+    }
+    report::write_and_print(folder)
+}
+
+/// Executes the first `runs_per_cell` runs of each cell that have no stored result.
+fn run_missing(
+    args: &StudyArgs,
+    plan: &StudyPlan,
+    folder: &StudyFolder,
+    runs_per_cell: u64,
+) -> Result<(), CliError> {
+    let mut missing = plan.distinct_runs();
+    missing.retain(|run| {
+        let stored = folder.stored_run(run);
+        run.repeat < runs_per_cell && !stored.is_some_and(|stored| keeps_result(args, &stored))
+    });
     let (cells, runs) = (
         pluralize(plan.cells.len(), "cell"),
-        pluralize(plan.repeats() as usize, "run"),
+        pluralize(runs_per_cell as usize, "run"),
     );
     say!(
         "study      {}: {cells}, {runs} each, {} to run",
@@ -193,7 +315,7 @@ fn run_all(args: &StudyArgs, plan: &StudyPlan, folder: &StudyFolder) -> Result<u
         );
     }
     print_failures(&failures);
-    report::write_and_print(folder)
+    Ok(())
 }
 
 /// Repeats at most `max_runs` of the stored runs and compares the results. Returns the number of

@@ -1,202 +1,269 @@
 //! Verdicts on the claims of a study. The rules are fixed before the runs.
+//!
+//! Confirmatory claims of an effect are one family, confirmatory claims of no effect another. In each,
+//! Holm's procedure decides; the interval that is shown has the error probability at which Holm's
+//! procedure tested the claim, so that interval and decision agree. All other claims are
+//! exploratory: they get the interval of a single comparison, and no verdict.
 
-use super::comparison::{Comparison, compare};
+use std::collections::HashSet;
+
+use rayon::prelude::*;
+
+use super::comparison::{Comparison, Quantity, Samples};
 use super::file::{Claim, ClaimDirection};
 use super::results::Results;
-use seedbed_stats::hypothesis::holm_correction;
-use seedbed_stats::{Direction, Interval, Verdict, is_smaller_than_claimed, verdict};
-
-/// Minimum number of runs per cell for the verdict that a claim of no effect is replicated.
-pub const MIN_RUNS_FOR_NULL_CLAIM: usize = 30;
+use seedbed_env::input::numbers::Positive;
+use seedbed_stats::effect_test::EffectTest;
+use seedbed_stats::family::{holm_correction, holm_decisions};
+use seedbed_stats::{Direction, Interval, Verdict, verdict_on_effect, verdict_on_no_effect};
 
 /// Result of comparing a claim with the runs of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClaimResult {
     /// Comparison of the two cells of the claim; `None` if a cell has no runs.
     pub comparison: Option<Comparison>,
-    /// p-value of the claim's test after Holm's correction over all claims of the study.
-    pub p: f64,
-    /// Verdict on the claim.
-    pub verdict: Verdict,
-    /// Whether the claim is replicated, but with an effect smaller than claimed.
-    pub is_smaller: bool,
+    /// Interval of the effect: of confirmatory claims the one that decides, of others the 95 %
+    /// interval of a single comparison.
+    pub interval: Interval,
+    /// One-sided p-value of a confirmatory claim after Holm's correction over its family. The claim
+    /// is supported if it is at most the level of the look, which is
+    /// [`FAMILY_LEVEL`](seedbed_stats::family::FAMILY_LEVEL) if there is one look only.
+    pub p: Option<f64>,
+    /// Verdict on a confirmatory claim.
+    pub verdict: Option<Verdict>,
+    /// Whether the whole interval is below the claimed size of the effect.
+    pub is_smaller_than_claimed: bool,
     /// Whether the claim was added or changed after both of its cells had runs.
     pub is_late: bool,
 }
 
+/// A claim with the runs that it compares.
+#[derive(Debug)]
+struct ComparedClaim<'a> {
+    claim: &'a Claim,
+    samples: Samples,
+    test: Box<dyn EffectTest>,
+}
+
 /// Evaluates all claims of a study with its runs. Results are in the order of the claims.
+///
+/// Confirmatory claims of registered results are evaluated at each look, with a part of the error
+/// probability, and keep the first verdict that is not open.
 #[must_use]
 pub fn evaluate(results: &Results) -> Vec<ClaimResult> {
     let claims = &results.study.claims;
-    let comparisons: Vec<Option<Comparison>> = claims
+    let compared = compared_claims(results, None);
+    let mut claim_results: Vec<ClaimResult> = claims
         .iter()
-        .map(|claim| compare_cells(results, claim))
+        .zip(&compared)
+        .map(|(claim, compared)| result_without_verdict(results, claim, compared.as_ref()))
         .collect();
-    let uncorrected: Vec<f64> = comparisons
-        .iter()
-        .map(|comparison| comparison.map_or(1.0, |comparison| comparison.p))
-        .collect();
-    let corrected = holm_correction(&uncorrected);
-    let mut claim_results = Vec::with_capacity(claims.len());
-    for ((claim, comparison), p) in claims.iter().zip(comparisons).zip(corrected) {
-        let late_claims = &results.manifest.late_claims;
-        claim_results.push(ClaimResult {
-            comparison,
-            p,
-            verdict: verdict_of_claim(claim, comparison),
-            is_smaller: is_smaller(claim, comparison),
-            is_late: late_claims.contains(&claim.canonical_text(&results.study)),
-        });
+    for (runs, level) in results.looks() {
+        let compared = compared_claims(results, runs);
+        for is_null in [false, true] {
+            decide_family(
+                &family(claims, is_null),
+                &compared,
+                level,
+                &mut claim_results,
+            );
+        }
+    }
+    for (claim, claim_result) in claims.iter().zip(&mut claim_results) {
+        claim_result.is_smaller_than_claimed =
+            is_smaller_than_claimed(claim, claim_result.interval);
     }
     claim_results
 }
 
-fn compare_cells(results: &Results, claim: &Claim) -> Option<Comparison> {
-    let measure = results.study.measure_of(claim);
-    let scores = |cell: &str| {
-        let cell = results.cell(cell);
-        cell.map(|cell| cell.scores(measure)).unwrap_or_default()
-    };
-    compare(
-        &scores(&claim.compare.0),
-        &scores(&claim.compare.1),
-        measure.is_time(),
-        claim.test,
-    )
+/// Indices of the confirmatory claims of an effect or, if `is_null`, of no effect.
+fn family(claims: &[Claim], is_null: bool) -> Vec<usize> {
+    let is_member = |claim: &Claim| claim.confirmatory && claim.direction.is_null() == is_null;
+    (0..claims.len())
+        .filter(|&index| is_member(&claims[index]))
+        .collect()
 }
 
-fn verdict_of_claim(claim: &Claim, comparison: Option<Comparison>) -> Verdict {
-    let Some(comparison) = comparison else {
-        return Verdict::Inconclusive;
-    };
-    let (effect, size) = (comparison.effect.interval, claim.size.get());
-    match claim.direction {
-        ClaimDirection::More => verdict(effect, Direction::Positive, size),
-        ClaimDirection::Less => verdict(effect, Direction::Negative, size),
-        ClaimDirection::Same => verdict_of_null_claim(effect, [-size, size], &comparison),
-        ClaimDirection::NotMore => {
-            verdict_of_null_claim(effect, [f64::NEG_INFINITY, size], &comparison)
+/// Claims with the first `runs` runs of each cell, or with all; `None` for claims without runs.
+fn compared_claims(results: &Results, runs: Option<u64>) -> Vec<Option<ComparedClaim<'_>>> {
+    let mut run_seeds = results.manifest.run_seeds();
+    run_seeds.truncate(runs.unwrap_or(u64::MAX) as usize);
+    let run_seeds: HashSet<u64> = run_seeds.into_iter().collect();
+    let claims = results.study.claims.par_iter();
+    claims
+        .map(|claim| ComparedClaim::new(results, claim, &run_seeds))
+        .collect()
+}
+
+/// The result of a claim before any look at confirmatory claims: they are open.
+fn result_without_verdict(
+    results: &Results,
+    claim: &Claim,
+    compared: Option<&ComparedClaim<'_>>,
+) -> ClaimResult {
+    let comparison = compared.map(|compared| compared.samples.compare(&*compared.test));
+    let late_claims = &results.manifest.late_claims;
+    ClaimResult {
+        interval: comparison.map_or(Interval::TooFewRuns { n: 0 }, |found| found.effect.interval),
+        comparison,
+        p: None,
+        verdict: claim.confirmatory.then_some(Verdict::Open),
+        is_smaller_than_claimed: false,
+        is_late: late_claims.contains(&claim.canonical_text(&results.study)),
+    }
+}
+
+/// Decides the claims of a family, given by their indices, that are still open. `level` is the error
+/// probability of the family on each side. A claim without runs has p = 1.
+fn decide_family(
+    family: &[usize],
+    compared: &[Option<ComparedClaim<'_>>],
+    level: f64,
+    claim_results: &mut [ClaimResult],
+) {
+    let p_of = |&index: &usize| compared[index].as_ref().map_or(1.0, ComparedClaim::p);
+    let p: Vec<f64> = family.iter().map(p_of).collect();
+    let (decisions, corrected) = (holm_decisions(&p, level).0, holm_correction(&p));
+    for ((&index, decision), corrected) in family.iter().zip(decisions).zip(corrected) {
+        let (claim_result, compared) = (&mut claim_results[index], &compared[index]);
+        if claim_result.verdict != Some(Verdict::Open) {
+            continue;
         }
-        ClaimDirection::NotLess => {
-            verdict_of_null_claim(effect, [-size, f64::INFINITY], &comparison)
+        claim_result.p = Some(corrected);
+        let Some(compared) = compared else {
+            continue;
+        };
+        let comparison = compared.samples.compare(&*compared.test);
+        let interval = compared.interval(decision.level, level / family.len() as f64);
+        (claim_result.comparison, claim_result.interval) = (Some(comparison), interval);
+        // Runs that all have the same value do not show that there is no effect: they may be at a
+        // floor or a ceiling.
+        if !comparison.is_constant {
+            claim_result.verdict = Some(compared.verdict(interval));
         }
     }
 }
 
-/// Whether an effect is in the claimed direction but smaller than claimed; false for claims of no
-/// effect.
-fn is_smaller(claim: &Claim, comparison: Option<Comparison>) -> bool {
-    let Some(comparison) = comparison else {
-        return false;
-    };
-    let direction = if claim.direction.is_upwards() {
-        Direction::Positive
-    } else {
-        Direction::Negative
-    };
-    !claim.direction.is_null()
-        && is_smaller_than_claimed(comparison.effect.interval, direction, claim.size.get())
+impl<'a> ComparedClaim<'a> {
+    fn new(results: &Results, claim: &'a Claim, run_seeds: &HashSet<u64>) -> Option<Self> {
+        let measure = results.study.measure_of(claim);
+        let scores = |cell: &str| {
+            let cell = results.cell(cell);
+            let mut scores = cell.map(|cell| cell.scores(measure)).unwrap_or_default();
+            scores.retain(|score| run_seeds.contains(&score.run_seed));
+            scores
+        };
+        let quantity = Quantity::of(measure, horizon(results, claim));
+        let (first, second) = (scores(&claim.compare.0), scores(&claim.compare.1));
+        let samples = Samples::new(&first, &second, quantity, *claim.paired)?;
+        let test = samples.test();
+        Some(Self {
+            claim,
+            samples,
+            test,
+        })
+    }
+
+    /// p-value of the hypothesis that the claim is false, apart from the smallest effect of
+    /// interest.
+    fn p(&self) -> f64 {
+        let [low_margin, high_margin] = self.claim.margins();
+        match self.claim.direction {
+            ClaimDirection::More => self.test.p_above(0.0),
+            ClaimDirection::Less => self.test.p_below(0.0),
+            ClaimDirection::NotLess => self.test.p_above(low_margin),
+            ClaimDirection::NotMore => self.test.p_below(high_margin),
+            ClaimDirection::Same => self
+                .test
+                .p_above(low_margin)
+                .max(self.test.p_below(high_margin)),
+        }
+    }
+
+    /// Interval of the effect. Ends on which p depends have the error probability `level`, an end
+    /// on which it does not depend has `other_level`.
+    fn interval(&self, level: f64, other_level: f64) -> Interval {
+        let smallest = self.claim.smallest.get();
+        let [low_margin, high_margin] = self.claim.margins();
+        let (levels, thresholds) = match self.claim.direction {
+            ClaimDirection::More => ([level, other_level], [0.0, smallest]),
+            ClaimDirection::Less => ([other_level, level], [-smallest, 0.0]),
+            ClaimDirection::NotLess => ([level, other_level], [low_margin, low_margin]),
+            ClaimDirection::NotMore => ([other_level, level], [high_margin, high_margin]),
+            ClaimDirection::Same => ([level; 2], [low_margin, high_margin]),
+        };
+        self.samples.interval(&*self.test, levels, thresholds)
+    }
+
+    fn verdict(&self, interval: Interval) -> Verdict {
+        let smallest = self.claim.smallest.get();
+        match self.claim.direction {
+            ClaimDirection::More => verdict_on_effect(interval, Direction::Positive, smallest),
+            ClaimDirection::Less => verdict_on_effect(interval, Direction::Negative, smallest),
+            ClaimDirection::Same | ClaimDirection::NotMore | ClaimDirection::NotLess => {
+                verdict_on_no_effect(interval, self.claim.margins())
+            }
+        }
+    }
 }
 
-/// Verdict on the claim that an effect is between `low_bound` and `high_bound`: replicated if its
-/// whole interval is within the bounds and there are enough runs, not replicated if its whole
-/// interval is outside the bounds, otherwise inconclusive.
-fn verdict_of_null_claim(
-    effect: Interval,
-    [low_bound, high_bound]: [f64; 2],
-    comparison: &Comparison,
-) -> Verdict {
-    let Interval::Known { low, high } = effect else {
-        return Verdict::Inconclusive;
+/// Time up to which the times of two cells are compared: that of the claim or, without one, the
+/// smaller of their maximum numbers of episodes.
+fn horizon(results: &Results, claim: &Claim) -> f64 {
+    let max_episodes = |cell: &str| {
+        let cell = results.cell(cell);
+        cell.map_or(f64::INFINITY, |cell| {
+            f64::from(cell.description.max_episodes)
+        })
     };
-    // An infinite bound means that there is no bound, so an infinite end of the interval is inside.
-    let is_inside = (low > low_bound || low_bound.is_infinite())
-        && (high < high_bound || high_bound.is_infinite());
-    let is_outside = low >= high_bound || high <= low_bound;
-    let has_enough_runs = comparison.n.iter().all(|&n| n >= MIN_RUNS_FOR_NULL_CLAIM);
-    if is_inside && has_enough_runs {
-        Verdict::Replicated
-    } else if is_outside && !is_inside {
-        Verdict::NotReplicated
-    } else {
-        Verdict::Inconclusive
+    let default = || max_episodes(&claim.compare.0).min(max_episodes(&claim.compare.1));
+    claim.horizon.map_or_else(default, Positive::get)
+}
+
+/// Whether an effect is in the claimed direction, but its whole interval is below the claimed size.
+fn is_smaller_than_claimed(claim: &Claim, interval: Interval) -> bool {
+    let (Some(claimed), Some([low, high])) = (claim.claimed, interval.ends()) else {
+        return false;
+    };
+    match claim.direction {
+        ClaimDirection::More => high < claimed.get(),
+        ClaimDirection::Less => low > -claimed.get(),
+        ClaimDirection::Same | ClaimDirection::NotMore | ClaimDirection::NotLess => false,
+    }
+}
+
+impl Claim {
+    /// Margins within which a claim of no effect holds; infinite on a side without margin.
+    fn margins(&self) -> [f64; 2] {
+        let smallest = self.smallest.get();
+        match self.direction {
+            ClaimDirection::NotMore => [f64::NEG_INFINITY, smallest],
+            ClaimDirection::NotLess => [-smallest, f64::INFINITY],
+            ClaimDirection::More | ClaimDirection::Less | ClaimDirection::Same => {
+                [-smallest, smallest]
+            }
+        }
     }
 }
 
 impl ClaimResult {
-    /// Verdict as text, such as `replicated`.
+    /// Verdict as text, such as `supported`.
     #[must_use]
-    pub fn verdict_text(&self) -> &'static str {
-        match self.verdict {
-            Verdict::Replicated if self.is_smaller => "replicated, smaller than claimed",
-            Verdict::Replicated => "replicated",
-            Verdict::NotReplicated => "not replicated",
-            Verdict::Inconclusive => "inconclusive",
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use seedbed_stats::Estimate;
-
-    fn null_claim_verdict(low: f64, high: f64, bounds: [f64; 2], n: usize) -> Verdict {
-        let interval = Interval::Known { low, high };
-        let estimate = Estimate {
-            value: f64::midpoint(low, high),
-            interval,
+    pub fn verdict_text(&self) -> String {
+        let verdict = match self.verdict {
+            None => return "exploratory".to_owned(),
+            Some(Verdict::Supported) => "supported",
+            Some(Verdict::Negligible) => "supported but negligible",
+            Some(Verdict::NoRelevantEffect) => "no relevant effect",
+            Some(Verdict::Refuted) => "refuted",
+            Some(Verdict::Open) => "open",
         };
-        let comparison = Comparison {
-            n: [n; 2],
-            effect: estimate,
-            effect_bounds: [estimate.value; 2],
-            probability_below: estimate,
-            p: 1.0,
-            horizon: f64::INFINITY,
+        let is_supported = self.verdict == Some(Verdict::Supported);
+        let smaller = if is_supported && self.is_smaller_than_claimed {
+            ", smaller than claimed"
+        } else {
+            ""
         };
-        verdict_of_null_claim(interval, bounds, &comparison)
-    }
-
-    /// The claim that an effect is smaller than 2 in magnitude is replicated by the interval −1 to
-    /// 1, not replicated by 3 to 5, and inconclusive for 1 to 3.
-    #[test]
-    fn null_claims_need_intervals_within_their_bounds() {
-        use Verdict::{Inconclusive, NotReplicated, Replicated};
-        let same = [-2.0, 2.0];
-        assert_eq!(
-            [
-                null_claim_verdict(-1.0, 1.0, same, 30),
-                null_claim_verdict(3.0, 5.0, same, 30),
-                null_claim_verdict(1.0, 3.0, same, 30)
-            ],
-            [Replicated, NotReplicated, Inconclusive]
-        );
-        assert_eq!(
-            [
-                null_claim_verdict(-1.0, 1.0, same, 29),
-                null_claim_verdict(3.0, 5.0, same, 29)
-            ],
-            [Inconclusive, NotReplicated]
-        );
-        let not_more = [f64::NEG_INFINITY, 2.0];
-        assert_eq!(
-            [
-                null_claim_verdict(f64::NEG_INFINITY, 1.0, not_more, 30),
-                null_claim_verdict(-9.0, -5.0, not_more, 30)
-            ],
-            [Replicated; 2]
-        );
-        assert_eq!(
-            [
-                null_claim_verdict(2.0, 9.0, not_more, 30),
-                null_claim_verdict(1.0, 3.0, not_more, 30)
-            ],
-            [NotReplicated, Inconclusive]
-        );
-        assert_eq!(
-            null_claim_verdict(-5.0, -3.0, [-2.0, f64::INFINITY], 30),
-            NotReplicated
-        );
+        format!("{verdict}{smaller}")
     }
 }

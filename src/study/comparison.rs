@@ -1,16 +1,21 @@
-//! Comparison of two cells in one measure: effect with interval, p-value, and probability that a
+//! Comparison of two cells in one measure: effect with its test and interval, and probability that a
 //! run of one cell is below a run of the other.
+//!
+//! Each kind of measure has one effect and one test. Shares of solved runs: the difference of shares,
+//! with the exact unconditional test. Times: the difference of restricted mean times, and all other
+//! measures: the difference of means, both with a permutation test.
 
-use super::file::Test;
 use super::measure::Measure;
 use super::run_result::RunResult;
 use seedbed_stats::aggregate::{interquartile_mean_of_sorted, mean, median_of_sorted};
-use seedbed_stats::bootstrap::{bootstrap_sorted_statistics, bootstrap_statistics};
-use seedbed_stats::hypothesis::welch_test;
-use seedbed_stats::improvement::probability_of_improvement;
-use seedbed_stats::paired::{differences, signed_rank_test};
-use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
-use seedbed_stats::{Estimate, Interval, bootstrap_estimate};
+use seedbed_stats::bootstrap::bootstrap_sorted_statistics;
+use seedbed_stats::effect_test::{EffectTest, lower_bound, upper_bound};
+use seedbed_stats::family::FAMILY_LEVEL;
+use seedbed_stats::improvement::win_probability;
+use seedbed_stats::means::{MeanOfDifferences, TwoMeans};
+use seedbed_stats::shares::{Share, TwoShares};
+use seedbed_stats::survival::{TimeToEvent, kaplan_meier};
+use seedbed_stats::{Estimate, Interval, MIN_RUNS};
 
 /// Value of a measure for one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,24 +44,44 @@ pub struct Aggregate {
     pub range: [f64; 2],
 }
 
+/// What is compared, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quantity {
+    /// Shares of runs with the value 1.
+    Share,
+    /// Means.
+    Mean,
+    /// Restricted mean times: times after the horizon, and times that were not reached, count as
+    /// the horizon.
+    RestrictedMeanTime {
+        /// Number of episodes or steps up to which times are compared.
+        horizon: f64,
+    },
+}
+
+/// Values of the runs of two cells that are compared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Samples {
+    quantity: Quantity,
+    /// Values of the first and of the second cell. If paired, equal indices are equal run seeds.
+    values: [Vec<f64>; 2],
+    paired: bool,
+}
+
 /// Comparison of a first with a second cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
     /// Number of runs of the first and of the second cell. In a paired comparison both are the
     /// number of pairs.
     pub n: [usize; 2],
-    /// Effect: first minus second. It is a median for times and a mean for all other measures. NaN
-    /// if it depends on unknown differences between times that were not reached.
+    /// Means or shares of the first and of the second cell.
+    pub values: [f64; 2],
+    /// Effect: first minus second. Its interval is the 95 % interval of a single comparison.
     pub effect: Estimate,
-    /// Smallest and largest effect over all possible values of unknown differences. Both equal the
-    /// effect if it does not depend on unknown differences.
-    pub effect_bounds: [f64; 2],
     /// Probability that a run of the first cell is below a run of the second. A tie counts half.
     pub probability_below: Estimate,
-    /// Two-sided p-value of the test.
-    pub p: f64,
-    /// Time up to which all runs were observed. Times after it count as not reached.
-    pub horizon: f64,
+    /// Whether all runs of both cells have the same value, so that nothing is compared.
+    pub is_constant: bool,
 }
 
 impl RunScore {
@@ -146,47 +171,121 @@ fn median_and_interquartile_mean(values: &[f64]) -> [Estimate; 2] {
     [estimates[0], estimates[1]]
 }
 
-/// Compares the scores of two cells. `None` if a cell has no runs or, in a paired comparison, if
-/// the cells have no run seed in common.
-#[must_use]
-pub fn compare(
-    first: &[RunScore],
-    second: &[RunScore],
-    are_times: bool,
-    test: Test,
-) -> Option<Comparison> {
-    let (first, second) = if test == Test::Paired {
-        pairs_with_common_seeds(first, second)
-    } else {
-        (first.to_vec(), second.to_vec())
-    };
-    if first.is_empty() || second.is_empty() {
-        return None;
+impl Quantity {
+    /// What is compared in a measure. Times are compared up to `horizon`.
+    #[must_use]
+    pub fn of(measure: Measure, horizon: f64) -> Self {
+        if measure.is_time() {
+            Self::RestrictedMeanTime { horizon }
+        } else if measure == Measure::Solved {
+            Self::Share
+        } else {
+            Self::Mean
+        }
     }
-    let horizon = horizon(first.iter().chain(&second));
-    let (x, y) = (
-        values_censored_after(horizon, &first),
-        values_censored_after(horizon, &second),
-    );
-    let (effect, p) = match test {
-        Test::Paired => compare_pairs(&x, &y, are_times),
-        Test::Independent => compare_samples([&first, &second], [&x, &y], are_times),
-    };
-    // Values are negated, because the probability of improvement is the probability of a higher
-    // score.
-    let probability_below = probability_of_improvement(&[negated(&x)], &[negated(&y)]);
-    Some(Comparison {
-        n: [x.len(), y.len()],
-        effect: effect.estimate,
-        effect_bounds: effect.bounds,
-        probability_below,
-        p,
-        horizon,
-    })
+
+    fn value(self, score: RunScore) -> f64 {
+        match self {
+            Self::Share | Self::Mean => score.value,
+            Self::RestrictedMeanTime { horizon } => score.time_to_event().restricted_to(horizon),
+        }
+    }
 }
 
-fn negated(values: &[f64]) -> Vec<f64> {
-    values.iter().map(|value| -value).collect()
+impl Samples {
+    /// The runs of two cells. If `paired`, only those with a run seed that both cells have. `None`
+    /// if a cell has none.
+    #[must_use]
+    pub fn new(
+        first: &[RunScore],
+        second: &[RunScore],
+        quantity: Quantity,
+        paired: bool,
+    ) -> Option<Self> {
+        let values = if paired {
+            pairs_with_common_seeds(first, second)
+        } else {
+            [first.to_vec(), second.to_vec()]
+        };
+        let values = values.map(|scores| {
+            scores
+                .into_iter()
+                .map(|score| quantity.value(score))
+                .collect()
+        });
+        let samples = Self {
+            quantity,
+            values,
+            paired,
+        };
+        let is_complete = samples
+            .values
+            .iter()
+            .all(|values: &Vec<f64>| !values.is_empty());
+        is_complete.then_some(samples)
+    }
+
+    /// Number of runs of the first and of the second cell.
+    #[must_use]
+    pub fn n(&self) -> [usize; 2] {
+        [0, 1].map(|cell| self.values[cell].len())
+    }
+
+    /// The test of the effect.
+    #[must_use]
+    pub fn test(&self) -> Box<dyn EffectTest> {
+        let [first, second] = &self.values;
+        match self.quantity {
+            Quantity::Share => {
+                let [first, second] = [first, second].map(|values| Share {
+                    successes: values.iter().filter(|&&value| value > 0.5).count(),
+                    runs: values.len(),
+                });
+                Box::new(TwoShares::new(first, second))
+            }
+            _ if self.paired => {
+                let pairs = first.iter().zip(second);
+                let differences: Vec<f64> = pairs.map(|(first, second)| first - second).collect();
+                Box::new(MeanOfDifferences::new(&differences))
+            }
+            _ => Box::new(TwoMeans::new(first, second)),
+        }
+    }
+
+    /// The interval of the effect between bounds with these error probabilities. `thresholds` are
+    /// the effects below and above the estimate with which the bounds are compared.
+    #[must_use]
+    pub fn interval(
+        &self,
+        test: &dyn EffectTest,
+        levels: [f64; 2],
+        thresholds: [f64; 2],
+    ) -> Interval {
+        let n = self.values[0].len().min(self.values[1].len());
+        if n < MIN_RUNS {
+            return Interval::TooFewRuns { n };
+        }
+        Interval::Known {
+            low: lower_bound(test, levels[0], thresholds[0]),
+            high: upper_bound(test, levels[1], thresholds[1]),
+        }
+    }
+
+    /// The comparison, with the interval of a single comparison.
+    #[must_use]
+    pub fn compare(&self, test: &dyn EffectTest) -> Comparison {
+        let [first, second] = &self.values;
+        Comparison {
+            n: self.n(),
+            values: [mean(first), mean(second)],
+            effect: Estimate {
+                value: test.estimate(),
+                interval: self.interval(test, [FAMILY_LEVEL; 2], [0.0; 2]),
+            },
+            probability_below: win_probability(second, first),
+            is_constant: first.iter().chain(second).all(|&value| value == first[0]),
+        }
+    }
 }
 
 impl Comparison {
@@ -207,142 +306,17 @@ impl Comparison {
     }
 }
 
-fn pairs_with_common_seeds(
-    first: &[RunScore],
-    second: &[RunScore],
-) -> (Vec<RunScore>, Vec<RunScore>) {
-    let mut pairs = (Vec::new(), Vec::new());
+fn pairs_with_common_seeds(first: &[RunScore], second: &[RunScore]) -> [Vec<RunScore>; 2] {
+    let mut pairs = [Vec::new(), Vec::new()];
     for score in first {
-        if let Some(score_of_second) = second
-            .iter()
-            .find(|candidate| candidate.run_seed == score.run_seed)
-        {
-            pairs.0.push(*score);
-            pairs.1.push(*score_of_second);
+        let mut candidates = second.iter();
+        let has_equal_seed = |candidate: &&RunScore| candidate.run_seed == score.run_seed;
+        if let Some(score_of_second) = candidates.find(has_equal_seed) {
+            pairs[0].push(*score);
+            pairs[1].push(*score_of_second);
         }
     }
     pairs
-}
-
-/// Earliest end of a run that did not reach its time; infinite if all runs reached their times.
-///
-/// A run can fail to reach its time only because it had fewer episodes than other runs. So cells
-/// are compared over the time during which all runs were observed.
-fn horizon<'a>(scores: impl Iterator<Item = &'a RunScore>) -> f64 {
-    let unreached = scores.filter(|score| score.value.is_infinite());
-    unreached
-        .map(|score| score.observed_until)
-        .fold(f64::INFINITY, f64::min)
-}
-
-/// Values of scores, where times after the horizon are infinite (not reached).
-fn values_censored_after(horizon: f64, scores: &[RunScore]) -> Vec<f64> {
-    let mut values = Vec::with_capacity(scores.len());
-    for score in scores {
-        let is_within = score.value <= horizon;
-        values.push(if is_within {
-            score.value
-        } else {
-            f64::INFINITY
-        });
-    }
-    values
-}
-
-/// An effect that may depend on unknown differences between times that were not reached.
-struct Effect {
-    estimate: Estimate,
-    bounds: [f64; 2],
-}
-
-fn compare_pairs(x: &[f64], y: &[f64], are_times: bool) -> (Effect, f64) {
-    let differences = differences(x, y);
-    let effect = if are_times {
-        bounded_effect([f64::NEG_INFINITY, f64::INFINITY].map(|unknown| {
-            let pairs = x.iter().zip(y);
-            let differences: Vec<f64> = pairs
-                .map(|(&x, &y)| difference_of_times(x, y, unknown))
-                .collect();
-            bootstrap_median(differences)
-        }))
-    } else {
-        let estimate = bootstrap_estimate(&differences, mean);
-        Effect {
-            estimate,
-            bounds: [estimate.value; 2],
-        }
-    };
-    (effect, signed_rank_test(&differences).p)
-}
-
-/// Difference of two times. If neither time was reached, either may be longer by any amount, so the
-/// difference is the parameter `unknown`.
-fn difference_of_times(x: f64, y: f64, unknown: f64) -> f64 {
-    if x.is_infinite() && y.is_infinite() {
-        unknown
-    } else {
-        x - y
-    }
-}
-
-fn bootstrap_median(values: Vec<f64>) -> Estimate {
-    bootstrap_sorted_statistics(&[vec![values]], 1, |groups, statistics| {
-        statistics[0] = median_of_sorted(&groups[0]);
-    })[0]
-}
-
-/// An effect that may depend on unknown differences, with bounds, from the estimates of the effect
-/// if every unknown difference were −∞ and if every unknown difference were ∞.
-///
-/// Medians never decrease when one of their values increases. So these estimates are the smallest
-/// and the largest that any unknown differences can give. The same holds for the ends of their
-/// intervals, so the interval from the lower end for −∞ to the upper end for ∞ covers all cases. If
-/// both estimates are equal, the effect does not depend on unknown differences; otherwise its value
-/// is NaN.
-fn bounded_effect([smallest, largest]: [Estimate; 2]) -> Effect {
-    let interval = match (smallest.interval, largest.interval) {
-        (Interval::Known { low, .. }, Interval::Known { high, .. }) => {
-            Interval::Known { low, high }
-        }
-        (too_few_runs, _) => too_few_runs,
-    };
-    let is_known = smallest.value == largest.value;
-    let value = if is_known { smallest.value } else { f64::NAN };
-    Effect {
-        estimate: Estimate { value, interval },
-        bounds: [smallest.value, largest.value],
-    }
-}
-
-fn compare_samples(
-    scores: [&[RunScore]; 2],
-    [x, y]: [&[f64]; 2],
-    are_times: bool,
-) -> (Effect, f64) {
-    let effects = |[x, y]: [f64; 2], effects: &mut [f64]| {
-        effects[0] = difference_of_times(x, y, f64::NEG_INFINITY);
-        effects[1] = difference_of_times(x, y, f64::INFINITY);
-    };
-    let samples = [x.to_vec(), y.to_vec()];
-    let estimates = if are_times {
-        bootstrap_sorted_statistics(&samples.map(|sample| vec![sample]), 2, |groups, values| {
-            effects([0, 1].map(|group| median_of_sorted(&groups[group])), values);
-        })
-    } else {
-        bootstrap_statistics(&samples, 2, |samples, values| {
-            effects([0, 1].map(|sample| mean(&samples[sample])), values);
-        })
-    };
-    let effect = bounded_effect([estimates[0], estimates[1]]);
-    // The log-rank test accounts for censoring itself, so it gets the times without the common
-    // horizon.
-    let p = if are_times {
-        let [first, second] = scores.map(times_to_event);
-        log_rank_test(&first, &second).map(|test| test.p)
-    } else {
-        welch_test(x, y).map(|test| test.p)
-    };
-    (effect, p.unwrap_or(1.0))
 }
 
 #[cfg(test)]
@@ -368,144 +342,81 @@ mod tests {
         text.split_whitespace().enumerate().map(score).collect()
     }
 
-    fn paired_times(first: &str, second: &str) -> Comparison {
-        compare(&times(first), &times(second), true, Test::Paired).unwrap()
+    fn compare(first: &str, second: &str, quantity: Quantity, paired: bool) -> Comparison {
+        let samples = Samples::new(&times(first), &times(second), quantity, paired).unwrap();
+        samples.compare(&*samples.test())
     }
 
-    /// The differences −10, −20, −30, −40, −50 have median −30, and p = 2/2⁵ because all have the
-    /// same sign. The first times 10, 20, 30, 40 and 50 are below 5, 4½, 4, 3½ and 3 of the second
-    /// times, where a tie counts half: 20 of 25 pairs.
+    /// Differences −10, −20, −30, −40, −50: mean −30. The first times 10, 20, 30, 40 and 50 are
+    /// below 5, 4½, 4, 3½ and 3 of the second times, where a tie counts half: 20 of 25 pairs. With
+    /// five pairs no bound has an error probability as small as 2.5 %: the smallest is 1 / 2⁵.
     #[test]
     fn paired_comparisons_use_differences_per_seed() {
-        let comparison = paired_times("10 20 30 40 50", "20 40 60 80 100");
+        let comparison = compare("10 20 30 40 50", "20 40 60 80 100", Quantity::Mean, true);
         assert_eq!(
-            (
-                comparison.effect.value,
-                comparison.probability_below.value,
-                comparison.p
-            ),
-            (-30.0, 0.8, 0.0625)
+            (comparison.effect.value, comparison.probability_below.value),
+            (-30.0, 0.8)
         );
-        let Interval::Known { low, high } = comparison.effect.interval else {
-            panic!("five pairs are enough for an interval")
-        };
-        assert!(
-            (-50.0..-30.0).contains(&low) && (-30.0..=-10.0).contains(&high),
-            "{low} to {high}"
-        );
+        let unlimited = [f64::NEG_INFINITY, f64::INFINITY];
+        assert_eq!(comparison.effect.interval.ends(), Some(unlimited));
         assert!((comparison.probability_above().value - 0.2).abs() < 1e-15);
     }
 
-    /// All runs of the second cell ended after 50 episodes without solving the task. The runs of
-    /// the first cell solved it after 80 or 90 episodes, so they had not solved it after 50
-    /// episodes either.
+    /// Up to episode 60, the first cell takes 30, 60, 60 (not solved), 60 (solved at 80) and 30
+    /// episodes, 48 on average, and the second 60 in all runs. Run seeds are not compared.
     #[test]
-    fn times_after_the_shortest_run_count_as_not_reached() {
-        let all_unknown = paired_times("80 90 80 90 80", "50+ 50+ 50+ 50+ 50+");
-        assert!(
-            all_unknown.effect.value.is_nan(),
-            "differences after 50 episodes are unknown"
-        );
-        assert_eq!(
-            all_unknown.effect.interval,
-            Interval::Known {
-                low: f64::NEG_INFINITY,
-                high: f64::INFINITY
-            }
-        );
-        assert_eq!(
-            (
-                all_unknown.probability_below.value,
-                all_unknown.p,
-                all_unknown.horizon
-            ),
-            (0.5, 1.0, 50.0)
-        );
-        let known_and_unknown = paired_times("30 30 30 30 80", "50+ 50+ 50+ 50+ 50+");
-        assert_eq!(
-            (
-                known_and_unknown.effect.value,
-                known_and_unknown.probability_below.value
-            ),
-            (f64::NEG_INFINITY, 0.9)
-        );
+    fn times_are_compared_up_to_the_horizon() {
+        let horizon = Quantity::RestrictedMeanTime { horizon: 60.0 };
+        let comparison = compare("30 60 60+ 80 30", "60+ 90 61 100 60+", horizon, false);
+        assert_eq!(comparison.values, [48.0, 60.0]);
+        assert_eq!(comparison.effect.value, -12.0);
+        assert!(!comparison.is_constant);
     }
 
-    /// With four differences of −10 and one unknown difference, the median is −10, but its interval
-    /// is infinite, because a resample may contain the unknown difference three times. In an
-    /// independent comparison neither median is reached, so the effect is unknown.
+    /// Six of six against none of six.
     #[test]
-    fn differences_between_times_that_were_not_reached_are_unknown() {
-        let one_unknown = paired_times("10 10 10 10 50+", "20 20 20 20 50+");
-        assert_eq!(one_unknown.effect.value, -10.0);
+    fn shares_have_an_interval_with_a_width() {
+        let comparison = compare("1 1 1 1 1 1", "0 0 0 0 0 0", Quantity::Share, false);
         assert_eq!(
-            one_unknown.effect.interval,
-            Interval::Known {
-                low: f64::NEG_INFINITY,
-                high: f64::INFINITY
-            }
+            (comparison.values, comparison.effect.value),
+            ([1.0, 0.0], 1.0)
         );
-        // The median of the differences −9, −8, −7, −6, −5 and an unknown difference is −7.5 if the
-        // unknown difference is −∞, and −6.5 if it is ∞.
-        let even_number_of_pairs = paired_times("10 10 10 10 10 50+", "15 16 17 18 19 50+");
-        assert!(
-            even_number_of_pairs.effect.value.is_nan()
-                && even_number_of_pairs.effect_bounds == [-7.5, -6.5],
-            "{even_number_of_pairs:?}"
-        );
-        let scores = (times("10 50+ 50+ 50+ 50+"), times("50+ 50+ 50+ 50+ 50+"));
-        let independent = compare(&scores.0, &scores.1, true, Test::Independent).unwrap();
-        assert!(
-            independent.effect.value.is_nan() && is_unbounded(independent.effect.interval),
-            "{independent:?}"
-        );
+        let [low, high] = comparison.effect.interval.ends().unwrap();
+        assert!((0.4..0.7).contains(&low) && high == 1.0, "{low} {high}");
     }
 
-    fn is_unbounded(interval: Interval) -> bool {
-        interval
-            == Interval::Known {
-                low: f64::NEG_INFINITY,
-                high: f64::INFINITY,
-            }
+    #[test]
+    fn equal_values_of_all_runs_are_constant() {
+        let comparison = compare("7 7 7 7 7", "7 7 7 7 7", Quantity::Mean, false);
+        assert!(comparison.is_constant);
+        assert_eq!(comparison.effect.interval.ends(), Some([0.0, 0.0]));
     }
 
-    /// The common run seeds are 1 and 2: the mean of 20 − 4 and 30 − 6 is 20. The independent
-    /// comparison uses all runs: 20 − 5 = 15.
     #[test]
-    fn paired_comparisons_use_common_seeds() {
-        let scores = |first: u64, values: &[f64]| -> Vec<RunScore> {
-            (first..)
-                .zip(values)
-                .map(|(run_seed, &value)| RunScore {
-                    run_seed,
-                    value,
-                    observed_until: f64::INFINITY,
-                })
-                .collect()
-        };
-        let (first, second) = (scores(0, &[10.0, 20.0, 30.0]), scores(1, &[4.0, 6.0]));
-        let paired = compare(&first, &second, false, Test::Paired).unwrap();
-        assert_eq!((paired.n, paired.effect.value), ([2, 2], 20.0));
-        let independent = compare(&first, &second, false, Test::Independent).unwrap();
-        assert_eq!((independent.n, independent.effect.value), ([3, 2], 15.0));
+    fn pairs_need_equal_run_seeds() {
+        let second: Vec<RunScore> = times("5 6 7").into_iter().skip(1).collect();
+        let samples = Samples::new(&times("1 2"), &second, Quantity::Mean, true).unwrap();
         assert_eq!(
-            compare(&first, &scores(7, &[1.0]), false, Test::Paired),
+            (samples.n(), samples.values),
+            ([1, 1], [vec![2.0], vec![6.0]])
+        );
+        assert_eq!(
+            Samples::new(&times("1"), &second, Quantity::Mean, true),
             None
         );
+        assert_eq!(Samples::new(&[], &second, Quantity::Mean, false), None);
     }
 
-    /// Two of five runs reached their time, so the median is infinite and there is no interquartile
-    /// mean.
+    /// Runs that did not reach their time have no interquartile mean.
     #[test]
-    fn the_aggregate_of_times_censors_runs_that_did_not_reach_them() {
-        let aggregate = summarize_scores(&times("10 20 50+ 50+ 50+"), true).unwrap();
+    fn unreached_times_are_censored_in_summaries() {
+        let aggregate = summarize_scores(&times("10 20 30 40+ 40+"), true).unwrap();
         assert_eq!(
             (aggregate.n, aggregate.reached, aggregate.median.value),
-            (5, 2, f64::INFINITY)
+            (5, 3, 30.0)
         );
-        assert_eq!(
-            (aggregate.interquartile_mean, aggregate.range),
-            (None, [10.0, f64::INFINITY])
-        );
+        assert_eq!(aggregate.interquartile_mean, None);
+        let aggregate = summarize_scores(&times("10 20 30 40 50"), true).unwrap();
+        assert_eq!(aggregate.interquartile_mean.unwrap().value, 30.0);
     }
 }

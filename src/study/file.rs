@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::figure::Figure;
 use super::measure::Measure;
-use seedbed_env::input::numbers::{Count, Positive, ranged_count};
+use seedbed_env::input::numbers::{Count, Fraction, Positive, ranged_count};
 use seedbed_env::input::{Located, ValidationError};
 
 /// First run seed for reported results. Smaller run seeds are for tuning.
@@ -36,6 +36,10 @@ pub struct Study {
     /// Number of runs per cell. All cells have the same run seeds.
     #[serde(default = "default_repeats")]
     pub repeats: Located<Count<100_000>>,
+    /// Numbers of runs per cell at which confirmatory claims are evaluated, in ascending order; the
+    /// last is `repeats`. [default: `repeats` only]
+    #[serde(default)]
+    pub looks: Located<Vec<Count<100_000>>>,
     /// Run seed of the first run of each cell: 0 to 999 for tuning, at least 1000 for reported
     /// results.
     #[serde(default = "default_first_seed")]
@@ -49,6 +53,10 @@ pub struct Study {
     /// Claims.
     #[serde(default)]
     pub claims: Vec<Claim>,
+    /// What runs of different cells share if their run seeds are equal, such as `the drawn task`.
+    /// Without it, claims cannot be `paired`.
+    #[serde(default)]
+    pub pairs_share: String,
     /// Figures of the report.
     #[serde(default)]
     pub figures: Vec<Figure>,
@@ -104,7 +112,7 @@ pub struct Quick {
     pub set: Vec<Located<String>>,
 }
 
-/// A claim about two cells, registered before the runs, with the test that evaluates it.
+/// A claim about two cells, registered before the runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
@@ -121,26 +129,68 @@ pub struct Claim {
     pub measure: Option<Located<Measure>>,
     /// Claimed direction of the effect.
     pub direction: ClaimDirection,
-    /// Claimed size of the effect or, for claims of no effect, the smallest relevant size; in the
-    /// unit of the measure.
-    pub size: Positive,
-    /// Test that compares the runs.
+    /// Smallest effect of interest or, for claims of no effect, the margin within which an effect
+    /// is of no interest; in the unit of the measure.
+    pub smallest: Positive,
+    /// Why effects smaller than `smallest` are of no interest. Needed for confirmatory claims of no
+    /// effect.
     #[serde(default)]
-    pub test: Test,
+    pub because: String,
+    /// Size of the effect according to the source, in the unit of the measure.
+    #[serde(default)]
+    pub claimed: Option<Positive>,
+    /// Whether the claim gets a verdict. All confirmatory claims of a study share its error
+    /// probability, so they should be few. Other claims are exploratory: they get an interval and
+    /// no verdict.
+    #[serde(default)]
+    pub confirmatory: bool,
+    /// Whether runs with equal run seeds are compared with each other. Only for cells whose runs
+    /// share what `Study::pairs_share` says.
+    #[serde(default)]
+    pub paired: Located<bool>,
+    /// For times: number of episodes or steps up to which times are compared. Longer times count as
+    /// this number. [default: the smaller maximum number of episodes of the two cells]
+    #[serde(default)]
+    pub horizon: Option<Positive>,
+    /// What is expected of the two cells, for the computation of power.
+    #[serde(default)]
+    pub expected: Option<Located<Expected>>,
+}
+
+/// What is expected of the runs of two cells, for the computation of power.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Expected {
+    /// Shares of successful runs of the first and of the second cell.
+    Shares(Fraction, Fraction),
+    /// Standard deviation of the measure over runs or, if runs are paired, of the differences.
+    Deviation(Positive),
 }
 
 impl Claim {
     /// The parts of the claim on which its verdict depends, as one line: cells, measure, direction,
-    /// size and test.
+    /// smallest effect of interest, role and comparison.
     #[must_use]
     pub fn canonical_text(&self, study: &Study) -> String {
         let (first_cell, second_cell) = (self.compare.0.as_str(), self.compare.1.as_str());
+        let role = if self.confirmatory {
+            "confirmatory"
+        } else {
+            "exploratory"
+        };
+        let pairing = if *self.paired {
+            "paired"
+        } else {
+            "independent"
+        };
+        let horizon = self
+            .horizon
+            .map_or("default".to_owned(), |horizon| horizon.get().to_string());
         format!(
-            "{first_cell} | {second_cell} | {:?} | {:?} | {} | {:?}",
+            "{first_cell} | {second_cell} | {:?} | {:?} | {} | {role} | {pairing} | horizon {horizon}",
             study.measure_of(self),
             self.direction,
-            self.size.get(),
-            self.test
+            self.smallest.get(),
         )
     }
 }
@@ -153,11 +203,11 @@ pub enum ClaimDirection {
     More,
     /// Below 0.
     Less,
-    /// Smaller than `size` in both directions.
+    /// Smaller than `smallest` in both directions.
     Same,
-    /// Below `size`: the first cell is not relevantly larger.
+    /// Below `smallest`: the first cell is not relevantly larger.
     NotMore,
-    /// Above −`size`: the first cell is not relevantly smaller.
+    /// Above −`smallest`: the first cell is not relevantly smaller.
     NotLess,
 }
 
@@ -173,16 +223,6 @@ impl ClaimDirection {
     pub fn is_null(self) -> bool {
         matches!(self, Self::Same | Self::NotMore | Self::NotLess)
     }
-}
-
-/// How the runs of two cells are compared.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Test {
-    /// Paired by run seed, with Wilcoxon's signed-rank test.
-    #[default]
-    Paired,
-    /// As two samples, with the log-rank test for times and Welch's test for other measures.
-    Independent,
 }
 
 impl Study {
@@ -207,12 +247,29 @@ impl Study {
             .map_or_else(|| self.main_measure(), |measure| **measure)
     }
 
+    /// Numbers of runs per cell at which confirmatory claims are evaluated.
+    #[must_use]
+    pub fn looks(&self) -> Vec<u64> {
+        if self.looks.is_empty() {
+            return vec![self.repeats.get().into()];
+        }
+        self.looks.iter().map(|look| look.get().into()).collect()
+    }
+
     /// Checks the study. `cells` are the names of all its cells.
     ///
     /// # Errors
     /// The invalid field, and the reason.
     pub fn check(&self, cells: &[&str]) -> Result<(), ValidationError> {
         self.check_seeds()?;
+        let looks = self.looks();
+        let ends_with_all = looks.last() == Some(&self.repeats.get().into());
+        if !ends_with_all || !looks.is_sorted_by(|earlier, later| earlier < later) {
+            return Err(self.looks.error(format!(
+                "expected ascending numbers of runs per cell, the last of which is `repeats` ({})",
+                self.repeats.get()
+            )));
+        }
         if self.measures.is_empty() {
             return Err(self
                 .measures
@@ -228,16 +285,50 @@ impl Study {
             return Err(name.unknown_name("cell", cells.iter().copied()));
         }
         self.check_pools(cells)?;
-        let claim_about_one_cell = self
-            .claims
+        self.claims
             .iter()
-            .find(|claim| claim.compare.0 == claim.compare.1);
-        claim_about_one_cell.map_or(Ok(()), |claim| {
-            Err(claim
+            .try_for_each(|claim| self.check_claim(claim))
+    }
+
+    fn check_claim(&self, claim: &Claim) -> Result<(), ValidationError> {
+        let measure = self.measure_of(claim);
+        if claim.compare.0 == claim.compare.1 {
+            return Err(claim
                 .compare
                 .1
-                .error("expected a cell other than the first"))
-        })
+                .error("expected a cell other than the first"));
+        }
+        if claim.confirmatory && claim.direction.is_null() && claim.because.trim().is_empty() {
+            return Err(claim.compare.0.error(
+                "a confirmatory claim of no effect needs a reason for its margin; expected \
+                 `because: \"…\"`, why effects below `smallest` are of no interest",
+            ));
+        }
+        if *claim.paired && self.pairs_share.trim().is_empty() {
+            return Err(claim.paired.error(
+                "equal run seeds do not make runs of different cells alike; expected \
+                 `pairs_share: \"…\"` in the study, what such runs share, or no `paired`",
+            ));
+        }
+        if *claim.paired && measure == Measure::Solved {
+            return Err(claim
+                .paired
+                .error("shares of solved runs cannot be paired; expected `paired: false`"));
+        }
+        if measure == Measure::EnvStepsToSolve && claim.horizon.is_none() {
+            return Err(claim.compare.0.error(
+                "a claim on `EnvStepsToSolve` needs `horizon`, the number of environment steps up \
+                 to which times are compared",
+            ));
+        }
+        let is_of_shares = matches!(claim.expected.as_deref(), Some(Expected::Shares(..)));
+        match &claim.expected {
+            Some(expected) if is_of_shares != (measure == Measure::Solved) => Err(expected.error(
+                "expected `Shares(first, second)` for the measure `Solved`, and `Deviation(…)` for \
+                 all others",
+            )),
+            _ => Ok(()),
+        }
     }
 
     /// Checks that figures pool runs of several tasks only in shares, which can be compared between

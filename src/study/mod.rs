@@ -5,7 +5,8 @@
 //! [`claims`] evaluate the [`results`], and the [`report`] presents them. The unit of all
 //! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
 //! they are not independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a
-//! study file. This module must not depend on how agents learn.
+//! study file. [`registration`] fixes a study before its runs, and [`power`] says how many runs it
+//! needs. This module must not depend on how agents learn.
 
 pub mod bench;
 pub mod claims;
@@ -15,7 +16,9 @@ pub mod figure;
 pub mod file;
 pub mod measure;
 pub mod plan;
+pub mod power;
 pub mod provenance;
+pub mod registration;
 pub mod report;
 pub mod result_file;
 pub mod results;

@@ -8,6 +8,7 @@ use super::experiment::{self, Experiment, LoadError, LoadStep};
 use super::figure::{EpisodeWindow, Figure};
 use super::file::{Axis, NamedCell, Study};
 use super::measure::Measure;
+use super::registration::{Lock, RegistrationError};
 use crate::text::file_stem;
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
 
@@ -25,6 +26,8 @@ pub struct StudyPlan {
     /// Cells: first the cells of the grid, with the last axis varying fastest, then the named
     /// cells.
     pub cells: Vec<Cell>,
+    /// Lock from which run seeds are derived; `None` for runs that are not registered.
+    pub lock: Option<Lock>,
 }
 
 /// One cell of a study: a scenario with replaced values, of which there are several runs.
@@ -52,10 +55,10 @@ pub struct PlannedRun<'a> {
     pub index: usize,
     /// Cell of the run.
     pub cell: &'a Cell,
+    /// Index among the runs of its cell. Visited states are stored for the first one.
+    pub repeat: u64,
     /// Run seed.
     pub run_seed: u64,
-    /// Whether this is the first run of its cell, for which visited states are stored.
-    pub is_first: bool,
 }
 
 impl StudyPlan {
@@ -79,7 +82,25 @@ impl StudyPlan {
             document,
             quick,
             cells,
+            lock: None,
         })
+    }
+
+    /// The same study with the run seeds of its lock.
+    ///
+    /// # Errors
+    /// If the study is not registered, or if it differs from its lock.
+    pub fn registered(mut self) -> Result<Self, RegistrationError> {
+        self.lock = Some(Lock::check(&self)?);
+        Ok(self)
+    }
+
+    /// Run seed of the run with this index in its cell.
+    fn run_seed(&self, repeat: u64) -> u64 {
+        match &self.lock {
+            Some(lock) => lock.run_seed(repeat),
+            None => *self.study().first_seed + repeat,
+        }
     }
 
     /// The study file.
@@ -103,15 +124,14 @@ impl StudyPlan {
     /// All runs, in the order of their indices.
     #[must_use]
     pub fn runs(&self) -> Vec<PlannedRun<'_>> {
-        let first_seed = *self.study().first_seed;
         let mut runs = Vec::new();
         for cell in &self.cells {
             for repeat in 0..self.repeats() {
                 runs.push(PlannedRun {
                     index: runs.len(),
                     cell,
-                    run_seed: first_seed + repeat,
-                    is_first: repeat == 0,
+                    repeat,
+                    run_seed: self.run_seed(repeat),
                 });
             }
         }
@@ -128,10 +148,15 @@ impl StudyPlan {
             .collect()
     }
 
-    /// Default folder of the results.
+    /// Default folder of the results: one for each lock, and others for runs that are not
+    /// registered.
     #[must_use]
     pub fn default_folder(&self) -> PathBuf {
-        let folder_suffix = if self.quick { "-quick" } else { "" };
+        let folder_suffix = match &self.lock {
+            Some(lock) => format!("-{}", lock.short_id()),
+            None if self.quick => "-quick".to_owned(),
+            None => String::new(),
+        };
         Path::new("recordings")
             .join("studies")
             .join(format!("{}{folder_suffix}", self.name))
@@ -142,7 +167,7 @@ impl PlannedRun<'_> {
     /// Numbers of first episodes whose visited states are stored for this run.
     #[must_use]
     pub fn windows(&self) -> &[u32] {
-        if self.is_first {
+        if self.repeat == 0 {
             &self.cell.windows
         } else {
             &[]

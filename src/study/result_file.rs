@@ -1,41 +1,22 @@
 //! Result files. Each file has one stored run of a study.
 //!
-//! A file is plain data in `postcard`'s encoding. Files of an older layout are still read; see
-//! `OLDER_LAYOUT`.
+//! A file is plain data in `postcard`'s encoding, followed by a checksum. A file whose checksum is
+//! wrong is never read.
 
 use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh64::xxh64;
 
 use super::measure::Curve;
 use super::provenance::{self, BuildId};
 use super::run_result::RunResult;
 
-/// Number of the layout in which files are written.
-const LAYOUT: u32 = 3;
+/// Number of the layout in which files are written. Files of other layouts are not read.
+const LAYOUT: u32 = 4;
 
-/// Number of the older layout, without commit and names of curves, and with 0 (1 for ratios)
-/// instead of unmeasured values.
-const OLDER_LAYOUT: u32 = 2;
-
-/// Curves in files of `OLDER_LAYOUT`, in the order of the file, each with its placeholder for
-/// unmeasured values.
-const OLDER_CURVES: [(Curve, f32); 14] = [
-    (Curve::ValueLoss, 0.0),
-    (Curve::PolicyLoss, 0.0),
-    (Curve::RatioDeviation, 1.0),
-    (Curve::LargestRatio, 1.0),
-    (Curve::ClippedFraction, 0.0),
-    (Curve::Entropy, 0.0),
-    (Curve::IntrinsicReward, 0.0),
-    (Curve::PredictionError, 0.0),
-    (Curve::BonusAgreement, 0.0),
-    (Curve::Coverage, 0.0),
-    (Curve::VisitationEvenness, 0.0),
-    (Curve::TeamCoverage, 0.0),
-    (Curve::TeamOverlap, 0.0),
-    (Curve::EffectiveAgents, 0.0),
-];
+/// Number of bytes of the checksum at the end of a file.
+const CHECKSUM_BYTES: usize = 8;
 
 /// A stored run.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,31 +33,20 @@ pub struct StoredRun {
     pub run_seed: u64,
     /// Result, or the reason why the run failed.
     pub outcome: Result<RunResult, String>,
-    /// Whether the run was read from a file of `OLDER_LAYOUT`.
-    has_older_layout: bool,
 }
 
-/// Contents of a file. In the file, they are followed by the bytes of the build id.
+/// Contents of a file. In the file, they are followed by the XXH64 of their bytes.
 #[derive(Serialize, Deserialize)]
 struct ResultFile {
     layout: u32,
     version: String,
     commit: Option<String>,
+    build: Option<BuildId>,
     digest: String,
     seed: u64,
     /// Keys of the curves, in the order of the curves of the result. Other versions may have other
     /// metrics.
     curves: Vec<String>,
-    outcome: Result<RunResult, String>,
-}
-
-/// Contents of a file of `OLDER_LAYOUT`.
-#[derive(Deserialize)]
-struct OlderResultFile {
-    _layout: u32,
-    version: String,
-    digest: String,
-    seed: u64,
     outcome: Result<RunResult, String>,
 }
 
@@ -91,7 +61,6 @@ impl StoredRun {
             digest,
             run_seed,
             outcome,
-            has_older_layout: false,
         }
     }
 
@@ -103,39 +72,39 @@ impl StoredRun {
             layout: LAYOUT,
             version: self.version.clone(),
             commit: self.commit.clone(),
+            build: self.build,
             digest: self.digest.clone(),
             seed: self.run_seed,
             curves: keys.map(str::to_owned).collect(),
             outcome: self.outcome.clone(),
         };
         let mut bytes = postcard::to_stdvec(&file).expect("plain data always serializes");
-        bytes.extend(self.build.into_iter().flatten());
+        let checksum = xxh64(&bytes, 0);
+        bytes.extend(checksum.to_le_bytes());
         bytes
     }
 
-    /// Decodes the bytes of a file. `None` if they are incomplete or have an unknown layout.
+    /// Decodes the bytes of a file. `None` if they are damaged or have another layout.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (layout, _) = postcard::take_from_bytes::<u32>(bytes).ok()?;
-        let (mut file, remaining_bytes) = match layout {
-            LAYOUT => postcard::take_from_bytes::<ResultFile>(bytes).ok()?,
-            OLDER_LAYOUT => {
-                let (file, remaining_bytes) =
-                    postcard::take_from_bytes::<OlderResultFile>(bytes).ok()?;
-                (ResultFile::from(file), remaining_bytes)
-            }
-            _ => return None,
-        };
-        if let Ok(run) = &mut file.outcome {
+        let (contents, checksum) = bytes.split_last_chunk::<CHECKSUM_BYTES>()?;
+        if xxh64(contents, 0) != u64::from_le_bytes(*checksum) {
+            return None;
+        }
+        let file: ResultFile = postcard::from_bytes(contents).ok()?;
+        if file.layout != LAYOUT {
+            return None;
+        }
+        let mut outcome = file.outcome;
+        if let Ok(run) = &mut outcome {
             run.curves = values_in_curve_order(&file.curves, std::mem::take(&mut run.curves));
         }
         Some(Self {
             version: file.version,
             commit: file.commit,
-            build: postcard::from_bytes(remaining_bytes).ok(),
+            build: file.build,
             digest: file.digest,
             run_seed: file.seed,
-            outcome: file.outcome,
-            has_older_layout: layout == OLDER_LAYOUT,
+            outcome,
         })
     }
 
@@ -145,14 +114,9 @@ impl StoredRun {
     /// Never: plain data always serializes.
     #[must_use]
     pub fn is_reproduced_by(&self, outcome: &Result<RunResult, String>) -> bool {
+        // Compare bytes instead of numbers, because NaN does not equal itself.
         let bytes = |outcome: &Result<RunResult, String>| {
-            let outcome = if self.has_older_layout {
-                outcome.clone().map(in_older_layout)
-            } else {
-                outcome.clone()
-            };
-            // Compare bytes instead of numbers, because NaN does not equal itself.
-            postcard::to_stdvec(&outcome).expect("plain data always serializes")
+            postcard::to_stdvec(outcome).expect("plain data always serializes")
         };
         bytes(&self.outcome) == bytes(outcome)
     }
@@ -168,74 +132,6 @@ fn values_in_curve_order(keys: &[String], curves: Vec<Vec<f32>>) -> Vec<Vec<f32>
         ordered_values.push(curves.remove(curve.metric().key).unwrap_or_default());
     }
     ordered_values
-}
-
-impl From<OlderResultFile> for ResultFile {
-    fn from(older_file: OlderResultFile) -> Self {
-        let keys = OLDER_CURVES.iter().map(|(curve, _)| curve.metric().key);
-        Self {
-            layout: LAYOUT,
-            version: older_file.version,
-            commit: None,
-            digest: older_file.digest,
-            seed: older_file.seed,
-            curves: keys.map(str::to_owned).collect(),
-            outcome: older_file.outcome.map(without_placeholders),
-        }
-    }
-}
-
-/// Removes curves of the older layout that were not measured.
-///
-/// Losses, bonuses and errors that are 0 in every round of a run count as not measured. If the
-/// policy loss was not measured, neither were ratios and clipping. Otherwise a clipped fraction of
-/// 0 is a measured value.
-fn without_placeholders(mut run: RunResult) -> RunResult {
-    let is_unmeasured = |curve: Curve| {
-        let index = OLDER_CURVES.iter().position(|(other, _)| *other == curve);
-        let values = index.and_then(|index| run.curves.get(index));
-        values.is_none_or(|values| values.iter().all(|value| *value == 0.0))
-    };
-    let mut unmeasured = vec![
-        Curve::ValueLoss,
-        Curve::PolicyLoss,
-        Curve::IntrinsicReward,
-        Curve::PredictionError,
-        Curve::BonusAgreement,
-    ];
-    unmeasured.retain(|curve| is_unmeasured(*curve));
-    if unmeasured.contains(&Curve::PolicyLoss) {
-        unmeasured.extend([
-            Curve::RatioDeviation,
-            Curve::LargestRatio,
-            Curve::ClippedFraction,
-        ]);
-    }
-    for ((curve, _), values) in OLDER_CURVES.iter().zip(&mut run.curves) {
-        if unmeasured.contains(curve) {
-            values.clear();
-        }
-    }
-    run
-}
-
-/// Converts a result to the older layout, which has fewer curves, and placeholders for unmeasured
-/// values.
-fn in_older_layout(mut run: RunResult) -> RunResult {
-    for (curve, values) in Curve::WITH_ROUND_VALUES.iter().zip(&mut run.curves) {
-        let older_curve = OLDER_CURVES.iter().find(|(other, _)| other == curve);
-        let Some((_, placeholder)) = older_curve else {
-            values.clear();
-            continue;
-        };
-        values.resize(run.episodes.len(), f32::NAN);
-        for value in values {
-            if value.is_nan() {
-                *value = *placeholder;
-            }
-        }
-    }
-    run
 }
 
 #[cfg(test)]
@@ -254,29 +150,6 @@ mod tests {
         }
     }
 
-    fn stored_run_of_older_layout(run: &RunResult) -> StoredRun {
-        let outcome: Result<&RunResult, String> = Ok(run);
-        let file = (OLDER_LAYOUT, "0.1.0", "digest", 7_u64, outcome);
-        let mut bytes = postcard::to_stdvec(&file).unwrap();
-        bytes.extend([3; 8]);
-        StoredRun::from_bytes(&bytes).unwrap()
-    }
-
-    /// A run of value-based learners without bonus, as versions with the older layout stored it.
-    fn older_run_with_placeholders() -> RunResult {
-        let mut run = run(OLDER_CURVES.len());
-        for index in [1, 2, 3, 4, 6, 7, 8] {
-            run.curves[index] = vec![OLDER_CURVES[index].1; ROUNDS];
-        }
-        run
-    }
-
-    fn measured_curves(run: &RunResult) -> Vec<Curve> {
-        let mut measured_curves = Curve::WITH_ROUND_VALUES.to_vec();
-        measured_curves.retain(|curve| !run.curve(*curve).is_empty());
-        measured_curves
-    }
-
     #[test]
     fn a_stored_run_equals_the_written_run() {
         let outcome = Ok(run(Curve::WITH_ROUND_VALUES.len()));
@@ -285,55 +158,33 @@ mod tests {
         assert_eq!(read, written);
         assert!(read.is_reproduced_by(&outcome));
         assert!(!read.is_reproduced_by(&Ok(run(3))));
-        let mut unknown = written.to_bytes();
-        unknown[0] = 99;
-        assert_eq!(StoredRun::from_bytes(&unknown), None);
     }
 
+    /// A change of any bit of a file is found.
     #[test]
-    fn curves_of_the_older_layout_are_read_by_name() {
-        let read = stored_run_of_older_layout(&run(OLDER_CURVES.len()));
-        let run = read.outcome.unwrap();
-        for (position, (curve, _)) in OLDER_CURVES.iter().enumerate() {
-            assert_eq!(run.curve(*curve), [position as f64 + 1.0; ROUNDS]);
-        }
-        assert!(run.curve(Curve::VisitationEntropy).is_empty());
-        assert_eq!(read.build, Some([3; 8]));
-    }
-
-    #[test]
-    fn placeholders_of_the_older_layout_count_as_unmeasured() {
-        let run = stored_run_of_older_layout(&older_run_with_placeholders())
-            .outcome
-            .unwrap();
-        let measured_curves = measured_curves(&run);
-        assert_eq!(measured_curves[..2], [Curve::ValueLoss, Curve::Entropy]);
-        assert_eq!(measured_curves.len(), 2 + 5);
-    }
-
-    /// If there is a policy loss, a clipped fraction of 0 means that nothing was clipped.
-    #[test]
-    fn a_clipped_fraction_of_zero_is_measured_if_there_is_a_policy_loss() {
-        let mut stored = run(OLDER_CURVES.len());
-        stored.curves[4] = vec![0.0; ROUNDS];
-        let run = stored_run_of_older_layout(&stored).outcome.unwrap();
-        assert_eq!(run.curve(Curve::ClippedFraction), [0.0; ROUNDS]);
-    }
-
-    /// A repetition has an additional curve, and NaN instead of placeholders.
-    #[test]
-    fn a_repetition_reproduces_a_run_of_the_older_layout() {
-        let stored = stored_run_of_older_layout(&older_run_with_placeholders());
-        let mut repetition = stored.outcome.clone().unwrap();
-        for (curve, values) in Curve::WITH_ROUND_VALUES.iter().zip(&mut repetition.curves) {
-            if *curve == Curve::VisitationEntropy {
-                *values = vec![0.5; ROUNDS];
-            } else if values.is_empty() {
-                *values = vec![f32::NAN; ROUNDS];
+    fn a_changed_file_is_not_read() {
+        let bytes = StoredRun::new("digest".to_owned(), 7, Ok(run(2))).to_bytes();
+        for byte in 0..bytes.len() {
+            for bit in 0..8 {
+                let mut changed = bytes.clone();
+                changed[byte] ^= 1 << bit;
+                assert_eq!(
+                    StoredRun::from_bytes(&changed),
+                    None,
+                    "byte {byte}, bit {bit}"
+                );
             }
         }
-        assert!(stored.is_reproduced_by(&Ok(repetition.clone())));
-        repetition.curves[0][1] += 1.0;
-        assert!(!stored.is_reproduced_by(&Ok(repetition)));
+        assert_eq!(StoredRun::from_bytes(&bytes[..bytes.len() - 1]), None);
+        assert_eq!(StoredRun::from_bytes(&[]), None);
+    }
+
+    #[test]
+    fn files_of_another_layout_are_not_read() {
+        let mut bytes = StoredRun::new("digest".to_owned(), 7, Ok(run(2))).to_bytes();
+        bytes.truncate(bytes.len() - CHECKSUM_BYTES);
+        bytes[0] = LAYOUT as u8 + 1;
+        bytes.extend(xxh64(&bytes, 0).to_le_bytes());
+        assert_eq!(StoredRun::from_bytes(&bytes), None);
     }
 }

@@ -7,9 +7,11 @@ use super::figure::{EpisodeWindow, Figure};
 use super::file::{FIRST_REPORTING_SEED, Study};
 use super::measure::Measure;
 use super::provenance::BuildId;
+use super::registration::Audit;
 use super::run_result::RunResult;
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
 use seedbed_env::input::{self, InputError};
+use seedbed_stats::family::{FAMILY_LEVEL, levels_of_looks};
 
 /// A study with all its finished runs.
 #[derive(Clone, Debug)]
@@ -26,6 +28,9 @@ pub struct Results {
     pub commits: BTreeSet<String>,
     /// Builds of seedbed that made the runs; `None` is an unknown build.
     pub builds: BTreeSet<Option<BuildId>>,
+    /// What is wrong with the registration of these results, and what a reader should know of it;
+    /// `None` for results that are not registered.
+    pub audit: Option<Audit>,
 }
 
 /// Results of the runs of a cell.
@@ -37,8 +42,10 @@ pub struct CellResults {
     pub runs: Vec<(u64, RunResult)>,
     /// Run seeds of failed runs, and the reasons why they failed.
     pub failures: Vec<(u64, String)>,
-    /// Number of runs that are missing.
+    /// Number of runs that are missing, including those of damaged files.
     pub missing: usize,
+    /// Run seeds of runs whose result files are damaged or were edited.
+    pub damaged: Vec<u64>,
 }
 
 /// Error: results cannot be read.
@@ -66,24 +73,53 @@ impl Results {
             versions: BTreeSet::new(),
             commits: BTreeSet::new(),
             builds: BTreeSet::new(),
+            audit: None,
             manifest,
         };
+        let run_seeds = results.begun_run_seeds(folder);
         for description in results.manifest.cells.clone() {
-            results.read_cell(folder, description);
+            results.read_cell(folder, description, &run_seeds);
         }
+        results.audit = Audit::of(&results, folder);
         Ok(results)
     }
 
-    fn read_cell(&mut self, folder: &StudyFolder, description: ManifestCell) {
+    /// Run seeds of each cell, up to the first look of which no later look has a run: a registered
+    /// study ends as soon as all its claims are decided.
+    fn begun_run_seeds(&self, folder: &StudyFolder) -> Vec<u64> {
+        let mut run_seeds = self.manifest.run_seeds();
+        if self.manifest.lock.is_none() {
+            return run_seeds;
+        }
+        let has_run = |run_seed: &u64| {
+            let mut cells = self.manifest.cells.iter();
+            cells.any(|cell| folder.has_result_file(&cell.digest, *run_seed))
+        };
+        let begun = run_seeds
+            .iter()
+            .rposition(has_run)
+            .map_or(0, |last| last as u64 + 1);
+        let look = self.study.looks().into_iter().find(|&runs| runs >= begun);
+        run_seeds.truncate(look.unwrap_or(u64::MAX) as usize);
+        run_seeds
+    }
+
+    /// Reads the runs of a cell with these run seeds.
+    fn read_cell(&mut self, folder: &StudyFolder, description: ManifestCell, run_seeds: &[u64]) {
         let mut cell = CellResults {
             description,
             runs: Vec::new(),
             failures: Vec::new(),
             missing: 0,
+            damaged: Vec::new(),
         };
-        for run_seed in self.manifest.first_seed..self.manifest.first_seed + self.manifest.repeats {
-            let Some(stored) = folder.find_run(&cell.description.digest, run_seed, &[]) else {
+        for &run_seed in run_seeds {
+            let digest = &cell.description.digest;
+            let Some(stored) = folder.find_run(digest, run_seed, &[]) else {
                 cell.missing += 1;
+                if folder.has_result_file(digest, run_seed) {
+                    cell.damaged.push(run_seed);
+                }
                 continue;
             };
             self.versions.insert(stored.version);
@@ -120,7 +156,39 @@ impl Results {
     /// Whether the run seeds are for tuning. Such results must not be published.
     #[must_use]
     pub fn is_tuning(&self) -> bool {
-        self.manifest.first_seed < FIRST_REPORTING_SEED
+        self.manifest.lock.is_none() && self.manifest.first_seed < FIRST_REPORTING_SEED
+    }
+
+    /// Looks at which confirmatory claims are evaluated: the number of first runs of each cell
+    /// (`None` for all that are finished), and the error probability of each family on each side.
+    /// Looks of registered results that are not complete in every cell, and all looks of a broken
+    /// registration, are left out.
+    #[must_use]
+    pub fn looks(&self) -> Vec<(Option<u64>, f64)> {
+        let Some(audit) = &self.audit else {
+            return vec![(None, FAMILY_LEVEL)];
+        };
+        let looks = self.study.looks();
+        let runs: Vec<usize> = looks.iter().map(|&runs| runs as usize).collect();
+        let levels = levels_of_looks(&runs, FAMILY_LEVEL);
+        let is_usable = |runs: u64| audit.broken.is_empty() && self.is_complete(runs);
+        let looks = looks
+            .into_iter()
+            .zip(levels)
+            .filter(|(runs, _)| is_usable(*runs));
+        looks.map(|(runs, level)| (Some(runs), level)).collect()
+    }
+
+    /// Whether the first `count` runs of every cell are finished.
+    fn is_complete(&self, count: u64) -> bool {
+        let run_seeds = self.manifest.run_seeds();
+        let first_seeds = &run_seeds[..run_seeds.len().min(count as usize)];
+        self.cells.iter().all(|cell| {
+            let finished: BTreeSet<u64> = cell.runs.iter().map(|(run_seed, _)| *run_seed).collect();
+            first_seeds
+                .iter()
+                .all(|run_seed| finished.contains(run_seed))
+        })
     }
 
     /// Numbers of finished, failed and missing runs.

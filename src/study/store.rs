@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::file::{Claim, Study};
 use super::plan::{PlannedRun, StudyPlan};
+use super::registration::Lock;
 pub use super::result_file::StoredRun;
 use super::run_result::RunResult;
 use crate::run::files;
@@ -36,7 +37,10 @@ pub struct Manifest {
     pub study: String,
     /// Whether the study was run with the settings of `quick`.
     pub quick: bool,
-    /// Run seed of the first run of each cell.
+    /// Lock from which run seeds are derived; `None` for runs that are not registered.
+    #[serde(default)]
+    pub lock: Option<Lock>,
+    /// Run seed of the first run of each cell, for runs that are not registered.
     pub first_seed: u64,
     /// Number of runs per cell.
     pub repeats: u64,
@@ -163,6 +167,39 @@ impl StudyFolder {
         self.runs_folder().join(format!("{digest}-{run_seed}.run"))
     }
 
+    /// Whether there is a result file of the run, readable or not.
+    #[must_use]
+    pub fn has_result_file(&self, digest: &str, run_seed: u64) -> bool {
+        self.result_file(digest, run_seed).exists()
+    }
+
+    /// Number of result files of runs with this digest.
+    #[must_use]
+    pub fn count_runs(&self, digest: &str) -> usize {
+        let prefix = format!("{digest}-");
+        self.result_file_names()
+            .iter()
+            .filter(|name| name.starts_with(&prefix))
+            .count()
+    }
+
+    /// Names of all result files; empty if there is no folder of result files.
+    #[must_use]
+    pub fn result_file_names(&self) -> Vec<String> {
+        let Ok(entries) = std::fs::read_dir(self.runs_folder()) else {
+            return Vec::new();
+        };
+        let is_result =
+            |path: &PathBuf| path.extension().is_some_and(|extension| extension == "run");
+        let paths = entries
+            .flatten()
+            .map(|entry| entry.path())
+            .filter(is_result);
+        paths
+            .filter_map(|path| path.file_name()?.to_str().map(str::to_owned))
+            .collect()
+    }
+
     /// Path of the folder of all result files.
     #[must_use]
     pub fn runs_folder(&self) -> PathBuf {
@@ -279,6 +316,16 @@ impl Manifest {
             .collect()
     }
 
+    /// Run seeds of each cell.
+    #[must_use]
+    pub fn run_seeds(&self) -> Vec<u64> {
+        let run_seed = |repeat| match &self.lock {
+            Some(lock) => lock.run_seed(repeat),
+            None => self.first_seed + repeat,
+        };
+        (0..self.repeats).map(run_seed).collect()
+    }
+
     /// Sentence for the report if the number of runs per cell was changed after some runs, such as
     /// `The number of runs per cell was extended from 10 to 20 after some of them had been run.`
     #[must_use]
@@ -317,6 +364,7 @@ impl Manifest {
             study_path: plan.path.display().to_string(),
             study: plan.document.text.clone(),
             quick: plan.quick,
+            lock: plan.lock.clone(),
             first_seed: *plan.study().first_seed,
             repeats: plan.repeats(),
             cells: plan.cells.iter().map(cell).collect(),

@@ -8,6 +8,7 @@ mod determinism;
 mod learning;
 mod messages;
 mod recording;
+mod registration;
 mod reliability;
 mod review;
 mod study;

@@ -52,8 +52,20 @@ fn run_study(study: &str, out: &Path, extra_arguments: &[&str]) -> Output {
     )
 }
 
-/// Number of bytes of the hash of the build, which is at the end of a result file.
-const BUILD_HASH_LENGTH: usize = 8;
+/// Number of bytes of the checksum at the end of a result file.
+const CHECKSUM_BYTES: usize = 8;
+
+/// Replaces the contents of a result file, with a valid checksum.
+fn write_result_file(path: &Path, mut contents: Vec<u8>) {
+    let checksum = xxhash_rust::xxh64::xxh64(&contents, 0);
+    contents.extend(checksum.to_le_bytes());
+    fs::write(path, contents).unwrap();
+}
+
+/// The contents of a result file without the checksum.
+fn contents(file: &[u8]) -> &[u8] {
+    &file[..file.len() - CHECKSUM_BYTES]
+}
 
 /// Contents of the result files of runs, by file name.
 fn stored_results(out: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -189,18 +201,22 @@ fn verify_finds_runs_that_are_not_reproduced() {
 /// Changes the sign of one value in the stored results of all runs with a run seed.
 fn change_stored_curves(out: &Path, run_seed: u64) {
     let file_end = format!("-{run_seed}.run");
-    for (name, mut bytes) in stored_results(out) {
+    for (name, bytes) in stored_results(out) {
         if name.ends_with(&file_end) {
-            // The curves are stored just before the hash of the build.
-            let sign_byte = bytes.len() - BUILD_HASH_LENGTH - 2;
-            bytes[sign_byte] ^= 0x80;
-            fs::write(out.join("runs").join(name), bytes).unwrap();
+            let mut contents = contents(&bytes).to_vec();
+            // The last byte is the number of windows of visited states, 0; the curves are before it.
+            let sign_byte = contents.len() - 2;
+            contents[sign_byte] ^= 0x80;
+            write_result_file(&out.join("runs").join(name), contents);
         }
     }
 }
 
-/// A stored run without a hash of the build is from an older version of the program. A stored run
-/// with another hash is from another build.
+/// Hash of the build that made a run.
+type Build = Option<[u8; 8]>;
+
+/// A stored run without a hash of the build is from a program that could not read its own file. A
+/// stored run with another hash is from another build.
 #[test]
 fn a_report_names_the_builds_of_its_runs() {
     let (_folder, study, out) = write_study(&study_text(1, ""));
@@ -213,23 +229,26 @@ fn a_report_names_the_builds_of_its_runs() {
         "{}",
         page()
     );
-    let change_result = |index: usize, change: fn(&mut Vec<u8>)| {
-        let (name, mut bytes) = stored_results(&out).into_iter().nth(index).unwrap();
-        change(&mut bytes);
-        fs::write(out.join("runs").join(name), bytes).unwrap();
+    let change_build = |index: usize, change: fn(Build) -> Build| {
+        let (name, bytes) = stored_results(&out).into_iter().nth(index).unwrap();
+        let ((layout, version, commit, build), others): ((u32, String, Option<String>, Build), _) =
+            postcard::take_from_bytes(contents(&bytes)).unwrap();
+        let head = (layout, version, commit, change(build));
+        let contents = [&postcard::to_stdvec(&head).unwrap(), others].concat();
+        write_result_file(&out.join("runs").join(name), contents);
         let output = stdout(&run_study(&study, &out, &[]));
         assert!(
             output.starts_with("study      small: 3 cells, 1 run each, 0 to run\n"),
             "{output}"
         );
     };
-    change_result(0, |bytes| bytes.truncate(bytes.len() - BUILD_HASH_LENGTH));
+    change_build(0, |_| None);
     assert!(
         page().contains("The runs were made by 2 builds of seedbed (unknown, "),
         "{}",
         page()
     );
-    change_result(1, |bytes| *bytes.last_mut().unwrap() ^= 1);
+    change_build(1, |build| build.map(|hash| hash.map(|byte| !byte)));
     assert!(
         page().contains("The runs were made by 3 builds of seedbed (unknown, ")
             && page().contains(" --verify</code>.")
@@ -435,9 +454,9 @@ fn tabular_study_text() -> String {
             repeats: 6,
             measures: [Regret, Reach, FirstGoal, Coverage, Last(of: EffectiveAgents)],
             claims: [
-                (text: "less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, size: 5),
-                (text: "far less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, size: 1000),
-                (text: "the goal sooner", compare: ("deep_sea, seeds", "deep_sea, random"), measure: FirstGoal, direction: Less, size: 5),
+                (text: "less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, smallest: 5, confirmatory: true),
+                (text: "far less regret", compare: ("deep_sea, seeds", "deep_sea, random"), direction: Less, smallest: 0.1, claimed: 1000, confirmatory: true),
+                (text: "the goal sooner", compare: ("deep_sea, seeds", "deep_sea, random"), measure: FirstGoal, direction: Less, smallest: 5),
             ],
             figures: [
                 Curves(of: Regret, window: 3, cells: ["deep_sea, seeds", "deep_sea, random"]),
@@ -458,11 +477,13 @@ fn a_study_of_tabular_scenarios_is_run_and_reported() {
     let (folder, study, out) = write_study(&tabular_study_text());
     let output = run_study(&study, &out, &[]);
     assert!(
-        stdout(&output).contains("3 of 3 claims replicated, 1 of them smaller than claimed\n"),
+        stdout(&output).contains(
+            "2 confirmatory claims: 1 supported, 1 supported, smaller than claimed; 1 exploratory comparison\n"
+        ),
         "{output:?}"
     );
     assert!(
-        stdout(&output).contains("\nreplicated, smaller than claimed far less regret\n"),
+        stdout(&output).contains("\nsupported, smaller than claimed far less regret\n"),
         "{output:?}"
     );
     let rows = result_rows(&out);
@@ -532,8 +553,7 @@ fn assert_cells_are_compared_within_tasks(out: &Path) {
         .filter_map(|line| line.strip_prefix("## "))
         .collect();
     assert!(
-        titles[0] == "regret per agent"
-            && titles.last() == Some(&"Paired comparisons: regret per agent"),
+        titles[0] == "regret per agent" && titles.last() == Some(&"Comparisons: regret per agent"),
         "{titles:?}"
     );
     assert!(
@@ -547,14 +567,16 @@ fn assert_cells_are_compared_within_tasks(out: &Path) {
     );
 }
 
-/// The second claim has the right direction, but claims a far larger difference.
+/// The second claim has the right direction, but its source says a far larger difference. The third
+/// is exploratory.
 fn assert_claim_verdicts(out: &Path) {
     let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    // All six differences have the same sign, so p = 2/2⁶; Holm's correction for three claims: 3 p.
+    // Every run with seeds has less regret than every random run, so p = 1/C(12, 6) = 1/924 for both
+    // confirmatory claims, twice as much after Holm's correction.
     let row = table.lines().nth(2).unwrap();
     let (row_start, row_end) = (
-        "| less regret | regret per agent: deep_sea, seeds − deep_sea, random, claimed below 0, by 5 | −",
-        " | 6 | 0.0938 | replicated |",
+        "| less regret | regret per agent: deep_sea, seeds − deep_sea, random, claimed below 0; smallest effect of interest 5 | −",
+        " | 6 | 0.0022 | supported |",
     );
     assert!(
         row.starts_with(row_start) && row.ends_with(row_end),
@@ -565,13 +587,20 @@ fn assert_claim_verdicts(out: &Path) {
             .lines()
             .nth(3)
             .unwrap()
-            .ends_with(" | replicated, smaller than claimed |"),
+            .ends_with(" | 0.0022 | supported, smaller than claimed |"),
+        "{table}"
+    );
+    assert!(
+        table
+            .lines()
+            .nth(4)
+            .unwrap()
+            .ends_with(" | – | exploratory |"),
         "{table}"
     );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     assert_eq!(
-        page.matches(">replicated, smaller than claimed</p>")
-            .count(),
+        page.matches(">supported, smaller than claimed</p>").count(),
         1
     );
 }
@@ -596,66 +625,56 @@ fn assert_figures_of_tabular_study(out: &Path) {
     }
 }
 
-/// The results of `σ 0` and `σ 0 again` are bit-identical: no claim of a difference may be
-/// replicated, and six pairs are too few to show that there is no difference.
+/// The results of `σ 0` and `σ 0 again` are bit-identical: no claim of a difference may be supported.
+/// A margin of 500 is wider than any return, one of 0.001 is narrower than six runs can show.
 #[test]
-fn a_claim_without_an_effect_is_not_replicated() {
-    let claim = |direction: &str| {
+fn a_claim_without_an_effect_is_not_supported() {
+    let claim = |direction: &str, smallest: &str| {
         format!(
-            r#"(text: "{direction}", compare: ("σ 0 again", "σ 0"), direction: {direction}, size: 5)"#
+            r#"(text: "{direction} {smallest}", compare: ("σ 0 again", "σ 0"), direction: {direction}, smallest: {smallest}, because: "x", confirmatory: true)"#
         )
     };
-    let claims = ["More", "Less", "Same"].map(claim).join(", ");
+    let claims = [
+        ("More", "500"),
+        ("Less", "0.001"),
+        ("Same", "500"),
+        ("Same", "0.001"),
+    ];
+    let claims = claims
+        .map(|(direction, smallest)| claim(direction, smallest))
+        .join(", ");
     let (_folder, study, out) = write_study(&study_text(6, &format!("claims: [{claims}],")));
     let printed = stdout(&run_study(&study, &out, &[]));
     for line in [
-        "not replicated   More",
-        "not replicated   Less",
-        "inconclusive     Same",
-        "0 of 3 claims replicated",
+        "refuted            More 500",
+        "open               Less 0.001",
+        "no relevant effect Same 500",
+        "open               Same 0.001",
+        "4 confirmatory claims: 1 refuted, 2 open, 1 no relevant effect",
     ] {
         assert!(printed.contains(line), "{line} in {printed}");
     }
-    let table = fs::read_to_string(out.join("claims.md")).unwrap();
-    let p_values: Vec<&str> = table
-        .lines()
-        .skip(2)
-        .take(3)
-        .map(|row| row.split(" | ").nth(4).unwrap())
-        .collect();
-    // A test for a difference is no evidence that there is none, so `Same` has no p value.
-    assert_eq!(p_values, ["1.0000", "1.0000", "–"]);
-    assert!(
-        table.contains("\n\np-values are from tests for a difference"),
-        "{table}"
-    );
     assert_no_effect_on_page(&out);
 }
 
-/// The report shows p = 1 for `More` and `Less` only. For each claim it shows the probability that
-/// a run of the first cell has a return above, or below, that of the second cell: 0.5.
+/// For each claim the page shows the probability that a run of the first cell has a return above, or
+/// below, that of the second cell: 0.5.
 fn assert_no_effect_on_page(out: &Path) {
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    assert_eq!(
-        (
-            page.matches("; p = 1.0000 (Holm). ").count(),
-            page.matches(">Effect: mean difference between runs of the same seed.<")
-                .count()
-        ),
-        (2, 1)
-    );
+    let effect = ">Effect: difference between the means. Test: studentized permutation test.<";
+    assert_eq!(page.matches(effect).count(), 4);
     let counts_of_sides = ["above", "below"].map(|side| {
         page.matches(&format!("; P(first {side} second) = 0.5 ("))
             .count()
     });
-    assert_eq!(counts_of_sides, [1, 2]);
+    assert_eq!(counts_of_sides, [1, 3]);
 }
 
 #[test]
 fn a_report_of_an_unfinished_study_says_what_is_missing() {
     let (_folder, study, out) = write_study(&study_text(
         6,
-        r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#,
+        r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, smallest: 5, confirmatory: true)],"#,
     ));
     for index in ["0", "1", "6"] {
         assert!(
@@ -667,7 +686,7 @@ fn a_report_of_an_unfinished_study_says_what_is_missing() {
     let output = seedbed(&["report", out.to_str().unwrap()]);
     assert!(output.status.success(), "{output:?}");
     assert!(
-        stdout(&output).starts_with("runs       3 finished, 15 missing\ninconclusive     x\n"),
+        stdout(&output).starts_with("runs       3 finished, 15 missing\nopen             x\n"),
         "{output:?}"
     );
     let page = fs::read_to_string(out.join("report.html")).unwrap();
@@ -708,38 +727,37 @@ fn report_refuses_a_directory_without_a_study() {
     );
 }
 
-/// No run solves its task within eight episodes, so it is unknown which cell is faster.
+/// No run solves its task within eight episodes: all times are eight, which may be a ceiling, and
+/// shows neither an effect nor that there is none.
 #[test]
-fn claims_about_unsolved_runs_are_inconclusive() {
-    let claim = |direction: &str, test: &str| {
+fn claims_about_unsolved_runs_are_open() {
+    let claim = |direction: &str| {
         format!(
-            r#"(text: "{direction} {test}", compare: ("σ 9", "σ 0"), measure: EpisodesToSolve, direction: {direction}, size: 5, test: {test})"#
+            r#"(text: "{direction}", compare: ("σ 9", "σ 0"), measure: EpisodesToSolve, direction: {direction}, smallest: 5, because: "x", confirmatory: true)"#
         )
     };
-    let claims = [
-        claim("More", "Paired"),
-        claim("Less", "Independent"),
-        claim("Same", "Paired"),
-    ]
-    .join(", ");
+    let claims = ["More", "Less", "Same"].map(claim).join(", ");
     let (_folder, study, out) = write_study(&study_text(30, &format!("claims: [{claims}],")));
     let output = run_study(&study, &out, &[]);
-    assert_eq!(
-        stdout(&output).matches("inconclusive     ").count(),
-        3,
-        "{output:?}"
-    );
+    assert_eq!(stdout(&output).matches("\nopen ").count(), 3, "{output:?}");
+    let table = fs::read_to_string(out.join("claims.md")).unwrap();
     assert!(
-        fs::read_to_string(out.join("claims.md"))
-            .unwrap()
-            .contains("| unknown (−∞ to ∞) | 30 | 1.0000 | inconclusive |")
+        table.contains("| 0 (0 to 0), 8 against 8 | 30 | 1.0000 | open |"),
+        "{table}"
+    );
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert_eq!(
+        page.matches("they may be at a floor or a ceiling").count(),
+        3
     );
 }
 
 #[test]
 fn a_claim_that_changed_after_its_runs_is_marked_as_late() {
     let claim = |size: u32| {
-        format!(r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: {size})],"#)
+        format!(
+            r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, smallest: {size})],"#
+        )
     };
     let is_late = |size: u32, out: &Path, study: &str| {
         fs::write(study, study_text(6, &claim(size))).unwrap();
@@ -787,7 +805,7 @@ fn changed_repeats_are_reported() {
 /// Runs a study with one claim, and returns the sentence of its report on changes of `repeats`, or
 /// an empty text if there is no such sentence.
 fn run_and_read_sentence_on_repeats(study: &str, out: &Path, repeats: u32) -> String {
-    let claim = r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, size: 5)],"#;
+    let claim = r#"claims: [(text: "x", compare: ("σ 9", "σ 0"), direction: Less, smallest: 5)],"#;
     fs::write(study, study_text(repeats, claim)).unwrap();
     assert!(run_study(study, out, &[]).status.success());
     let [page, table] =

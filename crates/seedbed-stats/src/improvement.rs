@@ -1,91 +1,83 @@
-//! Probability of improvement: probability that a run of one algorithm has a higher score than a
-//! run of another (Agarwal et al. 2021, §4.3).
+//! Win probability: probability that a run of one algorithm has a higher score than a run of
+//! another (Mann–Whitney's U over the number of pairs; in Agarwal et al. 2021, §4.3, the probability
+//! of improvement).
 //!
 //! ```
-//! use seedbed_stats::improvement::probability_of_improvement;
+//! use seedbed_stats::improvement::win_probability;
 //!
-//! let (x, y) = (vec![3.0, 2.0], vec![1.0, 2.0]);
 //! // 3 is above both scores of y; 2 is above 1 and equal to 2, which counts half.
-//! assert_eq!(probability_of_improvement(&[x], &[y]).value, 3.5 / 4.0);
+//! assert_eq!(win_probability(&[3.0, 2.0], &[1.0, 2.0]).value, 3.5 / 4.0);
 //! ```
 
-use super::Estimate;
-use super::aggregate::sorted;
-use super::bootstrap::{estimate_statistics, sizes};
+use statrs::distribution::{ContinuousCDF, Normal};
 
-/// P(X > Y), averaged over tasks, with its bootstrap interval. A tie counts half.
-/// `x: [task][run]`, `y: [task][run]`
+use super::aggregate::sorted;
+use super::{Estimate, Interval};
+
+/// Number of bisections of an end of the interval.
+const BISECTIONS: u32 = 40;
+
+/// P(X > Y) with its 95 % interval. A tie counts half.   `x: [n]`, `y: [m]`
 ///
-/// Higher scores count as better. If lower scores are better, negate `x` and `y`.
+/// The interval is Newcombe's (2006, method 5): all θ with |θ̂ − θ| ≤ 1.96 √V(θ), where V(θ) is the
+/// variance if both scores are exponential,
+/// V(θ) = θ (1 − θ) (1 + ((n + m)/2 − 1) ((1 − θ)/(2 − θ) + θ/(1 + θ))) / (n m).
+/// At θ = ½ it is the variance of the Mann–Whitney test, (n + m + 1) / (12 n m). Unlike bootstrap
+/// intervals it has a width if all scores of x are above those of y.
+///
+/// Higher scores count as better. If lower scores are better, exchange `x` and `y`.
 ///
 /// # Panics
-/// If `x` and `y` have different numbers of tasks, or if a task has no runs.
+/// If a sample is empty.
 #[must_use]
-pub fn probability_of_improvement(x: &[Vec<f64>], y: &[Vec<f64>]) -> Estimate {
-    assert_eq!(x.len(), y.len());
-    let levels = levels(x, y);
-    let runs_of_x: usize = x.iter().map(Vec::len).sum();
-    let mut counts = vec![0; levels.iter().max().map_or(0, |&level| level as usize + 1)];
-    let estimates = estimate_statistics(&sizes(x.iter().chain(y)), 1, |drawn, probability| {
-        let (mut of_x, mut of_y) = drawn.split_at(runs_of_x);
-        let shares_of_wins = x.iter().zip(y).map(|(x, y)| {
-            let (x_of_task, y_of_task);
-            (x_of_task, of_x) = of_x.split_at(x.len());
-            (y_of_task, of_y) = of_y.split_at(y.len());
-            share_of_wins(&levels, x_of_task, y_of_task, &mut counts)
-        });
-        probability[0] = shares_of_wins.sum::<f64>() / x.len() as f64;
-    });
-    estimates[0]
+pub fn win_probability(x: &[f64], y: &[f64]) -> Estimate {
+    let value = share_of_wins(x, y);
+    let (n, m) = (x.len() as f64, y.len() as f64);
+    let z = Normal::standard().inverse_cdf(0.975);
+    let is_excluded = |theta: f64| (value - theta).abs() > z * variance(theta, n, m).sqrt();
+    Estimate {
+        value,
+        interval: Interval::of_runs(
+            x.len().min(y.len()),
+            end(value, 0.0, is_excluded),
+            end(value, 1.0, is_excluded),
+        ),
+    }
 }
 
-/// Levels of all runs, first those of x: within a task, equal scores have equal levels, and higher
-/// scores have higher levels.   `x: [task][run]`, `y: [task][run]` → `[run]`
-fn levels(x: &[Vec<f64>], y: &[Vec<f64>]) -> Vec<u32> {
-    let (mut levels_of_x, mut levels_of_y) = (Vec::new(), Vec::new());
-    for (x, y) in x.iter().zip(y) {
-        let mut distinct = sorted(&[&x[..], y].concat());
-        distinct.retain(|score| !score.is_nan());
-        distinct.dedup();
-        let level = |score: &f64, level_of_nan: usize| {
-            let level = 1 + distinct.partition_point(|other| other < score);
-            (if score.is_nan() { level_of_nan } else { level }) as u32
-        };
-        // NaN is neither above nor below nor equal to any score. So as an x it has the lowest
-        // level, where there is no y, and as a y the highest, where there is no x.
-        levels_of_x.extend(x.iter().map(|score| level(score, 0)));
-        levels_of_y.extend(y.iter().map(|score| level(score, distinct.len() + 1)));
-    }
-    [levels_of_x, levels_of_y].concat()
+fn variance(theta: f64, n: f64, m: f64) -> f64 {
+    let correlation = (1.0 - theta) / (2.0 - theta) + theta / (1.0 + theta);
+    theta * (1.0 - theta) * (1.0 + (f64::midpoint(n, m) - 1.0) * correlation) / (n * m)
 }
 
-/// Share of pairs (x, y) with x > y, a tie counting half: the Mann–Whitney U / (n m).
-/// `levels: [runs]`, `x: [n]` and `y: [m]` as indices of runs
-///
-/// Instead of comparing n m pairs, counts the scores of y at each level; `counts` has an entry for
-/// each level.
-fn share_of_wins(levels: &[u32], x: &[u32], y: &[u32], counts: &mut [u32]) -> f64 {
-    counts.fill(0);
-    for &run in y {
-        counts[levels[run as usize] as usize] += 1;
+/// The value between `inside` and `outside` at which values begin to be excluded.
+fn end(mut inside: f64, mut outside: f64, is_excluded: impl Fn(f64) -> bool) -> f64 {
+    if !is_excluded(outside) {
+        return outside;
     }
-    // Half wins of an x at each level: two for each y below it and one for each y equal to it, so
-    // that sums are whole numbers.
-    let mut below = 0;
-    for count in counts.iter_mut() {
-        let equal = *count;
-        *count = 2 * below + equal;
-        below += equal;
+    for _ in 0..BISECTIONS {
+        let middle = f64::midpoint(inside, outside);
+        if is_excluded(middle) {
+            outside = middle;
+        } else {
+            inside = middle;
+        }
     }
-    let half_wins_of = |&run: &u32| u64::from(counts[levels[run as usize] as usize]);
-    let half_wins: u64 = x.iter().map(half_wins_of).sum();
+    inside
+}
+
+/// Share of pairs (x, y) with x > y, a tie counting half. Scores of y are sorted once instead of
+/// comparing n m pairs.
+fn share_of_wins(x: &[f64], y: &[f64]) -> f64 {
+    let y = sorted(y);
+    let half_wins_of = |x: &f64| y.partition_point(|y| y < x) + y.partition_point(|y| y <= x);
+    let half_wins: usize = x.iter().map(half_wins_of).sum();
     half_wins as f64 / (2 * x.len() * y.len()) as f64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Interval, stratified_bootstrap_estimate};
 
     /// The definition: the share of wins among all pairs, a tie counting half.
     fn share_of_pairs(x: &[f64], y: &[f64]) -> f64 {
@@ -94,53 +86,59 @@ mod tests {
         f64::from(half_wins.sum::<u32>()) / (2 * x.len() * y.len()) as f64
     }
 
-    fn share(x: &[f64], y: &[f64]) -> f64 {
-        probability_of_improvement(&[x.to_vec()], &[y.to_vec()]).value
-    }
-
-    /// 3 is above 1 and 2; 2 is above 1 and equal to 2: (2 + 1 + ½) of 4 pairs. NaN wins and loses
-    /// nothing: of the pairs of NaN and 2 with 1 and NaN, only (2, 1) is a win.
     #[test]
-    fn ties_count_half() {
-        assert_eq!(share(&[3.0, 2.0], &[1.0, 2.0]), 3.5 / 4.0);
-        assert_eq!(share(&[f64::INFINITY], &[f64::INFINITY]), 0.5);
-        assert_eq!(share(&[0.0], &[-0.0]), 0.5);
-        assert_eq!(share(&[f64::NAN, 2.0], &[1.0, f64::NAN]), 0.25);
-    }
-
-    /// Counting at levels gives the numbers of comparing all pairs in every resample, to the bit.
-    #[test]
-    fn counted_wins_equal_compared_pairs() {
+    fn wins_are_counted_as_over_all_pairs() {
         let scores = |n: u32, factor: u32| -> Vec<f64> {
-            let score = |run: u32| f64::from(run * run * factor % 13) / 3.0 - 1.0;
-            (0..n).map(score).collect()
+            (0..n)
+                .map(|run| f64::from(run * run * factor % 13) / 3.0 - 1.0)
+                .collect()
         };
-        let never = f64::INFINITY;
-        let x = [scores(9, 5), vec![never, 1.0, -never, 0.0, never, 2.0]];
-        let y = [scores(14, 7), vec![never, -0.0, 1.0, 1.0, 3.0]];
-        let compared = stratified_bootstrap_estimate(&[&x[..], &y].concat(), |strata| {
-            let [x0, x1, y0, y1] = strata else {
-                unreachable!()
-            };
-            f64::midpoint(share_of_pairs(x0, y0), share_of_pairs(x1, y1))
-        });
-        assert_eq!(probability_of_improvement(&x, &y), compared);
+        let infinite = [
+            f64::INFINITY,
+            1.0,
+            f64::NEG_INFINITY,
+            0.0,
+            -0.0,
+            f64::INFINITY,
+        ];
+        for (x, y) in [
+            (scores(9, 5), scores(14, 7)),
+            (scores(6, 3), infinite.to_vec()),
+        ] {
+            assert_eq!(win_probability(&x, &y).value, share_of_pairs(&x, &y));
+        }
     }
 
-    /// x is always above y in the first task and never in the second: ½ in every resample.
+    /// At θ = ½ the variance is (n + m + 1) / (12 n m): 26 / (12 · 10 · 15).
     #[test]
-    fn the_probability_is_averaged_over_tasks() {
-        let (low, high) = (vec![0.0; 5], vec![1.0; 6]);
-        let half = probability_of_improvement(&[high.clone(), low.clone()], &[low, high]);
-        assert_eq!(
-            half,
-            Estimate {
-                value: 0.5,
-                interval: Interval::Known {
-                    low: 0.5,
-                    high: 0.5
-                }
-            }
+    fn without_difference_the_variance_is_that_of_the_rank_test() {
+        assert!((variance(0.5, 10.0, 15.0) - 26.0 / 1800.0).abs() < 1e-15);
+    }
+
+    /// All of x are above all of y: the interval ends at 1 and has a width. An end θ fulfills
+    /// (1 − θ)² = 1.96² V(θ).
+    #[test]
+    fn separated_samples_have_an_interval_with_a_width() {
+        let (x, y): (Vec<f64>, Vec<f64>) = (
+            (10..20).map(f64::from).collect(),
+            (0..10).map(f64::from).collect(),
         );
+        let [low, high] = win_probability(&x, &y).interval.ends().unwrap();
+        let z = Normal::standard().inverse_cdf(0.975);
+        assert!(((1.0 - low) - z * variance(low, 10.0, 10.0).sqrt()).abs() < 1e-9);
+        assert!(high == 1.0 && (0.6..0.9).contains(&low), "{low}");
+    }
+
+    /// P(X > Y) and P(Y > X) are mirror images.
+    #[test]
+    fn exchanged_samples_have_the_mirrored_interval() {
+        let (x, y) = ([1.0, 4.0, 5.0, 9.0, 9.5], [2.0, 3.0, 4.0, 6.0, 7.0, 8.0]);
+        let [wins, losses] = [win_probability(&x, &y), win_probability(&y, &x)];
+        let ([low, high], mirrored) = (
+            wins.interval.ends().unwrap(),
+            losses.interval.ends().unwrap(),
+        );
+        assert!((wins.value + losses.value - 1.0).abs() < 1e-15);
+        assert!((low + mirrored[1] - 1.0).abs() < 1e-9 && (high + mirrored[0] - 1.0).abs() < 1e-9);
     }
 }

@@ -2,17 +2,18 @@
 
 pub mod aggregate;
 pub mod bootstrap;
-pub mod hypothesis;
+pub mod effect_test;
+pub mod family;
 pub mod improvement;
-pub mod paired;
+pub mod means;
+pub mod power;
 pub mod profile;
+pub mod shares;
 pub mod survival;
 pub mod verdict;
 
-use statrs::distribution::{ContinuousCDF, Normal};
-
 pub use bootstrap::{bootstrap_estimate, stratified_bootstrap_estimate};
-pub use verdict::{Direction, Verdict, is_smaller_than_claimed, verdict};
+pub use verdict::{Direction, Verdict, verdict_on_effect, verdict_on_no_effect};
 
 /// Minimum number of runs for an interval. With fewer runs, a bootstrap interval is far too narrow.
 pub const MIN_RUNS: usize = 5;
@@ -69,9 +70,4 @@ pub struct Estimate {
     pub value: f64,
     /// The 95 % confidence interval of the statistic.
     pub interval: Interval,
-}
-
-/// Probability that a standard normal variable is at least as far from 0 as `z`, on either side.
-fn two_sided_normal(z: f64) -> f64 {
-    2.0 * Normal::standard().sf(z.abs())
 }

@@ -4,7 +4,7 @@
 //! known to be longer than the run.
 //!
 //! ```
-//! use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
+//! use seedbed_stats::survival::{TimeToEvent, kaplan_meier};
 //!
 //! // Three runs reached the threshold; one run ended after 9 episodes without reaching it.
 //! let ours = [3.0, 5.0, 7.0]
@@ -13,15 +13,14 @@
 //!     .chain([TimeToEvent::censored(9.0)])
 //!     .collect::<Vec<_>>();
 //! assert_eq!(kaplan_meier(&ours).median(), Some(6.0));
-//!
-//! let baseline = [8.0, 9.0, 9.0, 9.0].map(TimeToEvent::censored);
-//! let test = log_rank_test(&ours, &baseline).expect("both groups had runs at risk");
-//! assert!(test.z > 0.0, "ours is faster");
+//! // Mean time within the first 8 episodes: (3 + 5 + 7 + 8) / 4.
+//! let times = ours.iter().map(|run| run.restricted_to(8.0));
+//! assert_eq!(times.sum::<f64>() / 4.0, 5.75);
 //! ```
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::{Interval, two_sided_normal};
+use super::Interval;
 
 /// Tolerance within which a survival S counts as ½: the product 4/5 · 5/8 may differ from ½ in
 /// floating point.
@@ -52,6 +51,19 @@ impl TimeToEvent {
         Self {
             time,
             observed: false,
+        }
+    }
+
+    /// Time up to `horizon`: the time of the run, or the horizon if the run took longer or ended
+    /// without reaching the threshold. The mean over runs is the restricted mean time; if no run
+    /// ended before the horizon without reaching the threshold, it equals
+    /// `lifelines.utils.restricted_mean_survival_time` of the Kaplan–Meier curve.
+    #[must_use]
+    pub fn restricted_to(self, horizon: f64) -> f64 {
+        if self.observed {
+            self.time.min(horizon)
+        } else {
+            horizon
         }
     }
 }
@@ -145,46 +157,6 @@ impl SurvivalCurve {
         let high = first_time(|band| matches!(band, Interval::Known { high, .. } if *high <= 0.5));
         Interval::of_runs(self.runs, low, high)
     }
-}
-
-/// Result of the log-rank test.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LogRankTest {
-    /// Test statistic, standard normal if both groups are equally fast; above 0 if x is faster. Its
-    /// square is the χ² that most packages report.
-    pub z: f64,
-    /// Two-sided p-value.
-    pub p: f64,
-}
-
-/// Log-rank test (Mantel 1966) of whether two groups reach the threshold equally fast.
-/// `x: [n]`, `y: [m]`
-///
-/// Equals `scipy.stats.logrank`: Z = Σ (dₓ − nₓ d/n) / √Σ nₓ nᵧ d (n − d) / (n² (n − 1)), over all
-/// times at which d of the n runs at risk reached the threshold.
-///
-/// `None` if the variance is 0: no run reached the threshold while both groups had runs at risk.
-#[must_use]
-pub fn log_rank_test(x: &[TimeToEvent], y: &[TimeToEvent]) -> Option<LogRankTest> {
-    let (all_runs, x) = (SortedTimes::of(&[x, y].concat()), SortedTimes::of(x));
-    let (mut excess, mut variance) = (0.0, 0.0);
-    for time in all_runs.distinct_events() {
-        let (n, n_x, d) = (
-            all_runs.count_at_risk(time) as f64,
-            x.count_at_risk(time) as f64,
-            all_runs.count_events(time) as f64,
-        );
-        excess += x.count_events(time) as f64 - n_x * d / n;
-        // A single run at risk contributes no variance, and n − 1 would be 0.
-        if n > 1.0 {
-            variance += n_x * (n - n_x) * d * (n - d) / (n * n * (n - 1.0));
-        }
-    }
-    let z = excess / variance.sqrt();
-    (variance > 0.0).then(|| LogRankTest {
-        z,
-        p: two_sided_normal(z),
-    })
 }
 
 /// Times of runs in ascending order, so that counting takes no pass over all runs.
@@ -298,20 +270,6 @@ mod tests {
             kaplan_meier(&times("7 3 5 9")).steps[0].interval,
             Interval::TooFewRuns { n: 4 }
         );
-    }
-
-    /// Expected events of x: at time 1, 2 of 4 runs at risk are of x (1/2); at 2, 1 of 3 (1/3); at
-    /// 3, 1 of 2 (1/2); at 4, none. The excess is 2 − 1/2 − 1/3 − 1/2 = 2/3, the variance 1/4 + 2/9
-    /// + 1/4 = 13/18.
-    #[test]
-    fn the_log_rank_test_equals_values_derived_by_hand() {
-        let test = log_rank_test(&times("1 3"), &times("2 4")).unwrap();
-        assert!((test.z - (2.0 / 3.0) / (13.0_f64 / 18.0).sqrt()).abs() < 1e-12);
-    }
-
-    #[test]
-    fn groups_without_events_have_no_log_rank_test() {
-        assert_eq!(log_rank_test(&times("5+ 5+"), &times("5+")), None);
     }
 
     /// Counts in sorted times equal counts over all runs.

@@ -11,11 +11,14 @@ use seedbed_stats::aggregate::{
     interquartile_mean, mean, mean_of_tasks, median, median_of_tasks, optimality_gap,
 };
 use seedbed_stats::bootstrap::RESAMPLES;
-use seedbed_stats::hypothesis::{holm_correction, welch_test};
-use seedbed_stats::improvement::probability_of_improvement;
-use seedbed_stats::paired::{differences, signed_rank_test};
+use seedbed_stats::effect_test::EffectTest;
+use seedbed_stats::family::{holm_correction, holm_decisions};
+use seedbed_stats::improvement::win_probability;
+use seedbed_stats::means::{MeanOfDifferences, TwoMeans};
+use seedbed_stats::power::{power_of_differences, power_of_means, runs_needed};
 use seedbed_stats::profile::performance_profile;
-use seedbed_stats::survival::{TimeToEvent, kaplan_meier, log_rank_test};
+use seedbed_stats::shares::{Share, TwoShares, wilson_interval};
+use seedbed_stats::survival::{TimeToEvent, kaplan_meier};
 use seedbed_stats::{Estimate, Interval, bootstrap_estimate, stratified_bootstrap_estimate};
 use serde::Deserialize;
 
@@ -35,14 +38,17 @@ struct Reference {
     resamples: usize,
     goal: f64,
     aggregates: Vec<AggregateCase>,
-    improvements: Vec<ImprovementCase>,
+    wins: Vec<WinCase>,
     profile: ProfileCase,
-    paired: Vec<PairedCase>,
-    signed_ranks: Vec<SignedRankCase>,
-    welch: Vec<WelchCase>,
+    means: Vec<MeansCase>,
+    differences: Vec<DifferencesCase>,
+    mcnemar: Vec<McnemarCase>,
+    shares: Vec<SharesCase>,
+    single_shares: Vec<SingleShareCase>,
+    power: Vec<PowerCase>,
     holm: Vec<HolmCase>,
     survival: Vec<SurvivalCase>,
-    log_rank: Vec<LogRankCase>,
+    restricted: Vec<RestrictedCase>,
 }
 
 #[derive(Deserialize)]
@@ -133,30 +139,21 @@ fn aggregates_equal_rliable() {
 }
 
 #[derive(Deserialize)]
-struct ImprovementCase {
-    name: String,
-    x: Vec<Vec<f64>>,
-    y: Vec<Vec<f64>>,
-    probability: ReferenceEstimate,
+struct WinCase {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    probability: f64,
 }
 
 #[test]
-fn the_probability_of_improvement_equals_rliable() {
-    let cases = reference().improvements;
+fn the_win_probability_equals_scipys_rank_test() {
+    let cases = reference().wins;
     assert_eq!(cases.len(), 2);
-    for ImprovementCase {
-        name,
-        x,
-        y,
-        probability,
-    } in cases
-    {
-        let step = 0.5 / (x[0].len() * y[0].len() * x.len()) as f64;
-        assert_estimate(
-            &name,
-            &probability_of_improvement(&x, &y),
-            &probability,
-            step,
+    for case in cases {
+        assert_close(
+            "wins",
+            win_probability(&case.x, &case.y).value,
+            case.probability,
         );
     }
 }
@@ -183,85 +180,167 @@ fn the_performance_profile_equals_rliable() {
     }
 }
 
+/// Compares a p-value with that of a permutation test. Both are exact if there are few
+/// permutations. Otherwise they are from 20,000 and 100,000 random ones: the tolerance is five
+/// standard errors of their difference.
+fn assert_permutation_p_value(name: &str, computed: f64, reference: f64, is_exact: bool) {
+    let variance = reference * (1.0 - reference) * (1.0 / 20_000.0 + 1.0 / 100_000.0);
+    let tolerance = if is_exact {
+        ROUNDING_TOLERANCE
+    } else {
+        5.0 * variance.sqrt()
+    };
+    assert!(
+        (computed - reference).abs() <= tolerance,
+        "{name}: {computed}, the reference has {reference} ± {tolerance}"
+    );
+}
+
 #[derive(Deserialize)]
-struct PairedCase {
-    name: String,
+struct MeansCase {
     x: Vec<f64>,
     y: Vec<f64>,
-    mean: ReferenceEstimate,
-    median: ReferenceEstimate,
+    difference: f64,
+    p_above: f64,
+    p_below: f64,
 }
 
 #[test]
-fn intervals_of_paired_differences_equal_scipy() {
-    let cases = reference().paired;
-    assert_eq!(cases.len(), 2);
-    for case in cases {
-        let differences = differences(&case.x, &case.y);
-        assert_estimate(
-            &format!("{}, mean", case.name),
-            &bootstrap_estimate(&differences, mean),
-            &case.mean,
-            0.0,
-        );
-        assert_estimate(
-            &format!("{}, median", case.name),
-            &bootstrap_estimate(&differences, median),
-            &case.median,
-            0.0,
-        );
-    }
-}
-
-#[derive(Deserialize)]
-struct SignedRankCase {
-    name: String,
-    differences: Vec<f64>,
-    statistic: f64,
-    p: f64,
-}
-
-#[test]
-fn the_signed_rank_test_equals_scipy() {
-    let cases = reference().signed_ranks;
-    assert_eq!(cases.len(), 7);
-    for case in cases {
-        let computed = signed_rank_test(&case.differences);
-        assert_relatively_close(&case.name, computed.p, case.p);
-        // For its permutation test, scipy reports the sum of positive ranks as the statistic, not
-        // the smaller of both sums.
-        let nonzero_count = case
-            .differences
-            .iter()
-            .filter(|difference| **difference != 0.0)
-            .count() as f64;
-        let total_rank_sum = nonzero_count * (nonzero_count + 1.0) / 2.0;
-        assert_close(
-            &case.name,
-            computed.statistic,
-            case.statistic.min(total_rank_sum - case.statistic),
-        );
-    }
-}
-
-#[derive(Deserialize)]
-struct WelchCase {
-    x: Vec<f64>,
-    y: Vec<f64>,
-    t: f64,
-    degrees: f64,
-    p: f64,
-}
-
-#[test]
-fn the_welch_test_equals_scipy() {
-    let cases = reference().welch;
+fn tests_of_two_means_equal_scipys_permutation_test() {
+    let cases = reference().means;
     assert_eq!(cases.len(), 3);
     for case in cases {
-        let computed = welch_test(&case.x, &case.y).unwrap();
-        assert_close("t", computed.t, case.t);
-        assert_close("degrees", computed.degrees_of_freedom, case.degrees);
-        assert_relatively_close("p", computed.p, case.p);
+        let test = TwoMeans::new(&case.x, &case.y);
+        let is_exact = case.x.len() < 10;
+        assert_close("difference", test.estimate(), case.difference);
+        assert_permutation_p_value("above", test.p_above(0.0), case.p_above, is_exact);
+        assert_permutation_p_value("below", test.p_below(0.0), case.p_below, is_exact);
+    }
+}
+
+#[derive(Deserialize)]
+struct DifferencesCase {
+    differences: Vec<f64>,
+    p_above: f64,
+    p_below: f64,
+}
+
+#[test]
+fn tests_of_differences_equal_scipys_permutation_test() {
+    let cases = reference().differences;
+    assert_eq!(cases.len(), 3);
+    for case in cases {
+        let test = MeanOfDifferences::new(&case.differences);
+        let is_exact = case.differences.len() < 14;
+        assert_permutation_p_value("above", test.p_above(0.0), case.p_above, is_exact);
+        assert_permutation_p_value("below", test.p_below(0.0), case.p_below, is_exact);
+    }
+}
+
+#[derive(Deserialize)]
+struct McnemarCase {
+    negative: usize,
+    positive: usize,
+    two_sided: f64,
+}
+
+#[test]
+fn tests_of_paired_successes_equal_statsmodels_mcnemar() {
+    let cases = reference().mcnemar;
+    assert_eq!(cases.len(), 3);
+    for case in cases {
+        let signs = [vec![-1.0; case.negative], vec![1.0; case.positive]].concat();
+        let one_sided = MeanOfDifferences::new(&signs).p_above(0.0);
+        assert_close("McNemar", (2.0 * one_sided).min(1.0), case.two_sided);
+    }
+}
+
+#[derive(Deserialize)]
+struct SharesCase {
+    first: [usize; 2],
+    second: [usize; 2],
+    p_above: f64,
+    p_below: f64,
+}
+
+/// Both maximize over points: here 257, in scipy 512 others. Their maxima differ a little.
+#[test]
+fn tests_of_two_shares_equal_scipys_barnard_exact() {
+    let cases = reference().shares;
+    assert_eq!(cases.len(), 4);
+    for case in cases {
+        let [first, second] =
+            [case.first, case.second].map(|[successes, runs]| Share { successes, runs });
+        let test = TwoShares::new(first, second);
+        for (computed, reference) in [
+            (test.p_above(0.0), case.p_above),
+            (test.p_below(0.0), case.p_below),
+        ] {
+            assert!(
+                (computed - reference).abs() <= 2e-3 * reference,
+                "{first:?} {second:?}: {computed}, the reference has {reference}"
+            );
+        }
+    }
+}
+
+#[derive(Deserialize)]
+struct SingleShareCase {
+    successes: usize,
+    runs: usize,
+    low: f64,
+    high: f64,
+}
+
+#[test]
+fn wilsons_interval_equals_statsmodels() {
+    let cases = reference().single_shares;
+    assert_eq!(cases.len(), 3);
+    for SingleShareCase {
+        successes,
+        runs,
+        low,
+        high,
+    } in cases
+    {
+        let computed = ends(wilson_interval(Share { successes, runs }));
+        assert_close("low", computed.0, low);
+        assert_close("high", computed.1, high);
+    }
+}
+
+#[derive(Deserialize)]
+struct PowerCase {
+    effect: f64,
+    level: f64,
+    power: f64,
+    runs: usize,
+    pairs: usize,
+}
+
+#[test]
+fn numbers_of_runs_equal_statsmodels_within_one() {
+    let cases = reference().power;
+    assert_eq!(cases.len(), 12);
+    for PowerCase {
+        effect,
+        level,
+        power,
+        runs,
+        pairs,
+    } in cases
+    {
+        let computed = runs_needed(power, |runs| power_of_means(effect, runs, level)).unwrap();
+        assert!(
+            computed.abs_diff(runs) <= 1,
+            "{effect} {level} {power}: {computed}, not {runs}"
+        );
+        let computed =
+            runs_needed(power, |pairs| power_of_differences(effect, pairs, level)).unwrap();
+        assert!(
+            computed.abs_diff(pairs) <= 1,
+            "{effect} {level} {power}: {computed}, not {pairs}"
+        );
     }
 }
 
@@ -269,6 +348,7 @@ fn the_welch_test_equals_scipy() {
 struct HolmCase {
     p: Vec<f64>,
     corrected: Vec<f64>,
+    rejected: Vec<bool>,
 }
 
 #[test]
@@ -276,6 +356,7 @@ fn holms_correction_equals_statsmodels() {
     let cases = reference().holm;
     assert_eq!(cases.len(), 3);
     for case in cases {
+        assert_eq!(holm_decisions(&case.p, 0.05).are_rejected(), case.rejected);
         let computed = holm_correction(&case.p);
         assert_eq!(computed.len(), case.corrected.len());
         for (computed, &reference) in computed.iter().zip(&case.corrected) {
@@ -376,21 +457,27 @@ fn median_times_equal_lifelines() {
 }
 
 #[derive(Deserialize)]
-struct LogRankCase {
-    x: GroupTimes,
-    y: GroupTimes,
-    z: f64,
-    p: f64,
+struct RestrictedCase {
+    times: Vec<f64>,
+    reached: Vec<bool>,
+    horizon: f64,
+    mean: f64,
 }
 
 #[test]
-fn the_log_rank_test_equals_scipy() {
-    let cases = reference().log_rank;
-    assert_eq!(cases.len(), 4);
-    for case in cases {
-        let computed = log_rank_test(&case.x.runs(), &case.y.runs()).unwrap();
-        assert_close("z", computed.z, case.z);
-        assert_relatively_close("p", computed.p, case.p);
+fn restricted_mean_times_equal_lifelines() {
+    let cases = reference().restricted;
+    assert_eq!(cases.len(), 3);
+    for RestrictedCase {
+        times,
+        reached,
+        horizon,
+        mean: expected,
+    } in cases
+    {
+        let runs = GroupTimes { times, reached }.runs();
+        let restricted: Vec<f64> = runs.iter().map(|run| run.restricted_to(horizon)).collect();
+        assert_close("restricted mean", mean(&restricted), expected);
     }
 }
 

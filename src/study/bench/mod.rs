@@ -177,11 +177,3 @@ fn format_interval(interval: Interval, format: impl Fn(f64) -> String) -> String
         Interval::TooFewRuns { n } => format!("none (n = {n})"),
     }
 }
-
-fn format_p(p: f64) -> String {
-    if p < 0.0001 {
-        "< 0.0001".to_owned()
-    } else {
-        format!("{p:.4}")
-    }
-}

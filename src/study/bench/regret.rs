@@ -1,10 +1,9 @@
 //! Regret of tabular runs.
 
-use super::{Bench, BenchReport, BenchTable, Column, format_interval, format_p};
+use super::{Bench, BenchReport, BenchTable, Column, format_interval};
+use crate::study::comparison::{Quantity, RunScore, Samples};
 use seedbed_stats::aggregate::mean;
 use seedbed_stats::bootstrap_estimate;
-use seedbed_stats::hypothesis::holm_correction;
-use seedbed_stats::paired::{differences, signed_rank_test};
 
 /// Compares tabular scenarios by their regret.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +19,7 @@ const REGRET_COLUMNS: [Column; 7] = [
     ("steps/s", 9),
 ];
 
-const PAIRED_COLUMNS: [Column; 3] = [("difference", 10), ("95 % interval", 20), ("p (Holm)", 12)];
+const COMPARISON_COLUMNS: [Column; 2] = [("difference", 10), ("95 % interval", 20)];
 
 impl BenchReport for RegretReport {
     fn measure(&self) -> &'static str {
@@ -67,14 +66,11 @@ impl BenchReport for RegretReport {
             return None;
         }
         Some(BenchTable {
-            above: vec![
-                format!(
-                    "Compared with {}, paired by run seed: mean difference in regret (below 0: better), and p value of",
-                    first.name
-                ),
-                "Wilcoxon's signed-rank test, corrected by Holm's method.".to_owned(),
-            ],
-            columns: &PAIRED_COLUMNS,
+            above: vec![format!(
+                "Compared with {}, paired by run seed: mean difference in regret (below 0: better).",
+                first.name
+            )],
+            columns: &COMPARISON_COLUMNS,
             rows: comparison_rows(first, &others),
             below: Vec::new(),
         })
@@ -91,29 +87,28 @@ fn regrets(bench: &Bench) -> Vec<f64> {
 }
 
 fn comparison_rows(first: &Bench, others: &[&Bench]) -> Vec<(String, Vec<String>)> {
-    let mut differences_of_others: Vec<Vec<f64>> = Vec::with_capacity(others.len());
-    for other in others {
-        differences_of_others.push(differences(&regrets(other), &regrets(first)));
-    }
-    let p_values: Vec<f64> = differences_of_others
-        .iter()
-        .map(|differences| signed_rank_test(differences).p)
-        .collect();
     let mut rows = Vec::with_capacity(others.len());
-    for ((other, differences), p) in others
-        .iter()
-        .zip(&differences_of_others)
-        .zip(holm_correction(&p_values))
-    {
-        let difference = bootstrap_estimate(differences, mean);
+    for other in others {
+        let samples = Samples::new(&scores(other), &scores(first), Quantity::Mean, true)
+            .expect("both have the same run seeds");
+        let difference = samples.compare(&*samples.test()).effect;
         let cells = vec![
             format_regret(difference.value),
             format_interval(difference.interval, format_regret),
-            format_p(p),
         ];
         rows.push((other.name.clone(), cells));
     }
     rows
+}
+
+/// Regrets of runs, in the order of their run seeds.
+fn scores(bench: &Bench) -> Vec<RunScore> {
+    let score = |(run_seed, value)| RunScore {
+        run_seed,
+        value,
+        observed_until: f64::INFINITY,
+    };
+    (0..).zip(regrets(bench)).map(score).collect()
 }
 
 /// Three decimals for values below 10, otherwise one.

@@ -12,22 +12,23 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
     for (claim, claim_result) in results.study.claims.iter().zip(claim_results) {
         text += &row(results, claim, claim_result);
     }
-    for note in notes(results) {
-        text += &format!("\n{note}\n");
+    text += &format!("\n{CLAIMS_NOTE}\n");
+    if let (Some(lock), Some(audit)) = (&results.manifest.lock, &results.audit) {
+        text += &format!("\nRegistered before the runs: lock `{}`.\n", lock.id);
+        for sentence in audit.broken.iter().chain(&audit.notes) {
+            text += &format!("\n{sentence}\n");
+        }
+    }
+    if let Some(sentence) = results.manifest.changed_repeats_sentence() {
+        text += &format!("\n{sentence}\n");
     }
     text
 }
 
-/// Notes below the table.
-fn notes(results: &Results) -> Vec<String> {
-    let mut notes = Vec::new();
-    let mut claims = results.study.claims.iter();
-    if claims.any(|claim| claim.direction.is_null()) {
-        notes.push(format::P_VALUE_NOTE.to_owned());
-    }
-    notes.extend(results.manifest.changed_repeats_sentence());
-    notes
-}
+/// Explanation of intervals and p-values below the table.
+const CLAIMS_NOTE: &str = "Holm's procedure decides confirmatory claims: p is one-sided, corrected within the claims \
+    of an effect or those of no effect, and a claim is supported if p is at most 0.025. Its interval has the \
+    error probability at which it was tested. Exploratory comparisons have single 95 % intervals and no verdict.";
 
 /// Text above the table with the reasons why the results are not final; empty if they are final.
 fn caveats(results: &Results) -> String {
@@ -45,6 +46,13 @@ fn caveats(results: &Results) -> String {
     if failed > 0 {
         caveats.push(format!("{} failed", pluralize(failed, "run")));
     }
+    if results
+        .audit
+        .as_ref()
+        .is_some_and(|audit| !audit.broken.is_empty())
+    {
+        caveats.push("not what was registered (see below)".to_owned());
+    }
     if caveats.is_empty() {
         String::new()
     } else {
@@ -60,7 +68,7 @@ fn row(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> String {
         format::claimed_effect(claim)
     );
     let found = match &claim_result.comparison {
-        Some(comparison) => format::effect(comparison),
+        Some(comparison) => format::effect(comparison, claim_result.interval),
         None => "no runs".to_owned(),
     };
     let n = match claim_result.comparison.map(|comparison| comparison.n) {
@@ -79,7 +87,7 @@ fn row(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> String {
         &compared,
         &found,
         &n,
-        &format::p_value_of_claim(claim, claim_result.p),
+        &format::p_value_of_claim(claim_result),
         &verdict,
     ];
     let escaped = cells.map(|cell| cell.replace('|', "\\|"));

@@ -2,9 +2,10 @@
 
 use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
-use crate::study::file::{Claim, ClaimDirection, Test};
+use crate::study::file::{Claim, ClaimDirection};
+use crate::study::measure::Measure;
 use crate::text::{pluralize, without_trailing_zeros};
-use seedbed_stats::{Estimate, Interval, Verdict};
+use seedbed_stats::{Estimate, Interval};
 
 /// Numbers with a smaller magnitude are rounding errors and are shown as 0.
 const MIN_SHOWN_MAGNITUDE: f64 = 1e-9;
@@ -71,19 +72,15 @@ pub(super) fn estimate(estimate: Estimate) -> String {
     )
 }
 
-/// The effect of a comparison with its interval. If only bounds of the effect are known, it has the
-/// form `between 4 and 8 (−15.5 to 32)`.
-pub(super) fn effect(comparison: &Comparison) -> String {
-    let [low, high] = comparison.effect_bounds;
-    if comparison.effect.value.is_nan() && low.is_finite() && high.is_finite() {
-        return format!(
-            "between {} and {} ({})",
-            number(low),
-            number(high),
-            interval(comparison.effect.interval)
-        );
-    }
-    estimate(comparison.effect)
+/// The effect of a claim with its interval and the values of both cells, such as `−0.25 (−0.4 to
+/// −0.1), 0.7 against 0.95`.
+pub(super) fn effect(comparison: &Comparison, interval: Interval) -> String {
+    let [first, second] = comparison.values.map(number);
+    format!(
+        "{} ({}), {first} against {second}",
+        number(comparison.effect.value),
+        self::interval(interval)
+    )
 }
 
 /// A p-value, such as `0.0312` or `< 0.0001`.
@@ -105,68 +102,84 @@ pub(super) fn p_equation(p: f64) -> String {
     }
 }
 
-/// The p-value of a claim, or `–` for claims of no effect: a high p-value of a test for a
-/// difference is not evidence that there is no difference.
-pub(super) fn p_value_of_claim(claim: &Claim, p: f64) -> String {
-    if claim.direction.is_null() {
-        "–".to_owned()
-    } else {
-        p_value(p)
-    }
+/// The p-value of a confirmatory claim, or `–` for exploratory claims.
+pub(super) fn p_value_of_claim(claim_result: &ClaimResult) -> String {
+    claim_result.p.map_or("–".to_owned(), p_value)
 }
 
-/// Note that explains the p-values of claims.
-pub(super) const P_VALUE_NOTE: &str = "p-values are from tests for a difference, with Holm's correction over \
-    all claims. Claims of no effect have no p-value: a high p-value would be no evidence for them.";
-
-/// Summary of the verdicts on all claims, such as `5 of 8 claims replicated, 2 of them smaller than
-/// claimed`.
+/// Summary of the verdicts on all claims, such as `3 confirmatory claims: 2 supported, 1 open; 5
+/// exploratory comparisons`.
 #[must_use]
 pub fn summarize_claims(claim_results: &[ClaimResult]) -> String {
-    let replicated = claim_results
+    let mut verdicts: Vec<(String, usize)> = Vec::new();
+    for claim_result in claim_results
         .iter()
-        .filter(|claim_result| claim_result.verdict == Verdict::Replicated)
-        .count();
-    let smaller_than_claimed = claim_results
+        .filter(|result| result.verdict.is_some())
+    {
+        let text = claim_result.verdict_text();
+        match verdicts.iter_mut().find(|(other, _)| *other == text) {
+            Some((_, count)) => *count += 1,
+            None => verdicts.push((text, 1)),
+        }
+    }
+    let confirmatory: usize = verdicts.iter().map(|(_, count)| count).sum();
+    let counts: Vec<String> = verdicts
         .iter()
-        .filter(|claim_result| claim_result.is_smaller)
-        .count();
-    let smaller_than_claimed = if smaller_than_claimed > 0 {
-        format!(", {smaller_than_claimed} of them smaller than claimed")
-    } else {
-        String::new()
-    };
-    format!(
-        "{replicated} of {} replicated{smaller_than_claimed}",
-        pluralize(claim_results.len(), "claim")
-    )
+        .map(|(verdict, count)| format!("{count} {verdict}"))
+        .collect();
+    let mut parts = Vec::new();
+    if confirmatory > 0 {
+        let claims = pluralize(confirmatory, "confirmatory claim");
+        parts.push(format!("{claims}: {}", counts.join(", ")));
+    }
+    if claim_results.len() > confirmatory {
+        parts.push(pluralize(
+            claim_results.len() - confirmatory,
+            "exploratory comparison",
+        ));
+    }
+    parts.join("; ")
 }
 
-/// The claimed effect, such as `above 0, by 25`.
+/// The claimed effect, such as `above 0; smallest effect of interest 25; claimed 120`.
 pub(super) fn claimed_effect(claim: &Claim) -> String {
-    let size = number(claim.size.get());
+    let smallest = number(claim.smallest.get());
+    let claimed = match claim.claimed {
+        Some(claimed) => format!("; claimed {}", number(claimed.get())),
+        None => String::new(),
+    };
     match claim.direction {
-        ClaimDirection::More => format!("above 0, by {size}"),
-        ClaimDirection::Less => format!("below 0, by {size}"),
-        ClaimDirection::Same => format!("between −{size} and {size}"),
-        ClaimDirection::NotMore => format!("below {size}"),
-        ClaimDirection::NotLess => format!("above −{size}"),
+        ClaimDirection::More => format!("above 0; smallest effect of interest {smallest}{claimed}"),
+        ClaimDirection::Less => format!("below 0; smallest effect of interest {smallest}{claimed}"),
+        ClaimDirection::Same => format!("between −{smallest} and {smallest}"),
+        ClaimDirection::NotMore => format!("below {smallest}"),
+        ClaimDirection::NotLess => format!("above −{smallest}"),
     }
 }
 
 /// Definition of the effect, and name of the test.
-pub(super) fn effect_and_test(test: Test, are_times: bool) -> [&'static str; 2] {
-    match (test, are_times) {
-        (Test::Paired, true) => [
-            "median difference between runs of the same seed",
-            "Wilcoxon signed-rank test",
+pub(super) fn effect_and_test(measure: Measure, paired: bool) -> [&'static str; 2] {
+    match (measure, paired) {
+        (Measure::Solved, _) => [
+            "difference between the shares of runs",
+            "exact unconditional score test (Chan and Zhang)",
         ],
-        (Test::Paired, false) => [
-            "mean difference between runs of the same seed",
-            "Wilcoxon signed-rank test",
+        (measure, false) if measure.is_time() => [
+            "difference between restricted mean times",
+            "studentized permutation test",
         ],
-        (Test::Independent, true) => ["difference between the medians", "log-rank test"],
-        (Test::Independent, false) => ["difference between the means", "Welch's t-test"],
+        (_, false) => [
+            "difference between the means",
+            "studentized permutation test",
+        ],
+        (measure, true) if measure.is_time() => [
+            "mean difference between restricted times of the same run seed",
+            "permutation test (changes of sign)",
+        ],
+        (_, true) => [
+            "mean difference between runs of the same run seed",
+            "permutation test (changes of sign)",
+        ],
     }
 }
 

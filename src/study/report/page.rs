@@ -4,11 +4,12 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::Table;
 use super::{ReportFigure, format};
-use crate::study::claims::{ClaimResult, MIN_RUNS_FOR_NULL_CLAIM};
+use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
 use crate::study::measure::Measure;
 use crate::study::provenance;
+use crate::study::registration::{Audit, Lock};
 use crate::study::results::{CellResults, Results};
 use crate::text::{pluralize, shell_word};
 use seedbed_stats::{MIN_RUNS, Verdict};
@@ -42,6 +43,9 @@ pub(super) fn html(
                     (warnings(results))
                 }
                 main {
+                    @if let (Some(lock), Some(audit)) = (&results.manifest.lock, &results.audit) {
+                        (registration_section(lock, audit))
+                    }
                     @if !study.claims.is_empty() { (claims_section(results, claim_results)) }
                     @if !figures.is_empty() { h2 { "Figures" } }
                     @for (number, figure) in (1..).zip(figures) { (figure_section(number, figure)) }
@@ -60,15 +64,21 @@ pub(super) fn html(
 /// Numbers of cells and finished runs, and the run seeds.
 fn summary(results: &Results) -> Markup {
     let [finished, _, _] = results.run_counts();
-    let manifest = &results.manifest;
-    let last_seed = manifest.first_seed + manifest.repeats - 1;
     html! {
         p.facts {
             (pluralize(results.cells.len(), "cell")) ", "
-            (pluralize(finished, "finished run")) ", seeds "
-            (manifest.first_seed) " to " (last_seed) "."
+            (pluralize(finished, "finished run")) ", " (run_seeds_text(results)) "."
         }
     }
+}
+
+fn run_seeds_text(results: &Results) -> String {
+    let manifest = &results.manifest;
+    if let Some(lock) = &manifest.lock {
+        return format!("seeds from the lock {}", lock.short_id());
+    }
+    let last_seed = manifest.first_seed + manifest.repeats - 1;
+    format!("seeds {} to {last_seed}", manifest.first_seed)
 }
 
 /// Warnings that results are not final or not precise.
@@ -78,7 +88,8 @@ fn warnings(results: &Results) -> Markup {
     html! {
         @if manifest.repeats < MIN_RUNS_WITHOUT_WARNING {
             (warning("Few runs.", &format!(
-                "Intervals from fewer than {MIN_RUNS_WITHOUT_WARNING} runs are too narrow: when there is no effect, an \
+                "Bootstrap intervals, in tables and figures of single cells, are too narrow from fewer than \
+                 {MIN_RUNS_WITHOUT_WARNING} runs: when there is no effect, an \
                  interval should exclude 0 in 1 of 20 studies, but from 5 runs it does so in about 1 \
                  of 6, and from 10 runs in about 1 of 11."
             )))
@@ -137,6 +148,18 @@ fn runs_with_verb(runs: usize) -> String {
     format!("{} {verb}", pluralize(runs, "run"))
 }
 
+fn registration_section(lock: &Lock, audit: &Audit) -> Markup {
+    html! {
+        h2 { "Registration" }
+        p.facts {
+            "Registered before the runs: lock " code { (lock.id) } ". Run seeds are derived from it. Stored runs could be \
+             edited together with their checksums; to repeat them, run the study with " code { "--confirm --verify" } "."
+        }
+        @for sentence in &audit.broken { (warning("Not confirmed.", sentence)) }
+        @for sentence in &audit.notes { p.evidence { (sentence) } }
+    }
+}
+
 fn claims_section(results: &Results, claim_results: &[ClaimResult]) -> Markup {
     html! {
         h2 { "Claims" }
@@ -166,8 +189,11 @@ fn claim_card(results: &Results, claim: &Claim, claim_result: &ClaimResult) -> M
             @if let Some(sentence) = unequal_budgets_sentence(results, claim, measure) {
                 p.evidence { (sentence) }
             }
+            @if !claim.because.is_empty() {
+                p.evidence { "Smaller effects are of no interest: " (claim.because) }
+            }
             @match &claim_result.comparison {
-                Some(comparison) => { (evidence_text(claim, measure, comparison, claim_result.p)) }
+                Some(comparison) => { (evidence_text(claim, measure, comparison, claim_result)) }
                 None => { p.evidence { "There are no runs to compare." } }
             }
         }
@@ -188,19 +214,24 @@ fn unequal_budgets_sentence(results: &Results, claim: &Claim, measure: Measure) 
     })
 }
 
-fn evidence_text(claim: &Claim, measure: Measure, comparison: &Comparison, p: f64) -> Markup {
+fn evidence_text(
+    claim: &Claim,
+    measure: Measure,
+    comparison: &Comparison,
+    claim_result: &ClaimResult,
+) -> Markup {
     let [first, second] = comparison.n;
     html! {
         p.evidence {
-            "Found: " strong { (format::effect(comparison)) }
+            "Found: " strong { (format::effect(comparison, claim_result.interval)) }
             "; n = " (first) @if first != second { " and " (second) }
             "; " (probability_text(claim, comparison))
-            @if claim.direction.is_null() {
-                ". "
-            } @else {
-                "; " (format::p_equation(p)) " (Holm). "
+            @if let Some(p) = claim_result.p { "; " (format::p_equation(p)) " (Holm)" }
+            ". "
+            @if comparison.is_constant {
+                "All runs of both cells have the same value: they may be at a floor or a ceiling. "
             }
-            span.source { (method_text(claim, measure)) (horizon_text(comparison)) }
+            span.source { (method_text(claim, measure)) }
         }
     }
 }
@@ -215,31 +246,24 @@ fn probability_text(claim: &Claim, comparison: &Comparison) -> String {
     format!("P(first {side} second) = {}", format::estimate(probability))
 }
 
-/// Definition of the effect and, if there is a p-value, the test.
+/// Definition of the effect, and the test.
 fn method_text(claim: &Claim, measure: Measure) -> String {
-    let [effect, test] = format::effect_and_test(claim.test, measure.is_time());
-    if claim.direction.is_null() {
-        format!("Effect: {effect}.")
-    } else {
-        format!("Effect: {effect}. Test: {test}.")
-    }
+    let [effect, test] = format::effect_and_test(measure, *claim.paired);
+    let horizon = claim.horizon.map_or(String::new(), |horizon| {
+        format!(
+            " Times are compared up to {}.",
+            format::number(horizon.get())
+        )
+    });
+    format!("Effect: {effect}. Test: {test}.{horizon}")
 }
 
-fn horizon_text(comparison: &Comparison) -> String {
-    if comparison.horizon.is_infinite() {
-        return String::new();
-    }
-    format!(
-        " Times are compared up to {}, the end of the shortest run that did not reach its time.",
-        format::number(comparison.horizon)
-    )
-}
-
-fn css_class(verdict: Verdict) -> &'static str {
+fn css_class(verdict: Option<Verdict>) -> &'static str {
     match verdict {
-        Verdict::Replicated => "replicated",
-        Verdict::NotReplicated => "refuted",
-        Verdict::Inconclusive => "open",
+        Some(Verdict::Supported | Verdict::NoRelevantEffect) => "supported",
+        Some(Verdict::Refuted) => "refuted",
+        Some(Verdict::Negligible | Verdict::Open) => "open",
+        None => "exploratory",
     }
 }
 
@@ -310,10 +334,15 @@ fn failures_section(results: &Results) -> Markup {
 
 fn reproduction_section(results: &Results) -> Markup {
     let manifest = &results.manifest;
-    let quick = if manifest.quick { " --quick" } else { "" };
+    let option = match &manifest.lock {
+        Some(_) => " --confirm",
+        None if manifest.quick => " --quick",
+        None => "",
+    };
+    let first_seed = manifest.run_seeds().first().copied().unwrap_or_default();
     html! {
         h2 { "How to reproduce the results" }
-        pre { "seedbed study " (shell_word(&manifest.study_path)) (quick) }
+        pre { "seedbed study " (shell_word(&manifest.study_path)) (option) }
         p { (provenance_text(results)) }
         p { "One run of each cell, with its recording:" }
         div.scroll {
@@ -327,7 +356,7 @@ fn reproduction_section(results: &Results) -> Markup {
                             td.name { (cell.description.name) }
                             td { (cell.description.agents) }
                             td { (cell.description.max_episodes) }
-                            td.name { code { (command(cell, manifest.first_seed)) } }
+                            td.name { code { (command(cell, first_seed)) } }
                         }
                     }
                 }
@@ -383,32 +412,37 @@ fn methods_section() -> Markup {
         p {
             "Statistics count runs. One run is one whole team with one seed; agents and episodes of the \
              same run are not independent, so they do not count as repetitions. All intervals are 95 % \
-             intervals: for median times by the method of Brookmeyer and Crowley, for everything else \
+             intervals. In tables of single cells, they are those of Brookmeyer and Crowley for median times, and otherwise \
              percentile bootstrap intervals from 50,000 resamples. Fewer than " (MIN_RUNS) " runs give no interval. \
              IQM is the interquartile mean: the mean of the middle half of the runs."
         }
         p {
             "If a run ended without reaching its time, the time is censored, not dropped; medians of \
-             times are Kaplan–Meier estimates. An effect is the median of the differences for times, and the mean \
-             of the differences for all other measures. If neither of two runs reached its time, their \
-             difference is unknown. An effect that depends on unknown differences is given as two bounds, \
-             or as " em { "unknown" } "; its interval covers every value that the unknown differences can \
-             have."
+             times are Kaplan–Meier estimates. Comparisons of times are of restricted means: times up to a horizon \
+             (the smaller maximum number of episodes of the two cells, unless the claim says another), \
+             where longer times and times that were not reached count as the horizon."
         }
         p {
-            "A claim of an effect is " em { "replicated" } " if the interval of the effect excludes 0 in the \
-             claimed direction, " em { "not replicated" } " if the interval does not do so but excludes the \
-             claimed size, and otherwise " em { "inconclusive" } ". A replicated claim is also "
-            em { "smaller than claimed" } " if the interval excludes the claimed size. A claim of no effect is \
-             replicated if the whole interval is within the claimed bounds and there are at least "
-            (MIN_RUNS_FOR_NULL_CLAIM) " runs per cell, not replicated if the whole interval is outside, and \
-             otherwise inconclusive."
+            "Each kind of measure has one effect and one test, and intervals are inversions of this test: \
+             differences of shares of solved runs by the exact unconditional score test, differences of means by \
+             a permutation test. So an interval excludes an effect exactly if the test rejects it. The probability \
+             that a run is above or below another has Newcombe's interval."
         }
         p {
-            "Verdicts depend on intervals only; p-values are reported for readers who prefer a stricter \
-             criterion. " (format::P_VALUE_NOTE) " Cells, measure, test, direction and size of each claim \
-             are fixed in the study file. A claim is " em { "late" } " if it was written or changed when both \
-             of its cells already had runs."
+            em { "Confirmatory" } " claims are decided by Holm's procedure, in one family of the claims of an effect \
+             and one of the claims of no effect: the probability that any claim of a family is falsely supported is at \
+             most 2.5 %. The interval of a claim has the error probability at which Holm's procedure tested it. A claim \
+             of an effect is " em { "supported" } " if its interval excludes 0 in the claimed direction, "
+            em { "supported but negligible" } " if it also excludes the smallest effect of interest, "
+            em { "refuted" } " if it excludes the smallest effect of interest but not 0, and otherwise " em { "open" }
+            ". For a claim of no effect there is " em { "no relevant effect" } " if the whole interval is within the \
+             margins; it is " em { "refuted" } " if the whole interval is outside, and otherwise open. Claims whose runs \
+             all have the same value are open."
+        }
+        p {
+            em { "Exploratory" } " comparisons have single 95 % intervals and no verdict. Cells, measure, direction and \
+             smallest effect of interest of each claim are fixed in the study file. A claim is " em { "late" } " if it was \
+             written or changed when both of its cells already had runs."
         }
     }
 }
@@ -430,8 +464,8 @@ mod tests {
         cells: [(name: "A"), (name: "B")],
         measures: [EpisodesToSolve, FinalReturn()],
         claims: [
-            (text: "A is faster.", compare: ("A", "B"), direction: Less, size: 5),
-            (text: "A is not better.", compare: ("A", "B"), measure: FinalReturn(), direction: NotMore, size: 1),
+            (text: "A is faster.", compare: ("A", "B"), direction: Less, smallest: 5, confirmatory: true),
+            (text: "A is not better.", compare: ("A", "B"), measure: FinalReturn(), direction: NotMore, smallest: 1),
         ],
         figures: [Curves(), Agents(), Intervals(), Unsolved(), Profiles()],
     )"#;
@@ -466,6 +500,7 @@ mod tests {
                 .collect(),
             failures: vec![(6, "a reason".to_owned())],
             missing: 1,
+            damaged: Vec::new(),
         }
     }
 
@@ -480,6 +515,7 @@ mod tests {
                 study_path: "small.ron".to_owned(),
                 study: String::new(),
                 quick: true,
+                lock: None,
                 first_seed: 0,
                 repeats: 8,
                 cells: cells.iter().map(|cell| cell.description.clone()).collect(),
@@ -491,6 +527,7 @@ mod tests {
             versions: ["0.1.0", "0.2.0"].map(str::to_owned).into(),
             commits: BTreeSet::new(),
             builds: [None, Some([1; 8])].into(),
+            audit: None,
         }
     }
 

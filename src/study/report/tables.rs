@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::format;
-use crate::study::comparison::{Aggregate, Comparison, compare, summarize_scores};
-use crate::study::file::Test;
+use crate::study::comparison::{
+    Aggregate, Comparison, Quantity, RunScore, Samples, summarize_scores,
+};
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
-use seedbed_stats::hypothesis::holm_correction;
 
 /// A table of texts. The first column has names.
 pub(super) struct Table {
@@ -16,14 +16,14 @@ pub(super) struct Table {
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// All tables of the report: one per measure, and one of paired comparisons between cells.
+/// All tables of the report: one per measure, and one of comparisons between cells.
 pub(super) fn all(results: &Results) -> Vec<Table> {
     let measures = results
         .study
         .measures
         .iter()
         .map(|measure| measure_table(results, **measure));
-    measures.chain(paired_comparisons_table(results)).collect()
+    measures.chain(comparisons_table(results)).collect()
 }
 
 /// `tables.md`: all tables, to be included in other documents.
@@ -124,10 +124,9 @@ fn aggregate_cells(aggregate: &Aggregate, is_time: bool) -> Vec<String> {
     cells
 }
 
-/// Table of paired comparisons in the main measure. Each cell is compared with the first cell with
-/// the same task and number of agents or, if there are no such pairs, with the first cell with the
-/// same task.
-fn paired_comparisons_table(results: &Results) -> Option<Table> {
+/// Table of comparisons in the main measure. Each cell is compared with the first cell with the same
+/// task and number of agents or, if there are no such pairs, with the first cell with the same task.
+fn comparisons_table(results: &Results) -> Option<Table> {
     let pairs_of_equal_team_size = pairs(results, |cell| {
         (cell.description.task.as_str(), cell.description.agents)
     });
@@ -137,36 +136,45 @@ fn paired_comparisons_table(results: &Results) -> Option<Table> {
         pairs_of_equal_team_size
     };
     let measure = results.study.main_measure();
-    let compare_pair = |(cell, first): &(&CellResults, &CellResults)| {
-        compare(
-            &cell.scores(measure),
-            &first.scores(measure),
-            measure.is_time(),
-            Test::Paired,
-        )
-    };
-    let comparisons: Vec<_> = pairs
+    let rows: Vec<Vec<String>> = pairs
         .par_iter()
-        .filter_map(|pair| compare_pair(pair).map(|comparison| (*pair, comparison)))
+        .filter_map(|&(cell, first)| {
+            let comparison = compare_cells(results, cell, first)?;
+            Some(comparison_cells(cell, first, &comparison))
+        })
         .collect();
-    let p_values: Vec<f64> = comparisons
-        .iter()
-        .map(|(_, comparison)| comparison.p)
-        .collect();
-    let mut rows = Vec::with_capacity(comparisons.len());
-    for ((pair, comparison), p) in comparisons.iter().zip(holm_correction(&p_values)) {
-        rows.push(comparison_cells(*pair, comparison, p));
-    }
-    let title = format!("Paired comparisons: {}", measure.title());
+    let title = format!("Comparisons: {}", measure.title());
     let head = vec![
         "cell",
         "compared with",
-        "pairs",
+        "n",
         "difference (95 % interval)",
         "P(below)",
-        "p (Holm)",
     ];
     (!rows.is_empty()).then_some(Table { title, head, rows })
+}
+
+/// Compares two cells in the main measure, paired if runs of equal run seeds share something.
+fn compare_cells(results: &Results, cell: &CellResults, first: &CellResults) -> Option<Comparison> {
+    let measure = results.study.main_measure();
+    let scores = [cell, first].map(|cell| cell.scores(measure));
+    let horizon = if measure == Measure::EnvStepsToSolve {
+        earliest_end(scores.iter().flatten())
+    } else {
+        let [first, second] = [cell, first].map(|cell| cell.description.max_episodes);
+        f64::from(first.min(second))
+    };
+    let quantity = Quantity::of(measure, horizon);
+    let paired = !results.study.pairs_share.is_empty() && quantity != Quantity::Share;
+    let samples = Samples::new(&scores[0], &scores[1], quantity, paired)?;
+    Some(samples.compare(&*samples.test()))
+}
+
+/// Earliest end of a run that did not reach its time; infinite if all runs reached their times.
+fn earliest_end<'a>(scores: impl Iterator<Item = &'a RunScore>) -> f64 {
+    scores
+        .map(|score| score.observed_until)
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// Pairs of each cell and the first cell of its group, except for the first cells. Cells for which
@@ -191,16 +199,19 @@ fn pairs<'a, K: PartialEq>(
 }
 
 fn comparison_cells(
-    (cell, first): (&CellResults, &CellResults),
+    cell: &CellResults,
+    first: &CellResults,
     comparison: &Comparison,
-    p: f64,
 ) -> Vec<String> {
+    let n = match comparison.n {
+        [n, m] if n == m => n.to_string(),
+        [n, m] => format!("{n}, {m}"),
+    };
     vec![
         cell.description.name.clone(),
         first.description.name.clone(),
-        comparison.n[0].to_string(),
-        format::effect(comparison),
+        n,
+        format::estimate(comparison.effect),
         format::estimate(comparison.probability_below),
-        format::p_value(p),
     ]
 }

@@ -19,11 +19,13 @@ from pathlib import Path
 
 import numpy as np
 from lifelines import KaplanMeierFitter
-from lifelines.statistics import logrank_test
-from lifelines.utils import median_survival_times
+from lifelines.utils import median_survival_times, restricted_mean_survival_time
 from rliable import library, metrics
 from scipy import stats
+from statsmodels.stats.contingency_tables import mcnemar
 from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.power import TTestIndPower, TTestPower
+from statsmodels.stats.proportion import proportion_confint
 
 RESAMPLES = 50_000
 GOAL = 1.0
@@ -41,17 +43,17 @@ def main():
             aggregate_case("four tasks", normals("four tasks", 23, 4)),
             aggregate_case("outliers", np.exp(normals("outliers", 12, 2) * 2)),
         ],
-        "improvements": [
-            improvement_case("apart", normals("x", 10, 2) + 0.5, normals("y", 8, 2)),
-            improvement_case("tied", np.round(normals("tied x", 12, 3)), np.round(normals("tied y", 12, 3))),
-        ],
+        "wins": [win_case("apart", 0.5, 10, 8), win_case("tied", 0.0, 12, 12)],
         "profile": profile_case(normals("profile", 20, 2), [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0]),
-        "paired": [paired_case("short", 9, 0.3), paired_case("long", 31, 0.5)],
-        "signed_ranks": signed_rank_cases(),
-        "welch": [welch_case(5, 9, 0.0), welch_case(20, 12, 0.4), welch_case(30, 30, 2.0)],
+        "means": [means_case(5, 6, 0.0), means_case(7, 7, 2.5), means_case(30, 20, 0.6)],
+        "differences": [differences_case(9, 0.3), differences_case(12, 0.5), differences_case(31, 0.5)],
+        "mcnemar": [mcnemar_case(1, 5), mcnemar_case(0, 4), mcnemar_case(3, 9)],
+        "shares": [shares_case(7, 10, 2, 12), shares_case(20, 20, 15, 20), shares_case(3, 30, 9, 30), shares_case(57, 60, 42, 60)],
+        "single_shares": [single_share_case(0, 10), single_share_case(7, 10), single_share_case(30, 30)],
+        "power": power_cases(),
         "holm": [holm_case([0.01, 0.04, 0.03, 0.005]), holm_case([0.6, 0.02, 0.02, 0.9, 0.011, 0.4]), holm_case([0.03])],
         "survival": survival_cases(),
-        "log_rank": log_rank_cases(),
+        "restricted": [restricted_case(words, horizon) for words, horizon in RESTRICTED],
     }
     Path(__file__).with_name("reference.json").write_text(text(reference) + "\n", encoding="utf-8")
 
@@ -76,9 +78,11 @@ def aggregate_case(name, scores):
     return {"name": name, "scores": scores.T.tolist()} | estimates
 
 
-def improvement_case(name, x, y):
-    value, interval = intervals_of([x, y], lambda x, y: np.array([metrics.probability_of_improvement(x, y)]))
-    return {"name": name, "x": x.T.tolist(), "y": y.T.tolist(), "probability": estimate(value[0], interval[:, 0])}
+def win_case(name, shift, n, m):
+    x, y = normals(f"{name} x", n, 1)[:, 0] + shift, normals(f"{name} y", m, 1)[:, 0]
+    if name == "tied":
+        x, y = np.round(x), np.round(y)
+    return {"x": x.tolist(), "y": y.tolist(), "probability": stats.mannwhitneyu(x, y).statistic / (n * m)}
 
 
 def profile_case(scores, thresholds):
@@ -94,44 +98,69 @@ def intervals_of(scores, statistic):
     return values["x"], intervals["x"]
 
 
-def paired_case(name, count, shift):
-    x, y = normals(f"paired x {name}", count, 1)[:, 0] + shift, normals(f"paired y {name}", count, 1)[:, 0]
-    case = {"name": name, "x": x.tolist(), "y": y.tolist()}
-    for kind, statistic in (("mean", np.mean), ("median", np.median)):
+# One-sided tests; "exact" cases have few enough permutations for all of them.
+
+
+def welch_t(x, y, axis):
+    return stats.ttest_ind(x, y, equal_var=False, axis=axis).statistic
+
+
+def means_case(n, m, shift):
+    x, y = normals(f"means x {n}", n, 1)[:, 0] * 2 + shift, normals(f"means y {m}", m, 1)[:, 0]
+    p = permutation_p_values((x, y), welch_t, "independent")
+    return {"x": x.tolist(), "y": y.tolist(), "difference": np.mean(x) - np.mean(y)} | p
+
+
+def differences_case(count, shift):
+    differences = normals(f"differences {count}", count, 1)[:, 0] + shift
+    return {"differences": differences.tolist()} | permutation_p_values((differences,), np.mean, "samples")
+
+
+def permutation_p_values(data, statistic, kind):
+    def p(alternative):
         generator = np.random.default_rng(0)
-        drawn = stats.bootstrap((x - y,), statistic, n_resamples=RESAMPLES, method="percentile", rng=generator)
-        case[kind] = estimate(statistic(x - y), drawn.confidence_interval)
-    return case
+        return stats.permutation_test(
+            data, statistic, permutation_type=kind, vectorized=True, n_resamples=99_999, alternative=alternative, rng=generator
+        ).pvalue
+
+    return {"p_above": p("greater"), "p_below": p("less")}
 
 
-def signed_rank_cases():
-    whole = np.round(normals("whole", 60, 1)[:, 0] * 3 + 1)
-    apart = normals("apart", 80, 1)[:, 0] + np.arange(80) / 2**20 + 0.2  # so that no two magnitudes are equal
-    all_signs = stats.PermutationMethod(n_resamples=2**17)
-    return [
-        signed_rank_case("exact, 6", apart[:6]),
-        signed_rank_case("exact, 25", apart[:25]),
-        signed_rank_case("exact, 50", apart[:50]),
-        signed_rank_case("normal, 80", apart),
-        signed_rank_case("ties, 12", whole[:12]),
-        signed_rank_case("ties, 16", whole[:16], method=all_signs),
-        signed_rank_case("ties, normal", np.concatenate([whole, whole[:20] + 1])),
-    ]
+def mcnemar_case(negative, positive):
+    p = mcnemar([[7, negative], [positive, 9]], exact=True).pvalue
+    return {"negative": negative, "positive": positive, "two_sided": p}
 
 
-def signed_rank_case(name, differences, **how):
-    test = stats.wilcoxon(differences, **how)
-    return {"name": name, "differences": differences.tolist(), "statistic": test.statistic, "p": test.pvalue}
+def shares_case(first, n, second, m):
+    table = [[first, second], [n - first, m - second]]
+    p = [stats.barnard_exact(table, alternative, pooled=True, n=512).pvalue for alternative in ("greater", "less")]
+    return {"first": [first, n], "second": [second, m], "p_above": p[0], "p_below": p[1]}
 
 
-def welch_case(n, m, shift):
-    x, y = normals(f"welch x {n}", n, 1)[:, 0] * 2 + shift, normals(f"welch y {m}", m, 1)[:, 0]
-    test = stats.ttest_ind(x, y, equal_var=False)
-    return {"x": x.tolist(), "y": y.tolist(), "t": test.statistic, "degrees": test.df, "p": test.pvalue}
+def single_share_case(successes, runs):
+    low, high = proportion_confint(successes, runs, method="wilson")
+    return {"successes": successes, "runs": runs, "low": low, "high": high}
+
+
+def power_cases():
+    cases = [(effect, level, power) for effect in (0.3, 0.8, 1.5) for level in (0.025, 0.0025) for power in (0.8, 0.9)]
+    return [power_case(*case) for case in cases]
+
+
+def power_case(effect, level, power):
+    how = {"effect_size": effect, "alpha": level, "power": power, "alternative": "larger"}
+    return {
+        "effect": effect,
+        "level": level,
+        "power": power,
+        "runs": math.ceil(TTestIndPower().solve_power(**how)),
+        "pairs": math.ceil(TTestPower().solve_power(**how)),
+    }
 
 
 def holm_case(p):
-    return {"p": p, "corrected": multipletests(p, method="holm")[1].tolist()}
+    rejected, corrected, _, _ = multipletests(p, 0.05, method="holm")
+    return {"p": p, "corrected": corrected.tolist(), "rejected": rejected.tolist()}
 
 
 # Lifetimes; a "+" marks a run that ended before it reached the threshold.
@@ -175,27 +204,17 @@ def survival_case(name, words):
     }
 
 
-def log_rank_cases():
-    pairs = [
-        (GLIOMA_3, GLIOMA_4),
-        ("1 3 5 7 9+", "2 4 6 8 10 12+"),
-        ("80 95 101 110 127 127 140", "299 410 512 600+ 480 600+ 345"),
-        ("5 5 6 6 7+ 8", "5 6 6+ 7 7 9 9+"),
-    ]
-    return [log_rank_case(x, y) for x, y in pairs]
+RESTRICTED = [
+    ("80 95 101 110 127 128 140 151 160 183", 150.0),
+    ("299 410 512 600+ 480 333 600+ 345 600+ 391", 600.0),
+    ("5 5 6 6 7+ 8 7+", 7.0),
+]
 
 
-def log_rank_case(x, y):
-    (x_times, x_reached), (y_times, y_reached) = lifetimes(x), lifetimes(y)
-    test = stats.logrank(censored(x_times, x_reached), censored(y_times, y_reached))
-    other = logrank_test(x_times, y_times, x_reached, y_reached)
-    assert math.isclose(test.statistic**2, other.test_statistic, rel_tol=1e-9)
-    return {
-        "x": {"times": x_times.tolist(), "reached": x_reached.tolist()},
-        "y": {"times": y_times.tolist(), "reached": y_reached.tolist()},
-        "z": test.statistic,
-        "p": test.pvalue,
-    }
+def restricted_case(words, horizon):
+    times, reached = lifetimes(words)
+    mean = restricted_mean_survival_time(KaplanMeierFitter().fit(times, reached), t=horizon)
+    return {"times": times.tolist(), "reached": reached.tolist(), "horizon": horizon, "mean": mean}
 
 
 def lifetimes(words):

@@ -1,0 +1,160 @@
+//! Tests of an effect, and the confidence bounds that they imply.
+//!
+//! An [`EffectTest`] gives a p-value for every possible effect. A confidence bound is where this
+//! p-value crosses a level, so that a bound excludes an effect exactly if the test rejects it: the
+//! decision on a claim and the interval that is shown with it cannot contradict each other.
+
+use std::fmt::Debug;
+
+/// A family of one-sided tests: one pair of p-values for every hypothetical effect.
+pub trait EffectTest: Debug + Send + Sync {
+    /// Estimate of the effect.
+    fn estimate(&self) -> f64;
+
+    /// p-value of the hypothesis that the effect is at most `effect`, against a larger effect.
+    fn p_above(&self, effect: f64) -> f64;
+
+    /// p-value of the hypothesis that the effect is at least `effect`, against a smaller effect.
+    fn p_below(&self, effect: f64) -> f64;
+
+    /// Smallest and largest effect that are possible.
+    fn limits(&self) -> [f64; 2];
+
+    /// Distance from the estimate within which bounds are searched, if the limits are farther.
+    fn search_distance(&self) -> f64;
+}
+
+/// Number of bisections of a bound: the error is 2⁻⁴⁰ of the searched range.
+const BISECTIONS: u32 = 40;
+
+/// Lower confidence bound of an effect with error probability `level`: effects below it are
+/// rejected by the test. The lower limit of the effect if the test rejects no effect.
+///
+/// The bound is above `threshold` exactly if `test.p_above(threshold) <= level`, for thresholds
+/// below the estimate. p-values of some tests are not quite monotonic, so that there may be several
+/// crossings: the bound is one on the side of `threshold` that agrees with its p-value.
+#[must_use]
+pub fn lower_bound(test: &(impl EffectTest + ?Sized), level: f64, threshold: f64) -> f64 {
+    let far = test.limits()[0].max(test.estimate() - test.search_distance());
+    let is_rejected = |effect: f64| test.p_above(effect) <= level;
+    let bound = find_bound(is_rejected, [test.estimate(), far], threshold);
+    bound.unwrap_or(test.limits()[0])
+}
+
+/// Upper confidence bound of an effect with error probability `level`, like [`lower_bound`].
+#[must_use]
+pub fn upper_bound(test: &(impl EffectTest + ?Sized), level: f64, threshold: f64) -> f64 {
+    let far = test.limits()[1].min(test.estimate() + test.search_distance());
+    let is_rejected = |effect: f64| test.p_below(effect) <= level;
+    let bound = find_bound(is_rejected, [test.estimate(), far], threshold);
+    bound.unwrap_or(test.limits()[1])
+}
+
+/// The effect between `estimate` and `far` at which effects begin to be rejected; `None` if `far`
+/// is not rejected.
+fn find_bound(
+    is_rejected: impl Fn(f64) -> bool,
+    [estimate, far]: [f64; 2],
+    threshold: f64,
+) -> Option<f64> {
+    let is_between = (estimate - threshold) * (threshold - far) > 0.0;
+    let [mut inside, mut outside] = if is_between && is_rejected(threshold) {
+        [estimate, threshold]
+    } else if is_rejected(far) {
+        [if is_between { threshold } else { estimate }, far]
+    } else {
+        return None;
+    };
+    for _ in 0..BISECTIONS {
+        let middle = f64::midpoint(inside, outside);
+        if is_rejected(middle) {
+            outside = middle;
+        } else {
+            inside = middle;
+        }
+    }
+    Some(inside)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An effect whose p-values are those of an estimate `0` that is uniform within ±1.
+    #[derive(Debug)]
+    struct Uniform;
+
+    impl EffectTest for Uniform {
+        fn estimate(&self) -> f64 {
+            0.0
+        }
+
+        fn p_above(&self, effect: f64) -> f64 {
+            (f64::midpoint(1.0, effect)).clamp(0.0, 1.0)
+        }
+
+        fn p_below(&self, effect: f64) -> f64 {
+            1.0 - self.p_above(effect)
+        }
+
+        fn limits(&self) -> [f64; 2] {
+            [-2.0, f64::INFINITY]
+        }
+
+        fn search_distance(&self) -> f64 {
+            100.0
+        }
+    }
+
+    /// p = (1 + e) / 2 equals 0.05 at e = −0.9, wherever the threshold is.
+    #[test]
+    fn bounds_are_where_p_crosses_the_level() {
+        for threshold in [-5.0, -1.5, -0.95, -0.5, 0.0, 3.0] {
+            assert!((lower_bound(&Uniform, 0.05, threshold) + 0.9).abs() < 1e-9);
+            assert!((upper_bound(&Uniform, 0.05, -threshold) - 0.9).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_level_that_rejects_nothing_gives_the_limit() {
+        assert_eq!(lower_bound(&Uniform, -1.0, 0.0), -2.0);
+        assert_eq!(upper_bound(&Uniform, -1.0, 0.0), f64::INFINITY);
+    }
+
+    /// A p-value that falls, rises and falls again: it crosses 0.05 at −1, −2 and −3.
+    #[derive(Debug)]
+    struct SeveralCrossings;
+
+    impl EffectTest for SeveralCrossings {
+        fn estimate(&self) -> f64 {
+            0.0
+        }
+
+        fn p_above(&self, effect: f64) -> f64 {
+            if effect > -1.0 || (-3.0..-2.0).contains(&effect) {
+                0.1
+            } else {
+                0.01
+            }
+        }
+
+        fn p_below(&self, _effect: f64) -> f64 {
+            1.0
+        }
+
+        fn limits(&self) -> [f64; 2] {
+            [-9.0, 9.0]
+        }
+
+        fn search_distance(&self) -> f64 {
+            9.0
+        }
+    }
+
+    /// The threshold −1.5 is rejected, so the bound is above it; −2.5 is not, so it is below.
+    #[test]
+    fn bounds_agree_with_the_p_value_of_the_threshold() {
+        assert!((lower_bound(&SeveralCrossings, 0.05, -1.5) + 1.0).abs() < 1e-9);
+        assert!((lower_bound(&SeveralCrossings, 0.05, -2.5) + 3.0).abs() < 1e-9);
+    }
+}

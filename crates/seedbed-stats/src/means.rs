@@ -1,0 +1,496 @@
+//! Tests of a difference of means by permutation: of two samples, and of pairs.
+//!
+//! ```
+//! use seedbed_stats::effect_test::{EffectTest, lower_bound};
+//! use seedbed_stats::means::TwoMeans;
+//!
+//! let test = TwoMeans::new(&[5.0, 6.0, 7.0, 8.0, 9.0], &[0.0, 1.0, 2.0, 3.0, 4.0]);
+//! assert_eq!(test.estimate(), 5.0);
+//! // Of the 252 ways to split ten numbers, only the data have a difference as large.
+//! assert_eq!(test.p_above(0.0), 1.0 / 252.0);
+//! assert!(lower_bound(&test, 0.025, 0.0) > 0.0);
+//! ```
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::aggregate::mean;
+use super::effect_test::EffectTest;
+
+/// Number of random splits or sign vectors, in addition to that of the data. If there are fewer in
+/// all, each is used once and p-values are exact.
+pub const RANDOM_PERMUTATIONS: usize = 19_999;
+
+/// Statistics that differ by less than this share are equal: rounding errors must not decide
+/// whether a permutation is at least as extreme as the data.
+const TOLERANCE: f64 = 1e-9;
+
+/// Standard errors and differences that are smaller than this share of the data's range are
+/// rounding errors.
+const SMALLEST_DEVIATION: f64 = 1e-7;
+
+/// Distance from the estimate within which bounds are searched, as a multiple of the range of the
+/// data.
+const SEARCHED_RANGES: f64 = 1e4;
+
+/// Studentized permutation test of the difference of two means (Janssen 1997; Chung and Romano
+/// 2013), for all hypothetical differences.
+///
+/// For a hypothetical difference δ, the statistic is Welch's t of x − δ and y, and its
+/// distribution is that over all splits of x − δ and y into samples of the same sizes. The test is
+/// exact for samples that differ by a shift, with any number of runs. For samples of unequal shape
+/// it is valid with many runs.
+#[derive(Clone, Debug)]
+pub struct TwoMeans {
+    /// Sums of the first sample of each split.
+    sums: Vec<SplitSums>,
+    /// Sums of x.
+    data: SplitSums,
+    /// Sums of all values.
+    total: SplitSums,
+    sizes: [usize; 2],
+    estimate: f64,
+    range: f64,
+    is_exact: bool,
+}
+
+/// Sums over the values that a split puts into the first sample: of all values v, of those from x,
+/// of v², and the number of values from x.
+#[derive(Clone, Copy, Debug, Default)]
+struct SplitSums {
+    values: f64,
+    values_of_x: f64,
+    squares: f64,
+    count_of_x: f64,
+}
+
+/// Ways to split n + m runs into a first sample of n runs and a second of m.
+#[derive(Clone, Debug)]
+pub struct Splits {
+    sizes: [usize; 2],
+    /// Runs of the first sample of each split: `[splits × n]`
+    first_samples: Vec<u32>,
+    is_exact: bool,
+}
+
+impl Splits {
+    /// All splits if there are at most [`RANDOM_PERMUTATIONS`], otherwise as many random ones,
+    /// always the same.
+    ///
+    /// # Panics
+    /// If a sample is empty.
+    #[must_use]
+    pub fn new(n: usize, m: usize) -> Self {
+        assert!(n > 0 && m > 0, "samples of {n} and {m} runs");
+        let is_exact = binomial_coefficient(n + m, n) <= RANDOM_PERMUTATIONS as f64;
+        let first_samples = if is_exact {
+            all_combinations(n + m, n)
+        } else {
+            random_combinations(n + m, n)
+        };
+        Self {
+            sizes: [n, m],
+            first_samples,
+            is_exact,
+        }
+    }
+}
+
+/// The random stream of all permutations. It is always the same, so that equal data give equal
+/// p-values. Its key must never change, because published results depend on it.
+fn permutation_stream() -> ChaCha8Rng {
+    let mut key = [0_u8; 32];
+    key[8] = 29;
+    ChaCha8Rng::from_seed(key)
+}
+
+fn binomial_coefficient(n: usize, k: usize) -> f64 {
+    (0..k)
+        .map(|i| (n - i) as f64 / (k - i) as f64)
+        .product::<f64>()
+        .round()
+}
+
+/// All subsets of `k` of the numbers below `n`, one after the other.
+fn all_combinations(n: usize, k: usize) -> Vec<u32> {
+    let mut combination: Vec<u32> = (0..k as u32).collect();
+    let mut all = combination.clone();
+    let has_room = |combination: &[u32], i: usize| (combination[i] as usize) < n - k + i;
+    while let Some(i) = (0..k).rfind(|&i| has_room(&combination, i)) {
+        combination[i] += 1;
+        for j in i + 1..k {
+            combination[j] = combination[j - 1] + 1;
+        }
+        all.extend_from_slice(&combination);
+    }
+    all
+}
+
+/// [`RANDOM_PERMUTATIONS`] random subsets of `k` of the numbers below `n`, one after the other.
+fn random_combinations(n: usize, k: usize) -> Vec<u32> {
+    let mut random = permutation_stream();
+    let mut runs: Vec<u32> = (0..n as u32).collect();
+    let mut all = Vec::with_capacity(RANDOM_PERMUTATIONS * k);
+    for _ in 0..RANDOM_PERMUTATIONS {
+        // The first k steps of Fisher and Yates' shuffle; the order from the last round does not
+        // matter.
+        for i in 0..k {
+            runs.swap(i, random.random_range(i..n));
+        }
+        all.extend_from_slice(&runs[..k]);
+    }
+    all
+}
+
+impl TwoMeans {
+    /// Test of mean(x) − mean(y).   `x: [n]`, `y: [m]`
+    ///
+    /// # Panics
+    /// If a sample is empty.
+    #[must_use]
+    pub fn new(x: &[f64], y: &[f64]) -> Self {
+        Self::with_splits(x, y, &Splits::new(x.len(), y.len()))
+    }
+
+    /// Like [`new`](Self::new), with splits that were made before.
+    ///
+    /// # Panics
+    /// If the splits are for other numbers of runs.
+    #[must_use]
+    pub fn with_splits(x: &[f64], y: &[f64], splits: &Splits) -> Self {
+        assert_eq!(splits.sizes, [x.len(), y.len()]);
+        // Centred values keep the squares small, which loses fewer digits.
+        let center = f64::midpoint(mean(x), mean(y));
+        let values: Vec<f64> = x.iter().chain(y).map(|value| value - center).collect();
+        let sums_over = |runs: &mut dyn Iterator<Item = usize>| {
+            let mut sums = SplitSums::default();
+            for run in runs {
+                sums.add(values[run], run < x.len());
+            }
+            sums
+        };
+        let sums_of_split = |runs: &[u32]| sums_over(&mut runs.iter().map(|&run| run as usize));
+        Self {
+            sums: splits
+                .first_samples
+                .chunks_exact(x.len())
+                .map(sums_of_split)
+                .collect(),
+            data: sums_over(&mut (0..x.len())),
+            total: sums_over(&mut (0..values.len())),
+            sizes: splits.sizes,
+            estimate: mean(x) - mean(y),
+            range: range(&values),
+            is_exact: splits.is_exact,
+        }
+    }
+
+    /// p-value for the hypothetical difference `effect`. `sign` is 1 if larger differences are more
+    /// extreme, and −1 if smaller ones are.
+    fn p(&self, effect: f64, sign: f64) -> f64 {
+        let statistic = |sums: &SplitSums| sign * self.welch_t(sums, effect);
+        let of_data = statistic(&self.data);
+        let threshold = if of_data.is_finite() {
+            of_data - TOLERANCE * of_data.abs().max(1.0)
+        } else {
+            of_data
+        };
+        let extreme = self
+            .sums
+            .iter()
+            .filter(|sums| statistic(sums) >= threshold)
+            .count();
+        share_of_extreme(extreme, self.sums.len(), self.is_exact)
+    }
+
+    /// Welch's t of a split after `effect` was subtracted from all values of x. ±∞ if neither
+    /// sample varies, 0 if their means are equal, too.
+    fn welch_t(&self, sums: &SplitSums, effect: f64) -> f64 {
+        let [n, m] = self.sizes.map(|size| size as f64);
+        let (first, all) = (sums.shifted(effect), self.total.shifted(effect));
+        let second = [all[0] - first[0], all[1] - first[1]];
+        let difference = first[0] / n - second[0] / m;
+        let variance = variance_of_mean(first, n) + variance_of_mean(second, m);
+        let smallest = (SMALLEST_DEVIATION * (self.range + effect.abs())).powi(2);
+        if difference.abs() <= smallest.sqrt() {
+            0.0
+        } else if variance <= smallest {
+            difference.signum() * f64::INFINITY
+        } else {
+            difference / variance.sqrt()
+        }
+    }
+}
+
+impl EffectTest for TwoMeans {
+    fn estimate(&self) -> f64 {
+        self.estimate
+    }
+
+    fn p_above(&self, effect: f64) -> f64 {
+        self.p(effect, 1.0)
+    }
+
+    fn p_below(&self, effect: f64) -> f64 {
+        self.p(effect, -1.0)
+    }
+
+    fn limits(&self) -> [f64; 2] {
+        [f64::NEG_INFINITY, f64::INFINITY]
+    }
+
+    fn search_distance(&self) -> f64 {
+        search_distance(self.range)
+    }
+}
+
+impl SplitSums {
+    fn add(&mut self, value: f64, is_of_x: bool) {
+        self.values += value;
+        self.squares += value * value;
+        if is_of_x {
+            self.values_of_x += value;
+            self.count_of_x += 1.0;
+        }
+    }
+
+    /// Sum and sum of squares of the values after `effect` was subtracted from those of x.
+    fn shifted(&self, effect: f64) -> [f64; 2] {
+        [
+            self.values - effect * self.count_of_x,
+            self.squares - 2.0 * effect * self.values_of_x + effect * effect * self.count_of_x,
+        ]
+    }
+}
+
+/// Squared standard error of the mean of n values with this sum and sum of squares; 0 for one value.
+fn variance_of_mean([sum, squares]: [f64; 2], n: f64) -> f64 {
+    if n < 2.0 {
+        return 0.0;
+    }
+    ((squares - sum * sum / n) / (n * (n - 1.0))).max(0.0)
+}
+
+/// Test of the mean of differences by changes of sign, for all hypothetical means δ: the
+/// distribution of Σ ± (d − δ) over all signs.
+///
+/// It is exact for differences that are symmetric around their mean, as those of two samples of
+/// equal distribution are, and valid with many runs otherwise. For δ = 0 and differences of −1, 0
+/// and 1 it is the exact test of McNemar (1947).
+#[derive(Clone, Debug)]
+pub struct MeanOfDifferences {
+    /// For each sign vector, the sum of signed differences and the sum of signs.
+    sums: Vec<[f64; 2]>,
+    data: [f64; 2],
+    range: f64,
+    is_exact: bool,
+}
+
+impl MeanOfDifferences {
+    /// Test of the mean of `differences`.   `differences: [n]`
+    ///
+    /// # Panics
+    /// If there are no differences.
+    #[must_use]
+    pub fn new(differences: &[f64]) -> Self {
+        let n = differences.len();
+        assert!(n > 0, "no differences");
+        let is_exact = n < 64 && 1_usize << n <= RANDOM_PERMUTATIONS;
+        let mut random = permutation_stream();
+        let count = if is_exact {
+            1 << n
+        } else {
+            RANDOM_PERMUTATIONS
+        };
+        let signed_sums = |number: usize| {
+            let mut sums = [0.0; 2];
+            for (i, difference) in differences.iter().enumerate() {
+                let is_kept = if is_exact {
+                    number >> i & 1 == 0
+                } else {
+                    random.random()
+                };
+                let sign = if is_kept { 1.0 } else { -1.0 };
+                sums[0] += sign * difference;
+                sums[1] += sign;
+            }
+            sums
+        };
+        Self {
+            sums: (0..count).map(signed_sums).collect(),
+            data: [differences.iter().sum(), n as f64],
+            range: range(differences),
+            is_exact,
+        }
+    }
+
+    fn p(&self, effect: f64, sign: f64) -> f64 {
+        let statistic = |[differences, signs]: &[f64; 2]| sign * (differences - effect * signs);
+        let threshold =
+            statistic(&self.data) - TOLERANCE * self.data[1] * (self.range + effect.abs());
+        let extreme = self
+            .sums
+            .iter()
+            .filter(|sums| statistic(sums) >= threshold)
+            .count();
+        share_of_extreme(extreme, self.sums.len(), self.is_exact)
+    }
+}
+
+impl EffectTest for MeanOfDifferences {
+    fn estimate(&self) -> f64 {
+        self.data[0] / self.data[1]
+    }
+
+    fn p_above(&self, effect: f64) -> f64 {
+        self.p(effect, 1.0)
+    }
+
+    fn p_below(&self, effect: f64) -> f64 {
+        self.p(effect, -1.0)
+    }
+
+    fn limits(&self) -> [f64; 2] {
+        [f64::NEG_INFINITY, f64::INFINITY]
+    }
+
+    fn search_distance(&self) -> f64 {
+        search_distance(self.range)
+    }
+}
+
+/// p-value of data with `extreme` of `all` permutations at least as extreme. Random permutations
+/// count the data as one more of them, so that p is never 0 (Phipson and Smyth 2010).
+fn share_of_extreme(extreme: usize, all: usize, is_exact: bool) -> f64 {
+    if is_exact {
+        extreme as f64 / all as f64
+    } else {
+        (extreme + 1) as f64 / (all + 1) as f64
+    }
+}
+
+/// Largest minus smallest value.
+fn range(values: &[f64]) -> f64 {
+    let max = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let min = values.iter().copied().fold(f64::INFINITY, f64::min);
+    max - min
+}
+
+/// Distance from the estimate within which bounds are searched; values without range have their
+/// bounds at the estimate.
+fn search_distance(range: f64) -> f64 {
+    SEARCHED_RANGES * if range > 0.0 { range } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect_test::{lower_bound, upper_bound};
+
+    /// The definition: Welch's t of every split, from the values themselves.
+    fn p_by_definition(x: &[f64], y: &[f64], effect: f64) -> f64 {
+        let shifted: Vec<f64> = x
+            .iter()
+            .map(|x| x - effect)
+            .chain(y.iter().copied())
+            .collect();
+        let t = |runs: &[u32]| {
+            let is_first = |run: &usize| runs.contains(&(*run as u32));
+            let (first, second): (Vec<usize>, Vec<usize>) = (0..shifted.len()).partition(is_first);
+            let [(a, va), (b, vb)] = [first, second].map(|runs| {
+                let n = runs.len() as f64;
+                let mean = runs.iter().map(|&run| shifted[run]).sum::<f64>() / n;
+                let squares: f64 = runs.iter().map(|&run| (shifted[run] - mean).powi(2)).sum();
+                (mean, squares / (n * (n - 1.0)))
+            });
+            (a - b) / (va + vb).sqrt()
+        };
+        let splits = all_combinations(shifted.len(), x.len());
+        let data: Vec<u32> = (0..x.len() as u32).collect();
+        let all: Vec<f64> = splits.chunks_exact(x.len()).map(t).collect();
+        let extreme = all
+            .iter()
+            .filter(|&&other| other >= t(&data) - 1e-9)
+            .count();
+        extreme as f64 / all.len() as f64
+    }
+
+    const X: [f64; 5] = [3.0, 8.5, 4.0, 6.0, 20.0];
+    const Y: [f64; 4] = [2.0, 5.0, 1.0, 3.5];
+
+    #[test]
+    fn p_values_equal_those_of_all_splits() {
+        let test = TwoMeans::new(&X, &Y);
+        for effect in [-3.0, 0.0, 1.25, 5.0, 30.0] {
+            assert_eq!(
+                test.p_above(effect),
+                p_by_definition(&X, &Y, effect),
+                "{effect}"
+            );
+        }
+    }
+
+    /// Exchanging the samples reverses the sign, and so does the mirror image of the values.
+    #[test]
+    fn the_test_is_symmetric() {
+        let (test, exchanged) = (TwoMeans::new(&X, &Y), TwoMeans::new(&Y, &X));
+        assert_eq!(test.estimate(), -exchanged.estimate());
+        for effect in [-2.0, 0.0, 4.0] {
+            assert_eq!(test.p_above(effect), exchanged.p_below(-effect));
+        }
+        let bounds = [
+            lower_bound(&test, 0.1, 0.0),
+            upper_bound(&exchanged, 0.1, 0.0),
+        ];
+        assert!((bounds[0] + bounds[1]).abs() < 1e-6, "{bounds:?}");
+    }
+
+    /// A shift of all values of x by 7 moves the bounds by 7.
+    #[test]
+    fn bounds_move_with_the_data() {
+        let shifted = X.map(|x| x + 7.0);
+        let [bound, moved] =
+            [&X, &shifted].map(|x| lower_bound(&TwoMeans::new(x, &Y), 0.05, f64::NAN));
+        assert!(bound.is_finite() && (moved - bound - 7.0).abs() < 1e-6);
+    }
+
+    /// All values of each sample are equal: one of C(10, 5) = 252 splits is as extreme. Samples of
+    /// three have 20 splits, which is too few for a level of 0.025: no bound.
+    #[test]
+    fn samples_without_variation_are_compared_by_the_number_of_splits() {
+        let test = TwoMeans::new(&[200.0; 5], &[9.0; 5]);
+        assert_eq!([test.p_above(0.0), test.p_below(0.0)], [1.0 / 252.0, 1.0]);
+        assert!((lower_bound(&test, 0.025, 0.0) - 191.0).abs() < 1e-3);
+        let few = TwoMeans::new(&[200.0; 3], &[9.0; 3]);
+        assert_eq!(lower_bound(&few, 0.025, 0.0), f64::NEG_INFINITY);
+    }
+
+    /// Twenty runs have too many splits: p is a multiple of 1 / 20,000, and never 0.
+    #[test]
+    fn random_splits_count_the_data_as_one_of_them() {
+        let x: Vec<f64> = (0..20).map(|run| f64::from(run) + 100.0).collect();
+        let y: Vec<f64> = (0..20).map(f64::from).collect();
+        assert_eq!(TwoMeans::new(&x, &y).p_above(0.0), 1.0 / 20_000.0);
+    }
+
+    /// Five positive differences: one of 2⁵ sign vectors has a sum as large.
+    #[test]
+    fn sign_changes_give_exact_p_values() {
+        let test = MeanOfDifferences::new(&[1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(test.estimate(), 3.0);
+        assert_eq!([test.p_above(0.0), test.p_below(0.0)], [1.0 / 32.0, 1.0]);
+        // For δ = 3 the differences are −2 … 2: half of the vectors, and those with the sum 0.
+        assert_eq!(test.p_above(3.0), test.p_below(3.0));
+    }
+
+    /// Of six discordant pairs one is negative. McNemar's exact test: P(at most 1 of 6) = 7 / 64.
+    #[test]
+    fn differences_of_successes_have_the_p_value_of_mcnemars_test() {
+        let differences = [1.0, 0.0, 1.0, 1.0, -1.0, 0.0, 1.0, 1.0];
+        assert_eq!(
+            MeanOfDifferences::new(&differences).p_above(0.0),
+            7.0 / 64.0
+        );
+    }
+}

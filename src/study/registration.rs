@@ -1,0 +1,552 @@
+//! Registration of a study before its runs: a lock file from which run seeds are derived.
+//!
+//! The lock of a study contains everything on which its verdicts depend, and its id is the hash of
+//! that. Run seeds are derived from the id, so nobody can have seen the runs before the study was
+//! registered, and a change of any claim, cell or number of runs changes all runs. A later lock names
+//! the earlier ones and their claims.
+
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::file::{Claim, Study};
+use super::plan::StudyPlan;
+use super::provenance;
+use super::results::Results;
+use super::store::{StoreError, StudyFolder};
+use crate::run::files;
+use crate::text::pluralize;
+use seedbed_stats::family::FAMILY_LEVEL;
+
+/// Number of digits of an id that are shown.
+const SHOWN_DIGITS: usize = 12;
+
+/// What is registered: the contents of `STUDY.lock`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lock {
+    /// SHA-256, in hexadecimal digits, of [`Registered`] as compact JSON.
+    pub id: String,
+    /// What was registered.
+    pub registered: Registered,
+}
+
+/// Everything that a lock fixes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Registered {
+    /// Name of the study.
+    pub study: String,
+    /// Error probability of each family of claims, on each side.
+    pub level: f64,
+    /// Numbers of runs per cell at which the claims are evaluated, in ascending order.
+    pub looks: Vec<u64>,
+    /// Claims, as [`Claim::canonical_text`](super::file::Claim::canonical_text), followed by their
+    /// texts.
+    pub claims: Vec<String>,
+    /// Names of the cells, and hashes of everything on which their runs depend.
+    pub cells: Vec<(String, String)>,
+    /// Version of seedbed.
+    pub version: String,
+    /// Commit of seedbed, if known.
+    pub commit: Option<String>,
+    /// Build of seedbed.
+    pub build: String,
+    /// Cells whose settings had runs with other run seeds when the study was registered, and the
+    /// number of these runs.
+    pub seen_before: Vec<(String, usize)>,
+    /// Earlier locks of this study, the first one first.
+    pub ancestors: Vec<Ancestor>,
+}
+
+/// An earlier lock of a study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ancestor {
+    /// Id of the lock.
+    pub id: String,
+    /// Its claims.
+    pub claims: Vec<String>,
+    /// Its looks.
+    pub looks: Vec<u64>,
+}
+
+/// Error: a study cannot be registered or confirmed.
+#[derive(Debug, thiserror::Error)]
+pub enum RegistrationError {
+    /// The lock file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] StoreError),
+    /// There is no lock file.
+    #[error("{path}: no such file; register the study with --register before --confirm", path = .0.display())]
+    NotRegistered(PathBuf),
+    /// The lock file was changed after it was written.
+    #[error("{path}: this lock was changed after it was made: its contents do not have its id; expected an unchanged file", path = .0.display())]
+    Changed(PathBuf),
+    /// The study differs from its lock.
+    #[error("{path}: the study differs from its lock: {differences}; expected no difference, or a new registration with --register", path = .path.display(), differences = .differences.join("; "))]
+    Differs {
+        /// Path of the lock file.
+        path: PathBuf,
+        /// What differs.
+        differences: Vec<String>,
+    },
+    /// The study has nothing to confirm.
+    #[error("{path}: the study has no confirmatory claim; expected `confirmatory: true` in at least one claim", path = .0.display())]
+    NothingToConfirm(PathBuf),
+}
+
+impl Registered {
+    /// What is registered of a study whose cells have these names and digests, by this build and
+    /// without a history.
+    fn of(name: &str, study: &Study, cells: Vec<(String, String)>) -> Self {
+        let claim = |claim: &Claim| format!("{} | {}", claim.canonical_text(study), claim.text);
+        Self {
+            study: name.to_owned(),
+            level: FAMILY_LEVEL,
+            looks: study.looks(),
+            claims: study.claims.iter().map(claim).collect(),
+            cells,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            commit: provenance::commit().map(str::to_owned),
+            build: provenance::format_build_id(provenance::build_id()),
+            seen_before: Vec::new(),
+            ancestors: Vec::new(),
+        }
+    }
+
+    fn of_plan(plan: &StudyPlan) -> Self {
+        let cells = plan.cells.iter();
+        let cells = cells
+            .map(|cell| (cell.name.clone(), cell.digest.clone()))
+            .collect();
+        Self::of(&plan.name, plan.study(), cells)
+    }
+
+    /// SHA-256 of the compact JSON, in hexadecimal digits.
+    fn hash(&self) -> String {
+        let text = serde_json::to_string(self).expect("plain data always serializes");
+        format!("{:x}", Sha256::digest(text))
+    }
+
+    /// What differs from `other` in claims, cells and looks, as sentences without a full stop.
+    fn differences(&self, other: &Self) -> Vec<String> {
+        let mut differences = Vec::new();
+        for claim in self
+            .claims
+            .iter()
+            .filter(|claim| !other.claims.contains(claim))
+        {
+            differences.push(format!("the claim `{claim}` is not in the study"));
+        }
+        for claim in other
+            .claims
+            .iter()
+            .filter(|claim| !self.claims.contains(claim))
+        {
+            differences.push(format!("the claim `{claim}` is not in the lock"));
+        }
+        if self.looks != other.looks {
+            differences.push(format!(
+                "numbers of runs per cell are {} in the lock and {} in the study",
+                list(&self.looks),
+                list(&other.looks)
+            ));
+        }
+        for (name, digest) in &self.cells {
+            match other.cells.iter().find(|(other, _)| other == name) {
+                Some((_, other_digest)) if other_digest == digest => {}
+                Some(_) => differences.push(format!(
+                    "the scenario, the task or the settings of cell `{name}` were changed"
+                )),
+                None => differences.push(format!("the cell `{name}` is not in the study")),
+            }
+        }
+        let is_new = |name: &String| !self.cells.iter().any(|(other, _)| other == name);
+        for (name, _) in other.cells.iter().filter(|(name, _)| is_new(name)) {
+            differences.push(format!("the cell `{name}` is not in the lock"));
+        }
+        differences
+    }
+}
+
+fn list(numbers: &[u64]) -> String {
+    numbers
+        .iter()
+        .map(u64::to_string)
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+impl Lock {
+    /// Path of the lock of a study file, such as `fig_6_1.ron.lock`.
+    #[must_use]
+    pub fn path(study: &Path) -> PathBuf {
+        study.with_added_extension("lock")
+    }
+
+    /// Registers a study: writes its lock beside the study file. If there is a lock already, the
+    /// new one has it as an ancestor; if nothing differs from it, it is kept.
+    ///
+    /// # Errors
+    /// If the study has no confirmatory claim, if an existing lock was changed after it was made, or
+    /// if a file cannot be read or written.
+    ///
+    /// # Panics
+    /// Never: plain data always serializes.
+    pub fn register(plan: &StudyPlan, explored: &StudyFolder) -> Result<Self, RegistrationError> {
+        if !plan.study().claims.iter().any(|claim| claim.confirmatory) {
+            return Err(RegistrationError::NothingToConfirm(plan.path.clone()));
+        }
+        let path = Self::path(&plan.path);
+        let earlier = match Self::read(&path) {
+            Ok(lock) => Some(lock),
+            Err(RegistrationError::NotRegistered(_)) => None,
+            Err(error) => return Err(error),
+        };
+        let registered = Registered {
+            seen_before: seen_before(plan, explored),
+            ancestors: earlier
+                .as_ref()
+                .map(Self::with_ancestors)
+                .unwrap_or_default(),
+            ..Registered::of_plan(plan)
+        };
+        if let Some(lock) =
+            earlier.filter(|lock| lock.registered.differences(&registered).is_empty())
+        {
+            return Ok(lock);
+        }
+        let lock = Self {
+            id: registered.hash(),
+            registered,
+        };
+        let mut text = serde_json::to_string_pretty(&lock).expect("plain data always serializes");
+        text.push('\n');
+        files::replace(&path, text.as_bytes()).map_err(|error| store_error(&path, &error))?;
+        Ok(lock)
+    }
+
+    /// Reads a lock file.
+    ///
+    /// # Errors
+    /// If there is none, if it cannot be read, or if it was changed after it was made.
+    pub fn read(path: &Path) -> Result<Self, RegistrationError> {
+        let text = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return Err(RegistrationError::NotRegistered(path.to_owned()));
+            }
+            Err(error) => return Err(store_error(path, &error).into()),
+        };
+        let lock: Self = serde_json::from_str(&text).map_err(|error| store_error(path, &error))?;
+        if lock.is_unchanged() {
+            Ok(lock)
+        } else {
+            Err(RegistrationError::Changed(path.to_owned()))
+        }
+    }
+
+    /// Reads the lock of a study, and checks that the study does not differ from it.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read), and if the study differs from its lock.
+    pub fn check(plan: &StudyPlan) -> Result<Self, RegistrationError> {
+        let path = Self::path(&plan.path);
+        let lock = Self::read(&path)?;
+        let differences = lock.registered.differences(&Registered::of_plan(plan));
+        if differences.is_empty() {
+            Ok(lock)
+        } else {
+            Err(RegistrationError::Differs { path, differences })
+        }
+    }
+
+    /// Whether the contents have the id.
+    #[must_use]
+    pub fn is_unchanged(&self) -> bool {
+        self.registered.hash() == self.id
+    }
+
+    /// Run seed of the run with this index in its cell: the first six bytes of the SHA-256 of
+    /// `ID:INDEX`, as a big-endian number.
+    #[must_use]
+    pub fn run_seed(&self, index: u64) -> u64 {
+        let hash = Sha256::digest(format!("{}:{index}", self.id));
+        hash[..6]
+            .iter()
+            .fold(0, |seed, &byte| seed << 8 | u64::from(byte))
+    }
+
+    /// First digits of the id.
+    #[must_use]
+    pub fn short_id(&self) -> &str {
+        self.id.get(..SHOWN_DIGITS).unwrap_or(&self.id)
+    }
+
+    /// Claims of earlier locks that this lock does not have, each once.
+    #[must_use]
+    pub fn withdrawn_claims(&self) -> Vec<&str> {
+        let mut withdrawn: Vec<&str> = Vec::new();
+        for claim in self
+            .registered
+            .ancestors
+            .iter()
+            .flat_map(|ancestor| &ancestor.claims)
+        {
+            if !self.registered.claims.contains(claim) && !withdrawn.contains(&claim.as_str()) {
+                withdrawn.push(claim);
+            }
+        }
+        withdrawn
+    }
+
+    /// The ancestors of a lock that follows this one.
+    fn with_ancestors(&self) -> Vec<Ancestor> {
+        let mut ancestors = self.registered.ancestors.clone();
+        ancestors.push(Ancestor {
+            id: self.id.clone(),
+            claims: self.registered.claims.clone(),
+            looks: self.registered.looks.clone(),
+        });
+        ancestors
+    }
+}
+
+fn store_error(path: &Path, error: &dyn Display) -> StoreError {
+    StoreError {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    }
+}
+
+/// Cells of which `explored` has runs, and the numbers of these runs.
+fn seen_before(plan: &StudyPlan, explored: &StudyFolder) -> Vec<(String, usize)> {
+    let mut seen = Vec::new();
+    for cell in &plan.cells {
+        let runs = explored.count_runs(&cell.digest);
+        if runs > 0 {
+            seen.push((cell.name.clone(), runs));
+        }
+    }
+    seen
+}
+
+/// What a check of registered results found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Audit {
+    /// Why these results do not confirm what was registered, as sentences; empty if they do. With
+    /// any of these, claims get no verdict.
+    pub broken: Vec<String>,
+    /// What a reader should know, as sentences.
+    pub notes: Vec<String>,
+}
+
+impl Audit {
+    /// Checks registered results; `None` if they are not registered.
+    #[must_use]
+    pub fn of(results: &Results, folder: &StudyFolder) -> Option<Self> {
+        let lock = results.manifest.lock.as_ref()?;
+        Some(Self {
+            broken: broken(lock, results),
+            notes: [notes_on_runs(lock, results, folder), notes_on_history(lock)].concat(),
+        })
+    }
+}
+
+fn broken(lock: &Lock, results: &Results) -> Vec<String> {
+    let mut broken = Vec::new();
+    if !lock.is_unchanged() {
+        broken.push(
+            "The lock was changed after it was made: its contents do not have its id.".to_owned(),
+        );
+    }
+    let cells = results.cells.iter().map(|cell| &cell.description);
+    let cells = cells
+        .map(|cell| (cell.name.clone(), cell.digest.clone()))
+        .collect();
+    let reported = Registered::of(&results.manifest.name, &results.study, cells);
+    for difference in lock.registered.differences(&reported) {
+        broken.push(format!(
+            "The reported study differs from its lock: {difference}."
+        ));
+    }
+    broken
+}
+
+fn notes_on_runs(lock: &Lock, results: &Results, folder: &StudyFolder) -> Vec<String> {
+    let mut notes = Vec::new();
+    let [_, failed, missing] = results.run_counts();
+    let damaged: usize = results.cells.iter().map(|cell| cell.damaged.len()).sum();
+    for (count, state) in [(missing, "missing"), (failed, "failed")] {
+        if count > 0 {
+            notes.push(format!(
+                "{} of the registered runs: {state}. Claims are evaluated at looks whose runs are all finished.",
+                pluralize(count, "run")
+            ));
+        }
+    }
+    if damaged > 0 {
+        notes.push(format!(
+            "{}: damaged, or edited after the run. Such runs count as missing.",
+            pluralize(damaged, "result file")
+        ));
+    }
+    let other = count_other_files(results, folder);
+    if other > 0 {
+        notes.push(format!(
+            "{} in the directory not registered; they are not used.",
+            if other == 1 {
+                "1 run is".to_owned()
+            } else {
+                format!("{other} runs are")
+            }
+        ));
+    }
+    let builds = results
+        .builds
+        .iter()
+        .map(|build| provenance::format_build_id(*build));
+    let other_builds: Vec<String> = builds
+        .filter(|build| *build != lock.registered.build)
+        .collect();
+    if !other_builds.is_empty() {
+        notes.push(format!(
+            "Runs were made by another build ({}) than the one that registered the study ({}).",
+            other_builds.join(", "),
+            lock.registered.build
+        ));
+    }
+    notes
+}
+
+/// Number of result files that belong to no registered run.
+fn count_other_files(results: &Results, folder: &StudyFolder) -> usize {
+    let run_seeds = results.manifest.run_seeds();
+    let is_registered = |name: &String| {
+        results.cells.iter().any(|cell| {
+            let run_seed = name
+                .strip_prefix(&format!("{}-", cell.description.digest))
+                .and_then(|rest| rest.strip_suffix(".run"))
+                .and_then(|run_seed| run_seed.parse().ok());
+            run_seed.is_some_and(|run_seed| run_seeds.contains(&run_seed))
+        })
+    };
+    folder
+        .result_file_names()
+        .iter()
+        .filter(|name| !is_registered(name))
+        .count()
+}
+
+fn notes_on_history(lock: &Lock) -> Vec<String> {
+    let mut notes = Vec::new();
+    for ancestor in &lock.registered.ancestors {
+        notes.push(format!(
+            "An earlier lock: {}, with {} at {} runs per cell.",
+            ancestor.id,
+            pluralize(ancestor.claims.len(), "claim"),
+            list(&ancestor.looks)
+        ));
+    }
+    for claim in lock.withdrawn_claims() {
+        notes.push(format!(
+            "A claim of an earlier lock was withdrawn: `{claim}`."
+        ));
+    }
+    for (cell, runs) in &lock.registered.seen_before {
+        notes.push(format!(
+            "When the study was registered, {} of cell `{cell}` with other run seeds had been made.",
+            pluralize(*runs, "run")
+        ));
+    }
+    notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn registered(claims: &[&str], looks: &[u64]) -> Registered {
+        Registered {
+            study: "x".to_owned(),
+            level: FAMILY_LEVEL,
+            looks: looks.to_vec(),
+            claims: claims.iter().map(|&claim| claim.to_owned()).collect(),
+            cells: vec![
+                ("a".to_owned(), "0".to_owned()),
+                ("b".to_owned(), "1".to_owned()),
+            ],
+            version: "1".to_owned(),
+            commit: None,
+            build: "2".to_owned(),
+            seen_before: Vec::new(),
+            ancestors: Vec::new(),
+        }
+    }
+
+    fn lock(registered: Registered) -> Lock {
+        Lock {
+            id: registered.hash(),
+            registered,
+        }
+    }
+
+    /// `printf 'abc:0' | sha256sum` begins with 5f36efce86f6; the seeds of other indices and ids differ.
+    #[test]
+    fn run_seeds_are_hashes_of_the_id_and_the_index() {
+        let mut lock = lock(registered(&["p"], &[10]));
+        lock.id = "abc".to_owned();
+        assert_eq!(lock.run_seed(0), EXPECTED_SEED);
+        assert_ne!(lock.run_seed(0), lock.run_seed(1));
+        lock.id = "xyz".to_owned();
+        assert_ne!(lock.run_seed(0), EXPECTED_SEED);
+    }
+
+    const EXPECTED_SEED: u64 = 0x5f36_efce_86f6;
+
+    #[test]
+    fn any_change_of_the_contents_is_found() {
+        let mut lock = lock(registered(&["p"], &[10]));
+        assert!(lock.is_unchanged());
+        lock.registered.looks = vec![20];
+        assert!(!lock.is_unchanged());
+    }
+
+    #[test]
+    fn differences_name_claims_cells_and_looks() {
+        let (locked, mut changed) = (
+            registered(&["p", "q"], &[10]),
+            registered(&["q", "r"], &[10, 20]),
+        );
+        changed.cells = vec![
+            ("a".to_owned(), "9".to_owned()),
+            ("c".to_owned(), "1".to_owned()),
+        ];
+        assert_eq!(locked.differences(&locked.clone()), [""; 0]);
+        assert_eq!(
+            locked.differences(&changed),
+            [
+                "the claim `p` is not in the study",
+                "the claim `r` is not in the lock",
+                "numbers of runs per cell are 10 in the lock and 10, 20 in the study",
+                "the scenario, the task or the settings of cell `a` were changed",
+                "the cell `b` is not in the study",
+                "the cell `c` is not in the lock",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_later_lock_names_earlier_ones_and_withdrawn_claims() {
+        let first = lock(registered(&["p", "q"], &[10]));
+        let mut second = registered(&["q"], &[10]);
+        second.ancestors = first.with_ancestors();
+        let second = lock(second);
+        assert_eq!(second.withdrawn_claims(), ["p"]);
+        assert_eq!(second.with_ancestors().len(), 2);
+        assert_eq!(second.with_ancestors()[0].id, first.id);
+    }
+}

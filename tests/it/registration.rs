@@ -1,0 +1,382 @@
+//! Registered studies on the command line: locks, confirmations, and attempts to cheat.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use super::util::{REPOSITORY, seedbed, stderr, stdout};
+
+/// A study in a directory of its own, with its own copy of the scenario.
+struct Fixture {
+    folder: tempfile::TempDir,
+}
+
+impl Fixture {
+    /// A study with these claims and further fields, of six finite runs of each of two cells.
+    fn new(fields: &str) -> Self {
+        let fixture = Self {
+            folder: tempfile::tempdir().unwrap(),
+        };
+        let scenario = Path::new(REPOSITORY).join("scenarios/tabular/deep_sea.ron");
+        fs::copy(scenario, fixture.path("deep_sea.ron")).unwrap();
+        fixture.write_study(fields);
+        fixture
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write_study(&self, fields: &str) {
+        let text = format!(
+            r#"Study(
+                title: "Small",
+                scenario: "deep_sea.ron",
+                set: ["agents.count=10", "episodes=40"],
+                cells: [
+                    (name: "seeds", set: ["algorithm=SeedSampling()"]),
+                    (name: "random", set: ["algorithm=Random"]),
+                ],
+                measures: [Regret],
+                {fields}
+            )"#
+        );
+        fs::write(self.path("small.ron"), text).unwrap();
+    }
+
+    fn study(&self, arguments: &[&str]) -> Output {
+        let (study, out) = (self.path("small.ron"), self.path("out"));
+        let common = [
+            "study",
+            study.to_str().unwrap(),
+            "--out",
+            out.to_str().unwrap(),
+        ];
+        seedbed(&[&common, arguments].concat())
+    }
+
+    /// The arguments must succeed. Returns the standard output.
+    fn succeed(&self, arguments: &[&str]) -> String {
+        let output = self.study(arguments);
+        assert!(output.status.success(), "{output:?}");
+        stdout(&output)
+    }
+
+    /// Registers and confirms the study. Returns the output of `--confirm`.
+    fn confirm(&self) -> String {
+        self.succeed(&["--register"]);
+        self.succeed(&["--confirm"])
+    }
+
+    /// `--confirm` must be refused as invalid input. Returns the error.
+    fn refusal(&self) -> String {
+        let output = self.study(&["--confirm"]);
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        stderr(&output)
+    }
+
+    /// Writes the report again, and returns the standard output.
+    fn report(&self) -> String {
+        let output = seedbed(&["report", self.path("out").to_str().unwrap()]);
+        assert!(output.status.success(), "{output:?}");
+        stdout(&output)
+    }
+
+    /// Paths of the result files, in the order of their names.
+    fn result_files(&self) -> Vec<PathBuf> {
+        let entries = fs::read_dir(self.path("out/runs")).unwrap();
+        let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+        files.sort();
+        files
+    }
+
+    fn claims_table(&self) -> String {
+        fs::read_to_string(self.path("out/claims.md")).unwrap()
+    }
+}
+
+const CLAIM: &str = r#"claims: [(text: "less regret", compare: ("seeds", "random"), direction: Less, smallest: 5, confirmatory: true)],"#;
+
+fn with_repeats(repeats: u32) -> String {
+    format!("repeats: {repeats}, {CLAIM}")
+}
+
+#[test]
+fn a_registered_study_is_confirmed_with_run_seeds_from_its_lock() {
+    let fixture = Fixture::new(&with_repeats(6));
+    assert!(
+        fixture
+            .refusal()
+            .contains("register the study with --register before --confirm")
+    );
+    let registered = fixture.succeed(&["--register"]);
+    assert!(
+        registered.contains("registered small: 1 confirmatory claim, 2 cells, 6 runs each"),
+        "{registered}"
+    );
+    let confirmed = fixture.succeed(&["--confirm"]);
+    assert!(
+        confirmed.contains("1 confirmatory claim: 1 supported"),
+        "{confirmed}"
+    );
+    let lock: serde_json::Value =
+        serde_json::from_slice(&fs::read(fixture.path("small.ron.lock")).unwrap()).unwrap();
+    let id = lock["id"].as_str().unwrap();
+    assert!(fixture.claims_table().contains(&format!("lock `{id}`")));
+    let listed = fixture.succeed(&["--confirm", "--list"]);
+    assert!(
+        listed.lines().all(|line| !line.contains("run seed 1000 ")),
+        "{listed}"
+    );
+    assert_eq!(listed.matches("finished").count(), 12);
+    // The same file is the same lock, and has no history.
+    let again = fixture.succeed(&["--register"]);
+    assert!(
+        again.contains(&id[..12]) && !again.contains("history"),
+        "{again}"
+    );
+}
+
+#[test]
+fn a_changed_claim_is_refused_and_a_new_lock_names_the_old_one() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let seeds_before = fixture.succeed(&["--confirm", "--list"]);
+    fixture.write_study(&with_repeats(6).replace("smallest: 5", "smallest: 1"));
+    let error = fixture.refusal();
+    assert!(
+        error.contains("the study differs from its lock: the claim `seeds | random | Regret"),
+        "{error}"
+    );
+    let registered = fixture.succeed(&["--register"]);
+    assert!(
+        registered.contains("history    1 lock before this one"),
+        "{registered}"
+    );
+    assert!(
+        registered.contains("withdrawn  seeds | random | Regret | Less | 5"),
+        "{registered}"
+    );
+    // All runs of the new lock are other runs.
+    let other_lock = fixture.refusal();
+    assert!(
+        other_lock.contains("contains this study with other run seeds"),
+        "{other_lock}"
+    );
+    fs::remove_dir_all(fixture.path("out")).unwrap();
+    fixture.succeed(&["--confirm"]);
+    assert_ne!(fixture.succeed(&["--confirm", "--list"]), seeds_before);
+    let table = fixture.claims_table();
+    assert!(
+        table.contains("An earlier lock: ") && table.contains("was withdrawn: `seeds"),
+        "{table}"
+    );
+}
+
+#[test]
+fn more_runs_than_registered_are_refused_and_not_used() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let verdict = fixture.claims_table();
+    fixture.write_study(&with_repeats(8));
+    let error = fixture.refusal();
+    assert!(
+        error.contains("numbers of runs per cell are 6 in the lock and 8 in the study"),
+        "{error}"
+    );
+    // A run under another name is not one of the registered runs.
+    let file = &fixture.result_files()[0];
+    let name = file.file_stem().unwrap().to_str().unwrap();
+    fs::copy(file, file.with_file_name(format!("{name}7.run"))).unwrap();
+    assert!(
+        fixture
+            .report()
+            .contains("note       1 run is in the directory not registered")
+    );
+    let rows = |table: &str| table.lines().take(3).map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(rows(&fixture.claims_table()), rows(&verdict));
+}
+
+#[test]
+fn another_scenario_is_refused() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let scenario = fixture.path("deep_sea.ron");
+    let text = fs::read_to_string(&scenario).unwrap();
+    fs::write(
+        &scenario,
+        text.replacen("Scenario", "Scenario ", 1)
+            .replace("width: 10", "width: 9"),
+    )
+    .unwrap();
+    fixture.write_study(&with_repeats(6).replace("repeats", "first_seed: 1000, repeats"));
+    fixture.succeed(&["--confirm"]);
+    fixture.write_study(&with_repeats(6));
+    let study = fixture.path("small.ron");
+    let text = fs::read_to_string(&study).unwrap();
+    fs::write(&study, text.replace("episodes=40", "episodes=41")).unwrap();
+    let error = fixture.refusal();
+    assert!(
+        error.contains("the scenario, the task or the settings of cell `seeds` were changed"),
+        "{error}"
+    );
+}
+
+#[test]
+fn an_edited_run_is_not_used_and_is_repeated() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let file = &fixture.result_files()[3];
+    let original = fs::read(file).unwrap();
+    let mut edited = original.clone();
+    let middle = edited.len() / 2;
+    edited[middle] ^= 1;
+    fs::write(file, edited).unwrap();
+    let report = fixture.report();
+    assert!(
+        report.contains("note       1 result file: damaged, or edited after the run."),
+        "{report}"
+    );
+    assert!(report.contains("1 confirmatory claim: 1 open"), "{report}");
+    fixture.succeed(&["--confirm"]);
+    assert_eq!(fs::read(file).unwrap(), original);
+    assert!(
+        fixture
+            .succeed(&["--confirm", "--verify=12"])
+            .contains("12 of 12 repeated runs are bit-identical")
+    );
+}
+
+#[test]
+fn a_deleted_run_leaves_claims_open_and_is_repeated() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let file = &fixture.result_files()[5];
+    let original = fs::read(file).unwrap();
+    fs::remove_file(file).unwrap();
+    let report = fixture.report();
+    assert!(
+        report.contains("note       1 run of the registered runs: missing."),
+        "{report}"
+    );
+    assert!(report.contains("1 confirmatory claim: 1 open"), "{report}");
+    fixture.succeed(&["--confirm"]);
+    assert_eq!(fs::read(file).unwrap(), original);
+}
+
+/// The lock says which build registered the study. A lock of another build differs in its id, too;
+/// here its contents are changed by hand, with and without the id of the new contents.
+#[test]
+fn an_edited_lock_is_refused_and_another_build_is_reported() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let lock = fixture.path("small.ron.lock");
+    let text = fs::read_to_string(&lock).unwrap();
+    fs::write(
+        &lock,
+        text.replace("smallest", "largest")
+            .replace("| 5 |", "| 1 |"),
+    )
+    .unwrap();
+    let error = fixture.refusal();
+    assert!(
+        error.contains("this lock was changed after it was made"),
+        "{error}"
+    );
+    // The same in the stored results: the report says so, and gives no verdict.
+    let manifest = fixture.path("out/study.json");
+    let text = fs::read_to_string(&manifest).unwrap();
+    let build = text.split("\"build\": \"").nth(1).unwrap()[..16].to_owned();
+    fs::write(&manifest, text.replace(&build, "0123456789abcdef")).unwrap();
+    let report = fixture.report();
+    assert!(
+        report.contains("not confirmed: The lock was changed after it was made"),
+        "{report}"
+    );
+    assert!(
+        report.contains("note       Runs were made by another build"),
+        "{report}"
+    );
+    assert!(report.contains("1 confirmatory claim: 1 open"), "{report}");
+    let page = fs::read_to_string(fixture.path("out/report.html")).unwrap();
+    assert!(page.contains("Not confirmed."));
+}
+
+/// A claim in the reported study that the lock does not have.
+#[test]
+fn a_claim_edited_in_the_results_is_reported() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let manifest = fixture.path("out/study.json");
+    let text = fs::read_to_string(&manifest).unwrap();
+    fs::write(&manifest, text.replace("smallest: 5", "smallest: 1")).unwrap();
+    let report = fixture.report();
+    assert!(
+        report.contains("not confirmed: The reported study differs from its lock: the claim"),
+        "{report}"
+    );
+    assert!(
+        fixture
+            .claims_table()
+            .starts_with("Not final: not what was registered")
+    );
+}
+
+/// The effect is so large that it is decided at the first of two looks.
+#[test]
+fn a_decided_study_stops_at_an_early_look() {
+    let looks = with_repeats(20).replace("claims:", "looks: [10, 20], claims:");
+    let fixture = Fixture::new(&looks);
+    let confirmed = fixture.confirm();
+    assert!(
+        confirmed.contains("look       1 of 2: 10 runs per cell"),
+        "{confirmed}"
+    );
+    assert!(
+        confirmed.contains("decided    all confirmatory claims, at look 1 of 2"),
+        "{confirmed}"
+    );
+    assert!(
+        confirmed.contains("runs       20 finished\n"),
+        "{confirmed}"
+    );
+    assert_eq!(fixture.result_files().len(), 20);
+}
+
+#[test]
+fn a_study_without_confirmatory_claims_is_not_registered() {
+    let fixture = Fixture::new("repeats: 6,");
+    let output = fixture.study(&["--register"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output).contains("the study has no confirmatory claim"),
+        "{output:?}"
+    );
+}
+
+#[test]
+fn runs_from_before_the_registration_are_reported() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.succeed(&[]);
+    fixture.succeed(&["--register"]);
+    fs::remove_dir_all(fixture.path("out")).unwrap();
+    let confirmed = fixture.succeed(&["--confirm"]);
+    assert!(
+        confirmed.contains("note       When the study was registered, 6 runs of cell `seeds` with other run seeds had been made."),
+        "{confirmed}"
+    );
+}
+
+#[test]
+fn power_says_how_many_runs_each_claim_needs() {
+    let fixture = Fixture::new(
+        &with_repeats(6).replace("confirmatory", "expected: Deviation(10), confirmatory"),
+    );
+    let printed = fixture.succeed(&["--power"]);
+    // An effect of half a standard deviation at the level 0.025: 64 runs per cell, 86 for
+    // a power of 0.9.
+    assert!(
+        printed.contains("0.0250     0.12       64       86  less regret"),
+        "{printed}"
+    );
+}
