@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{CliError, pluralize};
 use seedbed::run::Plan;
+use seedbed::study::experiment::Experiment;
 use seedbed::study::plan::StudyPlan;
 use seedbed::tabular;
 use seedbed_env::input::{self, FileKind, InputError};
@@ -17,7 +18,15 @@ pub(super) fn check(files: &[PathBuf]) -> Result<(), CliError> {
     let mut invalid = 0;
     for path in files {
         match check_file(path) {
-            Ok(description) => say!("ok: {}: {description}", path.display()),
+            Ok(Checked {
+                description,
+                warnings,
+            }) => {
+                say!("ok: {}: {description}", path.display());
+                for warning in warnings {
+                    say!("warning: {}: {warning}", path.display());
+                }
+            }
             Err(error) => {
                 invalid += 1;
                 eprintln!("error: {error}");
@@ -31,9 +40,18 @@ pub(super) fn check(files: &[PathBuf]) -> Result<(), CliError> {
     }
 }
 
-fn check_file(path: &Path) -> Result<String, InputError> {
+/// A valid file.
+#[derive(Default)]
+struct Checked {
+    description: String,
+    /// Why the file may not do what it seems to do.
+    warnings: Vec<String>,
+}
+
+fn check_file(path: &Path) -> Result<Checked, InputError> {
     let text = input::read_text(path)?;
-    match input::file_kind(&path.display().to_string(), &text)? {
+    let mut warnings = Vec::new();
+    let description = match input::file_kind(&path.display().to_string(), &text)? {
         FileKind::Environment | FileKind::TabularEnvironment => Ok(format!(
             "environment; {}",
             describe_spaces(seedbed_env::load(path)?.spec())
@@ -43,6 +61,7 @@ fn check_file(path: &Path) -> Result<String, InputError> {
         }
         FileKind::Scenario => {
             let plan = Plan::load(path, &[])?;
+            warnings.extend(plan.warning());
             let agents = pluralize(plan.scenario.agents.count.get() as usize, "agent");
             Ok(format!(
                 "scenario with {agents} in `{}`; {}",
@@ -53,6 +72,10 @@ fn check_file(path: &Path) -> Result<String, InputError> {
         FileKind::Study => {
             let plan = StudyPlan::load(path, false)?;
             StudyPlan::load(path, true)?;
+            for cell in &plan.cells {
+                let warning = cell.experiment.warning();
+                warnings.extend(warning.map(|warning| format!("cell `{}`: {warning}", cell.name)));
+            }
             let (cells, claims) = (
                 pluralize(plan.cells.len(), "cell"),
                 pluralize(plan.study().claims.len(), "claim"),
@@ -62,7 +85,11 @@ fn check_file(path: &Path) -> Result<String, InputError> {
                 pluralize(plan.repeats() as usize, "run")
             ))
         }
-    }
+    }?;
+    Ok(Checked {
+        description,
+        warnings,
+    })
 }
 
 /// Description of a tabular scenario, e.g. `100 agents in BipolarChain, SeedSampling`.

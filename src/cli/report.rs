@@ -2,6 +2,7 @@
 
 use super::{CliError, ReportArgs};
 use seedbed::study::claims::{self, ClaimResult};
+use seedbed::study::cost::cells_without_policy_gradient;
 use seedbed::study::file::Study;
 use seedbed::study::report;
 use seedbed::study::results::{Results, ResultsError};
@@ -30,6 +31,11 @@ pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
     }
     say!("runs       {}", run_counts.join(", "));
     print_registration(&results);
+    for cell in cells_without_policy_gradient(&results) {
+        eprintln!(
+            "warning: the policy loss of cell `{cell}` was 0 in all rounds: its policies never moved"
+        );
+    }
     print_claims(&results.study, &claim_results);
     say!("results    {}", folder.path().join("results.csv").display());
     say!("report     {}", report_path.display());

@@ -77,6 +77,8 @@ pub enum Range {
 pub enum TeamAggregation {
     /// Mean over agents.
     Mean,
+    /// Sum over agents.
+    Sum,
     /// Maximum over agents.
     Max,
 }
@@ -217,6 +219,12 @@ metrics! {
         "regret" as Regret { title: "regret per episode", range: Range::NotNegative, runs: RunKind::Tabular }
     }
     rounds {
+        /// Number of gradient steps of the agent's networks in this update. Steps of networks that
+        /// agents share are counted for agent 0 only.
+        gradient_steps: Option<f32> as GradientSteps {
+            title: "gradient steps", range: Range::NotNegative, group: Group::Losses,
+            team_aggregation: TeamAggregation::Sum, recorded: false
+        }
         /// Half the mean squared error of the value function against its (normalized) target.
         value_loss: Option<f32> as ValueLoss {
             title: "value loss", range: Range::NotNegative, group: Group::Losses, plotted: true
@@ -319,6 +327,7 @@ impl Metric {
         }
         Some(match self.team_aggregation {
             TeamAggregation::Mean => values.iter().sum::<f64>() / values.len() as f64,
+            TeamAggregation::Sum => values.iter().sum(),
             TeamAggregation::Max => values.into_iter().fold(f64::NEG_INFINITY, f64::max),
         })
     }
@@ -451,7 +460,7 @@ mod tests {
         let text = csv_of(&row);
         assert_eq!(
             text.lines().nth(1),
-            Some("3,7,,,,,,,,,,0.5,0.5,0.5,0.5,0.5,0.5")
+            Some("3,7,,,,,,,,,,,0.5,0.5,0.5,0.5,0.5,0.5")
         );
         assert_eq!(read_row(&text), row);
     }
@@ -459,7 +468,8 @@ mod tests {
     /// Tables of older versions have 0 instead of empty cells for unmeasured values.
     #[test]
     fn zeros_in_tables_of_older_versions_are_read() {
-        let table = csv_of(&row_with_visits_only()).replace(",,,,,,,,,,", ",0.0,0,1,1,0,0.6,0,0,,");
+        let table =
+            csv_of(&row_with_visits_only()).replace(",,,,,,,,,,,", ",,0.0,0,1,1,0,0.6,0,0,,");
         let row = read_row(&table);
         assert_eq!((row.value_loss, row.entropy), (Some(0.0), Some(0.6)));
         assert_eq!(row.bonus_agreement, None);

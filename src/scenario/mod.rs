@@ -111,7 +111,9 @@ impl Schedule {
     #[must_use]
     pub fn kind(self) -> ScheduleKind {
         match self {
-            Self::Synchronous { .. } => ScheduleKind::Synchronous,
+            Self::Synchronous { episodes } => ScheduleKind::Synchronous {
+                episodes: episodes.get(),
+            },
             Self::Asynchronous { .. } => ScheduleKind::Asynchronous,
             Self::Lockstep { .. } => ScheduleKind::Lockstep,
         }

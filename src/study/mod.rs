@@ -2,7 +2,8 @@
 //!
 //! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
 //! [`runner`] runs what is still missing, and the [`store`] keeps each result. [`comparison`] and
-//! [`claims`] evaluate the [`results`], and the [`report`] presents them. The unit of all
+//! [`claims`] evaluate the [`results`], [`cost`] says what they took, and the
+//! [`report`] presents them. The unit of all
 //! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
 //! they are not independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a
 //! study file. [`registration`] fixes a study before its runs, and [`power`] says how many runs it
@@ -11,6 +12,7 @@
 pub mod bench;
 pub mod claims;
 pub mod comparison;
+pub mod cost;
 pub mod experiment;
 pub mod figure;
 pub mod file;

@@ -32,8 +32,13 @@ fn check_accepts_every_file_of_the_repository() {
     let output = seedbed(&arguments);
     assert!(output.status.success(), "{}", stderr(&output));
     let answers = stdout(&output);
-    assert_eq!(answers.lines().count(), files.len(), "{answers}");
-    for (file, answer) in files.iter().zip(answers.lines()) {
+    let verdicts = || {
+        answers
+            .lines()
+            .filter(|line| !line.starts_with("warning: "))
+    };
+    assert_eq!(verdicts().count(), files.len(), "{answers}");
+    for (file, answer) in files.iter().zip(verdicts()) {
         assert!(
             answer.starts_with(&format!("ok: {}: ", file.display())),
             "{answer}"
@@ -50,6 +55,29 @@ fn check_accepts_every_file_of_the_repository() {
     ] {
         assert!(answers.contains(known), "{known} in {answers}");
     }
+}
+
+/// Without a bonus and with a value function of 0, only rewards can change a policy. Reward seeds
+/// are rewards.
+#[test]
+fn check_warns_of_agents_that_cannot_learn_before_a_reward() {
+    let folder = tempfile::tempdir().unwrap();
+    let warnings_of = |seeds: &str| {
+        let scenario = folder.path().join("scenario.ron");
+        let environment = Path::new(REPOSITORY).join("envs/mountain_car_continuous_sparse.ron");
+        let text = format!(
+            r#"Scenario(environment: "{}", agents: (count: 2, seeds: {seeds}), algorithm: SeedPg(value_scale: 0))"#,
+            environment.display()
+        );
+        std::fs::write(&scenario, text).unwrap();
+        let output = seedbed(&["check", scenario.to_str().unwrap()]);
+        assert!(output.status.success(), "{output:?}");
+        stdout(&output)
+            .matches("policies do not change before an agent receives a reward")
+            .count()
+    };
+    assert_eq!(warnings_of("Normal(sigma: 0)"), 1);
+    assert_eq!(warnings_of("Normal(sigma: 0.1)"), 0);
 }
 
 /// Runs `scenarios/tabular/bipolar_chain.ron` with one episode per agent.
@@ -292,10 +320,19 @@ fn assert_tables_of_small_run(folder: &Path) {
     );
     assert_eq!(episodes.lines().count(), 1 + 2 * 6);
     let rounds = std::fs::read_to_string(folder.join("rounds.csv")).unwrap();
-    let header = "agent,round,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage,\
+    let header = "agent,round,gradient_steps,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage,\
                   visitation_entropy,visitation_evenness,team_coverage,team_overlap,effective_agents";
     assert_eq!(rounds.lines().next(), Some(header));
     assert_eq!(rounds.lines().count(), 1 + 2 * 6);
+    // Each agent learns from the trajectories of both, one after the other, with both networks.
+    let gradient_steps = |row: &str| row.split(',').nth(2).unwrap().to_owned();
+    assert!(
+        rounds
+            .lines()
+            .skip(1)
+            .all(|row| gradient_steps(row) == "4.0"),
+        "{rounds}"
+    );
 }
 
 fn assert_policies_of_small_run(folder: &Path) {

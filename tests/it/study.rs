@@ -553,8 +553,15 @@ fn assert_cells_are_compared_within_tasks(out: &Path) {
         .filter_map(|line| line.strip_prefix("## "))
         .collect();
     assert!(
-        titles[0] == "regret per agent" && titles.last() == Some(&"Comparisons: regret per agent"),
+        titles[0].starts_with("Cost until solved")
+            && titles[1] == "regret per agent"
+            && titles.last() == Some(&"Comparisons: regret per agent"),
         "{titles:?}"
+    );
+    // Ten agents, each of which plays 40 episodes of 10 steps; tabular tasks have no threshold.
+    assert!(
+        tables.contains("| deep_sea, seeds | 10 | – | 40 | 4000 | 0 | – | – |"),
+        "{tables}"
     );
     assert!(
         tables.contains("| bipolar_chain, random | bipolar_chain, seeds | "),

@@ -75,6 +75,17 @@ impl AgentSeed {
 }
 
 impl SeedDistribution {
+    /// Standard deviation σ.
+    #[must_use]
+    pub fn sigma(self) -> f64 {
+        match self {
+            Self::Normal { sigma }
+            | Self::Uniform { sigma }
+            | Self::Laplace { sigma }
+            | Self::TwoPoint { sigma } => sigma.get(),
+        }
+    }
+
     /// The reward seeds of one agent: `[T]`. Reward seeds with different σ are multiples of the
     /// same draws, so that runs can be compared in pairs.
     fn draw(self, run_seed: u64, agent: u32, time_limit: u32) -> Vec<f32> {

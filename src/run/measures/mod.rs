@@ -91,6 +91,7 @@ impl Measures {
         let updates = reports.iter().map(|&(agent, report)| RoundRow {
             agent,
             round,
+            gradient_steps: report.gradient_steps.map(|steps| steps as f32),
             value_loss: report.value_loss,
             policy_loss: report.policy_loss,
             ratio_deviation: report.ratio_deviation,

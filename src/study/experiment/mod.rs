@@ -50,6 +50,11 @@ pub trait Experiment: Debug + Send + Sync {
     /// have it.
     fn measure_obstacle(&self, measure: Measure) -> Option<(&'static str, &'static str)>;
 
+    /// Why these valid settings may not do what they seem to do; `None` if nothing is known.
+    fn warning(&self) -> Option<String> {
+        None
+    }
+
     /// Why runs of this experiment cannot be recorded; `None` if they can.
     fn recording_obstacle(&self) -> Option<String> {
         None

@@ -35,6 +35,17 @@ impl Experiment for Plan {
         self.environment_text.clone()
     }
 
+    fn warning(&self) -> Option<String> {
+        let scenario = &self.scenario;
+        let has_no_signal = scenario.algorithm.config().learns_from_rewards_only()
+            && scenario.agents.seeds.sigma() == 0.0;
+        has_no_signal.then(|| {
+            "with `value_scale: 0`, no bonus and no reward seeds, policies do not change before an agent \
+             receives a reward; such agents are no baseline of learning"
+                .to_owned()
+        })
+    }
+
     fn agents(&self) -> u32 {
         self.scenario.agents.count.get()
     }

@@ -6,6 +6,7 @@ use super::tables::Table;
 use super::{ReportFigure, format};
 use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
+use crate::study::cost::cells_without_policy_gradient;
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
 use crate::study::measure::Measure;
 use crate::study::provenance;
@@ -97,6 +98,12 @@ fn warnings(results: &Results) -> Markup {
         @if let Some(sentence) = manifest.changed_repeats_sentence() {
             (warning(&sentence, "When there is no effect, an interval that is inspected more than once \
                 excludes 0 more often than in 1 of 20 studies."))
+        }
+        @for cell in cells_without_policy_gradient(results) {
+            (warning("A policy that never moved.", &format!(
+                "In cell `{cell}` the policy loss was 0 in all rounds of all runs: agents acted by their initial \
+                 policies. Such a cell is not a baseline of learning."
+            )))
         }
         @if results.is_tuning() {
             (warning("Tuning seeds.", &format!(
@@ -429,6 +436,11 @@ fn methods_section() -> Markup {
              that a run is above or below another has Newcombe's interval."
         }
         p {
+            "Costs are counted until a run solved its task or ended: episodes of each agent, environment steps of the \
+             whole team, and gradient steps of all its networks. S(K) is the mean number of episodes of the fastest cell \
+             with one agent in the same task over that of this cell, and E(K) = S(K) / K. Shares have Wilson's interval."
+        }
+        p {
             em { "Confirmatory" } " claims are decided by Holm's procedure, in one family of the claims of an effect \
              and one of the claims of no effect: the probability that any claim of a family is falsely supported is at \
              most 2.5 %. The interval of a claim has the error probability at which Holm's procedure tested it. A claim \
@@ -551,7 +563,7 @@ mod tests {
         let results = results_with_every_warning();
         let claim_results = claims::evaluate(&results);
         let (tables, figures) = (tables::all(&results), figures::draw(&results));
-        assert_eq!((tables.len(), figures.len()), (3, 5));
+        assert_eq!((tables.len(), figures.len()), (4, 5));
         let page = html(&results, &claim_results, &tables, &figures);
         let mut texts = texts_between_tags(&page);
         assert!(texts.iter().any(|text| text.contains("Seeds below 1000")));

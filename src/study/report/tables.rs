@@ -6,8 +6,10 @@ use super::format;
 use crate::study::comparison::{
     Aggregate, Comparison, Quantity, RunScore, Samples, summarize_scores,
 };
+use crate::study::cost::{Cost, costs};
 use crate::study::measure::Measure;
 use crate::study::results::{CellResults, Results};
+use seedbed_stats::shares::wilson_interval;
 
 /// A table of texts. The first column has names.
 pub(super) struct Table {
@@ -16,14 +18,17 @@ pub(super) struct Table {
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// All tables of the report: one per measure, and one of comparisons between cells.
+/// All tables of the report: one of costs, one per measure, and one of comparisons between cells.
 pub(super) fn all(results: &Results) -> Vec<Table> {
     let measures = results
         .study
         .measures
         .iter()
         .map(|measure| measure_table(results, **measure));
-    measures.chain(comparisons_table(results)).collect()
+    let cost = std::iter::once(cost_table(results));
+    cost.chain(measures)
+        .chain(comparisons_table(results))
+        .collect()
 }
 
 /// `tables.md`: all tables, to be included in other documents.
@@ -53,6 +58,41 @@ impl Table {
             .map(|row| markdown_row(&mut row.iter().map(String::as_str)))
             .collect();
         format!("## {}\n\n{head}{separator}{rows}", self.title)
+    }
+}
+
+/// What runs cost until they solved the task or ended, and speed-ups over the best single agent.
+fn cost_table(results: &Results) -> Table {
+    let row = |(cell, cost): &(&CellResults, Cost)| {
+        let optional = |value: Option<f64>| value.map_or("–".to_owned(), format::number);
+        let solved = cost.solved.map_or("–".to_owned(), |share| {
+            let interval = format::interval(wilson_interval(share));
+            format!("{}/{} ({interval})", share.successes, share.runs)
+        });
+        vec![
+            cell.description.name.clone(),
+            cell.description.agents.to_string(),
+            solved,
+            format::number(cost.episodes),
+            format::number(cost.env_steps),
+            format::number(cost.gradient_steps),
+            optional(cost.speedup.map(|speedup| speedup.factor)),
+            optional(cost.speedup.map(|speedup| speedup.efficiency)),
+        ]
+    };
+    Table {
+        title: "Cost until solved, or until the end of the run: means over runs".to_owned(),
+        head: vec![
+            "cell",
+            "K",
+            "solved (95 % interval)",
+            "episodes of each agent",
+            "env steps of the team",
+            "gradient steps",
+            "S(K)",
+            "E(K)",
+        ],
+        rows: costs(results).iter().map(row).collect(),
     }
 }
 

@@ -169,6 +169,7 @@ fn synthetic_round_row(agent: u32, round: u32, skill: f64) -> RoundRow {
     RoundRow {
         agent,
         round,
+        gradient_steps: Some(2.0),
         value_loss: Some(remaining_skill * remaining_skill + wave.abs()),
         policy_loss: Some(-0.02 * remaining_skill + 0.1 * wave),
         ratio_deviation: Some(1.1 + wave),

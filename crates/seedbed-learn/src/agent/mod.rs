@@ -164,6 +164,9 @@ impl From<UpdateReport> for Update {
 pub struct UpdateReport {
     /// ½ mean squared error of the value function against its normalized targets.
     pub value_loss: Option<f32>,
+    /// Number of gradient steps of the agent's networks. Steps of networks that agents share are
+    /// counted for agent 0 only.
+    pub gradient_steps: Option<u32>,
     /// Mean surrogate loss of the policy.
     pub policy_loss: Option<f32>,
     /// Mean deviation of importance ratios from 1, plus 1: mean |ρ − 1| + 1.

@@ -39,12 +39,18 @@ pub trait AlgorithmConfig {
     /// Why they cannot, and what was expected.
     fn check_schedule(&self, schedule: ScheduleKind) -> Result<(), ScheduleError> {
         match schedule {
-            ScheduleKind::Synchronous => Ok(()),
+            ScheduleKind::Synchronous { .. } => Ok(()),
             ScheduleKind::Asynchronous | ScheduleKind::Lockstep => Err(ScheduleError::Algorithm(
                 "learns when all agents have finished their episodes; expected \
                  `schedule: Synchronous(…)`",
             )),
         }
+    }
+
+    /// Whether nothing but rewards can change the policy, so that agents learn nothing before the
+    /// first reward.
+    fn learns_from_rewards_only(&self) -> bool {
+        false
     }
 
     /// Checks that agents can act in a task.
@@ -77,7 +83,10 @@ pub trait AlgorithmConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ScheduleKind {
     /// All agents learn when all have finished their episodes.
-    Synchronous,
+    Synchronous {
+        /// Number of episodes of each agent in a round.
+        episodes: u32,
+    },
     /// Each agent learns when its own episode ends, while the others continue.
     Asynchronous,
     /// All agents learn every few steps, during their episodes.
@@ -159,7 +168,7 @@ impl Algorithm {
         self
     }
 
-    /// The largest bonus that a step can have; none without a bonus.
+    /// The largest bonus that figures show; none without a bonus.
     #[must_use]
     pub fn largest_intrinsic_reward(&self) -> Option<f32> {
         self.config().bonus()?.largest_bonus()

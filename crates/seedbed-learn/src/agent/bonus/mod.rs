@@ -50,26 +50,88 @@ pub enum ModelSharing {
     Frozen,
 }
 
-/// How a gain is scaled to a bonus: η min(c, gain / mean of the latest medians).
+/// How a gain I is scaled to a bonus.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct BonusScale {
-    /// Weight η of the bonus.
-    pub weight: NonNegative,
-    /// Maximal gain c, in units of the median gain.
-    pub cap: Positive,
-    /// Number of latest updates over which the median gain is averaged.
-    pub medians: Count<10_000>,
+#[serde(deny_unknown_fields)]
+pub enum BonusScale {
+    /// η min(c, I / mean of the latest medians): gains decrease by orders of magnitude as a model
+    /// learns, and have a heavy tail. There is no bonus in the first round, which has no median
+    /// yet.
+    Median {
+        /// Weight η of the bonus.
+        #[serde(default = "default_weight")]
+        weight: NonNegative,
+        /// Maximal gain c, in units of the median gain.
+        #[serde(default = "default_cap")]
+        cap: Positive,
+        /// Number of latest updates over which the median gain is averaged.
+        #[serde(default = "default_medians")]
+        medians: Count<10_000>,
+    },
+    /// η I, as printed in thesis Eq. 28.
+    Raw {
+        /// Weight η of the bonus.
+        #[serde(default = "default_weight")]
+        weight: NonNegative,
+        /// Upper end of the axis of bonuses in figures.
+        #[serde(default = "default_shown")]
+        shown: Positive,
+    },
 }
 
 impl Default for BonusScale {
     fn default() -> Self {
-        Self {
-            weight: ranged_number(1e-3),
-            cap: ranged_number(10.0),
-            medians: ranged_count(10),
+        Self::Median {
+            weight: default_weight(),
+            cap: default_cap(),
+            medians: default_medians(),
         }
     }
+}
+
+impl BonusScale {
+    /// The bonus of a gain. `median` is the mean of the latest medians, none before the first
+    /// update.
+    fn bonus(self, gain: f32, median: Option<f32>) -> f32 {
+        match self {
+            Self::Median { weight, cap, .. } => {
+                information_gain::bonus(gain, median, cap.get_f32(), weight.get_f32())
+            }
+            Self::Raw { weight, .. } => weight.get_f32() * gain,
+        }
+    }
+
+    /// The largest bonus that figures show: the largest that is possible, if there is one.
+    fn largest_shown(self) -> f32 {
+        match self {
+            Self::Median { weight, cap, .. } => weight.get_f32() * cap.get_f32(),
+            Self::Raw { shown, .. } => shown.get_f32(),
+        }
+    }
+
+    /// Number of latest updates over which the median gain is averaged.
+    fn medians(self) -> usize {
+        match self {
+            Self::Median { medians, .. } => medians.get() as usize,
+            Self::Raw { .. } => 1,
+        }
+    }
+}
+
+fn default_weight() -> NonNegative {
+    ranged_number(1e-3)
+}
+
+fn default_cap() -> Positive {
+    ranged_number(10.0)
+}
+
+fn default_medians() -> Count<10_000> {
+    ranged_count(10)
+}
+
+fn default_shown() -> Positive {
+    ranged_number(1.0)
 }
 
 impl Bonus {
@@ -86,7 +148,8 @@ impl Bonus {
         }
     }
 
-    /// The largest bonus that a step can have: η c. None without a bonus.
+    /// The largest bonus that figures show: the largest that a step can have, if there is one. None
+    /// without a bonus.
     #[must_use]
     pub fn largest_bonus(&self) -> Option<f32> {
         let scale = match self {
@@ -94,7 +157,7 @@ impl Bonus {
             Self::Vime(config) => config.scale,
             Self::Rnd(config) => config.scale,
         };
-        Some(scale.weight.get_f32() * scale.cap.get_f32())
+        Some(scale.largest_shown())
     }
 
     /// Whether all agents must learn at the same time from the same episodes, because they share
@@ -158,7 +221,7 @@ impl BonusModel {
             Bonus::Vime(config) => Model::Vime(Box::new(VimeModel::new(config, owner, context))),
             Bonus::None => return None,
         };
-        let medians = MedianScale::new(scale.medians.get() as usize);
+        let medians = MedianScale::new(scale.medians());
         let (run_seed, agent) = (context.run_seed, context.agent);
         Some(Self {
             run_seed,
@@ -239,13 +302,9 @@ impl BonusModel {
 
     /// Replaces gains by bonuses.
     fn scale_gains(&self, gains: &mut [f32]) {
-        let (scale, cap, weight) = (
-            self.medians.scale(),
-            self.scale.cap.get_f32(),
-            self.scale.weight.get_f32(),
-        );
+        let median = self.medians.scale();
         for gain in gains {
-            *gain = information_gain::bonus(*gain, scale, cap, weight);
+            *gain = self.scale.bonus(*gain, median);
         }
     }
 

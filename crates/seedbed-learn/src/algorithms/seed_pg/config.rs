@@ -322,6 +322,10 @@ impl AlgorithmConfig for SeedPg {
         Ok(())
     }
 
+    fn learns_from_rewards_only(&self) -> bool {
+        self.value_scale.get() == 0.0 && *self.bonus == Bonus::None
+    }
+
     fn check_schedule(&self, schedule: ScheduleKind) -> Result<(), ScheduleError> {
         match schedule {
             ScheduleKind::Lockstep => Err(ScheduleError::Algorithm(
@@ -335,7 +339,10 @@ impl AlgorithmConfig for SeedPg {
                      `schedule: Synchronous(…)`, or `model: Independent`",
                 )))
             }
-            ScheduleKind::Asynchronous | ScheduleKind::Synchronous => Ok(()),
+            ScheduleKind::Synchronous { episodes } if episodes > 1 => {
+                self.check_single_gradient_step()
+            }
+            ScheduleKind::Asynchronous | ScheduleKind::Synchronous { .. } => Ok(()),
         }
     }
 
@@ -375,6 +382,19 @@ impl SeedPg {
                 "`SimplePg` is correct only with `policy_data: Own`, `epochs: 1` and \
                  `minibatch: Trajectory`, because it has no importance ratios",
             ));
+        }
+        Ok(())
+    }
+
+    /// Checks that the policy is not changed while trajectories of the same round are still to be
+    /// learned from, unless the loss has importance ratios.
+    fn check_single_gradient_step(&self) -> Result<(), ScheduleError> {
+        if *self.policy_loss == PolicyLoss::SimplePg {
+            return Err(ScheduleError::Parameter(self.policy_loss.error(
+                "`SimplePg` is correct only with one episode in a round, because it has no importance \
+                 ratios, and the first trajectory changes the policy; expected \
+                 `schedule: Synchronous(episodes: 1)`, or `Ppo(…)`",
+            )));
         }
         Ok(())
     }

@@ -433,6 +433,7 @@ impl SeedPgAgent {
         }
         totals.add_minibatch(&work.ratios, self.policy.mean_entropy());
         let entropy_bonus = self.config.entropy_bonus.get_f32();
+        totals.count_gradient_step();
         self.policy.descend(
             &samples.states,
             &samples.actions,
@@ -461,6 +462,7 @@ impl SeedPgAgent {
             totals.add_value_error(error);
             value_gradient.push(share * weight * error);
         }
+        totals.count_gradient_step();
         self.value.descend(&samples.states, value_gradient, descent);
     }
 

@@ -7,6 +7,8 @@ use crate::rl::policy_loss::Surrogate;
 /// Sums over the samples of one update.
 #[derive(Default)]
 pub(super) struct Totals {
+    /// Number of gradient steps of the value function and of the policy.
+    gradient_steps: u32,
     value_steps: u64,
     value_loss: f64,
     policy_steps: u64,
@@ -55,6 +57,11 @@ impl Totals {
         self.entropy += f64::from(mean_entropy) * ratios.len() as f64;
     }
 
+    /// Counts a gradient step of the value function or of the policy.
+    pub(super) fn count_gradient_step(&mut self) {
+        self.gradient_steps += 1;
+    }
+
     /// Sets the mean bonus of the agent's own steps and the bonus model's prediction error.
     /// `bonuses`: one list per new episode
     pub(super) fn set_bonuses(
@@ -79,6 +86,7 @@ impl Totals {
     /// The means over all samples.
     pub(super) fn report(&self) -> UpdateReport {
         UpdateReport {
+            gradient_steps: Some(self.gradient_steps),
             value_loss: mean(self.value_loss, self.value_steps),
             policy_loss: mean(self.policy_loss, self.policy_steps),
             ratio_deviation: mean(self.ratio_deviation, self.policy_steps).map(|mean| 1.0 + mean),

@@ -205,7 +205,7 @@ impl<T: ValueBased> AlgorithmConfig for T {
 
     fn check_schedule(&self, schedule: ScheduleKind) -> Result<(), ScheduleError> {
         match schedule {
-            ScheduleKind::Synchronous => Ok(()),
+            ScheduleKind::Synchronous { .. } => Ok(()),
             ScheduleKind::Lockstep => self.check_lockstep().map_err(ScheduleError::Parameter),
             ScheduleKind::Asynchronous => Err(ScheduleError::Algorithm(
                 "value-based learners learn all at the same time; expected `schedule: Lockstep(…)` \

@@ -203,7 +203,18 @@ impl ValueTeam {
         let step_data = self.own_bonuses.get(agent).cloned().unwrap_or_default();
         let bonuses = || step_data.iter().flat_map(|data| &data.intrinsic_rewards);
         let (steps, sum) = (bonuses().count(), bonuses().sum::<f32>());
+        let steps_of_models = || {
+            self.models
+                .iter()
+                .filter_map(|model| model.report().gradient_steps)
+        };
+        let gradient_steps = if agent == 0 {
+            steps_of_models().sum()
+        } else {
+            0
+        };
         let report = UpdateReport {
+            gradient_steps: Some(gradient_steps),
             intrinsic_reward: (steps > 0).then(|| sum / steps as f32),
             ..model.report()
         };

@@ -408,6 +408,7 @@ impl ValueModel {
         let descents = self.totals.descents;
         let mean = |sum: f64| (descents > 0).then(|| (sum / f64::from(descents)) as f32);
         UpdateReport {
+            gradient_steps: Some(descents),
             value_loss: mean(self.totals.loss),
             entropy: mean(self.totals.entropy),
             prediction_error: self.totals.prediction_error,

@@ -1,0 +1,179 @@
+//! What the results of a study cost: episodes, environment steps and gradient steps until the task
+//! is solved, and the speed-up over the best single agent.
+
+use super::measure::Curve;
+use super::results::{CellResults, Results};
+use super::run_result::RunResult;
+use seedbed_stats::aggregate::mean;
+use seedbed_stats::shares::Share;
+
+/// Cost of the runs of a cell, until a run solved its task or, if it did not, until its end. Means
+/// over runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cost {
+    /// Share of runs that solved the task; `None` if no threshold is set.
+    pub solved: Option<Share>,
+    /// Episodes of each agent.
+    pub episodes: f64,
+    /// Environment steps of the team.
+    pub env_steps: f64,
+    /// Gradient steps of all networks of the team.
+    pub gradient_steps: f64,
+    /// Speed-up over the best single agent; `None` if the study has no single agent in this task.
+    pub speedup: Option<Speedup>,
+}
+
+/// Speed-up of a team of K agents.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Speedup {
+    /// S(K) = T*(1) / T(K): mean episodes of each agent of the best cell with one agent, over those
+    /// of this cell, both up to the same number of episodes.
+    pub factor: f64,
+    /// E(K) = S(K) / K: 1 if K agents are K times as fast.
+    pub efficiency: f64,
+}
+
+/// Cost of each cell with runs, in the order of the study.
+#[must_use]
+pub fn costs(results: &Results) -> Vec<(&CellResults, Cost)> {
+    let cells = results.cells.iter().filter(|cell| !cell.runs.is_empty());
+    cells.map(|cell| (cell, cost(results, cell))).collect()
+}
+
+fn cost(results: &Results, cell: &CellResults) -> Cost {
+    let runs = || cell.runs.iter().map(|(_, run)| run);
+    let mean_over_runs =
+        |quantity: fn(&RunResult) -> f64| mean(&runs().map(quantity).collect::<Vec<_>>());
+    let has_threshold = runs().all(|run| run.threshold.is_some());
+    Cost {
+        solved: has_threshold.then(|| Share {
+            successes: runs().filter(|run| run.solved.is_some()).count(),
+            runs: cell.runs.len(),
+        }),
+        episodes: mean_over_runs(episodes),
+        env_steps: mean_over_runs(env_steps),
+        gradient_steps: mean_over_runs(gradient_steps),
+        speedup: has_threshold.then(|| speedup(results, cell)).flatten(),
+    }
+}
+
+fn episodes(run: &RunResult) -> f64 {
+    run.solved
+        .map_or(run.episodes_per_agent() as f64, |solved| {
+            f64::from(solved.episodes)
+        })
+}
+
+fn env_steps(run: &RunResult) -> f64 {
+    run.solved.map_or(run.env_steps, |solved| solved.env_steps) as f64
+}
+
+fn gradient_steps(run: &RunResult) -> f64 {
+    let last_episode = run.solved.map_or(u32::MAX, |solved| solved.episodes);
+    let rounds = run.episodes_of_curve(Curve::GradientSteps);
+    let steps = rounds.iter().zip(run.curve(Curve::GradientSteps));
+    steps
+        .filter(|(episodes, _)| **episodes <= last_episode)
+        .map(|(_, steps)| steps)
+        .sum()
+}
+
+/// Speed-up over the fastest cell with one agent in the same task. Runs that did not solve it count
+/// with the smallest maximum number of episodes of all cells in this task.
+fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
+    let task = &cell.description.task;
+    let cells = || {
+        results
+            .cells
+            .iter()
+            .filter(|other| other.description.task == *task)
+    };
+    let horizon = cells().map(|other| other.description.max_episodes).min()?;
+    let single_agents = cells().filter(|other| other.description.agents == 1);
+    let time_of_best = single_agents
+        .filter_map(|other| mean_episodes(other, horizon))
+        .reduce(f64::min)?;
+    let factor = time_of_best / mean_episodes(cell, horizon)?;
+    Some(Speedup {
+        factor,
+        efficiency: factor / f64::from(cell.description.agents),
+    })
+}
+
+/// Mean number of episodes of each agent until solved, at most `horizon`; `None` without runs or
+/// without a threshold.
+fn mean_episodes(cell: &CellResults, horizon: u32) -> Option<f64> {
+    let mut times = Vec::with_capacity(cell.runs.len());
+    for (_, run) in &cell.runs {
+        run.threshold?;
+        let episodes = run
+            .solved
+            .map_or(horizon, |solved| solved.episodes.min(horizon));
+        times.push(f64::from(episodes));
+    }
+    (!times.is_empty()).then(|| mean(&times))
+}
+
+/// Names of cells whose policies never had a gradient: their policy loss was 0 in every round of
+/// every run. Such agents act by their initial policies, and are no baseline.
+#[must_use]
+pub fn cells_without_policy_gradient(results: &Results) -> Vec<&str> {
+    let has_no_gradient = |cell: &&CellResults| {
+        let losses: Vec<f64> = cell
+            .runs
+            .iter()
+            .flat_map(|(_, run)| run.curve(Curve::PolicyLoss))
+            .collect();
+        !losses.is_empty() && losses.iter().all(|loss| *loss == 0.0)
+    };
+    let cells = results.cells.iter().filter(has_no_gradient);
+    cells.map(|cell| cell.description.name.as_str()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::run_result::Milestone;
+
+    /// A run of ten rounds of one episode, each with 5 steps and 3 gradient steps.
+    fn run(solved: Option<u32>) -> RunResult {
+        let values = |curve: &Curve| match curve {
+            Curve::GradientSteps => vec![3.0; 10],
+            _ => Vec::new(),
+        };
+        RunResult {
+            returns: vec![vec![0.0; 10]],
+            threshold: Some((1.0, 1)),
+            solved: solved.map(|episodes| Milestone {
+                episodes,
+                env_steps: u64::from(episodes) * 5,
+            }),
+            env_steps: 50,
+            episodes: (1..=10).collect(),
+            curves: Curve::WITH_ROUND_VALUES.iter().map(values).collect(),
+            ..RunResult::default()
+        }
+    }
+
+    #[test]
+    fn costs_end_when_the_task_is_solved() {
+        let solved = run(Some(4));
+        assert_eq!(
+            (
+                episodes(&solved),
+                env_steps(&solved),
+                gradient_steps(&solved)
+            ),
+            (4.0, 20.0, 12.0)
+        );
+        let unsolved = run(None);
+        assert_eq!(
+            (
+                episodes(&unsolved),
+                env_steps(&unsolved),
+                gradient_steps(&unsolved)
+            ),
+            (10.0, 50.0, 30.0)
+        );
+    }
+}
