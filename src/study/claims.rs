@@ -154,8 +154,15 @@ impl<'a> ComparedClaim<'a> {
             scores
         };
         let quantity = Quantity::of(measure, horizon(results, claim));
-        let (first, second) = (scores(&claim.compare.0), scores(&claim.compare.1));
-        let samples = Samples::new(&first, &second, quantity, *claim.paired)?;
+        let first = scores(&claim.compare.0);
+        let number = claim
+            .number()
+            .filter(|_| results.cell(&claim.compare.1).is_none());
+        let samples = if let Some(number) = number {
+            Samples::against(&first, number, quantity)?
+        } else {
+            Samples::new(&first, &scores(&claim.compare.1), quantity, *claim.paired)?
+        };
         let test = samples.test();
         Some(Self {
             claim,

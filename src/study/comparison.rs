@@ -225,6 +225,18 @@ impl Samples {
         is_complete.then_some(samples)
     }
 
+    /// The runs of a cell, which are compared with a number. `None` if there are none.
+    #[must_use]
+    pub fn against(scores: &[RunScore], number: f64, quantity: Quantity) -> Option<Self> {
+        let score_of_number = |score: &RunScore| RunScore {
+            run_seed: score.run_seed,
+            value: number,
+            observed_until: f64::INFINITY,
+        };
+        let numbers: Vec<RunScore> = scores.iter().map(score_of_number).collect();
+        Self::new(scores, &numbers, quantity, true)
+    }
+
     /// Number of runs of the first and of the second cell.
     #[must_use]
     pub fn n(&self) -> [usize; 2] {
@@ -390,6 +402,16 @@ mod tests {
         let comparison = compare("7 7 7 7 7", "7 7 7 7 7", Quantity::Mean, false);
         assert!(comparison.is_constant);
         assert_eq!(comparison.effect.interval.ends(), Some([0.0, 0.0]));
+    }
+
+    /// The mean of 10, 20, …, 60 is 35, which is 30 above 5. All six are above: p = 1 / 2⁶.
+    #[test]
+    fn a_cell_is_compared_with_a_number() {
+        let scores = times("10 20 30 40 50 60");
+        let samples = Samples::against(&scores, 5.0, Quantity::Mean).unwrap();
+        let test = samples.test();
+        assert_eq!((test.estimate(), test.p_above(0.0)), (30.0, 1.0 / 64.0));
+        assert_eq!(samples.compare(&*test).values, [35.0, 5.0]);
     }
 
     #[test]

@@ -121,8 +121,8 @@ pub struct Claim {
     /// Source of the claim.
     #[serde(default)]
     pub source: String,
-    /// The two compared cells. The effect is the measure of the first minus the measure of the
-    /// second.
+    /// The two compared cells, or a cell and a number, such as `("ε 0.2", "0.1")`. The effect is the
+    /// measure of the first minus the measure of the second, or minus the number.
     pub compare: (Located<String>, Located<String>),
     /// Measure that is compared [default: the first of the study].
     #[serde(default)]
@@ -168,6 +168,19 @@ pub enum Expected {
 }
 
 impl Claim {
+    /// The number with which the first cell is compared, if the second is no name but a number.
+    #[must_use]
+    pub fn number(&self) -> Option<f64> {
+        let number: f64 = self.compare.1.parse().ok()?;
+        number.is_finite().then_some(number)
+    }
+
+    /// Names of the compared cells.
+    fn cells(&self) -> impl Iterator<Item = &Located<String>> {
+        let second = self.number().is_none().then_some(&self.compare.1);
+        [&self.compare.0].into_iter().chain(second)
+    }
+
     /// The parts of the claim on which its verdict depends, as one line: cells, measure, direction,
     /// smallest effect of interest, role and comparison.
     #[must_use]
@@ -275,10 +288,7 @@ impl Study {
                 .measures
                 .error("expected at least one measure, such as `EpisodesToSolve`"));
         }
-        let compared = self
-            .claims
-            .iter()
-            .flat_map(|claim| [&claim.compare.0, &claim.compare.1]);
+        let compared = self.claims.iter().flat_map(Claim::cells);
         let drawn = self.figures.iter().flat_map(Figure::cells);
         let is_unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
         if let Some(name) = compared.chain(drawn).find(is_unknown) {
@@ -302,6 +312,11 @@ impl Study {
             return Err(claim.compare.0.error(
                 "a confirmatory claim of no effect needs a reason for its margin; expected \
                  `because: \"…\"`, why effects below `smallest` are of no interest",
+            ));
+        }
+        if claim.number().is_some() && measure == Measure::Solved {
+            return Err(claim.compare.1.error(
+                "shares of solved runs cannot be compared with a number; expected the name of a cell",
             ));
         }
         if *claim.paired && self.pairs_share.trim().is_empty() {

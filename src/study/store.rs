@@ -256,7 +256,7 @@ impl StudyFolder {
             let mut runs = runs.iter().filter(|run| run.cell.name == cell);
             runs.any(|run| self.stored_run(run).is_some())
         };
-        has_runs(&claim.compare.0) && has_runs(&claim.compare.1)
+        has_runs(&claim.compare.0) && (claim.number().is_some() || has_runs(&claim.compare.1))
     }
 
     /// Earlier numbers of runs per cell: the earlier numbers in the previous manifest and, if the

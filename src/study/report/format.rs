@@ -158,8 +158,14 @@ pub(super) fn claimed_effect(claim: &Claim) -> String {
 }
 
 /// Definition of the effect, and name of the test.
-pub(super) fn effect_and_test(measure: Measure, paired: bool) -> [&'static str; 2] {
-    match (measure, paired) {
+pub(super) fn effect_and_test(measure: Measure, claim: &Claim) -> [&'static str; 2] {
+    if claim.number().is_some() {
+        return [
+            "mean minus the number",
+            "permutation test (changes of sign)",
+        ];
+    }
+    match (measure, *claim.paired) {
         (Measure::Solved, _) => [
             "difference between the shares of runs",
             "exact unconditional score test (Chan and Zhang)",

@@ -255,7 +255,7 @@ fn probability_text(claim: &Claim, comparison: &Comparison) -> String {
 
 /// Definition of the effect, and the test.
 fn method_text(claim: &Claim, measure: Measure) -> String {
-    let [effect, test] = format::effect_and_test(measure, *claim.paired);
+    let [effect, test] = format::effect_and_test(measure, claim);
     let horizon = claim.horizon.map_or(String::new(), |horizon| {
         format!(
             " Times are compared up to {}.",
