@@ -39,6 +39,11 @@ pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
     print_claims(&results.study, &claim_results);
     say!("results    {}", folder.path().join("results.csv").display());
     say!("report     {}", report_path.display());
+    if results.audit.is_some_and(|audit| !audit.broken.is_empty()) {
+        return Err(CliError::Runtime(
+            "these results do not confirm what was registered; the report says why".to_owned(),
+        ));
+    }
     Ok(failed)
 }
 

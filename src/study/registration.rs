@@ -15,7 +15,7 @@ use super::file::{Claim, Study};
 use super::plan::StudyPlan;
 use super::provenance;
 use super::results::Results;
-use super::store::{StoreError, StudyFolder};
+use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
 use crate::run::files;
 use crate::text::pluralize;
 use seedbed_stats::family::FAMILY_LEVEL;
@@ -48,6 +48,10 @@ pub struct Registered {
     pub claims: Vec<String>,
     /// Names of the cells, and hashes of everything on which their runs depend.
     pub cells: Vec<(String, String)>,
+    /// SHA-256 of the study file's values, so that no text and no figure can be changed.
+    pub study_hash: String,
+    /// SHA-256 of the descriptions of the cells in reports, apart from paths.
+    pub descriptions_hash: String,
     /// Version of seedbed.
     pub version: String,
     /// Commit of seedbed, if known.
@@ -101,14 +105,19 @@ pub enum RegistrationError {
 impl Registered {
     /// What is registered of a study whose cells have these names and digests, by this build and
     /// without a history.
-    fn of(name: &str, study: &Study, cells: Vec<(String, String)>) -> Self {
+    fn of(name: &str, study: &Study, cells: &[ManifestCell]) -> Self {
         let claim = |claim: &Claim| format!("{} | {}", claim.canonical_text(study), claim.text);
         Self {
             study: name.to_owned(),
             level: FAMILY_LEVEL,
             looks: study.looks(),
             claims: study.claims.iter().map(claim).collect(),
-            cells,
+            cells: cells
+                .iter()
+                .map(|cell| (cell.name.clone(), cell.digest.clone()))
+                .collect(),
+            study_hash: sha256(study),
+            descriptions_hash: sha256(&without_paths(cells)),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: provenance::commit().map(str::to_owned),
             build: provenance::format_build_id(provenance::build_id()),
@@ -118,17 +127,7 @@ impl Registered {
     }
 
     fn of_plan(plan: &StudyPlan) -> Self {
-        let cells = plan.cells.iter();
-        let cells = cells
-            .map(|cell| (cell.name.clone(), cell.digest.clone()))
-            .collect();
-        Self::of(&plan.name, plan.study(), cells)
-    }
-
-    /// SHA-256 of the compact JSON, in hexadecimal digits.
-    fn hash(&self) -> String {
-        let text = serde_json::to_string(self).expect("plain data always serializes");
-        format!("{:x}", Sha256::digest(text))
+        Self::of(&plan.name, plan.study(), &Manifest::of(plan).cells)
     }
 
     /// What differs from `other` in claims, cells and looks, as sentences without a full stop.
@@ -168,8 +167,35 @@ impl Registered {
         for (name, _) in other.cells.iter().filter(|(name, _)| is_new(name)) {
             differences.push(format!("the cell `{name}` is not in the lock"));
         }
+        if differences.is_empty() && self.study != other.study {
+            differences.push(format!(
+                "the study is named `{}`, not `{}`",
+                other.study, self.study
+            ));
+        }
+        if differences.is_empty() && self.study_hash != other.study_hash {
+            differences.push("a text, a figure, a measure or another value was changed".to_owned());
+        }
+        if differences.is_empty() && self.descriptions_hash != other.descriptions_hash {
+            differences.push("the description of a cell was changed".to_owned());
+        }
         differences
     }
+}
+
+/// SHA-256 of the compact JSON of a value, in hexadecimal digits.
+fn sha256(value: &impl Serialize) -> String {
+    let text = serde_json::to_string(value).expect("plain data always serializes");
+    format!("{:x}", Sha256::digest(text))
+}
+
+/// Descriptions of cells without paths, which depend on the working directory.
+fn without_paths(cells: &[ManifestCell]) -> Vec<ManifestCell> {
+    let without_path = |cell: &ManifestCell| ManifestCell {
+        scenario: String::new(),
+        ..cell.clone()
+    };
+    cells.iter().map(without_path).collect()
 }
 
 fn list(numbers: &[u64]) -> String {
@@ -220,7 +246,7 @@ impl Lock {
             return Ok(lock);
         }
         let lock = Self {
-            id: registered.hash(),
+            id: sha256(&registered),
             registered,
         };
         let mut text = serde_json::to_string_pretty(&lock).expect("plain data always serializes");
@@ -267,7 +293,7 @@ impl Lock {
     /// Whether the contents have the id.
     #[must_use]
     pub fn is_unchanged(&self) -> bool {
-        self.registered.hash() == self.id
+        sha256(&self.registered) == self.id
     }
 
     /// Run seed of the run with this index in its cell: the first six bytes of the SHA-256 of
@@ -363,11 +389,17 @@ fn broken(lock: &Lock, results: &Results) -> Vec<String> {
             "The lock was changed after it was made: its contents do not have its id.".to_owned(),
         );
     }
-    let cells = results.cells.iter().map(|cell| &cell.description);
-    let cells = cells
-        .map(|cell| (cell.name.clone(), cell.digest.clone()))
-        .collect();
-    let reported = Registered::of(&results.manifest.name, &results.study, cells);
+    let manifest = &results.manifest;
+    if lock.registered.level != FAMILY_LEVEL {
+        broken.push(format!(
+            "The lock has an error probability of {}, where {FAMILY_LEVEL} is used.",
+            lock.registered.level
+        ));
+    }
+    if manifest.quick || Some(&manifest.repeats) != lock.registered.looks.last() {
+        broken.push("The results say another number of runs per cell than the lock.".to_owned());
+    }
+    let reported = Registered::of(&manifest.name, &results.study, &manifest.cells);
     for difference in lock.registered.differences(&reported) {
         broken.push(format!(
             "The reported study differs from its lock: {difference}."
@@ -397,12 +429,8 @@ fn notes_on_runs(lock: &Lock, results: &Results, folder: &StudyFolder) -> Vec<St
     let other = count_other_files(results, folder);
     if other > 0 {
         notes.push(format!(
-            "{} in the directory not registered; they are not used.",
-            if other == 1 {
-                "1 run is".to_owned()
-            } else {
-                format!("{other} runs are")
-            }
+            "Not registered and not used: {} in the directory.",
+            pluralize(other, "result file")
         ));
     }
     let builds = results
@@ -479,6 +507,8 @@ mod tests {
                 ("a".to_owned(), "0".to_owned()),
                 ("b".to_owned(), "1".to_owned()),
             ],
+            study_hash: String::new(),
+            descriptions_hash: String::new(),
             version: "1".to_owned(),
             commit: None,
             build: "2".to_owned(),
@@ -489,7 +519,7 @@ mod tests {
 
     fn lock(registered: Registered) -> Lock {
         Lock {
-            id: registered.hash(),
+            id: sha256(&registered),
             registered,
         }
     }

@@ -66,7 +66,8 @@ impl Results {
     /// If the folder has no readable study.
     pub fn read(folder: &StudyFolder) -> Result<Self, ResultsError> {
         let manifest = folder.manifest().map_err(ResultsError::Folder)?;
-        let study: Study = input::parse(&manifest.study_path, manifest.study.clone())?.value;
+        let name = format!("{}: study file", folder.path().join("study.json").display());
+        let study: Study = input::parse(&name, manifest.study.clone())?.value;
         let mut results = Self {
             study,
             cells: Vec::new(),

@@ -319,17 +319,24 @@ impl Manifest {
     /// Run seeds of each cell.
     #[must_use]
     pub fn run_seeds(&self) -> Vec<u64> {
-        let run_seed = |repeat| match &self.lock {
-            Some(lock) => lock.run_seed(repeat),
-            None => self.first_seed + repeat,
-        };
-        (0..self.repeats).map(run_seed).collect()
+        match &self.lock {
+            Some(lock) => {
+                let repeats = lock.registered.looks.last().copied().unwrap_or(0);
+                (0..repeats).map(|repeat| lock.run_seed(repeat)).collect()
+            }
+            None => (0..self.repeats)
+                .map(|repeat| self.first_seed + repeat)
+                .collect(),
+        }
     }
 
     /// Sentence for the report if the number of runs per cell was changed after some runs, such as
     /// `The number of runs per cell was extended from 10 to 20 after some of them had been run.`
     #[must_use]
     pub fn changed_repeats_sentence(&self) -> Option<String> {
+        if self.lock.is_some() {
+            return None;
+        }
         let last = self.earlier_repeats.last()?;
         let is_extended = self.earlier_repeats.is_sorted() && *last < self.repeats;
         let verb = if is_extended { "extended" } else { "changed" };
@@ -341,7 +348,7 @@ impl Manifest {
         ))
     }
 
-    fn of(plan: &StudyPlan) -> Self {
+    pub(super) fn of(plan: &StudyPlan) -> Self {
         let cell = |cell: &super::plan::Cell| ManifestCell {
             name: cell.name.clone(),
             digest: cell.digest.clone(),

@@ -82,6 +82,28 @@ impl Fixture {
         stdout(&output)
     }
 
+    /// Writes the report again, which must fail because the results do not confirm what was
+    /// registered, without any verdict. Returns the standard output.
+    fn refuted_report(&self) -> String {
+        let output = seedbed(&["report", self.path("out").to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        let printed = stdout(&output);
+        assert!(
+            printed.contains("claims     1 confirmatory claim: 1 open"),
+            "{printed}"
+        );
+        assert!(printed.contains("not confirmed: "), "{printed}");
+        printed
+    }
+
+    /// Replaces a text in the stored description of the results.
+    fn edit_manifest(&self, old: &str, new: &str) {
+        let path = self.path("out/study.json");
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(old), "{old} in {text}");
+        fs::write(path, text.replace(old, new)).unwrap();
+    }
+
     /// Paths of the result files, in the order of their names.
     fn result_files(&self) -> Vec<PathBuf> {
         let entries = fs::read_dir(self.path("out/runs")).unwrap();
@@ -191,7 +213,7 @@ fn more_runs_than_registered_are_refused_and_not_used() {
     assert!(
         fixture
             .report()
-            .contains("note       1 run is in the directory not registered")
+            .contains("note       Not registered and not used: 1 result file in the directory.")
     );
     let rows = |table: &str| table.lines().take(3).map(str::to_owned).collect::<Vec<_>>();
     assert_eq!(rows(&fixture.claims_table()), rows(&verdict));
@@ -288,7 +310,7 @@ fn an_edited_lock_is_refused_and_another_build_is_reported() {
     let text = fs::read_to_string(&manifest).unwrap();
     let build = text.split("\"build\": \"").nth(1).unwrap()[..16].to_owned();
     fs::write(&manifest, text.replace(&build, "0123456789abcdef")).unwrap();
-    let report = fixture.report();
+    let report = fixture.refuted_report();
     assert!(
         report.contains("not confirmed: The lock was changed after it was made"),
         "{report}"
@@ -310,7 +332,7 @@ fn a_claim_edited_in_the_results_is_reported() {
     let manifest = fixture.path("out/study.json");
     let text = fs::read_to_string(&manifest).unwrap();
     fs::write(&manifest, text.replace("smallest: 5", "smallest: 1")).unwrap();
-    let report = fixture.report();
+    let report = fixture.refuted_report();
     assert!(
         report.contains("not confirmed: The reported study differs from its lock: the claim"),
         "{report}"
@@ -319,6 +341,36 @@ fn a_claim_edited_in_the_results_is_reported() {
         fixture
             .claims_table()
             .starts_with("Not final: not what was registered")
+    );
+}
+
+/// Whoever changes what the results say of themselves gets no verdict: the number of runs, with the
+/// other runs deleted or not, the settings and descriptions of cells, texts, and the name.
+#[test]
+fn edited_descriptions_of_results_are_reported() {
+    let edits = [
+        ("\"repeats\": 6", "\"repeats\": 5"),
+        ("SeedSampling()\\\"", "ThompsonResampling\\\""),
+        ("\"agents\": 10", "\"agents\": 999"),
+        ("\"max_episodes\": 40", "\"max_episodes\": 5"),
+        ("less regret", "more regret"),
+        ("title: \\\"Small", "title: \\\"Preregistered"),
+        ("\"quick\": false", "\"quick\": true"),
+        ("\"name\": \"small\"", "\"name\": \"large\""),
+    ];
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let manifest = fixture.path("out/study.json");
+    let original = fs::read(&manifest).unwrap();
+    for (old, new) in edits {
+        fixture.edit_manifest(old, new);
+        fixture.refuted_report();
+        fs::write(&manifest, &original).unwrap();
+    }
+    assert!(
+        fixture
+            .report()
+            .contains("1 confirmatory claim: 1 supported")
     );
 }
 
