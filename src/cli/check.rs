@@ -41,7 +41,6 @@ pub(super) fn check(files: &[PathBuf]) -> Result<(), CliError> {
 }
 
 /// A valid file.
-#[derive(Default)]
 struct Checked {
     description: String,
     /// Why the file may not do what it seems to do.

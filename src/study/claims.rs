@@ -43,6 +43,7 @@ struct ComparedClaim<'a> {
     claim: &'a Claim,
     samples: Samples,
     test: Box<dyn EffectTest>,
+    comparison: Comparison,
 }
 
 /// Evaluates all claims of a study with its runs. Results are in the order of the claims.
@@ -52,21 +53,18 @@ struct ComparedClaim<'a> {
 #[must_use]
 pub fn evaluate(results: &Results) -> Vec<ClaimResult> {
     let claims = &results.study.claims;
-    let compared = compared_claims(results, None);
+    let all_runs = compared_claims(results, None);
     let mut claim_results: Vec<ClaimResult> = claims
         .iter()
-        .zip(&compared)
+        .zip(&all_runs)
         .map(|(claim, compared)| result_without_verdict(results, claim, compared.as_ref()))
         .collect();
     for (runs, level) in results.looks() {
-        let compared = compared_claims(results, runs);
+        let of_look = runs.map(|runs| compared_claims(results, Some(runs)));
+        let compared = of_look.as_ref().unwrap_or(&all_runs);
         for is_null in [false, true] {
-            decide_family(
-                &family(claims, is_null),
-                &compared,
-                level,
-                &mut claim_results,
-            );
+            let family = results.study.family(is_null);
+            decide_family(&family, compared, level, &mut claim_results);
         }
     }
     for (claim, claim_result) in claims.iter().zip(&mut claim_results) {
@@ -74,14 +72,6 @@ pub fn evaluate(results: &Results) -> Vec<ClaimResult> {
             is_smaller_than_claimed(claim, claim_result.interval);
     }
     claim_results
-}
-
-/// Indices of the confirmatory claims of an effect or, if `is_null`, of no effect.
-fn family(claims: &[Claim], is_null: bool) -> Vec<usize> {
-    let is_member = |claim: &Claim| claim.confirmatory && claim.direction.is_null() == is_null;
-    (0..claims.len())
-        .filter(|&index| is_member(&claims[index]))
-        .collect()
 }
 
 /// Claims with the first `runs` runs of each cell, or with all; `None` for claims without runs.
@@ -101,7 +91,7 @@ fn result_without_verdict(
     claim: &Claim,
     compared: Option<&ComparedClaim<'_>>,
 ) -> ClaimResult {
-    let comparison = compared.map(|compared| compared.samples.compare(&*compared.test));
+    let comparison = compared.map(|compared| compared.comparison);
     let late_claims = &results.manifest.late_claims;
     ClaimResult {
         interval: comparison.map_or(Interval::TooFewRuns { n: 0 }, |found| found.effect.interval),
@@ -133,7 +123,7 @@ fn decide_family(
         let Some(compared) = compared else {
             continue;
         };
-        let comparison = compared.samples.compare(&*compared.test);
+        let comparison = compared.comparison;
         let interval = compared.interval(decision.level, level / family.len() as f64);
         (claim_result.comparison, claim_result.interval) = (Some(comparison), interval);
         // Runs that all have the same value do not show that there is no effect: they may be at a
@@ -166,6 +156,7 @@ impl<'a> ComparedClaim<'a> {
         let test = samples.test();
         Some(Self {
             claim,
+            comparison: samples.compare(&*test),
             samples,
             test,
         })

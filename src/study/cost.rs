@@ -1,7 +1,8 @@
 //! What the results of a study cost: episodes, environment steps and gradient steps until the task
 //! is solved, and the speed-up over the best single agent.
 
-use super::measure::Curve;
+use super::comparison::times_to_event;
+use super::measure::{Curve, Measure};
 use super::results::{CellResults, Results};
 use super::run_result::RunResult;
 use seedbed_stats::aggregate::mean;
@@ -103,15 +104,9 @@ fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
 /// Mean number of episodes of each agent until solved, at most `horizon`; `None` without runs or
 /// without a threshold.
 fn mean_episodes(cell: &CellResults, horizon: u32) -> Option<f64> {
-    let mut times = Vec::with_capacity(cell.runs.len());
-    for (_, run) in &cell.runs {
-        run.threshold?;
-        let episodes = run
-            .solved
-            .map_or(horizon, |solved| solved.episodes.min(horizon));
-        times.push(f64::from(episodes));
-    }
-    (!times.is_empty()).then(|| mean(&times))
+    let times = times_to_event(&cell.scores(Measure::EpisodesToSolve));
+    let restricted = times.iter().map(|time| time.restricted_to(horizon.into()));
+    (!times.is_empty()).then(|| mean(&restricted.collect::<Vec<f64>>()))
 }
 
 /// Names of cells whose policies never had a gradient: their policy loss was 0 in every round of

@@ -269,6 +269,15 @@ impl Study {
         self.looks.iter().map(|look| look.get().into()).collect()
     }
 
+    /// Indices of the confirmatory claims of an effect or, if `is_null`, of no effect.
+    #[must_use]
+    pub fn family(&self, is_null: bool) -> Vec<usize> {
+        let claims = self.claims.iter().enumerate();
+        let members =
+            claims.filter(|(_, claim)| claim.confirmatory && claim.direction.is_null() == is_null);
+        members.map(|(index, _)| index).collect()
+    }
+
     /// Checks the study. `cells` are the names of all its cells.
     ///
     /// # Errors

@@ -34,12 +34,9 @@ pub fn powers(study: &Study) -> Vec<(usize, ClaimPower)> {
 }
 
 fn power_of_claim(study: &Study, claim: &Claim) -> ClaimPower {
-    let is_null = claim.direction.is_null();
-    let is_member = |other: &&Claim| other.confirmatory && other.direction.is_null() == is_null;
-    let family = study.claims.iter().filter(is_member).count();
-    let looks: Vec<usize> = study.looks().iter().map(|&runs| runs as usize).collect();
-    let levels = levels_of_looks(&looks, FAMILY_LEVEL);
-    let level = levels[levels.len() - 1] / family as f64;
+    let family = study.family(claim.direction.is_null());
+    let levels = levels_of_looks(&study.looks(), FAMILY_LEVEL);
+    let level = levels[levels.len() - 1] / family.len() as f64;
     let expected = claim.expected.as_deref().copied();
     let power = |runs: usize| expected.map_or(0.0, |expected| power(claim, expected, runs, level));
     ClaimPower {

@@ -15,8 +15,7 @@ use super::file::{Claim, Study};
 use super::plan::StudyPlan;
 use super::provenance;
 use super::results::Results;
-use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
-use crate::run::files;
+use super::store::{Manifest, ManifestCell, StoreError, StudyFolder, replace_file, to_json};
 use crate::text::pluralize;
 use seedbed_stats::family::FAMILY_LEVEL;
 
@@ -249,9 +248,7 @@ impl Lock {
             id: sha256(&registered),
             registered,
         };
-        let mut text = serde_json::to_string_pretty(&lock).expect("plain data always serializes");
-        text.push('\n');
-        files::replace(&path, text.as_bytes()).map_err(|error| store_error(&path, &error))?;
+        replace_file(path, to_json(&lock).as_bytes())?;
         Ok(lock)
     }
 

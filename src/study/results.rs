@@ -170,8 +170,7 @@ impl Results {
             return vec![(None, FAMILY_LEVEL)];
         };
         let looks = self.study.looks();
-        let runs: Vec<usize> = looks.iter().map(|&runs| runs as usize).collect();
-        let levels = levels_of_looks(&runs, FAMILY_LEVEL);
+        let levels = levels_of_looks(&looks, FAMILY_LEVEL);
         let is_usable = |runs: u64| audit.broken.is_empty() && self.is_complete(runs);
         let looks = looks
             .into_iter()

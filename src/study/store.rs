@@ -222,9 +222,7 @@ impl StudyFolder {
             earlier_repeats: self.earlier_repeats(plan, previous.as_ref()),
             ..Manifest::of(plan)
         };
-        let mut text =
-            serde_json::to_string_pretty(&manifest).expect("plain data always serializes");
-        text.push('\n');
+        let text = to_json(&manifest);
         if std::fs::read_to_string(&path).is_ok_and(|stored_text| stored_text == text) {
             return Ok(());
         }
@@ -296,7 +294,13 @@ impl StudyFolder {
     }
 }
 
-fn replace_file(path: PathBuf, bytes: &[u8]) -> Result<(), StoreError> {
+/// A value as JSON for readers, with a line break at the end.
+pub(super) fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("plain data always serializes") + "\n"
+}
+
+/// Writes a file in place of an earlier one.
+pub(super) fn replace_file(path: PathBuf, bytes: &[u8]) -> Result<(), StoreError> {
     files::replace(&path, bytes).map_err(|error| StoreError {
         path,
         reason: error.to_string(),

@@ -58,13 +58,19 @@ fn find_bound(
     threshold: f64,
 ) -> Option<f64> {
     let is_between = (estimate - threshold) * (threshold - far) > 0.0;
-    let [mut inside, mut outside] = if is_between && is_rejected(threshold) {
-        [estimate, threshold]
+    if is_between && is_rejected(threshold) {
+        Some(bisect(estimate, threshold, is_rejected))
     } else if is_rejected(far) {
-        [if is_between { threshold } else { estimate }, far]
+        let inside = if is_between { threshold } else { estimate };
+        Some(bisect(inside, far, is_rejected))
     } else {
-        return None;
-    };
+        None
+    }
+}
+
+/// The value between `inside`, which is not rejected, and `outside`, which is, at which values begin
+/// to be rejected.
+pub(crate) fn bisect(mut inside: f64, mut outside: f64, is_rejected: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..BISECTIONS {
         let middle = f64::midpoint(inside, outside);
         if is_rejected(middle) {
@@ -73,7 +79,7 @@ fn find_bound(
             inside = middle;
         }
     }
-    Some(inside)
+    inside
 }
 
 #[cfg(test)]

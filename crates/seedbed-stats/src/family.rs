@@ -95,7 +95,7 @@ pub fn holm_correction(p: &[f64]) -> Vec<f64> {
 /// # Panics
 /// If there are no looks, or if `runs` do not ascend from at least 1.
 #[must_use]
-pub fn levels_of_looks(runs: &[usize], level: f64) -> Vec<f64> {
+pub fn levels_of_looks(runs: &[u64], level: f64) -> Vec<f64> {
     assert!(
         runs.first().is_some_and(|&first| first > 0),
         "no runs at the first look"
@@ -107,7 +107,7 @@ pub fn levels_of_looks(runs: &[usize], level: f64) -> Vec<f64> {
     let normal = Normal::standard();
     let z = normal.inverse_cdf(1.0 - level / 2.0);
     let mut spent_before = 0.0;
-    let increment = |&runs_of_look: &usize| {
+    let increment = |&runs_of_look: &u64| {
         let share = runs_of_look as f64 / runs[runs.len() - 1] as f64;
         // At the last look the formula gives `level`, apart from rounding.
         let spent = if share < 1.0 {

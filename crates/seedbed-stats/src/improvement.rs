@@ -12,10 +12,8 @@
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::aggregate::sorted;
+use super::effect_test::bisect;
 use super::{Estimate, Interval};
-
-/// Number of bisections of an end of the interval.
-const BISECTIONS: u32 = 40;
 
 /// P(X > Y) with its 95 % interval. A tie counts half.   `x: [n]`, `y: [m]`
 ///
@@ -35,35 +33,22 @@ pub fn win_probability(x: &[f64], y: &[f64]) -> Estimate {
     let (n, m) = (x.len() as f64, y.len() as f64);
     let z = Normal::standard().inverse_cdf(0.975);
     let is_excluded = |theta: f64| (value - theta).abs() > z * variance(theta, n, m).sqrt();
+    let end = |limit: f64| {
+        if is_excluded(limit) {
+            bisect(value, limit, is_excluded)
+        } else {
+            limit
+        }
+    };
     Estimate {
         value,
-        interval: Interval::of_runs(
-            x.len().min(y.len()),
-            end(value, 0.0, is_excluded),
-            end(value, 1.0, is_excluded),
-        ),
+        interval: Interval::of_runs(x.len().min(y.len()), end(0.0), end(1.0)),
     }
 }
 
 fn variance(theta: f64, n: f64, m: f64) -> f64 {
     let correlation = (1.0 - theta) / (2.0 - theta) + theta / (1.0 + theta);
     theta * (1.0 - theta) * (1.0 + (f64::midpoint(n, m) - 1.0) * correlation) / (n * m)
-}
-
-/// The value between `inside` and `outside` at which values begin to be excluded.
-fn end(mut inside: f64, mut outside: f64, is_excluded: impl Fn(f64) -> bool) -> f64 {
-    if !is_excluded(outside) {
-        return outside;
-    }
-    for _ in 0..BISECTIONS {
-        let middle = f64::midpoint(inside, outside);
-        if is_excluded(middle) {
-            outside = middle;
-        } else {
-            inside = middle;
-        }
-    }
-    inside
 }
 
 /// Share of pairs (x, y) with x > y, a tie counting half. Scores of y are sorted once instead of

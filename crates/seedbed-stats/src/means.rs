@@ -196,12 +196,7 @@ impl TwoMeans {
         } else {
             of_data
         };
-        let extreme = self
-            .sums
-            .iter()
-            .filter(|sums| statistic(sums) >= threshold)
-            .count();
-        share_of_extreme(extreme, self.sums.len(), self.is_exact)
+        share_of_extreme(self.sums.iter().map(statistic), threshold, self.is_exact)
     }
 
     /// Welch's t of a split after `effect` was subtracted from all values of x. ±∞ if neither
@@ -329,12 +324,7 @@ impl MeanOfDifferences {
         let statistic = |[differences, signs]: &[f64; 2]| sign * (differences - effect * signs);
         let threshold =
             statistic(&self.data) - TOLERANCE * self.data[1] * (self.range + effect.abs());
-        let extreme = self
-            .sums
-            .iter()
-            .filter(|sums| statistic(sums) >= threshold)
-            .count();
-        share_of_extreme(extreme, self.sums.len(), self.is_exact)
+        share_of_extreme(self.sums.iter().map(statistic), threshold, self.is_exact)
     }
 }
 
@@ -360,14 +350,20 @@ impl EffectTest for MeanOfDifferences {
     }
 }
 
-/// p-value of data with `extreme` of `all` permutations at least as extreme. Random permutations
+/// p-value: share of the permutations whose statistic is at least `threshold`. Random permutations
 /// count the data as one more of them, so that p is never 0 (Phipson and Smyth 2010).
-fn share_of_extreme(extreme: usize, all: usize, is_exact: bool) -> f64 {
-    if is_exact {
-        extreme as f64 / all as f64
-    } else {
-        (extreme + 1) as f64 / (all + 1) as f64
-    }
+fn share_of_extreme(
+    statistics: impl ExactSizeIterator<Item = f64>,
+    threshold: f64,
+    is_exact: bool,
+) -> f64 {
+    let data = usize::from(!is_exact);
+    let all = statistics.len() + data;
+    let extreme = statistics
+        .filter(|&statistic| statistic >= threshold)
+        .count()
+        + data;
+    extreme as f64 / all as f64
 }
 
 /// Largest minus smallest value.
