@@ -12,7 +12,7 @@ use super::measures::{Measures, RoundRows};
 use super::rollout::{self, CopyGroup, PlayedEpisodes, RoundPlan};
 use super::thread_count;
 use crate::record::{BodyTrajectory, SceneSettings};
-use crate::scenario::{Scenario, Schedule, Stop, Threshold};
+use crate::scenario::{Scenario, Schedule, StepsOf, Stop, Threshold};
 use seedbed_env::TaskDescription;
 use seedbed_env::input::InputError;
 use seedbed_env::{Environment, Physics, Scene, TaskSpec, build};
@@ -569,7 +569,13 @@ fn number_agents(environments: Vec<Box<dyn Environment>>) -> Vec<CopyGroup> {
 
 fn learning_timing(schedule: Schedule) -> LearningTiming {
     match schedule {
-        Schedule::Lockstep { learn_every } => LearningTiming::EverySteps(learn_every.get()),
+        Schedule::Lockstep {
+            learn_every,
+            steps_of,
+        } => match steps_of {
+            StepsOf::Agent => LearningTiming::EverySteps(learn_every.get()),
+            StepsOf::Team => LearningTiming::EveryTransitions(learn_every.get()),
+        },
         Schedule::Synchronous { .. } | Schedule::Asynchronous { .. } => {
             LearningTiming::AfterEpisodes
         }

@@ -74,10 +74,24 @@ pub enum Schedule {
     /// All agents act step by step, and learn from the newest transitions during their episodes:
     /// for value-based learners. A round is one episode per agent.
     Lockstep {
-        /// Number of steps per agent between two updates.
+        /// Number of steps between two updates.
         #[serde(default = "default_learn_every")]
         learn_every: Count,
+        /// Whose steps these are.
+        #[serde(default)]
+        steps_of: StepsOf,
     },
+}
+
+/// Whose steps are counted between two updates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+pub enum StepsOf {
+    /// Those of one agent: the number of updates does not depend on the number of agents.
+    #[default]
+    Agent,
+    /// Those of the whole team: K agents have K times as many updates as one. Several updates may
+    /// follow one step.
+    Team,
 }
 
 /// Duration of an update in simulated time, so that a schedule is the same on all machines.
@@ -266,6 +280,7 @@ impl Scenario {
     /// The first contradiction, with the field that is to be changed.
     pub fn check(&self) -> Result<(), ValidationError> {
         self.algorithm.config().check()?;
+        self.algorithm.config().check_team(&self.agents)?;
         self.check_schedule()?;
         if let Stop::Solved {
             window, at_most, ..

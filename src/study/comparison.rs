@@ -177,7 +177,7 @@ impl Quantity {
     pub fn of(measure: Measure, horizon: f64) -> Self {
         if measure.is_time() {
             Self::RestrictedMeanTime { horizon }
-        } else if measure == Measure::Solved {
+        } else if measure.is_yes_or_no() {
             Self::Share
         } else {
             Self::Mean

@@ -323,9 +323,9 @@ impl Study {
                  `because: \"…\"`, why effects below `smallest` are of no interest",
             ));
         }
-        if claim.number().is_some() && measure == Measure::Solved {
+        if claim.number().is_some() && measure.is_yes_or_no() {
             return Err(claim.compare.1.error(
-                "shares of solved runs cannot be compared with a number; expected the name of a cell",
+                "shares of runs cannot be compared with a number; expected the name of a cell",
             ));
         }
         if *claim.paired && self.pairs_share.trim().is_empty() {
@@ -334,10 +334,10 @@ impl Study {
                  `pairs_share: \"…\"` in the study, what such runs share, or no `paired`",
             ));
         }
-        if *claim.paired && measure == Measure::Solved {
+        if *claim.paired && measure.is_yes_or_no() {
             return Err(claim
                 .paired
-                .error("shares of solved runs cannot be paired; expected `paired: false`"));
+                .error("shares of runs cannot be paired; expected `paired: false`"));
         }
         if measure == Measure::EnvStepsToSolve && claim.horizon.is_none() {
             return Err(claim.compare.0.error(
@@ -347,8 +347,8 @@ impl Study {
         }
         let is_of_shares = matches!(claim.expected.as_deref(), Some(Expected::Shares(..)));
         match &claim.expected {
-            Some(expected) if is_of_shares != (measure == Measure::Solved) => Err(expected.error(
-                "expected `Shares(first, second)` for the measure `Solved`, and `Deviation(…)` for \
+            Some(expected) if is_of_shares != measure.is_yes_or_no() => Err(expected.error(
+                "expected `Shares(first, second)` for `Solved` and `RegretAbove`, and `Deviation(…)` for \
                  all others",
             )),
             _ => Ok(()),

@@ -6,7 +6,7 @@ use super::run_result::RunResult;
 pub use crate::record::metrics::Curve;
 use crate::record::metrics::{Range, RunKind};
 use seedbed_env::input::numbers::{Count, ranged_count};
-use seedbed_stats::aggregate::{mean, median};
+use seedbed_stats::aggregate::{mean, median, quantile};
 use seedbed_stats::survival::TimeToEvent;
 
 /// A measure: one number per run of a whole team.
@@ -50,6 +50,20 @@ pub enum Measure {
         /// Number of episodes of the moving average.
         #[serde(default = "default_window")]
         window: Count,
+    },
+    /// Return of better or worse agents of a team: percentile over agents of the moving averages of
+    /// their returns, averaged over episodes.
+    PercentileOfAgents {
+        /// Percentile, interpolated linearly between agents: 50 is the median agent.
+        percent: Count<99>,
+        /// Number of episodes of the moving average.
+        #[serde(default = "default_window")]
+        window: Count,
+    },
+    /// In tabular tasks, 1 if the regret is above a number, otherwise 0: how often a run goes badly.
+    RegretAbove {
+        /// The number.
+        regret: Count,
     },
     /// Share of the state space that the team has visited.
     Coverage,
@@ -113,7 +127,16 @@ impl Measure {
             Self::ReturnAt { episode, window } => {
                 window_mean(&run.team_returns(), episode.get() as usize, window)
             }
-            Self::SpreadOfAgents { window } => spread_of_agents(run, window.get() as usize),
+            Self::SpreadOfAgents { window } => {
+                mean_over_agents_statistic(run, window, standard_deviation)
+            }
+            Self::PercentileOfAgents { percent, window } => {
+                let share = f64::from(percent.get()) / 100.0;
+                mean_over_agents_statistic(run, window, |returns| quantile(returns, share))
+            }
+            Self::RegretAbove { regret } => Self::Regret
+                .of(run)
+                .map(|value| f64::from(u8::from(value > f64::from(regret.get())))),
             Self::Coverage => Self::Last {
                 of: Curve::TeamCoverage,
             }
@@ -139,20 +162,27 @@ impl Measure {
         match self {
             Self::EpisodesToSolve | Self::EnvStepsToSolve | Self::Solved => Needs::Threshold,
             Self::FirstGoal | Self::Reach => Needs::Goal,
-            Self::Regret => Needs::Tables,
+            Self::Regret | Self::RegretAbove { .. } => Needs::Tables,
             Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => needs_of_curve(of),
             Self::FinalReturn { .. }
             | Self::ReturnAt { .. }
             | Self::SpreadOfAgents { .. }
+            | Self::PercentileOfAgents { .. }
             | Self::Coverage => Needs::Nothing,
         }
+    }
+
+    /// Whether this measure is 0 or 1 for each run.
+    #[must_use]
+    pub fn is_yes_or_no(self) -> bool {
+        matches!(self, Self::Solved | Self::RegretAbove { .. })
     }
 
     /// Whether this measure is a share from 0 to 1, which can be compared between tasks.
     #[must_use]
     pub fn is_share(self) -> bool {
         match self {
-            Self::Solved | Self::Reach | Self::Coverage => true,
+            Self::Solved | Self::RegretAbove { .. } | Self::Reach | Self::Coverage => true,
             Self::Mean { of } | Self::At { of, .. } | Self::Last { of } => {
                 of.metric().range == Range::Share
             }
@@ -209,6 +239,14 @@ impl Measure {
                 "spread of returns between agents, over {} episodes",
                 window.get()
             ),
+            Self::PercentileOfAgents { percent, window } => format!(
+                "return of the agent at the {}th percentile of its team, over {} episodes",
+                percent.get(),
+                window.get()
+            ),
+            Self::RegretAbove { regret } => {
+                format!("share of runs with a regret above {}", regret.get())
+            }
             Self::Coverage => "coverage of the state space".to_owned(),
             Self::Mean { of } => format!("{}, mean of the run", of.metric().label()),
             Self::At { of, episode } => {
@@ -256,19 +294,25 @@ pub fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
     values.windows(window.max(1)).map(mean).collect()
 }
 
-fn spread_of_agents(run: &RunResult, window: usize) -> Option<f64> {
+/// Mean over episodes of a statistic over agents of the moving averages of their returns.
+fn mean_over_agents_statistic(
+    run: &RunResult,
+    window: Count,
+    statistic: impl Fn(&[f64]) -> f64,
+) -> Option<f64> {
+    let window = window.get() as usize;
     let mut moving_averages: Vec<Vec<f64>> = Vec::with_capacity(run.returns.len());
     for returns in &run.returns {
         moving_averages.push(moving_average(&to_f64(returns), window));
     }
     let episodes = moving_averages.iter().map(Vec::len).min().unwrap_or(0);
-    let mut deviations = Vec::with_capacity(episodes);
+    let mut statistics = Vec::with_capacity(episodes);
     for episode in 0..episodes {
         let returns_at_episode: Vec<f64> =
             moving_averages.iter().map(|agent| agent[episode]).collect();
-        deviations.push(standard_deviation(&returns_at_episode));
+        statistics.push(statistic(&returns_at_episode));
     }
-    (episodes > 0).then(|| mean(&deviations))
+    (episodes > 0).then(|| mean(&statistics))
 }
 
 fn standard_deviation(values: &[f64]) -> f64 {
@@ -287,4 +331,47 @@ pub(super) fn to_f64(values: &[f32]) -> Vec<f64> {
 
 fn default_window() -> Count {
     ranged_count(25)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use seedbed_env::input::numbers::ranged_count;
+
+    /// Two episodes of five agents: returns 0 to 4, then 0 to 8. Their 75th percentiles are 3 and 6,
+    /// their standard deviations √2 and 2√2.
+    #[test]
+    fn statistics_over_agents_are_averaged_over_episodes() {
+        let run = RunResult {
+            returns: (0..5_u8)
+                .map(|agent| vec![f32::from(agent), 2.0 * f32::from(agent)])
+                .collect(),
+            ..RunResult::default()
+        };
+        let window = ranged_count(1);
+        let percentile = Measure::PercentileOfAgents {
+            percent: ranged_count(75),
+            window,
+        };
+        assert_eq!(percentile.of(&run), Some(4.5));
+        let spread = Measure::SpreadOfAgents { window }.of(&run).unwrap();
+        assert!((spread - 1.5 * 2.0_f64.sqrt()).abs() < 1e-12);
+    }
+
+    /// Two agents with regrets of 3 + 4 and 5 + 6: 9 on average.
+    #[test]
+    fn a_regret_is_above_smaller_numbers_only() {
+        let run = RunResult {
+            regrets: vec![vec![3.0, 4.0], vec![5.0, 6.0]],
+            curves: vec![Vec::new(); Curve::WITH_ROUND_VALUES.len()],
+            ..RunResult::default()
+        };
+        let above = |regret| {
+            Measure::RegretAbove {
+                regret: ranged_count(regret),
+            }
+            .of(&run)
+        };
+        assert_eq!((above(8), above(9)), (Some(1.0), Some(0.0)));
+    }
 }

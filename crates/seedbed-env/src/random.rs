@@ -40,6 +40,8 @@ pub enum Purpose {
     /// Sampled weights for comparing the bonuses of all agents on the same steps in one round. It
     /// never affects learning.
     BonusProbe = 12,
+    /// The noise that an agent adds to the rewards of one trajectory, with [`transition_stream`].
+    FreshRewardNoise = 13,
     /// The MDP of a tabular task, drawn from its prior once per run.
     TabularTask = 40,
     /// The fixed additive prior of a value model, drawn once.

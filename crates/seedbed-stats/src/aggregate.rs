@@ -47,6 +47,20 @@ pub fn median_of_sorted(sorted: &[f64]) -> f64 {
     }
 }
 
+/// The quantile `share` (0 to 1), interpolated linearly between scores like NumPy's default.
+/// `scores: [n]`
+///
+/// # Panics
+/// If there are no scores.
+#[must_use]
+pub fn quantile(scores: &[f64], share: f64) -> f64 {
+    let sorted = sorted(scores);
+    let position = share * (sorted.len() - 1) as f64;
+    let below = position.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (position - below as f64) * (sorted[above] - sorted[below])
+}
+
 /// Interquartile mean (IQM): the mean without the ⌊n/4⌋ lowest and the ⌊n/4⌋ highest scores.
 /// `scores: [n]`
 ///
@@ -129,6 +143,15 @@ mod tests {
         );
         assert_eq!(median(&[f64::INFINITY, f64::NEG_INFINITY]), 0.0);
         assert_eq!(median(&[-3.0, 3.0]), 0.0);
+    }
+
+    /// Four scores have positions 0 to 3: the quantile 0.75 is at 2.25, a quarter of the way from 4
+    /// to 8.
+    #[test]
+    fn quantiles_are_interpolated() {
+        assert_eq!(quantile(&[8.0, 1.0, 4.0, 2.0], 0.75), 5.0);
+        assert_eq!(quantile(&[8.0, 1.0, 4.0, 2.0], 1.0), 8.0);
+        assert_eq!(quantile(&[7.0], 0.05), 7.0);
     }
 
     /// Of nine scores, ⌊9/4⌋ = 2 are dropped at each end: (2 + 3 + 4 + 5 + 16) / 5 = 6. Of three

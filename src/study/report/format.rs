@@ -166,7 +166,7 @@ pub(super) fn effect_and_test(measure: Measure, claim: &Claim) -> [&'static str;
         ];
     }
     match (measure, *claim.paired) {
-        (Measure::Solved, _) => [
+        (measure, _) if measure.is_yes_or_no() => [
             "difference between the shares of runs",
             "exact unconditional score test (Chan and Zhang)",
         ],

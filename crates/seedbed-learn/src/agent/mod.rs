@@ -19,8 +19,9 @@ use serde::{Deserialize, Serialize};
 use self::bonus::BonusModel;
 use crate::experience::{Episode, Experience, StepData};
 use crate::nn::{Activations, Initial};
-use crate::seed::SeedDistribution;
+use crate::seed::{RewardSeeds, SameInitial};
 use seedbed_env::TaskSpec;
+use seedbed_env::input::Located;
 use seedbed_env::input::numbers::{Count, ranged_count, ranged_number};
 use seedbed_env::random::Stream;
 
@@ -72,25 +73,29 @@ pub trait Agent: Send + Sync {
 pub const PROBE_STEPS: usize = 64;
 
 /// The number of agents, and how they differ from each other at the start.
-#[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TeamConfig {
     /// Number of agents K.
     pub count: Count<10_000>,
-    /// Distribution of each agent's fixed perturbations of rewards, drawn once per run.
-    pub seeds: SeedDistribution,
+    /// What each agent adds to rewards: by default numbers that are drawn once per run.
+    pub seeds: Located<RewardSeeds>,
     /// How networks are initialized.
     pub initial: Initial,
+    /// Which initial parameters are the same for all agents.
+    pub same_initial: Located<SameInitial>,
 }
 
 impl Default for TeamConfig {
     fn default() -> Self {
         Self {
             count: ranged_count(4),
-            seeds: SeedDistribution::Normal {
+            seeds: RewardSeeds::Normal {
                 sigma: ranged_number(0.1),
-            },
+            }
+            .into(),
             initial: Initial::Random,
+            same_initial: SameInitial::Off.into(),
         }
     }
 }

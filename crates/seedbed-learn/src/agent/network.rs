@@ -14,6 +14,9 @@ pub(crate) struct Network {
     mlp: Mlp,
     /// Initial parameters θ̂ or φ̂ from the agent seed: `[P]`.
     initial_parameters: Vec<f32>,
+    /// The parameters towards which training is regularized: the initial ones, with the output
+    /// layer [normalized](Self::normalize_regularization) like that of the network: `[P]`.
+    regularization_center: Vec<f32>,
     learned: LearnedState,
     activations: Activations,
     gradient: Vec<f32>,
@@ -47,6 +50,7 @@ impl Network {
         Self {
             mlp,
             gradient: vec![0.0; initial_parameters.len()],
+            regularization_center: initial_parameters.clone(),
             initial_parameters,
             learned,
             activations: Activations::default(),
@@ -87,7 +91,7 @@ impl Network {
                 .gradient
                 .iter_mut()
                 .zip(parameters.iter())
-                .zip(&self.initial_parameters)
+                .zip(&self.regularization_center)
             {
                 *slope += descent.regularization * (parameter - initial);
             }
@@ -103,6 +107,20 @@ impl Network {
     /// The output layer's weights and biases.
     pub(crate) fn output_layer(&mut self) -> (&mut [f32], &mut [f32]) {
         self.mlp.output_layer(&mut self.learned.parameters)
+    }
+
+    /// Regularizes towards the same function as before when outputs are normalized with other
+    /// moments: the output layer W = Ŵ/σ, b = (b̂ − μ)/σ has the denormalized outputs of Ŵ and b̂.
+    pub(crate) fn normalize_regularization(&mut self, mean: f32, deviation: f32) {
+        self.regularization_center
+            .clone_from(&self.initial_parameters);
+        let (weight, bias) = self.mlp.output_layer(&mut self.regularization_center);
+        for w in weight {
+            *w /= deviation;
+        }
+        for b in bias {
+            *b = (*b - mean) / deviation;
+        }
     }
 
     /// The parameters layer by layer, named after the network's `role`.

@@ -23,6 +23,7 @@ pub enum ObservationScaling {
 }
 
 /// The scaling of observations, with the state that it needs.
+#[derive(Clone, Debug)]
 pub(crate) enum Scaling {
     Raw,
     /// Center and half the range of each observation.

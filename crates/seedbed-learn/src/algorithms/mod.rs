@@ -12,6 +12,7 @@ pub mod value_based;
 
 use serde::{Deserialize, Serialize};
 
+use crate::agent::TeamConfig;
 use crate::agent::bonus::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
@@ -45,6 +46,14 @@ pub trait AlgorithmConfig {
                  `schedule: Synchronous(…)`",
             )),
         }
+    }
+
+    /// Checks that agents can have what a scenario says of the team.
+    ///
+    /// # Errors
+    /// Names the parameter, what is wrong, and what was expected.
+    fn check_team(&self, _team: &TeamConfig) -> Result<(), ValidationError> {
+        Ok(())
     }
 
     /// Whether nothing but rewards can change the policy, so that agents learn nothing before the

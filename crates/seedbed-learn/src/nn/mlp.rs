@@ -14,6 +14,8 @@ use seedbed_env::input::numbers::FiniteNumber;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mlp {
     layers: Vec<Layer>,
+    /// Whether the inputs of the network are appended to the inputs of its output layer.
+    has_skip_connection: bool,
 }
 
 /// How the parameters of a network are initialized.
@@ -32,6 +34,8 @@ pub enum Initial {
 pub struct Activations {
     /// Outputs of each layer: `[B × outputs]` each.
     layers: Vec<Vec<f32>>,
+    /// Inputs of the output layer of a network with a skip connection: `[B × (hidden + in)]`.
+    joined: Vec<f32>,
     /// Derivatives of the loss with respect to the inputs of the activation function: those of the
     /// layer that the backward pass has reached, and those of the layer before it.
     deltas: [Vec<f32>; 2],
@@ -62,7 +66,23 @@ impl Mlp {
         };
         Self {
             layers: sizes.windows(2).enumerate().map(layer).collect(),
+            has_skip_connection: false,
         }
+    }
+
+    /// A network whose output layer has as inputs the outputs of the last hidden layer and the
+    /// inputs of the network.
+    ///
+    /// # Panics
+    /// If there is no hidden layer, or if a size is 0.
+    #[must_use]
+    pub fn with_skip_connection(sizes: &[usize]) -> Self {
+        assert!(sizes.len() >= 3, "no hidden layer: {sizes:?}");
+        let mut network = Self::new(sizes);
+        let last = sizes.len() - 2;
+        network.layers[last].inputs += sizes[0];
+        network.has_skip_connection = true;
+        network
     }
 
     /// Number of parameters.
@@ -112,18 +132,23 @@ impl Mlp {
         assert_eq!(parameters.len(), self.parameter_count());
         let batch = inputs.len() / self.inputs();
         activations.layers.resize_with(self.layers.len(), Vec::new);
+        let Activations {
+            layers,
+            joined,
+            scratch,
+            ..
+        } = &mut *activations;
         for layer in &self.layers {
-            let (earlier, rest) = activations.layers.split_at_mut(layer.index);
-            let x = earlier.last().map_or(inputs, Vec::as_slice);
+            let (earlier, rest) = layers.split_at_mut(layer.index);
+            let mut x = earlier.last().map_or(inputs, Vec::as_slice);
+            if self.is_joined(layer) {
+                join_rows(x, inputs, batch, joined);
+                x = joined;
+            }
             let outputs = &mut rest[0];
             outputs.resize(batch * layer.outputs, 0.0);
-            kernels::affine(
-                layer.weight(parameters),
-                layer.bias(parameters),
-                x,
-                outputs,
-                &mut activations.scratch,
-            );
+            let (weight, bias) = (layer.weight(parameters), layer.bias(parameters));
+            kernels::affine(weight, bias, x, outputs, scratch);
             if layer.index + 1 < self.layers.len() {
                 kernels::tanh_in_place(outputs);
             }
@@ -149,6 +174,7 @@ impl Mlp {
         assert_eq!(gradient.len(), self.parameter_count());
         let Activations {
             layers,
+            joined,
             deltas: [deltas, earlier_deltas],
             scratch,
         } = activations;
@@ -156,10 +182,10 @@ impl Mlp {
         deltas.clear();
         deltas.extend_from_slice(output_gradient);
         for layer in self.layers.iter().rev() {
-            let x = if layer.index == 0 {
-                inputs
-            } else {
-                &layers[layer.index - 1]
+            let x = match layer.index {
+                0 => inputs,
+                _ if self.is_joined(layer) => joined,
+                index => &layers[index - 1],
             };
             let x = &x[..batch * layer.inputs];
             let (dw, db) = layer.split_mut(gradient);
@@ -173,10 +199,18 @@ impl Mlp {
                     layer.outputs,
                     scratch,
                 );
-                kernels::tanh_gradient_in_place(x, earlier_deltas);
+                let width = self.layers[layer.index - 1].outputs;
+                keep_first_columns(earlier_deltas, layer.inputs, width);
+                let outputs = &layers[layer.index - 1][..batch * width];
+                kernels::tanh_gradient_in_place(outputs, earlier_deltas);
                 std::mem::swap(deltas, earlier_deltas);
             }
         }
+    }
+
+    /// Whether the inputs of the network are appended to the inputs of a layer.
+    fn is_joined(&self, layer: &Layer) -> bool {
+        self.has_skip_connection && layer.index + 1 == self.layers.len()
     }
 
     /// The output layer's weights and biases: `[in × out]` and `[out]`.
@@ -212,6 +246,29 @@ impl Mlp {
     fn last_layer(&self) -> &Layer {
         &self.layers[self.layers.len() - 1]
     }
+}
+
+/// Appends each row of `right` to the row of `left`.   `[rows × a]`, `[rows × b]` → `joined: [rows
+/// × (a + b)]`
+fn join_rows(left: &[f32], right: &[f32], rows: usize, joined: &mut Vec<f32>) {
+    joined.clear();
+    let (left_width, right_width) = (left.len() / rows.max(1), right.len() / rows.max(1));
+    for row in 0..rows {
+        joined.extend_from_slice(&left[row * left_width..][..left_width]);
+        joined.extend_from_slice(&right[row * right_width..][..right_width]);
+    }
+}
+
+/// Removes all but the first `kept` columns.   `matrix: [rows × width]` → `[rows × kept]`
+fn keep_first_columns(matrix: &mut Vec<f32>, width: usize, kept: usize) {
+    if kept == width {
+        return;
+    }
+    let rows = matrix.len() / width;
+    for row in 1..rows {
+        matrix.copy_within(row * width..row * width + kept, row * kept);
+    }
+    matrix.truncate(rows * kept);
 }
 
 impl Activations {
@@ -279,9 +336,20 @@ mod tests {
         assert!((output[0] - (2.0 * 0.1_f32.tanh() - 1.0)).abs() < 1e-6);
     }
 
+    /// The same network whose output layer has the inputs too: y = 2 tanh 0.1 + 3·1 + 4·2 − 1.
+    #[test]
+    fn skip_connection_by_hand() {
+        let network = Mlp::with_skip_connection(&[2, 1, 1]);
+        let parameters = [0.5, -0.25, 0.1, 2.0, 3.0, 4.0, -1.0];
+        assert_eq!(network.parameter_count(), parameters.len());
+        let mut activations = Activations::default();
+        let output = network.forward(&parameters, &[1.0, 2.0], &mut activations);
+        assert!((output[0] - (2.0 * 0.1_f32.tanh() + 10.0)).abs() < 1e-5);
+    }
+
     #[test]
     fn single_samples_agree_with_a_batch() {
-        let network = Mlp::new(&[3, 16, 16, 2]);
+        let network = Mlp::with_skip_connection(&[3, 16, 16, 2]);
         let parameters = network.initial_parameters(
             Initial::Random,
             &mut stream(1, Purpose::InitialParameters, 0, 0),
@@ -306,8 +374,9 @@ mod tests {
         /// L = ½ Σ y², so ∂L/∂y = y. The gradient is compared with (L(θ + h) − L(θ − h)) / 2h,
         /// whose error in f32 is about 10⁻³ for h = 10⁻².
         #[test]
-        fn gradient_agrees_with_central_differences(seed: u64, batch in 1..12_usize, width in 1..20_usize) {
-            let network = Mlp::new(&[3, width, 7, 2]);
+        fn gradient_agrees_with_central_differences(seed: u64, batch in 1..12_usize, width in 1..20_usize, skip: bool) {
+            let build = if skip { Mlp::with_skip_connection } else { Mlp::new };
+            let network = build(&[3, width, 7, 2]);
             let mut parameters = network.initial_parameters(Initial::Random, &mut stream(seed, Purpose::InitialParameters, 0, 0));
             let inputs: Vec<f32> = (0..3 * batch).map(|i| (i as f32 * 0.7 + (seed % 97) as f32).cos()).collect();
             let mut activations = Activations::default();

@@ -161,6 +161,9 @@ pub enum LearningTiming {
     AfterEpisodes,
     /// Each time after this number of steps of each agent, during episodes.
     EverySteps(u32),
+    /// Once for this number of transitions of the whole team, during episodes: possibly several
+    /// times after a step.
+    EveryTransitions(u32),
 }
 
 impl<'a> TeamContext<'a> {

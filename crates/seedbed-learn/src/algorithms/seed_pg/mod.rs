@@ -35,7 +35,7 @@ use crate::math;
 use crate::nn::{Mlp, PopArt, Standardizer};
 use crate::rl::advantage;
 use crate::rl::policy_loss::{self, Surrogate};
-use crate::seed::AgentSeed;
+use crate::seed::{InitialParameters, RewardPerturbation};
 use seedbed_env::Status;
 use seedbed_env::input::numbers::{NonNegative, Positive};
 use seedbed_env::random::{Purpose, Stream, stream};
@@ -45,9 +45,8 @@ pub struct SeedPgAgent {
     config: SeedPg,
     run_seed: u64,
     agent: u32,
-    /// Reward seeds `z_{k,1} … z_{k,T}`: the number that this agent adds to the reward of each
-    /// step, up to the time limit T.
-    reward_seeds: Vec<f32>,
+    /// What this agent adds to rewards.
+    perturbation: RewardPerturbation,
     scaling: Scaling,
     policy: Policy,
     value: Network,
@@ -104,12 +103,21 @@ impl SeedPgAgent {
     #[must_use]
     pub fn new(config: &SeedPg, context: &AgentContext<'_>) -> Self {
         let spec = context.spec;
-        let (policy, value, reward_seeds) = seeded_networks(config, context);
+        let hidden: Vec<usize> = config
+            .hidden
+            .iter()
+            .map(|units| units.get() as usize)
+            .collect();
+        let (policy, value) = initial_networks(config, context, &hidden);
         let initial_deviation = config.initial_deviation.get_f32();
         Self {
             run_seed: context.run_seed,
             agent: context.agent,
-            reward_seeds,
+            perturbation: context.team.seeds.perturbation(
+                (context.run_seed, context.agent),
+                spec,
+                &hidden,
+            ),
             scaling: Scaling::new(config.observations, spec),
             policy: Policy::new(spec, policy, *config.actions, initial_deviation),
             value,
@@ -224,9 +232,9 @@ impl SeedPgAgent {
         let [value_learns, policy_learns] = self.networks_that_learn_from(&new_episodes[index]);
         self.load_trajectory(&new_episodes[index], index);
         if value_learns {
-            let (weight, bias) = self.value.output_layer();
-            self.normalizer
-                .update(&self.work.samples.targets, weight, bias);
+            let targets = std::mem::take(&mut self.work.samples.targets);
+            self.normalize(&targets);
+            self.work.samples.targets = targets;
         }
         if policy_learns {
             self.improve_policy(descent, totals);
@@ -247,9 +255,9 @@ impl SeedPgAgent {
         totals: &mut Totals,
     ) {
         self.collect_samples(new_episodes);
-        let (weight, bias) = self.value.output_layer();
-        self.normalizer
-            .update(&self.work.all_value_samples.targets, weight, bias);
+        let targets = std::mem::take(&mut self.work.all_value_samples.targets);
+        self.normalize(&targets);
+        self.work.all_value_samples.targets = targets;
         let mut rows = std::mem::take(&mut self.work.rows);
         shuffle_rows(&mut rows, self.work.all_policy_samples.len(), random);
         for rows in rows.chunks(size) {
@@ -266,6 +274,21 @@ impl SeedPgAgent {
             self.improve_value(descent, totals);
         }
         self.work.rows = rows;
+    }
+
+    /// Updates the moments by which targets are normalized. Neither the value function changes nor
+    /// the function that it is regularized towards.
+    fn normalize(&mut self, targets: &[f32]) {
+        let (weight, bias) = self.value.output_layer();
+        self.normalizer.update(targets, weight, bias);
+        if self.config.regularisation.get() > 0.0 {
+            self.normalize_regularization();
+        }
+    }
+
+    fn normalize_regularization(&mut self) {
+        let (mean, deviation) = (self.normalizer.mean(), self.normalizer.deviation());
+        self.value.normalize_regularization(mean, deviation);
     }
 
     /// Collects the samples of all chosen trajectories.
@@ -350,25 +373,22 @@ impl SeedPgAgent {
             bonuses,
             ..
         } = &mut self.work;
-        rewards.clear();
-        rewards.extend(
-            episode
-                .rewards
-                .iter()
-                .zip(&self.reward_seeds)
-                .map(|(reward, seed)| reward + seed),
-        );
+        let time_limit = self.config.time_limit;
+        let ends = episode.outcome == Status::Terminated || time_limit == TimeLimit::Ends;
+        rewards.clone_from(&episode.rewards);
+        let discount = self.config.discount.get_f32();
+        self.perturbation.add_to(episode, discount, ends, rewards);
         if let Some(bonuses) = bonuses.get(index) {
             rewards
                 .iter_mut()
                 .zip(bonuses)
                 .for_each(|(reward, bonus)| *reward += bonus);
         }
-        if self.config.time_limit == TimeLimit::Bootstraps && episode.outcome == Status::Truncated {
+        if time_limit == TimeLimit::Bootstraps && episode.outcome == Status::Truncated {
             self.scaling.apply(episode.last_observation(), last_state);
             let normalized = self.value.forward(last_state)[0];
             let value = self.normalizer.mean() + self.normalizer.deviation() * normalized;
-            rewards[episode.length() - 1] += self.config.discount.get_f32() * value;
+            rewards[episode.length() - 1] += discount * value;
         }
     }
 
@@ -475,37 +495,31 @@ impl SeedPgAgent {
     }
 }
 
-/// The policy network and the value network with the agent's initial parameters, and the agent's
-/// reward seeds.
-fn seeded_networks(config: &SeedPg, context: &AgentContext<'_>) -> (Network, Network, Vec<f32>) {
-    let spec = context.spec;
-    let hidden = config.hidden.iter().map(|units| units.get() as usize);
-    let hidden: Vec<usize> = hidden.collect();
-    let policy_shape = policy::network_shape(spec, &hidden);
+/// The policy network and the value network with the agent's initial parameters.
+fn initial_networks(
+    config: &SeedPg,
+    context: &AgentContext<'_>,
+    hidden: &[usize],
+) -> (Network, Network) {
+    let (spec, team) = (context.spec, context.team);
+    let policy_shape = policy::network_shape(spec, hidden);
     let mut value_sizes = vec![spec.observation_width()];
     value_sizes.extend(hidden);
     value_sizes.push(1);
     let value_shape = Mlp::new(&value_sizes);
-    let AgentSeed {
-        mut policy_parameters,
-        mut value_parameters,
-        reward_seeds,
-    } = AgentSeed::draw(
-        context.run_seed,
-        context.agent,
-        context.team.seeds,
-        context.team.initial,
+    let mut initial = InitialParameters::draw(
+        (context.run_seed, context.agent),
+        team.initial,
+        *team.same_initial,
         (&policy_shape, &value_shape),
-        spec.time_limit,
     );
     let [policy_scale, value_scale] =
         [config.policy_scale, config.value_scale].map(NonNegative::get_f32);
-    scale_output_layer(&policy_shape, &mut policy_parameters, policy_scale);
-    scale_output_layer(&value_shape, &mut value_parameters, value_scale);
+    scale_output_layer(&policy_shape, &mut initial.policy, policy_scale);
+    scale_output_layer(&value_shape, &mut initial.value, value_scale);
     (
-        Network::new(policy_shape, policy_parameters, config.policy_optimiser),
-        Network::new(value_shape, value_parameters, config.value_optimiser),
-        reward_seeds,
+        Network::new(policy_shape, initial.policy, config.policy_optimiser),
+        Network::new(value_shape, initial.value, config.value_optimiser),
     )
 }
 
@@ -686,6 +700,7 @@ impl Agent for SeedPgAgent {
         self.value.restore(saved.value)?;
         self.scaling.restore(saved.observations)?;
         self.normalizer = saved.normalizer;
+        self.normalize_regularization();
         match (&mut self.bonus_model, saved.bonus_model) {
             (Some(bonus_model), Some(bytes)) => bonus_model.restore(&bytes),
             (None, None) => Ok(()),

@@ -6,8 +6,7 @@ use crate::agent::TeamConfig;
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::AlgorithmConfig;
-use crate::nn::Initial;
-use crate::seed::SeedDistribution;
+use crate::seed::{RewardPerturbation, RewardSeeds};
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
 use seedbed_env::{Action, Choice, Quantity, Status, TaskSpec};
 
@@ -29,13 +28,13 @@ fn spec() -> TaskSpec {
 }
 
 fn agent(config: &SeedPg, number: u32, sigma: f64) -> SeedPgAgent {
-    let seeds = SeedDistribution::Normal {
+    let seeds = RewardSeeds::Normal {
         sigma: ranged_number(sigma),
     };
     let team = TeamConfig {
         count: ranged_count(2),
-        seeds,
-        initial: Initial::Random,
+        seeds: seeds.into(),
+        ..TeamConfig::default()
     };
     SeedPgAgent::new(
         config,
@@ -94,12 +93,12 @@ fn parameters(agent: &SeedPgAgent) -> Vec<f32> {
 fn seeds_of_the_learning_agent_perturb_the_rewards_of_all_agents() {
     let mut seeded = agent(&SeedPg::default(), 0, 0.5);
     let mut plain = agent(&SeedPg::default(), 0, 0.0);
+    let RewardPerturbation::Steps(seeds) = seeded.perturbation.clone() else {
+        panic!("{:?}", seeded.perturbation);
+    };
     let mut shifted = episode(1);
-    shifted
-        .rewards
-        .iter_mut()
-        .zip(&seeded.reward_seeds)
-        .for_each(|(reward, seed)| *reward += seed);
+    let rewards = shifted.rewards.iter_mut().zip(&seeds);
+    rewards.for_each(|(reward, seed)| *reward += seed);
     for (learner, episode) in [(&mut seeded, &episode(1)), (&mut plain, &shifted)] {
         learner.estimate(episode, 0);
     }
@@ -108,11 +107,7 @@ fn seeds_of_the_learning_agent_perturb_the_rewards_of_all_agents() {
         seeded.work.samples.advantages,
         plain.work.samples.advantages
     );
-    assert!(
-        seeded.reward_seeds.iter().any(|seed| seed.abs() > 0.1),
-        "{:?}",
-        seeded.reward_seeds
-    );
+    assert!(seeds.iter().any(|seed| seed.abs() > 0.1), "{seeds:?}");
 }
 
 /// ρ is π(a|s) of the learning agent over ½, the probability under the policy that acted.
@@ -168,6 +163,38 @@ fn value_data_and_policy_data_are_independent() {
 }
 
 /// With strong regularization, parameters stay closer to their initial values than without.
+/// The value function is regularized towards its initial function, not towards the initial
+/// parameters of the normalized network: with returns of about 30, Pop-Art's mean and deviation are
+/// far from 0 and 1, but the values stay those of φ̂.
+#[test]
+fn regularization_keeps_the_initial_value_function_despite_pop_art() {
+    let mut rewarded = episode(0);
+    rewarded
+        .rewards
+        .iter_mut()
+        .for_each(|reward| *reward += 10.0);
+    let largest_change = |regularisation| {
+        let config = SeedPg {
+            regularisation: ranged_number(regularisation),
+            ..SeedPg::default()
+        };
+        let mut learner = agent(&config, 0, 0.0);
+        learner.estimate(&rewarded, 0);
+        let before = learner.work.values.clone();
+        for round in 0..200 {
+            update_on(&mut learner, std::slice::from_ref(&rewarded), round);
+        }
+        learner.estimate(&rewarded, 0);
+        assert!(learner.normalizer.mean() > 20.0);
+        let changes = learner.work.values.iter().zip(before);
+        changes
+            .map(|(after, before)| (after - before).abs())
+            .fold(0.0, f32::max)
+    };
+    let (with, without) = (largest_change(1e4), largest_change(0.0));
+    assert!(with < 1.0 && without > 10.0, "{with} {without}");
+}
+
 #[test]
 fn regularization_keeps_parameters_near_their_initial_values() {
     let distance = |regularisation| {

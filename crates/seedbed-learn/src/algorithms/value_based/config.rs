@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::exploration::Exploration;
 use super::{ValueTeam, choice_count};
+use crate::agent::TeamConfig;
 use crate::agent::bonus::Bonus;
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
@@ -68,6 +69,8 @@ pub struct SeedTd {
 pub struct BootstrappedDqn {
     /// Number of models in the ensemble.
     pub models: Count<1000>,
+    /// For whom a model is drawn in each round.
+    pub draw: Draw,
     /// Scale β of the prior: Q is the learned network plus β times a fixed random network.
     pub prior_scale: NonNegative,
     /// Share of the transitions that each model learns from, chosen at random once per transition
@@ -90,6 +93,15 @@ pub enum Networks {
     Shared,
     /// One network per agent.
     Own,
+}
+
+/// For whom a model is drawn in each round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema, Serialize, Deserialize)]
+pub enum Draw {
+    /// One model for each agent.
+    Agent,
+    /// One model for the whole team: a control without diversity.
+    Team,
 }
 
 /// Number of models.
@@ -132,6 +144,8 @@ pub struct Learning {
     pub observations: ObservationScaling,
     /// Number of units of each hidden layer.
     pub hidden: Located<Vec<Count<4096>>>,
+    /// Whether the observations are appended to the inputs of the output layer.
+    pub skip_connection: bool,
     /// Maximal number of the team's transitions in the replay buffer.
     pub replay: Count<100_000_000>,
     /// Number of transitions per gradient step.
@@ -172,7 +186,9 @@ pub(super) enum ModelAssignment {
     /// Agent k always acts by model k mod the number of models.
     Fixed,
     /// A model drawn at random for each agent and round.
-    Drawn,
+    DrawnForAgent,
+    /// A model drawn at random for each round, the same for all agents.
+    DrawnForTeam,
 }
 
 /// The configuration of a value-based learner.
@@ -189,6 +205,11 @@ pub(super) trait ValueBased {
     /// Checks that models can learn during a round.
     fn check_lockstep(&self) -> Result<(), ValidationError> {
         Ok(())
+    }
+
+    /// Whether rewards are perturbed by reward seeds.
+    fn has_reward_seeds(&self) -> bool {
+        false
     }
 }
 
@@ -212,6 +233,21 @@ impl<T: ValueBased> AlgorithmConfig for T {
                  or `Synchronous(…)`, or `algorithm: SeedPg(…)`",
             )),
         }
+    }
+
+    fn check_team(&self, team: &TeamConfig) -> Result<(), ValidationError> {
+        if self.has_reward_seeds() && !team.seeds.are_numbers() {
+            return Err(team.seeds.error(
+                "value-based learners draw a number for each transition; expected `Normal`, \
+                 `Uniform`, `Laplace` or `TwoPoint`",
+            ));
+        }
+        if team.same_initial.includes_policy() {
+            return Err(team
+                .same_initial
+                .error("value-based learners have no policy network; expected `Off` or `Value`"));
+        }
+        Ok(())
     }
 
     fn check_task(&self, task: &TaskSpec) -> Result<(), String> {
@@ -291,7 +327,7 @@ impl ValueBased for SeedTd {
         };
         Composition {
             models: max_models.min(agents),
-            has_reward_seeds: true,
+            has_reward_seeds: self.has_reward_seeds(),
             prior_scale: self.prior_scale.get_f32(),
             regularization: self.regularisation.get_f32(),
             fit: *self.fit,
@@ -309,6 +345,10 @@ impl ValueBased for SeedTd {
         &mut self.exploration
     }
 
+    fn has_reward_seeds(&self) -> bool {
+        true
+    }
+
     fn check_lockstep(&self) -> Result<(), ValidationError> {
         match *self.fit {
             Fit::Lsvi { .. } => Err(self
@@ -323,7 +363,10 @@ impl ValueBased for BootstrappedDqn {
     fn compose(&self, _: usize) -> Composition {
         Composition {
             models: self.models.get() as usize,
-            assignment: ModelAssignment::Drawn,
+            assignment: match self.draw {
+                Draw::Agent => ModelAssignment::DrawnForAgent,
+                Draw::Team => ModelAssignment::DrawnForTeam,
+            },
             mask: self.mask.get_f32(),
             prior_scale: self.prior_scale.get_f32(),
             exploration: self.exploration,
@@ -409,6 +452,7 @@ impl Default for BootstrappedDqn {
     fn default() -> Self {
         Self {
             models: ranged_count(10),
+            draw: Draw::Agent,
             prior_scale: ranged_number(3.0),
             mask: ranged_number(0.5),
             exploration: Exploration::Greedy,
@@ -426,6 +470,7 @@ impl Default for Learning {
             time_limit: TimeLimit::Bootstraps,
             observations: ObservationScaling::Range,
             hidden: vec![ranged_count(50); 2].into(),
+            skip_connection: false,
             replay: ranged_count(1_000_000),
             minibatch: ranged_count(16).into(),
             minibatches: ranged_count(1),

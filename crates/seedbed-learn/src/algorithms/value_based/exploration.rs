@@ -4,8 +4,9 @@ use rand::{Rng, RngExt};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::math;
 use crate::rl::{categorical, q_learning};
-use seedbed_env::input::numbers::{Count, Fraction, Positive};
+use seedbed_env::input::numbers::{Count, Fraction, NonNegative, Positive, ranged_number};
 
 /// How an action is chosen from values.
 #[derive(Clone, Copy, Debug, PartialEq, JsonSchema, Serialize, Deserialize)]
@@ -22,6 +23,16 @@ pub enum Exploration {
         /// Number of steps of each agent over which ε changes linearly.
         steps: Count<1_000_000_000>,
     },
+    /// A fixed ε for each agent: agent k of K has `ε^(1 + α k/(K − 1))`, and an agent alone has ε
+    /// (Horgan et al. 2018).
+    EpsilonLadder {
+        /// ε of the first agent, the largest one.
+        #[serde(default = "default_ladder_epsilon")]
+        epsilon: Fraction,
+        /// α: the last agent has `ε^(1 + α)`.
+        #[serde(default = "default_ladder_exponent")]
+        exponent: NonNegative,
+    },
     /// An action drawn with probabilities proportional to exp(Q/τ).
     Gibbs {
         /// Temperature τ, in units of Q.
@@ -29,36 +40,63 @@ pub enum Exploration {
     },
 }
 
+/// The agent that chooses, and when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Chooser {
+    /// The agent's number, from 0.
+    pub(super) agent: usize,
+    /// Number of agents K.
+    pub(super) agents: usize,
+    /// Number of steps of each agent so far.
+    pub(super) steps: u64,
+}
+
+fn default_ladder_epsilon() -> Fraction {
+    ranged_number(0.4)
+}
+
+fn default_ladder_exponent() -> NonNegative {
+    ranged_number(7.0)
+}
+
 impl Exploration {
-    /// Replaces values by log-probabilities.   `steps`: of each agent so far, `values: [choices]`
-    pub(super) fn log_probs(self, steps: u64, values: &mut [f32]) {
+    /// Replaces values by log-probabilities.   `values: [choices]`
+    pub(super) fn log_probs(self, chooser: Chooser, values: &mut [f32]) {
         match self {
-            Self::Greedy => q_learning::epsilon_greedy(values, 0.0),
-            Self::EpsilonGreedy { .. } => q_learning::epsilon_greedy(values, self.epsilon(steps)),
             Self::Gibbs { temperature } => q_learning::gibbs(values, temperature.get_f32()),
+            Self::Greedy | Self::EpsilonGreedy { .. } | Self::EpsilonLadder { .. } => {
+                q_learning::epsilon_greedy(values, self.epsilon(chooser));
+            }
         }
     }
 
-    /// Draws a choice; returns its index and its log-probability.   `steps`: of each agent so far,
-    /// `values: [choices]`, overwritten
+    /// Draws a choice; returns its index and its log-probability.   `values: [choices]`, overwritten
     pub(super) fn choose(
         self,
-        steps: u64,
+        chooser: Chooser,
         values: &mut [f32],
         random: &mut impl Rng,
     ) -> (usize, f32) {
-        self.log_probs(steps, values);
+        self.log_probs(chooser, values);
         let choice = categorical::choose(values, random.random());
         (choice, values[choice])
     }
 
-    /// ε after `steps_so_far` of each agent; 0 for other kinds of exploration.
-    fn epsilon(self, steps_so_far: u64) -> f32 {
-        let Self::EpsilonGreedy { from, to, steps } = self else {
-            return 0.0;
-        };
-        let progress = (steps_so_far as f64 / f64::from(steps.get())).min(1.0);
-        (from.get() + progress * (to.get() - from.get())) as f32
+    /// ε; 0 without random actions.
+    fn epsilon(self, chooser: Chooser) -> f32 {
+        match self {
+            Self::EpsilonGreedy { from, to, steps } => {
+                let progress = (chooser.steps as f64 / f64::from(steps.get())).min(1.0);
+                (from.get() + progress * (to.get() - from.get())) as f32
+            }
+            Self::EpsilonLadder { epsilon, .. } if epsilon.get() == 0.0 => 0.0,
+            Self::EpsilonLadder { epsilon, exponent } => {
+                let share = chooser.agent as f64 / (chooser.agents.max(2) - 1) as f64;
+                let exponent = 1.0 + exponent.get() * share;
+                math::exp((exponent * f64::from(math::ln(epsilon.get_f32()))) as f32)
+            }
+            Self::Greedy | Self::Gibbs { .. } => 0.0,
+        }
     }
 }
 
@@ -68,6 +106,38 @@ mod tests {
     use seedbed_env::input::numbers::{ranged_count, ranged_number};
     use seedbed_env::random::{Purpose, stream};
 
+    fn chooser(agent: usize, steps: u64) -> Chooser {
+        Chooser {
+            agent,
+            agents: 3,
+            steps,
+        }
+    }
+
+    /// ε = 0.25 and α = 1: 0.25, 0.25^1.5 = 0.125 and 0.25² = 0.0625 for three agents; an agent
+    /// alone has 0.25. ε = 0 stays 0.
+    #[test]
+    fn epsilon_falls_along_the_ladder() {
+        let ladder = |epsilon| Exploration::EpsilonLadder {
+            epsilon: ranged_number(epsilon),
+            exponent: ranged_number(1.0),
+        };
+        let epsilons = [0, 1, 2].map(|agent| ladder(0.25).epsilon(chooser(agent, 7)));
+        assert!(
+            epsilons
+                .iter()
+                .zip([0.25, 0.125, 0.0625])
+                .all(|(epsilon, expected)| (epsilon - expected).abs() < 1e-6),
+            "{epsilons:?}"
+        );
+        let alone = Chooser {
+            agents: 1,
+            ..chooser(0, 7)
+        };
+        assert!((ladder(0.25).epsilon(alone) - 0.25).abs() < 1e-6);
+        assert_eq!(ladder(0.0).epsilon(chooser(1, 7)), 0.0);
+    }
+
     /// ε from 1 to 0.2 over 100 steps: 1, 0.6, 0.2, 0.2.
     #[test]
     fn epsilon_changes_linearly() {
@@ -76,7 +146,7 @@ mod tests {
             to: ranged_number(0.2),
             steps: ranged_count(100),
         };
-        let epsilons = [0, 50, 100, 9999].map(|steps| exploration.epsilon(steps));
+        let epsilons = [0, 50, 100, 9999].map(|steps| exploration.epsilon(chooser(0, steps)));
         assert!(
             epsilons
                 .iter()
@@ -104,7 +174,8 @@ mod tests {
         ] {
             let (mut random, mut counts) = (stream(1, Purpose::Action, 0, 0), [0.0; 3]);
             for _ in 0..4000 {
-                let (choice, log_prob) = exploration.choose(7, &mut [0.0, 1.0, 2.0], &mut random);
+                let values = &mut [0.0, 1.0, 2.0];
+                let (choice, log_prob) = exploration.choose(chooser(0, 7), values, &mut random);
                 assert!((f64::from(log_prob).exp() - expected[choice]).abs() < 1e-3);
                 counts[choice] += 1.0;
             }

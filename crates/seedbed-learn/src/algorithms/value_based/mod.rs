@@ -20,6 +20,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use self::config::{Composition, ModelAssignment};
+use self::exploration::Chooser;
 use self::model::{LearningContext, ValueModel};
 use crate::agent::bonus::Bonus;
 use crate::agent::scaling::Scaling;
@@ -50,6 +51,9 @@ pub struct ValueTeam {
     steps: u64,
     /// Number of steps of each agent in this round so far.
     steps_of_round: u32,
+    /// Number of the team's transitions since it learned, with
+    /// [`LearningTiming::EveryTransitions`].
+    new_transitions: u32,
     timing: LearningTiming,
     /// Bonuses of each agent's own steps in the latest round, by episode: `[K]`; empty if the team
     /// has no bonus.
@@ -62,6 +66,7 @@ struct Saved<S> {
     models: Vec<Vec<u8>>,
     observations: Option<S>,
     steps: u64,
+    new_transitions: u32,
 }
 
 impl ValueTeam {
@@ -76,9 +81,14 @@ impl ValueTeam {
         let mut sizes = vec![spec.observation_width()];
         sizes.extend(learning.hidden.iter().map(|units| units.get() as usize));
         sizes.push(choices);
+        let mlp = if learning.skip_connection {
+            Mlp::with_skip_connection(&sizes)
+        } else {
+            Mlp::new(&sizes)
+        };
         let model = |index| {
             let first_follower = context.agent_context(index);
-            ValueModel::new(index, &composition, Mlp::new(&sizes), &first_follower)
+            ValueModel::new(index, &composition, mlp.clone(), &first_follower)
         };
         let agents = context.config.count.get() as usize;
         let has_bonus = composition.bonus != Bonus::None;
@@ -94,20 +104,43 @@ impl ValueTeam {
             replay: Replay::new(learning.replay.get() as usize, spec.observation_width()),
             steps: 0,
             steps_of_round: 0,
+            new_transitions: 0,
             timing: context.timing,
             own_bonuses: vec![Vec::new(); if has_bonus { agents } else { 0 }],
             composition,
         }
     }
 
-    /// Draws a model for each agent, if models are drawn for every round.
+    /// Draws models for agents, if models are drawn for every round.
     fn draw_models(&mut self, round: u32) {
-        if self.composition.assignment != ModelAssignment::Drawn {
-            return;
-        }
-        for (model, agent) in self.model_of_agent.iter_mut().zip(0..) {
+        let count = self.models.len();
+        let draw = |agent| {
             let mut random = stream(self.run_seed, Purpose::ModelChoice, agent, round);
-            *model = random.random_range(0..self.models.len());
+            random.random_range(0..count)
+        };
+        match self.composition.assignment {
+            ModelAssignment::Fixed => {}
+            ModelAssignment::DrawnForTeam => self.model_of_agent.fill(draw(0)),
+            ModelAssignment::DrawnForAgent => {
+                for (model, agent) in self.model_of_agent.iter_mut().zip(0..) {
+                    *model = draw(agent);
+                }
+            }
+        }
+    }
+
+    /// Number of times that models learn after the step that has just been added.
+    fn count_due_updates(&mut self) -> u32 {
+        match self.timing {
+            LearningTiming::EverySteps(count) => {
+                u32::from(self.steps_of_round.is_multiple_of(count))
+            }
+            LearningTiming::EveryTransitions(count) => {
+                let due = self.new_transitions / count;
+                self.new_transitions %= count;
+                due
+            }
+            LearningTiming::AfterEpisodes => 0,
         }
     }
 
@@ -164,6 +197,7 @@ impl ValueTeam {
             composition: &self.composition,
             replay: &self.replay,
             scaling: &self.scaling,
+            agents: self.model_of_agent.len(),
             steps: self.steps,
         };
         workers.for_each(&mut self.models, |model| model.learn(&context));
@@ -247,12 +281,17 @@ impl Team for ValueTeam {
         let exploration = &self.composition.exploration;
         let steps = self.steps + u64::from(request.unreported_steps);
         let rows = buffers.values.chunks_exact_mut(self.choices);
-        for (agent, values) in rows.enumerate() {
-            if request.playing[agent] {
-                let random = &mut request.random[agent];
-                let (choice, log_prob) = exploration.choose(steps, values, random);
-                request.actions[agent] = choice as f32;
-                request.log_probs[agent] = log_prob;
+        for (row, values) in rows.enumerate() {
+            if request.playing[row] {
+                let chooser = Chooser {
+                    agent: request.first_agent + row,
+                    agents: self.model_of_agent.len(),
+                    steps,
+                };
+                let random = &mut request.random[row];
+                let (choice, log_prob) = exploration.choose(chooser, values, random);
+                request.actions[row] = choice as f32;
+                request.log_probs[row] = log_prob;
             }
         }
     }
@@ -260,20 +299,25 @@ impl Team for ValueTeam {
     fn transition_interval(&self) -> Option<u32> {
         match self.timing {
             LearningTiming::EverySteps(count) => Some(count - self.steps_of_round % count),
+            LearningTiming::EveryTransitions(count) => {
+                let transitions_per_step = self.model_of_agent.len() as u32;
+                Some((count - self.new_transitions).div_ceil(transitions_per_step))
+            }
             LearningTiming::AfterEpisodes => Some(u32::MAX),
         }
     }
 
     fn add_transition(&mut self, episode: &Episode, step: usize) {
         self.replay.push(episode, step);
+        if matches!(self.timing, LearningTiming::EveryTransitions(_)) {
+            self.new_transitions += 1;
+        }
     }
 
     fn end_step(&mut self, workers: Workers<'_>) {
         self.steps += 1;
         self.steps_of_round += 1;
-        if let LearningTiming::EverySteps(count) = self.timing
-            && self.steps_of_round.is_multiple_of(count)
-        {
+        for _ in 0..self.count_due_updates() {
             self.learn_from_replay(workers);
         }
     }
@@ -334,6 +378,7 @@ impl Team for ValueTeam {
             models: self.models.iter().map(ValueModel::save).collect(),
             observations: self.scaling.learned(),
             steps: self.steps,
+            new_transitions: self.new_transitions,
         };
         postcard::to_stdvec(&saved).expect("plain data always serializes")
     }
@@ -348,7 +393,7 @@ impl Team for ValueTeam {
             model.restore(bytes)?;
         }
         self.scaling.restore(saved.observations)?;
-        self.steps = saved.steps;
+        (self.steps, self.new_transitions) = (saved.steps, saved.new_transitions);
         Ok(())
     }
 }

@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::config::{Composition, Fit};
+use super::exploration::Chooser;
 use super::minibatch::{Minibatch, discount_after};
 use super::perturbation::Perturbation;
 use crate::agent::bonus::BonusModel;
@@ -41,6 +42,8 @@ pub struct LearningContext<'a> {
     pub(super) composition: &'a Composition,
     pub(super) replay: &'a Replay,
     pub(super) scaling: &'a Scaling,
+    /// Number of agents K.
+    pub(super) agents: usize,
     /// Number of steps of each agent so far.
     pub(super) steps: u64,
 }
@@ -113,9 +116,11 @@ impl ValueModel {
         first_follower: &AgentContext<'_>,
     ) -> Self {
         let (run_seed, team) = (first_follower.run_seed, first_follower.team);
+        let has_own_initial = !team.same_initial.includes_value();
+        let drawn_for = if has_own_initial { index } else { 0 };
         let initial_parameters = mlp.initial_parameters(
             team.initial,
-            &mut stream(run_seed, Purpose::InitialParameters, index, 0),
+            &mut stream(run_seed, Purpose::InitialParameters, drawn_for, 0),
         );
         let prior = Prior::draw(&mlp, composition.prior_scale, run_seed, index);
         let network = Network::new(
@@ -123,7 +128,7 @@ impl ValueModel {
             initial_parameters.clone(),
             composition.learning.optimiser,
         );
-        let seed_distribution = composition.has_reward_seeds.then_some(team.seeds);
+        let seed_distribution = composition.has_reward_seeds.then_some(*team.seeds);
         let bonus_model = BonusModel::new(&composition.bonus, first_follower);
         let minibatch = bonus_model.as_ref().map_or_else(Minibatch::default, |_| {
             Minibatch::for_bonus_model(first_follower.spec)
@@ -356,10 +361,12 @@ impl ValueModel {
     fn accumulate_stats(&mut self, context: &LearningContext<'_>, loss: f32) {
         let choices = self.network.mlp().outputs();
         let row = &mut self.work.values[..choices];
-        context
-            .composition
-            .exploration
-            .log_probs(context.steps, row);
+        let chooser = Chooser {
+            agent: self.perturbation.model as usize,
+            agents: context.agents,
+            steps: context.steps,
+        };
+        context.composition.exploration.log_probs(chooser, row);
         self.totals.descents += 1;
         self.totals.loss += f64::from(loss);
         let probabilities = &mut self.work.probabilities;

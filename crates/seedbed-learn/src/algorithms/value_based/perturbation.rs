@@ -7,7 +7,7 @@
 use rand::RngExt;
 
 use crate::experience::replay::Origin;
-use crate::seed::SeedDistribution;
+use crate::seed::RewardSeeds;
 use seedbed_env::random::{Purpose, transition_stream};
 
 /// How one model perturbs transitions.
@@ -16,7 +16,7 @@ pub(super) struct Perturbation {
     pub(super) run_seed: u64,
     pub(super) model: u32,
     /// Distribution of z; none if rewards are not perturbed.
-    pub(super) seed_distribution: Option<SeedDistribution>,
+    pub(super) seed_distribution: Option<RewardSeeds>,
     /// Share of transitions that the model learns from.
     pub(super) mask: f32,
 }
@@ -68,7 +68,7 @@ mod tests {
         Perturbation {
             run_seed: 7,
             model,
-            seed_distribution: Some(SeedDistribution::Normal {
+            seed_distribution: Some(RewardSeeds::Normal {
                 sigma: ranged_number(0.1),
             }),
             mask: 0.5,

@@ -1,10 +1,10 @@
 //! Tests: values of a chain that is solved by hand, and the assignment of models to agents.
 
-use super::config::{Fit, Learning, Models, QLearning, SeedTd, ValueBased};
+use super::config::{BootstrappedDqn, Draw, Fit, Learning, Models, QLearning, SeedTd, ValueBased};
 use super::*;
 use crate::agent::TeamConfig;
 use crate::agent::scaling::ObservationScaling;
-use crate::seed::SeedDistribution;
+use crate::seed::{RewardSeeds, SameInitial};
 use seedbed_env::input::numbers::{ranged_count, ranged_number};
 use seedbed_env::{Action, Quantity, Status};
 
@@ -66,9 +66,10 @@ fn learning() -> Learning {
 fn team_of(agents: u32, sigma: f64) -> TeamConfig {
     TeamConfig {
         count: ranged_count(agents),
-        seeds: SeedDistribution::Normal {
+        seeds: RewardSeeds::Normal {
             sigma: ranged_number(sigma),
-        },
+        }
+        .into(),
         ..TeamConfig::default()
     }
 }
@@ -194,7 +195,7 @@ fn seeds_shift_learned_values() {
         let perturbation = perturbation::Perturbation {
             run_seed: 3,
             model,
-            seed_distribution: Some(team_of(2, 0.3).seeds),
+            seed_distribution: Some(*team_of(2, 0.3).seeds),
             mask: 1.0,
         };
         let z = perturbation.reward_seed(team.replay.get(5).origin);
@@ -353,4 +354,75 @@ fn a_task_must_have_one_discrete_action() {
         choice_count(&two_actions),
         Err("`chain` has 2 actions per step".to_owned())
     );
+}
+
+/// With an update per 3 transitions, a team of two learns after its second step (4 transitions),
+/// its third (6), and twice after 7 more transitions.
+#[test]
+fn updates_per_transition_of_the_team_carry_over() {
+    let config = QLearning {
+        learning: learning(),
+        ..QLearning::default()
+    };
+    let mut team = team(config.compose(2), 2, 0.0);
+    team.timing = LearningTiming::EveryTransitions(3);
+    team.new_transitions = 0;
+    let mut due_after = |transitions: u32| {
+        for _ in 0..transitions {
+            team.add_transition(&one_step_episode(0, 0, 0), 0);
+        }
+        let due = team.count_due_updates();
+        (due, team.transition_interval())
+    };
+    assert_eq!(due_after(2), (0, Some(1)));
+    assert_eq!(due_after(2), (1, Some(1)));
+    assert_eq!(due_after(2), (1, Some(2)));
+    assert_eq!(due_after(7), (2, Some(1)));
+}
+
+#[test]
+fn one_draw_for_the_team_gives_all_agents_the_same_model() {
+    let models_in_round = |draw, round| {
+        let config = BootstrappedDqn {
+            draw,
+            learning: learning(),
+            ..BootstrappedDqn::default()
+        };
+        let mut team = team(config.compose(8), 8, 0.0);
+        team.begin_round(round);
+        team.model_of_agent.clone()
+    };
+    let rounds: Vec<Vec<usize>> = (0..8)
+        .map(|round| models_in_round(Draw::Team, round))
+        .collect();
+    let is_uniform = |models: &Vec<usize>| models.iter().all(|model| *model == models[0]);
+    assert!(rounds.iter().all(is_uniform));
+    assert!(rounds.iter().any(|models| *models != rounds[0]));
+    assert!(!is_uniform(&models_in_round(Draw::Agent, 0)));
+}
+
+#[test]
+fn models_with_the_same_initial_parameters_have_the_same_values() {
+    let config = SeedTd {
+        prior_scale: ranged_number(0.0),
+        learning: learning(),
+        ..SeedTd::default()
+    };
+    let values_are_equal = |same_initial: SameInitial| {
+        let team_config = TeamConfig {
+            same_initial: same_initial.into(),
+            ..team_of(2, 0.1)
+        };
+        let context = TeamContext {
+            run_seed: 3,
+            config: &team_config,
+            spec: &spec(),
+            timing: LearningTiming::AfterEpisodes,
+            record_advantages: false,
+        };
+        let mut team = ValueTeam::new(config.compose(2), &context);
+        team.begin_round(0);
+        values(&mut team, 0, 2) == values(&mut team, 1, 2)
+    };
+    assert!(values_are_equal(SameInitial::Value) && !values_are_equal(SameInitial::Off));
 }
