@@ -282,11 +282,18 @@ struct StudyArgs {
 #[command(after_help = "Examples:
   seedbed report recordings/studies/fig_6_4a
 
-Writes report.html, tables.md, claims.md, results.csv and figures/ to that directory.")]
+  seedbed report recordings/studies/fig_6_4a-3f00a91c5e7d --publish results     write results/fig_6_4a
+  seedbed report results/fig_6_4a                                               write its tables again
+
+Writes report.html, tables.md, claims.md, results.csv and figures/ to that directory. Published results are one row per run and
+the registration; the tables and verdicts are computed from them.")]
 struct ReportArgs {
-    /// Study directories
+    /// Study directories, or directories with published results
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
+    /// Write the scores of all runs, small enough for a repository, to a directory in DIR
+    #[arg(long, value_name = "DIR")]
+    publish: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -1,18 +1,61 @@
 //! `seedbed report`: writes the report of a study.
 
+use std::io;
+use std::path::Path;
+
 use super::{CliError, ReportArgs};
 use seedbed::study::claims::{self, ClaimResult};
 use seedbed::study::cost::cells_without_policy_gradient;
 use seedbed::study::file::Study;
+use seedbed::study::published;
 use seedbed::study::report;
 use seedbed::study::results::{Results, ResultsError};
 use seedbed::study::store::StudyFolder;
 use seedbed_stats::Verdict;
 
 pub(super) fn report(args: &ReportArgs) -> Result<(), CliError> {
-    args.folders
-        .iter()
-        .try_for_each(|folder| write_and_print(&StudyFolder::new(folder)).map(|_| ()))
+    for folder in &args.folders {
+        let folder = StudyFolder::new(folder);
+        match &args.publish {
+            Some(parent) => publish(&folder, parent)?,
+            None if published::is_published(&folder) => write_texts_and_print(&folder)?,
+            None => write_and_print(&folder).map(|_| ())?,
+        }
+    }
+    Ok(())
+}
+
+/// Writes the results of a study to a folder in `parent`.
+fn publish(folder: &StudyFolder, parent: &Path) -> Result<(), CliError> {
+    if published::is_published(folder) {
+        let path = folder.path().display();
+        let message = format!("{path} has published results; expected a study directory with runs");
+        return Err(CliError::Usage(message));
+    }
+    let results = read(folder)?;
+    let claim_results = claims::evaluate(&results);
+    let written = published::write(&results, &claim_results, parent);
+    let written = written.map_err(|error| write_error(parent, &error))?;
+    if results.audit.is_none() {
+        eprintln!("warning: these results are not registered: see `seedbed study --help`");
+    }
+    say!("published  {}", written.display());
+    Ok(())
+}
+
+/// Writes the tables of published results again, and prints the verdicts.
+fn write_texts_and_print(folder: &StudyFolder) -> Result<(), CliError> {
+    let results = read(folder)?;
+    let claim_results = claims::evaluate(&results);
+    report::write_texts(&results, &claim_results, folder.path())
+        .map_err(|error| write_error(folder.path(), &error))?;
+    print_results(&results, &claim_results);
+    say!("tables     {}", folder.path().join("tables.md").display());
+    refuse_if_broken(&results)
+}
+
+fn write_error(folder: &Path, error: &io::Error) -> CliError {
+    CliError::Runtime(format!("cannot write to {}: {error}", folder.display()))
 }
 
 /// Writes the report of a study, and prints the verdicts and the paths of the files. Returns the
@@ -21,7 +64,17 @@ pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
     let results = read(folder)?;
     let claim_results = claims::evaluate(&results);
     let report_path = report::write(&results, &claim_results, folder.path())
-        .map_err(|error| CliError::Runtime(format!("cannot write the report: {error}")))?;
+        .map_err(|error| write_error(folder.path(), &error))?;
+    print_results(&results, &claim_results);
+    say!("results    {}", folder.path().join("results.csv").display());
+    say!("report     {}", report_path.display());
+    refuse_if_broken(&results)?;
+    let [_, failed, _] = results.run_counts();
+    Ok(failed)
+}
+
+/// Prints the numbers of runs, the registration, warnings and the verdicts.
+fn print_results(results: &Results, claim_results: &[ClaimResult]) {
     let [finished, failed, missing] = results.run_counts();
     let mut run_counts = vec![format!("{finished} finished")];
     for (count, state) in [(failed, "failed"), (missing, "missing")] {
@@ -30,21 +83,23 @@ pub(super) fn write_and_print(folder: &StudyFolder) -> Result<usize, CliError> {
         }
     }
     say!("runs       {}", run_counts.join(", "));
-    print_registration(&results);
-    for cell in cells_without_policy_gradient(&results) {
+    print_registration(results);
+    for cell in cells_without_policy_gradient(results) {
         eprintln!(
             "warning: the policy loss of cell `{cell}` was 0 in all rounds: its policies never moved"
         );
     }
-    print_claims(&results.study, &claim_results);
-    say!("results    {}", folder.path().join("results.csv").display());
-    say!("report     {}", report_path.display());
-    if results.audit.is_some_and(|audit| !audit.broken.is_empty()) {
+    print_claims(&results.study, claim_results);
+}
+
+fn refuse_if_broken(results: &Results) -> Result<(), CliError> {
+    let audit = results.audit.as_ref();
+    if audit.is_some_and(|audit| !audit.broken.is_empty()) {
         return Err(CliError::Runtime(
             "these results do not confirm what was registered; the report says why".to_owned(),
         ));
     }
-    Ok(failed)
+    Ok(())
 }
 
 /// Whether all confirmatory claims of a study have a verdict.
@@ -56,7 +111,9 @@ pub(super) fn all_claims_are_decided(folder: &StudyFolder) -> Result<bool, CliEr
 
 fn read(folder: &StudyFolder) -> Result<Results, CliError> {
     Results::read(folder).map_err(|error| match error {
-        ResultsError::Folder(_) | ResultsError::Study(_) => CliError::Usage(error.to_string()),
+        ResultsError::Folder(_) | ResultsError::Study(_) | ResultsError::Table { .. } => {
+            CliError::Usage(error.to_string())
+        }
     })
 }
 

@@ -139,7 +139,7 @@ impl<'a> ComparedClaim<'a> {
         let measure = results.study.measure_of(claim);
         let scores = |cell: &str| {
             let cell = results.cell(cell);
-            let mut scores = cell.map(|cell| cell.scores(measure)).unwrap_or_default();
+            let mut scores = cell.map_or(Vec::new(), |cell| cell.scores(measure).to_vec());
             scores.retain(|score| run_seeds.contains(&score.run_seed));
             scores
         };

@@ -24,6 +24,35 @@ pub struct Cost {
     pub speedup: Option<Speedup>,
 }
 
+/// Cost of one run, until it solved its task or, if it did not, until its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunCost {
+    /// Whether the run solved its task; `None` if no threshold is set.
+    pub solved: Option<bool>,
+    /// Episodes of each agent.
+    pub episodes: f64,
+    /// Environment steps of the team.
+    pub env_steps: f64,
+    /// Gradient steps of all networks of the team.
+    pub gradient_steps: f64,
+    /// Whether the policy loss was not 0 in some round; `None` without a policy loss.
+    pub had_policy_gradient: Option<bool>,
+}
+
+impl RunCost {
+    pub(super) fn of(run: &RunResult) -> Self {
+        let policy_losses = run.curve(Curve::PolicyLoss);
+        Self {
+            solved: run.threshold.map(|_| run.solved.is_some()),
+            episodes: episodes(run),
+            env_steps: env_steps(run),
+            gradient_steps: gradient_steps(run),
+            had_policy_gradient: (!policy_losses.is_empty())
+                .then(|| policy_losses.iter().any(|loss| *loss != 0.0)),
+        }
+    }
+}
+
 /// Speed-up of a team of K agents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speedup {
@@ -37,23 +66,23 @@ pub struct Speedup {
 /// Cost of each cell with runs, in the order of the study.
 #[must_use]
 pub fn costs(results: &Results) -> Vec<(&CellResults, Cost)> {
-    let cells = results.cells.iter().filter(|cell| !cell.runs.is_empty());
+    let cells = results.cells.iter().filter(|cell| !cell.costs.is_empty());
     cells.map(|cell| (cell, cost(results, cell))).collect()
 }
 
 fn cost(results: &Results, cell: &CellResults) -> Cost {
-    let runs = || cell.runs.iter().map(|(_, run)| run);
+    let runs = || cell.costs.iter().map(|(_, run)| run);
     let mean_over_runs =
-        |quantity: fn(&RunResult) -> f64| mean(&runs().map(quantity).collect::<Vec<_>>());
-    let has_threshold = runs().all(|run| run.threshold.is_some());
+        |quantity: fn(&RunCost) -> f64| mean(&runs().map(quantity).collect::<Vec<_>>());
+    let has_threshold = runs().all(|run| run.solved.is_some());
     Cost {
         solved: has_threshold.then(|| Share {
-            successes: runs().filter(|run| run.solved.is_some()).count(),
-            runs: cell.runs.len(),
+            successes: runs().filter(|run| run.solved == Some(true)).count(),
+            runs: cell.costs.len(),
         }),
-        episodes: mean_over_runs(episodes),
-        env_steps: mean_over_runs(env_steps),
-        gradient_steps: mean_over_runs(gradient_steps),
+        episodes: mean_over_runs(|run| run.episodes),
+        env_steps: mean_over_runs(|run| run.env_steps),
+        gradient_steps: mean_over_runs(|run| run.gradient_steps),
         speedup: has_threshold.then(|| speedup(results, cell)).flatten(),
     }
 }
@@ -104,7 +133,7 @@ fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
 /// Mean number of episodes of each agent until solved, at most `horizon`; `None` without runs or
 /// without a threshold.
 fn mean_episodes(cell: &CellResults, horizon: u32) -> Option<f64> {
-    let times = times_to_event(&cell.scores(Measure::EpisodesToSolve));
+    let times = times_to_event(cell.scores(Measure::EpisodesToSolve));
     let restricted = times.iter().map(|time| time.restricted_to(horizon.into()));
     (!times.is_empty()).then(|| mean(&restricted.collect::<Vec<f64>>()))
 }
@@ -114,12 +143,8 @@ fn mean_episodes(cell: &CellResults, horizon: u32) -> Option<f64> {
 #[must_use]
 pub fn cells_without_policy_gradient(results: &Results) -> Vec<&str> {
     let has_no_gradient = |cell: &&CellResults| {
-        let losses: Vec<f64> = cell
-            .runs
-            .iter()
-            .flat_map(|(_, run)| run.curve(Curve::PolicyLoss))
-            .collect();
-        !losses.is_empty() && losses.iter().all(|loss| *loss == 0.0)
+        let mut runs = cell.costs.iter().map(|(_, run)| run.had_policy_gradient);
+        !cell.costs.is_empty() && runs.all(|had_gradient| had_gradient == Some(false))
     };
     let cells = results.cells.iter().filter(has_no_gradient);
     cells.map(|cell| cell.description.name.as_str()).collect()

@@ -20,6 +20,7 @@ pub mod measure;
 pub mod plan;
 pub mod power;
 pub mod provenance;
+pub mod published;
 pub mod registration;
 pub mod report;
 pub mod result_file;

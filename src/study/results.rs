@@ -1,12 +1,15 @@
 //! Results of a finished or unfinished study, read from its folder.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use super::comparison::RunScore;
+use super::cost::RunCost;
 use super::figure::{EpisodeWindow, Figure};
 use super::file::{FIRST_REPORTING_SEED, Study};
 use super::measure::Measure;
 use super::provenance::BuildId;
+use super::published;
 use super::registration::Audit;
 use super::run_result::RunResult;
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
@@ -38,8 +41,12 @@ pub struct Results {
 pub struct CellResults {
     /// Description of the cell.
     pub description: ManifestCell,
-    /// Run seeds and results of finished runs.
+    /// Run seeds and results of finished runs; empty in published results.
     pub runs: Vec<(u64, RunResult)>,
+    /// Run seeds and costs of finished runs.
+    pub costs: Vec<(u64, RunCost)>,
+    /// Scores of finished runs in the [measures](Results::measures).
+    scores: Vec<(Measure, Vec<RunScore>)>,
     /// Run seeds of failed runs, and the reasons why they failed.
     pub failures: Vec<(u64, String)>,
     /// Number of runs that are missing, including those of damaged files.
@@ -57,6 +64,16 @@ pub enum ResultsError {
     /// This version of seedbed cannot read the study file that was run.
     #[error(transparent)]
     Study(#[from] InputError),
+    /// The table of published results is damaged, or does not belong to the study.
+    #[error("{}{}: {message}", path.display(), line.map_or(String::new(), |line| format!(":{line}")))]
+    Table {
+        /// Path of the table.
+        path: PathBuf,
+        /// Line of the uncompressed table, from 1.
+        line: Option<u64>,
+        /// What is wrong.
+        message: String,
+    },
 }
 
 impl Results {
@@ -77,28 +94,79 @@ impl Results {
             audit: None,
             manifest,
         };
-        let run_seeds = results.begun_run_seeds(folder);
-        for description in results.manifest.cells.clone() {
-            results.read_cell(folder, description, &run_seeds);
+        let descriptions = results.manifest.cells.iter().cloned();
+        results.cells = descriptions.map(CellResults::without_runs).collect();
+        if published::is_published(folder) {
+            published::read_table(&mut results, folder)?;
+        } else {
+            results.read_runs(folder);
         }
         results.audit = Audit::of(&results, folder);
         Ok(results)
     }
 
+    /// Reads the result files of a folder.
+    fn read_runs(&mut self, folder: &StudyFolder) {
+        let descriptions = &self.manifest.cells;
+        let run_seeds = self.begun_run_seeds(|cell, run_seed| {
+            folder.has_result_file(&descriptions[cell].digest, run_seed)
+        });
+        let mut cells = std::mem::take(&mut self.cells);
+        for cell in &mut cells {
+            self.read_cell(folder, cell, &run_seeds);
+        }
+        self.cells = cells;
+        self.score_runs();
+    }
+
+    /// Computes scores and costs of all runs.
+    pub(super) fn score_runs(&mut self) {
+        let measures = self.measures();
+        for cell in &mut self.cells {
+            cell.score_runs(&measures);
+        }
+    }
+
+    /// Measures of the study, its claims and figures, and of costs, without duplicates.
+    #[must_use]
+    pub fn measures(&self) -> Vec<Measure> {
+        let of_claims = self
+            .study
+            .claims
+            .iter()
+            .map(|claim| self.study.measure_of(claim));
+        let of_study = self.study.measures.iter().map(|measure| **measure);
+        let main_measure = self.study.main_measure();
+        let figures = self.study.figures.iter();
+        let of_figures = figures.filter_map(|figure| figure.required_measure(main_measure));
+        let mut measures: Vec<Measure> = Vec::new();
+        for measure in of_study
+            .chain(of_claims)
+            .chain(of_figures)
+            .chain([Measure::EpisodesToSolve])
+        {
+            if !measures.contains(&measure) {
+                measures.push(measure);
+            }
+        }
+        measures
+    }
+
     /// Run seeds of each cell, up to the first look of which no later look has a run: a registered
     /// study ends as soon as all its claims are decided.
-    fn begun_run_seeds(&self, folder: &StudyFolder) -> Vec<u64> {
+    /// `has_run`: whether the cell with this index has a run with this run seed
+    pub(super) fn begun_run_seeds(&self, has_run: impl Fn(usize, u64) -> bool) -> Vec<u64> {
         let mut run_seeds = self.manifest.run_seeds();
         if self.manifest.lock.is_none() {
             return run_seeds;
         }
-        let has_run = |run_seed: &u64| {
-            let mut cells = self.manifest.cells.iter();
-            cells.any(|cell| folder.has_result_file(&cell.digest, *run_seed))
+        let any_cell_has_run = |run_seed: &u64| {
+            let mut cells = 0..self.manifest.cells.len();
+            cells.any(|cell| has_run(cell, *run_seed))
         };
         let begun = run_seeds
             .iter()
-            .rposition(has_run)
+            .rposition(any_cell_has_run)
             .map_or(0, |last| last as u64 + 1);
         let look = self.study.looks().into_iter().find(|&runs| runs >= begun);
         run_seeds.truncate(look.unwrap_or(u64::MAX) as usize);
@@ -106,14 +174,7 @@ impl Results {
     }
 
     /// Reads the runs of a cell with these run seeds.
-    fn read_cell(&mut self, folder: &StudyFolder, description: ManifestCell, run_seeds: &[u64]) {
-        let mut cell = CellResults {
-            description,
-            runs: Vec::new(),
-            failures: Vec::new(),
-            missing: 0,
-            damaged: Vec::new(),
-        };
+    fn read_cell(&mut self, folder: &StudyFolder, cell: &mut CellResults, run_seeds: &[u64]) {
         for &run_seed in run_seeds {
             let digest = &cell.description.digest;
             let Some(stored) = folder.find_run(digest, run_seed, &[]) else {
@@ -131,7 +192,6 @@ impl Results {
                 Err(reason) => cell.failures.push((run_seed, reason)),
             }
         }
-        self.cells.push(cell);
     }
 
     /// Results of the cell with this name.
@@ -184,7 +244,8 @@ impl Results {
         let run_seeds = self.manifest.run_seeds();
         let first_seeds = &run_seeds[..run_seeds.len().min(count as usize)];
         self.cells.iter().all(|cell| {
-            let finished: BTreeSet<u64> = cell.runs.iter().map(|(run_seed, _)| *run_seed).collect();
+            let finished: BTreeSet<u64> =
+                cell.costs.iter().map(|(run_seed, _)| *run_seed).collect();
             first_seeds
                 .iter()
                 .all(|run_seed| finished.contains(run_seed))
@@ -196,7 +257,7 @@ impl Results {
     pub fn run_counts(&self) -> [usize; 3] {
         let total = |count: fn(&CellResults) -> usize| self.cells.iter().map(count).sum();
         [
-            total(|cell| cell.runs.len()),
+            total(|cell| cell.costs.len()),
             total(|cell| cell.failures.len()),
             total(|cell| cell.missing),
         ]
@@ -204,13 +265,57 @@ impl Results {
 }
 
 impl CellResults {
-    /// Scores of all runs that have the measure.
+    /// A cell without runs.
+    pub(super) fn without_runs(description: ManifestCell) -> Self {
+        Self {
+            description,
+            runs: Vec::new(),
+            costs: Vec::new(),
+            scores: Vec::new(),
+            failures: Vec::new(),
+            missing: 0,
+            damaged: Vec::new(),
+        }
+    }
+
+    /// Scores of all runs that have the measure, which is one of [`Results::measures`].
     #[must_use]
-    pub fn scores(&self, measure: Measure) -> Vec<RunScore> {
-        self.runs
-            .iter()
-            .filter_map(|(run_seed, run)| RunScore::of(measure, *run_seed, run))
-            .collect()
+    pub fn scores(&self, measure: Measure) -> &[RunScore] {
+        let scores = self.scores.iter().find(|(scored, _)| *scored == measure);
+        scores.map_or(&[], |(_, scores)| scores)
+    }
+
+    fn score_runs(&mut self, measures: &[Measure]) {
+        for (run_seed, run) in std::mem::take(&mut self.runs) {
+            let scores = measures
+                .iter()
+                .map(|&measure| RunScore::of(measure, run_seed, &run));
+            self.add_scored_run(run_seed, RunCost::of(&run), measures, scores);
+            self.runs.push((run_seed, run));
+        }
+    }
+
+    /// Adds the cost of a finished run, and its score in each of `measures`.
+    pub(super) fn add_scored_run(
+        &mut self,
+        run_seed: u64,
+        cost: RunCost,
+        measures: &[Measure],
+        scores: impl IntoIterator<Item = Option<RunScore>>,
+    ) {
+        self.costs.push((run_seed, cost));
+        self.scores
+            .resize_with(measures.len(), || (Measure::Solved, Vec::new()));
+        for ((entry, &measure), score) in self.scores.iter_mut().zip(measures).zip(scores) {
+            entry.0 = measure;
+            entry.1.extend(score);
+        }
+    }
+
+    /// Whether a run has finished or failed.
+    pub(super) fn has_run(&self, run_seed: u64) -> bool {
+        let finished = self.costs.iter().any(|(finished, _)| *finished == run_seed);
+        finished || self.failures.iter().any(|(failed, _)| *failed == run_seed)
     }
 
     /// Number of states visited in the given episodes of the first run, and a sample of these

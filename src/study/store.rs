@@ -308,6 +308,11 @@ pub(super) fn replace_file(path: PathBuf, bytes: &[u8]) -> Result<(), StoreError
 }
 
 impl Manifest {
+    /// The bytes of `study.json`.
+    pub(super) fn to_json(&self) -> String {
+        to_json(self)
+    }
+
     /// Claims of the study, as [`Claim::canonical_text`]; empty if this version cannot read the
     /// study file.
     fn claims(&self) -> Vec<String> {

@@ -7,6 +7,7 @@ mod cli;
 mod determinism;
 mod learning;
 mod messages;
+mod published;
 mod recording;
 mod registration;
 mod reliability;

@@ -1,8 +1,13 @@
 //! Registered studies on the command line: locks, confirmations, and attempts to cheat.
 
 use std::fs;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::Output;
+
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
 
 use super::util::{REPOSITORY, seedbed, stderr, stdout};
 
@@ -94,6 +99,15 @@ impl Fixture {
         );
         assert!(printed.contains("not confirmed: "), "{printed}");
         printed
+    }
+
+    /// Publishes the results. Returns the folder with the published results.
+    fn publish(&self) -> PathBuf {
+        let [out, parent] = ["out", "published"].map(|name| self.path(name));
+        let paths = [&out, &parent].map(|path| path.to_str().unwrap());
+        let output = seedbed(&["report", paths[0], "--publish", paths[1]]);
+        assert!(output.status.success(), "{output:?}");
+        parent.join("small")
     }
 
     /// Replaces a text in the stored description of the results.
@@ -431,4 +445,85 @@ fn power_says_how_many_runs_each_claim_needs() {
         printed.contains("0.0250     0.12       64       86  less regret"),
         "{printed}"
     );
+}
+
+/// Published results: the tables and verdicts of the report, computed from one row per run.
+#[test]
+fn published_results_give_the_tables_of_the_report() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let published = fixture.publish();
+    for file in ["claims.md", "tables.md"] {
+        let of_report = fs::read_to_string(fixture.path("out").join(file)).unwrap();
+        fs::write(published.join(file), "").unwrap();
+        let output = seedbed(&["report", published.to_str().unwrap()]);
+        assert!(output.status.success(), "{output:?}");
+        assert_eq!(fs::read_to_string(published.join(file)).unwrap(), of_report);
+    }
+}
+
+#[test]
+fn damaged_and_foreign_rows_of_published_results_are_refused() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let published = fixture.publish();
+    let table = published.join("results.csv.gz");
+    let bytes = fs::read(&table).unwrap();
+    let refusal = |bytes: &[u8]| {
+        fs::write(&table, bytes).unwrap();
+        let output = seedbed(&["report", published.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        stderr(&output)
+    };
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() / 2] ^= 1;
+    assert!(refusal(&flipped).contains("results.csv.gz"));
+    assert!(refusal(&bytes[..bytes.len() - 9]).contains("results.csv.gz"));
+    let text = decompressed(&bytes);
+    for (old, new, expected) in [
+        ("\nseeds,", "\nother,", ":2: the study has no cell `other`"),
+        (",finished,", ",ended,", ":2: `ended` in the column `state`"),
+        (
+            "gradient_steps",
+            "steps",
+            "expected a column `gradient_steps`",
+        ),
+    ] {
+        let edited = text.replacen(old, new, 1);
+        assert_ne!(edited, text, "{old}");
+        let error = refusal(&compressed(&edited));
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+/// A published row that was deleted counts as a missing run, so that there is no verdict.
+#[test]
+fn a_row_that_was_deleted_from_published_results_is_missed() {
+    let fixture = Fixture::new(&with_repeats(6));
+    fixture.confirm();
+    let published = fixture.publish();
+    let table = published.join("results.csv.gz");
+    let text = decompressed(&fs::read(&table).unwrap());
+    let all_but_last: Vec<&str> = text.lines().collect();
+    let all_but_last = all_but_last[..all_but_last.len() - 1].join("\n");
+    fs::write(&table, compressed(&all_but_last)).unwrap();
+    let output = seedbed(&["report", published.to_str().unwrap()]);
+    let printed = stdout(&output);
+    assert!(printed.contains("11 finished, 1 missing"), "{printed}");
+    assert!(
+        printed.contains("1 confirmatory claim: 1 open"),
+        "{printed}"
+    );
+}
+
+fn decompressed(bytes: &[u8]) -> String {
+    let mut text = String::new();
+    GzDecoder::new(bytes).read_to_string(&mut text).unwrap();
+    text
+}
+
+fn compressed(text: &str) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(text.as_bytes()).unwrap();
+    encoder.finish().unwrap()
 }

@@ -9,6 +9,8 @@ mod rows;
 mod tables;
 
 pub use format::summarize_claims;
+pub(super) use rows::{column, csv};
+use tables::Table;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -20,6 +22,22 @@ use seedbed_figure::Figure;
 
 /// Number of PNG pixels per CSS pixel, along each side.
 const PNG_SCALE: f64 = 2.0;
+
+/// Writes `tables.md` and `claims.md` for all finished runs into `folder`.
+fn write_tables(
+    results: &Results,
+    claim_results: &[ClaimResult],
+    folder: &Path,
+) -> io::Result<Vec<Table>> {
+    let tables = tables::all(results);
+    let text = tables::markdown(results, &tables);
+    files::replace(&folder.join("tables.md"), text.as_bytes())?;
+    if !claim_results.is_empty() {
+        let text = claims_table::markdown(results, claim_results);
+        files::replace(&folder.join("claims.md"), text.as_bytes())?;
+    }
+    Ok(tables)
+}
 
 /// Deletes figures and `claims.md` of an earlier report, because the new report may not have them.
 fn delete_outdated_files(folder: &Path) -> io::Result<()> {
@@ -45,6 +63,19 @@ fn is_figure(path: &Path) -> bool {
     });
     let extension = path.extension().and_then(|extension| extension.to_str());
     is_numbered && matches!(extension, Some("svg" | "png"))
+}
+
+/// Writes the texts of the report for published results, which have no curves and no states:
+/// `tables.md` and `claims.md`.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_texts(
+    results: &Results,
+    claim_results: &[ClaimResult],
+    folder: &Path,
+) -> io::Result<()> {
+    write_tables(results, claim_results, folder).map(|_| ())
 }
 
 /// A figure with its title and caption.
@@ -82,17 +113,7 @@ pub fn write(
         files::replace(&path.with_added_extension("png"), &png)?;
     }
     files::replace(&folder.join("results.csv"), &rows::csv(results)?)?;
-    let tables = tables::all(results);
-    files::replace(
-        &folder.join("tables.md"),
-        tables::markdown(results, &tables).as_bytes(),
-    )?;
-    if !claim_results.is_empty() {
-        files::replace(
-            &folder.join("claims.md"),
-            claims_table::markdown(results, claim_results).as_bytes(),
-        )?;
-    }
+    let tables = write_tables(results, claim_results, folder)?;
     let page = folder.join("report.html");
     files::replace(
         &page,

@@ -496,31 +496,30 @@ mod tests {
     }
 
     fn cell(name: &str, max_episodes: u32, return_of_second_agent: f32) -> CellResults {
-        CellResults {
-            description: ManifestCell {
-                name: name.to_owned(),
-                digest: String::new(),
-                scenario: "it's a scenario.ron".to_owned(),
-                overrides: vec!["agents.count=2".to_owned()],
-                agents: 2,
-                max_episodes,
-                task: "test".to_owned(),
-                observations: Vec::new(),
-            },
-            runs: (0..6)
-                .map(|seed| (seed, run(seed, return_of_second_agent)))
-                .collect(),
-            failures: vec![(6, "a reason".to_owned())],
-            missing: 1,
-            damaged: Vec::new(),
-        }
+        let description = ManifestCell {
+            name: name.to_owned(),
+            digest: String::new(),
+            scenario: "it's a scenario.ron".to_owned(),
+            overrides: vec!["agents.count=2".to_owned()],
+            agents: 2,
+            max_episodes,
+            task: "test".to_owned(),
+            observations: Vec::new(),
+        };
+        let mut cell = CellResults::without_runs(description);
+        cell.runs = (0..6)
+            .map(|seed| (seed, run(seed, return_of_second_agent)))
+            .collect();
+        cell.failures = vec![(6, "a reason".to_owned())];
+        cell.missing = 1;
+        cell
     }
 
     /// Results for which the report has every warning.
     fn results_with_every_warning() -> Results {
         let study = input::parse("small.ron", STUDY.to_owned()).unwrap().value;
         let cells = vec![cell("A", 40, 3.0), cell("B", 50, 1.0)];
-        Results {
+        let mut results = Results {
             manifest: Manifest {
                 version: "0.1.0".to_owned(),
                 name: "small".to_owned(),
@@ -540,7 +539,9 @@ mod tests {
             commits: BTreeSet::new(),
             builds: [None, Some([1; 8])].into(),
             audit: None,
-        }
+        };
+        results.score_runs();
+        results
     }
 
     /// All texts between tags of a page, except styles, figures and preformatted text.

@@ -4,12 +4,13 @@ use std::io;
 
 use serde::Serialize;
 
+use crate::study::cost::RunCost;
 use crate::study::measure::{Curve, Measure};
 use crate::study::results::{CellResults, Results};
 use crate::study::run_result::RunResult;
 use seedbed_env::input::numbers::ranged_count;
 
-const COLUMNS: [&str; 18] = [
+const COLUMNS: [&str; 21] = [
     "cell",
     "task",
     "agents",
@@ -27,6 +28,9 @@ const COLUMNS: [&str; 18] = [
     "regret",
     "team_coverage",
     "effective_agents",
+    "solved",
+    "gradient_steps",
+    "had_policy_gradient",
     "reason",
 ];
 
@@ -53,20 +57,21 @@ struct Row<'a> {
     regret: Option<f64>,
     team_coverage: Option<f64>,
     effective_agents: Option<f64>,
+    solved: Option<bool>,
+    /// Until the task was solved, or until the end of the run.
+    gradient_steps: Option<f64>,
+    had_policy_gradient: Option<bool>,
     reason: &'a str,
 }
 
-/// The bytes of `results.csv`: the columns of [`Row`], and one column per measure of the study and
-/// its claims, named as in the study file. In these columns `inf` is a time that was not reached.
-pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
+/// The bytes of `results.csv`: the columns of [`Row`], and one column per [measure of the
+/// results](Results::measures), named as in the study file. In these columns `inf` is a time that was not reached.
+pub(in crate::study) fn csv(results: &Results) -> io::Result<Vec<u8>> {
     let mut writer = csv::WriterBuilder::new()
         .has_headers(false)
         .from_writer(Vec::new());
-    let measures = measures(results);
-    let names = measures
-        .iter()
-        .map(|measure| ron::to_string(measure).map_err(io::Error::other));
-    let names: Vec<String> = names.collect::<io::Result<_>>()?;
+    let measures = results.measures();
+    let names: Vec<String> = measures.iter().map(|&measure| column(measure)).collect();
     writer.write_record(COLUMNS.into_iter().chain(names.iter().map(String::as_str)))?;
     for cell in &results.cells {
         let cell_columns = Row {
@@ -101,26 +106,9 @@ pub(super) fn csv(results: &Results) -> io::Result<Vec<u8>> {
         .map_err(|error| io::Error::other(error.to_string()))
 }
 
-/// Measures of the study and of its claims, without duplicates.
-fn measures(results: &Results) -> Vec<Measure> {
-    let measures_of_claims = results
-        .study
-        .claims
-        .iter()
-        .map(|claim| results.study.measure_of(claim));
-    let mut measures: Vec<Measure> = Vec::new();
-    for measure in results
-        .study
-        .measures
-        .iter()
-        .map(|measure| **measure)
-        .chain(measures_of_claims)
-    {
-        if !measures.contains(&measure) {
-            measures.push(measure);
-        }
-    }
-    measures
+/// Name of the column of a measure.
+pub(in crate::study) fn column(measure: Measure) -> String {
+    ron::to_string(&measure).expect("plain data always serializes")
 }
 
 fn columns_of_cell(cell: &CellResults) -> Row<'_> {
@@ -134,6 +122,7 @@ fn columns_of_cell(cell: &CellResults) -> Row<'_> {
 
 fn columns_of_run<'a>(cell_columns: &Row<'a>, seed: u64, run: &RunResult) -> Row<'a> {
     let finite_value = |measure: Measure| measure.of(run).filter(|value| value.is_finite());
+    let cost = RunCost::of(run);
     Row {
         seed,
         state: "finished",
@@ -152,6 +141,9 @@ fn columns_of_run<'a>(cell_columns: &Row<'a>, seed: u64, run: &RunResult) -> Row
         effective_agents: finite_value(Measure::Last {
             of: Curve::EffectiveAgents,
         }),
+        solved: cost.solved,
+        gradient_steps: Some(cost.gradient_steps),
+        had_policy_gradient: cost.had_policy_gradient,
         ..*cell_columns
     }
 }

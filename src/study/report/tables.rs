@@ -113,11 +113,11 @@ fn measure_table(results: &Results, measure: Measure) -> Table {
     ]
     .concat();
     let row = |cell: &CellResults| {
-        let aggregate = summarize_scores(&cell.scores(measure), is_time);
+        let aggregate = summarize_scores(cell.scores(measure), is_time);
         let value_cells = aggregate.map_or_else(
             || {
                 vec![
-                    if cell.runs.is_empty() {
+                    if cell.costs.is_empty() {
                         "no runs"
                     } else {
                         "not measured"
@@ -199,14 +199,14 @@ fn compare_cells(results: &Results, cell: &CellResults, first: &CellResults) -> 
     let measure = results.study.main_measure();
     let scores = [cell, first].map(|cell| cell.scores(measure));
     let horizon = if measure == Measure::EnvStepsToSolve {
-        earliest_end(scores.iter().flatten())
+        earliest_end(scores.into_iter().flatten())
     } else {
         let [first, second] = [cell, first].map(|cell| cell.description.max_episodes);
         f64::from(first.min(second))
     };
     let quantity = Quantity::of(measure, horizon);
     let paired = !results.study.pairs_share.is_empty() && quantity != Quantity::Share;
-    let samples = Samples::new(&scores[0], &scores[1], quantity, paired)?;
+    let samples = Samples::new(scores[0], scores[1], quantity, paired)?;
     Some(samples.compare(&*samples.test()))
 }
 

@@ -66,7 +66,7 @@ impl Group<'_> {
     /// stratified by task.
     fn estimate_with_count(&self, measure: Measure, is_pooled: bool) -> Option<(Estimate, usize)> {
         if let ([cell], false) = (&self.cells[..], is_pooled) {
-            let aggregate = summarize_scores(&cell.scores(measure), measure.is_time())?;
+            let aggregate = summarize_scores(cell.scores(measure), measure.is_time())?;
             return Some((aggregate.median, aggregate.n));
         }
         let tasks = self.scores(measure);
@@ -133,7 +133,7 @@ fn interval_method(measure: Measure, is_pooled: bool) -> &'static str {
 
 pub(super) fn unsolved(cells: &[&CellResults]) -> UnnumberedFigure {
     let series = cells.iter().enumerate().map(|(number, cell)| {
-        let times = times_to_event(&cell.scores(Measure::EpisodesToSolve));
+        let times = times_to_event(cell.scores(Measure::EpisodesToSolve));
         let end_of_last_run = times.iter().map(|time| time.time).fold(0.0, f64::max);
         let steps = kaplan_meier(&times).steps;
         let last_survival = steps.last().map_or(1.0, |step| step.survival);

@@ -1,0 +1,224 @@
+//! Published results: what verdicts and tables need of the runs of a study, small enough to be kept
+//! in a repository.
+//!
+//! A directory with published results has `study.json`, the manifest with the study file and its
+//! lock; `results.csv.gz`, the report's `results.csv`, with one row per run; and `builds.json`, which
+//! says what made the runs. From these files the verdicts and tables are computed again, with the same digits. Curves and visited states
+//! are not published: `seedbed study --confirm` makes the runs again, with the same bits.
+
+use std::collections::{BTreeSet, HashMap};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+use serde::{Deserialize, Serialize};
+
+use super::claims::ClaimResult;
+use super::comparison::RunScore;
+use super::cost::RunCost;
+use super::measure::Measure;
+use super::provenance::BuildId;
+use super::report::{self, column};
+use super::results::{Results, ResultsError};
+use super::store::{self, StudyFolder};
+use crate::run::files;
+
+/// Name of the file with one row per run.
+const TABLE: &str = "results.csv.gz";
+
+/// What made the runs of a study: `builds.json`.
+#[derive(Serialize, Deserialize)]
+struct Builds {
+    versions: BTreeSet<String>,
+    commits: BTreeSet<String>,
+    executables: BTreeSet<Option<BuildId>>,
+}
+
+/// Name of the file with the builds.
+const BUILDS: &str = "builds.json";
+
+/// Writes `study.json`, `builds.json`, `results.csv.gz`, `claims.md` and `tables.md` to the folder of the study in
+/// `parent`. Returns that folder.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write(
+    results: &Results,
+    claim_results: &[ClaimResult],
+    parent: &Path,
+) -> io::Result<PathBuf> {
+    let folder = parent.join(&results.manifest.name);
+    std::fs::create_dir_all(&folder)?;
+    files::replace(
+        &folder.join("study.json"),
+        results.manifest.to_json().as_bytes(),
+    )?;
+    let builds = Builds {
+        versions: results.versions.clone(),
+        commits: results.commits.clone(),
+        executables: results.builds.clone(),
+    };
+    files::replace(&folder.join(BUILDS), store::to_json(&builds).as_bytes())?;
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(&report::csv(results)?)?;
+    files::replace(&folder.join(TABLE), &encoder.finish()?)?;
+    report::write_texts(results, claim_results, &folder)?;
+    Ok(folder)
+}
+
+/// Whether a folder has published results instead of runs.
+#[must_use]
+pub fn is_published(folder: &StudyFolder) -> bool {
+    folder.path().join(TABLE).is_file()
+}
+
+/// Fills in the cells of `results` from the table in the folder.
+pub(super) fn read_table(results: &mut Results, folder: &StudyFolder) -> Result<(), ResultsError> {
+    let path = folder.path().join(TABLE);
+    let error = |line: Option<u64>, message: String| ResultsError::Table {
+        path: path.clone(),
+        line,
+        message,
+    };
+    read_builds(results, folder).map_err(|problem| error(None, problem.to_string()))?;
+    let text = decompress(&path).map_err(|problem| error(None, problem.to_string()))?;
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let header = reader
+        .headers()
+        .map_err(|problem| error(None, problem.to_string()))?;
+    let columns: HashMap<String, usize> = header.iter().map(str::to_owned).zip(0..).collect();
+    let measures = results.measures();
+    for (record, line) in reader.records().zip(2..) {
+        let record = record.map_err(|problem| error(Some(line), problem.to_string()))?;
+        let row = Row {
+            record,
+            columns: &columns,
+        };
+        add_row(results, &measures, &row).map_err(|problem| error(Some(line), problem))?;
+    }
+    count_missing_runs(results);
+    Ok(())
+}
+
+fn read_builds(results: &mut Results, folder: &StudyFolder) -> io::Result<()> {
+    let bytes = std::fs::read(folder.path().join(BUILDS))?;
+    let builds: Builds = serde_json::from_slice(&bytes)?;
+    results.versions = builds.versions;
+    results.commits = builds.commits;
+    results.builds = builds.executables;
+    Ok(())
+}
+
+fn decompress(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    GzDecoder::new(std::fs::File::open(path)?).read_to_string(&mut text)?;
+    Ok(text)
+}
+
+/// A row of the table.
+struct Row<'a> {
+    record: csv::StringRecord,
+    columns: &'a HashMap<String, usize>,
+}
+
+impl Row<'_> {
+    /// The text in a column.
+    fn text(&self, name: &str) -> Result<&str, String> {
+        let column = self.columns.get(name);
+        let column = column.ok_or_else(|| format!("expected a column `{name}`"))?;
+        Ok(&self.record[*column])
+    }
+
+    /// The value in a column; `None` if it is empty.
+    fn value<T: FromStr>(&self, name: &str) -> Result<Option<T>, String> {
+        let text = self.text(name)?;
+        if text.is_empty() {
+            return Ok(None);
+        }
+        let value = text.parse();
+        value
+            .map(Some)
+            .map_err(|_| format!("`{text}` in the column `{name}`"))
+    }
+
+    /// The value in a column that must not be empty.
+    fn required<T: FromStr>(&self, name: &str) -> Result<T, String> {
+        let value = self.value(name)?;
+        value.ok_or_else(|| format!("expected a value in the column `{name}`"))
+    }
+
+    fn cost(&self) -> Result<RunCost, String> {
+        let (episodes, env_steps): (f64, f64) =
+            (self.required("episodes")?, self.required("env_steps")?);
+        Ok(RunCost {
+            solved: self.value("solved")?,
+            episodes: self.value("episodes_to_solve")?.unwrap_or(episodes),
+            env_steps: self.value("env_steps_to_solve")?.unwrap_or(env_steps),
+            gradient_steps: self.required("gradient_steps")?,
+            had_policy_gradient: self.value("had_policy_gradient")?,
+        })
+    }
+
+    fn score(&self, measure: Measure, run_seed: u64) -> Result<Option<RunScore>, String> {
+        let Some(value) = self.value::<f64>(&column(measure))? else {
+            return Ok(None);
+        };
+        let is_censored = measure.is_time() && !value.is_finite();
+        let end = if measure == Measure::EnvStepsToSolve {
+            "env_steps"
+        } else {
+            "episodes"
+        };
+        let observed_until = if is_censored {
+            self.required(end)?
+        } else {
+            f64::INFINITY
+        };
+        Ok(Some(RunScore {
+            run_seed,
+            value,
+            observed_until,
+        }))
+    }
+}
+
+/// Adds a run to its cell.
+fn add_row(results: &mut Results, measures: &[Measure], row: &Row<'_>) -> Result<(), String> {
+    let name = row.text("cell")?;
+    let run_seed: u64 = row.required("seed")?;
+    let is_registered = results.manifest.run_seeds().contains(&run_seed);
+    let cell = results
+        .cells
+        .iter_mut()
+        .find(|cell| cell.description.name == name);
+    let cell = cell.ok_or_else(|| format!("the study has no cell `{name}`"))?;
+    if !is_registered || cell.has_run(run_seed) {
+        return Err(format!(
+            "the study has no (second) run of `{name}` with run seed {run_seed}"
+        ));
+    }
+    match row.text("state")? {
+        "finished" => {
+            let scores = measures.iter().map(|&measure| row.score(measure, run_seed));
+            let scores = scores.collect::<Result<Vec<_>, _>>()?;
+            cell.add_scored_run(run_seed, row.cost()?, measures, scores);
+        }
+        "failed" => cell
+            .failures
+            .push((run_seed, row.text("reason")?.to_owned())),
+        other => return Err(format!("`{other}` in the column `state`")),
+    }
+    Ok(())
+}
+
+/// Counts the runs of each cell that the table lacks, up to the first look that has all its runs.
+fn count_missing_runs(results: &mut Results) {
+    let run_seeds = results.begun_run_seeds(|cell, run_seed| results.cells[cell].has_run(run_seed));
+    for cell in &mut results.cells {
+        let is_missing = |run_seed: &&u64| !cell.has_run(**run_seed);
+        cell.missing = run_seeds.iter().filter(is_missing).count();
+    }
+}

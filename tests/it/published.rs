@@ -1,0 +1,216 @@
+//! Published results: their tables follow from one row per run, and the numbers in documents are
+//! those of the tables.
+//!
+//! A document takes a number from a table by a comment before it and one behind it, which name the
+//! study, the section of its tables (`claims` for `claims.md`), the row and the column, each by its
+//! beginning:
+//!
+//! ```text
+//! <!-- fig_6_1 | episodes until solved | σ 0.01 | median -->282.5<!-- end -->
+//! ```
+//!
+//! `<!-- fig_6_1 | claims -->` on a line of its own is followed by the whole table. With
+//! `UPDATE_EXPECT=1` documents are rewritten.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::util::{REPOSITORY, seedbed};
+
+const END: &str = "<!-- end -->";
+
+/// Folders with published results.
+fn published_folders() -> Vec<PathBuf> {
+    let scenarios = Path::new(REPOSITORY).join("scenarios");
+    let mut folders = Vec::new();
+    for group in subfolders(&scenarios) {
+        folders.extend(subfolders(&group.join("results")));
+    }
+    folders
+}
+
+fn subfolders(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let mut folders: Vec<PathBuf> = paths.filter(|path| path.is_dir()).collect();
+    folders.sort();
+    folders
+}
+
+/// Documents that may take numbers from tables.
+fn documents() -> Vec<PathBuf> {
+    let repository = Path::new(REPOSITORY);
+    let mut documents = vec![repository.join("README.md")];
+    let folders = [
+        vec![repository.join("docs")],
+        subfolders(&repository.join("scenarios")),
+    ];
+    for folder in folders.concat() {
+        let entries = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path());
+        documents
+            .extend(entries.filter(|path| path.extension().is_some_and(|found| found == "md")));
+    }
+    documents.sort();
+    documents
+}
+
+#[test]
+fn tables_of_published_results_follow_from_their_rows() {
+    for folder in published_folders() {
+        let copy = tempfile::tempdir().unwrap();
+        for file in ["study.json", "builds.json", "results.csv.gz"] {
+            fs::copy(folder.join(file), copy.path().join(file)).unwrap();
+        }
+        let output = seedbed(&["report", copy.path().to_str().unwrap()]);
+        assert!(output.status.success(), "{}: {output:?}", folder.display());
+        for file in ["claims.md", "tables.md"] {
+            let computed = fs::read_to_string(copy.path().join(file)).unwrap();
+            expect_test::expect_file![folder.join(file)].assert_eq(&computed);
+        }
+    }
+}
+
+#[test]
+fn numbers_in_documents_are_those_of_published_tables() {
+    let tables = PublishedTables(published_folders());
+    for document in documents() {
+        let text = fs::read_to_string(&document).unwrap();
+        let filled = fill_in(&text, &tables)
+            .unwrap_or_else(|problem| panic!("{}: {problem}", document.display()));
+        expect_test::expect_file![document].assert_eq(&filled);
+    }
+}
+
+/// The text with the present contents of tables between all pairs of comments.
+fn fill_in(text: &str, tables: &PublishedTables) -> Result<String, String> {
+    let mut filled = String::new();
+    let mut rest = text;
+    while let Some((before, reference, after)) = next_reference(rest) {
+        let (_, behind) = after
+            .split_once(END)
+            .ok_or_else(|| format!("no `{END}` behind `{reference}`"))?;
+        filled += &format!(
+            "{before}<!-- {reference} -->{}{END}",
+            tables.contents(reference)?
+        );
+        rest = behind;
+    }
+    Ok(filled + rest)
+}
+
+/// The text before the next comment with a reference to a table, the reference, and the text behind.
+fn next_reference(text: &str) -> Option<(&str, &str, &str)> {
+    let mut start = 0;
+    loop {
+        let comment = start + text[start..].find("<!-- ")?;
+        let length = text[comment..].find(" -->")?;
+        let reference = &text[comment + 5..comment + length];
+        if reference.contains(" | ") {
+            return Some((&text[..comment], reference, &text[comment + length + 4..]));
+        }
+        start = comment + length;
+    }
+}
+
+struct PublishedTables(Vec<PathBuf>);
+
+impl PublishedTables {
+    /// What a reference stands for: a cell of a table, or a table with empty lines around it.
+    fn contents(&self, reference: &str) -> Result<String, String> {
+        let parts: Vec<&str> = reference.split(" | ").collect();
+        let table = self.table(parts[0], parts[1])?;
+        match parts[2..] {
+            [] => Ok(format!("\n\n{}\n\n", table.join("\n"))),
+            [row, column] => cell(&table, row, column).ok_or_else(|| format!("no `{reference}`")),
+            _ => Err(format!(
+                "`{reference}`: expected a study, a table, a row and a column"
+            )),
+        }
+    }
+
+    /// The lines of a table of a study.
+    fn table(&self, study: &str, section: &str) -> Result<Vec<String>, String> {
+        let folder = self.0.iter().find(|folder| folder.ends_with(study));
+        let folder = folder.ok_or_else(|| format!("no published results of `{study}`"))?;
+        let file = if section == "claims" {
+            "claims.md"
+        } else {
+            "tables.md"
+        };
+        let text = fs::read_to_string(folder.join(file)).unwrap();
+        let heading = format!("## {section}");
+        let mut lines = text
+            .lines()
+            .skip_while(|line| section != "claims" && !line.starts_with(&heading));
+        let table = lines.by_ref().skip_while(|line| !line.starts_with('|'));
+        let table = table.take_while(|line| line.starts_with('|'));
+        let table: Vec<String> = table.map(str::to_owned).collect();
+        if table.is_empty() {
+            return Err(format!("`{study}` has no table `{section}`"));
+        }
+        Ok(table)
+    }
+}
+
+/// The cell of a table in the row and in the column that begin with these texts.
+fn cell(table: &[String], row: &str, column: &str) -> Option<String> {
+    let position = cells(&table[0])
+        .iter()
+        .position(|head| head.starts_with(column))?;
+    let line = table[2..]
+        .iter()
+        .find(|line| cells(line)[0].starts_with(row))?;
+    Some(cells(line)[position].to_owned())
+}
+
+fn cells(line: &str) -> Vec<&str> {
+    line.trim_matches('|').split(" | ").map(str::trim).collect()
+}
+
+#[test]
+fn references_are_replaced_by_cells_and_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = folder.path().join("small");
+    fs::create_dir(&study).unwrap();
+    let tables = "# T\n\n## Cost of all\n\n| cell | K |\n|---|---|\n| a | 4 |\n\n## n\n";
+    fs::write(study.join("tables.md"), tables).unwrap();
+    fs::write(
+        study.join("claims.md"),
+        "| claim | n |\n|---|---|\n| more | 7 |\n",
+    )
+    .unwrap();
+    let tables = PublishedTables(vec![study]);
+    let text = "K is <!-- small | Cost | a | K -->5<!-- end -->, n <!-- small | claims | more | n --><!-- end -->";
+    let filled = "K is <!-- small | Cost | a | K -->4<!-- end -->, n <!-- small | claims | more | n -->7<!-- end -->";
+    assert_eq!(fill_in(text, &tables).unwrap(), filled);
+    let table = fill_in(
+        "<!-- note --> <!-- small | claims -->old<!-- end -->",
+        &tables,
+    )
+    .unwrap();
+    assert!(table.ends_with("-->\n\n| claim | n |\n|---|---|\n| more | 7 |\n\n<!-- end -->"));
+    for (wrong, problem) in [
+        (
+            "<!-- other | claims --><!-- end -->",
+            "no published results of `other`",
+        ),
+        (
+            "<!-- small | Costs --><!-- end -->",
+            "`small` has no table `Costs`",
+        ),
+        (
+            "<!-- small | Cost | b | K --><!-- end -->",
+            "no `small | Cost | b | K`",
+        ),
+        ("<!-- small | Cost | a | K -->4", "no `<!-- end -->` behind"),
+    ] {
+        assert!(
+            fill_in(wrong, &tables).unwrap_err().starts_with(problem),
+            "{wrong}"
+        );
+    }
+}
