@@ -26,6 +26,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
         folder,
         resume: args.resume,
         threads: args.threads.map_or(0, usize::from),
+        save_initial: args.save_initial,
     };
     if let (Some(LiveTarget::Serve(server)), false) = (&live, args.quiet) {
         say!(

@@ -13,6 +13,7 @@ pub mod value_based;
 use serde::{Deserialize, Serialize};
 
 use crate::agent::bonus::Bonus;
+use crate::agent::network_info::NetworkInfo;
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
@@ -66,6 +67,12 @@ pub trait AlgorithmConfig {
 
     /// The exploration bonus; none if the algorithm has no such parameter.
     fn bonus(&self) -> Option<&Bonus> {
+        None
+    }
+
+    /// How the networks of a team of `agents` are evaluated, for readers of its
+    /// [tensors](Team::tensors); none if it has no networks.
+    fn network_info(&self, _task: &TaskSpec, _agents: usize) -> Option<NetworkInfo> {
         None
     }
 
@@ -123,6 +130,15 @@ macro_rules! algorithms {
                 match self {
                     $(Self::$name(config) => &**config,)*
                     $(Self::$plain => &<$plain_config>::DEFAULT,)*
+                }
+            }
+
+            /// The name of the algorithm in scenarios.
+            #[must_use]
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$name(_) => stringify!($name),)*
+                    $(Self::$plain => stringify!($plain),)*
                 }
             }
 

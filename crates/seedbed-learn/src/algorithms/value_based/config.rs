@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::exploration::Exploration;
 use super::{ValueTeam, choice_count};
 use crate::agent::bonus::Bonus;
+use crate::agent::network_info::{self, ModelInfo, NetworkInfo, OutputTerm, ScalingInfo};
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::seed_pg::config::TimeLimit;
@@ -175,6 +176,16 @@ pub(super) enum ModelAssignment {
     Drawn,
 }
 
+impl ModelAssignment {
+    /// The number of the model of an agent, for readers of the tensors.
+    fn description(self) -> &'static str {
+        match self {
+            Self::Fixed => "agent % models",
+            Self::Drawn => "drawn uniformly for each agent and round",
+        }
+    }
+}
+
 /// The configuration of a value-based learner.
 pub(super) trait ValueBased {
     /// The settings for a team of `agents`.
@@ -231,6 +242,31 @@ impl<T: ValueBased> AlgorithmConfig for T {
 
     fn bonus(&self) -> Option<&Bonus> {
         Some(self.learning_and_bonus().1)
+    }
+
+    fn network_info(&self, task: &TaskSpec, agents: usize) -> Option<NetworkInfo> {
+        let composition = self.compose(agents);
+        let value = OutputTerm {
+            network: "model_{model}.value",
+            factor: 1.0,
+        };
+        let prior = OutputTerm {
+            network: "model_{model}.prior",
+            factor: composition.prior_scale,
+        };
+        let terms = [value, prior].into_iter();
+        Some(NetworkInfo {
+            models: Some(ModelInfo {
+                count: composition.models,
+                model_of_agent: composition.assignment.description(),
+            }),
+            outputs: terms.filter(|term| term.factor > 0.0).collect(),
+            heads: network_info::action_value_heads(task),
+            action_selection: network_info::setting_text(&composition.exploration),
+            observation_scaling: ScalingInfo::new(composition.learning.observations, ""),
+            value: None,
+            bonus: composition.bonus.info(task, "model_{model}."),
+        })
     }
 
     fn cost_per_step(&self, _: u32) -> f64 {
