@@ -14,3 +14,4 @@ mod review;
 mod study;
 mod tabular;
 mod util;
+mod weights;
