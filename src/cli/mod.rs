@@ -129,6 +129,9 @@ struct RunArgs {
     /// Do not write run.rrd
     #[arg(long)]
     no_recording: bool,
+    /// Also save reward seeds and initial parameters in policies.safetensors; repeat it with --resume
+    #[arg(long)]
+    save_initial: bool,
     /// Show the recording in a running viewer during training [default URL: viewer on this machine]
     #[arg(long, value_name = "URL", num_args = 0..=1, require_equals = true, default_missing_value = DEFAULT_VIEWER)]
     #[arg(conflicts_with = "no_recording")]

@@ -20,12 +20,14 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let experiment = experiment::load(&args.scenario, &overrides)?;
     let folder = args.out.clone();
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
+    check_save_initial(args, &*experiment)?;
     let live = live_target(args, &*experiment)?;
     let lock = prepare_output_folder(args, &folder)?;
     let options = Options {
         folder,
         resume: args.resume,
         threads: args.threads.map_or(0, usize::from),
+        save_initial: args.save_initial,
     };
     if let (Some(LiveTarget::Serve(server)), false) = (&live, args.quiet) {
         say!(
@@ -53,6 +55,18 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
             Ok(())
         }
     }
+}
+
+/// An error if `--save-initial` is given for a scenario whose agents have no networks.
+fn check_save_initial(args: &RunArgs, experiment: &dyn Experiment) -> Result<(), CliError> {
+    if !args.save_initial || experiment.has_networks() {
+        return Ok(());
+    }
+    Err(CliError::Usage(format!(
+        "cannot save initial parameters of {}: tabular scenarios have no networks; run it without \
+         --save-initial",
+        args.scenario.display()
+    )))
 }
 
 /// Factory of the recorder that writes the recording; `None` if the user or the build excludes

@@ -60,6 +60,9 @@ pub struct Options {
     pub resume: bool,
     /// Number of threads; 0 is the number of cores.
     pub threads: usize,
+    /// Whether the file of the networks also has the agent seeds: reward seeds and initial
+    /// parameters.
+    pub save_initial: bool,
 }
 
 /// The number of threads that a setting stands for: 0 is the number of cores.
@@ -374,11 +377,7 @@ fn finish(
     recorder: &mut RoundRecorder,
 ) -> Result<RunOutcome, RunError> {
     recorder.finish()?;
-    let policies = options.folder.policies_file();
-    weights::write(&policies, &trainer.tensors()).map_err(|error| RunError::File {
-        path: policies,
-        error,
-    })?;
+    write_policies(plan, options, trainer)?;
     let summary = Summary::of(&plan.name, plan.scenario.seed, trainer);
     let text = serde_json::to_string_pretty(&summary).map_err(std::io::Error::other);
     let path = options.folder.summary_file();
@@ -388,6 +387,16 @@ fn finish(
     })?;
     replace_file(&path, format!("{text}\n").as_bytes())?;
     Ok(RunOutcome::Finished(Box::new(summary)))
+}
+
+fn write_policies(plan: &Plan, options: &Options, trainer: &Trainer) -> Result<(), RunError> {
+    let path = options.folder.policies_file();
+    let mut tensors = trainer.tensors();
+    if options.save_initial {
+        tensors.extend(trainer.initial_tensors());
+    }
+    weights::write(&path, &tensors, &weights::metadata(plan, trainer.spec()))
+        .map_err(|error| RunError::File { path, error })
 }
 
 fn replace_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {

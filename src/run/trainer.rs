@@ -414,10 +414,18 @@ impl Trainer {
     }
 
     /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; the
-    /// names of models that agents share begin with `model_3.`.
+    /// names of models that agents share begin with `model_3.`, and those of a bonus model that the
+    /// whole team shares with `team.`.
     #[must_use]
     pub fn tensors(&self) -> Vec<Tensor<'_>> {
         self.team.tensors()
+    }
+
+    /// The agent seeds, with names such as `agent_3.reward_seeds` and
+    /// `agent_3.initial.policy.layer_0.weight`.
+    #[must_use]
+    pub fn initial_tensors(&self) -> Vec<Tensor<'_>> {
+        self.team.initial_tensors()
     }
 
     /// The newest round's episodes, in (agent, episode) order.

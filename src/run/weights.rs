@@ -1,20 +1,33 @@
-//! Writes the weights of a team's networks as safetensors, with names such as
-//! `agent_3.policy.layer_0.weight`.
+//! Writes the tensors of a team as safetensors, with metadata that say how they are used. Names of
+//! tensors and keys of the metadata are listed in `docs/recording.md`; a test compares them.
 
+use std::collections::BTreeMap;
+use std::io;
 use std::path::Path;
 
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError};
+use serde::Serialize;
+use serde_json::{Map, Value};
 
+use super::Plan;
 use super::files;
+use seedbed_env::{Quantity, TaskSpec};
 use seedbed_learn::agent::Tensor;
+use seedbed_learn::agent::network_info::NetworkInfo;
 
-/// Writes tensors to a safetensors file. Weights are `[in × out]`, biases `[out]`, little-endian
-/// f32.
+/// Version of the names of tensors and of the keys of metadata. It changes if readers must change.
+const FORMAT_VERSION: u32 = 1;
+
+/// The metadata of a file: texts by key. Lists and records are JSON.
+pub type Metadata = BTreeMap<&'static str, String>;
+
+/// Writes tensors to a safetensors file. Weights are `[inputs × outputs]`, biases `[outputs]`,
+/// little-endian f32. The same tensors and metadata give the same bytes.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(path: &Path, tensors: &[Tensor<'_>]) -> std::io::Result<()> {
+pub fn write(path: &Path, tensors: &[Tensor<'_>], metadata: &Metadata) -> io::Result<()> {
     let to_bytes = |tensor: &Tensor<'_>| {
         tensor
             .values
@@ -37,6 +50,153 @@ pub fn write(path: &Path, tensors: &[Tensor<'_>]) -> std::io::Result<()> {
         .collect();
     let file_bytes = views
         .and_then(|views| safetensors::serialize(views, None))
-        .map_err(std::io::Error::other)?;
-    files::replace(path, &file_bytes)
+        .map_err(io::Error::other)?;
+    files::replace(path, &with_metadata(&file_bytes, metadata)?)
+}
+
+/// The bytes of a safetensors file, with metadata in its header. The crate `safetensors` writes
+/// metadata in random order, so that equal runs would have different files.
+fn with_metadata(file_bytes: &[u8], metadata: &Metadata) -> io::Result<Vec<u8>> {
+    let (length, rest) = file_bytes
+        .split_first_chunk()
+        .ok_or(io::ErrorKind::UnexpectedEof)?;
+    let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
+    let tensors: Map<String, Value> = serde_json::from_slice(header)?;
+    let mut entries = Map::new();
+    entries.insert("__metadata__".to_owned(), serde_json::to_value(metadata)?);
+    entries.extend(tensors);
+    let mut header = serde_json::to_vec(&entries)?;
+    header.resize(header.len().next_multiple_of(ALIGNMENT), b' ');
+    Ok([&(header.len() as u64).to_le_bytes(), &header[..], data].concat())
+}
+
+/// The header of a safetensors file is filled up with spaces to a multiple of this number of bytes.
+const ALIGNMENT: usize = 8;
+
+/// What readers of the tensors of a run need to know. It does not depend on what was learned.
+#[must_use]
+pub fn metadata(plan: &Plan, spec: &TaskSpec) -> Metadata {
+    let scenario = &plan.scenario;
+    let agents = scenario.agents.count.get();
+    let texts = [
+        ("format_version", FORMAT_VERSION.to_string()),
+        ("seedbed_version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("task", spec.name.clone()),
+        ("scenario", plan.name.clone()),
+        ("run_seed", scenario.seed.to_string()),
+        ("algorithm", scenario.algorithm.name().to_owned()),
+        ("agents", agents.to_string()),
+        ("observations", observations_text(&spec.observations)),
+    ];
+    let mut metadata = Metadata::from(texts);
+    let config = scenario.algorithm.config();
+    if let Some(info) = config.network_info(spec, agents as usize) {
+        metadata.extend(network_texts(&info));
+    }
+    metadata
+}
+
+/// The metadata of networks. Keys are missing if the algorithm does not have the part.
+fn network_texts(info: &NetworkInfo) -> impl Iterator<Item = (&'static str, String)> {
+    let models = info.models.as_ref();
+    let optional = [
+        ("models", models.map(|models| models.count.to_string())),
+        (
+            "model_of_agent",
+            models.map(|models| models.model_of_agent.to_owned()),
+        ),
+        ("value", info.value.map(str::to_owned)),
+        ("bonus", info.bonus.as_ref().map(json)),
+    ];
+    let present = optional
+        .into_iter()
+        .filter_map(|(key, text)| Some((key, text?)));
+    [
+        ("activation", "tanh".to_owned()),
+        ("output_activation", "none".to_owned()),
+        ("weight_layout", "[inputs, outputs], y = x W + b".to_owned()),
+        ("outputs", json(&info.outputs)),
+        ("heads", json(&info.heads)),
+        ("action_selection", info.action_selection.clone()),
+        ("observation_scaling", json(&info.observation_scaling)),
+    ]
+    .into_iter()
+    .chain(present)
+}
+
+/// Names and units of observations, in the order of the networks' inputs.
+fn observations_text(observations: &[Quantity]) -> String {
+    let observations = observations.iter();
+    let columns: Vec<Value> = observations
+        .map(|Quantity { name, unit, .. }| serde_json::json!({ "name": name, "unit": unit }))
+        .collect();
+    json(&columns)
+}
+
+fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("plain data always serializes")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use safetensors::SafeTensors;
+
+    fn tensor(name: &str, shape: &[usize], values: &[f32]) -> Tensor<'static> {
+        Tensor {
+            name: name.to_owned(),
+            shape: shape.to_vec(),
+            values: values.to_vec().into(),
+        }
+    }
+
+    /// Tensors and metadata are read back, and the file has the layout of the format: 8 bytes with the
+    /// length of the header, the header, and 4 bytes per number.
+    #[test]
+    fn tensors_and_metadata_are_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("policies.safetensors");
+        let tensors = [
+            tensor("weight", &[2, 3], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+            tensor("bias", &[1], &[-0.5]),
+        ];
+        let metadata = Metadata::from([
+            ("task", "a \"task\" — ü".to_owned()),
+            ("format_version", "1".to_owned()),
+        ]);
+        write(&path, &tensors, &metadata).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let (header_length, header) = SafeTensors::read_metadata(&bytes).unwrap();
+        assert_eq!(
+            (header_length % 8, bytes.len()),
+            (0, 8 + header_length + 4 * 7)
+        );
+        let texts = header.metadata().as_ref().unwrap();
+        assert_eq!(texts.len(), 2);
+        assert!(metadata.iter().all(|(key, text)| &texts[*key] == text));
+        let read = SafeTensors::deserialize(&bytes).unwrap();
+        let weight = read.tensor("weight").unwrap();
+        assert_eq!(weight.shape(), [2, 3]);
+        assert_eq!(weight.data()[20..], 6.0_f32.to_le_bytes());
+        assert_eq!(
+            read.tensor("bias").unwrap().data(),
+            (-0.5_f32).to_le_bytes()
+        );
+    }
+
+    #[test]
+    fn a_file_without_tensors_has_metadata() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("policies.safetensors");
+        write(
+            &path,
+            &[],
+            &Metadata::from([("task", "cartpole".to_owned())]),
+        )
+        .unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+        assert_eq!(header.metadata().as_ref().unwrap()["task"], "cartpole");
+        assert!(SafeTensors::deserialize(&bytes).unwrap().is_empty());
+    }
 }

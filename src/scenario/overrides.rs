@@ -131,7 +131,7 @@ mod tests {
     fn errors_name_the_override() {
         assert_eq!(
             error_message("agents.cout=3"),
-            "--set agents.cout=3: in `agents.cout`: there is no field `cout` here, expected one of `count`, `seeds`, `initial`\n  \
+            "--set agents.cout=3: in `agents.cout`: there is no field `cout` here, expected one of `count`, `seeds`, `initial`, `same_initial`\n  \
              = help: did you mean `count`?"
         );
         assert_eq!(

@@ -350,6 +350,8 @@ fn assert_policies_of_small_run(folder: &Path) {
         2 * (2 * 3 * 2 + 2),
         "agents × (networks × layers × (weight, bias) + moments)"
     );
+    let (_, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
+    assert_eq!(header.metadata().as_ref().unwrap()["task"], "cartpole");
 }
 
 /// The printed speed must include the first round, because this run has no other.

@@ -15,3 +15,4 @@ mod review;
 mod study;
 mod tabular;
 mod util;
+mod weights;

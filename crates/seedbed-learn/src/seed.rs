@@ -13,6 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use self::state_function::StateFunction;
+use crate::agent::Tensor;
 use crate::experience::Episode;
 use crate::nn::{Initial, Mlp};
 use seedbed_env::TaskSpec;
@@ -235,6 +236,15 @@ impl RewardSeeds {
 }
 
 impl RewardPerturbation {
+    /// Its fixed numbers; none of noise.
+    pub(crate) fn tensors(&self) -> Vec<Tensor<'_>> {
+        match self {
+            Self::Steps(seeds) => vec![Tensor::list("reward_seeds", seeds.as_slice())],
+            Self::Fresh { .. } => Vec::new(),
+            Self::Network(function) | Self::Potential(function) => function.tensors(),
+        }
+    }
+
     /// Adds the perturbation to the rewards of a trajectory.   `ends`: whether the potential is 0
     /// after the last step, `rewards: [T]`
     pub(crate) fn add_to(

@@ -55,6 +55,11 @@ pub trait Experiment: Debug + Send + Sync {
         None
     }
 
+    /// Whether its agents have networks, which are saved at the end of a run.
+    fn has_networks(&self) -> bool {
+        true
+    }
+
     /// Why runs of this experiment cannot be recorded; `None` if they can.
     fn recording_obstacle(&self) -> Option<String> {
         None

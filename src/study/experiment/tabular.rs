@@ -69,6 +69,10 @@ impl Experiment for TabularPlan {
         }
     }
 
+    fn has_networks(&self) -> bool {
+        false
+    }
+
     fn recording_obstacle(&self) -> Option<String> {
         (self.agents() > MAX_AGENTS)
             .then(|| format!("only teams of at most {MAX_AGENTS} agents are recorded"))

@@ -69,6 +69,7 @@ pub(super) fn run_and_read_recording(
         folder: folder.clone(),
         resume: false,
         threads,
+        save_initial: false,
     };
     let outcome = execute(
         plan,

@@ -6,6 +6,7 @@
 
 pub mod bonus;
 pub(crate) mod network;
+pub mod network_info;
 pub mod policy;
 #[cfg(test)]
 mod policy_reference;
@@ -18,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use self::bonus::BonusModel;
 use crate::experience::{Episode, Experience, StepData};
-use crate::nn::{Activations, Initial};
+use crate::nn::{Activations, Initial, Mlp};
 use crate::seed::{RewardSeeds, SameInitial};
 use seedbed_env::TaskSpec;
 use seedbed_env::input::Located;
@@ -58,6 +59,18 @@ pub trait Agent: Send + Sync {
 
     /// The parameters of the agent's networks, such as `policy.layer_0.weight`.
     fn tensors(&self) -> Vec<Tensor<'_>>;
+
+    /// The tensors of the bonus model, such as `bonus.inputs.mean`, if the team shares one model;
+    /// the same for all agents.
+    fn shared_tensors(&self) -> Vec<Tensor<'_>> {
+        Vec::new()
+    }
+
+    /// The agent seed: `reward_seeds` and the initial parameters of networks, such as
+    /// `initial.policy.layer_0.weight`. Empty if the agent has none.
+    fn initial_tensors(&self) -> Vec<Tensor<'_>> {
+        Vec::new()
+    }
 
     /// Everything that learning changed, as bytes.
     fn save(&self) -> Vec<u8>;
@@ -200,4 +213,38 @@ pub struct Tensor<'a> {
     pub shape: Vec<usize>,
     /// The numbers in row-major order.
     pub values: Cow<'a, [f32]>,
+}
+
+impl<'a> Tensor<'a> {
+    /// A list of numbers.
+    pub(crate) fn list(name: &str, values: impl Into<Cow<'a, [f32]>>) -> Self {
+        let values = values.into();
+        Self {
+            name: name.to_owned(),
+            shape: vec![values.len()],
+            values,
+        }
+    }
+
+    /// The same tensor with `prefix` before its name.
+    pub(crate) fn prefixed(self, prefix: &str) -> Self {
+        Self {
+            name: format!("{prefix}{}", self.name),
+            ..self
+        }
+    }
+}
+
+/// The weights and biases of a network, layer by layer, named after its `role`.
+pub(crate) fn network_tensors<'a>(
+    mlp: &'a Mlp,
+    parameters: &'a [f32],
+    role: &'a str,
+) -> impl Iterator<Item = Tensor<'a>> {
+    let tensors = mlp.tensors(parameters);
+    tensors.map(move |(name, shape, values)| Tensor {
+        name: format!("{role}.{name}"),
+        shape,
+        values: Cow::Borrowed(values),
+    })
 }

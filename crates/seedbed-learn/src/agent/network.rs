@@ -1,11 +1,9 @@
 //! A trainable network: shape, parameters, optimizer, and the initial parameters, towards which
 //! training may be regularized.
 
-use std::borrow::Cow;
-
 use serde::{Deserialize, Serialize};
 
-use super::Tensor;
+use super::{Tensor, network_tensors};
 
 use crate::nn::{Activations, Adam, AdamSettings, Mlp};
 
@@ -125,12 +123,12 @@ impl Network {
 
     /// The parameters layer by layer, named after the network's `role`.
     pub(crate) fn tensors<'a>(&'a self, role: &'a str) -> impl Iterator<Item = Tensor<'a>> {
-        let tensors = self.mlp.tensors(&self.learned.parameters);
-        tensors.map(move |(name, shape, values)| Tensor {
-            name: format!("{role}.{name}"),
-            shape,
-            values: Cow::Borrowed(values),
-        })
+        network_tensors(&self.mlp, &self.learned.parameters, role)
+    }
+
+    /// The initial parameters layer by layer, named after the network's `role`.
+    pub(crate) fn initial_tensors<'a>(&'a self, role: &'a str) -> impl Iterator<Item = Tensor<'a>> {
+        network_tensors(&self.mlp, &self.initial_parameters, role)
     }
 
     pub(crate) fn is_finite(&self) -> bool {

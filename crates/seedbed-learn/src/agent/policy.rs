@@ -11,6 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::network::{Descent, Network};
+use super::network_info::{Head, HeadKind};
 use super::{ActScratch, Tensor};
 use crate::math;
 use crate::nn::Mlp;
@@ -90,6 +91,44 @@ pub(crate) fn network_shape(spec: &TaskSpec, hidden: &[usize]) -> Mlp {
         .chain([outputs])
         .collect();
     Mlp::new(&sizes)
+}
+
+/// The meaning of the outputs of a policy network for a task: see [`Policy::new`].
+pub(crate) fn heads(spec: &TaskSpec, initial_deviation: f32) -> Vec<Head> {
+    let head = |(component, action): (&Component, &Action)| Head {
+        name: action.quantity.name.clone(),
+        unit: action.quantity.unit.clone(),
+        first_output: component.start,
+        outputs: component.width(),
+        kind: component.distribution.head_kind(&action.choice),
+    };
+    let components = components(spec, initial_deviation);
+    components.iter().zip(&spec.actions).map(head).collect()
+}
+
+impl ComponentDistribution {
+    fn head_kind(self, choice: &Choice) -> HeadKind {
+        match self {
+            Self::Categorical { .. } => HeadKind::Categorical {
+                values: match choice {
+                    Choice::Discrete(values) => values.clone(),
+                    Choice::Continuous => Vec::new(),
+                },
+                formula: HeadKind::CATEGORICAL,
+            },
+            Self::Gaussian {
+                center,
+                half_range,
+                initial_log_deviation,
+            } => HeadKind::Gaussian {
+                center,
+                half_range,
+                log_deviation_offset: initial_log_deviation,
+                log_deviation_clamp: LOG_DEVIATION_BOUNDS,
+                formula: HeadKind::GAUSSIAN,
+            },
+        }
+    }
 }
 
 impl Policy {

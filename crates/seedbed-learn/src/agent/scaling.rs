@@ -1,7 +1,5 @@
 //! Scaling of observations for networks: none, by display range, or by running moments.
 
-use std::borrow::Cow;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -73,20 +71,24 @@ impl Scaling {
         }
     }
 
-    /// The running moments, if there are any.
-    pub(crate) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
-        let moments = self.learned().map(|moments| {
-            let named = |name: &str, values: Vec<f32>| Tensor {
-                name: format!("observations.{name}"),
-                shape: vec![values.len()],
-                values: Cow::Owned(values),
-            };
-            [
-                named("mean", moments.mean().collect()),
-                named("deviation", moments.deviation().collect()),
-            ]
-        });
-        moments.into_iter().flatten()
+    /// The numbers of the scaling: center and half range, or mean and standard deviation; none if
+    /// observations are not scaled. [`ScalingInfo`](super::network_info::ScalingInfo) has the names
+    /// and the formula.
+    pub(crate) fn tensors(&self) -> Vec<Tensor<'static>> {
+        let [offset, scale]: [(&str, Vec<f32>); 2] = match self {
+            Self::Raw => return Vec::new(),
+            Self::Range(ranges) => [
+                ("center", ranges.iter().map(|[center, _]| *center).collect()),
+                ("half_range", ranges.iter().map(|[_, half]| *half).collect()),
+            ],
+            Self::Running(moments) => [
+                ("mean", moments.mean().collect()),
+                ("deviation", moments.deviation().collect()),
+            ],
+        };
+        [offset, scale]
+            .map(|(name, values)| Tensor::list(&format!("observations.{name}"), values))
+            .into()
     }
 
     /// The state that learning changes, if any.

@@ -12,9 +12,10 @@ use serde::{Deserialize, Serialize};
 
 use super::AlgorithmConfig;
 use crate::agent::network::Network;
+use crate::agent::network_info::{ModelInfo, NetworkInfo, OutputTerm, ScalingInfo, setting_text};
 use crate::agent::policy::{self, ActionSelection, Policy};
 use crate::agent::scaling::{ObservationScaling, Scaling};
-use crate::agent::{ActScratch, Tensor, UpdateReport};
+use crate::agent::{ActScratch, Tensor, UpdateReport, network_tensors};
 use crate::experience::Episode;
 use crate::nn::{AdamSettings, Mlp};
 use crate::team::{ActionRequest, AgentUpdate, LearningRequest, Team, TeamContext, Workers};
@@ -59,6 +60,10 @@ impl Default for CrossEntropy {
     }
 }
 
+/// Standard deviation of continuous actions if the policy's second output is 0, as a share of half
+/// their range.
+const RELATIVE_DEVIATION: f32 = 0.5;
+
 impl AlgorithmConfig for CrossEntropy {
     fn build(&self, context: &TeamContext<'_>) -> Box<dyn Team> {
         Box::new(CrossEntropyTeam::new(self, context))
@@ -66,6 +71,26 @@ impl AlgorithmConfig for CrossEntropy {
 
     fn select_actions(&mut self, selection: ActionSelection) {
         self.actions = selection;
+    }
+
+    fn network_info(&self, task: &TaskSpec, _: usize) -> Option<NetworkInfo> {
+        Some(NetworkInfo {
+            models: Some(ModelInfo {
+                count: 1,
+                model_of_agent: "0: agents act with parameters drawn around those of model_0.policy, \
+                                 with the standard deviations in model_0.deviation",
+            }),
+            outputs: vec![OutputTerm {
+                network: "model_{model}.policy",
+                factor: 1.0,
+                skip_connection: false,
+            }],
+            heads: policy::heads(task, RELATIVE_DEVIATION),
+            action_selection: setting_text(&self.actions),
+            observation_scaling: ScalingInfo::new(self.observations, ""),
+            value: None,
+            bonus: None,
+        })
     }
 
     fn cost_per_step(&self, _: u32) -> f64 {
@@ -148,7 +173,7 @@ impl CrossEntropyTeam {
         for parameters in &self.population {
             let adam = AdamSettings::default();
             let network = Network::new(self.network.clone(), parameters.clone(), adam);
-            let policy = Policy::new(&self.spec, network, self.config.actions, 0.5);
+            let policy = Policy::new(&self.spec, network, self.config.actions, RELATIVE_DEVIATION);
             self.policies.push(policy);
         }
     }
@@ -243,16 +268,11 @@ impl Team for CrossEntropyTeam {
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
         let mut tensors = Vec::new();
-        for (name, numbers) in [("policy", &self.mean), ("deviation", &self.deviation)] {
-            tensors.extend(
-                self.network
-                    .tensors(numbers)
-                    .map(|(layer, shape, values)| Tensor {
-                        name: format!("model_0.{name}.{layer}"),
-                        shape,
-                        values: values.into(),
-                    }),
-            );
+        for (name, numbers) in [
+            ("model_0.policy", &self.mean),
+            ("model_0.deviation", &self.deviation),
+        ] {
+            tensors.extend(network_tensors(&self.network, numbers, name));
         }
         tensors.extend(self.scaling.tensors());
         tensors

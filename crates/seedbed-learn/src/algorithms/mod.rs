@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::agent::TeamConfig;
 use crate::agent::bonus::Bonus;
+use crate::agent::network_info::NetworkInfo;
 use crate::agent::policy::ActionSelection;
 use crate::team::{Team, TeamContext};
 use seedbed_env::TaskSpec;
@@ -78,6 +79,12 @@ pub trait AlgorithmConfig {
         None
     }
 
+    /// How the networks of a team of `agents` are evaluated, for readers of its
+    /// [tensors](Team::tensors); none if it has no networks.
+    fn network_info(&self, _task: &TaskSpec, _agents: usize) -> Option<NetworkInfo> {
+        None
+    }
+
     /// Whether updates can return advantages.
     fn estimates_advantages(&self) -> bool {
         false
@@ -132,6 +139,15 @@ macro_rules! algorithms {
                 match self {
                     $(Self::$name(config) => &**config,)*
                     $(Self::$plain => &<$plain_config>::DEFAULT,)*
+                }
+            }
+
+            /// The name of the algorithm in scenarios.
+            #[must_use]
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$name(_) => stringify!($name),)*
+                    $(Self::$plain => stringify!($plain),)*
                 }
             }
 

@@ -19,4 +19,4 @@ pub use bayesian::{
 pub use median_scale::MedianScale;
 pub use mlp::{Activations, Initial, Mlp};
 pub use pop_art::PopArt;
-pub use standardizer::Standardizer;
+pub use standardizer::{STANDARDIZED_LIMIT, Standardizer};

@@ -16,7 +16,7 @@ pub struct Standardizer {
 }
 
 /// Maximal absolute value of standardized numbers, to which outliers are clamped.
-const LIMIT: f64 = 10.0;
+pub const STANDARDIZED_LIMIT: f64 = 10.0;
 
 /// Minimal standard deviation, which keeps σ⁻¹ finite.
 const MIN_DEVIATION: f64 = 1e-4;
@@ -121,7 +121,8 @@ impl Standardizer {
         for column in 0..width {
             let (shift, scale) = shift_and_scale(column);
             for x in out[column..].iter_mut().step_by(width) {
-                *x = ((f64::from(*x) - shift) / scale).clamp(-LIMIT, LIMIT) as f32;
+                *x = ((f64::from(*x) - shift) / scale)
+                    .clamp(-STANDARDIZED_LIMIT, STANDARDIZED_LIMIT) as f32;
             }
         }
     }

@@ -3,6 +3,7 @@
 use rand::{Rng, RngExt};
 
 use crate::agent::scaling::{ObservationScaling, Scaling};
+use crate::agent::{Tensor, network_tensors};
 use crate::nn::{Activations, Initial, Mlp};
 use seedbed_env::TaskSpec;
 
@@ -58,6 +59,16 @@ impl StateFunction {
             activations,
             values: Vec::new(),
         }
+    }
+
+    /// The network, and the mean and the factor of f = factor · (output − mean).
+    pub(super) fn tensors(&self) -> Vec<Tensor<'_>> {
+        let numbers = [("mean", self.mean), ("factor", self.factor)];
+        let numbers = numbers
+            .map(|(name, number)| Tensor::list(&format!("seed_function.{name}"), vec![number]));
+        network_tensors(&self.mlp, &self.parameters, "seed_function")
+            .chain(numbers)
+            .collect()
     }
 
     /// The function's values.   `observations: [N × width]` → `[N]`

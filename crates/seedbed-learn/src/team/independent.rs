@@ -1,6 +1,7 @@
 //! Teams of agents that each have their own networks.
 
 use super::{ActionRequest, AgentUpdate, Learner, LearningRequest, Team, TeamContext, Workers};
+use crate::agent::bonus::SHARED_OWNER;
 use crate::agent::{ActScratch, Agent, AgentContext, Tensor};
 use crate::experience::{Episode, Experience};
 
@@ -25,6 +26,20 @@ impl IndependentLearners {
             .agent_numbers()
             .map(|agent| Box::new(build(&context.agent_context(agent))) as Box<dyn Agent>);
         Box::new(Self::new(agents.collect()))
+    }
+
+    /// Tensors of all agents, whose names begin with e.g. `agent_3.`.
+    fn tensors_of_agents<'a>(
+        &'a self,
+        tensors_of: impl Fn(&'a dyn Agent) -> Vec<Tensor<'a>>,
+    ) -> Vec<Tensor<'a>> {
+        let mut tensors = Vec::new();
+        for (number, agent) in self.agents.iter().enumerate() {
+            let prefix = format!("agent_{number}.");
+            let own_tensors = tensors_of(&**agent).into_iter();
+            tensors.extend(own_tensors.map(|tensor| tensor.prefixed(&prefix)));
+        }
+        tensors
     }
 
     /// Copies the bonus model that agent 0 has trained to the other agents; returns whether there is
@@ -107,14 +122,16 @@ impl Team for IndependentLearners {
     }
 
     fn tensors(&self) -> Vec<Tensor<'_>> {
-        let mut tensors = Vec::new();
-        for (number, agent) in self.agents.iter().enumerate() {
-            tensors.extend(agent.tensors().into_iter().map(|tensor| Tensor {
-                name: format!("agent_{number}.{}", tensor.name),
-                ..tensor
-            }));
+        let mut tensors = self.tensors_of_agents(Agent::tensors);
+        if let Some(agent) = self.agents.first() {
+            let shared_tensors = agent.shared_tensors().into_iter();
+            tensors.extend(shared_tensors.map(|tensor| tensor.prefixed(SHARED_OWNER)));
         }
         tensors
+    }
+
+    fn initial_tensors(&self) -> Vec<Tensor<'_>> {
+        self.tensors_of_agents(Agent::initial_tensors)
     }
 
     fn save(&self) -> Vec<u8> {

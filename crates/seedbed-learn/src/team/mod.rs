@@ -62,8 +62,15 @@ pub trait Team: Send + Sync {
     }
 
     /// The parameters of all networks, with names such as `agent_3.policy.layer_0.weight`; names of
-    /// models that several agents share begin with `model_3.` instead.
+    /// models that several agents share begin with `model_3.` instead, and those of a bonus model
+    /// that the whole team shares with `team.`. See [`NetworkInfo`](crate::agent::network_info).
     fn tensors(&self) -> Vec<Tensor<'_>>;
+
+    /// The agent seeds, with names such as `agent_3.reward_seeds` and
+    /// `agent_3.initial.policy.layer_0.weight`. Empty if the team has none.
+    fn initial_tensors(&self) -> Vec<Tensor<'_>> {
+        Vec::new()
+    }
 
     /// The transitions that the team learns from, if it has a replay buffer.
     fn replay(&self) -> Option<&Replay> {

@@ -15,11 +15,14 @@ pub use self::rnd::Rnd;
 pub use self::vime::{Gain, ModelBuffer, ModelSeeds, Vime};
 
 use self::rnd::RndModel;
+use self::transitions::TransitionEncoder;
 use self::vime::VimeModel;
-use super::{AgentContext, PROBE_STEPS};
+use super::network_info::{BonusInfo, setting_text};
+use super::{AgentContext, PROBE_STEPS, Tensor};
 use crate::experience::{Episode, Experience};
 use crate::nn::MedianScale;
 use crate::rl::information_gain;
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{Count, NonNegative, Positive, ranged_count, ranged_number};
 use seedbed_env::random::{Purpose, Stream, stream};
 
@@ -109,6 +112,11 @@ impl BonusScale {
         }
     }
 
+    /// Whether bonuses depend on the latest medians.
+    fn uses_medians(self) -> bool {
+        matches!(self, Self::Median { .. })
+    }
+
     /// Number of latest updates over which the median gain is averaged.
     fn medians(self) -> usize {
         match self {
@@ -173,6 +181,31 @@ impl Bonus {
         self.sharing() == Some(ModelSharing::Independent)
     }
 
+    /// How the tensors of the model are used; none without a bonus. `owner` is the first part of the
+    /// names of tensors of a model that is not shared, such as `agent_{agent}.`.
+    pub(crate) fn info(&self, spec: &TaskSpec, owner: &str) -> Option<BonusInfo> {
+        let (kind, formula, scale) = match self {
+            Self::None => return None,
+            Self::Vime(config) => ("Vime", VimeModel::FORMULA, config.scale),
+            Self::Rnd(config) => ("Rnd", RndModel::FORMULA, config.scale),
+        };
+        let model_owner = if self.has_shared_model() {
+            SHARED_OWNER
+        } else {
+            owner
+        };
+        Some(BonusInfo {
+            kind,
+            model: format!("{model_owner}bonus"),
+            inputs: TransitionEncoder::input_names(spec),
+            formula,
+            median_scale: scale
+                .uses_medians()
+                .then(|| format!("{owner}{MEDIAN_SCALE}")),
+            scale: setting_text(&scale),
+        })
+    }
+
     fn sharing(&self) -> Option<ModelSharing> {
         match self {
             Self::None => None,
@@ -181,6 +214,12 @@ impl Bonus {
         }
     }
 }
+
+/// First part of the names of the tensors of a model that the team shares.
+pub(crate) const SHARED_OWNER: &str = "team.";
+
+/// Name of the mean of the latest median gains.
+const MEDIAN_SCALE: &str = "bonus.median_scale";
 
 /// Computes the bonuses of one agent, and learns from its experience.
 pub struct BonusModel {
@@ -365,6 +404,40 @@ impl BonusModel {
                 unreachable!("all agents of a team have the same kind of model")
             }
         }
+    }
+
+    /// The tensors of the model, named e.g. `bonus.inputs.mean`.
+    fn model_tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
+        let tensors = match &self.model {
+            Model::Vime(model) => model.tensors(),
+            Model::Rnd(model) => model.tensors(),
+        };
+        tensors.into_iter().map(|tensor| tensor.prefixed("bonus."))
+    }
+
+    /// The tensors of the agent: the mean of its latest median gains, if bonuses are scaled by it
+    /// and there is a median; and the model, unless it is shared.
+    pub(crate) fn own_tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
+        let median = self.medians.scale().filter(|_| self.scale.uses_medians());
+        let median = median.map(|median| Tensor::list(MEDIAN_SCALE, vec![median]));
+        let is_own = !self.is_shared();
+        let model = is_own.then(|| self.model_tensors());
+        median.into_iter().chain(model.into_iter().flatten())
+    }
+
+    /// The tensors of the model, if the team shares it.
+    pub(crate) fn shared_tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
+        let model = self.is_shared().then(|| self.model_tensors());
+        model.into_iter().flatten()
+    }
+
+    /// The agent's seeds of the model, named e.g. `bonus.seeds.layer_0.weight`, if there are any.
+    pub(crate) fn seed_tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
+        let tensors = match &self.model {
+            Model::Vime(model) => model.seed_tensors(),
+            Model::Rnd(_) => Vec::new(),
+        };
+        tensors.into_iter().map(|tensor| tensor.prefixed("bonus."))
     }
 
     pub(crate) fn is_finite(&self) -> bool {

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::transitions::{Moments, Rows, TransitionEncoder};
 use super::{BonusScale, ModelSharing};
-use crate::agent::AgentContext;
 use crate::agent::network::{Descent, LearnedState, Network};
+use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::experience::Episode;
 use crate::nn::{Activations, AdamSettings, Initial, Mlp};
 use seedbed_env::input::numbers::{Count, ranged_count};
@@ -183,6 +183,21 @@ impl RndModel {
 
     pub(crate) fn is_finite(&self) -> bool {
         self.predictor.is_finite()
+    }
+
+    /// Formula of the gains, for readers of the tensors.
+    pub(super) const FORMULA: &'static str = "inputs: a continuous action is first scaled to its \
+        range, clip((a - center) / half_range, -1, 1); then x = clip((input - inputs.mean) / \
+        inputs.deviation, -10, 10). Networks: tanh between the layers. Gain: mean over outputs of \
+        (predictor(x) - target(x))^2.";
+
+    /// The fixed random network, the predictor, and the moments of the inputs.
+    pub(super) fn tensors(&self) -> Vec<Tensor<'_>> {
+        let [mean, deviation, _] = self.encoder.tensors();
+        network_tensors(&self.target, &self.target_parameters, "target")
+            .chain(self.predictor.tensors("predictor"))
+            .chain([mean, deviation])
+            .collect()
     }
 
     pub(crate) fn save(&self) -> Vec<u8> {

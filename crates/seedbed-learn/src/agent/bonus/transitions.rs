@@ -4,6 +4,7 @@
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
+use crate::agent::Tensor;
 use crate::experience::Episode;
 use crate::nn::Standardizer;
 use seedbed_env::random::Stream;
@@ -82,6 +83,35 @@ impl TransitionEncoder {
         [
             spec.observation_width() + actions.sum::<usize>(),
             spec.observation_width(),
+        ]
+    }
+
+    /// Names of the inputs of a row, in order. Choices are named `name = value`.
+    pub(crate) fn input_names(spec: &TaskSpec) -> Vec<String> {
+        let mut names: Vec<String> = spec.observations.iter().map(|o| o.name.clone()).collect();
+        for seedbed_env::Action { quantity, choice } in &spec.actions {
+            match choice {
+                Choice::Discrete(values) => {
+                    let choices = values.iter().map(|x| format!("{} = {x}", quantity.name));
+                    names.extend(choices);
+                }
+                Choice::Continuous => names.push(quantity.name.clone()),
+            }
+        }
+        names
+    }
+
+    /// Moments of the inputs (mean and standard deviation) and root mean square of the changes.
+    pub(crate) fn tensors(&self) -> [Tensor<'static>; 3] {
+        let Moments { inputs, changes } = &self.moments;
+        let list = |name, values: Vec<f32>| Tensor::list(name, values);
+        [
+            list("inputs.mean", inputs.mean().collect()),
+            list("inputs.deviation", inputs.deviation().collect()),
+            list(
+                "changes.root_mean_square",
+                changes.root_mean_square().collect(),
+            ),
         ]
     }
 
@@ -235,6 +265,10 @@ mod tests {
     /// 0…4 to −1…1 and clamped; Δx = 1, 2.
     #[test]
     fn steps_become_rows() {
+        assert_eq!(
+            TransitionEncoder::input_names(&spec()),
+            ["x", "kick = 0", "kick = 1", "kick = 2", "push"]
+        );
         assert_eq!(TransitionEncoder::widths(&spec()), [5, 1]);
         let (mut encoder, mut rows) = (TransitionEncoder::new(&spec()), Rows::default());
         encoder.load_episode(&episode(), 1, &mut rows);

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::transitions::{Moments, Rows, TransitionEncoder};
 use super::{BonusScale, ModelSharing};
-use crate::agent::AgentContext;
+use crate::agent::{AgentContext, Tensor, network_tensors};
 use crate::experience::Episode;
 use crate::nn::bayesian::{BayesianState, DiagonalGaussian, Draws, PassBuffers};
 use crate::nn::{BayesianNetwork, BayesianSettings};
@@ -348,6 +348,31 @@ impl VimeModel {
             .mean
             .iter()
             .all(|mean| mean.is_finite())
+    }
+
+    /// Formula of the gains, for readers of the tensors.
+    pub(super) const FORMULA: &'static str = "inputs: a continuous action is first scaled to its \
+        range, clip((a - center) / half_range, -1, 1); then x = clip((input - inputs.mean) / \
+        inputs.deviation, -10, 10). Network: weights w ~ N(mean, deviation^2), relu between the \
+        layers; its outputs predict the change of each observation, clip(change / \
+        changes.root_mean_square, -10, 10). Gain: information that the step gives about w, nats.";
+
+    /// Means and standard deviations of the weights, and the moments of inputs and changes.
+    pub(super) fn tensors(&self) -> Vec<Tensor<'_>> {
+        let (mlp, weights) = (self.network.likelihood().mlp(), self.network.posterior());
+        network_tensors(mlp, &weights.mean, "mean")
+            .chain(network_tensors(mlp, &weights.deviation, "deviation"))
+            .chain(self.encoder.tensors())
+            .collect()
+    }
+
+    /// The agent's seeds `z_k` of the model, if they modify it.
+    pub(super) fn seed_tensors(&self) -> Vec<Tensor<'_>> {
+        if self.config.seeds == ModelSeeds::Off {
+            return Vec::new();
+        }
+        let mlp = self.network.likelihood().mlp();
+        network_tensors(mlp, &self.seeds, "seeds").collect()
     }
 
     pub(crate) fn save(&self) -> Vec<u8> {

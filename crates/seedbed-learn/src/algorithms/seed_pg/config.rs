@@ -5,11 +5,13 @@ use serde::{Deserialize, Serialize};
 
 use super::SeedPgAgent;
 use crate::agent::bonus::Bonus;
-use crate::agent::policy::ActionSelection;
+use crate::agent::network_info::{NetworkInfo, OutputTerm, ScalingInfo, setting_text};
+use crate::agent::policy::{self, ActionSelection};
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::{AlgorithmConfig, ScheduleError, ScheduleKind};
 use crate::nn::AdamSettings;
 use crate::team::{IndependentLearners, Team, TeamContext};
+use seedbed_env::TaskSpec;
 use seedbed_env::input::numbers::{
     Count, Fraction, NonNegative, Positive, PositiveFraction, ranged_count, ranged_number,
 };
@@ -352,6 +354,25 @@ impl AlgorithmConfig for SeedPg {
 
     fn bonus(&self) -> Option<&Bonus> {
         Some(&self.bonus)
+    }
+
+    fn network_info(&self, task: &TaskSpec, _: usize) -> Option<NetworkInfo> {
+        Some(NetworkInfo {
+            models: None,
+            outputs: vec![OutputTerm {
+                network: "agent_{agent}.policy",
+                factor: 1.0,
+                skip_connection: false,
+            }],
+            heads: policy::heads(task, self.initial_deviation.get_f32()),
+            action_selection: setting_text(&*self.actions),
+            observation_scaling: ScalingInfo::new(self.observations, "agent_{agent}."),
+            value: Some(
+                "v = mean + deviation * o, with agent_{agent}.value.mean, \
+                 agent_{agent}.value.deviation, and the output o of agent_{agent}.value",
+            ),
+            bonus: self.bonus.info(task, "agent_{agent}."),
+        })
     }
 
     fn estimates_advantages(&self) -> bool {

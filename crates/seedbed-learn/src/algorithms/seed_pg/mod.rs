@@ -661,16 +661,30 @@ impl Agent for SeedPgAgent {
             ("mean", self.normalizer.mean()),
             ("deviation", self.normalizer.deviation()),
         ];
-        let moments = moments.map(|(name, moment)| Tensor {
-            name: format!("value.{name}"),
-            shape: vec![1],
-            values: vec![moment].into(),
-        });
+        let moments =
+            moments.map(|(name, moment)| Tensor::list(&format!("value.{name}"), vec![moment]));
+        let bonus_tensors = self.bonus_model.iter().flat_map(BonusModel::own_tensors);
         self.policy
             .tensors()
             .chain(self.value.tensors("value"))
             .chain(moments)
             .chain(self.scaling.tensors())
+            .chain(bonus_tensors)
+            .collect()
+    }
+
+    fn shared_tensors(&self) -> Vec<Tensor<'_>> {
+        let bonus_models = self.bonus_model.iter();
+        bonus_models.flat_map(BonusModel::shared_tensors).collect()
+    }
+
+    fn initial_tensors(&self) -> Vec<Tensor<'_>> {
+        let reward_seeds = self.perturbation.tensors();
+        reward_seeds
+            .into_iter()
+            .chain(self.policy.network().initial_tensors("initial.policy"))
+            .chain(self.value.initial_tensors("initial.value"))
+            .chain(self.bonus_model.iter().flat_map(BonusModel::seed_tensors))
             .collect()
     }
 

@@ -8,6 +8,7 @@ use super::exploration::Exploration;
 use super::{ValueTeam, choice_count};
 use crate::agent::TeamConfig;
 use crate::agent::bonus::Bonus;
+use crate::agent::network_info::{self, ModelInfo, NetworkInfo, OutputTerm, ScalingInfo};
 use crate::agent::policy::ActionSelection;
 use crate::agent::scaling::ObservationScaling;
 use crate::algorithms::seed_pg::config::TimeLimit;
@@ -191,6 +192,17 @@ pub(super) enum ModelAssignment {
     DrawnForTeam,
 }
 
+impl ModelAssignment {
+    /// The number of the model of an agent, for readers of the tensors.
+    fn description(self) -> &'static str {
+        match self {
+            Self::Fixed => "agent % models",
+            Self::DrawnForAgent => "drawn uniformly for each agent and round",
+            Self::DrawnForTeam => "drawn uniformly for each round, the same for all agents",
+        }
+    }
+}
+
 /// The configuration of a value-based learner.
 pub(super) trait ValueBased {
     /// The settings for a team of `agents`.
@@ -267,6 +279,30 @@ impl<T: ValueBased> AlgorithmConfig for T {
 
     fn bonus(&self) -> Option<&Bonus> {
         Some(self.learning_and_bonus().1)
+    }
+
+    fn network_info(&self, task: &TaskSpec, agents: usize) -> Option<NetworkInfo> {
+        let composition = self.compose(agents);
+        let term = |network, factor| OutputTerm {
+            network,
+            factor,
+            skip_connection: composition.learning.skip_connection,
+        };
+        let value = term("model_{model}.value", 1.0);
+        let prior = term("model_{model}.prior", composition.prior_scale);
+        let terms = [value, prior].into_iter();
+        Some(NetworkInfo {
+            models: Some(ModelInfo {
+                count: composition.models,
+                model_of_agent: composition.assignment.description(),
+            }),
+            outputs: terms.filter(|term| term.factor > 0.0).collect(),
+            heads: network_info::action_value_heads(task),
+            action_selection: network_info::setting_text(&composition.exploration),
+            observation_scaling: ScalingInfo::new(composition.learning.observations, ""),
+            value: None,
+            bonus: composition.bonus.info(task, "model_{model}."),
+        })
     }
 
     fn cost_per_step(&self, _: u32) -> f64 {

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use self::config::{Composition, ModelAssignment};
 use self::exploration::Chooser;
 use self::model::{LearningContext, ValueModel};
-use crate::agent::bonus::Bonus;
+use crate::agent::bonus::{Bonus, SHARED_OWNER};
 use crate::agent::scaling::Scaling;
 use crate::agent::{ActScratch, Tensor, Update, UpdateReport, ValueScratch};
 use crate::experience::replay::Replay;
@@ -356,13 +356,28 @@ impl Team for ValueTeam {
     fn tensors(&self) -> Vec<Tensor<'_>> {
         let mut tensors = Vec::new();
         for (number, model) in self.models.iter().enumerate() {
-            tensors.extend(model.tensors().map(|tensor| Tensor {
-                name: format!("model_{number}.{}", tensor.name),
-                ..tensor
-            }));
+            let prefix = format!("model_{number}.");
+            tensors.extend(model.tensors().map(|tensor| tensor.prefixed(&prefix)));
         }
+        let shared_tensors = self
+            .models
+            .iter()
+            .take(1)
+            .flat_map(ValueModel::shared_tensors);
+        tensors.extend(shared_tensors.map(|tensor| tensor.prefixed(SHARED_OWNER)));
         tensors.extend(self.scaling.tensors());
         tensors
+    }
+
+    fn initial_tensors(&self) -> Vec<Tensor<'_>> {
+        let models = self.models.iter().enumerate();
+        let tensors = models.flat_map(|(number, model)| {
+            let prefix = format!("model_{number}.");
+            model
+                .initial_tensors()
+                .map(move |tensor| tensor.prefixed(&prefix))
+        });
+        tensors.collect()
     }
 
     fn replay(&self) -> Option<&Replay> {

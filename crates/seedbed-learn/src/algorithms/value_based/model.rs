@@ -10,7 +10,7 @@ use super::perturbation::Perturbation;
 use crate::agent::bonus::BonusModel;
 use crate::agent::network::{Descent, LearnedState, Network};
 use crate::agent::scaling::Scaling;
-use crate::agent::{AgentContext, Tensor, UpdateReport, ValueBuffers};
+use crate::agent::{AgentContext, Tensor, UpdateReport, ValueBuffers, network_tensors};
 use crate::experience::replay::Replay;
 use crate::experience::{Episode, Experience};
 use crate::math;
@@ -428,15 +428,27 @@ impl ValueModel {
     }
 
     pub(super) fn tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
-        let prior = self.prior.iter().flat_map(|prior| {
-            let tensors = self.network.mlp().tensors(&prior.parameters);
-            tensors.map(|(name, shape, values)| Tensor {
-                name: format!("prior.{name}"),
-                shape,
-                values: values.into(),
-            })
-        });
-        self.network.tensors("value").chain(prior)
+        let mlp = self.network.mlp();
+        let prior = self.prior.iter();
+        let prior = prior.flat_map(|prior| network_tensors(mlp, &prior.parameters, "prior"));
+        self.network
+            .tensors("value")
+            .chain(network_tensors(mlp, &self.target_parameters, "target"))
+            .chain(prior)
+            .chain(self.bonus_model.iter().flat_map(BonusModel::own_tensors))
+    }
+
+    /// The tensors of the bonus model, if the team shares one model.
+    pub(super) fn shared_tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
+        let bonus_models = self.bonus_model.iter();
+        bonus_models.flat_map(BonusModel::shared_tensors)
+    }
+
+    /// The initial parameters of the network, and the seeds of the bonus model, if it has any.
+    pub(super) fn initial_tensors(&self) -> impl Iterator<Item = Tensor<'_>> {
+        let bonus_models = self.bonus_model.iter();
+        let seeds = bonus_models.flat_map(BonusModel::seed_tensors);
+        self.network.initial_tensors("initial.value").chain(seeds)
     }
 
     pub(super) fn save(&self) -> Vec<u8> {

@@ -69,6 +69,11 @@ impl Likelihood {
         }
     }
 
+    /// The shape of the network.
+    pub(crate) fn mlp(&self) -> &Mlp {
+        &self.mlp
+    }
+
     /// Number of inputs.
     #[must_use]
     pub fn inputs(&self) -> usize {
