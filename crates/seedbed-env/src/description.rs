@@ -15,6 +15,8 @@ pub use column_layout::ColumnLayout;
 pub use distribution::Distribution;
 pub use sensors::{BodyPoint, Measurement, Ray, Sensor};
 
+use std::borrow::Cow;
+
 use serde::Deserialize;
 
 pub use super::tabular::TabularTask;
@@ -318,6 +320,18 @@ impl TaskDescription {
         match self {
             Self::Bodies(task) => Some(task),
             Self::Tabular(_) => None,
+        }
+    }
+
+    /// The task of the run with this run seed: itself, or a tabular task with an MDP that is drawn
+    /// with the run seed.
+    #[must_use]
+    pub fn for_run(&self, run_seed: u64) -> Cow<'_, Self> {
+        match self {
+            Self::Tabular(task) if task.drawn_per_run.is_some() => {
+                Cow::Owned(task.for_run(run_seed).into())
+            }
+            _ => Cow::Borrowed(self),
         }
     }
 
