@@ -176,7 +176,8 @@ impl Trainer {
         }
     }
 
-    /// The team and the environment that a scenario describes.
+    /// The team and the environment that a scenario describes. A task that is drawn per run is drawn
+    /// with the scenario's run seed.
     ///
     /// # Errors
     /// The task cannot be built as the scenario asks.
@@ -185,9 +186,10 @@ impl Trainer {
         description: &TaskDescription,
         threads: usize,
     ) -> Result<Self, InputError> {
-        let environments = group_sizes(description, scenario, threads)
+        let description = description.for_run(scenario.seed);
+        let environments = group_sizes(&description, scenario, threads)
             .into_iter()
-            .map(|copies| build(description, scenario.physics, copies))
+            .map(|copies| build(&description, scenario.physics, copies))
             .collect::<Result<Vec<_>, _>>()?;
         let team = scenario.algorithm.config().build(&TeamContext {
             run_seed: scenario.seed,

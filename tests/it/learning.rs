@@ -4,6 +4,7 @@ use std::path::Path;
 
 use seedbed::run::Plan;
 use seedbed::run::trainer::Trainer;
+use seedbed_env::TaskDescription;
 
 use super::util::REPOSITORY;
 
@@ -229,4 +230,47 @@ fn teams_with_zero_step_sizes_solve_nothing() {
         episodes_until_solved("cartpole.ron", &zero_step_sizes, 200),
         None
     );
+}
+
+/// With `drawn_per_run`, all agents and episodes of a run have the permutation of actions of the run
+/// seed. A move to the right has a reward that is not 0: its cost, and the treasure. Cell s has
+/// probabilities of left and right for both actions, `[4 s]` to `[4 s + 3]`.
+#[test]
+fn all_agents_of_a_run_have_the_permutation_of_its_run_seed() {
+    for run_seed in [3, 4] {
+        let overrides = ["environment=\"deep_sea_permuted\"", "stop=Episodes(9)"];
+        let overrides = overrides.map(str::to_owned).into_iter();
+        let overrides: Vec<String> = overrides.chain([format!("seed={run_seed}")]).collect();
+        let path = Path::new(REPOSITORY).join("scenarios/deep_sea_egreedy.ron");
+        let plan = Plan::load(&path, &overrides).unwrap_or_else(|error| panic!("{error}"));
+        let task = plan.description.for_run(run_seed);
+        let TaskDescription::Tabular(task) = task.as_ref() else {
+            panic!("deep sea is tabular");
+        };
+        let mut trainer = Trainer::from_scenario(&plan.scenario, &plan.description, 1).unwrap();
+        let width = task.spec.observation_width();
+        let mut steps = 0;
+        for _ in 0..3 {
+            trainer.advance().unwrap();
+            for episode in trainer.newest_episodes() {
+                for (t, reward) in episode.rewards.iter().enumerate() {
+                    let observation = &episode.observations[t * width..][..width];
+                    let cell = observation.iter().position(|&it| it == 1.0).unwrap();
+                    let action = episode.actions[t] as usize;
+                    let moves_right = task.true_mdp.probabilities[4 * cell + 2 * action + 1] == 1.0;
+                    assert_eq!(
+                        *reward != 0.0,
+                        moves_right,
+                        "run seed {run_seed}, cell {cell}"
+                    );
+                    steps += 1;
+                }
+            }
+        }
+        assert_eq!(
+            steps,
+            3 * 10 * 10,
+            "three episodes of ten agents, ten steps each"
+        );
+    }
 }

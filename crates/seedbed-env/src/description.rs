@@ -15,6 +15,10 @@ pub use column_layout::ColumnLayout;
 pub use distribution::Distribution;
 pub use sensors::{BodyPoint, Measurement, Ray, Sensor};
 
+use std::borrow::Cow;
+
+use serde::Deserialize;
+
 pub use super::tabular::TabularTask;
 
 use super::expression::Program;
@@ -238,7 +242,7 @@ pub struct StartCoordinate {
     pub velocity: Distribution,
 }
 
-/// A task's analytic model: exact equations of motion instead of rigid bodies.
+/// A task's analytic model: closed-form equations of motion instead of rigid bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnalyticModel {
     /// A cart on a level rail with a pole that swings without friction.
@@ -247,6 +251,8 @@ pub enum AnalyticModel {
         slider: usize,
         /// Index of the joint between the cart and the pole.
         hinge: usize,
+        /// How the equations of motion are integrated.
+        integrator: Integrator,
     },
     /// A body that swings about a fixed point without friction.
     Pendulum {
@@ -265,6 +271,20 @@ pub enum AnalyticModel {
         /// Index of the joint between the world and the car.
         slider: usize,
     },
+}
+
+/// How equations of motion are integrated over a control step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub enum Integrator {
+    /// Sixth-order Runge–Kutta, with an error below the resolution of an f32.
+    #[default]
+    RungeKutta,
+    /// One step of the explicit Euler method, which uses the velocities and accelerations before
+    /// the step. Its error is part of the task: it adds energy.
+    ///
+    /// Source: `CartPoleEnv.step` with `kinematics_integrator == "euler"`,
+    /// `gymnasium/envs/classic_control/cartpole.py`.
+    Euler,
 }
 
 impl TaskDescription {
@@ -300,6 +320,18 @@ impl TaskDescription {
         match self {
             Self::Bodies(task) => Some(task),
             Self::Tabular(_) => None,
+        }
+    }
+
+    /// The task of the run with this run seed: itself, or a tabular task with an MDP that is drawn
+    /// with the run seed.
+    #[must_use]
+    pub fn for_run(&self, run_seed: u64) -> Cow<'_, Self> {
+        match self {
+            Self::Tabular(task) if task.drawn_per_run.is_some() => {
+                Cow::Owned(task.for_run(run_seed).into())
+            }
+            _ => Cow::Borrowed(self),
         }
     }
 

@@ -24,7 +24,7 @@ pub use checked::{Direction, Interval, Name, Vector};
 pub use sensors::{Axis, SensorKind};
 pub use surfaces::{Collider, Geom, Points};
 
-use super::description::TaskDescription;
+use super::description::{Integrator, TaskDescription};
 use super::tabular;
 use crate::input::numbers::{
     Count, FiniteNumber, NonNegative, Positive, PositiveUpTo10, ranged_count, ranged_number,
@@ -337,6 +337,9 @@ pub enum AnalyticModel {
         slider: Located<String>,
         /// Name of the joint between the cart and the pole.
         hinge: Located<String>,
+        /// How the equations of motion are integrated.
+        #[serde(default)]
+        integrator: Integrator,
     },
     /// A body that swings about a fixed point without friction.
     Pendulum {

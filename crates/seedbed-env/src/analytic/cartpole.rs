@@ -13,7 +13,7 @@
 //! (Florian, "Correct equations for the dynamics of the cart-pole system", 2007, without friction;
 //! a thin rod has I = m l² / 3).
 
-use super::integration::{Accelerations, State, runge_kutta, substeps};
+use super::integration::{Accelerations, State, euler, runge_kutta, substeps};
 use super::trigonometry::{Trigonometry, Unbounded};
 use super::{EquationsOfMotion, require, require_only_gravity};
 use crate::description::{AnalyticModel, BodyTask, JointKind};
@@ -42,6 +42,12 @@ pub struct CartPole {
     substeps: u32,
 }
 
+/// A cart-pole that is integrated by [`Integrator::Euler`](crate::description::Integrator).
+///
+/// It is a type of its own, so that the loop over copies has no branch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct EulerCartPole(pub(super) CartPole);
+
 /// Maximum time step of the Runge–Kutta integration, s. Its error over one control step is below
 /// what an f32 resolves (tested against steps of 1e-4 s): at most 3e-8 up to 4 m/s and 12 rad/s.
 const MAX_STEP: f64 = 0.02;
@@ -52,7 +58,7 @@ impl CartPole {
     /// # Errors
     /// The bodies are not those of a cart-pole; the message says what is required.
     pub fn from_task(task: &BodyTask) -> Result<Self, String> {
-        let Some(AnalyticModel::CartPole { slider, hinge }) = task.analytic_model else {
+        let Some(AnalyticModel::CartPole { slider, hinge, .. }) = task.analytic_model else {
             return Err("the task has no analytic model of a cart-pole".to_owned());
         };
         require_only_gravity(task)?;
@@ -168,13 +174,37 @@ impl CartPole {
         force: f64,
         duration: f64,
     ) -> [f64; 4] {
-        let [acceleration, angular_acceleration] = self.accelerations(angle, rate, force, 0.0);
-        [
-            position + duration * speed,
-            angle + duration * rate,
-            speed + duration * acceleration,
-            rate + duration * angular_acceleration,
-        ]
+        let start = State {
+            positions: [position, angle],
+            velocities: [speed, rate],
+        };
+        let end = euler::<Unbounded, _, 2>(self, &start, [force, 0.0], duration);
+        let ([position, angle], [speed, rate]) = (end.positions, end.velocities);
+        [position, angle, speed, rate]
+    }
+
+    /// The joint coordinates after `advance`, which maps x, α, ẋ, α̇ and the forces F and τ to the
+    /// state after a step.
+    #[inline(always)]
+    fn advance_joints(
+        &self,
+        joints: &State<2>,
+        forces: [f64; 2],
+        advance: impl Fn(&State<2>, [f64; 2]) -> State<2>,
+    ) -> State<2> {
+        let signs = [self.slider_sign, self.hinge_sign];
+        let along = |values: [f64; 2]| [signs[0] * values[0], signs[1] * values[1]];
+        let [position, angle] = along(joints.positions);
+        let start = State {
+            positions: [position, self.angle_at_zero + angle],
+            velocities: along(joints.velocities),
+        };
+        let end = advance(&start, along(forces));
+        let [position, angle] = end.positions;
+        State {
+            positions: along([position, angle - self.angle_at_zero]),
+            velocities: along(end.velocities),
+        }
     }
 }
 
@@ -213,18 +243,26 @@ impl EquationsOfMotion<2> for CartPole {
     #[inline(always)]
     fn advance<T: Trigonometry>(&self, joints: &State<2>, forces: [f64; 2]) -> State<2> {
         let duration = self.control_step / f64::from(self.substeps);
-        let signs = [self.slider_sign, self.hinge_sign];
-        let along = |values: [f64; 2]| [signs[0] * values[0], signs[1] * values[1]];
-        let [position, angle] = along(joints.positions);
-        let start = State {
-            positions: [position, self.angle_at_zero + angle],
-            velocities: along(joints.velocities),
-        };
-        let end = runge_kutta::<T, _, 2>(self, &start, along(forces), duration);
-        let [position, angle] = end.positions;
-        State {
-            positions: along([position, angle - self.angle_at_zero]),
-            velocities: along(end.velocities),
-        }
+        self.advance_joints(joints, forces, |start, forces| {
+            runge_kutta::<T, _, 2>(self, start, forces, duration)
+        })
+    }
+}
+
+/// One step of the explicit Euler method per control step.
+impl EquationsOfMotion<2> for EulerCartPole {
+    fn joints(&self) -> [usize; 2] {
+        self.0.joints()
+    }
+
+    fn substeps(&self) -> u32 {
+        1
+    }
+
+    #[inline(always)]
+    fn advance<T: Trigonometry>(&self, joints: &State<2>, forces: [f64; 2]) -> State<2> {
+        self.0.advance_joints(joints, forces, |start, forces| {
+            euler::<T, _, 2>(&self.0, start, forces, self.0.control_step)
+        })
     }
 }

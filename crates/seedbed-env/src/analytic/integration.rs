@@ -66,6 +66,19 @@ pub(super) fn runge_kutta<T: Trigonometry, E: Accelerations<N>, const N: usize>(
     extrapolate(start, h / 120.0, terms)
 }
 
+/// The state after `duration`, s, by one step of the explicit Euler method: positions by the
+/// velocities before the step, velocities by the accelerations before the step.
+#[inline(always)]
+pub(super) fn euler<T: Trigonometry, E: Accelerations<N>, const N: usize>(
+    equations: &E,
+    start: &State<N>,
+    forces: [f64; N],
+    duration: f64,
+) -> State<N> {
+    let rate = rate::<T, E, N>(equations, start, forces);
+    extrapolate(start, duration, [(1.0, &rate)])
+}
+
 /// The time derivative of a state.
 #[inline(always)]
 fn rate<T: Trigonometry, E: Accelerations<N>, const N: usize>(

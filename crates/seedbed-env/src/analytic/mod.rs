@@ -1,5 +1,6 @@
 //! Analytic models: classic tasks whose exact equations of motion are known, integrated with an
-//! error far below the resolution of an f32.
+//! error far below the resolution of an f32 or, if a task demands it, by the explicit Euler method
+//! ([`Integrator`]).
 //!
 //! Rigid bodies are validated against them, and they are fast enough to learn on. All their
 //! parameters come from the bodies of the [`BodyTask`]. This module must not depend on rigid-body
@@ -25,11 +26,11 @@ mod trigonometry;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::Pose;
-use super::description::{AnalyticModel, BodyTask, Drive, Joint, PassiveForces};
+use super::description::{AnalyticModel, BodyTask, Drive, Integrator, Joint, PassiveForces};
 use super::dynamics::{CoordinateColumns, Dynamics, OTHER_BODIES, from_bytes, to_bytes};
 use super::kinematics::{Frame, KinematicTree};
 use acrobot::Acrobot;
-use cartpole::CartPole;
+use cartpole::{CartPole, EulerCartPole};
 use integration::State;
 use mountain_car::MountainCar;
 use pendulum::Pendulum;
@@ -92,7 +93,13 @@ struct JointForce {
 #[must_use]
 pub(crate) fn build(task: &BodyTask, copies: usize) -> Option<Box<dyn Dynamics>> {
     Some(match task.analytic_model? {
-        AnalyticModel::CartPole { .. } => boxed(CartPole::from_task(task).ok()?, task, copies),
+        AnalyticModel::CartPole { integrator, .. } => {
+            let equations = CartPole::from_task(task).ok()?;
+            match integrator {
+                Integrator::RungeKutta => boxed(equations, task, copies),
+                Integrator::Euler => boxed(EulerCartPole(equations), task, copies),
+            }
+        }
         AnalyticModel::Pendulum { .. } => boxed(Pendulum::from_task(task).ok()?, task, copies),
         AnalyticModel::Acrobot { .. } => boxed(Acrobot::from_task(task).ok()?, task, copies),
         AnalyticModel::MountainCar { .. } => {
@@ -531,7 +538,7 @@ mod tests {
                 1..35,
             ),
         ) {
-            for name in ["cartpole", "cartpole_swingup", "acrobot", "pendulum", "mountain_car_continuous"] {
+            for name in ["cartpole", "cartpole_gym", "cartpole_swingup", "acrobot", "pendulum", "mountain_car_continuous"] {
                 let task = task(name);
                 let joints = task.joints.len();
                 let starts: Vec<_> = starts

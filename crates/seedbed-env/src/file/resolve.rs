@@ -368,9 +368,14 @@ impl<'a> Resolver<'a> {
             return Ok(None);
         };
         Ok(Some(match model {
-            AnalyticModel::CartPole { slider, hinge } => description::AnalyticModel::CartPole {
+            AnalyticModel::CartPole {
+                slider,
+                hinge,
+                integrator,
+            } => description::AnalyticModel::CartPole {
                 slider: find(slider)?,
                 hinge: find(hinge)?,
+                integrator: *integrator,
             },
             AnalyticModel::Pendulum { hinge } => description::AnalyticModel::Pendulum {
                 hinge: find(hinge)?,

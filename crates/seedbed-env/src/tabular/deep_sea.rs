@@ -24,8 +24,8 @@ pub struct DeepSea {
     pub size: Count<50, 2>,
     /// Total cost of N moves to the right.
     pub move_cost: NonNegative,
-    /// Whether the action that moves to the right is drawn for each cell; if not, it is the second
-    /// action.
+    /// Whether the action that moves to the right is drawn for each cell, once per MDP; if not, it is
+    /// the second action. It is bsuite's `randomize_actions`.
     pub randomised: bool,
     /// Probability that a move to the right goes to the left instead.
     pub slip: FractionBelowOne,

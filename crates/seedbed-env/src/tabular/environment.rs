@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use serde::{Deserialize, Serialize};
 
-use super::{Mdp, Model};
+use super::{Mdp, Model, TaskFamily};
 use crate::dynamics::{from_bytes, to_bytes};
 use crate::random::Stream;
 use crate::{Environment, Quantity, Status, TaskSpec};
@@ -30,6 +30,9 @@ pub struct TabularTask {
     pub model: Model,
     /// The MDP that was drawn from the family.
     pub true_mdp: Mdp,
+    /// The family from which each run draws an MDP of its own, see [`TabularTask::for_run`]; `None`
+    /// if all runs have `true_mdp`.
+    pub drawn_per_run: Option<TaskFamily>,
     /// How a state is observed.
     pub observation: StateEncoding,
 }

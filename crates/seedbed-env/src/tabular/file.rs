@@ -6,7 +6,7 @@ use super::environment::{StateEncoding, TabularTask};
 use super::{Mdp, Model, TaskFamily};
 use crate::description::TaskDescription;
 use crate::input::numbers::FiniteNumber;
-use crate::input::{self, InputError, Located};
+use crate::input::{self, InputError, Located, ValidationError};
 use crate::{Action, TaskSpec};
 
 /// A file of a tabular task: `TabularEnvironment(…)`.
@@ -25,7 +25,12 @@ pub(crate) struct TabularTaskFile {
     pub observation: StateEncoding,
     /// Random number seed with which the MDP is drawn from its family, the same for every run.
     #[serde(default, rename = "drawn_with")]
-    pub mdp_seed: u64,
+    pub mdp_seed: Option<Located<u64>>,
+    /// Whether each run draws an MDP of its own with its run seed, the same for all agents and
+    /// episodes of the run; if not, all runs have the MDP that is drawn with `drawn_with`. The known
+    /// part of the task, such as a graph, is the same for all runs.
+    #[serde(default)]
+    pub drawn_per_run: bool,
     /// Mean return at which the task counts as solved.
     #[serde(default)]
     pub reward_threshold: Option<FiniteNumber>,
@@ -41,10 +46,12 @@ pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescript
     if let Some(base) = &file.extends {
         return Err(document.locate(base.error("`extends` is given twice")));
     }
-    let model = file.task.model(file.mdp_seed);
-    let true_mdp = file.task.draw_mdp(&model, file.mdp_seed);
+    let mdp_seed = file.mdp_seed().map_err(|error| document.locate(error))?;
+    let model = file.task.model(mdp_seed);
+    let true_mdp = file.task.draw_mdp(&model, mdp_seed);
     let task = TabularTask::new(origin, model, true_mdp, file.observation);
     Ok(TaskDescription::from(TabularTask {
+        drawn_per_run: file.drawn_per_run.then(|| file.task.clone()),
         spec: TaskSpec {
             name: name.to_owned(),
             description: file.description.clone(),
@@ -55,7 +62,34 @@ pub(crate) fn parse(name: &str, origin: &str, text: &str) -> Result<TaskDescript
     }))
 }
 
+impl TabularTaskFile {
+    /// Random number seed of the MDP, and of what is known of it; 0 by default.
+    ///
+    /// # Errors
+    /// `drawn_with` is given, but each run draws an MDP of its own.
+    fn mdp_seed(&self) -> Result<u64, ValidationError> {
+        match &self.mdp_seed {
+            Some(seed) if self.drawn_per_run => Err(seed
+                .error("`drawn_with` has no effect: with `drawn_per_run: true`, each run draws its task with its run seed")
+                .with_help("remove `drawn_with` or `drawn_per_run`")),
+            seed => Ok(seed.as_ref().map_or(0, |seed| **seed)),
+        }
+    }
+}
+
 impl TabularTask {
+    /// The task of the run with this run seed. A team with a tabular model of the same family has
+    /// the same MDP in the run with this run seed, if the known part of the family is the same for
+    /// all run seeds.
+    #[must_use]
+    pub fn for_run(&self, run_seed: u64) -> Self {
+        let mut task = self.clone();
+        if let Some(family) = &self.drawn_per_run {
+            task.true_mdp = family.draw_mdp(&self.model, run_seed);
+        }
+        task
+    }
+
     /// A task without a name. An action is an index among the actions of the current state.
     #[must_use]
     pub fn new(origin: &str, model: Model, true_mdp: Mdp, observation: StateEncoding) -> Self {
@@ -71,6 +105,7 @@ impl TabularTask {
             spec,
             model,
             true_mdp,
+            drawn_per_run: None,
             observation,
         }
     }

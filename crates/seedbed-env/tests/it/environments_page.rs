@@ -77,6 +77,10 @@ const UNKNOWN_WORDS: &[(&str, &str)] = &[
     ("if abs(x) > 0.9 { 1 } else { 0 }", "zzz(x)"),
     ("reward:", "analytic: Zzz(), reward:"),
     ("reward:", "analytic: CartPole(zzz: 1), reward:"),
+    (
+        "reward:",
+        "analytic: CartPole(slider: \"wire\", hinge: \"wire\", integrator: Zzz), reward:",
+    ),
     ("reward:", "analytic: Acrobot(zzz: 1), reward:"),
 ];
 
