@@ -7,6 +7,7 @@ use super::{CliError, ReportArgs};
 use seedbed::study::claims::{self, ClaimResult};
 use seedbed::study::cost::cells_without_policy_gradient;
 use seedbed::study::file::Study;
+use seedbed::study::gate::gates;
 use seedbed::study::published;
 use seedbed::study::report;
 use seedbed::study::results::{Results, ResultsError};
@@ -90,6 +91,11 @@ fn print_results(results: &Results, claim_results: &[ClaimResult]) {
         );
     }
     print_claims(&results.study, claim_results);
+    if let Some(exploration) = &results.study.exploration {
+        for gate in gates(results) {
+            say!("gate       {}", gate.sentence(*exploration.measure));
+        }
+    }
 }
 
 fn refuse_if_broken(results: &Results) -> Result<(), CliError> {

@@ -57,9 +57,24 @@ pub struct Study {
     /// Without it, claims cannot be `paired`.
     #[serde(default)]
     pub pairs_share: String,
+    /// Which cells explore without direction, for a study that compares exploration.
+    // Not in the hash of studies that lack it, so that locks of earlier versions stay valid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exploration: Option<Exploration>,
     /// Figures of the report.
     #[serde(default)]
     pub figures: Vec<Figure>,
+}
+
+/// The gate for tasks of exploration: a task counts only if the best undirected baseline of a team
+/// reaches less than 0.2 in a measure, and some method of an equal team more than 0.8.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Exploration {
+    /// Cells that explore by random actions only.
+    pub undirected: Vec<Located<String>>,
+    /// A share, such as `Solved` or `Reach`.
+    pub measure: Located<Measure>,
 }
 
 /// One axis of a grid: values that replace `{}` in `scenario` and `set`.
@@ -299,9 +314,17 @@ impl Study {
         }
         let compared = self.claims.iter().flat_map(Claim::cells);
         let drawn = self.figures.iter().flat_map(Figure::cells);
+        let exploration = self.exploration.iter();
+        let undirected = exploration.flat_map(|exploration| &exploration.undirected);
         let is_unknown = |name: &&Located<String>| !cells.contains(&name.as_str());
-        if let Some(name) = compared.chain(drawn).find(is_unknown) {
+        let named = compared.chain(drawn).chain(undirected);
+        if let Some(name) = named.into_iter().find(is_unknown) {
             return Err(name.unknown_name("cell", cells.iter().copied()));
+        }
+        if let Some(Exploration { measure, .. }) = &self.exploration
+            && !measure.is_share()
+        {
+            return Err(measure.error("expected a share, such as `Solved` or `Reach`"));
         }
         self.check_pools(cells)?;
         self.claims

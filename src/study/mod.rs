@@ -2,8 +2,8 @@
 //!
 //! A study [`mod@file`] with its [`figure`]s is read into a [`plan`] of [`experiment`]s. The
 //! [`runner`] runs what is still missing, and the [`store`] keeps each result. [`comparison`] and
-//! [`claims`] evaluate the [`results`], [`cost`] says what they took, and the
-//! [`report`] presents them. The unit of all
+//! [`claims`] evaluate the [`results`], [`cost`] says what they took, [`gate`] whether the task is one
+//! of exploration, and the [`report`] presents them. The unit of all
 //! statistics is a run of the whole team: agents and episodes of one run depend on each other, so
 //! they are not independent repetitions. A [`bench`](mod@bench) compares a few scenarios without a
 //! study file. [`registration`] fixes a study before its runs, and [`power`] says how many runs it
@@ -16,6 +16,7 @@ pub mod cost;
 pub mod experiment;
 pub mod figure;
 pub mod file;
+pub mod gate;
 pub mod measure;
 pub mod plan;
 pub mod power;

@@ -137,12 +137,15 @@ impl Results {
             .map(|claim| self.study.measure_of(claim));
         let of_study = self.study.measures.iter().map(|measure| **measure);
         let main_measure = self.study.main_measure();
+        let exploration = self.study.exploration.iter();
+        let of_gate = exploration.map(|exploration| *exploration.measure);
         let figures = self.study.figures.iter();
         let of_figures = figures.filter_map(|figure| figure.required_measure(main_measure));
         let mut measures: Vec<Measure> = Vec::new();
         for measure in of_study
             .chain(of_claims)
             .chain(of_figures)
+            .chain(of_gate)
             .chain([Measure::EpisodesToSolve])
         {
             if !measures.contains(&measure) {

@@ -3,6 +3,7 @@
 use super::format;
 use crate::study::claims::ClaimResult;
 use crate::study::file::Claim;
+use crate::study::gate::gates;
 use crate::study::results::Results;
 use crate::text::pluralize;
 
@@ -13,6 +14,11 @@ pub(super) fn markdown(results: &Results, claim_results: &[ClaimResult]) -> Stri
         text += &row(results, claim, claim_result);
     }
     text += &format!("\n{CLAIMS_NOTE}\n");
+    if let Some(exploration) = &results.study.exploration {
+        for gate in gates(results) {
+            text += &format!("\n{}\n", gate.sentence(*exploration.measure));
+        }
+    }
     if let (Some(lock), Some(audit)) = (&results.manifest.lock, &results.audit) {
         text += &format!("\nRegistered before the runs: lock `{}`.\n", lock.id);
         for sentence in audit.broken.iter().chain(&audit.notes) {

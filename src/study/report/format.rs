@@ -12,7 +12,7 @@ const MIN_SHOWN_MAGNITUDE: f64 = 1e-9;
 
 /// A number with three or four significant digits, no trailing zeros, and the minus sign `−`
 /// instead of a hyphen.
-pub(super) fn number(value: f64) -> String {
+pub(in crate::study) fn number(value: f64) -> String {
     if value.is_nan() {
         return "unknown".to_owned();
     }

@@ -8,6 +8,7 @@ mod page;
 mod rows;
 mod tables;
 
+pub(super) use format::number;
 pub use format::summarize_claims;
 pub(super) use rows::{column, csv};
 use tables::Table;

@@ -8,6 +8,7 @@ use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
 use crate::study::cost::cells_without_policy_gradient;
 use crate::study::file::{Claim, FIRST_REPORTING_SEED};
+use crate::study::gate::gates;
 use crate::study::measure::Measure;
 use crate::study::provenance;
 use crate::study::registration::{Audit, Lock};
@@ -171,6 +172,9 @@ fn claims_section(results: &Results, claim_results: &[ClaimResult]) -> Markup {
     html! {
         h2 { "Claims" }
         p.facts { (format::summarize_claims(claim_results)) "." }
+        @if let Some(exploration) = &results.study.exploration {
+            @for gate in gates(results) { p.evidence { (gate.sentence(*exploration.measure)) } }
+        }
         @for (claim, claim_result) in results.study.claims.iter().zip(claim_results) {
             (claim_card(results, claim, claim_result))
         }
