@@ -40,7 +40,8 @@ pub enum Purpose {
     /// Sampled weights for comparing the bonuses of all agents on the same steps in one round. It
     /// never affects learning.
     BonusProbe = 12,
-    /// The MDP of a tabular task, drawn from its prior once per run.
+    /// The MDP of a tabular task, drawn from its prior once per run or, with `drawn_with`, once for
+    /// all runs.
     TabularTask = 40,
     /// The fixed additive prior of a value model, drawn once.
     ValuePrior = 20,
@@ -69,6 +70,9 @@ pub enum Purpose {
     TabularOutcomes = 46,
     /// The times at which agents of a tabular task begin.
     TabularArrivals = 47,
+    /// The points of example distributions in figures. The index of the distribution takes the place
+    /// of the agent.
+    ExamplePoints = 60,
 }
 
 /// The stream of one (run seed, purpose, agent, round).
