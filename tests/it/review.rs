@@ -226,6 +226,53 @@ fn plot_supports_every_color_option() {
     assert!(line.contains("panels"), "{line}");
 }
 
+/// `docs/parallel_coordinates.svg` is the figure of all example distributions, to the byte. After a
+/// change, draw it again with the command of `docs/recording.md`.
+#[test]
+fn the_figure_of_example_distributions_is_up_to_date() {
+    let folder = tempfile::tempdir().unwrap();
+    let figure = folder.path().join("figure.svg");
+    let out = figure.to_str().unwrap();
+    let line = run_successful(&["plot", "--distributions", "--out", out]);
+    assert!(
+        line.starts_with(&format!("{out}: 14 panels, 760 × ")),
+        "{line}"
+    );
+    let committed = Path::new(REPOSITORY).join("docs/parallel_coordinates.svg");
+    assert!(
+        std::fs::read(&figure).unwrap() == std::fs::read(committed).unwrap(),
+        "run `seedbed plot --distributions --out docs/parallel_coordinates.svg`"
+    );
+}
+
+/// A panel of 80 lines and one of 80 dots for each named distribution.
+#[test]
+fn plot_draws_the_named_distributions() {
+    let folder = tempfile::tempdir().unwrap();
+    let figure = folder.path().join("figure.svg");
+    let out = figure.to_str().unwrap();
+    run_successful(&["plot", "--distributions", "ring,parabola", "--out", out]);
+    let svg = std::fs::read_to_string(&figure).unwrap();
+    let count = |text: &str| svg.matches(text).count();
+    assert_eq!(
+        (count("stroke-width=\"0.7\""), count("<circle")),
+        (160, 160)
+    );
+    assert!(svg.contains(">ring</text>") && svg.contains(">parabola</text>"));
+    assert!(!svg.contains(">two clusters</text>"));
+}
+
+#[test]
+fn plot_explains_invalid_distributions() {
+    let error = run_refused(&["plot", "--distributions", "rings", "--out", "a.svg"]);
+    assert!(error.contains("invalid value 'rings'"), "{error}");
+    assert!(error.contains("a similar value exists: 'ring'"), "{error}");
+    let error = run_refused(&["plot", SAMPLE, "--distributions"]);
+    assert!(error.contains("cannot be used with"), "{error}");
+    let error = run_refused(&["plot"]);
+    assert!(error.contains("<RUN>"), "{error}");
+}
+
 /// The episodes of the sample recording, sorted by (round, agent).
 fn sample_episodes() -> Vec<RecordedEpisode> {
     let mut episodes = read_episodes(&Path::new(REPOSITORY).join(SAMPLE));

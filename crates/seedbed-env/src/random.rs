@@ -43,6 +43,8 @@ pub enum Purpose {
     /// The noise that an agent adds to the rewards of one trajectory, with [`transition_stream`].
     FreshRewardNoise = 13,
     /// The MDP of a tabular task, drawn from its prior once per run.
+    /// The MDP of a tabular task, drawn from its prior once per run or, with `drawn_with`, once for
+    /// all runs.
     TabularTask = 40,
     /// The fixed additive prior of a value model, drawn once.
     ValuePrior = 20,
@@ -71,6 +73,9 @@ pub enum Purpose {
     TabularOutcomes = 46,
     /// The times at which agents of a tabular task begin.
     TabularArrivals = 47,
+    /// The points of example distributions in figures. The index of the distribution takes the place
+    /// of the agent.
+    ExamplePoints = 60,
 }
 
 /// The stream of one (run seed, purpose, agent, round).

@@ -1,6 +1,8 @@
-//! `seedbed plot`: draws visited states and returns of one or more runs as a figure.
+//! `seedbed plot`: draws visited states and returns of one or more runs, or example distributions,
+//! as a figure.
 
 mod curves;
+mod distributions;
 mod page;
 mod states;
 
@@ -9,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use self::distributions::Distribution;
 use self::page::PlotPage;
 use super::progress::ReadCounter;
 use super::{CliError, pluralize};
@@ -17,7 +20,7 @@ use seedbed::record::visitation::Axes;
 use seedbed::run::files;
 use seedbed::run::review::selection::{SelectedStates, StateSelection};
 use seedbed::run::review::{LoadRunError, LoadedRun};
-use seedbed_figure::Figure;
+use seedbed_figure::{Figure, Panel};
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -28,13 +31,15 @@ use seedbed_figure::Figure;
   seedbed plot results/sigma-0 results/sigma-0.1 results/sigma-1 --what visitation --out sigma.svg
                                                     several runs side by side
   seedbed plot recordings/cartpole/seed-0 --what scatter,returns --size 900x700 --out figure.svg
+  seedbed plot --distributions --out examples.svg   how parallel coordinates show seven distributions
+  seedbed plot --distributions ring,parabola --out two.png
 
 If every panel has at most --lines states, each state is drawn as a line. Otherwise all panels show densities \
 on a common scale: the number of states per pixel or, with several panels, the share of the states of the \
 panel. Use --colour to always draw single states, and --lines 0 to always draw densities.")]
 pub(super) struct PlotArgs {
     /// Run directories or recordings; several are drawn side by side
-    #[arg(required = true, value_name = "RUN")]
+    #[arg(required_unless_present = "distributions", value_name = "RUN")]
     runs: Vec<PathBuf>,
     /// Write the figure to FILE.svg or FILE.png [default: plot.svg in the run directory; with
     /// several runs, plot.svg in the current directory]
@@ -65,6 +70,17 @@ pub(super) struct PlotArgs {
     /// fits the content]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[f64; 2]>,
+    /// Instead of runs, draw 80 points of these example distributions, each as parallel coordinates
+    /// and as a scatter plot [default: all]
+    #[arg(
+        long,
+        value_enum,
+        num_args = 0..,
+        value_delimiter = ',',
+        value_name = "NAME,NAME…",
+        conflicts_with_all = ["runs", "what", "agents", "episodes", "axes", "color_by", "lines"]
+    )]
+    distributions: Option<Vec<Distribution>>,
 }
 
 /// A part of the page that can be selected.
@@ -119,8 +135,12 @@ struct PlottedRun {
 pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.runs));
     let is_png = is_png(&out)?;
-    let runs = read_runs(args)?;
-    let mut figure = PlotPage { args, runs: &runs }.figure()?;
+    let mut figure = if let Some(names) = &args.distributions {
+        distributions::figure(names)
+    } else {
+        let runs = read_runs(args)?;
+        PlotPage { args, runs: &runs }.figure()?
+    };
     if let Some([width, height]) = args.size {
         figure.resize(width, height);
     }
@@ -138,7 +158,8 @@ pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
 }
 
 fn size_text(figure: &Figure, is_png: bool) -> String {
-    let panels = figure.rows.iter().map(|row| row.panels.len()).sum();
+    let panels = figure.rows.iter().flat_map(|row| &row.panels);
+    let panels = panels.filter(|panel| **panel != Panel::Blank).count();
     let scale = if is_png { PNG_SCALE } else { 1.0 };
     let [width, height] = [figure.width, figure.height()].map(|side| (side * scale).round());
     format!("{}, {width} × {height} pixels", pluralize(panels, "panel"))
