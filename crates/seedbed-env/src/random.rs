@@ -42,7 +42,6 @@ pub enum Purpose {
     BonusProbe = 12,
     /// The noise that an agent adds to the rewards of one trajectory, with [`transition_stream`].
     FreshRewardNoise = 13,
-    /// The MDP of a tabular task, drawn from its prior once per run.
     /// The MDP of a tabular task, drawn from its prior once per run or, with `drawn_with`, once for
     /// all runs.
     TabularTask = 40,
