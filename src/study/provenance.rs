@@ -29,6 +29,11 @@ pub fn format_build_id(build: Option<BuildId>) -> String {
     }
 }
 
+/// Build id from its text; `None` for an unknown build.
+pub(super) fn parse_build_id(text: &str) -> Option<BuildId> {
+    u64::from_str_radix(text, 16).ok().map(u64::to_be_bytes)
+}
+
 /// Commit from which seedbed was built, such as `2b3c86f1a09d`, with the suffix `-dirty` if there
 /// were uncommitted changes; `None` if it was built without version control.
 #[must_use]
@@ -80,6 +85,8 @@ mod tests {
         let bytes = vec![7; (1 << 20) + 1];
         assert_ne!(hash(&bytes[..]).unwrap(), hash(&bytes[1..]).unwrap());
         assert_eq!(format_build_id(None), "unknown");
+        assert_eq!(parse_build_id("ef46db3751d8e999"), hash(&[][..]).ok());
+        assert_eq!(parse_build_id("unknown"), None);
     }
 
     #[test]

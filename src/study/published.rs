@@ -20,7 +20,7 @@ use super::claims::ClaimResult;
 use super::comparison::RunScore;
 use super::cost::RunCost;
 use super::measure::Measure;
-use super::provenance::BuildId;
+use super::provenance::{format_build_id, parse_build_id};
 use super::report::{self, column};
 use super::results::{Results, ResultsError};
 use super::store::{self, StudyFolder};
@@ -34,7 +34,8 @@ const TABLE: &str = "results.csv.gz";
 struct Builds {
     versions: BTreeSet<String>,
     commits: BTreeSet<String>,
-    executables: BTreeSet<Option<BuildId>>,
+    /// Hashes of the executables, in hexadecimal digits.
+    executables: BTreeSet<String>,
 }
 
 /// Name of the file with the builds.
@@ -59,7 +60,11 @@ pub fn write(
     let builds = Builds {
         versions: results.versions.clone(),
         commits: results.commits.clone(),
-        executables: results.builds.clone(),
+        executables: results
+            .builds
+            .iter()
+            .map(|build| format_build_id(*build))
+            .collect(),
     };
     files::replace(&folder.join(BUILDS), store::to_json(&builds).as_bytes())?;
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
@@ -108,7 +113,11 @@ fn read_builds(results: &mut Results, folder: &StudyFolder) -> io::Result<()> {
     let builds: Builds = serde_json::from_slice(&bytes)?;
     results.versions = builds.versions;
     results.commits = builds.commits;
-    results.builds = builds.executables;
+    results.builds = builds
+        .executables
+        .iter()
+        .map(|text| parse_build_id(text))
+        .collect();
     Ok(())
 }
 
