@@ -527,3 +527,20 @@ fn compressed(text: &str) -> Vec<u8> {
     encoder.write_all(text.as_bytes()).unwrap();
     encoder.finish().unwrap()
 }
+
+/// In the deep sea, random agents hardly ever reach the treasure, and teams that sample seeds do.
+#[test]
+fn a_study_says_whether_its_task_is_one_of_exploration() {
+    let gate = r#"exploration: (undirected: ["random"], measure: Reach),"#;
+    let fixture = Fixture::new(&format!("repeats: 3, {gate}"));
+    let printed = fixture.succeed(&[]);
+    let expected = "gate       `DeepSea` with K = 10 is a task of exploration: the share of agents that \
+                    reached the goal is ";
+    assert!(printed.contains(expected), "{printed}");
+    let swapped = Fixture::new(&format!("repeats: 3, {}", gate.replace("random", "seeds")));
+    let printed = swapped.succeed(&[]);
+    assert!(
+        printed.contains("`DeepSea` with K = 10 is no task of exploration"),
+        "{printed}"
+    );
+}
