@@ -108,7 +108,8 @@ fn gradient_steps(run: &RunResult) -> f64 {
         .sum()
 }
 
-/// Speed-up over the fastest cell with one agent in the same task. Runs that did not solve it count
+/// Speed-up over the fastest cell with one agent in the same task; `None` without teams or without
+/// single agents. Runs that did not solve it count
 /// with the smallest maximum number of episodes of all cells in this task.
 fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
     let task = &cell.description.task;
@@ -119,6 +120,9 @@ fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
             .filter(|other| other.description.task == *task)
     };
     let horizon = cells().map(|other| other.description.max_episodes).min()?;
+    if cells().all(|other| other.description.agents == 1) {
+        return None;
+    }
     let single_agents = cells().filter(|other| other.description.agents == 1);
     let time_of_best = single_agents
         .filter_map(|other| mean_episodes(other, horizon))
