@@ -3,8 +3,9 @@
 //!
 //! A directory with published results has `study.json`, the manifest with the study file and its
 //! lock; `results.csv.gz`, the report's `results.csv`, with one row per run; and `builds.json`, which
-//! says what made the runs. From these files the verdicts and tables are computed again, with the same digits. Curves and visited states
-//! are not published: `seedbed study --confirm` makes the runs again, with the same bits.
+//! says what made the runs. From these files the verdicts and tables are computed again, with the
+//! same digits. Curves and visited states are not published: `seedbed study --confirm` makes the runs
+//! again, with the same bits.
 
 use std::collections::{BTreeSet, HashMap};
 use std::io::{self, Read, Write};
@@ -29,6 +30,9 @@ use crate::run::files;
 /// Name of the file with one row per run.
 const TABLE: &str = "results.csv.gz";
 
+/// Size of the uncompressed table up to which it is read, so that a small file cannot fill the memory.
+const MAX_TABLE_BYTES: u64 = 1 << 30;
+
 /// What made the runs of a study: `builds.json`.
 #[derive(Serialize, Deserialize)]
 struct Builds {
@@ -41,8 +45,8 @@ struct Builds {
 /// Name of the file with the builds.
 const BUILDS: &str = "builds.json";
 
-/// Writes `study.json`, `builds.json`, `results.csv.gz`, `claims.md` and `tables.md` to the folder of the study in
-/// `parent`. Returns that folder.
+/// Writes `study.json`, `builds.json`, `results.csv.gz`, `claims.md` and `tables.md` to the folder of
+/// the study in `parent`. Returns that folder.
 ///
 /// # Errors
 /// If a file cannot be written.
@@ -51,7 +55,8 @@ pub fn write(
     claim_results: &[ClaimResult],
     parent: &Path,
 ) -> io::Result<PathBuf> {
-    let folder = parent.join(&results.manifest.name);
+    let name = Path::new(&results.manifest.name).file_name();
+    let folder = parent.join(name.ok_or(io::ErrorKind::InvalidFilename)?);
     std::fs::create_dir_all(&folder)?;
     files::replace(
         &folder.join("study.json"),
@@ -88,7 +93,11 @@ pub(super) fn read_table(results: &mut Results, folder: &StudyFolder) -> Result<
         line,
         message,
     };
-    read_builds(results, folder).map_err(|problem| error(None, problem.to_string()))?;
+    read_builds(results, folder).map_err(|problem| ResultsError::Table {
+        path: folder.path().join(BUILDS),
+        line: None,
+        message: problem.to_string(),
+    })?;
     let text = decompress(&path).map_err(|problem| error(None, problem.to_string()))?;
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let header = reader
@@ -123,7 +132,11 @@ fn read_builds(results: &mut Results, folder: &StudyFolder) -> io::Result<()> {
 
 fn decompress(path: &Path) -> io::Result<String> {
     let mut text = String::new();
-    GzDecoder::new(std::fs::File::open(path)?).read_to_string(&mut text)?;
+    let mut decoder = GzDecoder::new(std::fs::File::open(path)?).take(MAX_TABLE_BYTES);
+    decoder.read_to_string(&mut text)?;
+    if text.len() as u64 == MAX_TABLE_BYTES {
+        return Err(io::Error::other("the table has more than 1 GiB"));
+    }
     Ok(text)
 }
 

@@ -479,6 +479,10 @@ fn damaged_and_foreign_rows_of_published_results_are_refused() {
     flipped[bytes.len() / 2] ^= 1;
     assert!(refusal(&flipped).contains("results.csv.gz"));
     assert!(refusal(&bytes[..bytes.len() - 9]).contains("results.csv.gz"));
+    let builds = fs::read(published.join("builds.json")).unwrap();
+    fs::write(published.join("builds.json"), "{").unwrap();
+    assert!(refusal(&bytes).contains("builds.json: "));
+    fs::write(published.join("builds.json"), builds).unwrap();
     let text = decompressed(&bytes);
     for (old, new, expected) in [
         ("\nseeds,", "\nother,", ":2: the study has no cell `other`"),
