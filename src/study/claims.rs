@@ -20,6 +20,8 @@ use seedbed_stats::{Direction, Interval, Verdict, verdict_on_effect, verdict_on_
 /// Result of comparing a claim with the runs of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClaimResult {
+    /// Direction of the claim.
+    pub direction: ClaimDirection,
     /// Comparison of the two cells of the claim; `None` if a cell has no runs.
     pub comparison: Option<Comparison>,
     /// Interval of the effect: of confirmatory claims the one that decides, of others the 95 %
@@ -94,6 +96,7 @@ fn result_without_verdict(
     let comparison = compared.map(|compared| compared.comparison);
     let late_claims = &results.manifest.late_claims;
     ClaimResult {
+        direction: claim.direction,
         interval: comparison.map_or(Interval::TooFewRuns { n: 0 }, |found| found.effect.interval),
         comparison,
         p: None,
@@ -245,6 +248,17 @@ impl Claim {
 }
 
 impl ClaimResult {
+    /// A claim with a margin on one side only says nothing about effects on the other side.
+    fn no_relevant_effect_text(&self) -> &'static str {
+        match self.direction {
+            ClaimDirection::NotMore => "no relevant increase",
+            ClaimDirection::NotLess => "no relevant decrease",
+            ClaimDirection::More | ClaimDirection::Less | ClaimDirection::Same => {
+                "no relevant effect"
+            }
+        }
+    }
+
     /// Verdict as text, such as `supported`.
     #[must_use]
     pub fn verdict_text(&self) -> String {
@@ -252,7 +266,7 @@ impl ClaimResult {
             None => return "exploratory".to_owned(),
             Some(Verdict::Supported) => "supported",
             Some(Verdict::Negligible) => "supported but negligible",
-            Some(Verdict::NoRelevantEffect) => "no relevant effect",
+            Some(Verdict::NoRelevantEffect) => self.no_relevant_effect_text(),
             Some(Verdict::Refuted) => "refuted",
             Some(Verdict::Open) => "open",
         };

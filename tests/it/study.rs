@@ -646,6 +646,8 @@ fn a_claim_without_an_effect_is_not_supported() {
         ("Less", "0.001"),
         ("Same", "500"),
         ("Same", "0.001"),
+        ("NotMore", "500"),
+        ("NotLess", "500"),
     ];
     let claims = claims
         .map(|(direction, smallest)| claim(direction, smallest))
@@ -653,11 +655,13 @@ fn a_claim_without_an_effect_is_not_supported() {
     let (_folder, study, out) = write_study(&study_text(6, &format!("claims: [{claims}],")));
     let printed = stdout(&run_study(&study, &out, &[]));
     for line in [
-        "refuted            More 500",
-        "open               Less 0.001",
-        "no relevant effect Same 500",
-        "open               Same 0.001",
-        "4 confirmatory claims: 1 refuted, 2 open, 1 no relevant effect",
+        "refuted              More 500",
+        "open                 Less 0.001",
+        "no relevant effect   Same 500",
+        "open                 Same 0.001",
+        "no relevant increase NotMore 500",
+        "no relevant decrease NotLess 500",
+        "6 confirmatory claims: 1 refuted, 2 open, 1 no relevant effect, 1 no relevant increase, 1 no relevant decrease",
     ] {
         assert!(printed.contains(line), "{line} in {printed}");
     }
@@ -669,12 +673,12 @@ fn a_claim_without_an_effect_is_not_supported() {
 fn assert_no_effect_on_page(out: &Path) {
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     let effect = ">Effect: difference between the means. Test: studentized permutation test.<";
-    assert_eq!(page.matches(effect).count(), 4);
+    assert_eq!(page.matches(effect).count(), 6);
     let counts_of_sides = ["above", "below"].map(|side| {
         page.matches(&format!("; P(first {side} second) = 0.5 ("))
             .count()
     });
-    assert_eq!(counts_of_sides, [1, 3]);
+    assert_eq!(counts_of_sides, [2, 4]);
 }
 
 #[test]

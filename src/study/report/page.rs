@@ -451,8 +451,8 @@ fn methods_section() -> Markup {
              of an effect is " em { "supported" } " if its interval excludes 0 in the claimed direction, "
             em { "supported but negligible" } " if it also excludes the smallest effect of interest, "
             em { "refuted" } " if it excludes the smallest effect of interest but not 0, and otherwise " em { "open" }
-            ". For a claim of no effect there is " em { "no relevant effect" } " if the whole interval is within the \
-             margins; it is " em { "refuted" } " if the whole interval is outside, and otherwise open. Claims whose runs \
+            ". For a claim of no effect there is " em { "no relevant effect" } " (with a margin on one side only: no relevant \
+             increase or decrease) if the whole interval is within the margins; it is " em { "refuted" } " if the whole interval is outside, and otherwise open. Claims whose runs \
              all have the same value are open."
         }
         p {
