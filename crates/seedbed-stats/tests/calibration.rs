@@ -1,4 +1,5 @@
-//! Calibration: how often claims are falsely supported when there is no effect.
+//! Calibration: how often claims are falsely supported when there is no effect, and how often they
+//! are falsely refuted, or an effect falsely denied, when it is as large as the smallest of interest.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -13,13 +14,16 @@ use seedbed_stats::survival::TimeToEvent;
 /// Number of simulated studies for each number of runs.
 const STUDIES: u64 = 2000;
 
+/// Number of simulated studies with effects for each number of runs.
+const STUDIES_WITH_EFFECTS: u64 = 1000;
+
 /// Largest acceptable rate of studies with a false claim: twice [`FAMILY_LEVEL`], because a claim
 /// can have either direction.
 const NOMINAL_RATE: f64 = 2.0 * FAMILY_LEVEL;
 
-/// Four standard errors of the rate of [`STUDIES`] studies.
-fn binomial_error() -> f64 {
-    4.0 * (NOMINAL_RATE * (1.0 - NOMINAL_RATE) / STUDIES as f64).sqrt()
+/// Four standard errors of a rate that is estimated from so many studies.
+fn binomial_error(rate: f64, studies: u64) -> f64 {
+    4.0 * (rate * (1.0 - rate) / studies as f64).sqrt()
 }
 
 /// A number drawn for one run.
@@ -74,7 +78,10 @@ fn studies_without_effects_rarely_support_a_claim() {
             scope.spawn(move || {
                 let rate = rate_of_false_support(n);
                 println!("{n} runs: {rate}");
-                assert!(rate <= NOMINAL_RATE + binomial_error(), "{n} runs: {rate}");
+                assert!(
+                    rate <= NOMINAL_RATE + binomial_error(NOMINAL_RATE, STUDIES),
+                    "{n} runs: {rate}"
+                );
                 // A test that never rejects would pass, too.
                 assert!(rate >= 0.01, "{n} runs: {rate}");
             });
@@ -92,4 +99,87 @@ fn rate_of_false_support(n: usize) -> f64 {
         decisions.are_rejected().contains(&true)
     };
     (0..STUDIES).filter(supports_a_claim).count() as f64 / STUDIES as f64
+}
+
+/// A comparison of two cells of which the second has scores that are smaller by `effect`.
+struct ComparisonWithEffect {
+    test: Box<dyn EffectTest>,
+    effect: f64,
+}
+
+/// Comparisons of n runs each: of scores that are shifted by about one standard deviation, and of
+/// shares that differ by 0.4.
+fn comparisons_with_effects(
+    n: usize,
+    splits: &Splits,
+    random: &mut ChaCha8Rng,
+) -> Vec<ComparisonWithEffect> {
+    let mut comparisons: Vec<ComparisonWithEffect> = Vec::new();
+    for (draw, effect) in SCORES.into_iter().zip([1.0, 2.0, 60.0]) {
+        let [mut x, y] = [0, 1].map(|_| scores(n, draw, random));
+        for score in &mut x {
+            *score += effect;
+        }
+        let test = Box::new(TwoMeans::with_splits(&x, &y, splits));
+        comparisons.push(ComparisonWithEffect { test, effect });
+    }
+    for smaller_share in [0.05, 0.3, 0.5] {
+        let effect = 0.4;
+        let x = share(n, smaller_share + effect, random);
+        let test = Box::new(TwoShares::new(x, share(n, smaller_share, random)));
+        comparisons.push(ComparisonWithEffect { test, effect });
+    }
+    comparisons
+}
+
+/// Whether any claim of an effect is refuted whose effect is the smallest of interest: the upper end
+/// of its interval has Bonferroni's level.
+fn refutes_a_claim(comparisons: &[ComparisonWithEffect]) -> bool {
+    let level = FAMILY_LEVEL / comparisons.len() as f64;
+    let is_refuted =
+        |comparison: &ComparisonWithEffect| comparison.test.p_below(comparison.effect) <= level;
+    comparisons.iter().any(is_refuted)
+}
+
+/// Whether any claim of no effect is supported whose effect is as large as its margin.
+fn denies_an_effect(comparisons: &[ComparisonWithEffect]) -> bool {
+    let p_within_margins = |comparison: &ComparisonWithEffect| {
+        let [below, above] = [
+            comparison.test.p_below(comparison.effect),
+            comparison.test.p_above(-comparison.effect),
+        ];
+        below.max(above)
+    };
+    let p: Vec<f64> = comparisons.iter().map(p_within_margins).collect();
+    let decisions = holm_decisions(&p, FAMILY_LEVEL);
+    decisions.are_rejected().contains(&true)
+}
+
+#[test]
+fn studies_with_effects_rarely_refute_or_deny_them() {
+    std::thread::scope(|scope| {
+        for n in [10, 20, 50] {
+            scope.spawn(move || {
+                let rates = rates_of_false_denial(n);
+                println!("{n} runs: refuted {}, denied {}", rates[0], rates[1]);
+                let allowed = FAMILY_LEVEL + binomial_error(FAMILY_LEVEL, STUDIES_WITH_EFFECTS);
+                assert!(rates.iter().all(|&rate| rate <= allowed), "{n}: {rates:?}");
+                assert!(rates[0] >= 0.003, "{n} runs: {rates:?}");
+            });
+        }
+    });
+}
+
+/// Shares of studies with `n` runs per cell in which any claim of an effect is falsely refuted, and
+/// in which any claim of no effect is falsely supported.
+fn rates_of_false_denial(n: usize) -> [f64; 2] {
+    let splits = Splits::new(n, n);
+    let mut counts = [0.0, 0.0];
+    for study in 0..STUDIES_WITH_EFFECTS {
+        let mut random = ChaCha8Rng::seed_from_u64(1_000_000 + 1000 * n as u64 + study);
+        let comparisons = comparisons_with_effects(n, &splits, &mut random);
+        counts[0] += f64::from(u8::from(refutes_a_claim(&comparisons)));
+        counts[1] += f64::from(u8::from(denies_an_effect(&comparisons)));
+    }
+    counts.map(|count| count / STUDIES_WITH_EFFECTS as f64)
 }
