@@ -100,6 +100,55 @@ fn a_policy_that_knows_the_corridors_reaches_the_tip() {
     );
 }
 
+/// Pushes along a diagonal, given by its unit vector times √2, and back to its middle.
+fn along_the_diagonal(s: &[f32], [x, y]: [f32; 2]) -> [f32; 2] {
+    let aside = 2.0 * (y * s[0] - x * s[1]) + y * s[2] - x * s[3];
+    [
+        (x - y * aside).clamp(-1.0, 1.0),
+        (y + x * aside).clamp(-1.0, 1.0),
+    ]
+}
+
+fn to_the_south_eastern_tip(s: &[f32]) -> Vec<f32> {
+    along_the_diagonal(s, [1.0, -1.0]).to_vec()
+}
+
+/// In the north-eastern corridor, pushes are reversed.
+fn to_the_north_eastern_tip(s: &[f32]) -> Vec<f32> {
+    let sign = if s[0] * s[0] + s[1] * s[1] < 1.69 {
+        1.0
+    } else {
+        -1.0
+    };
+    along_the_diagonal(s, [1.0, 1.0])
+        .map(|push| sign * push)
+        .to_vec()
+}
+
+#[test]
+fn rewards_in_other_corridors_are_reached_there_only() {
+    let [south_east, north_east] = ["corridors_south_east", "corridors_north_east"];
+    let policies: [fn(&[f32]) -> Vec<f32>; 2] =
+        [to_the_south_eastern_tip, to_the_north_eastern_tip];
+    for (task, policy, other) in [
+        (south_east, policies[0], north_east),
+        (north_east, policies[1], south_east),
+    ] {
+        let episodes = play(task, 20, &policy);
+        assert!(
+            episodes
+                .iter()
+                .all(|&(total, steps)| total == 1.0 && steps < 150),
+            "{task}: {episodes:?}"
+        );
+        let elsewhere = play(other, 5, &policy);
+        assert!(
+            elsewhere.iter().all(|(total, _)| *total == 0.0),
+            "{other}: {elsewhere:?}"
+        );
+    }
+}
+
 /// Three legs: to the right below the wall, up beyond it, to the left above it.
 fn around_the_corner(s: &[f32]) -> Vec<f32> {
     let aim = match (s[0], s[1]) {
