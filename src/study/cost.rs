@@ -109,8 +109,8 @@ fn gradient_steps(run: &RunResult) -> f64 {
 }
 
 /// Speed-up over the fastest cell with one agent in the same task; `None` without teams or without
-/// single agents. Runs that did not solve it count
-/// with the smallest maximum number of episodes of all cells in this task.
+/// single agents. Runs that did not solve it count with the smallest maximum number of episodes of
+/// all cells in this task.
 fn speedup(results: &Results, cell: &CellResults) -> Option<Speedup> {
     let task = &cell.description.task;
     let cells = || {

@@ -40,9 +40,6 @@ const SCORES: [Draw; 3] = [
     },
 ];
 
-/// Shares of successful runs.
-const SHARES: [f64; 3] = [0.05, 0.5, 0.9];
-
 fn scores(n: usize, draw: Draw, random: &mut ChaCha8Rng) -> Vec<f64> {
     (0..n).map(|_| draw(random)).collect()
 }
@@ -52,121 +49,136 @@ fn share(n: usize, share: f64, random: &mut ChaCha8Rng) -> Share {
     Share { successes, runs: n }
 }
 
-/// p-values of a study of six claims, three on means and three on shares, each about two cells of
-/// n runs from equal distributions. Each claim has the direction of its data.
-fn p_values_without_effects(n: usize, splits: &Splits, random: &mut ChaCha8Rng) -> Vec<f64> {
-    let mut p = Vec::new();
-    for draw in SCORES {
-        let [x, y] = [0, 1].map(|_| scores(n, draw, random));
-        let test = TwoMeans::with_splits(&x, &y, splits);
-        p.push(test.p_above(0.0).min(test.p_below(0.0)));
+/// Effects in a simulated study of six claims, each about two cells.
+struct Effects {
+    /// What each score of the first cell of a comparison of [`SCORES`] is larger by.
+    shifts: [f64; 3],
+    /// What the share of the first cell is larger by.
+    share: f64,
+    /// Shares of the second cells.
+    smaller_shares: [f64; 3],
+}
+
+const NO_EFFECTS: Effects = Effects {
+    shifts: [0.0; 3],
+    share: 0.0,
+    smaller_shares: [0.05, 0.5, 0.9],
+};
+
+/// Scores are shifted by about one standard deviation.
+const LARGE_EFFECTS: Effects = Effects {
+    shifts: [1.0, 2.0, 60.0],
+    share: 0.4,
+    smaller_shares: [0.05, 0.3, 0.5],
+};
+
+/// A comparison of two cells of which the first is larger by `effect`.
+struct Comparison {
+    test: Box<dyn EffectTest>,
+    effect: f64,
+}
+
+/// Comparisons of n runs each: three of means and three of shares.
+fn comparisons(
+    n: usize,
+    effects: &Effects,
+    splits: &Splits,
+    random: &mut ChaCha8Rng,
+) -> Vec<Comparison> {
+    let mut comparisons: Vec<Comparison> = Vec::new();
+    for (draw, effect) in SCORES.into_iter().zip(effects.shifts) {
+        let [mut x, y] = [0, 1].map(|_| scores(n, draw, random));
+        for score in &mut x {
+            *score += effect;
+        }
+        let test = Box::new(TwoMeans::with_splits(&x, &y, splits));
+        comparisons.push(Comparison { test, effect });
     }
-    for true_share in SHARES {
-        let [x, y] = [0, 1].map(|_| share(n, true_share, random));
-        let test = TwoShares::new(x, y);
-        p.push(test.p_above(0.0).min(test.p_below(0.0)));
+    let effect = effects.share;
+    for smaller_share in effects.smaller_shares {
+        let [x, y] = [effect, 0.0].map(|more| share(n, smaller_share + more, random));
+        let test = Box::new(TwoShares::new(x, y));
+        comparisons.push(Comparison { test, effect });
     }
-    p
+    comparisons
+}
+
+/// Runs `check` with each number of runs per cell, in threads.
+fn for_each_number_of_runs(check: fn(usize)) {
+    std::thread::scope(|scope| {
+        for n in [10, 20, 50] {
+            scope.spawn(move || check(n));
+        }
+    });
 }
 
 /// Claims of the direction that the data happen to have are the worst case: the rate of false
 /// support is up to twice the level.
 #[test]
 fn studies_without_effects_rarely_support_a_claim() {
-    std::thread::scope(|scope| {
-        for n in [10, 20, 50] {
-            scope.spawn(move || {
-                let rate = rate_of_false_support(n);
-                println!("{n} runs: {rate}");
-                assert!(
-                    rate <= NOMINAL_RATE + binomial_error(NOMINAL_RATE, STUDIES),
-                    "{n} runs: {rate}"
-                );
-                // A test that never rejects would pass, too.
-                assert!(rate >= 0.01, "{n} runs: {rate}");
-            });
-        }
+    for_each_number_of_runs(|n| {
+        let rate = rate_of_false_support(n);
+        println!("{n} runs: {rate}");
+        let allowed = NOMINAL_RATE + binomial_error(NOMINAL_RATE, STUDIES);
+        assert!(rate <= allowed, "{n} runs: {rate}");
+        // A test that never rejects would pass, too.
+        assert!(rate >= 0.01, "{n} runs: {rate}");
     });
 }
 
 /// Share of studies with `n` runs per cell and no effect in which any claim is supported.
 fn rate_of_false_support(n: usize) -> f64 {
     let splits = Splits::new(n, n);
-    let supports_a_claim = |study: &u64| {
+    let is_false = |study: &u64| {
         let mut random = ChaCha8Rng::seed_from_u64(1000 * n as u64 + study);
-        let p = p_values_without_effects(n, &splits, &mut random);
-        let decisions = holm_decisions(&p, FAMILY_LEVEL);
-        decisions.are_rejected().contains(&true)
+        supports_a_claim(&comparisons(n, &NO_EFFECTS, &splits, &mut random))
     };
-    (0..STUDIES).filter(supports_a_claim).count() as f64 / STUDIES as f64
+    (0..STUDIES).filter(is_false).count() as f64 / STUDIES as f64
 }
 
-/// A comparison of two cells of which the second has scores that are smaller by `effect`.
-struct ComparisonWithEffect {
-    test: Box<dyn EffectTest>,
-    effect: f64,
+/// Whether any claim of an effect is supported. Each claim has the direction of its data.
+fn supports_a_claim(comparisons: &[Comparison]) -> bool {
+    let p_of_likelier_direction =
+        |Comparison { test, .. }: &Comparison| test.p_above(0.0).min(test.p_below(0.0));
+    rejects_any(comparisons.iter().map(p_of_likelier_direction))
 }
 
-/// Comparisons of n runs each: of scores that are shifted by about one standard deviation, and of
-/// shares that differ by 0.4.
-fn comparisons_with_effects(
-    n: usize,
-    splits: &Splits,
-    random: &mut ChaCha8Rng,
-) -> Vec<ComparisonWithEffect> {
-    let mut comparisons: Vec<ComparisonWithEffect> = Vec::new();
-    for (draw, effect) in SCORES.into_iter().zip([1.0, 2.0, 60.0]) {
-        let [mut x, y] = [0, 1].map(|_| scores(n, draw, random));
-        for score in &mut x {
-            *score += effect;
-        }
-        let test = Box::new(TwoMeans::with_splits(&x, &y, splits));
-        comparisons.push(ComparisonWithEffect { test, effect });
-    }
-    for smaller_share in [0.05, 0.3, 0.5] {
-        let effect = 0.4;
-        let x = share(n, smaller_share + effect, random);
-        let test = Box::new(TwoShares::new(x, share(n, smaller_share, random)));
-        comparisons.push(ComparisonWithEffect { test, effect });
-    }
-    comparisons
+/// Whether Holm's procedure rejects any of the hypotheses of a family.
+fn rejects_any(p: impl Iterator<Item = f64>) -> bool {
+    let p: Vec<f64> = p.collect();
+    holm_decisions(&p, FAMILY_LEVEL)
+        .are_rejected()
+        .contains(&true)
 }
 
 /// Whether any claim of an effect is refuted whose effect is the smallest of interest: the upper end
 /// of its interval has Bonferroni's level.
-fn refutes_a_claim(comparisons: &[ComparisonWithEffect]) -> bool {
+fn refutes_a_claim(comparisons: &[Comparison]) -> bool {
     let level = FAMILY_LEVEL / comparisons.len() as f64;
-    let is_refuted =
-        |comparison: &ComparisonWithEffect| comparison.test.p_below(comparison.effect) <= level;
+    let is_refuted = |comparison: &Comparison| comparison.test.p_below(comparison.effect) <= level;
     comparisons.iter().any(is_refuted)
 }
 
 /// Whether any claim of no effect is supported whose effect is as large as its margin.
-fn denies_an_effect(comparisons: &[ComparisonWithEffect]) -> bool {
-    let p_within_margins = |comparison: &ComparisonWithEffect| {
+fn denies_an_effect(comparisons: &[Comparison]) -> bool {
+    let p_within_margins = |comparison: &Comparison| {
         let [below, above] = [
             comparison.test.p_below(comparison.effect),
             comparison.test.p_above(-comparison.effect),
         ];
         below.max(above)
     };
-    let p: Vec<f64> = comparisons.iter().map(p_within_margins).collect();
-    let decisions = holm_decisions(&p, FAMILY_LEVEL);
-    decisions.are_rejected().contains(&true)
+    rejects_any(comparisons.iter().map(p_within_margins))
 }
 
 #[test]
 fn studies_with_effects_rarely_refute_or_deny_them() {
-    std::thread::scope(|scope| {
-        for n in [10, 20, 50] {
-            scope.spawn(move || {
-                let rates = rates_of_false_denial(n);
-                println!("{n} runs: refuted {}, denied {}", rates[0], rates[1]);
-                let allowed = FAMILY_LEVEL + binomial_error(FAMILY_LEVEL, STUDIES_WITH_EFFECTS);
-                assert!(rates.iter().all(|&rate| rate <= allowed), "{n}: {rates:?}");
-                assert!(rates[0] >= 0.003, "{n} runs: {rates:?}");
-            });
-        }
+    for_each_number_of_runs(|n| {
+        let rates = rates_of_false_denial(n);
+        println!("{n} runs: refuted {}, denied {}", rates[0], rates[1]);
+        let allowed = FAMILY_LEVEL + binomial_error(FAMILY_LEVEL, STUDIES_WITH_EFFECTS);
+        assert!(rates.iter().all(|&rate| rate <= allowed), "{n}: {rates:?}");
+        assert!(rates[0] >= 0.003, "{n} runs: {rates:?}");
     });
 }
 
@@ -177,7 +189,7 @@ fn rates_of_false_denial(n: usize) -> [f64; 2] {
     let mut counts = [0.0, 0.0];
     for study in 0..STUDIES_WITH_EFFECTS {
         let mut random = ChaCha8Rng::seed_from_u64(1_000_000 + 1000 * n as u64 + study);
-        let comparisons = comparisons_with_effects(n, &splits, &mut random);
+        let comparisons = comparisons(n, &LARGE_EFFECTS, &splits, &mut random);
         counts[0] += f64::from(u8::from(refutes_a_claim(&comparisons)));
         counts[1] += f64::from(u8::from(denies_an_effect(&comparisons)));
     }

@@ -127,26 +127,31 @@ fn to_the_north_eastern_tip(s: &[f32]) -> Vec<f32> {
 
 #[test]
 fn rewards_in_other_corridors_are_reached_there_only() {
-    let [south_east, north_east] = ["corridors_south_east", "corridors_north_east"];
-    let policies: [fn(&[f32]) -> Vec<f32>; 2] =
-        [to_the_south_eastern_tip, to_the_north_eastern_tip];
-    for (task, policy, other) in [
-        (south_east, policies[0], north_east),
-        (north_east, policies[1], south_east),
-    ] {
-        let episodes = play(task, 20, &policy);
-        assert!(
-            episodes
-                .iter()
-                .all(|&(total, steps)| total == 1.0 && steps < 150),
-            "{task}: {episodes:?}"
-        );
-        let elsewhere = play(other, 5, &policy);
-        assert!(
-            elsewhere.iter().all(|(total, _)| *total == 0.0),
-            "{other}: {elsewhere:?}"
-        );
-    }
+    assert_reached_in_one_only(
+        "corridors_south_east",
+        "corridors_north_east",
+        &to_the_south_eastern_tip,
+    );
+    assert_reached_in_one_only(
+        "corridors_north_east",
+        "corridors_south_east",
+        &to_the_north_eastern_tip,
+    );
+}
+
+fn assert_reached_in_one_only(task: &str, other: &str, policy: &dyn Fn(&[f32]) -> Vec<f32>) {
+    let episodes = play(task, 20, policy);
+    assert!(
+        episodes
+            .iter()
+            .all(|&(total, steps)| total == 1.0 && steps < 150),
+        "{task}: {episodes:?}"
+    );
+    let elsewhere = play(other, 5, policy);
+    assert!(
+        elsewhere.iter().all(|(total, _)| *total == 0.0),
+        "{other}: {elsewhere:?}"
+    );
 }
 
 /// Three legs: to the right below the wall, up beyond it, to the left above it.
