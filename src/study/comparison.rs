@@ -7,13 +7,13 @@
 
 use super::measure::Measure;
 use super::run_result::RunResult;
-use seedbed_stats::aggregate::{interquartile_mean_of_sorted, mean, median_of_sorted};
-use seedbed_stats::bootstrap::bootstrap_sorted_statistics;
+use seedbed_stats::aggregate::{mean, median};
+use seedbed_stats::bootstrap::bootstrap_mean_and_interquartile_mean;
 use seedbed_stats::effect_test::{EffectTest, lower_bound, upper_bound};
 use seedbed_stats::family::FAMILY_LEVEL;
 use seedbed_stats::improvement::win_probability;
 use seedbed_stats::means::{MeanOfDifferences, TwoMeans};
-use seedbed_stats::shares::{Share, TwoShares};
+use seedbed_stats::shares::{Share, TwoShares, wilson_interval};
 use seedbed_stats::survival::{TimeToEvent, kaplan_meier};
 use seedbed_stats::{Estimate, Interval, MIN_RUNS};
 
@@ -35,10 +35,12 @@ pub struct Aggregate {
     pub n: usize,
     /// Number of runs that reached the time. Equals `n` if the measure is not a time.
     pub reached: usize,
-    /// Median. For times this is the Kaplan–Meier median, infinite if the survival curve never
-    /// falls below ½.
-    pub median: Estimate,
-    /// Interquartile mean; `None` if a run did not reach the time.
+    /// Share of runs with the value 1, with Wilson's interval; of times the Kaplan–Meier median,
+    /// infinite if the survival curve never falls below ½; of other measures the mean.
+    pub center: Estimate,
+    /// Median; of times, runs that did not reach them count as infinite.
+    pub median: f64,
+    /// Interquartile mean; `None` of shares, and if a run did not reach the time.
     pub interquartile_mean: Option<Estimate>,
     /// Minimum and maximum.
     pub range: [f64; 2],
@@ -121,35 +123,53 @@ pub fn times_to_event(scores: &[RunScore]) -> Vec<TimeToEvent> {
     scores.iter().map(|score| score.time_to_event()).collect()
 }
 
-/// Summarizes scores. With `are_times`, infinite scores are censored times. `None` without scores.
+/// Summarizes scores of a measure. Infinite times are censored. `None` without scores.
 #[must_use]
-pub fn summarize_scores(scores: &[RunScore], are_times: bool) -> Option<Aggregate> {
+pub fn summarize_scores(scores: &[RunScore], measure: Measure) -> Option<Aggregate> {
     let values: Vec<f64> = scores.iter().map(|score| score.value).collect();
     if values.is_empty() {
         return None;
     }
     let reached = values.iter().filter(|value| value.is_finite()).count();
     let all_reached = reached == values.len();
-    let (median, interquartile_mean) = match (are_times, all_reached) {
-        (true, false) => (median_time(scores), None),
-        (true, true) => (
-            median_time(scores),
-            Some(median_and_interquartile_mean(&values)[1]),
-        ),
-        (false, _) => {
-            let [median, interquartile_mean] = median_and_interquartile_mean(&values);
-            (median, all_reached.then_some(interquartile_mean))
+    let (center, interquartile_mean) = match Quantity::of(measure, f64::INFINITY) {
+        Quantity::Share => (share_with_interval(&values), None),
+        Quantity::RestrictedMeanTime { .. } => {
+            let iqm = || bootstrap_mean_and_interquartile_mean(&values)[1];
+            (median_time(scores), all_reached.then(iqm))
+        }
+        Quantity::Mean => {
+            let [mean, interquartile_mean] = bootstrap_mean_and_interquartile_mean(&values);
+            (mean, Some(interquartile_mean))
         }
     };
-    let min = values.iter().copied().fold(values[0], f64::min);
-    let max = values.iter().copied().fold(values[0], f64::max);
     Some(Aggregate {
         n: values.len(),
         reached,
-        median,
+        center,
+        median: median(&values),
         interquartile_mean,
-        range: [min, max],
+        range: [
+            values.iter().copied().fold(values[0], f64::min),
+            values.iter().copied().fold(values[0], f64::max),
+        ],
     })
+}
+
+/// Share of runs with the value 1, with Wilson's interval.
+fn share_with_interval(values: &[f64]) -> Estimate {
+    let share = share_of_successes(values);
+    Estimate {
+        value: share.value(),
+        interval: wilson_interval(share),
+    }
+}
+
+fn share_of_successes(values: &[f64]) -> Share {
+    Share {
+        successes: values.iter().filter(|&&value| value > 0.5).count(),
+        runs: values.len(),
+    }
 }
 
 /// Kaplan–Meier median with its interval.
@@ -159,16 +179,6 @@ fn median_time(scores: &[RunScore]) -> Estimate {
         value: curve.median().unwrap_or(f64::INFINITY),
         interval: curve.median_interval(),
     }
-}
-
-/// Median and interquartile mean with their bootstrap intervals, from the same resamples.
-fn median_and_interquartile_mean(values: &[f64]) -> [Estimate; 2] {
-    let estimates =
-        bootstrap_sorted_statistics(&[vec![values.to_vec()]], 2, |groups, statistics| {
-            statistics[0] = median_of_sorted(&groups[0]);
-            statistics[1] = interquartile_mean_of_sorted(&groups[0]);
-        });
-    [estimates[0], estimates[1]]
 }
 
 impl Quantity {
@@ -249,10 +259,7 @@ impl Samples {
         let [first, second] = &self.values;
         match self.quantity {
             Quantity::Share => {
-                let [first, second] = [first, second].map(|values| Share {
-                    successes: values.iter().filter(|&&value| value > 0.5).count(),
-                    runs: values.len(),
-                });
+                let [first, second] = [first, second].map(|values| share_of_successes(values));
                 Box::new(TwoShares::new(first, second))
             }
             _ if self.paired => {
@@ -432,13 +439,34 @@ mod tests {
     /// Runs that did not reach their time have no interquartile mean.
     #[test]
     fn unreached_times_are_censored_in_summaries() {
-        let aggregate = summarize_scores(&times("10 20 30 40+ 40+"), true).unwrap();
+        let aggregate =
+            summarize_scores(&times("10 20 30 40+ 40+"), Measure::EpisodesToSolve).unwrap();
         assert_eq!(
-            (aggregate.n, aggregate.reached, aggregate.median.value),
+            (aggregate.n, aggregate.reached, aggregate.center.value),
             (5, 3, 30.0)
         );
         assert_eq!(aggregate.interquartile_mean, None);
-        let aggregate = summarize_scores(&times("10 20 30 40 50"), true).unwrap();
+        let aggregate =
+            summarize_scores(&times("10 20 30 40 50"), Measure::EpisodesToSolve).unwrap();
         assert_eq!(aggregate.interquartile_mean.unwrap().value, 30.0);
+    }
+
+    /// Tables show the quantity that is tested. Half of four runs: Wilson's interval is
+    /// (p + z²/2n ± z √(p(1 − p)/n + z²/4n²)) / (1 + z²/n) = 0.5 ± 0.34996 with z = 1.96.
+    #[test]
+    fn summaries_have_means_and_shares() {
+        let scores = times("0 0 1 1");
+        let share = summarize_scores(&scores, Measure::Solved).unwrap();
+        let (low, high) = share
+            .center
+            .interval
+            .ends()
+            .map(|[low, high]| (low, high))
+            .unwrap();
+        assert_eq!(share.center.value, 0.5);
+        assert!((low - 0.15).abs() < 1e-4 && (high - 0.85).abs() < 1e-4);
+        let mean = summarize_scores(&times("0 0 0 8"), Measure::Coverage).unwrap();
+        assert_eq!((mean.center.value, mean.median), (2.0, 0.0));
+        assert_eq!(mean.interquartile_mean.unwrap().value, 0.0);
     }
 }

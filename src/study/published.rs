@@ -7,7 +7,7 @@
 //! same digits. Curves and visited states are not published: `seedbed study --confirm` makes the runs
 //! again, with the same bits.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -105,13 +105,15 @@ pub(super) fn read_table(results: &mut Results, folder: &StudyFolder) -> Result<
         .map_err(|problem| error(None, problem.to_string()))?;
     let columns: HashMap<String, usize> = header.iter().map(str::to_owned).zip(0..).collect();
     let measures = results.measures();
+    let run_seeds: HashSet<u64> = results.manifest.run_seeds().into_iter().collect();
     for (record, line) in reader.records().zip(2..) {
         let record = record.map_err(|problem| error(Some(line), problem.to_string()))?;
         let row = Row {
             record,
             columns: &columns,
         };
-        add_row(results, &measures, &row).map_err(|problem| error(Some(line), problem))?;
+        add_row(results, &run_seeds, &measures, &row)
+            .map_err(|problem| error(Some(line), problem))?;
     }
     count_missing_runs(results);
     Ok(())
@@ -207,17 +209,21 @@ impl Row<'_> {
     }
 }
 
-/// Adds a run to its cell.
-fn add_row(results: &mut Results, measures: &[Measure], row: &Row<'_>) -> Result<(), String> {
+/// Adds a run to its cell, if its run seed is one of these.
+fn add_row(
+    results: &mut Results,
+    run_seeds: &HashSet<u64>,
+    measures: &[Measure],
+    row: &Row<'_>,
+) -> Result<(), String> {
     let name = row.text("cell")?;
     let run_seed: u64 = row.required("seed")?;
-    let is_registered = results.manifest.run_seeds().contains(&run_seed);
     let cell = results
         .cells
         .iter_mut()
         .find(|cell| cell.description.name == name);
     let cell = cell.ok_or_else(|| format!("the study has no cell `{name}`"))?;
-    if !is_registered || cell.has_run(run_seed) {
+    if !run_seeds.contains(&run_seed) || cell.has_run(run_seed) {
         return Err(format!(
             "the study has no (second) run of `{name}` with run seed {run_seed}"
         ));

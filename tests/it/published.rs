@@ -156,15 +156,16 @@ impl PublishedTables {
     }
 }
 
-/// The cell of a table in the row and in the column that begin with these texts.
+/// The cell of a table in the row and in the column that begin with these texts. A row that is equal
+/// to its text precedes rows that begin with it.
 fn cell(table: &[String], row: &str, column: &str) -> Option<String> {
     let position = cells(&table[0])
         .iter()
         .position(|head| head.starts_with(column))?;
-    let line = table[2..]
-        .iter()
-        .find(|line| cells(line)[0].starts_with(row))?;
-    Some(cells(line)[position].to_owned())
+    let rows: Vec<Vec<&str>> = table[2..].iter().map(|line| cells(line)).collect();
+    let equal = rows.iter().find(|cells| cells[0] == row);
+    let found = equal.or_else(|| rows.iter().find(|cells| cells[0].starts_with(row)))?;
+    Some(found[position].to_owned())
 }
 
 fn cells(line: &str) -> Vec<&str> {
@@ -176,7 +177,8 @@ fn references_are_replaced_by_cells_and_tables() {
     let folder = tempfile::tempdir().unwrap();
     let study = folder.path().join("small");
     fs::create_dir(&study).unwrap();
-    let tables = "# T\n\n## Cost of all\n\n| cell | K |\n|---|---|\n| a | 4 |\n\n## n\n";
+    let tables =
+        "# T\n\n## Cost of all\n\n| cell | K |\n|---|---|\n| a, b | 5 |\n| a | 4 |\n\n## n\n";
     fs::write(study.join("tables.md"), tables).unwrap();
     fs::write(
         study.join("claims.md"),

@@ -98,35 +98,14 @@ fn cost_table(results: &Results) -> Table {
 
 /// Table of one measure, with a summary of the runs of each cell.
 fn measure_table(results: &Results, measure: Measure) -> Table {
-    let is_time = measure.is_time();
-    let reached_column: &[&str] = if is_time { &["reached"] } else { &[] };
-    let head = [
-        &["cell", "n"],
-        reached_column,
-        &[
-            "median",
-            "95 % interval",
-            "IQM (95 % interval)",
-            "min",
-            "max",
-        ],
-    ]
-    .concat();
+    let quantity = Quantity::of(measure, f64::INFINITY);
+    let head = [&["cell", "n"], columns(quantity)].concat();
     let row = |cell: &CellResults| {
-        let aggregate = summarize_scores(cell.scores(measure), is_time);
-        let value_cells = aggregate.map_or_else(
-            || {
-                vec![
-                    if cell.costs.is_empty() {
-                        "no runs"
-                    } else {
-                        "not measured"
-                    }
-                    .to_owned(),
-                ]
-            },
-            |aggregate| aggregate_cells(&aggregate, is_time),
-        );
+        let value_cells = match summarize_scores(cell.scores(measure), measure) {
+            Some(aggregate) => aggregate_cells(&aggregate, quantity),
+            None if cell.costs.is_empty() => vec!["no runs".to_owned()],
+            None => vec!["not measured".to_owned()],
+        };
         let mut row = [vec![cell.description.name.clone()], value_cells].concat();
         row.resize(head.len(), String::new());
         row
@@ -138,30 +117,53 @@ fn measure_table(results: &Results, measure: Measure) -> Table {
     }
 }
 
-fn aggregate_cells(aggregate: &Aggregate, is_time: bool) -> Vec<String> {
-    let format_value = if is_time {
-        format::time
-    } else {
-        format::number
-    };
-    let format_interval = if is_time {
-        format::interval_of_time
-    } else {
-        format::interval
-    };
-    let mut cells = vec![aggregate.n.to_string()];
-    if is_time {
-        cells.push(format!("{}/{}", aggregate.reached, aggregate.n));
+/// Columns behind the number of runs, those of [`aggregate_cells`].
+fn columns(quantity: Quantity) -> &'static [&'static str] {
+    match quantity {
+        Quantity::Share => &["share (95 % interval)"],
+        Quantity::Mean => &[
+            "mean (95 % interval)",
+            "median",
+            "IQM (95 % interval)",
+            "min",
+            "max",
+        ],
+        Quantity::RestrictedMeanTime { .. } => &[
+            "reached",
+            "median",
+            "95 % interval",
+            "IQM (95 % interval)",
+            "min",
+            "max",
+        ],
     }
-    let interquartile_mean = aggregate.interquartile_mean.map(format::estimate);
-    cells.extend([
-        format_value(aggregate.median.value),
-        format_interval(aggregate.median.interval),
-        interquartile_mean.unwrap_or_else(|| "–".to_owned()),
-        format_value(aggregate.range[0]),
-        format_value(aggregate.range[1]),
-    ]);
-    cells
+}
+
+fn aggregate_cells(aggregate: &Aggregate, quantity: Quantity) -> Vec<String> {
+    let Aggregate { n, center, .. } = *aggregate;
+    let iqm = aggregate.interquartile_mean.map(format::estimate);
+    let iqm = iqm.unwrap_or_else(|| "–".to_owned());
+    let [min, max] = aggregate.range;
+    match quantity {
+        Quantity::Share => vec![n.to_string(), format::estimate(center)],
+        Quantity::Mean => vec![
+            n.to_string(),
+            format::estimate(center),
+            format::number(aggregate.median),
+            iqm,
+            format::number(min),
+            format::number(max),
+        ],
+        Quantity::RestrictedMeanTime { .. } => vec![
+            n.to_string(),
+            format!("{}/{n}", aggregate.reached),
+            format::time(center.value),
+            format::interval_of_time(center.interval),
+            iqm,
+            format::time(min),
+            format::time(max),
+        ],
+    }
 }
 
 /// Table of comparisons in the main measure. Each cell is compared with the first cell with the same

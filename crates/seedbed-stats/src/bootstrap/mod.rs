@@ -19,7 +19,7 @@
 
 mod draws;
 
-use super::aggregate::sorted;
+use super::aggregate::{interquartile_mean_of_sorted, mean, sorted};
 use super::{Estimate, Interval, MIN_RUNS};
 pub(crate) use draws::for_each_resample;
 
@@ -117,6 +117,20 @@ pub fn bootstrap_sorted_statistics(
         }
         statistic(&resampled, values);
     })
+}
+
+/// Estimates the mean and the interquartile mean of a sample from the same resamples, each with its
+/// 95 % interval.   `sample: [run]`
+///
+/// # Panics
+/// If the sample is empty.
+#[must_use]
+pub fn bootstrap_mean_and_interquartile_mean(sample: &[f64]) -> [Estimate; 2] {
+    let estimates = bootstrap_sorted_statistics(&[vec![sample.to_vec()]], 2, |groups, values| {
+        values[0] = mean(&groups[0]);
+        values[1] = interquartile_mean_of_sorted(&groups[0]);
+    });
+    [estimates[0], estimates[1]]
 }
 
 /// Whether all sorted scores have the same bits.
@@ -320,10 +334,7 @@ fn interpolate([low, high]: [f64; 2], fraction: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::aggregate::{
-        interquartile_mean, interquartile_mean_of_sorted, mean, mean_of_tasks, median,
-        median_of_sorted,
-    };
+    use crate::aggregate::{interquartile_mean, mean_of_tasks, median, median_of_sorted};
 
     fn percentile(values: &[f64], share: f64) -> f64 {
         super::percentile(values.len(), share, |index| {

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{UnnumberedFigure, capitalized, color, picture_of_curves, picture_of_one_panel};
-use crate::study::comparison::{summarize_scores, times_to_event};
+use crate::study::comparison::{Quantity, summarize_scores, times_to_event};
 use crate::study::measure::Measure;
 use crate::study::results::CellResults;
 use seedbed_figure::{Curves, IntervalRow, Intervals, Panel, Series};
@@ -61,13 +61,13 @@ impl Group<'_> {
             .collect()
     }
 
-    /// Estimate with its interval, and number of runs; `None` without runs. The estimate is the
-    /// median or, if tasks are pooled, the interquartile mean of all runs with a bootstrap interval
+    /// Estimate with its interval, and number of runs; `None` without runs. The estimate is that
+    /// of [`summarize_scores`] or, if tasks are pooled, the interquartile mean of all runs with a bootstrap interval
     /// stratified by task.
     fn estimate_with_count(&self, measure: Measure, is_pooled: bool) -> Option<(Estimate, usize)> {
         if let ([cell], false) = (&self.cells[..], is_pooled) {
-            let aggregate = summarize_scores(cell.scores(measure), measure.is_time())?;
-            return Some((aggregate.median, aggregate.n));
+            let aggregate = summarize_scores(cell.scores(measure), measure)?;
+            return Some((aggregate.center, aggregate.n));
         }
         let tasks = self.scores(measure);
         let n = tasks.iter().map(Vec::len).sum();
@@ -98,21 +98,23 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> UnnumberedFig
         })
     };
     let rows: Vec<IntervalRow> = groups.par_iter().enumerate().filter_map(row).collect();
-    let statistic = if is_pooled {
-        "interquartile mean of"
-    } else {
-        "median of"
+    let quantity = Quantity::of(measure, f64::INFINITY);
+    let statistic = match quantity {
+        _ if is_pooled => "interquartile mean of ",
+        Quantity::Share => "",
+        Quantity::Mean => "mean of ",
+        Quantity::RestrictedMeanTime { .. } => "median of ",
     };
+    let quantity_title = format!("{statistic}{}", measure.title());
     let panel = Intervals {
-        x_label: format!("{statistic} {}", measure.title()),
+        x_label: quantity_title.clone(),
         rows,
         ..Intervals::default()
     };
     let caption = format!(
-        "{} {} with its 95 % interval ({}).",
-        capitalized(statistic),
-        measure.title(),
-        interval_method(measure, is_pooled)
+        "{} with its 95 % interval ({}).",
+        capitalized(&quantity_title),
+        interval_method(quantity, is_pooled)
     );
     UnnumberedFigure {
         kind: "intervals",
@@ -123,11 +125,14 @@ pub(super) fn intervals(groups: &[Group<'_>], measure: Measure) -> UnnumberedFig
 }
 
 /// How the intervals of a measure are computed.
-fn interval_method(measure: Measure, is_pooled: bool) -> &'static str {
-    match (is_pooled, measure.is_time()) {
-        (true, _) => "bootstrap over the runs of all tasks, stratified by task",
-        (_, true) => "Kaplan–Meier; runs that ended without reaching it are censored",
-        _ => "bootstrap",
+fn interval_method(quantity: Quantity, is_pooled: bool) -> &'static str {
+    match quantity {
+        _ if is_pooled => "bootstrap over the runs of all tasks, stratified by task",
+        Quantity::Share => "Wilson",
+        Quantity::Mean => "bootstrap",
+        Quantity::RestrictedMeanTime { .. } => {
+            "Kaplan–Meier; runs that ended without reaching it are censored"
+        }
     }
 }
 
