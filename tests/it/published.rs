@@ -9,6 +9,7 @@
 //! <!-- fig_6_1 | episodes until solved | σ 0.01 | median -->282.5<!-- end -->
 //! ```
 //!
+//! The column `effect` of claims is the beginning of `found`, without the values of both cells.
 //! `<!-- fig_6_1 | claims -->` on a line of its own is followed by the whole table. With
 //! `UPDATE_EXPECT=1` documents are rewritten.
 
@@ -125,6 +126,9 @@ impl PublishedTables {
         let table = self.table(parts[0], parts[1])?;
         match parts[2..] {
             [] => Ok(format!("\n\n{}\n\n", table.join("\n"))),
+            [row, "effect"] => cell(&table, row, "found")
+                .map(|found| effect_of(&found).to_owned())
+                .ok_or_else(|| format!("no `{reference}`")),
             [row, column] => cell(&table, row, column).ok_or_else(|| format!("no `{reference}`")),
             _ => Err(format!(
                 "`{reference}`: expected a study, a table, a row and a column"
@@ -154,6 +158,12 @@ impl PublishedTables {
         }
         Ok(table)
     }
+}
+
+/// The effect with its interval of the column `found`, which also has both values:
+/// `2 (1 to 3), 6 against 4`.
+fn effect_of(found: &str) -> &str {
+    found.rsplit_once(", ").map_or(found, |(effect, _)| effect)
 }
 
 /// The cell of a table in the row and in the column that begin with these texts. A row that is equal
@@ -189,6 +199,7 @@ fn references_are_replaced_by_cells_and_tables() {
     let text = "K is <!-- small | Cost | a | K -->5<!-- end -->, n <!-- small | claims | more | n --><!-- end -->";
     let filled = "K is <!-- small | Cost | a | K -->4<!-- end -->, n <!-- small | claims | more | n -->7<!-- end -->";
     assert_eq!(fill_in(text, &tables).unwrap(), filled);
+    assert_eq!(effect_of("−2 (−3 to −1), 4 against 6"), "−2 (−3 to −1)");
     let table = fill_in(
         "<!-- note --> <!-- small | claims -->old<!-- end -->",
         &tables,

@@ -381,11 +381,12 @@ fn a_report_has_the_numbers_of_single_runs() {
         assert!((coverage - summary["team_coverage"].as_f64().unwrap()).abs() < 1e-6);
         assert_eq!(row["env_steps"], summary["env_steps"].to_string());
     }
+    let [mean, median] = reported_final_returns(&out);
+    let true_mean = final_returns.iter().sum::<f64>() / 5.0;
     final_returns.sort_by(f64::total_cmp);
-    let median = reported_median_of_final_returns(&out);
     assert!(
-        (median - final_returns[2]).abs() <= 0.005,
-        "{median} for {final_returns:?}"
+        (mean - true_mean).abs() <= 0.005 && (median - final_returns[2]).abs() <= 0.005,
+        "{mean} and {median} for {final_returns:?}"
     );
 }
 
@@ -427,16 +428,17 @@ fn read_summary(run: &Path) -> serde_json::Value {
     serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap()
 }
 
-/// The median that the report gives for the cell `σ 9`, over five runs.
-fn reported_median_of_final_returns(out: &Path) -> f64 {
+/// The mean and the median that the report gives for the cell `σ 9`, over five runs.
+fn reported_final_returns(out: &Path) -> [f64; 2] {
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     let table = &page[page
         .find("<h3>return over the last 5 episodes</h3>")
         .unwrap()..];
     let row = table[table.find("<td class=\"name\">σ 9</td>").unwrap()..].replace("</td>", "");
-    let cells: Vec<&str> = row.split("<td>").take(3).collect();
+    let cells: Vec<&str> = row.split("<td>").take(4).collect();
     assert_eq!(cells[1], "5");
-    cells[2].parse().unwrap()
+    let (mean, _) = cells[2].split_once(' ').unwrap();
+    [mean, cells[3]].map(|number| number.parse().unwrap())
 }
 
 /// A study of two tabular tasks and two algorithms. Two of its figures pool the tasks.
