@@ -457,12 +457,7 @@ mod tests {
     fn summaries_have_means_and_shares() {
         let scores = times("0 0 1 1");
         let share = summarize_scores(&scores, Measure::Solved).unwrap();
-        let (low, high) = share
-            .center
-            .interval
-            .ends()
-            .map(|[low, high]| (low, high))
-            .unwrap();
+        let [low, high] = share.center.interval.ends().unwrap();
         assert_eq!(share.center.value, 0.5);
         assert!((low - 0.15).abs() < 1e-4 && (high - 0.85).abs() < 1e-4);
         let mean = summarize_scores(&times("0 0 0 8"), Measure::Coverage).unwrap();

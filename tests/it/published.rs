@@ -126,9 +126,6 @@ impl PublishedTables {
         let table = self.table(parts[0], parts[1])?;
         match parts[2..] {
             [] => Ok(format!("\n\n{}\n\n", table.join("\n"))),
-            [row, "effect"] => cell(&table, row, "found")
-                .map(|found| effect_of(&found).to_owned())
-                .ok_or_else(|| format!("no `{reference}`")),
             [row, column] => cell(&table, row, column).ok_or_else(|| format!("no `{reference}`")),
             _ => Err(format!(
                 "`{reference}`: expected a study, a table, a row and a column"
@@ -169,6 +166,9 @@ fn effect_of(found: &str) -> &str {
 /// The cell of a table in the row and in the column that begin with these texts. A row that is equal
 /// to its text precedes rows that begin with it.
 fn cell(table: &[String], row: &str, column: &str) -> Option<String> {
+    if column == "effect" {
+        return cell(table, row, "found").map(|found| effect_of(&found).to_owned());
+    }
     let position = cells(&table[0])
         .iter()
         .position(|head| head.starts_with(column))?;

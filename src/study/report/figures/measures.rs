@@ -61,9 +61,9 @@ impl Group<'_> {
             .collect()
     }
 
-    /// Estimate with its interval, and number of runs; `None` without runs. The estimate is that
-    /// of [`summarize_scores`] or, if tasks are pooled, the interquartile mean of all runs with a bootstrap interval
-    /// stratified by task.
+    /// Estimate with its interval, and number of runs; `None` without runs. The estimate is that of
+    /// [`summarize_scores`] or, if tasks are pooled, the interquartile mean of all runs with a
+    /// bootstrap interval stratified by task.
     fn estimate_with_count(&self, measure: Measure, is_pooled: bool) -> Option<(Estimate, usize)> {
         if let ([cell], false) = (&self.cells[..], is_pooled) {
             let aggregate = summarize_scores(cell.scores(measure), measure)?;
