@@ -12,6 +12,8 @@
 //! → [`scenario`] → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
 //! describes all modules.
 
+pub mod export;
+pub mod input_files;
 pub mod plotting;
 pub mod record;
 pub mod run;

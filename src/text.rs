@@ -40,9 +40,36 @@ pub fn shell_word(word: &str) -> Cow<'_, str> {
     shlex::try_quote(word).unwrap_or(Cow::Borrowed(word))
 }
 
+/// The lines of a table, with two spaces between columns. The first column is aligned to the left,
+/// the others to the right. All rows have as many cells as the first one.
+#[must_use]
+pub fn align_columns(rows: &[Vec<String>]) -> Vec<String> {
+    let width = |column: usize| {
+        let cells = rows.iter().map(|row| row[column].chars().count());
+        cells.max().unwrap_or(0)
+    };
+    let columns = rows.first().map_or(0, Vec::len);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let mut line = format!("{:<1$}", row[0], widths[0]);
+        for (cell, width) in row.iter().zip(&widths).skip(1) {
+            line += &format!("  {cell:>width$}");
+        }
+        line.trim_end().to_owned()
+    };
+    rows.iter().map(line).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn columns_are_as_wide_as_their_longest_cell() {
+        let rows = [["run", "σ"], ["a", "0.5"]].map(|row| row.map(str::to_owned).to_vec());
+        assert_eq!(align_columns(&rows), ["run    σ", "a    0.5"]);
+        assert!(align_columns(&[]).is_empty());
+    }
 
     #[test]
     fn only_one_has_no_plural_s() {

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::{BenchArgs, CliError, pluralize};
+use seedbed::input_files::{self, Directory};
 use seedbed::study::bench::{Bench, BenchReport, BenchTable, Column};
-use seedbed::study::experiment::{self, Experiment, LoadError};
+use seedbed::study::experiment::{self, Experiment};
 use seedbed_stats::MIN_RUNS;
 
 pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
@@ -32,12 +33,11 @@ pub(super) fn bench(args: &BenchArgs) -> Result<(), CliError> {
 
 /// Loads all scenarios; an error unless all are compared by the same measure.
 fn load_scenarios(args: &BenchArgs) -> Result<Vec<Arc<dyn Experiment>>, CliError> {
-    let loaded: Result<Vec<_>, LoadError> = args
-        .scenarios
-        .iter()
-        .map(|path| experiment::load(path, &args.overrides))
-        .collect();
-    let experiments = loaded?;
+    let mut experiments = Vec::new();
+    for argument in &args.scenarios {
+        let path = input_files::find_argument(argument, &[Directory::Scenarios])?;
+        experiments.push(experiment::load(&path, &args.overrides)?);
+    }
     let measures: Vec<&str> = experiments
         .iter()
         .map(|experiment| experiment.bench_report().measure())

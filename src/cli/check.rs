@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use super::{CliError, pluralize};
+use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
 use seedbed::study::experiment::Experiment;
 use seedbed::study::plan::StudyPlan;
 use seedbed::tabular;
 use seedbed_env::input::{self, FileKind, InputError};
-use seedbed_env::{self, Choice, TaskSpec};
+use seedbed_env::{Choice, TaskSpec};
 
 /// Maximum number of observations that are listed by name.
 pub(super) const MAX_NAMED_OBSERVATIONS: usize = 30;
@@ -17,7 +18,7 @@ pub(super) const MAX_NAMED_OBSERVATIONS: usize = 30;
 pub(super) fn check(files: &[PathBuf]) -> Result<(), CliError> {
     let mut invalid = 0;
     for path in files {
-        match check_file(path) {
+        match find_and_check(path) {
             Ok(Checked {
                 description,
                 warnings,
@@ -47,13 +48,18 @@ struct Checked {
     warnings: Vec<String>,
 }
 
+fn find_and_check(path: &Path) -> Result<Checked, InputError> {
+    let directories = [Directory::Scenarios, Directory::Environments];
+    check_file(&input_files::find_argument(path, &directories)?)
+}
+
 fn check_file(path: &Path) -> Result<Checked, InputError> {
-    let text = input::read_text(path)?;
+    let text = input_files::read_text(path)?;
     let mut warnings = Vec::new();
     let description = match input::file_kind(&path.display().to_string(), &text)? {
         FileKind::Environment | FileKind::TabularEnvironment => Ok(format!(
             "environment; {}",
-            describe_spaces(seedbed_env::load(path)?.spec())
+            describe_spaces(input_files::read_task(path)?.0.spec())
         )),
         FileKind::TabularScenario => {
             describe_tabular(path).map(|description| format!("tabular scenario with {description}"))

@@ -2,12 +2,13 @@
 
 use super::{ActionsArg, CliError, EvaluateArgs, PlayArgs};
 use seedbed::run::evaluate::{self, EvaluationSettings};
+use seedbed::run::folder::run_folder;
 use seedbed_env::input::numbers::Positive;
 use seedbed_learn::agent::policy::ActionSelection;
 
 pub(super) fn evaluate(args: &EvaluateArgs) -> Result<(), CliError> {
     let settings = evaluation_settings(args.episodes, &args.play)?;
-    let (plan, episodes) = evaluate::evaluate(&evaluate::run_folder(&args.run), &settings)?;
+    let (plan, episodes) = evaluate::evaluate(&run_folder(&args.run), &settings)?;
     let (task, count) = (&plan.description.spec().name, args.episodes);
     say!(
         "{task}: {count} episode{} per agent, {}\n",

@@ -3,14 +3,42 @@
 use std::path::{Path, PathBuf};
 
 use super::check::{MAX_NAMED_OBSERVATIONS, describe_tabular, format_actions};
-use super::{ListKind, pluralize};
+use super::{CliError, ListKind, pluralize};
+use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
-use seedbed::scenario::{self, Scenario};
+use seedbed::scenario::Scenario;
 use seedbed::study::plan::StudyPlan;
 use seedbed::tabular::Algorithm as TabularAlgorithm;
 use seedbed_env::input::{self, FileKind, InputError};
 use seedbed_learn::algorithms::Algorithm;
 use seedbed_learn::algorithms::catalogue::Parameter;
+
+/// Prints the text of the environment or scenario with this name.
+pub(super) fn show(name: &Path, only_kind: Option<ListKind>) -> Result<(), CliError> {
+    let directories: &[Directory] = match only_kind {
+        Some(ListKind::Environments) => &[Directory::Environments],
+        Some(ListKind::Scenarios) => &[Directory::Scenarios],
+        Some(ListKind::Algorithms) => {
+            let message = "--show prints environments and scenarios; for an algorithm, use `seedbed \
+                           list algorithms`";
+            return Err(CliError::Usage(message.to_owned()));
+        }
+        None => &[Directory::Environments, Directory::Scenarios],
+    };
+    let path = input_files::find_argument(name, directories)?;
+    say!("// {}", path.display());
+    say!("{}", input_files::read_text(&path)?.trim_end());
+    if only_kind.is_none()
+        && input_files::find_argument(name, &[Directory::Scenarios])
+            .is_ok_and(|other| other != path)
+    {
+        eprintln!(
+            "note: for the scenario, use `seedbed list scenarios --show {}`",
+            name.display()
+        );
+    }
+    Ok(())
+}
 
 pub(super) fn list(only_kind: Option<ListKind>) {
     let is_listed = |kind: ListKind| only_kind.is_none_or(|only_kind| kind == only_kind);
@@ -26,10 +54,10 @@ pub(super) fn list(only_kind: Option<ListKind>) {
 }
 
 fn print_environments() {
-    print_files("Environments", "envs", |path, _| {
-        match seedbed_env::load(path) {
-            Ok(description) => print_environment(description.spec()),
-            Err(error) => say!("  {}\n      invalid: {error}", path.display()),
+    print_files("Environments", Directory::Environments, |path, name, _| {
+        match input_files::read_task(path) {
+            Ok((description, _)) => print_environment(description.spec()),
+            Err(error) => say!("  {name}\n      invalid: {error}"),
         }
     });
 }
@@ -70,17 +98,19 @@ fn print_environment(spec: &seedbed_env::TaskSpec) {
 }
 
 fn print_scenarios() {
-    print_files("Scenarios", "scenarios", |path, width| {
-        match describe(path) {
-            Ok(description) => say!("  {:<width$} {description}", path.display()),
-            Err(error) => say!("  {}\n      invalid: {error}", path.display()),
-        }
-    });
+    print_files(
+        "Scenarios",
+        Directory::Scenarios,
+        |path, name, width| match describe(path) {
+            Ok(description) => say!("  {name:<width$} {description}"),
+            Err(error) => say!("  {name}\n      invalid: {error}"),
+        },
+    );
 }
 
 /// One-line description of a scenario or a study.
 fn describe(path: &Path) -> Result<String, InputError> {
-    match input::file_kind(&path.display().to_string(), &input::read_text(path)?)? {
+    match input::file_kind(&path.display().to_string(), &input_files::read_text(path)?)? {
         FileKind::Study => Ok(describe_study(&StudyPlan::load(path, false)?)),
         FileKind::TabularScenario => describe_tabular(path),
         FileKind::Scenario | FileKind::Environment | FileKind::TabularEnvironment => {
@@ -106,32 +136,63 @@ fn describe_scenario(plan: &Plan) -> String {
     )
 }
 
-/// Calls `print_file` with every `.ron` file in the directories named `folder_name` in the working
-/// directory and in its parent directories: the same directories in which names are looked up.
-/// Prints `title` before the files of each directory. The second argument of `print_file` is the
-/// length of the longest path, in characters.
-fn print_files(title: &str, folder_name: &str, print_file: impl Fn(&Path, usize)) {
-    let working_directory = std::env::current_dir().unwrap_or_default();
-    let folders = input::folders_upwards(&working_directory, folder_name);
-    if folders.is_empty() {
-        say!(
-            "{title}: none; no directory `{folder_name}` in {} or its parent directories\n",
-            working_directory.display()
-        );
-    }
-    for folder in folders.iter().map(|folder| scenario::relative_path(folder)) {
-        say!("{title} ({})", folder.join("").display());
-        let files = ron_files(&folder);
-        let max_length = files
-            .iter()
-            .map(|path| path.display().to_string().chars().count())
-            .max()
-            .unwrap_or(0);
-        for path in &files {
-            print_file(path, max_length);
+/// Files of one place, which are listed together.
+struct Group {
+    place: String,
+    /// What a file is called in a command, and its path.
+    files: Vec<(String, PathBuf)>,
+}
+
+/// Prints all files of a directory: those in the working directory and its parent directories, which
+/// are also looked up by name, and the built-in ones. The second argument of `print_file` is what
+/// the file is called in a command, the third the length of the longest such text of a group.
+fn print_files(title: &str, directory: Directory, print_file: impl Fn(&Path, &str, usize)) {
+    for group in groups(directory) {
+        say!("{title} ({})", group.place);
+        let lengths = group.files.iter().map(|(name, _)| name.chars().count());
+        let max_length = lengths.max().unwrap_or(0);
+        for (name, path) in &group.files {
+            print_file(path, name, max_length);
         }
         say!("");
     }
+}
+
+/// The files of each directory upwards, and the built-in files that none of them replaces.
+fn groups(directory: Directory) -> Vec<Group> {
+    let mut groups = Vec::new();
+    let mut names_on_disk = Vec::new();
+    for folder in input::folders_upwards(&input_files::working_directory(), directory.name()) {
+        let folder = input_files::relative_path(&folder);
+        let paths = ron_files(&folder);
+        names_on_disk.extend(paths.iter().filter_map(|path| name_in(&folder, path)));
+        groups.push(Group {
+            place: folder.join("").display().to_string(),
+            files: paths
+                .into_iter()
+                .map(|path| (path.display().to_string(), path))
+                .collect(),
+        });
+    }
+    let files: Vec<(String, PathBuf)> = directory
+        .builtin_files()
+        .filter(|(name, _)| !names_on_disk.iter().any(|on_disk| on_disk == name))
+        .map(|(name, file)| (name.to_owned(), file.full_path()))
+        .collect();
+    if !files.is_empty() {
+        groups.push(Group {
+            place: "built in; use them by name in any directory".to_owned(),
+            files,
+        });
+    }
+    groups
+}
+
+/// The name of a file in a folder: its path below the folder, without `.ron`, with `/`.
+fn name_in(folder: &Path, path: &Path) -> Option<String> {
+    let name = path.strip_prefix(folder).ok()?.with_extension("");
+    let parts: Vec<&str> = name.iter().filter_map(|part| part.to_str()).collect();
+    Some(parts.join("/"))
 }
 
 fn print_algorithms() {
@@ -208,7 +269,7 @@ fn ron_files(folder: &Path) -> Vec<PathBuf> {
                 vec![path]
             }
         })
-        .filter(|path| path.extension().is_some_and(|extension| extension == "ron"))
+        .filter(|path| input::is_ron(path))
         .collect();
     files.sort();
     files

@@ -12,14 +12,17 @@ macro_rules! say {
 mod bench;
 mod check;
 mod evaluate;
+mod export;
 mod inspect;
 mod list;
+mod new;
 mod plot;
 mod preview;
 mod progress;
 mod replay;
 mod report;
 mod run;
+mod runs;
 mod sparkline;
 mod study;
 
@@ -67,21 +70,40 @@ enum Command {
     /// Validate scenario, environment and study files without running them
     #[command(after_help = "Examples:
   seedbed check scenarios/*.ron envs/*.ron
+  seedbed check cartpole
   seedbed check scenarios/thesis/fig_6_4a.ron")]
     Check {
-        /// RON files: scenarios, environments or studies
+        /// RON files: scenarios, environments or studies; or names of scenarios and environments
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
     },
     /// List environments, scenarios and algorithms with their parameters
     #[command(after_help = "Examples:
   seedbed list
-  seedbed list algorithms")]
+  seedbed list algorithms
+  seedbed list --show cartpole                  print the file of an environment
+  seedbed list scenarios --show cartpole > scenarios/mine.ron")]
     List {
         /// List only this kind [default: all]
         #[arg(value_enum, value_name = "KIND")]
         kind: Option<ListKind>,
+        /// Print the file of this environment or scenario
+        #[arg(long, value_name = "NAME")]
+        show: Option<PathBuf>,
     },
+    /// Make a directory to work in: a task, a scenario, a study and a README
+    #[command(after_help = "Examples:
+  seedbed init                                  in the working directory
+  seedbed init my_experiments
+
+Existing files are never overwritten.")]
+    Init {
+        /// Directory; it is made if it does not exist
+        #[arg(value_name = "DIR", default_value = ".")]
+        folder: PathBuf,
+    },
+    /// Write a task, scenario or study to start from
+    New(NewArgs),
     /// Record a few episodes of random actions in an environment
     Preview(PreviewArgs),
     /// Train scenarios with several run seeds and compare how fast they solve their task
@@ -94,8 +116,12 @@ enum Command {
     Evaluate(EvaluateArgs),
     /// Record episodes of the trained policies of a run, including the moving bodies
     Replay(ReplayArgs),
+    /// List runs with their main results
+    Runs(runs::RunsArgs),
     /// Summarize a run: returns, coverage, differences between agents, observed ranges
     Inspect(inspect::InspectArgs),
+    /// Write visited states, episodes or rounds as CSV, Parquet or NumPy arrays, or for TensorBoard
+    Export(export::ExportArgs),
     /// Draw visited states and returns of one or more runs as SVG or PNG
     Plot(plot::PlotArgs),
 }
@@ -112,7 +138,7 @@ enum Command {
   seedbed run scenarios/cartpole.ron --live      show it in a viewer that is already running (`rerun`)
   seedbed run scenarios/cartpole.ron --serve     let viewers connect at any time (`rerun --connect`)")]
 struct RunArgs {
-    /// Scenario file
+    /// Scenario file, or the name of a scenario (`seedbed list scenarios`)
     scenario: PathBuf,
     /// Use this run seed instead of the scenario's
     #[arg(long, value_name = "N")]
@@ -158,12 +184,46 @@ struct RunArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
+  seedbed new task my_task                      write envs/my_task.ron: a short pole on a cart
+  seedbed new scenario my_task --env my_task    write scenarios/my_task.ron
+  seedbed new study team_size --scenario my_task
+
+Files go to the nearest directory `envs` or `scenarios` in the working directory or above it. Existing \
+files are never overwritten.")]
+struct NewArgs {
+    /// What to write
+    #[arg(value_enum)]
+    kind: NewKind,
+    /// Name of the file, without `.ron`
+    name: String,
+    /// Environment of a new scenario [default: cartpole]
+    #[arg(long = "env", value_name = "ENV")]
+    environment: Option<String>,
+    /// Scenario of a new study [default: cartpole_team]
+    #[arg(long, value_name = "SCENARIO")]
+    scenario: Option<String>,
+}
+
+/// What `seedbed new` writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum NewKind {
+    /// An environment file
+    #[value(alias = "env", alias = "environment")]
+    Task,
+    /// A scenario file
+    Scenario,
+    /// A study file
+    Study,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
   seedbed preview cartpole                                 write recordings/preview/cartpole.rrd
   seedbed preview envs/lander.ron --episodes 10 --seed 3")]
 struct PreviewArgs {
-    /// Name of an environment in `envs/`, or an environment file
+    /// Name of an environment, or an environment file
     #[arg(value_name = "ENV")]
-    environment: String,
+    environment: PathBuf,
     /// Number of episodes
     #[arg(long, value_name = "N", default_value_t = 3)]
     episodes: u64,
@@ -186,7 +246,7 @@ struct PreviewArgs {
 Prints the Kaplan–Meier median of episodes until solved with its 95 % interval (tabular scenarios: \
 the mean regret), and compares each scenario with the first, paired by run seed.")]
 struct BenchArgs {
-    /// Scenario files; the others are compared with the first
+    /// Scenario files or names of scenarios; the others are compared with the first
     #[arg(required = true, value_name = "SCENARIO")]
     scenarios: Vec<PathBuf>,
     /// Number of run seeds per scenario
@@ -349,10 +409,10 @@ enum ActionsArg {
 /// What `seedbed list` lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ListKind {
-    /// Environments in `envs/`
+    /// Environments, built in and in `envs/`
     #[value(alias = "envs")]
     Environments,
-    /// Scenarios and studies in `scenarios/`
+    /// Scenarios and studies, built in and in `scenarios/`
     Scenarios,
     /// Learning algorithms with their parameters and defaults
     Algorithms,
@@ -379,17 +439,25 @@ pub(crate) fn main() -> ExitCode {
     let result = match cli.command {
         Command::Run(args) => run::run(&args),
         Command::Check { files } => check::check(&files),
-        Command::List { kind } => {
+        Command::List {
+            kind,
+            show: Some(name),
+        } => list::show(&name, kind),
+        Command::List { kind, show: None } => {
             list::list(kind);
             Ok(())
         }
+        Command::Init { folder } => new::init(&folder),
+        Command::New(args) => new::new(&args),
         Command::Preview(args) => preview::preview(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),
         Command::Study(args) => study::study(&args),
         Command::Report(args) => report::report(&args),
+        Command::Runs(args) => runs::runs(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Inspect(args) => inspect::inspect(&args),
+        Command::Export(args) => export::export(&args),
         Command::Plot(args) => plot::plot(&args),
     };
     let Err(error) = result else {

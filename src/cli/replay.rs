@@ -6,12 +6,11 @@ use super::evaluate::{EpisodeResult, describe_actions, evaluation_settings, prin
 use super::progress::episode_bar;
 use super::run::recorder_factory_at;
 use super::{CliError, ReplayArgs, pluralize};
-use seedbed::run::evaluate;
-use seedbed::run::folder::RunFolder;
+use seedbed::run::folder::{RunFolder, run_folder};
 use seedbed::run::replay::{self, ReplaySettings};
 
 pub(super) fn replay(args: &ReplayArgs) -> Result<(), CliError> {
-    let folder = evaluate::run_folder(&args.run);
+    let folder = run_folder(&args.run);
     let path = output_path(args, &folder)?;
     let evaluation = evaluation_settings(args.episodes, &args.play)?;
     let settings = ReplaySettings {

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use super::progress::{AbortAfter, NoProgress, RunProgress};
 use super::{CliError, RunArgs, pluralize};
+use seedbed::input_files::{self, Directory};
 use seedbed::record::RecorderFactory;
 use seedbed::record::recording::{self, LiveTarget, RecordingFile, Server, Viewer};
 use seedbed::run::folder::{Contents, FolderLock, RunFolder};
@@ -17,7 +18,8 @@ use seedbed::text::shell_word;
 pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     let mut overrides = args.overrides.clone();
     overrides.extend(args.seed.map(|seed| format!("seed={seed}")));
-    let experiment = experiment::load(&args.scenario, &overrides)?;
+    let path = input_files::find_argument(&args.scenario, &[Directory::Scenarios])?;
+    let experiment = experiment::load(&path, &overrides)?;
     let folder = args.out.clone();
     let folder = RunFolder::new(folder.unwrap_or_else(|| experiment.default_folder()));
     check_save_initial(args, &*experiment)?;

@@ -112,12 +112,25 @@ pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, TableError> {
         path: path.to_owned(),
         reason,
     };
-    let text = std::fs::read_to_string(path).map_err(|error| error_with_path(error.to_string()))?;
-    let complete_rows = text.rfind('\n').map_or("", |end| &text[..=end]);
+    let complete_rows = read_complete_rows(path)?;
     let rows: Result<Vec<R>, csv::Error> = csv::Reader::from_reader(complete_rows.as_bytes())
         .into_deserialize()
         .collect();
     rows.map_err(|error| error_with_path(error.to_string()))
+}
+
+/// Reads the text of a table without an incomplete last row.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn read_complete_rows(path: &Path) -> Result<String, TableError> {
+    let text = std::fs::read_to_string(path).map_err(|error| TableError {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    });
+    let mut text = text?;
+    text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
+    Ok(text)
 }
 
 struct Table {

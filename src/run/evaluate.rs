@@ -1,8 +1,6 @@
 //! Evaluation: plays the trained policies of a run without learning, greedily or with sampled
 //! actions.
 
-use std::path::Path;
-
 use super::checkpoint::Checkpoint;
 use super::folder::RunFolder;
 use super::rollout::{PlayedEpisodes, RoundPlan};
@@ -23,17 +21,6 @@ pub struct EvaluationSettings {
     /// Run seed of the evaluation, for initial states and actions; independent of the run seed of
     /// the training.
     pub seed: u64,
-}
-
-/// The folder of the run that `path` names: the folder itself, or a file in it such as `run.rrd`.
-#[must_use]
-pub fn run_folder(path: &Path) -> RunFolder {
-    let folder = if path.is_file() {
-        path.parent().unwrap_or(path)
-    } else {
-        path
-    };
-    RunFolder::new(folder)
 }
 
 /// Plays the policies of the newest checkpoint of the run in `folder`. Episodes are in (agent,

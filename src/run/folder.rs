@@ -5,7 +5,7 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::checkpoint;
+use super::{checkpoint, overview};
 
 /// The directory of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,6 +56,15 @@ impl RunFolder {
         } else {
             Contents::Nothing
         }
+    }
+
+    /// Whether the directory contains results of a run, finished or not.
+    #[must_use]
+    pub fn has_run(&self) -> bool {
+        let [episodes, _] = self.table_files();
+        let part = self.recording_file().with_added_extension("part");
+        let results = [self.summary_file(), episodes, self.recording_file(), part];
+        results.iter().any(|path| path.is_file()) || checkpoint::file(&self.path).is_file()
     }
 
     /// Locks the directory, and creates it if necessary. `None` if another process has locked it.
@@ -171,6 +180,23 @@ impl RunFolder {
 
     fn lock_file(&self) -> PathBuf {
         self.path.join(".lock")
+    }
+}
+
+/// The directory of the run at `path`: a run directory, a file in it, or a directory with a single
+/// run in its subdirectories. If it has none or several, `path` itself.
+#[must_use]
+pub fn run_folder(path: &Path) -> RunFolder {
+    if path.is_file() {
+        return RunFolder::new(path.parent().unwrap_or(path));
+    }
+    let folder = RunFolder::new(path);
+    if folder.has_run() {
+        return folder;
+    }
+    match overview::run_folders(path).as_slice() {
+        [only] => RunFolder::new(only),
+        _ => folder,
     }
 }
 

@@ -14,6 +14,7 @@ pub mod evaluate;
 pub mod files;
 pub mod folder;
 pub mod measures;
+pub mod overview;
 pub mod preview;
 pub mod replay;
 mod replay_file;
@@ -32,6 +33,7 @@ use self::folder::RunFolder;
 use self::round_recorder::{CheckpointKind, Recorders, RoundRecorder};
 use self::summary::{FINAL_WINDOW, Summary};
 use self::trainer::{Diverged, Trainer};
+use crate::input_files;
 use crate::record::{Focus, RecordError, RecorderFactory, RunInfo};
 use crate::scenario::{self, Scenario};
 use crate::text::file_stem;
@@ -157,7 +159,7 @@ impl Plan {
     /// A mistake in either file, with its location.
     pub fn from_document(document: Document<Scenario>, path: &Path) -> Result<Self, InputError> {
         let environment = scenario::environment_path(&document, path)?;
-        let (description, environment_text) = seedbed_env::load_with_text(&environment)?;
+        let (description, environment_text) = input_files::read_task(&environment)?;
         check(&document, &description)?;
         Ok(Self {
             name: file_stem(path, "run"),

@@ -11,10 +11,11 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::input_files::{self, Directory};
 use crate::record::RecordingSettings;
 use seedbed_env::input::edit::to_ron_string;
 use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count};
-use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
+use seedbed_env::input::{Document, InputError, Located, ValidationError};
 use seedbed_env::{Physics, TaskSpec};
 use seedbed_learn::agent::TeamConfig;
 use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
@@ -212,12 +213,13 @@ fn one() -> Count<10_000> {
 /// # Errors
 /// If the file or an override is invalid.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<Scenario>, InputError> {
-    overrides::apply_all(input::read(path)?, overrides)
+    overrides::apply_all(input_files::read(path)?, overrides)
 }
 
 /// Path of the file that a scenario's `environment` names. A name is looked up in the nearest
-/// directory `envs` above the scenario or else above the working directory; a path is relative to
-/// the scenario.
+/// directory `envs` above the scenario or else above the working directory, and then among the
+/// built-in tasks; a path is relative to the scenario. Built-in scenarios use built-in tasks, so
+/// that they do not depend on the working directory.
 ///
 /// # Errors
 /// If there is no such file, with the names that exist.
@@ -227,10 +229,6 @@ pub fn environment_path(
 ) -> Result<PathBuf, InputError> {
     let name = &scenario.value.environment;
     let folder = scenario_path.parent().unwrap_or(Path::new("."));
-    let start_folders = [
-        folder.canonicalize().unwrap_or_default(),
-        std::env::current_dir().unwrap_or_default(),
-    ];
     if name.ends_with(".ron") {
         let path = folder.join(name.as_str());
         if path.is_file() {
@@ -238,24 +236,17 @@ pub fn environment_path(
         }
         return Err(scenario.locate(name.error(format!("no file {}", path.display()))));
     }
-    find_task_file(name, &start_folders).map_err(|known| {
+    let start_folders = if input_files::is_builtin(scenario_path) {
+        Vec::new()
+    } else {
+        vec![
+            folder.canonicalize().unwrap_or_default(),
+            input_files::working_directory(),
+        ]
+    };
+    input_files::find(name, Directory::Environments, &start_folders).map_err(|known| {
         scenario.locate(name.unknown_name("environment", known.iter().map(String::as_str)))
     })
-}
-
-/// Path of the file of the task `name` in the nearest directory `envs` that has it. `envs` is
-/// searched in and above each of `start_folders`, in this order.
-///
-/// # Errors
-/// The names of all tasks in these directories, if there is no such file.
-pub fn find_task_file(name: &str, start_folders: &[PathBuf]) -> Result<PathBuf, Vec<String>> {
-    let file = format!("{name}.ron");
-    let found = start_folders
-        .iter()
-        .find_map(|start| input::find_upwards(start, "envs", &file));
-    found
-        .map(|path| relative_path(&path))
-        .ok_or_else(|| known_environments(start_folders))
 }
 
 impl Scenario {
@@ -328,37 +319,10 @@ impl overrides::Resolve for Scenario {
     }
 }
 
-/// Names of all tasks in the directories `envs` in or above `start_folders`, sorted.
-fn known_environments(start_folders: &[PathBuf]) -> Vec<String> {
-    let folders = start_folders
-        .iter()
-        .flat_map(|start| input::folders_upwards(start, "envs"));
-    let mut names = Vec::new();
-    for entries in folders.filter_map(|folder| std::fs::read_dir(folder).ok()) {
-        for path in entries.flatten().map(|entry| entry.path()) {
-            let is_ron = path.extension().is_some_and(|extension| extension == "ron");
-            let stem = path.file_stem().and_then(|stem| stem.to_str());
-            names.extend(stem.filter(|_| is_ron).map(str::to_owned));
-        }
-    }
-    names.sort();
-    names.dedup();
-    names
-}
-
-/// The path relative to the working directory, if the path is inside it; otherwise the path
-/// unchanged.
-#[must_use]
-pub fn relative_path(path: &Path) -> PathBuf {
-    let working_directory = std::env::current_dir().unwrap_or_default();
-    path.strip_prefix(working_directory)
-        .unwrap_or(path)
-        .to_owned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use seedbed_env::input;
 
     #[test]
     fn the_shortest_scenario_resolves_to_one_that_reads_back_the_same() {

@@ -9,6 +9,7 @@ use super::figure::{EpisodeWindow, Figure};
 use super::file::{Axis, NamedCell, Study};
 use super::measure::Measure;
 use super::registration::{Lock, RegistrationError};
+use crate::input_files::{self, Directory};
 use crate::text::file_stem;
 use seedbed_env::input::{self, Document, InputError, Located, ValidationError};
 
@@ -67,7 +68,7 @@ impl StudyPlan {
     /// # Errors
     /// The first error in any of these files, located in the study file.
     pub fn load(path: &Path, quick: bool) -> Result<Self, InputError> {
-        let document: Document<Study> = input::read(path)?;
+        let document: Document<Study> = input_files::read(path)?;
         let cells = cells(&document.value, path, quick).map_err(|error| document.locate(error))?;
         let names: Vec<&str> = cells.iter().map(|cell| cell.name.as_str()).collect();
         document
@@ -402,7 +403,7 @@ impl<'a> CellDraft<'a> {
                  cell",
             ));
         };
-        let path = folder.join(scenario);
+        let path = scenario_path(folder, place, scenario)?;
         let (places, overrides): (Vec<&Located<String>>, Vec<String>) =
             self.overrides.into_iter().unzip();
         let experiment =
@@ -424,6 +425,30 @@ impl<'a> CellDraft<'a> {
             name,
         })
     }
+}
+
+/// Path of the scenario that a study in `folder` names. A path is relative to the study; a name is
+/// looked up in the nearest directory `scenarios` above the study, then above the working directory,
+/// and then among the built-in scenarios.
+fn scenario_path(
+    folder: &Path,
+    place: &Located<String>,
+    scenario: &str,
+) -> Result<PathBuf, ValidationError> {
+    if input::is_ron(Path::new(scenario)) {
+        return Ok(folder.join(scenario));
+    }
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    let start_folders = [
+        folder.canonicalize().unwrap_or_default(),
+        input_files::working_directory(),
+    ];
+    input_files::find(scenario, Directory::Scenarios, &start_folders)
+        .map_err(|known| place.unknown_name("scenario", known.iter().map(String::as_str)))
 }
 
 /// An error of a scenario, reported at a place of the study.

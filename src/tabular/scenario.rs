@@ -5,10 +5,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::Algorithm;
+use crate::input_files;
 use crate::scenario::overrides::{self, Resolve};
 use seedbed_env::input::edit::to_ron_string;
 use seedbed_env::input::numbers::{Count, NonNegative, ranged_count, ranged_number};
-use seedbed_env::input::{self, Document, InputError};
+use seedbed_env::input::{Document, InputError};
 use seedbed_env::tabular::TaskFamily;
 
 /// A scenario of a team that knows the states and actions of its task.
@@ -86,7 +87,7 @@ fn one() -> Count<100_000> {
 /// # Errors
 /// If the file or an override is invalid.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document<TabularScenario>, InputError> {
-    overrides::apply_all(input::read(path)?, overrides)
+    overrides::apply_all(input_files::read(path)?, overrides)
 }
 
 impl Resolve for TabularScenario {
@@ -98,6 +99,7 @@ impl Resolve for TabularScenario {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use seedbed_env::input;
 
     #[test]
     fn the_shortest_scenario_resolves_to_one_that_reads_back_the_same() {

@@ -141,11 +141,12 @@ fn each_heavy_crate_is_used_in_one_folder_only() {
 
 /// The top modules of the workbench in layers. A module may use itself and modules of earlier
 /// layers.
-const LAYERS: [&[&str]; 7] = [
-    &["plotting", "text"],
+const LAYERS: [&[&str]; 8] = [
+    &["input_files", "plotting", "text"],
     &["record"],
     &["scenario"],
     &["run"],
+    &["export"],
     &["tabular"],
     &["study"],
     &["cli"],

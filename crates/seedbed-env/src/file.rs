@@ -29,7 +29,7 @@ use super::tabular;
 use crate::input::numbers::{
     Count, FiniteNumber, NonNegative, Positive, PositiveUpTo10, ranged_count, ranged_number,
 };
-use crate::input::{self, FileKind, InputError, Located};
+use crate::input::{self, Disk, FileKind, FileSource, InputError, Located};
 use extends::MergedText;
 
 /// A task file: `Environment(…)`.
@@ -365,22 +365,25 @@ pub enum AnalyticModel {
 /// # Errors
 /// The file, or one that it extends, cannot be read, or something in it is wrong.
 pub fn load(path: &Path) -> Result<TaskDescription, InputError> {
-    load_with_text(path).map(|(description, _)| description)
+    load_from(&Disk, path).map(|(description, _)| description)
 }
 
-/// Like [`load`], but also returns the text of a task file that describes the same task and extends
-/// no other file: the text of the file itself, or its text merged with those of the files that it
-/// extends. Each file is read once, so that the text belongs to the description even if a file
-/// changes in the meantime.
+/// Like [`load`], but reads files from `source` and also returns the text of a task file that
+/// describes the same task and extends no other file: the text of the file itself, or its text
+/// merged with those of the files that it extends. Each file is read once, so that the text belongs
+/// to the description even if a file changes in the meantime.
 ///
 /// # Errors
 /// Those of [`load`].
-pub fn load_with_text(path: &Path) -> Result<(TaskDescription, String), InputError> {
+pub fn load_from(
+    source: &dyn FileSource,
+    path: &Path,
+) -> Result<(TaskDescription, String), InputError> {
     let name = path
         .file_stem()
         .map(|stem| stem.to_string_lossy().into_owned())
         .unwrap_or_default();
-    let text = MergedText::read(path)?;
+    let text = MergedText::read(source, path)?;
     let description = parse_merged(&name, &text)?;
     Ok((description, text.into_text()))
 }

@@ -54,7 +54,7 @@ pub mod tabular;
 
 pub use description::TaskDescription;
 pub use environment::{build, build_dynamics};
-pub use file::{load, load_with_text, parse};
+pub use file::{load, load_from, parse};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -11,8 +11,8 @@ pub mod selection;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::evaluate::run_folder;
-use super::folder::RunFolder;
+use super::folder::{RunFolder, run_folder};
+use super::overview;
 use super::summary::{FINAL_WINDOW, Summary};
 use crate::record::ReadError;
 use crate::record::recording::Recording;
@@ -42,6 +42,19 @@ pub enum LoadRunError {
     /// The directory contains no run.
     #[error("{0} contains no run: expected episodes.csv or run.rrd in it")]
     NoRun(PathBuf),
+    /// The subdirectories contain several runs.
+    #[error(
+        "{folder} contains {count} runs: name one of them, for example {example}, or list them with \
+         `seedbed runs {folder}`"
+    )]
+    SeveralRuns {
+        /// The directory.
+        folder: PathBuf,
+        /// Number of runs.
+        count: usize,
+        /// One of them.
+        example: PathBuf,
+    },
     /// There is no such file or directory.
     #[error("no such file or directory: {0}")]
     Missing(PathBuf),
@@ -72,14 +85,18 @@ impl LoadedRun {
         let recording = recording.map(|path| Recording::open(&path)).transpose()?;
         let [episodes, rounds] = folder.table_files();
         if !episodes.is_file() && recording.is_none() {
-            return Err(LoadRunError::NoRun(path.to_owned()));
+            return Err(no_run(path));
         }
         let has_tables = episodes.is_file() && rounds.is_file();
         let summary = fs::read_to_string(folder.summary_file())
             .ok()
             .filter(|_| has_tables);
         Ok(Self {
-            path: path.to_owned(),
+            path: if path.is_file() {
+                path.to_owned()
+            } else {
+                folder.path().to_owned()
+            },
             summary: summary.and_then(|text| serde_json::from_str(&text).ok()),
             recording,
             episodes: if has_tables {
@@ -140,20 +157,25 @@ impl LoadedRun {
     /// finished.
     #[must_use]
     pub fn team_returns(&self) -> Vec<f64> {
-        let mut sums: Vec<(f64, usize)> = Vec::new();
-        for row in &self.episodes {
-            let index = row.episode as usize;
-            if sums.len() <= index {
-                sums.resize(index + 1, (0.0, 0));
-            }
-            sums[index] = (sums[index].0 + row.r#return, sums[index].1 + 1);
-        }
-        let agent_count = self.agent_count();
-        sums.into_iter()
-            .take_while(|(_, count)| *count == agent_count)
-            .map(|(sum, count)| sum / count as f64)
-            .collect()
+        team_returns(&self.episodes, self.agent_count())
     }
+}
+
+/// Mean over agents of the return of their n-th episode, for each n that all agents have finished.
+#[must_use]
+pub fn team_returns(episodes: &[EpisodeRow], agent_count: usize) -> Vec<f64> {
+    let mut sums: Vec<(f64, usize)> = Vec::new();
+    for row in episodes {
+        let index = row.episode as usize;
+        if sums.len() <= index {
+            sums.resize(index + 1, (0.0, 0));
+        }
+        sums[index] = (sums[index].0 + row.r#return, sums[index].1 + 1);
+    }
+    sums.into_iter()
+        .take_while(|(_, count)| *count == agent_count)
+        .map(|(sum, count)| sum / count as f64)
+        .collect()
 }
 
 /// Mean of the last [`FINAL_WINDOW`] values, or of all values if there are fewer.
@@ -161,6 +183,19 @@ impl LoadedRun {
 pub fn final_mean(values: &[f64]) -> Option<f64> {
     let last = &values[values.len().saturating_sub(FINAL_WINDOW)..];
     (!last.is_empty()).then(|| last.iter().sum::<f64>() / last.len() as f64)
+}
+
+/// The error that a directory contains no run, or several in its subdirectories.
+fn no_run(path: &Path) -> LoadRunError {
+    let runs = overview::run_folders(path);
+    match runs.first() {
+        Some(example) if runs.len() > 1 => LoadRunError::SeveralRuns {
+            folder: path.to_owned(),
+            count: runs.len(),
+            example: example.clone(),
+        },
+        _ => LoadRunError::NoRun(path.to_owned()),
+    }
 }
 
 /// The recording in a run directory, complete or not.

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::Experiment;
+use crate::input_files;
 use crate::run::Plan;
 use crate::scenario::Scenario;
 use crate::scenario::overrides::{self, Resolve};
@@ -45,7 +46,7 @@ impl LoadStep {
 /// If the file, an override or the task's file is invalid.
 pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, LoadError> {
     let origin = path.display().to_string();
-    let text = input::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
+    let text = input_files::read_text(path).map_err(|error| LoadStep::Read.failed(error))?;
     let kind = input::file_kind(&origin, &text);
     if matches!(kind, Ok(FileKind::TabularScenario)) {
         let document: Document<TabularScenario> = parse_with_overrides(&origin, text, overrides)?;

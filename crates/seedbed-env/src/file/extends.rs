@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use serde::de::IgnoredAny;
 
 use self::fields::{Field, FileParts};
-use crate::input::{self, InputError};
+use crate::input::{self, Disk, FileSource, InputError};
 
 /// Maximum number of files in a chain of `extends`.
 const MAX_FILES: usize = 8;
@@ -46,20 +46,21 @@ struct FieldOfFile {
 
 impl MergedText {
     /// Reads the file at `path` and those that it extends.
-    pub(super) fn read(path: &Path) -> Result<Self, InputError> {
-        Self::merge(SourceFile::read(path)?)
+    pub(super) fn read(source: &dyn FileSource, path: &Path) -> Result<Self, InputError> {
+        Self::merge(source, SourceFile::read(source, path)?)
     }
 
     /// A text without a folder, which thus cannot extend a file.
     pub(super) fn without_base(origin: &str, text: String) -> Result<Self, InputError> {
-        Self::merge(SourceFile {
+        let root = SourceFile {
             origin: origin.to_owned(),
             text,
             folder: None,
-        })
+        };
+        Self::merge(&Disk, root)
     }
 
-    fn merge(root: SourceFile) -> Result<Self, InputError> {
+    fn merge(source: &dyn FileSource, root: SourceFile) -> Result<Self, InputError> {
         // A text that cannot be split has an error, which parsing it reports better.
         let Some(parts) =
             FileParts::split(&root.text).filter(|parts| parts.extends_index().is_some())
@@ -75,7 +76,7 @@ impl MergedText {
             files: vec![root],
             line_sources: Vec::new(),
         };
-        let fields = merged.merged_fields(0, parts)?;
+        let fields = merged.merged_fields(source, 0, parts)?;
         merged.write(&fields);
         Ok(merged)
     }
@@ -83,19 +84,20 @@ impl MergedText {
     /// The fields of a file, completed by those of the files that it extends.
     fn merged_fields(
         &mut self,
+        source: &dyn FileSource,
         file: usize,
         mut parts: FileParts,
     ) -> Result<Vec<FieldOfFile>, InputError> {
         let Some(extends) = parts.take_extends() else {
             return Ok(fields_of_file(file, parts.fields));
         };
-        let base = self.open_base(file, &extends)?;
+        let base = self.open_base(source, file, &extends)?;
         let Some(base_parts) = FileParts::split(&self.files[base].text) else {
             return Err(self.files[base].syntax_error());
         };
         let mut own = fields_of_file(file, parts.fields);
         let mut fields = Vec::new();
-        for inherited in self.merged_fields(base, base_parts)? {
+        for inherited in self.merged_fields(source, base, base_parts)? {
             // A field that is given twice in a file stays twice: the parser reports it.
             let own_index = own
                 .iter()
@@ -110,7 +112,12 @@ impl MergedText {
     }
 
     /// Reads the file that the file with index `from` extends; returns the index of the file read.
-    fn open_base(&mut self, from: usize, extends: &Field) -> Result<usize, InputError> {
+    fn open_base(
+        &mut self,
+        source: &dyn FileSource,
+        from: usize,
+        extends: &Field,
+    ) -> Result<usize, InputError> {
         let file = &self.files[from];
         let name = file.base_name(extends)?;
         let Some(folder) = &file.folder else {
@@ -118,14 +125,14 @@ impl MergedText {
             return Err(file.extends_error(extends, message.to_owned(), None));
         };
         let path = base_path(folder, &name);
-        if !path.is_file() {
+        if !source.is_file(&path) {
             let message = format!(
                 "cannot extend `{name}`: there is no file {}",
                 path.display()
             );
-            return Err(file.extends_error(extends, message, similar_task(folder, &name)));
+            return Err(file.extends_error(extends, message, similar_task(source, folder, &name)));
         }
-        let base = SourceFile::read(&path)?;
+        let base = SourceFile::read(source, &path)?;
         self.check_base(file, extends, &name, &base)?;
         self.files.push(base);
         Ok(self.files.len() - 1)
@@ -231,10 +238,10 @@ impl MergedText {
 }
 
 impl SourceFile {
-    fn read(path: &Path) -> Result<Self, InputError> {
+    fn read(source: &dyn FileSource, path: &Path) -> Result<Self, InputError> {
         Ok(Self {
             origin: path.display().to_string(),
-            text: input::read_text(path)?,
+            text: source.read(path)?,
             folder: Some(path.parent().unwrap_or(Path::new("")).to_owned()),
         })
     }
@@ -283,10 +290,7 @@ fn fields_of_file(file: usize, fields: Vec<Field>) -> Vec<FieldOfFile> {
 /// The path of the base `name`: a path relative to `folder` if it ends in `.ron`, else the stem of
 /// a file in `folder`.
 fn base_path(folder: &Path, name: &str) -> PathBuf {
-    if Path::new(name)
-        .extension()
-        .is_some_and(|extension| extension == "ron")
-    {
+    if input::is_ron(Path::new(name)) {
         folder.join(name)
     } else {
         folder.join(format!("{name}.ron"))
@@ -299,28 +303,16 @@ fn same_file(one: &SourceFile, other: &SourceFile) -> bool {
 }
 
 /// Suggests the task file in `folder` whose name is most similar to `name`.
-fn similar_task(folder: &Path, name: &str) -> Option<String> {
-    let folder = if folder.as_os_str().is_empty() {
-        Path::new(".")
-    } else {
-        folder
-    };
-    let mut stems: Vec<_> = std::fs::read_dir(folder)
-        .ok()?
-        .flatten()
-        .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "ron"))
-        .filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()))
-        .collect();
-    stems.sort();
-    input::nearest_name(name, stems.iter().map(String::as_str))
+fn similar_task(source: &dyn FileSource, folder: &Path, name: &str) -> Option<String> {
+    let names = source.names_in(folder);
+    input::nearest_name(name, names.iter().map(String::as_str))
         .map(|near| format!("did you mean `{near}`?"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::file::{load, load_with_text, parse};
+    use crate::file::{load, load_from, parse};
 
     /// A temporary folder, which is removed when it is dropped.
     struct Folder(PathBuf);
@@ -378,14 +370,14 @@ Environment(
                 ),
             ],
         );
-        let (mine, text) = load_with_text(&folder.0.join("mine.ron")).unwrap();
+        let (mine, text) = load_from(&Disk, &folder.0.join("mine.ron")).unwrap();
         assert_eq!(mine.spec().name, "mine");
         assert_eq!(mine.spec().time_limit, 7);
         assert_eq!(mine.spec().description, "A disc on a rail.");
         assert!(text.contains("said to people"), "comments stay: {text}");
         let origin = folder.0.join("mine.ron").display().to_string();
         assert_eq!(parse("mine", &origin, text).unwrap(), mine);
-        let (third, text) = load_with_text(&folder.0.join("third.ron")).unwrap();
+        let (third, text) = load_from(&Disk, &folder.0.join("third.ron")).unwrap();
         assert_eq!(third.spec().time_limit, 9);
         assert!(text.contains("terminated: \"x > 1\""), "{text}");
         assert!(!text.contains("extends"), "{text}");
@@ -394,7 +386,7 @@ Environment(
     #[test]
     fn a_file_that_extends_nothing_keeps_its_text() {
         let folder = Folder::new("alone", &[("base.ron", BASE_FILE_TEXT)]);
-        let (_, text) = load_with_text(&folder.0.join("base.ron")).unwrap();
+        let (_, text) = load_from(&Disk, &folder.0.join("base.ron")).unwrap();
         assert_eq!(text, BASE_FILE_TEXT);
     }
 

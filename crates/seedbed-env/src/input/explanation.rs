@@ -1,6 +1,8 @@
 //! Explains errors of the RON parser to people who write files.
 
-use super::{FileKind, Position, nearest_name, quoted_list};
+use super::error::Position;
+use super::kind::FileKind;
+use super::names::{quoted_list, suggestion};
 
 /// The message (what is wrong and what was expected), and a hint at what may have been meant.
 pub(super) fn explain(error: &ron::Error, at: &Position) -> (String, Option<String>) {
@@ -59,12 +61,4 @@ fn lowercased(sentence: &str) -> String {
     characters.next().map_or_else(String::new, |first| {
         first.to_lowercase().chain(characters).collect()
     })
-}
-
-/// The hint that the most similar name may have been meant.
-pub(super) fn suggestion<'a>(
-    found: &str,
-    valid: impl IntoIterator<Item = &'a str>,
-) -> Option<String> {
-    nearest_name(found, valid).map(|name| format!("did you mean `{name}`?"))
 }

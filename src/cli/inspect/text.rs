@@ -1,31 +1,19 @@
-//! `seedbed inspect`: summary of a run on the terminal.
+//! Summary of a run on the terminal.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use clap::Args;
 use console::{Style, Term};
 use indicatif::HumanBytes;
 
-use super::progress::ReadCounter;
-use super::sparkline::sparkline;
-use super::{CliError, pluralize};
-use seedbed::record::RoundRow;
-use seedbed::run::measures::visitation::Visitation;
-use seedbed::run::review::recording_stats::{RecordingStats, ValueDistribution};
-use seedbed::run::review::{LoadRunError, LoadedRun, final_mean};
+use super::super::pluralize;
+use super::super::sparkline::sparkline;
+use super::Inspected;
+use seedbed::run::review::final_mean;
+use seedbed::run::review::recording_stats::ValueDistribution;
 use seedbed::run::summary::FINAL_WINDOW;
 use seedbed::study::experiment::NO_THRESHOLD;
 use seedbed::text::without_trailing_zeros;
-
-#[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  seedbed inspect recordings/cartpole/seed-0    a run, finished or not
-  seedbed inspect recordings/sample/run.rrd     a recording without its run directory")]
-pub(super) struct InspectArgs {
-    /// Run directory, or a recording
-    run: PathBuf,
-}
 
 /// Maximum number of agents for which the overlap of each pair of agents is printed.
 const MAX_AGENTS_IN_OVERLAP_TABLE: usize = 16;
@@ -33,22 +21,13 @@ const MAX_AGENTS_IN_OVERLAP_TABLE: usize = 16;
 /// Maximum number of agents with a row in the table of agents.
 const MAX_AGENT_ROWS: usize = 64;
 
-pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
-    let mut run = LoadedRun::open(&args.run)?;
-    let counter = ReadCounter::new("episodes read");
-    let stats = run
-        .compute_stats(|_| counter.count())
-        .map_err(LoadRunError::from)?;
-    drop(counter);
+/// The summary as text for a terminal.
+pub(super) fn text(inspected: &Inspected) -> String {
     let width = Term::stdout()
         .size_checked()
         .map_or(110, |(_, columns)| usize::from(columns))
         .clamp(60, 160);
-    let summary = TerminalSummary {
-        run: &run,
-        stats: stats.as_ref(),
-        width,
-    };
+    let summary = TerminalSummary { inspected, width };
     let sections = [
         summary.heading(),
         summary.returns(),
@@ -57,29 +36,20 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
         summary.observation_table(),
         summary.files(),
     ];
-    say!(
-        "{}",
-        sections
-            .into_iter()
-            .filter(|section| !section.is_empty())
-            .collect::<Vec<_>>()
-            .join("\n")
-    );
-    Ok(())
+    let sections = sections.into_iter().filter(|section| !section.is_empty());
+    sections.collect::<Vec<_>>().join("\n")
 }
 
 /// Summary of a run. Each section is a text; a section without data is empty.
 struct TerminalSummary<'a> {
-    run: &'a LoadedRun,
-    /// Statistics of the recording, if there is one.
-    stats: Option<&'a RecordingStats>,
+    inspected: &'a Inspected,
     /// Width of the terminal, in characters.
     width: usize,
 }
 
 impl TerminalSummary<'_> {
     fn heading(&self) -> String {
-        let run = self.run;
+        let run = &self.inspected.run;
         let episodes_per_agent = run.team_returns().len();
         let env_steps = run.episodes.last().map_or(0, |row| row.env_steps);
         let task = run
@@ -100,8 +70,8 @@ impl TerminalSummary<'_> {
     }
 
     fn outcome_line(&self) -> String {
-        let Some(summary) = &self.run.summary else {
-            let state = if self.run.folder.is_some() {
+        let Some(summary) = &self.inspected.run.summary else {
+            let state = if self.inspected.run.folder.is_some() {
                 "not finished: in progress or interrupted"
             } else {
                 "recording only, without tables"
@@ -129,7 +99,7 @@ impl TerminalSummary<'_> {
     }
 
     fn returns(&self) -> String {
-        let returns = self.run.team_returns();
+        let returns = self.inspected.run.team_returns();
         let Some(final_return) = final_mean(&returns) else {
             return "no episode finished by all agents\n".to_owned();
         };
@@ -152,12 +122,8 @@ impl TerminalSummary<'_> {
     }
 
     fn agent_table(&self) -> String {
-        let agents = self.run.agent_count();
-        let has_bonus = self
-            .run
-            .rounds
-            .iter()
-            .any(|row| row.intrinsic_reward.is_some_and(|bonus| bonus != 0.0));
+        let agents = self.inspected.run.agent_count();
+        let has_bonus = self.inspected.has_bonus();
         let mut text = format!(
             "{}\n  {:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  returns\n",
             bold(&format!(
@@ -185,25 +151,25 @@ impl TerminalSummary<'_> {
     }
 
     fn agent_row(&self, agent: u32, has_bonus: bool) -> String {
-        let returns: Vec<f64> = self.run.returns(agent).collect();
+        let returns: Vec<f64> = self.inspected.run.returns(agent).collect();
         let (min, max) = min_max(&returns);
         let curve_width = self
             .width
             .saturating_sub(if has_bonus { 70 } else { 60 })
             .clamp(8, 50);
-        let last_update = self.run.rounds.iter().rev().find(|row| row.agent == agent);
-        let intrinsic_reward = last_update
-            .and_then(|row| row.intrinsic_reward)
-            .map_or(f64::NAN, f64::from);
+        let intrinsic_reward = self.inspected.intrinsic_reward(agent);
         format!(
             "  {agent:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  {}\n",
             returns.len(),
             format_number(final_mean(&returns).unwrap_or(f64::NAN)),
             format_number(max),
-            format_percent(self.coverage(agent, last_update)),
-            format_percent(self.evenness(agent, last_update)),
+            format_percent(self.inspected.coverage(agent)),
+            format_percent(self.inspected.evenness(agent)),
             if has_bonus {
-                format!(" {:>9}", format_number(intrinsic_reward))
+                format!(
+                    " {:>9}",
+                    format_number(intrinsic_reward.unwrap_or(f64::NAN))
+                )
             } else {
                 String::new()
             },
@@ -211,39 +177,10 @@ impl TerminalSummary<'_> {
         )
     }
 
-    /// Coverage of an agent, from the recording or else from the row of the agent's last update.
-    fn coverage(&self, agent: u32, last_update: Option<&RoundRow>) -> Option<f64> {
-        self.visitation(agent)
-            .map(Visitation::coverage)
-            .or(last_update.map(|row| row.coverage))
-    }
-
-    /// Visitation evenness of an agent, from the recording or else from the row of the agent's last
-    /// update.
-    fn evenness(&self, agent: u32, last_update: Option<&RoundRow>) -> Option<f64> {
-        self.visitation(agent)
-            .map(|visitation| visitation.entropy() / visitation.max_entropy())
-            .or(last_update.map(|row| row.visitation_evenness))
-    }
-
-    /// Visit counts of an agent, from the recording.
-    fn visitation(&self, agent: u32) -> Option<&Visitation> {
-        self.stats?.visitation.get(agent as usize)
-    }
-
     /// Line with the diversity of the team's visited states; empty for a single agent.
     fn diversity_line(&self) -> String {
-        let agents = self.run.agent_count();
-        let from_recording = self
-            .stats
-            .map(RecordingStats::diversity)
-            .map(|diversity| (diversity.overlap, diversity.effective_agents));
-        let from_rounds = self
-            .run
-            .rounds
-            .last()
-            .map(|row| (row.team_overlap, row.effective_agents));
-        match from_recording.or(from_rounds) {
+        let agents = self.inspected.run.agent_count();
+        match self.inspected.diversity() {
             Some((overlap, effective_agents)) if agents > 1 => format!(
                 "  effective agents: {} of {agents} (overlap {})\n",
                 format_number(effective_agents),
@@ -254,9 +191,10 @@ impl TerminalSummary<'_> {
     }
 
     fn overlap_table(&self) -> String {
-        let Some(stats) = self
-            .stats
-            .filter(|stats| (2..=MAX_AGENTS_IN_OVERLAP_TABLE).contains(&stats.visitation.len()))
+        let Some(stats) =
+            self.inspected.stats.as_ref().filter(|stats| {
+                (2..=MAX_AGENTS_IN_OVERLAP_TABLE).contains(&stats.visitation.len())
+            })
         else {
             return String::new();
         };
@@ -281,7 +219,7 @@ impl TerminalSummary<'_> {
 
     /// Smallest, median and largest value of each observation and of the intrinsic reward.
     fn observation_table(&self) -> String {
-        let Some(stats) = self.stats.filter(|stats| {
+        let Some(stats) = self.inspected.stats.as_ref().filter(|stats| {
             stats
                 .distributions
                 .iter()
@@ -320,7 +258,7 @@ impl TerminalSummary<'_> {
     }
 
     fn files(&self) -> String {
-        let run = self.run;
+        let run = &self.inspected.run;
         let run_files = run.folder.iter().flat_map(|folder| {
             let [episodes, rounds] = folder.table_files();
             let recording = folder.recording_file();

@@ -1,0 +1,117 @@
+//! The kind of a file, which its first word names.
+
+use super::error::{InputError, error_at};
+use super::names::suggestion;
+
+/// The kind of a file, which its first word names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileKind {
+    /// `Environment(…)`
+    Environment,
+    /// `TabularEnvironment(…)`
+    TabularEnvironment,
+    /// `Scenario(…)`
+    Scenario,
+    /// `TabularScenario(…)`
+    TabularScenario,
+    /// `Study(…)`
+    Study,
+}
+
+impl FileKind {
+    /// All kinds.
+    pub(super) const ALL: [Self; 5] = [
+        Self::Environment,
+        Self::TabularEnvironment,
+        Self::Scenario,
+        Self::TabularScenario,
+        Self::Study,
+    ];
+
+    /// The word with which files of this kind begin.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Environment => "Environment",
+            Self::TabularEnvironment => "TabularEnvironment",
+            Self::Scenario => "Scenario",
+            Self::TabularScenario => "TabularScenario",
+            Self::Study => "Study",
+        }
+    }
+}
+
+/// The kind of a file, which the first word of its text names.
+///
+/// # Errors
+/// The text begins with something else.
+pub fn file_kind(origin: &str, text: &str) -> Result<FileKind, InputError> {
+    let word = first_word(text);
+    if let Some(kind) = FileKind::ALL.into_iter().find(|kind| kind.name() == word) {
+        return Ok(kind);
+    }
+    let offset = offset_of(word, text);
+    let begins_with = text[offset..].split_whitespace().next();
+    let found = match begins_with {
+        None => "it is empty".to_owned(),
+        Some(opening) => {
+            let shown: String = opening
+                .chars()
+                .take(40)
+                .flat_map(char::escape_debug)
+                .collect();
+            format!("it begins with `{shown}`")
+        }
+    };
+    let kinds = FileKind::ALL.map(|kind| format!("`{}(`", kind.name()));
+    let message = format!(
+        "expected a file that begins with {}, but {found}",
+        one_of(&kinds)
+    );
+    let help = suggestion(word, FileKind::ALL.map(FileKind::name));
+    let mut error = error_at(origin, text, offset, "", message, help);
+    if begins_with.is_none() {
+        error.position = None;
+    }
+    Err(error)
+}
+
+/// The names as a list in words, `a, b or c`, without adding quotes.
+fn one_of(names: &[String]) -> String {
+    match names {
+        [first @ .., last] if !first.is_empty() => format!("{} or {last}", first.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+/// The byte offset of `part`, which is a slice of `text`.
+fn offset_of(part: &str, text: &str) -> usize {
+    part.as_ptr() as usize - text.as_ptr() as usize
+}
+
+/// The byte offset behind the word that names the kind of a file.
+pub(crate) fn after_first_word(text: &str) -> usize {
+    let word = first_word(text);
+    offset_of(word, text) + word.len()
+}
+
+/// The first word behind comments and attributes. It is a slice of `text`, even if it is empty.
+fn first_word(text: &str) -> &str {
+    let mut rest = text.trim_start();
+    loop {
+        let skipped = if let Some(comment) = rest.strip_prefix("//") {
+            &comment[comment.find('\n').unwrap_or(comment.len())..]
+        } else if let Some(comment) = rest.strip_prefix("/*") {
+            &comment[comment.find("*/").map_or(comment.len(), |end| end + 2)..]
+        } else if let Some(attribute) = rest.strip_prefix("#!") {
+            &attribute[attribute.find(']').map_or(attribute.len(), |end| end + 1)..]
+        } else {
+            break;
+        };
+        rest = skipped.trim_start();
+    }
+    let end = rest
+        .find(|c: char| !c.is_alphanumeric() && c != '_')
+        .unwrap_or(rest.len());
+    &rest[..end]
+}

@@ -1,0 +1,240 @@
+use super::numbers::{Count, Fraction};
+use serde::Deserialize;
+
+use super::*;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Team {
+    name: Located<String>,
+    members: Vec<Member>,
+    #[serde(default)]
+    captain: Located<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(dead_code, reason = "read from a file only to fail there")]
+struct Member {
+    name: Located<String>,
+    #[serde(default)]
+    role: Role,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[allow(dead_code, reason = "read from a file only to fail there")]
+enum Role {
+    #[default]
+    Player,
+    Coach {
+        share: Fraction,
+    },
+    Reserve(Count<10>),
+}
+
+const TEXT: &str = r#"// A team.
+Team(
+    name: "reds",
+    members: [
+        (name: "ann"),
+        (name: "bob", role: Coach(share: 0.5)), (name: "cat", role: Reserve(3)),
+    ],
+    captain: "bop",
+)"#;
+
+fn team() -> Document<Team> {
+    parse("team.ron", TEXT.to_owned()).unwrap()
+}
+
+/// Line, column, field and message of the error of a text that is not a team.
+fn error(text: &str) -> (usize, usize, String, String) {
+    let error = parse::<Team>("team.ron", text.to_owned()).unwrap_err();
+    let position = error.position.expect("it has a place");
+    (position.line, position.column, error.field, error.message)
+}
+
+#[test]
+fn a_validation_error_has_the_place_and_the_field_of_its_value() {
+    let team = team();
+    let member = &team.value.members[2].name;
+    let error = team.locate(member.error("is a cat"));
+    let position = error.position.as_ref().unwrap();
+    assert_eq!((position.line, position.column), (6, 57));
+    assert_eq!(error.field, "members[2].name");
+    let line =
+        "        (name: \"bob\", role: Coach(share: 0.5)), (name: \"cat\", role: Reserve(3)),";
+    assert_eq!(position.text, line);
+    assert_eq!(
+        error.to_string().lines().next(),
+        Some("team.ron:6:57: in `members[2].name`: is a cat")
+    );
+}
+
+/// Errors with the same message about different values point at different lines.
+#[test]
+fn each_located_value_has_an_ordinal_of_its_own() {
+    let team = team();
+    let lines = [
+        &team.value.name,
+        &team.value.members[0].name,
+        &team.value.members[1].name,
+        &team.value.captain,
+    ]
+    .map(|value| team.locate(value.error("")).position.unwrap().line);
+    assert_eq!(lines, [3, 5, 6, 8]);
+}
+
+#[test]
+fn a_default_value_has_no_place() {
+    let text = "(name: \"reds\", members: [])".to_owned();
+    let team = parse::<Team>("team.ron", text).unwrap();
+    let error = team.locate(team.value.captain.error("is missing"));
+    assert_eq!(error.position, None);
+    assert_eq!(error.to_string(), "team.ron: is missing");
+}
+
+#[test]
+fn an_unknown_name_lists_the_known_ones_and_suggests_the_nearest() {
+    let team = team();
+    let names = team.value.members.iter();
+    let names: Vec<_> = names.map(|member| member.name.as_str()).collect();
+    let error = team.locate(team.value.captain.unknown_name("member", names));
+    assert_eq!(error.field, "captain");
+    assert_eq!(
+        error.message,
+        "no member is named `bop`, expected one of `ann`, `bob`, `cat`"
+    );
+    assert_eq!(error.help.as_deref(), Some("did you mean `bob`?"));
+    let none = team.value.captain.unknown_name("trainer", []);
+    assert_eq!(none.message, "no trainer is named `bop`, there are none");
+    assert_eq!(none.help, None);
+}
+
+#[test]
+fn a_name_that_is_too_different_is_not_suggested() {
+    assert_eq!(nearest_name("tehta", ["x", "theta"]), Some("theta"));
+    assert_eq!(nearest_name("Slide", ["slide"]), Some("slide"));
+    assert_eq!(nearest_name("push", ["torque", "x"]), None);
+}
+
+#[test]
+fn errors_within_a_string_point_at_the_character() {
+    let text = "(name: \"one\n  two\", members: [])".to_owned();
+    let team = parse::<Team>("team.ron", text).unwrap();
+    let place = |line, column| {
+        let error = team.value.name.error("here").at(line, column);
+        let position = team.locate(error).position.unwrap();
+        (position.line, position.column)
+    };
+    assert_eq!(place(0, 2), (1, 11));
+    assert_eq!(place(1, 2), (2, 3));
+}
+
+#[test]
+fn nested_fields_and_ranges_are_in_the_path_of_an_error() {
+    let wrong_share = TEXT.replace("0.5", "1.5");
+    assert_eq!(
+        error(&wrong_share),
+        (
+            6,
+            42,
+            "members[1].role.Coach.share".to_owned(),
+            "expected a number from 0 to 1, found 1.5".to_owned()
+        )
+    );
+    let wrong_count = TEXT.replace("Reserve(3)", "Reserve(11)");
+    let (line, _, field, message) = error(&wrong_count);
+    assert_eq!((line, field.as_str()), (6, "members[2].role.Reserve"));
+    assert_eq!(message, "expected a whole number from 1 to 10, found 11");
+    let unknown_field = TEXT.replace("captain", "capitan");
+    let (line, _, field, message) = error(&unknown_field);
+    assert_eq!((line, field.as_str()), (8, "capitan"));
+    assert_eq!(
+        message,
+        "unexpected field `capitan`, expected one of `name`, `members`, `captain`"
+    );
+}
+
+/// A type may read a text of its own while it is read.
+#[test]
+fn reading_a_text_within_another_keeps_the_ordinals() {
+    #[derive(Deserialize)]
+    #[serde(try_from = "String")]
+    struct Inner;
+    impl TryFrom<String> for Inner {
+        type Error = String;
+        fn try_from(text: String) -> Result<Self, String> {
+            let team = parse::<Team>("inner", text).map_err(|error| error.message)?;
+            assert_eq!(team.value.members.len(), 0);
+            Ok(Self)
+        }
+    }
+    #[derive(Deserialize)]
+    struct Outer {
+        _inner: Inner,
+        last: Located<u32>,
+    }
+    let text = "(_inner: \"(name: \\\"a\\\", members: [])\",\nlast: 3)".to_owned();
+    let outer = parse::<Outer>("outer", text).unwrap();
+    let error = outer.locate(outer.value.last.error("here"));
+    assert_eq!(
+        (error.field.as_str(), error.position.unwrap().line),
+        ("last", 2)
+    );
+}
+
+#[test]
+fn the_kind_of_a_file_is_its_first_word() {
+    let kind = |text: &str| file_kind("file", text);
+    assert_eq!(kind("Study()"), Ok(FileKind::Study));
+    let commented = "// one\n/* two */ #![enable(implicit_some)]\nScenario (";
+    assert_eq!(kind(commented), Ok(FileKind::Scenario));
+    for text in ["", "  \n", "// a comment", "/* never ends"] {
+        let error = kind(text).unwrap_err();
+        assert_eq!(error.position, None, "{text}");
+        assert!(error.message.ends_with("but it is empty"), "{error}");
+    }
+    let error = kind("\n  Scenaria(a: 1)").unwrap_err();
+    assert!(
+        error.message.ends_with("but it begins with `Scenaria(a:`"),
+        "{error}"
+    );
+    assert_eq!(error.help.as_deref(), Some("did you mean `Scenario`?"));
+    let position = error.position.unwrap();
+    assert_eq!((position.line, position.column), (2, 3));
+}
+
+#[test]
+fn ranged_numbers_say_what_they_expect() {
+    use super::numbers::{FiniteNumber, FractionBelowOne, NonNegative, Positive};
+    let message = |result: Result<f64, String>| result.unwrap_err();
+    assert_eq!(Positive::try_from(0.5).map(Positive::get), Ok(0.5));
+    assert_eq!(
+        message(Positive::try_from(0.0).map(Positive::get)),
+        "expected a number above 0, found 0.0"
+    );
+    assert_eq!(NonNegative::try_from(0.0).map(NonNegative::get), Ok(0.0));
+    assert!(FractionBelowOne::try_from(1.0).is_err() && FractionBelowOne::try_from(0.0).is_ok());
+    assert_eq!(
+        message(FiniteNumber::try_from(f64::NAN).map(FiniteNumber::get)),
+        "expected a finite number, found NaN"
+    );
+    assert_eq!(
+        message(FiniteNumber::try_from(1e300).map(FiniteNumber::get)),
+        "1e300 does not fit into a number of single precision"
+    );
+    assert!(Count::<5, 2>::try_from(2).is_ok() && Count::<5, 2>::try_from(1).is_err());
+}
+
+#[test]
+fn a_long_line_is_shortened_around_the_caret() {
+    let text = format!(
+        "(name: \"reds\", members: [{}], captian: \"\")",
+        " ".repeat(200)
+    );
+    let shown = parse::<Team>("team.ron", text).unwrap_err().to_string();
+    let lines: Vec<_> = shown.lines().collect();
+    let caret = lines[2].find('^').unwrap();
+    assert!(lines[1].len() <= 104, "{shown}");
+    assert!(lines[1][..=caret].ends_with('c'), "{shown}");
+}

@@ -1,0 +1,113 @@
+//! `seedbed export`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+
+use super::progress::ReadCounter;
+use super::{CliError, pluralize};
+use seedbed::export::{self, Content, ExportError, Format, tensorboard};
+use seedbed::run::review::LoadedRun;
+
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("target").required(true).args(["to", "tensorboard"]))]
+#[command(after_help = "Examples:
+  seedbed export recordings/cartpole/seed-0 --to states.parquet
+  seedbed export recordings/cartpole/seed-0 --to states.npz          numpy.load(\"states.npz\")[\"theta\"]
+  seedbed export recordings/cartpole/seed-0 --to episodes.csv --content episodes
+  seedbed export recordings/cartpole/seed-0 --tensorboard logs       tensorboard --logdir logs
+
+A row of `states` has agent, episode, round and step, all observations, the action that the agent took, its reward and, \
+for agents with a bonus, the intrinsic reward. The last state of an episode has no action and no reward: these cells \
+are empty (CSV), null (Parquet) or NaN (NumPy).")]
+pub(super) struct ExportArgs {
+    /// Run directory, or a recording
+    run: PathBuf,
+    /// Write this file: .csv, .parquet or .npz
+    #[arg(long, value_name = "FILE")]
+    to: Option<PathBuf>,
+    /// What the file contains
+    #[arg(
+        long,
+        value_enum,
+        default_value = "states",
+        conflicts_with = "tensorboard"
+    )]
+    content: ContentArg,
+    /// Write returns and metrics as event files of TensorBoard to this directory
+    #[arg(long, value_name = "DIR")]
+    tensorboard: Option<PathBuf>,
+}
+
+/// What a file contains.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ContentArg {
+    /// One row per visited state, from the recording
+    States,
+    /// One row per episode
+    Episodes,
+    /// One row per update of an agent
+    Rounds,
+}
+
+pub(super) fn export(args: &ExportArgs) -> Result<(), CliError> {
+    let run = LoadedRun::open(&args.run)?;
+    match (&args.to, &args.tensorboard) {
+        (Some(path), _) => export_file(&run, args, path),
+        (None, Some(folder)) => export_events(&run, folder),
+        (None, None) => unreachable!("one of both options is required"),
+    }
+}
+
+fn export_file(run: &LoadedRun, args: &ExportArgs, path: &Path) -> Result<(), CliError> {
+    let format = Format::of(path).ok_or_else(|| {
+        CliError::Usage(format!(
+            "--to {}: expected a file that ends in .csv, .parquet or .npz",
+            path.display()
+        ))
+    })?;
+    let content = match args.content {
+        ContentArg::States => Content::States,
+        ContentArg::Episodes => Content::Episodes,
+        ContentArg::Rounds => Content::Rounds,
+    };
+    let counter = ReadCounter::new("episodes read");
+    let rows = export::export(run, content, format, path, &mut || counter.count())?;
+    drop(counter);
+    say!(
+        "wrote {}: {}",
+        path.display(),
+        pluralize(rows as usize, "row")
+    );
+    Ok(())
+}
+
+fn export_events(run: &LoadedRun, folder: &Path) -> Result<(), CliError> {
+    if run.folder.is_none() {
+        return Err(CliError::Usage(format!(
+            "{} has no tables, from which curves are exported",
+            run.path.display()
+        )));
+    }
+    let values = tensorboard::export(run, folder).map_err(|error| {
+        CliError::Runtime(format!("cannot write to {}: {error}", folder.display()))
+    })?;
+    say!(
+        "wrote {}: {}; show them with\n  tensorboard --logdir {}",
+        folder.display(),
+        pluralize(values, "value"),
+        folder.display()
+    );
+    Ok(())
+}
+
+impl From<ExportError> for CliError {
+    fn from(error: ExportError) -> Self {
+        match error {
+            ExportError::Write { .. } => Self::Runtime(error.to_string()),
+            ExportError::Missing { .. } | ExportError::Table(_) | ExportError::Recording(_) => {
+                Self::Usage(error.to_string())
+            }
+        }
+    }
+}

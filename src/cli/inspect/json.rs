@@ -1,0 +1,122 @@
+//! Summary of a run as JSON. Numbers that are not known are `null`.
+
+use serde::Serialize;
+
+use super::Inspected;
+use seedbed::run::review::final_mean;
+use seedbed::run::review::recording_stats::ValueDistribution;
+use seedbed::run::summary::Summary;
+
+#[derive(Serialize)]
+struct RunJson<'a> {
+    name: String,
+    path: String,
+    finished: bool,
+    agent_count: usize,
+    episodes_per_agent: usize,
+    env_steps: Option<u64>,
+    /// The numbers of `summary.json`.
+    summary: Option<&'a Summary>,
+    /// Mean over agents of the return of their n-th episode.
+    team_returns: Vec<f64>,
+    final_return: Option<f64>,
+    overlap: Option<f64>,
+    effective_agents: Option<f64>,
+    agents: Vec<AgentJson>,
+    /// Overlap of the visited states of each pair of agents.
+    overlaps: Option<Vec<Vec<f64>>>,
+    observations: Vec<ObservationJson>,
+}
+
+#[derive(Serialize)]
+struct AgentJson {
+    agent: u32,
+    episodes: usize,
+    final_return: Option<f64>,
+    best_return: Option<f64>,
+    coverage: Option<f64>,
+    visitation_evenness: Option<f64>,
+    intrinsic_reward: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct ObservationJson {
+    name: String,
+    unit: String,
+    states: u64,
+    min: f32,
+    median: Option<f32>,
+    max: f32,
+    axis_range: [f32; 2],
+    /// Share of the values outside the range of the axis.
+    outside: f64,
+}
+
+/// The summary as a JSON object.
+pub(super) fn text(inspected: &Inspected) -> String {
+    let run = &inspected.run;
+    let team_returns = run.team_returns();
+    let diversity = inspected.diversity();
+    let object = RunJson {
+        name: run.name(),
+        path: run.path.display().to_string(),
+        finished: run.summary.is_some(),
+        agent_count: run.agent_count(),
+        episodes_per_agent: team_returns.len(),
+        env_steps: run.episodes.last().map(|row| row.env_steps),
+        summary: run.summary.as_ref(),
+        final_return: final_mean(&team_returns),
+        team_returns,
+        overlap: diversity.map(|(overlap, _)| overlap),
+        effective_agents: diversity.map(|(_, agents)| agents),
+        agents: (0..run.agent_count() as u32)
+            .map(|agent| agent_json(inspected, agent))
+            .collect(),
+        overlaps: overlaps(inspected),
+        observations: observations(inspected),
+    };
+    serde_json::to_string_pretty(&object).expect("numbers and texts can be serialized")
+}
+
+fn agent_json(inspected: &Inspected, agent: u32) -> AgentJson {
+    let returns: Vec<f64> = inspected.run.returns(agent).collect();
+    AgentJson {
+        agent,
+        episodes: returns.len(),
+        final_return: final_mean(&returns),
+        best_return: returns.iter().copied().max_by(f64::total_cmp),
+        coverage: inspected.coverage(agent),
+        visitation_evenness: inspected.evenness(agent),
+        intrinsic_reward: inspected.intrinsic_reward(agent),
+    }
+}
+
+fn overlaps(inspected: &Inspected) -> Option<Vec<Vec<f64>>> {
+    let stats = inspected.stats.as_ref()?;
+    let agents = stats.visitation.len().max(1);
+    let overlaps = stats.overlaps();
+    Some(overlaps.chunks(agents).map(<[f64]>::to_vec).collect())
+}
+
+fn observations(inspected: &Inspected) -> Vec<ObservationJson> {
+    let distributions = inspected
+        .stats
+        .iter()
+        .flat_map(|stats| &stats.distributions);
+    let observed = distributions.filter(|distribution| distribution.count > 0);
+    observed.map(observation_json).collect()
+}
+
+fn observation_json(distribution: &ValueDistribution) -> ObservationJson {
+    let quantity = &distribution.quantity;
+    ObservationJson {
+        name: quantity.name.clone(),
+        unit: quantity.unit.clone(),
+        states: distribution.count,
+        min: distribution.min,
+        median: distribution.median(),
+        max: distribution.max,
+        axis_range: quantity.range,
+        outside: distribution.outside as f64 / distribution.count as f64,
+    }
+}

@@ -1,0 +1,101 @@
+//! `seedbed inspect`: summary of a run.
+
+mod json;
+mod text;
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::CliError;
+use super::progress::ReadCounter;
+use seedbed::record::RoundRow;
+use seedbed::run::measures::visitation::Visitation;
+use seedbed::run::review::recording_stats::RecordingStats;
+use seedbed::run::review::{LoadRunError, LoadedRun};
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed inspect recordings/cartpole/seed-0    a run, finished or not
+  seedbed inspect recordings/cartpole           the same, if it has one run
+  seedbed inspect recordings/sample/run.rrd     a recording without its run directory
+  seedbed inspect recordings/cartpole/seed-0 --json | jq .effective_agents")]
+pub(super) struct InspectArgs {
+    /// Run directory, or a recording
+    run: PathBuf,
+    /// Print a JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// A run, and statistics of its recording.
+struct Inspected {
+    run: LoadedRun,
+    /// Statistics of the recording, if there is one.
+    stats: Option<RecordingStats>,
+}
+
+pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
+    let mut run = LoadedRun::open(&args.run)?;
+    let counter = ReadCounter::new("episodes read");
+    let stats = run
+        .compute_stats(|_| counter.count())
+        .map_err(LoadRunError::from)?;
+    drop(counter);
+    let inspected = Inspected { run, stats };
+    if args.json {
+        say!("{}", json::text(&inspected));
+    } else {
+        say!("{}", text::text(&inspected));
+    }
+    Ok(())
+}
+
+impl Inspected {
+    /// Row of the last update of an agent.
+    fn last_update(&self, agent: u32) -> Option<&RoundRow> {
+        self.run.rounds.iter().rev().find(|row| row.agent == agent)
+    }
+
+    /// Mean intrinsic reward in the last update of an agent.
+    fn intrinsic_reward(&self, agent: u32) -> Option<f64> {
+        self.last_update(agent)?.intrinsic_reward.map(f64::from)
+    }
+
+    /// Whether an agent had an intrinsic reward.
+    fn has_bonus(&self) -> bool {
+        let mut rounds = self.run.rounds.iter();
+        rounds.any(|row| row.intrinsic_reward.is_some_and(|bonus| bonus != 0.0))
+    }
+
+    /// Coverage of an agent, from the recording or else from the row of the agent's last update.
+    fn coverage(&self, agent: u32) -> Option<f64> {
+        self.visitation(agent)
+            .map(Visitation::coverage)
+            .or(self.last_update(agent).map(|row| row.coverage))
+    }
+
+    /// Visitation evenness of an agent, from the recording or else from the row of the agent's last
+    /// update.
+    fn evenness(&self, agent: u32) -> Option<f64> {
+        self.visitation(agent)
+            .map(|visitation| visitation.entropy() / visitation.max_entropy())
+            .or(self.last_update(agent).map(|row| row.visitation_evenness))
+    }
+
+    /// Visit counts of an agent, from the recording.
+    fn visitation(&self, agent: u32) -> Option<&Visitation> {
+        self.stats.as_ref()?.visitation.get(agent as usize)
+    }
+
+    /// Overlap of the agents' visited states, and the effective number of agents.
+    fn diversity(&self) -> Option<(f64, f64)> {
+        let from_recording = self
+            .stats
+            .as_ref()
+            .map(RecordingStats::diversity)
+            .map(|diversity| (diversity.overlap, diversity.effective_agents));
+        let last_round = self.run.rounds.last();
+        from_recording.or(last_round.map(|row| (row.team_overlap, row.effective_agents)))
+    }
+}

@@ -1,0 +1,161 @@
+//! `seedbed init` and `seedbed new`: files to start from.
+
+use std::fs::{self, OpenOptions};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use super::{CliError, NewArgs, NewKind};
+use seedbed::input_files::{self, Directory};
+use seedbed_env::input;
+
+const TASK: &str = include_str!("templates/task.ron");
+const SCENARIO: &str = include_str!("templates/scenario.ron");
+const STUDY: &str = include_str!("templates/study.ron");
+const README: &str = include_str!("templates/README.md");
+
+/// Name of the task and of the scenario in a new workspace.
+const FIRST_NAME: &str = "short_pole";
+
+/// A file that is to be written.
+struct NewFile {
+    path: PathBuf,
+    text: String,
+}
+
+/// Writes a task, a scenario, a study and a README to a directory.
+pub(super) fn init(folder: &Path) -> Result<(), CliError> {
+    let folder = folder.strip_prefix(".").unwrap_or(folder);
+    let files = [
+        task(&folder.join("envs"), FIRST_NAME),
+        scenario(&folder.join("scenarios"), FIRST_NAME, FIRST_NAME),
+        study(&folder.join("scenarios"), "team_size", FIRST_NAME),
+        NewFile {
+            path: folder.join("README.md"),
+            text: README.replace("{name}", FIRST_NAME),
+        },
+    ];
+    write_all(&files)?;
+    say!("\nNext:");
+    if folder != Path::new("") {
+        say!(
+            "  cd {}",
+            seedbed::text::shell_word(&folder.display().to_string())
+        );
+    }
+    say!("  seedbed run {FIRST_NAME}");
+    say!("  seedbed plot recordings/{FIRST_NAME} --out run.png");
+    Ok(())
+}
+
+/// Writes a task, a scenario or a study to the nearest `envs` or `scenarios`.
+pub(super) fn new(args: &NewArgs) -> Result<(), CliError> {
+    check_name(&args.name)?;
+    let file = match args.kind {
+        NewKind::Task => task(&nearest(Directory::Environments), &args.name),
+        NewKind::Scenario => {
+            let environment = args.environment.as_deref().unwrap_or("cartpole");
+            check_exists(environment, Directory::Environments)?;
+            scenario(&nearest(Directory::Scenarios), &args.name, environment)
+        }
+        NewKind::Study => {
+            let scenario = args.scenario.as_deref().unwrap_or("cartpole_team");
+            check_exists(scenario, Directory::Scenarios)?;
+            study(&nearest(Directory::Scenarios), &args.name, scenario)
+        }
+    };
+    write_all(&[file])
+}
+
+fn task(folder: &Path, name: &str) -> NewFile {
+    NewFile {
+        path: folder.join(format!("{name}.ron")),
+        text: TASK.replace("{name}", name),
+    }
+}
+
+fn scenario(folder: &Path, name: &str, environment: &str) -> NewFile {
+    NewFile {
+        path: folder.join(format!("{name}.ron")),
+        text: SCENARIO
+            .replace("{name}", name)
+            .replace("{environment}", environment),
+    }
+}
+
+fn study(folder: &Path, name: &str, scenario: &str) -> NewFile {
+    let path = folder.join(format!("{name}.ron"));
+    NewFile {
+        text: STUDY
+            .replace("{path}", &format!("scenarios/{name}.ron"))
+            .replace("{scenario}", scenario),
+        path,
+    }
+}
+
+/// The nearest directory of this kind in the working directory or above it; one in the working
+/// directory if there is none.
+fn nearest(directory: Directory) -> PathBuf {
+    let folders = input::folders_upwards(&input_files::working_directory(), directory.name());
+    match folders.first() {
+        Some(folder) => input_files::relative_path(folder),
+        None => PathBuf::from(directory.name()),
+    }
+}
+
+/// An error unless a name can be a file's name and a word in a command.
+fn check_name(name: &str) -> Result<(), CliError> {
+    let is_valid = name
+        .chars()
+        .all(|c| c.is_alphanumeric() || c == '_' || c == '-');
+    if is_valid && !name.is_empty() && !name.starts_with('-') {
+        return Ok(());
+    }
+    Err(CliError::Usage(format!(
+        "cannot use `{name}` as a name: expected letters, digits, `_` and `-`, without a directory or `.ron`"
+    )))
+}
+
+fn check_exists(name: &str, directory: Directory) -> Result<(), CliError> {
+    input_files::find_argument(Path::new(name), &[directory])?;
+    Ok(())
+}
+
+/// Writes all files, or none if one of them exists.
+fn write_all(new_files: &[NewFile]) -> Result<(), CliError> {
+    let existing = new_files
+        .iter()
+        .find(|file| file.path.symlink_metadata().is_ok());
+    if let Some(file) = existing {
+        return Err(already_exists(&file.path));
+    }
+    for file in new_files {
+        write(file)?;
+        say!("wrote {}", file.path.display());
+    }
+    Ok(())
+}
+
+fn write(file: &NewFile) -> Result<(), CliError> {
+    let failed = |error: &std::io::Error| {
+        CliError::Runtime(format!("cannot write {}: {error}", file.path.display()))
+    };
+    if let Some(folder) = file.path.parent() {
+        fs::create_dir_all(folder).map_err(|error| failed(&error))?;
+    }
+    let mut options = OpenOptions::new();
+    let opened = options.write(true).create_new(true).open(&file.path);
+    let mut opened = opened.map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => already_exists(&file.path),
+        _ => failed(&error),
+    })?;
+    opened
+        .write_all(file.text.as_bytes())
+        .map_err(|error| failed(&error))
+}
+
+fn already_exists(path: &Path) -> CliError {
+    CliError::Usage(format!(
+        "{} exists already; nothing was overwritten",
+        path.display()
+    ))
+}

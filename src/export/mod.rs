@@ -1,0 +1,164 @@
+//! Writes the results of a run in formats of other tools: visited states, episodes and rounds as
+//! CSV, Parquet or NumPy arrays, and curves for TensorBoard.
+
+mod csv;
+mod npz;
+mod parquet;
+mod states;
+mod table;
+pub mod tensorboard;
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+
+use self::table::Table;
+use crate::record::ReadError;
+use crate::record::table::TableError;
+use crate::run::review::LoadedRun;
+
+/// What is exported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// One row per visited state, from the recording.
+    States,
+    /// `episodes.csv`: one row per episode.
+    Episodes,
+    /// `rounds.csv`: one row per update of an agent.
+    Rounds,
+}
+
+/// Format of an exported file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Comma-separated values; missing values are empty.
+    Csv,
+    /// Apache Parquet; missing values are null.
+    Parquet,
+    /// One compressed NumPy array per column; missing values are NaN.
+    Npz,
+}
+
+/// Why a run cannot be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The run has no table or recording with this content.
+    #[error("{run} has no {missing}, from which {content} are exported")]
+    Missing {
+        /// The run.
+        run: PathBuf,
+        /// The missing file.
+        missing: &'static str,
+        /// What was to be exported.
+        content: &'static str,
+    },
+    /// A table cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Recording(#[from] ReadError),
+    /// The file cannot be written.
+    #[error("cannot write {path}: {error}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Reason.
+        error: io::Error,
+    },
+}
+
+/// Writes a table batch by batch. All batches have the same columns.
+trait TableWriter {
+    fn write(&mut self, batch: Table) -> io::Result<()>;
+
+    /// Completes the file.
+    fn finish(self: Box<Self>) -> io::Result<()>;
+}
+
+impl Format {
+    /// The format that the extension of a file names.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()? {
+            "csv" => Some(Self::Csv),
+            "parquet" => Some(Self::Parquet),
+            "npz" => Some(Self::Npz),
+            _ => None,
+        }
+    }
+
+    fn writer(self, file: BufWriter<File>) -> Box<dyn TableWriter> {
+        match self {
+            Self::Csv => Box::new(csv::CsvTable::new(file)),
+            Self::Parquet => Box::new(parquet::ParquetTable::new(file)),
+            Self::Npz => Box::new(npz::NpzTable::new(file)),
+        }
+    }
+}
+
+/// Writes a part of a run to `path` and returns the number of rows. Calls `on_episode` for each
+/// episode that is read. If it fails, an existing file at `path` is not changed.
+///
+/// # Errors
+/// The run has no such content, or a file cannot be read or written.
+pub fn export(
+    run: &LoadedRun,
+    content: Content,
+    format: Format,
+    path: &Path,
+    on_episode: &mut dyn FnMut(),
+) -> Result<u64, ExportError> {
+    let write_error = |error| ExportError::Write {
+        path: path.to_owned(),
+        error,
+    };
+    let unfinished = path.with_added_extension("part");
+    let file = File::create(&unfinished).map_err(write_error)?;
+    let mut writer = format.writer(BufWriter::new(file));
+    let mut rows = 0;
+    let mut write = |batch: Table| {
+        rows += batch.len() as u64;
+        writer.write(batch).map_err(write_error)
+    };
+    let written = write_content(run, content, &mut write, on_episode);
+    let finished = written
+        .and_then(|()| writer.finish().map_err(write_error))
+        .and_then(|()| fs::rename(&unfinished, path).map_err(write_error));
+    if finished.is_err() {
+        let _ = fs::remove_file(&unfinished);
+    }
+    finished.map(|()| rows)
+}
+
+fn write_content(
+    run: &LoadedRun,
+    content: Content,
+    write: &mut dyn FnMut(Table) -> Result<(), ExportError>,
+    on_episode: &mut dyn FnMut(),
+) -> Result<(), ExportError> {
+    let missing = |missing, content| ExportError::Missing {
+        run: run.path.clone(),
+        missing,
+        content,
+    };
+    let table_file = |index: usize| {
+        let folder = run.folder.as_ref()?;
+        Some(folder.table_files()[index].clone())
+    };
+    match content {
+        Content::States => {
+            let recording = run.recording.as_ref();
+            let recording = recording.ok_or_else(|| missing("recording", "states"))?;
+            states::write(recording, write, on_episode)
+        }
+        Content::Episodes => {
+            let file = table_file(0).ok_or_else(|| missing("episodes.csv", "episodes"))?;
+            write(table::read_csv(&file)?)
+        }
+        Content::Rounds => {
+            let file = table_file(1).ok_or_else(|| missing("rounds.csv", "rounds"))?;
+            write(table::read_csv(&file)?)
+        }
+    }
+}

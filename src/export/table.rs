@@ -1,0 +1,123 @@
+//! A table in columns.
+
+use std::path::Path;
+
+use crate::record::table::{TableError, read_complete_rows};
+
+/// Columns of equal length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Table {
+    pub columns: Vec<Column>,
+}
+
+/// A named column.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Column {
+    pub name: String,
+    pub values: Values,
+}
+
+/// Values of a column. Missing numbers are NaN: numbers of a run are finite.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Values {
+    Integers(Vec<i64>),
+    Singles(Vec<f32>),
+    Doubles(Vec<f64>),
+    Texts(Vec<String>),
+}
+
+impl Table {
+    /// Number of rows.
+    pub(super) fn len(&self) -> usize {
+        self.columns.first().map_or(0, |column| column.values.len())
+    }
+
+    /// Adds the rows of a table with the same columns.
+    pub(super) fn append(&mut self, other: Self) {
+        if self.columns.is_empty() {
+            *self = other;
+            return;
+        }
+        for (column, more) in self.columns.iter_mut().zip(other.columns) {
+            column.values.append(more.values);
+        }
+    }
+}
+
+impl Values {
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Self::Integers(values) => values.len(),
+            Self::Singles(values) => values.len(),
+            Self::Doubles(values) => values.len(),
+            Self::Texts(values) => values.len(),
+        }
+    }
+
+    fn append(&mut self, other: Self) {
+        match (self, other) {
+            (Self::Integers(values), Self::Integers(more)) => values.extend(more),
+            (Self::Singles(values), Self::Singles(more)) => values.extend(more),
+            (Self::Doubles(values), Self::Doubles(more)) => values.extend(more),
+            (Self::Texts(values), Self::Texts(more)) => values.extend(more),
+            _ => unreachable!("batches of a table have the same types"),
+        }
+    }
+
+    /// Integers if all cells are integers, numbers if all cells are numbers or empty, otherwise
+    /// texts.
+    fn parse(cells: Vec<String>) -> Self {
+        if let Ok(integers) = cells.iter().map(|cell| cell.parse()).collect() {
+            return Self::Integers(integers);
+        }
+        let number = |cell: &String| match cell.as_str() {
+            "" => Ok(f64::NAN),
+            cell => cell.parse(),
+        };
+        match cells.iter().map(number).collect() {
+            Ok(numbers) => Self::Doubles(numbers),
+            Err(_) => Self::Texts(cells),
+        }
+    }
+}
+
+/// Reads a table with a header. An incomplete last row is ignored.
+pub(super) fn read_csv(path: &Path) -> Result<Table, TableError> {
+    let error = |error: ::csv::Error| TableError {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    };
+    let text = read_complete_rows(path)?;
+    let mut reader = ::csv::Reader::from_reader(text.as_bytes());
+    let header = reader.headers().map_err(error)?.clone();
+    let mut cells: Vec<Vec<String>> = vec![Vec::new(); header.len()];
+    for row in reader.records() {
+        for (column, cell) in cells.iter_mut().zip(&row.map_err(error)?) {
+            column.push(cell.to_owned());
+        }
+    }
+    let columns = header.iter().zip(cells).map(|(name, cells)| Column {
+        name: name.to_owned(),
+        values: Values::parse(cells),
+    });
+    Ok(Table {
+        columns: columns.collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn types_follow_from_all_cells_of_a_column() {
+        let parse = |cells: &[&str]| Values::parse(cells.iter().map(|&cell| cell.into()).collect());
+        assert_eq!(parse(&["1", "-2"]), Values::Integers(vec![1, -2]));
+        assert_eq!(parse(&["1", "2.5"]), Values::Doubles(vec![1.0, 2.5]));
+        assert!(matches!(parse(&["1", ""]), Values::Doubles(values) if values[1].is_nan()));
+        assert_eq!(
+            parse(&["1", "x"]),
+            Values::Texts(vec!["1".into(), "x".into()])
+        );
+    }
+}

@@ -1,0 +1,131 @@
+//! Tasks and scenarios that are built into the program.
+
+use std::path::{Path, PathBuf};
+
+/// A file that is built in.
+#[derive(Clone, Copy, Debug)]
+pub struct BuiltinFile {
+    /// Path in the repository, for example `envs/cartpole.ron`.
+    pub path: &'static str,
+    /// Text of the file.
+    pub text: &'static str,
+}
+
+/// Beginning of the paths of built-in files.
+const PREFIX: &str = "builtin:";
+
+/// Paths and texts of files of the repository.
+macro_rules! builtin_files {
+    ($($path:literal,)*) => {
+        &[$(BuiltinFile { path: $path, text: include_str!(concat!("../../", $path)) }),*]
+    };
+}
+
+/// All built-in files, sorted by directory and name.
+#[rustfmt::skip]
+pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
+    "envs/acrobot.ron",
+    "envs/cartpole.ron",
+    "envs/cartpole_continuous.ron",
+    "envs/cartpole_gym.ron",
+    "envs/cartpole_swingup.ron",
+    "envs/cartpole_swingup_balance.ron",
+    "envs/cartpole_swingup_concurrent.ron",
+    "envs/cartpole_swingup_sparse.ron",
+    "envs/cartpole_swingup_team.ron",
+    "envs/cheetah.ron",
+    "envs/corridors.ron",
+    "envs/corridors_north_east.ron",
+    "envs/corridors_south_east.ron",
+    "envs/deep_sea.ron",
+    "envs/deep_sea_20.ron",
+    "envs/deep_sea_20_permuted.ron",
+    "envs/deep_sea_permuted.ron",
+    "envs/double_pendulum_cart.ron",
+    "envs/hopper.ron",
+    "envs/lander.ron",
+    "envs/mountain_car_continuous.ron",
+    "envs/mountain_car_continuous_sparse.ron",
+    "envs/pendulum.ron",
+    "envs/puck_maze.ron",
+    "scenarios/cartpole.ron",
+    "scenarios/cartpole_1.ron",
+    "scenarios/cartpole_16.ron",
+    "scenarios/cartpole_256.ron",
+    "scenarios/cartpole_continuous.ron",
+    "scenarios/cartpole_fast.ron",
+    "scenarios/cartpole_on_policy.ron",
+    "scenarios/cartpole_q.ron",
+    "scenarios/cartpole_team.ron",
+    "scenarios/corridors.ron",
+    "scenarios/corridors_vime.ron",
+    "scenarios/deep_sea_bootstrapped_dqn.ron",
+    "scenarios/deep_sea_egreedy.ron",
+    "scenarios/deep_sea_seed_ensemble.ron",
+    "scenarios/mountain_car.ron",
+    "scenarios/mountain_car_vime.ron",
+    "scenarios/pendulum.ron",
+    "scenarios/swingup_balance_seed_ensemble.ron",
+    "scenarios/swingup_concurrent_egreedy.ron",
+    "scenarios/swingup_concurrent_seed_ensemble.ron",
+    "scenarios/swingup_concurrent_seed_td.ron",
+    "scenarios/swingup_team_seed_ensemble.ron",
+    "scenarios/swingup_vime.ron",
+    "scenarios/tabular/bipolar_chain.ron",
+    "scenarios/tabular/bipolar_chain_thompson.ron",
+    "scenarios/tabular/bipolar_chain_ucrl.ron",
+    "scenarios/tabular/deep_sea.ron",
+    "scenarios/tabular/deep_sea_thompson.ron",
+    "scenarios/tabular/deep_sea_ucrl.ron",
+    "scenarios/tabular/maximum_reward_path.ron",
+    "scenarios/tabular/maximum_reward_path_thompson.ron",
+    "scenarios/tabular/maximum_reward_path_ucrl.ron",
+    "scenarios/tabular/parallel_chains.ron",
+    "scenarios/tabular/parallel_chains_thompson.ron",
+    "scenarios/tabular/parallel_chains_ucrl.ron",
+];
+
+impl BuiltinFile {
+    /// The built-in file at `path`, which begins with `builtin:`.
+    pub(super) fn at(path: &Path) -> Option<&'static Self> {
+        let path = path.to_str()?.strip_prefix(PREFIX)?;
+        BUILTIN_FILES.iter().find(|file| file.path == path)
+    }
+
+    /// The path that messages show, for example `builtin:envs/cartpole.ron`.
+    #[must_use]
+    pub fn full_path(&self) -> PathBuf {
+        PathBuf::from(format!("{PREFIX}{}", self.path))
+    }
+}
+
+/// Whether a path is that of a built-in file or folder.
+pub(super) fn is_builtin(path: &Path) -> bool {
+    path.to_str().is_some_and(|path| path.starts_with(PREFIX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The RON files in a folder of the repository, but not in its subfolders.
+    fn files_in(folder: &str) -> Vec<String> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let entries = std::fs::read_dir(root.join(folder)).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut files: Vec<String> = names
+            .filter(|name| seedbed_env::input::is_ron(Path::new(name)))
+            .map(|name| format!("{folder}/{name}"))
+            .collect();
+        files.sort();
+        files
+    }
+
+    #[test]
+    fn all_tasks_and_scenarios_are_built_in() {
+        let folders = ["envs", "scenarios", "scenarios/tabular"];
+        let expected: Vec<String> = folders.into_iter().flat_map(files_in).collect();
+        let found: Vec<&str> = BUILTIN_FILES.iter().map(|file| file.path).collect();
+        assert_eq!(found, expected);
+    }
+}

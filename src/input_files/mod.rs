@@ -1,0 +1,203 @@
+//! Files that users name: by their path, or by the name of a task or scenario.
+//!
+//! A name is looked up in the nearest directory `envs` or `scenarios` upwards, and then among the
+//! files that are built into the program. These have paths such as `builtin:envs/cartpole.ron`.
+
+mod builtin;
+
+use std::path::{Path, PathBuf};
+
+use seedbed_env::TaskDescription;
+use seedbed_env::input::{self, Disk, Document, FileSource, InputError};
+use serde::de::DeserializeOwned;
+
+pub use builtin::{BUILTIN_FILES, BuiltinFile};
+
+/// A directory in which files are looked up by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Directory {
+    /// Tasks: `envs`.
+    Environments,
+    /// Scenarios and studies: `scenarios`.
+    Scenarios,
+}
+
+impl Directory {
+    /// Name of the directory.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Environments => "envs",
+            Self::Scenarios => "scenarios",
+        }
+    }
+
+    /// What the files are.
+    fn noun(self) -> &'static str {
+        match self {
+            Self::Environments => "environment",
+            Self::Scenarios => "scenario",
+        }
+    }
+
+    /// The built-in files, with their names: the path below the directory, without `.ron`.
+    pub fn builtin_files(self) -> impl Iterator<Item = (&'static str, &'static BuiltinFile)> {
+        let prefix = format!("{}/", self.name());
+        BUILTIN_FILES.iter().filter_map(move |file| {
+            let name = file.path.strip_prefix(&prefix)?.strip_suffix(".ron")?;
+            Some((name, file))
+        })
+    }
+}
+
+/// The file system and the built-in files.
+#[derive(Clone, Copy, Debug)]
+struct DiskAndBuiltin;
+
+impl FileSource for DiskAndBuiltin {
+    fn read(&self, path: &Path) -> Result<String, InputError> {
+        match BuiltinFile::at(path) {
+            Some(file) => Ok(file.text.to_owned()),
+            None => Disk.read(path),
+        }
+    }
+
+    fn is_file(&self, path: &Path) -> bool {
+        BuiltinFile::at(path).is_some() || path.is_file()
+    }
+
+    fn names_in(&self, folder: &Path) -> Vec<String> {
+        if !builtin::is_builtin(folder) {
+            return Disk.names_in(folder);
+        }
+        let directories = [Directory::Environments, Directory::Scenarios];
+        let files = directories.into_iter().flat_map(Directory::builtin_files);
+        files
+            .filter(|(_, file)| file.full_path().parent() == Some(folder))
+            .map(|(name, _)| name.to_owned())
+            .collect()
+    }
+}
+
+/// Reads the text of a file, which may be built in.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn read_text(path: &Path) -> Result<String, InputError> {
+    DiskAndBuiltin.read(path)
+}
+
+/// Reads a RON file, which may be built in.
+///
+/// # Errors
+/// The file cannot be read, or is not a `T`.
+pub fn read<T: DeserializeOwned>(path: &Path) -> Result<Document<T>, InputError> {
+    input::parse(&path.display().to_string(), read_text(path)?)
+}
+
+/// Reads and checks a task file, which may be built in. Also returns the text of a task file that
+/// describes the same task and extends no other file.
+///
+/// # Errors
+/// The file, or one that it extends, cannot be read, or something in it is wrong.
+pub fn read_task(path: &Path) -> Result<(TaskDescription, String), InputError> {
+    seedbed_env::load_from(&DiskAndBuiltin, path)
+}
+
+/// The file that a command-line argument names: a path, or a name in one of `directories`, which
+/// are tried in turn.
+///
+/// # Errors
+/// There is no such file, with the names that exist.
+pub fn find_argument(path: &Path, directories: &[Directory]) -> Result<PathBuf, InputError> {
+    if DiskAndBuiltin.is_file(path) {
+        return Ok(path.to_owned());
+    }
+    let argument = path.to_string_lossy();
+    let start_folders = [working_directory()];
+    let found = directories
+        .iter()
+        .find_map(|&directory| find(&argument, directory, &start_folders).ok());
+    found.ok_or_else(|| not_found(&argument, directories, &start_folders))
+}
+
+/// Path of the file `name` in the nearest directory that has it, in or above each of
+/// `start_folders`, in this order; otherwise of the built-in file.
+///
+/// # Errors
+/// All known names, if there is no such file.
+pub fn find(
+    name: &str,
+    directory: Directory,
+    start_folders: &[PathBuf],
+) -> Result<PathBuf, Vec<String>> {
+    let file = format!("{name}.ron");
+    let on_disk = start_folders
+        .iter()
+        .find_map(|start| input::find_upwards(start, directory.name(), &file));
+    if let Some(path) = on_disk {
+        return Ok(relative_path(&path));
+    }
+    let builtin = directory.builtin_files().find(|(known, _)| *known == name);
+    match builtin {
+        Some((_, file)) => Ok(file.full_path()),
+        None => Err(known_names(directory, start_folders)),
+    }
+}
+
+/// Whether a path is that of a built-in file.
+#[must_use]
+pub fn is_builtin(path: &Path) -> bool {
+    builtin::is_builtin(path)
+}
+
+/// The path relative to the working directory, if the path is inside it; otherwise the path
+/// unchanged.
+#[must_use]
+pub fn relative_path(path: &Path) -> PathBuf {
+    path.strip_prefix(working_directory())
+        .unwrap_or(path)
+        .to_owned()
+}
+
+/// The working directory; an empty path if it no longer exists.
+#[must_use]
+pub fn working_directory() -> PathBuf {
+    std::env::current_dir().unwrap_or_default()
+}
+
+fn not_found(argument: &str, directories: &[Directory], start_folders: &[PathBuf]) -> InputError {
+    let is_path = input::is_ron(Path::new(argument)) || argument.contains('/');
+    let known: Vec<String> = directories
+        .iter()
+        .flat_map(|&directory| known_names(directory, start_folders))
+        .collect();
+    let near = input::nearest_name(argument, known.iter().map(String::as_str));
+    let nouns: Vec<&str> = directories.iter().map(|kind| kind.noun()).collect();
+    InputError {
+        origin: argument.to_owned(),
+        position: None,
+        field: String::new(),
+        message: if is_path {
+            "no such file".to_owned()
+        } else {
+            format!("no such file or {}", nouns.join(" or "))
+        },
+        help: Some(match near {
+            Some(name) => format!("did you mean `{name}`?"),
+            None => "`seedbed list` shows all names".to_owned(),
+        }),
+    }
+}
+
+/// Names of all files of a directory, on the disk or built in, sorted.
+fn known_names(directory: Directory, start_folders: &[PathBuf]) -> Vec<String> {
+    let folders = start_folders
+        .iter()
+        .flat_map(|start| input::folders_upwards(start, directory.name()));
+    let mut names: Vec<String> = folders.flat_map(|folder| Disk.names_in(&folder)).collect();
+    names.extend(directory.builtin_files().map(|(name, _)| name.to_owned()));
+    names.sort();
+    names.dedup();
+    names
+}

@@ -1,0 +1,207 @@
+//! The runs in a directory, with the main results of each.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use serde::{Deserialize, Serialize};
+
+use super::folder::{Contents, RunFolder};
+use super::review::{final_mean, team_returns};
+use super::summary::SolvedAt;
+use crate::input_files;
+use crate::record::EpisodeRow;
+use crate::record::table;
+use crate::scenario::Scenario;
+use crate::text::file_stem;
+
+/// A run with its main results. What is not known is `None`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunOverview {
+    /// Directory of the run.
+    pub path: PathBuf,
+    /// Whether the run is finished.
+    pub state: RunState,
+    /// What is wrong with the files, if the state is [`RunState::Unreadable`].
+    pub error: Option<String>,
+    /// Results; all are `None` if the files cannot be read.
+    #[serde(flatten)]
+    pub results: Results,
+    /// When the last result was written.
+    #[serde(skip)]
+    pub written: Option<SystemTime>,
+    /// Time from the first to the last file of the run, in seconds. It includes interruptions.
+    pub seconds: Option<f64>,
+}
+
+/// Whether a run is finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RunState {
+    /// The run is finished.
+    Finished,
+    /// The run is in progress or was interrupted.
+    Unfinished,
+    /// There is a recording, but no tables.
+    RecordingOnly,
+    /// A file is damaged.
+    Unreadable,
+}
+
+/// Main results of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Results {
+    /// Name of the scenario.
+    pub scenario: Option<String>,
+    /// Name of the task or, of a tabular run, of the task family.
+    #[serde(alias = "task")]
+    pub environment: Option<String>,
+    /// Run seed.
+    pub seed: Option<u64>,
+    /// Number of agents K.
+    pub agents: Option<u64>,
+    /// Number of episodes that every agent has finished.
+    pub episodes_per_agent: Option<u64>,
+    /// Number of environment steps of the whole team.
+    pub env_steps: Option<u64>,
+    /// Mean return over agents and over the last 25 episodes of each agent.
+    pub final_return: Option<f64>,
+    /// Threshold at which the task counts as solved.
+    pub solved_at: Option<SolvedAt>,
+    /// Number of episodes per agent until the task was solved.
+    pub episodes_until_solved: Option<u64>,
+    /// Share of the state space that the team visited, 0 to 1.
+    pub team_coverage: Option<f64>,
+    /// Effective number of agents, 1 to K.
+    pub effective_agents: Option<f64>,
+    /// Regret of a tabular run: sum over the episodes of an agent, mean over agents.
+    pub regret_per_agent: Option<f64>,
+}
+
+/// Maximum number of directories between the searched directory and a run.
+const MAX_DEPTH: usize = 6;
+
+/// All runs in `folder` and its subdirectories, sorted by path.
+#[must_use]
+pub fn find_runs(folder: &Path) -> Vec<RunOverview> {
+    let paths = run_folders(folder);
+    paths.into_iter().map(RunOverview::of).collect()
+}
+
+/// Directories of all runs in `folder` and its subdirectories, sorted.
+#[must_use]
+pub fn run_folders(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    collect_run_folders(folder, MAX_DEPTH, &mut found);
+    found.sort();
+    found
+}
+
+fn collect_run_folders(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) {
+    if RunFolder::new(folder).has_run() {
+        found.push(folder.to_owned());
+        return;
+    }
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries {
+        // Links are not followed, so that a link to a parent directory ends nowhere.
+        if depth > 0 && entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            collect_run_folders(&entry.path(), depth - 1, found);
+        }
+    }
+}
+
+impl RunOverview {
+    /// Overview of the run in a directory.
+    #[must_use]
+    pub fn of(path: PathBuf) -> Self {
+        let folder = RunFolder::new(&path);
+        let is_finished = folder.contents() == Contents::FinishedRun;
+        let results = if is_finished {
+            finished_results(&folder)
+        } else {
+            unfinished_results(&folder)
+        };
+        let state = match &results {
+            Err(_) => RunState::Unreadable,
+            Ok(_) if is_finished => RunState::Finished,
+            Ok(_) if folder.scenario_file().is_file() => RunState::Unfinished,
+            Ok(_) => RunState::RecordingOnly,
+        };
+        let written = last_result_time(&folder);
+        Self {
+            path,
+            state,
+            error: results.as_ref().err().cloned(),
+            results: results.unwrap_or_default(),
+            written,
+            seconds: written.and_then(|written| duration_until(&folder, written)),
+        }
+    }
+
+    /// Whether the task is solved; `None` if it has no threshold or the run is not finished.
+    #[must_use]
+    pub fn is_solved(&self) -> Option<bool> {
+        let has_threshold = self.state == RunState::Finished && self.results.solved_at.is_some();
+        has_threshold.then(|| self.results.episodes_until_solved.is_some())
+    }
+}
+
+fn finished_results(folder: &RunFolder) -> Result<Results, String> {
+    let path = folder.summary_file();
+    let text = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// Results of a run that has no summary yet, from its tables.
+fn unfinished_results(folder: &RunFolder) -> Result<Results, String> {
+    let name = folder.path().parent().map(|path| file_stem(path, ""));
+    let mut results = Results {
+        scenario: name.filter(|name| !name.is_empty()),
+        ..Results::default()
+    };
+    let scenario_file = folder.scenario_file();
+    if !scenario_file.is_file() {
+        return Ok(results);
+    }
+    let scenario = input_files::read::<Scenario>(&scenario_file);
+    let scenario = scenario.map_err(|error| error.to_string())?.value;
+    results.environment = Some(file_stem(Path::new(scenario.environment.as_str()), ""));
+    results.seed = Some(scenario.seed);
+    results.agents = Some(u64::from(scenario.agents.count.get()));
+    let [episodes, _] = folder.table_files();
+    if episodes.is_file() {
+        let rows: Vec<EpisodeRow> = table::read(&episodes).map_err(|error| error.to_string())?;
+        add_episodes(&mut results, &rows, scenario.agents.count.get());
+    }
+    Ok(results)
+}
+
+fn add_episodes(results: &mut Results, rows: &[EpisodeRow], agents: u32) {
+    let returns = team_returns(rows, agents as usize);
+    results.episodes_per_agent = Some(returns.len() as u64);
+    results.env_steps = Some(rows.last().map_or(0, |row| row.env_steps));
+    results.final_return = final_mean(&returns);
+    results.effective_agents = rows.last().map(|row| row.effective_agents);
+}
+
+/// When the summary was written or, without one, the table of episodes.
+fn last_result_time(folder: &RunFolder) -> Option<SystemTime> {
+    let [episodes, _] = folder.table_files();
+    [folder.summary_file(), episodes, folder.recording_file()]
+        .iter()
+        .find_map(|path| fs::metadata(path).ok()?.modified().ok())
+}
+
+/// Seconds since the scenario was written at the beginning of the run.
+fn duration_until(folder: &RunFolder, end: SystemTime) -> Option<f64> {
+    let [episodes, _] = folder.table_files();
+    if !episodes.is_file() {
+        return None; // a tabular run writes all its files at the end
+    }
+    let start = fs::metadata(folder.scenario_file()).ok()?.modified().ok()?;
+    end.duration_since(start)
+        .ok()
+        .map(|time: Duration| time.as_secs_f64())
+}

@@ -1,0 +1,98 @@
+//! `seedbed check`.
+
+use std::path::Path;
+
+use crate::util::{REPOSITORY, files_below, seedbed, stderr, stdout};
+
+#[test]
+fn check_accepts_valid_files() {
+    let output = seedbed(&["check", "scenarios/cartpole.ron", "envs/cartpole.ron"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(
+        stdout(&output),
+        "ok: scenarios/cartpole.ron: scenario with 4 agents in `cartpole`; observations x, x_dot, theta, theta_dot; actions force (-10 or 10 N)\n\
+         ok: envs/cartpole.ron: environment; observations x, x_dot, theta, theta_dot; actions force (-10 or 10 N)\n"
+    );
+}
+
+#[test]
+fn check_accepts_every_file_of_the_repository() {
+    let mut files = Vec::new();
+    for folder in ["envs", "scenarios"] {
+        files.extend(files_below(&Path::new(REPOSITORY).join(folder), "ron"));
+    }
+    let mut arguments = vec!["check"];
+    arguments.extend(files.iter().map(|path| path.to_str().unwrap()));
+    let output = seedbed(&arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let answers = stdout(&output);
+    let verdicts = || {
+        answers
+            .lines()
+            .filter(|line| !line.starts_with("warning: "))
+    };
+    assert_eq!(verdicts().count(), files.len(), "{answers}");
+    for (file, answer) in files.iter().zip(verdicts()) {
+        assert!(
+            answer.starts_with(&format!("ok: {}: ", file.display())),
+            "{answer}"
+        );
+    }
+    // The list of files must have one file of each kind.
+    for known in [
+        "/envs/cartpole.ron: environment",
+        "/envs/deep_sea.ron: environment",
+        "/scenarios/cartpole.ron: scenario",
+        "/scenarios/tabular/deep_sea.ron: tabular scenario",
+        "/scenarios/thesis/fig_6_4a.ron: study",
+        "/scenarios/benchmark/deep_sea.ron: study",
+    ] {
+        assert!(answers.contains(known), "{known} in {answers}");
+    }
+}
+
+/// Without a bonus and with a value function of 0, only rewards can change a policy. Reward seeds
+/// are rewards.
+#[test]
+fn check_warns_of_agents_that_cannot_learn_before_a_reward() {
+    let folder = tempfile::tempdir().unwrap();
+    let warnings_of = |seeds: &str| {
+        let scenario = folder.path().join("scenario.ron");
+        let environment = Path::new(REPOSITORY).join("envs/mountain_car_continuous_sparse.ron");
+        let text = format!(
+            r#"Scenario(environment: "{}", agents: (count: 2, seeds: {seeds}), algorithm: SeedPg(value_scale: 0))"#,
+            environment.display()
+        );
+        std::fs::write(&scenario, text).unwrap();
+        let output = seedbed(&["check", scenario.to_str().unwrap()]);
+        assert!(output.status.success(), "{output:?}");
+        stdout(&output)
+            .matches("policies do not change before an agent receives a reward")
+            .count()
+    };
+    assert_eq!(warnings_of("Normal(sigma: 0)"), 1);
+    assert_eq!(warnings_of("Normal(sigma: 0.1)"), 0);
+}
+
+#[test]
+fn check_lists_the_known_environments_if_a_name_is_unknown() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wrong.ron");
+    std::fs::write(&path, "Scenario(\n    environment: \"cartpol\",\n)").unwrap();
+    let output = seedbed(&["check", path.to_str().unwrap()]);
+    let printed = stderr(&output);
+    let place = format!(
+        "error: {}:2:19: in `environment`: no environment is named `cartpol`, expected one of ",
+        path.display()
+    );
+    assert!(
+        output.status.code() == Some(2)
+            && printed.starts_with(&place)
+            && printed.contains("`cartpole`, "),
+        "{printed}"
+    );
+    assert!(
+        printed.ends_with("\n  = help: did you mean `cartpole`?\n"),
+        "{printed}"
+    );
+}

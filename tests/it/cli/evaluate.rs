@@ -1,0 +1,144 @@
+//! `seedbed evaluate` and `seedbed replay`.
+
+use std::process::Output;
+
+use crate::recording::contents::RecordingContents;
+use crate::util::{seedbed, small_run, stderr, stdout};
+
+/// Mean return of the team as printed by `seedbed evaluate RUN --episodes 5`.
+fn evaluated_return(run: &str, extra_arguments: &[&str]) -> f64 {
+    let output = seedbed(&[&["evaluate", run, "--episodes", "5"], extra_arguments].concat());
+    let rows = table_rows(&output);
+    assert_eq!(rows.len(), 1 + 1 + 16 + 1, "{rows:?}");
+    let team = rows.iter().find(|row| row.starts_with("| team")).unwrap();
+    team.split('|').nth(2).unwrap().trim().parse().unwrap()
+}
+
+/// The lines of the table that a successful command printed.
+fn table_rows(output: &Output) -> Vec<String> {
+    assert!(output.status.success(), "{}", stderr(output));
+    stdout(output)
+        .lines()
+        .filter(|line| line.starts_with('|'))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// A trained policy keeps the pole up longer with greedy than with nearly random actions; the same
+/// run seed plays the same episodes.
+#[test]
+fn a_run_is_evaluated() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    let train = [
+        "run",
+        "scenarios/cartpole_16.ron",
+        "--quiet",
+        "--no-recording",
+        "--out",
+        run,
+        "--set",
+        "stop=Episodes(40)",
+    ];
+    assert!(seedbed(&train).status.success());
+    let (greedy, nearly_random) = (
+        evaluated_return(run, &["--actions", "greedy"]),
+        evaluated_return(run, &["--temperature", "100"]),
+    );
+    assert!(
+        greedy > 100.0 && nearly_random < 50.0,
+        "{greedy} {nearly_random}"
+    );
+    let default = evaluated_return(run, &[]);
+    assert_eq!(default, evaluated_return(run, &["--actions", "sampled"]));
+    assert_ne!(default, evaluated_return(run, &["--seed", "1"]));
+}
+
+#[test]
+fn evaluate_explains_invalid_arguments() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert!(
+        small_run(&path, &["--quiet", "--no-recording"])
+            .status
+            .success()
+    );
+    let evaluate = ["evaluate", path.to_str().unwrap(), "--temperature", "-1"];
+    let negative_temperature = seedbed(&evaluate);
+    assert_eq!(
+        (
+            negative_temperature.status.code(),
+            stderr(&negative_temperature)
+        ),
+        (
+            Some(2),
+            "error: --temperature: expected a number above 0, found -1.0\n".to_owned()
+        )
+    );
+    let missing_path = folder.path().join("nowhere");
+    let missing_run = seedbed(&["evaluate", missing_path.to_str().unwrap()]);
+    assert_eq!(missing_run.status.code(), Some(2));
+    assert!(
+        stderr(&missing_run).contains("scenario.ron: no such file"),
+        "{}",
+        stderr(&missing_run)
+    );
+}
+
+/// A replay plays the episodes of an evaluation with the same run seed. It records the raw data of
+/// all agents, and the bodies of the selected agents.
+#[test]
+fn a_run_is_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    assert!(small_run(&path, &["--quiet"]).status.success());
+    let three_episodes = ["--episodes", "3", "--seed", "4"];
+    let evaluated = seedbed(&[&["evaluate", run], &three_episodes[..]].concat());
+    let replayed = seedbed(&[&["replay", run, "--agents", "1"], &three_episodes[..]].concat());
+    assert_eq!(table_rows(&replayed), table_rows(&evaluated));
+    let recording = path.join("replay.rrd");
+    assert!(
+        stdout(&replayed).ends_with(&format!(
+            "open the recording with\n  rerun {}\n",
+            recording.display()
+        )),
+        "{}",
+        stdout(&replayed)
+    );
+    let contents = RecordingContents::read(&recording);
+    assert!(contents.has_entity("/raw/agent_0"));
+    assert!(contents.has_entity("/scene/agent_1") && !contents.has_entity("/scene/agent_0"));
+}
+
+#[test]
+fn replay_explains_invalid_arguments() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    assert!(small_run(&path, &["--quiet"]).status.success());
+    for (extra_arguments, expected) in [
+        (
+            &["--agents", "0,2"][..],
+            "error: --agents: there is no agent 2; the team of `cartpole` has agents 0 to 1\n"
+                .to_owned(),
+        ),
+        (
+            &["--out", &format!("{run}/run.rrd")],
+            format!(
+                "error: --out {run}/run.rrd would overwrite the recording of the run; choose another file\n"
+            ),
+        ),
+        (
+            &["--temperature", "0"],
+            "error: --temperature: expected a number above 0, found 0.0\n".to_owned(),
+        ),
+    ] {
+        let refused = seedbed(&[&["replay", run], extra_arguments].concat());
+        assert_eq!(
+            (refused.status.code(), stderr(&refused)),
+            (Some(2), expected)
+        );
+    }
+}

@@ -1,0 +1,111 @@
+//! `seedbed list`.
+
+use std::path::Path;
+
+use crate::util::{command, seedbed, stderr, stdout};
+
+#[test]
+fn list_prints_environments_scenarios_and_algorithms() {
+    let output = seedbed(&["list"]);
+    assert!(output.status.success());
+    let printed = stdout(&output);
+    for word in [
+        "cartpole",
+        "theta_dot",
+        "scenarios/cartpole.ron",
+        "SeedPg",
+        "ratio_product_cap",
+        "0.99",
+        "Random",
+    ] {
+        assert!(printed.contains(word), "{word} in {printed}");
+    }
+}
+
+/// Prints `seedbed list WHAT` in a folder.
+fn list_in(folder: &Path, what: &str) -> String {
+    let output = command(&["list", what])
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    stdout(&output)
+}
+
+/// In a folder without tasks and scenarios, names are those of the built-in files.
+#[test]
+fn list_prints_built_in_files_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let environments = list_in(folder.path(), "environments");
+    assert!(
+        environments
+            .starts_with("Environments (built in; use them by name in any directory)\n  acrobot\n"),
+        "{environments}"
+    );
+    let scenarios = list_in(folder.path(), "scenarios");
+    assert!(scenarios.contains("\n  cartpole_team "), "{scenarios}");
+    assert!(scenarios.contains("\n  tabular/deep_sea "), "{scenarios}");
+}
+
+/// `list --show` prints the file itself, which can be edited and run.
+#[test]
+fn list_shows_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = command(&["list", "--show", "cartpole"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let text = std::fs::read_to_string("envs/cartpole.ron").unwrap();
+    assert_eq!(
+        stdout(&output),
+        format!("// builtin:envs/cartpole.ron\n{text}")
+    );
+    assert_eq!(
+        stderr(&output),
+        "note: for the scenario, use `seedbed list scenarios --show cartpole`\n"
+    );
+    let scenario = seedbed(&["list", "scenarios", "--show", "cartpole"]);
+    assert!(stdout(&scenario).starts_with("// scenarios/cartpole.ron\n"));
+    let unknown = seedbed(&["list", "--show", "cartpol"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert_eq!(
+        stderr(&unknown),
+        "error: cartpol: no such file or environment or scenario\n  = help: did you mean `cartpole`?\n"
+    );
+}
+
+/// `list` searches the same directories as the lookup of environments and scenarios by name: the
+/// working directory and its parents.
+#[test]
+fn list_searches_parent_directories() {
+    let folder = tempfile::tempdir().unwrap();
+    let project = folder.path().canonicalize().unwrap();
+    let subfolder = project.join("notes/today");
+    for name in ["envs", "scenarios", "notes/today"] {
+        std::fs::create_dir_all(project.join(name)).unwrap();
+    }
+    std::fs::copy("envs/cartpole.ron", project.join("envs/broom.ron")).unwrap();
+    let one_agent = r#"Scenario(environment: "broom", agents: (count: 1), stop: Episodes(1))"#;
+    for name in ["alone", "lonely"] {
+        let path = project.join("scenarios").join(name).with_extension("ron");
+        std::fs::write(path, one_agent).unwrap();
+    }
+    let environments = list_in(&subfolder, "environments");
+    assert!(
+        environments.starts_with(&format!(
+            "Environments ({})\n  broom\n",
+            project.join("envs/").display()
+        )),
+        "{environments}"
+    );
+    let scenarios = project.join("scenarios/").display().to_string();
+    let description = "1 agent in broom, at most 1 episode each";
+    let expected = format!(
+        "Scenarios ({scenarios})\n  {scenarios}alone.ron  {description}\n  {scenarios}lonely.ron {description}\n\n"
+    );
+    let listed = list_in(&subfolder, "scenarios");
+    assert!(
+        listed.starts_with(&expected),
+        "descriptions begin after the longest path: {listed}"
+    );
+}

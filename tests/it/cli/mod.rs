@@ -1,0 +1,12 @@
+//! The command line: messages, exit statuses, and the files that commands write. One file per command.
+
+mod bench;
+mod check;
+mod evaluate;
+mod export;
+mod list;
+mod new;
+mod preview;
+mod run;
+mod runs;
+mod tabular_run;

@@ -1,0 +1,34 @@
+//! `seedbed preview`.
+
+use crate::util::{seedbed, stderr, stdout};
+
+#[test]
+fn preview_records_a_task_without_training() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("new").join("look.rrd");
+    let output = seedbed(&[
+        "preview",
+        "cartpole",
+        "--episodes",
+        "2",
+        "--out",
+        path.to_str().unwrap(),
+    ]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(
+        stdout(&output)
+            .lines()
+            .filter(|line| line.starts_with("episode "))
+            .count(),
+        2
+    );
+    assert!(path.metadata().unwrap().len() > 10_000);
+
+    let mistyped = seedbed(&["preview", "cartpol"]);
+    assert_eq!(mistyped.status.code(), Some(2));
+    assert!(
+        stderr(&mistyped).ends_with("  = help: did you mean `cartpole`?\n"),
+        "{}",
+        stderr(&mistyped)
+    );
+}

@@ -1,0 +1,368 @@
+//! `seedbed run`.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::util::{REPOSITORY, names_in, seedbed, small_run, stderr, stdout, wait_until};
+
+#[test]
+fn a_run_writes_its_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let output = small_run(&path, &[]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let expected = [
+        "checkpoint",
+        "envs",
+        "episodes.csv",
+        "policies.safetensors",
+        "rounds.csv",
+        "run.rrd",
+        "scenario.ron",
+        "summary.json",
+    ];
+    assert_eq!(names_in(&path), expected);
+    assert_tables_of_small_run(&path);
+    assert_policies_of_small_run(&path);
+    let printed = stdout(&output);
+    for word in [
+        "finished",
+        "solved",
+        "return",
+        "coverage",
+        "results",
+        "recording",
+    ] {
+        assert!(printed.contains(word), "{word} in {printed}");
+    }
+}
+
+/// The tables have one header and one row per agent and episode: 2 agents have 6 episodes each.
+fn assert_tables_of_small_run(folder: &Path) {
+    let episodes = std::fs::read_to_string(folder.join("episodes.csv")).unwrap();
+    assert_eq!(
+        episodes.lines().next(),
+        Some(
+            "agent,episode,round,env_steps,return,length,outcome,coverage,visitation_entropy,team_overlap,effective_agents"
+        )
+    );
+    assert_eq!(episodes.lines().count(), 1 + 2 * 6);
+    let rounds = std::fs::read_to_string(folder.join("rounds.csv")).unwrap();
+    let header = "agent,round,gradient_steps,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage,\
+                  visitation_entropy,visitation_evenness,team_coverage,team_overlap,effective_agents";
+    assert_eq!(rounds.lines().next(), Some(header));
+    assert_eq!(rounds.lines().count(), 1 + 2 * 6);
+    // Each agent learns from the trajectories of both, one after the other, with both networks.
+    let gradient_steps = |row: &str| row.split(',').nth(2).unwrap().to_owned();
+    assert!(
+        rounds
+            .lines()
+            .skip(1)
+            .all(|row| gradient_steps(row) == "4.0"),
+        "{rounds}"
+    );
+}
+
+fn assert_policies_of_small_run(folder: &Path) {
+    let bytes = std::fs::read(folder.join("policies.safetensors")).unwrap();
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    assert_eq!(
+        tensors
+            .tensor("agent_1.policy.layer_0.weight")
+            .unwrap()
+            .shape(),
+        [4, 32]
+    );
+    assert_eq!(
+        tensors.names().len(),
+        2 * (2 * 3 * 2 + 2),
+        "agents × (networks × layers × (weight, bias) + moments)"
+    );
+    let (_, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
+    assert_eq!(header.metadata().as_ref().unwrap()["task"], "cartpole");
+}
+
+/// The printed speed must include the first round, because this run has no other.
+#[test]
+fn a_run_of_one_round_prints_its_speed() {
+    let folder = tempfile::tempdir().unwrap();
+    let one_round = [
+        "--no-recording",
+        "--set",
+        "schedule=Synchronous(episodes: 6)",
+    ];
+    let printed = stderr(&small_run(&folder.path().join("run"), &one_round));
+    let line = printed
+        .lines()
+        .find(|line| line.starts_with("6/6 episodes"))
+        .unwrap_or_else(|| panic!("{printed}"));
+    let steps_per_second: u64 = line
+        .rsplit(" · ")
+        .next()
+        .unwrap()
+        .replace(" env steps/s", "")
+        .replace(',', "")
+        .parse()
+        .unwrap();
+    assert!(steps_per_second > 0, "{line}");
+}
+
+/// A run of the stored scenario has the same episodes, even if the task file has been changed since
+/// the first run.
+#[test]
+fn the_stored_scenario_repeats_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (project, first, second) = (
+        folder.path().join("project"),
+        folder.path().join("first"),
+        folder.path().join("second"),
+    );
+    std::fs::create_dir_all(project.join("envs")).unwrap();
+    let task_text = std::fs::read_to_string("envs/cartpole.ron").unwrap();
+    std::fs::write(project.join("envs/cartpole.ron"), &task_text).unwrap();
+    let scenario = project.join("short.ron");
+    std::fs::write(
+        &scenario,
+        r#"Scenario(environment: "cartpole", stop: Episodes(6))"#,
+    )
+    .unwrap();
+
+    let run = |scenario: &Path, out: &Path| {
+        let output = seedbed(&[
+            "run",
+            scenario.to_str().unwrap(),
+            "--no-recording",
+            "--out",
+            out.to_str().unwrap(),
+        ]);
+        assert!(output.status.success(), "{}", stderr(&output));
+    };
+    run(&scenario, &first);
+    std::fs::write(
+        project.join("envs/cartpole.ron"),
+        task_text.replace("mass: 0.1", "mass: 0.3"),
+    )
+    .unwrap();
+    run(&first.join("scenario.ron"), &second);
+    let read_episodes =
+        |folder: &Path| std::fs::read_to_string(folder.join("episodes.csv")).unwrap();
+    assert_eq!(read_episodes(&first), read_episodes(&second));
+    run(&scenario, &folder.path().join("third"));
+    assert_ne!(
+        read_episodes(&first),
+        read_episodes(&folder.path().join("third")),
+        "the original scenario must use the changed task file"
+    );
+}
+
+#[test]
+fn a_finished_run_is_replaced_only_with_overwrite() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert!(
+        small_run(&path, &["--no-recording", "--quiet"])
+            .status
+            .success()
+    );
+    let before = std::fs::read(path.join("episodes.csv")).unwrap();
+
+    let refused = small_run(&path, &["--no-recording", "--seed", "1"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let expected = format!(
+        "error: {} contains a finished run; choose another --out to keep both, or --overwrite to replace it\n",
+        path.display()
+    );
+    assert_eq!(stderr(&refused), expected);
+    assert_eq!(std::fs::read(path.join("episodes.csv")).unwrap(), before);
+
+    let resumed = small_run(&path, &["--resume"]);
+    assert_eq!(resumed.status.code(), Some(2));
+    assert!(
+        stderr(&resumed).contains("is finished; there is nothing to resume"),
+        "{}",
+        stderr(&resumed)
+    );
+
+    assert!(
+        small_run(&path, &["--no-recording", "--seed", "1", "--overwrite"])
+            .status
+            .success()
+    );
+    assert_ne!(std::fs::read(path.join("episodes.csv")).unwrap(), before);
+}
+
+#[test]
+fn a_directory_with_other_files_is_not_touched() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("thesis.tex"), "precious").unwrap();
+    for extra_arguments in [&[][..], &["--overwrite"], &["--resume"]] {
+        let refused = small_run(folder.path(), extra_arguments);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(
+            stderr(&refused).contains("is not empty"),
+            "{}",
+            stderr(&refused)
+        );
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn an_override_of_an_unknown_field_is_explained() {
+    let output = seedbed(&[
+        "run",
+        "scenarios/cartpole.ron",
+        "--set",
+        "algorithm.dicount=0.9",
+    ]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output)
+            .starts_with("error: --set algorithm.dicount=0.9: in `algorithm.dicount`: there is no field `dicount` here")
+    );
+    assert!(
+        stderr(&output).ends_with("  = help: did you mean `discount`?\n"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
+fn a_file_in_place_of_the_parent_directory_is_one_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "not a directory").unwrap();
+    let output = small_run(&file.join("run"), &[]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert_eq!(
+        stderr(&output).matches("error:").count(),
+        1,
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
+fn non_finite_parameters_end_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let exploding = [
+        "--set",
+        "agents.seeds=Normal(sigma: 1e30)",
+        "--no-recording",
+    ];
+    let output = small_run(&path, &exploding);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("non-finite network parameters (agent"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(!path.join("summary.json").exists());
+}
+
+#[test]
+fn a_non_finite_reward_ends_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("envs")).unwrap();
+    let task_text = std::fs::read_to_string("envs/cartpole.ron")
+        .unwrap()
+        .replace("reward: \"1\"", "reward: \"1 / (x - x)\"");
+    std::fs::write(folder.path().join("envs/absurd.ron"), task_text).unwrap();
+    let scenario = folder.path().join("absurd.ron");
+    std::fs::write(&scenario, r#"Scenario(environment: "absurd")"#).unwrap();
+    let out = folder.path().join("run");
+    let output = seedbed(&[
+        "run",
+        scenario.to_str().unwrap(),
+        "--no-recording",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("non-finite reward (agent 0, episode 0)"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
+fn only_one_run_at_a_time_writes_to_a_directory() {
+    let folder = tempfile::tempdir().unwrap();
+    let lock = seedbed::run::folder::RunFolder::new(folder.path().join("run"))
+        .lock()
+        .unwrap();
+    let output = small_run(&folder.path().join("run"), &["--overwrite"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        stderr(&output).contains("another seedbed process is writing to"),
+        "{}",
+        stderr(&output)
+    );
+    drop(lock);
+    // A process that another test is starting at this moment may have inherited the lock.
+    wait_until("a run starts after the lock is released", || {
+        small_run(&folder.path().join("run"), &["--no-recording"])
+            .status
+            .success()
+    });
+}
+
+#[test]
+fn invalid_settings_are_refused() {
+    for (setting, expected) in [
+        (
+            "algorithm.policy_loss=SimplePg",
+            "`SimplePg` is correct only with",
+        ),
+        ("algorithm.hidden=[]", "has no layer"),
+        (
+            "stop=Solved(return: 195, window: 25, at_most: 10)",
+            "expected a window of at most the 10 episodes",
+        ),
+        (
+            "recording.scene.agents=[0, 9]",
+            "expected an agent from 0 to 3",
+        ),
+        ("recording.scene.agents=[1, 1]", "duplicate agent 1"),
+        ("recording.scene.agents=[]", "expected at least one agent"),
+        (
+            "recording.scene.every=0",
+            "expected a whole number from 1 to",
+        ),
+        (
+            "agents.count=4000000000",
+            "expected a whole number from 1 to 10000",
+        ),
+        (
+            "algorithm.discount=1e-300",
+            "does not fit into a number of single precision",
+        ),
+    ] {
+        let output = seedbed(&["run", "scenarios/cartpole.ron", "--set", setting]);
+        assert_eq!(
+            output.status.code(),
+            Some(2),
+            "{setting}: {}",
+            stderr(&output)
+        );
+        assert!(
+            stderr(&output).contains(expected),
+            "{setting}: {}",
+            stderr(&output)
+        );
+    }
+}
+
+#[test]
+fn a_closed_pipe_is_not_an_error() {
+    let command = format!("{} list | head -1", env!("CARGO_BIN_EXE_seedbed"));
+    let output = Command::new("sh")
+        .args(["-c", &command])
+        .current_dir(REPOSITORY)
+        .output()
+        .unwrap();
+    assert_eq!(stderr(&output), "");
+    assert!(stdout(&output).starts_with("Environments ("), "{output:?}");
+}
