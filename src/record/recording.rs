@@ -130,6 +130,12 @@ impl Recording {
         match *self {}
     }
 
+    /// The actions of an agent, in order.
+    #[must_use]
+    pub fn actions(&self) -> &[Quantity] {
+        match *self {}
+    }
+
     /// Range of the intrinsic rewards, if the agents have any.
     #[must_use]
     pub fn bonus(&self) -> BonusRange {
