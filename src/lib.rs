@@ -13,6 +13,7 @@
 //! describes all modules.
 
 pub mod export;
+pub mod film;
 pub mod input_files;
 pub mod plotting;
 pub mod record;

@@ -13,6 +13,7 @@ mod bench;
 mod check;
 mod evaluate;
 mod export;
+mod film;
 mod inspect;
 mod list;
 mod new;
@@ -122,6 +123,8 @@ Existing files are never overwritten.")]
     Inspect(inspect::InspectArgs),
     /// Write visited states, episodes or rounds as CSV, Parquet or NumPy arrays, or for TensorBoard
     Export(export::ExportArgs),
+    /// Film a run: moving bodies, visited states and returns, as an animated GIF
+    Film(film::FilmArgs),
     /// Draw visited states and returns of one or more runs as SVG or PNG
     Plot(plot::PlotArgs),
 }
@@ -458,6 +461,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Replay(args) => replay::replay(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Export(args) => export::export(&args),
+        Command::Film(args) => film::film(&args),
         Command::Plot(args) => plot::plot(&args),
     };
     let Err(error) = result else {

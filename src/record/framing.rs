@@ -1,18 +1,18 @@
-//! The bounds of a scene that the viewer shows. The y axis of Rerun points down, so the upper end
+//! The bounds of a scene that viewers and films show. The y axis of a scene points down, so the upper end
 //! has the smaller number.
 
-use super::shapes::{outline, scene_point};
+use super::outline::{outline, scene_point};
 use seedbed_env::{Pose, Scene, SceneBody, Shape};
 
 /// Left, right, upper and lower end of a rectangle.
-pub(super) type Bounds = [f32; 4];
+pub(crate) type Bounds = [f32; 4];
 
 /// A line counts as endless if it is longer than this ratio times the size of all other parts.
 const ENDLESS_RATIO: f32 = 5.0;
 
 /// Bounds that contain all bodies during an episode. If a body is tracked, the bounds are relative
 /// to that body and contain only the moving bodies.
-pub(super) fn episode_bounds(scene: &Scene, poses: &[Pose]) -> Option<Bounds> {
+pub(crate) fn episode_bounds(scene: &Scene, poses: &[Pose]) -> Option<Bounds> {
     let frames = || poses.chunks_exact(scene.bodies.len());
     let moving = frames()
         .filter_map(|frame| moving_bounds(scene, frame))
@@ -158,7 +158,7 @@ fn with_margin([left, right, top, bottom]: Bounds, margin: f32) -> Bounds {
 }
 
 /// Length of the longer side.
-pub(super) fn extent([left, right, top, bottom]: Bounds) -> f32 {
+pub(crate) fn extent([left, right, top, bottom]: Bounds) -> f32 {
     (right - left).max(bottom - top)
 }
 

@@ -7,8 +7,10 @@
 //! images of visited states show. These modules must not depend on training.
 
 mod bonus;
+pub(crate) mod framing;
 mod live_error;
 pub mod metrics;
+pub(crate) mod outline;
 mod recorded_episode;
 #[cfg(not(feature = "rerun"))]
 pub mod recording;
@@ -30,7 +32,7 @@ pub use self::rerun as recording;
 pub use bonus::BonusRange;
 pub use live_error::LiveError;
 pub use metrics::RoundRow;
-pub use recorded_episode::{ReadError, RecordedEpisode};
+pub use recorded_episode::{ReadError, RecordedEpisode, RecordedScene};
 pub use run_info::{Focus, RunInfo};
 pub use settings::{AxisChoice, ColorBy, Difference, PairChoice, RecordingSettings, SceneSettings};
 

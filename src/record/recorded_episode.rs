@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use seedbed_env::Status;
+use seedbed_env::{Pose, Status};
 
 /// One episode as it was recorded.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +25,15 @@ pub struct RecordedEpisode {
     pub intrinsic_rewards: Vec<f32>,
     /// How the episode ended.
     pub outcome: Status,
+}
+
+/// The bodies of an agent in one recorded episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedScene {
+    /// Number of the agent's episode, from 0.
+    pub episode: u32,
+    /// Pose of each body in each state: `[(T+1) × bodies]`
+    pub poses: Vec<Pose>,
 }
 
 /// Error: a recording cannot be read.

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::iter;
 use std::path::{Path, PathBuf};
 
-use seedbed_env::Quantity;
+use seedbed_env::{Quantity, Scene};
 
 use super::visitation::Axes;
 use super::{
-    Attempt, BonusRange, LiveError, ReadError, RecordError, RecordedEpisode, Recorder,
-    RecorderFactory, RecordingSettings, RunInfo, UNAVAILABLE,
+    Attempt, BonusRange, LiveError, ReadError, RecordError, RecordedEpisode, RecordedScene,
+    Recorder, RecorderFactory, RecordingSettings, RunInfo, UNAVAILABLE,
 };
 
 /// Whether this build can write and read recordings. Builds with the feature `rerun` can.
@@ -121,6 +121,14 @@ impl Recording {
     /// Facts about the run by name.
     #[must_use]
     pub fn properties(&self) -> &BTreeMap<String, String> {
+        match *self {}
+    }
+
+    /// The bodies of an agent in the recorded episodes.
+    ///
+    /// # Errors
+    /// Never, because there is no recording.
+    pub fn scenes(&self, _: u32, _: &Scene) -> Result<Vec<RecordedScene>, ReadError> {
         match *self {}
     }
 

@@ -146,7 +146,7 @@ const LAYERS: [&[&str]; 8] = [
     &["record"],
     &["scenario"],
     &["run"],
-    &["export"],
+    &["export", "film"],
     &["tabular"],
     &["study"],
     &["cli"],

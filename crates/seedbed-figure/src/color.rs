@@ -11,9 +11,9 @@ pub mod dark;
 pub type Color = [u8; 3];
 
 /// Color of text.
-pub(super) const TEXT_COLOR: Color = [35, 35, 40];
+pub const TEXT_COLOR: Color = [35, 35, 40];
 /// Color of less important text.
-pub(super) const MUTED_COLOR: Color = [95, 95, 105];
+pub const MUTED_COLOR: Color = [95, 95, 105];
 /// Color of axes.
 pub(super) const AXIS_COLOR: Color = [130, 130, 140];
 /// Color of grid lines.

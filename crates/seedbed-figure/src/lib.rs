@@ -40,12 +40,14 @@
 //! | [`Curves`] | curves with bands, step and survival curves; [`Figure::from_curves`] arranges several with common axes |
 //! | [`ParallelCoordinates`] | points of many dimensions, as lines or as their density |
 //! | [`Scatter`], [`HeatMap`] | two dimensions, as points or as counts |
+//! | [`Drawing`] | shapes in a plane, drawn to scale |
 //! | [`Intervals`] | a table of estimates with their intervals |
 //!
 //! This crate must not depend on the meaning of numbers, on files, or on training.
 
 pub mod color;
 mod curves;
+mod drawing;
 mod font;
 mod frame;
 mod intervals;
@@ -60,12 +62,13 @@ mod svg;
 
 pub use color::Color;
 pub use curves::{Curves, Series, Threshold};
+pub use drawing::{Drawing, DrawnShape};
 pub use font::font_faces;
 pub use intervals::{IntervalRow, Intervals};
 pub use key::Key;
 pub use pair::{HeatMap, Scatter, ScatterPoint};
 pub use parallel::{DensityImage, ParallelCoordinates, StateLine, States};
-pub use pixels::PngError;
+pub use pixels::{Pixels, PngError};
 
 /// One dimension of a panel: its name, its unit, and the range that is shown.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,6 +118,8 @@ pub enum Panel {
     HeatMap(HeatMap),
     /// Estimates with their intervals.
     Intervals(Intervals),
+    /// Shapes in a plane, drawn to scale.
+    Drawing(Drawing),
     /// An empty space, so that the panels of several rows are aligned.
     Blank,
 }

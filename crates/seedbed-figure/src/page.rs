@@ -4,7 +4,8 @@ use super::font::{Weight, fit_text};
 use super::frame::TITLE_HEIGHT;
 use super::svg::{Anchor, Rect, SvgWriter, TextStyle};
 use super::{
-    Curves, Figure, HeatMap, Intervals, Panel, ParallelCoordinates, PngError, Row, Scatter, pixels,
+    Curves, Drawing, Figure, HeatMap, Intervals, Panel, ParallelCoordinates, Pixels, PngError, Row,
+    Scatter, pixels,
 };
 
 const HEADING_SIZE: f64 = 15.0;
@@ -76,6 +77,14 @@ impl Figure {
     /// # Errors
     /// The page is empty, or too large for memory.
     pub fn png(&self, scale: f64) -> Result<Vec<u8>, PngError> {
+        self.pixels(scale)?.into_png(scale)
+    }
+
+    /// The image that [`png`](Self::png) encodes.
+    ///
+    /// # Errors
+    /// The page is empty, or too large for memory.
+    pub fn pixels(&self, scale: f64) -> Result<Pixels, PngError> {
         pixels::draw(&self.svg(), scale)
     }
 
@@ -135,6 +144,7 @@ impl Panel {
             Self::Scatter(points) => points.draw(area, svg),
             Self::HeatMap(counts) => counts.draw(area, svg),
             Self::Intervals(rows) => rows.draw(area, svg),
+            Self::Drawing(shapes) => shapes.draw(area, svg),
             Self::Blank => {}
         }
     }
@@ -145,7 +155,8 @@ impl Panel {
             | Self::ParallelCoordinates(ParallelCoordinates { title, .. })
             | Self::Scatter(Scatter { title, .. })
             | Self::HeatMap(HeatMap { title, .. })
-            | Self::Intervals(Intervals { title, .. }) => title,
+            | Self::Intervals(Intervals { title, .. })
+            | Self::Drawing(Drawing { title, .. }) => title,
             Self::Blank => "",
         }
     }

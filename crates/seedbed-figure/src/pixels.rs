@@ -32,8 +32,26 @@ static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
     Arc::new(fonts)
 });
 
-/// Renders an SVG file as PNG, with `scale` pixels per CSS pixel.
-pub(super) fn draw(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
+/// An image without transparency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pixels {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Red, green and blue of each pixel, row by row from the top: `[height × width × 3]`
+    pub rgb: Vec<u8>,
+}
+
+impl Pixels {
+    pub(super) fn into_png(self, scale: f64) -> Result<Vec<u8>, PngError> {
+        encode_png(&self.rgb, [self.width, self.height], scale)
+            .map_err(|error| PngError::Drawing(error.to_string()))
+    }
+}
+
+/// Renders an SVG file with `scale` pixels per CSS pixel.
+pub(super) fn draw(svg: &str, scale: f64) -> Result<Pixels, PngError> {
     let options = Options {
         fontdb: Arc::clone(&FONTS),
         font_family: "Roboto".to_owned(),
@@ -60,8 +78,11 @@ pub(super) fn draw(svg: &str, scale: f64) -> Result<Vec<u8>, PngError> {
         .iter()
         .flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()])
         .collect();
-    encode_png(&rgb, [width as u32, height as u32], scale)
-        .map_err(|error| PngError::Drawing(error.to_string()))
+    Ok(Pixels {
+        width: width as u32,
+        height: height as u32,
+        rgb,
+    })
 }
 
 /// The bytes of a PNG file without transparency, with the best compression.

@@ -45,6 +45,8 @@ pub(super) struct Stroke {
     pub(super) width: f64,
     pub(super) opacity: f64,
     pub(super) dashed: bool,
+    /// Whether the ends are half discs.
+    pub(super) has_round_ends: bool,
 }
 
 impl Stroke {
@@ -54,6 +56,14 @@ impl Stroke {
             width,
             opacity: 1.0,
             dashed: false,
+            has_round_ends: false,
+        }
+    }
+
+    pub(super) fn round(self) -> Self {
+        Self {
+            has_round_ends: true,
+            ..self
         }
     }
 }
@@ -245,6 +255,9 @@ fn style(stroke: Stroke) -> String {
             "{style} stroke-opacity=\"{}\"",
             format_length(stroke.opacity)
         );
+    }
+    if stroke.has_round_ends {
+        style += " stroke-linecap=\"round\"";
     }
     style
         + if stroke.dashed {

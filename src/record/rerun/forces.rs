@@ -17,9 +17,9 @@ use rerun::{
 };
 
 use super::error::RecordingError;
-use super::framing::{Bounds, extent};
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use crate::record::BodyTrajectory;
+use crate::record::framing::{Bounds, extent};
 use seedbed_env::{Force, ForceSource};
 
 /// Length of the arrow for the 95th percentile of magnitudes, as a share of the view.

@@ -22,7 +22,7 @@ use seedbed_env::{Quantity, Status};
 /// An open recording: its properties, quantities and episodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     properties: BTreeMap<String, String>,
     quantities: Quantities,
 }
@@ -281,7 +281,7 @@ fn status(outcome: &str) -> Status {
 }
 
 /// The chunks of a recording, without the chunks of its blueprint.
-struct Chunks {
+pub(super) struct Chunks {
     path: PathBuf,
     messages: DecoderIterator<LogMsg, BufReader<File>>,
     /// Whether an error occurred, after which nothing can be read.
@@ -289,7 +289,7 @@ struct Chunks {
 }
 
 impl Chunks {
-    fn open(path: &Path) -> Result<Self, ReadError> {
+    pub(super) fn open(path: &Path) -> Result<Self, ReadError> {
         let file = File::open(path).map_err(|error| ReadError::Unreadable {
             path: path.to_owned(),
             reason: error.to_string(),

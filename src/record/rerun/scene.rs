@@ -12,10 +12,11 @@ use rerun::{Color, EntityPath, LineStrip2D, LineStrips2D, Transform3D};
 
 use super::error::RecordingError;
 use super::forces::ForceWriter;
-use super::framing::{Bounds, episode_bounds};
 use super::rows::{EPISODE, Moment, Moments, ROUND, rgb, static_chunk};
-use super::shapes::{hinge, lines_and_discs, outline, rotation_of, scene_point, translation_of};
+use super::shapes::{hinge, lines_and_discs, rotation_of, translation_of};
 use crate::record::BodyTrajectory;
+use crate::record::framing::{Bounds, episode_bounds};
+use crate::record::outline::{outline, scene_point};
 use seedbed_env::{Pose, Scene, SceneBody};
 use seedbed_figure::color::dark::categorical_color;
 
@@ -67,13 +68,19 @@ struct Trace {
     lines_per_row: Vec<usize>,
 }
 
+/// The entity with the shapes and poses of a body.
+pub(super) fn body_entity(agent: u32, body: &SceneBody) -> EntityPath {
+    let name = EntityPath::from_single_string(body.name.as_str());
+    EntityPath::from(format!("scene/agent_{agent}/bodies")).join(&name)
+}
+
 impl SceneWriter {
     pub(super) fn new(agent: u32, scene: &Scene) -> Self {
         let entity = EntityPath::from(format!("scene/agent_{agent}"));
         let tracks = scene
             .bodies
             .iter()
-            .map(|body| PoseTrack::new(&entity, body))
+            .map(|body| PoseTrack::of(body_entity(agent, body)))
             .collect();
         let camera = scene.tracked.map(|body| Camera {
             body,
@@ -214,11 +221,6 @@ impl SceneWriter {
 }
 
 impl PoseTrack {
-    fn new(scene: &EntityPath, body: &SceneBody) -> Self {
-        let name = EntityPath::from_single_string(body.name.as_str());
-        Self::of(scene.join(&"bodies".into()).join(&name))
-    }
-
     fn of(entity: EntityPath) -> Self {
         Self {
             entity,

@@ -5,6 +5,7 @@ use rerun::components::{Radius, RotationQuat, Translation3D};
 use rerun::{LineStrips2D, Points2D, Quaternion};
 
 use super::rows::rgb;
+use crate::record::outline::{corners, outline, rotated_and_shifted};
 use seedbed_env::{Pose, SceneBody, Shape};
 
 /// A body's shapes in its own frame, as lines and as discs.
@@ -78,57 +79,12 @@ fn filled_box(center: [f32; 2], half_size: [f32; 2], angle: f32) -> Vec<(Vec<[f3
         .collect()
 }
 
-/// The corners of a box of half width `w` and half height `h`, with the first corner repeated at
-/// the end.
-fn corners([w, h]: [f32; 2]) -> [[f32; 2]; 5] {
-    [[-w, -h], [w, -h], [w, h], [-w, h], [-w, -h]]
-}
-
 fn disc(shape: &Shape) -> Option<([f32; 2], Radius)> {
     if let Shape::Ball { center, radius } = shape {
         Some((*center, Radius::new_scene_units(*radius)))
     } else {
         None
     }
-}
-
-/// The outline of a shape. `None` for open lines, which are left out of traces.
-pub(super) fn outline(shape: &Shape) -> Option<Vec<[f32; 2]>> {
-    match shape {
-        Shape::Ball { center, radius } => {
-            let point = |part: u8| {
-                rotated_and_shifted(
-                    [*radius, 0.0],
-                    f32::from(part) * std::f32::consts::TAU / 16.0,
-                    *center,
-                )
-            };
-            Some((0..=16).map(point).collect())
-        }
-        Shape::Box {
-            center,
-            half_size,
-            angle,
-        } => Some(
-            corners(*half_size)
-                .map(|corner| rotated_and_shifted(corner, *angle, *center))
-                .to_vec(),
-        ),
-        Shape::Capsule { from, to, .. } => Some(vec![*from, *to]),
-        Shape::Polygon(points) => Some(points.iter().chain(points.first()).copied().collect()),
-        Shape::Polyline(_) => None,
-    }
-}
-
-fn rotated_and_shifted([x, y]: [f32; 2], angle: f32, [right, up]: [f32; 2]) -> [f32; 2] {
-    let (sin, cos) = angle.sin_cos();
-    [right + cos * x - sin * y, up + sin * x + cos * y]
-}
-
-/// The position in the scene of a point of a body.
-pub(super) fn scene_point(point: [f32; 2], pose: Pose) -> [f32; 2] {
-    let [x, y] = rotated_and_shifted(point, pose.angle, [pose.x, pose.y]);
-    [x, -y]
 }
 
 fn with_y_down(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
@@ -144,4 +100,33 @@ pub(super) fn translation_of(pose: &Pose) -> Translation3D {
 pub(super) fn rotation_of(pose: &Pose) -> RotationQuat {
     let (sin, cos) = (-pose.angle / 2.0).sin_cos();
     Quaternion::from_xyzw([0.0, 0.0, sin, cos]).into()
+}
+
+/// The pose that has this translation and rotation in the scene.
+pub(super) fn pose_of([x, y, _]: [f32; 3], [_, _, sin, cos]: [f32; 4]) -> Pose {
+    Pose {
+        x,
+        y: -y,
+        angle: -2.0 * sin.atan2(cos),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_is_read_back_from_the_scene() {
+        for angle in [-3.0, -0.4, 0.0, 1.5] {
+            let pose = Pose {
+                x: 1.0,
+                y: -2.0,
+                angle,
+            };
+            let rotation: [f32; 4] = rotation_of(&pose).0.0;
+            let found = pose_of(translation_of(&pose).0.0, rotation);
+            assert_eq!([found.x, found.y], [1.0, -2.0]);
+            assert!((found.angle - angle).abs() < 1e-6, "{found:?}");
+        }
+    }
 }

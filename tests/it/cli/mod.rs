@@ -4,6 +4,7 @@ mod bench;
 mod check;
 mod evaluate;
 mod export;
+mod film;
 mod list;
 mod new;
 mod preview;

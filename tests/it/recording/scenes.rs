@@ -1,5 +1,6 @@
 //! Recorded scenes: poses of bodies, forces, traces, and the camera.
 
+use seedbed::record::recording::Recording;
 use seedbed::record::{BodyTrajectory, RecordingSettings, SceneSettings};
 use seedbed_env::input::numbers::ranged_count;
 use seedbed_env::{Force, ForceSource, Pose};
@@ -32,6 +33,30 @@ fn recorded_scenes_have_poses_and_traces() {
             .times("/scene/agent_0/trace", "env_step")
             .is_empty()
     );
+}
+
+/// The poses are read back as they were recorded, up to the rounding of rotations.
+#[test]
+fn recorded_scenes_are_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = SyntheticRun::new(2, 12);
+    let path = record(&run, folder.path(), &RecordingSettings::default());
+    let recording = Recording::open(&path).unwrap();
+    let scenes = recording.scenes(0, &run.scene).unwrap();
+    let recorded: Vec<&BodyTrajectory> = [0, 10]
+        .iter()
+        .map(|&round: &usize| &run.rounds[round].body_trajectories[0])
+        .collect();
+    assert_eq!(scenes.len(), recorded.len());
+    for (scene, trajectory) in scenes.iter().zip(recorded) {
+        assert_eq!(scene.episode, trajectory.episode);
+        assert_eq!(scene.poses.len(), trajectory.poses.len());
+        for (found, expected) in scene.poses.iter().zip(&trajectory.poses) {
+            assert_eq!((found.x, found.y), (expected.x, expected.y));
+            assert!((found.angle - expected.angle).abs() < 1e-6);
+        }
+    }
+    assert!(recording.scenes(1, &run.scene).unwrap().is_empty());
 }
 
 #[test]

@@ -21,11 +21,11 @@ use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoi
 
 use super::curves::recorded_metrics;
 use super::error::RecordingError;
-use super::framing::Bounds;
 use super::layouts::Layouts;
 use super::rows::{EPISODE, rgb, single_row_chunk};
 use crate::record::Difference;
 use crate::record::Focus;
+use crate::record::framing::Bounds;
 use crate::record::metrics::{Metric, Range, Scope};
 use crate::record::visitation::LineQuota;
 

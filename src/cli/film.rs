@@ -1,0 +1,116 @@
+//! `seedbed film`.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use rayon::prelude::*;
+
+use super::progress::{ReadCounter, episode_bar};
+use super::{CliError, pluralize};
+use seedbed::film::gif::GifWriter;
+use seedbed::film::{Film, FilmError, FilmSettings};
+use seedbed::run::review::LoadedRun;
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  seedbed film recordings/cartpole/seed-0                  write recordings/cartpole/seed-0/film.gif
+  seedbed film recordings/cartpole/seed-0 --agent 2 --seconds 20 --out agent2.gif
+
+On the left, the bodies of one agent in episodes whose motion was recorded (`recording: (scene: …)` in the scenario), in \\
+real time; on the right, the states that all agents have visited so far; below, their returns. To film the \\
+trained policies only, use `seedbed replay` and Rerun's viewer.")]
+pub(super) struct FilmArgs {
+    /// Run directory
+    run: PathBuf,
+    /// Write the film to FILE.gif [default: film.gif in the run directory]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Agent whose bodies are shown
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    agent: u32,
+    /// Duration of the film
+    #[arg(long, value_name = "S", default_value_t = 12.0, value_parser = parse_seconds)]
+    seconds: f64,
+    /// Frames per second
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=50))]
+    fps: u32,
+    /// Width of the film in pixels
+    #[arg(long, value_name = "N", default_value_t = 760, value_parser = clap::value_parser!(u32).range(300..=4000))]
+    width: u32,
+    /// Number of episodes whose bodies are shown, one after the other
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    scenes: u16,
+}
+
+pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
+    let run = LoadedRun::open(&args.run)?;
+    let settings = FilmSettings {
+        agent: args.agent,
+        seconds: args.seconds,
+        frames_per_second: args.fps,
+        width: args.width,
+        scenes: usize::from(args.scenes),
+    };
+    let counter = ReadCounter::new("episodes read");
+    let film = Film::of(&run, settings, &mut || counter.count())?;
+    drop(counter);
+    let out = args.out.clone().unwrap_or_else(|| match &run.folder {
+        Some(folder) => folder.path().join("film.gif"),
+        None => PathBuf::from("film.gif"),
+    });
+    if out.extension().is_none_or(|extension| extension != "gif") {
+        return Err(CliError::Usage(format!(
+            "--out {}: expected a file that ends in .gif",
+            out.display()
+        )));
+    }
+    write(&film, settings, &out)
+        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
+    say!(
+        "wrote {}: {}",
+        out.display(),
+        pluralize(film.frame_count(), "frame")
+    );
+    Ok(())
+}
+
+/// Draws frames on all cores, and writes them in their order.
+fn write(film: &Film, settings: FilmSettings, out: &Path) -> io::Result<()> {
+    let unfinished = out.with_added_extension("part");
+    let size = |side: f64| side.round() as u16;
+    let height = film.frame(0).height();
+    let file = BufWriter::new(File::create(&unfinished)?);
+    let width = size(f64::from(settings.width));
+    let mut writer = GifWriter::new(file, width, size(height), settings.frames_per_second)?;
+    let bar = episode_bar(film.frame_count() as u32, "frames");
+    let numbers: Vec<usize> = (0..film.frame_count()).collect();
+    for batch in numbers.chunks(4 * rayon::current_num_threads()) {
+        let pictures: Vec<_> = batch
+            .par_iter()
+            .map(|&number| film.frame(number).pixels(1.0))
+            .collect();
+        for picture in pictures {
+            writer.add(picture.map_err(io::Error::other)?)?;
+            bar.inc(1);
+        }
+    }
+    writer.finish()?;
+    fs::rename(&unfinished, out)
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if (0.1..=600.0).contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err("expected 0.1 to 600 seconds".to_owned())
+    }
+}
+
+impl From<FilmError> for CliError {
+    fn from(error: FilmError) -> Self {
+        Self::Usage(error.to_string())
+    }
+}

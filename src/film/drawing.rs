@@ -1,0 +1,67 @@
+//! The bodies of a scene as shapes on a page.
+
+use seedbed_env::{Pose, Scene, SceneBody, Shape};
+use seedbed_figure::color::{MUTED_COLOR, TEXT_COLOR, categorical_color};
+use seedbed_figure::{Color, DrawnShape};
+
+use crate::record::framing::episode_bounds;
+use crate::record::outline::{outline, scene_point};
+
+/// Bounds of the bodies during an episode; relative to the tracked body if the task has one.
+pub(super) fn bounds(scene: &Scene, poses: &[Pose]) -> Option<[f32; 4]> {
+    episode_bounds(scene, poses)
+}
+
+pub(super) fn union(one: [f32; 4], other: [f32; 4]) -> [f32; 4] {
+    [
+        one[0].min(other[0]),
+        one[1].max(other[1]),
+        one[2].min(other[2]),
+        one[3].max(other[3]),
+    ]
+}
+
+/// The shapes of all bodies in one state.
+pub(super) fn shapes(scene: &Scene, poses: &[Pose], agent: u32) -> Vec<DrawnShape> {
+    let camera = scene
+        .tracked
+        .map_or([0.0, 0.0], |body| [poses[body].x, -poses[body].y]);
+    let mut moving_before = 0;
+    let mut drawn = Vec::new();
+    for (body, pose) in scene.bodies.iter().zip(poses) {
+        let color = color(body, moving_before, agent);
+        moving_before += u32::from(!body.is_fixed);
+        for shape in &body.shapes {
+            drawn.push(drawn_shape(shape, *pose, camera, color));
+        }
+    }
+    drawn
+}
+
+/// Fixed bodies are gray; moving bodies alternate between the color of the agent and a dark one.
+fn color(body: &SceneBody, moving_before: u32, agent: u32) -> Color {
+    if body.is_fixed {
+        MUTED_COLOR
+    } else if moving_before.is_multiple_of(2) {
+        categorical_color(agent)
+    } else {
+        TEXT_COLOR
+    }
+}
+
+fn drawn_shape(shape: &Shape, pose: Pose, camera: [f32; 2], color: Color) -> DrawnShape {
+    let (points, thickness) = match shape {
+        Shape::Polyline(points) => (points.clone(), Some(0.0)),
+        Shape::Capsule { from, to, radius } => (vec![*from, *to], Some(2.0 * radius)),
+        closed => (outline(closed).unwrap_or_default(), None),
+    };
+    let on_page = |point: [f32; 2]| {
+        let [x, y] = scene_point(point, pose);
+        [x - camera[0], y - camera[1]]
+    };
+    DrawnShape {
+        points: points.into_iter().map(on_page).collect(),
+        color,
+        thickness,
+    }
+}
