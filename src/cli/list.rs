@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::check::{MAX_NAMED_OBSERVATIONS, describe_tabular, format_actions};
-use super::{CliError, ListKind, pluralize};
+use super::{CliError, ListKind, algorithms_page, pluralize};
 use seedbed::input_files::{self, Directory};
 use seedbed::run::Plan;
 use seedbed::scenario::Scenario;
@@ -40,7 +40,10 @@ pub(super) fn show(name: &Path, only_kind: Option<ListKind>) -> Result<(), CliEr
     Ok(())
 }
 
-pub(super) fn list(only_kind: Option<ListKind>) {
+pub(super) fn list(only_kind: Option<ListKind>, as_markdown: bool) -> Result<(), CliError> {
+    if as_markdown {
+        return print_markdown(only_kind);
+    }
     let is_listed = |kind: ListKind| only_kind.is_none_or(|only_kind| kind == only_kind);
     if is_listed(ListKind::Environments) {
         print_environments();
@@ -51,6 +54,16 @@ pub(super) fn list(only_kind: Option<ListKind>) {
     if is_listed(ListKind::Algorithms) {
         print_algorithms();
     }
+    Ok(())
+}
+
+fn print_markdown(only_kind: Option<ListKind>) -> Result<(), CliError> {
+    if only_kind != Some(ListKind::Algorithms) {
+        let message = "--markdown prints algorithms only: `seedbed list algorithms --markdown`";
+        return Err(CliError::Usage(message.to_owned()));
+    }
+    say!("{}", algorithms_page::page().trim_end());
+    Ok(())
 }
 
 fn print_environments() {

@@ -9,8 +9,10 @@ macro_rules! say {
     ($($words:tt)*) => { $crate::cli::say_line(format_args!($($words)*)) };
 }
 
+mod algorithms_page;
 mod bench;
 mod check;
+mod completions;
 mod evaluate;
 mod export;
 mod film;
@@ -46,13 +48,14 @@ use seedbed_env::input::InputError;
 #[derive(Debug, Parser)]
 #[command(name = "seedbed", version, max_term_width = 110)]
 #[command(after_help = "Examples:
-  seedbed run scenarios/cartpole.ron                       train; results go to recordings/cartpole/seed-0
-  seedbed run scenarios/cartpole.ron --seed 7 --set agents.count=16
+  seedbed init lab                                         a directory with a task, a scenario and a study
+  seedbed run cartpole                                     train; results go to recordings/cartpole/seed-0
+  seedbed run cartpole --seed 7 --set agents.count=16
   seedbed inspect recordings/cartpole/seed-0               summarize the run in the terminal
   seedbed plot recordings/cartpole/seed-0 --out run.png    draw visited states and returns
+  seedbed film recordings/cartpole/seed-0 --out run.gif    show how they spread during training
   seedbed evaluate recordings/cartpole/seed-0              play the trained policies without learning
-  seedbed replay recordings/cartpole/seed-0                record what the trained policies do
-  seedbed study scenarios/thesis/fig_6_4a.ron              many runs, a report, a verdict on each claim
+  seedbed study scenarios/team_size.ron                    many runs, a report, a verdict on each claim
   seedbed list algorithms                                  parameters and their defaults
 
 To open a recording: rerun recordings/cartpole/seed-0/run.rrd
@@ -91,6 +94,9 @@ enum Command {
         /// Print the file of this environment or scenario
         #[arg(long, value_name = "NAME")]
         show: Option<PathBuf>,
+        /// Print algorithms as a Markdown page
+        #[arg(long, conflicts_with = "show")]
+        markdown: bool,
     },
     /// Make a directory to work in: a task, a scenario, a study and a README
     #[command(after_help = "Examples:
@@ -105,6 +111,22 @@ Existing files are never overwritten.")]
     },
     /// Write a task, scenario or study to start from
     New(NewArgs),
+    /// Print a script that completes commands in a shell
+    #[command(after_help = "Examples:
+  seedbed completions bash > ~/.local/share/bash-completion/completions/seedbed
+  seedbed completions zsh > ~/.zfunc/_seedbed
+  seedbed completions fish > ~/.config/fish/completions/seedbed.fish")]
+    Completions {
+        /// Shell
+        #[arg(value_enum)]
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual pages of all commands to a directory
+    #[command(hide = true)]
+    Manual {
+        /// Directory
+        folder: PathBuf,
+    },
     /// Record a few episodes of random actions in an environment
     Preview(PreviewArgs),
     /// Train scenarios with several run seeds and compare how fast they solve their task
@@ -135,11 +157,13 @@ Existing files are never overwritten.")]
     reason = "each is a switch on the command line"
 )]
 #[command(after_help = "Examples:
-  seedbed run scenarios/cartpole.ron --seed 3
-  seedbed run scenarios/cartpole.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)'
-  seedbed run scenarios/cartpole.ron --resume    continue an interrupted run; results are bit-identical
-  seedbed run scenarios/cartpole.ron --live      show it in a viewer that is already running (`rerun`)
-  seedbed run scenarios/cartpole.ron --serve     let viewers connect at any time (`rerun --connect`)")]
+  seedbed run cartpole --seed 3                  a scenario by its name (`seedbed list scenarios`)
+  seedbed run scenarios/mine.ron --set agents.count=16 --set 'agents.seeds=Normal(sigma: 0)'
+  seedbed run cartpole --seed 3 --resume         continue an interrupted run; results are bit-identical
+  seedbed run cartpole --set 'stop=Episodes(20000)' --serve
+                                                 let viewers connect at any time (`rerun --connect`)
+  seedbed run cartpole --set 'stop=Episodes(20000)' --live
+                                                 show it in a viewer that is already running (`rerun`)")]
 struct RunArgs {
     /// Scenario file, or the name of a scenario (`seedbed list scenarios`)
     scenario: PathBuf,
@@ -445,13 +469,16 @@ pub(crate) fn main() -> ExitCode {
         Command::List {
             kind,
             show: Some(name),
+            ..
         } => list::show(&name, kind),
-        Command::List { kind, show: None } => {
-            list::list(kind);
-            Ok(())
-        }
+        Command::List { kind, markdown, .. } => list::list(kind, markdown),
         Command::Init { folder } => new::init(&folder),
         Command::New(args) => new::new(&args),
+        Command::Completions { shell } => {
+            completions::print(shell);
+            Ok(())
+        }
+        Command::Manual { folder } => completions::write_manual(&folder),
         Command::Preview(args) => preview::preview(&args),
         Command::Bench(args) => bench::bench(&args),
         Command::Evaluate(args) => evaluate::evaluate(&args),

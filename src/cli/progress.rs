@@ -1,7 +1,7 @@
 //! Progress of runs on the terminal.
 
 use std::io::IsTerminal;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 
@@ -137,7 +137,8 @@ impl Drop for RunProgress {
     }
 }
 
-/// Progress of a study: a bar on a terminal, otherwise one line per tenth of the work.
+/// Progress of a study: a bar on a terminal, otherwise one line per tenth of the work, and at least
+/// one in five minutes.
 pub(super) struct StudyProgress {
     bar: Option<ProgressBar>,
     runs: usize,
@@ -148,7 +149,11 @@ pub(super) struct StudyProgress {
     /// Number of tenths of the cost for which a line was printed.
     printed_tenths: usize,
     started: Instant,
+    last_line: Instant,
 }
+
+/// Maximum time between two lines, if a run ends in that time.
+const MAX_SILENCE: Duration = Duration::from_mins(5);
 
 impl StudyProgress {
     pub(super) fn new(name: &str, planned: &[PlannedRun<'_>]) -> Self {
@@ -168,6 +173,7 @@ impl StudyProgress {
             finished_cost: 0.0,
             printed_tenths: 0,
             started: Instant::now(),
+            last_line: Instant::now(),
         };
         progress.show();
         progress
@@ -178,8 +184,10 @@ impl StudyProgress {
         self.finished_cost += run.cell.experiment.cost();
         self.show();
         let tenths = (10.0 * self.finished_share() + 1e-9) as usize;
-        if self.bar.is_none() && tenths > self.printed_tenths {
+        let is_due = tenths > self.printed_tenths || self.last_line.elapsed() > MAX_SILENCE;
+        if self.bar.is_none() && is_due {
             self.printed_tenths = tenths;
+            self.last_line = Instant::now();
             eprintln!("{}", self.message());
         }
     }

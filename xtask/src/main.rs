@@ -1,4 +1,6 @@
-//! Development tasks: `cargo xtask bless`, `cargo xtask docs`, `cargo xtask sample`.
+//! Development tasks: `cargo xtask bless`, `cargo xtask dist`, `cargo xtask docs`, `cargo xtask sample`.
+
+mod dist;
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -7,6 +9,7 @@ const HELP: &str = "Usage: cargo xtask COMMAND
 
 Commands:
   bless   Replace the golden files by the current outputs; review the result with `git diff`
+  dist    Make an archive of the program with licenses, completions and manual, and install it for a trial
   docs    Build the documentation of the workspace; warnings are errors
   sample  Record recordings/sample/ again, by the commands in recordings/README.md";
 
@@ -14,6 +17,7 @@ fn main() -> ExitCode {
     let command = std::env::args().nth(1);
     let result = match command.as_deref() {
         Some("bless") => bless(),
+        Some("dist") => dist::dist(),
         Some("docs") => build_docs(),
         Some("sample") => record_sample(),
         _ => Err(HELP.to_owned()),

@@ -424,7 +424,7 @@ fn methods_section() -> Markup {
             "Statistics count runs. One run is one whole team with one seed; agents and episodes of the \
              same run are not independent, so they do not count as repetitions. All intervals are 95 % \
              intervals. In tables of single cells, they are those of Brookmeyer and Crowley for median times, Wilson's for shares of \
-             runs, and otherwise percentile bootstrap intervals from 50,000 resamples. Fewer than " (MIN_RUNS) " runs give no interval. \
+             runs, and otherwise percentile bootstrap intervals from 50,000 resamples. With fewer than " (MIN_RUNS) " runs, only shares have an interval. \
              IQM is the interquartile mean: the mean of the middle half of the runs."
         }
         p {

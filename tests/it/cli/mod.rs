@@ -2,6 +2,7 @@
 
 mod bench;
 mod check;
+mod completions;
 mod evaluate;
 mod export;
 mod film;
