@@ -25,6 +25,7 @@ macro_rules! builtin_files {
 #[rustfmt::skip]
 pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "envs/acrobot.ron",
+    "envs/ball_on_beam.ron",
     "envs/cartpole.ron",
     "envs/cartpole_continuous.ron",
     "envs/cartpole_gym.ron",
@@ -46,8 +47,15 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "envs/lander.ron",
     "envs/mountain_car_continuous.ron",
     "envs/mountain_car_continuous_sparse.ron",
+    "envs/parking.ron",
     "envs/pendulum.ron",
     "envs/puck_maze.ron",
+    "envs/two_poles.ron",
+    "envs/mistakes/ball_on_beam_naive.ron",
+    "envs/mistakes/parking_distance.ron",
+    "envs/mistakes/parking_naive.ron",
+    "envs/mistakes/two_poles_naive.ron",
+    "scenarios/ball_on_beam.ron",
     "scenarios/cartpole.ron",
     "scenarios/cartpole_1.ron",
     "scenarios/cartpole_16.ron",
@@ -64,6 +72,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/deep_sea_seed_ensemble.ron",
     "scenarios/mountain_car.ron",
     "scenarios/mountain_car_vime.ron",
+    "scenarios/parking.ron",
     "scenarios/pendulum.ron",
     "scenarios/swingup_balance_seed_ensemble.ron",
     "scenarios/swingup_concurrent_egreedy.ron",
@@ -71,6 +80,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
     "scenarios/swingup_concurrent_seed_td.ron",
     "scenarios/swingup_team_seed_ensemble.ron",
     "scenarios/swingup_vime.ron",
+    "scenarios/two_poles.ron",
     "scenarios/tabular/bipolar_chain.ron",
     "scenarios/tabular/bipolar_chain_thompson.ron",
     "scenarios/tabular/bipolar_chain_ucrl.ron",
@@ -123,7 +133,7 @@ mod tests {
 
     #[test]
     fn all_tasks_and_scenarios_are_built_in() {
-        let folders = ["envs", "scenarios", "scenarios/tabular"];
+        let folders = ["envs", "envs/mistakes", "scenarios", "scenarios/tabular"];
         let expected: Vec<String> = folders.into_iter().flat_map(files_in).collect();
         let found: Vec<&str> = BUILTIN_FILES.iter().map(|file| file.path).collect();
         assert_eq!(found, expected);

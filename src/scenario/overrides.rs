@@ -45,17 +45,21 @@ pub fn apply<T: Resolve>(
         return Err(invalid("", message.to_owned(), None));
     };
     let (path, value) = (path.trim(), value.trim());
-    input::check_ron_value(value).map_err(|reason| {
-        let expected = "expected one value, such as 16 or Normal(sigma: 0.1)";
-        invalid(path, format!("{expected}: {reason}"), None)
-    })?;
-    let text = replace_value(&document.value.resolved(), path, value).map_err(|unknown| {
-        let (message, help) = explain(&unknown);
-        invalid(path, message, help)
-    })?;
-    let value = input::parse::<T>(&document.origin, text)
-        .map_err(|error| invalid(path, error.message, error.help))?
-        .value;
+    let parse = |value: &str| -> Result<T, InputError> {
+        input::check_ron_value(value).map_err(|reason| {
+            let expected = "expected one value, such as 16 or Normal(sigma: 0.1)";
+            invalid(path, format!("{expected}: {reason}"), None)
+        })?;
+        let text = replace_value(&document.value.resolved(), path, value).map_err(|unknown| {
+            let (message, help) = explain(&unknown);
+            invalid(path, message, help)
+        })?;
+        let parsed = input::parse::<T>(&document.origin, text);
+        let parsed = parsed.map_err(|error| invalid(path, error.message, error.help))?;
+        Ok(parsed.value)
+    };
+    // Shells remove quotes, so that a text such as the name of an environment may come without them.
+    let value = parse(value).or_else(|error| parse(&format!("{value:?}")).map_err(|_| error))?;
     // The text is parsed again, so that later errors show lines of the resolved scenario.
     let origin = format!(
         "{} with --set",
@@ -108,6 +112,7 @@ mod tests {
             "stop=Solved(return: 195, at_most: 500)",
             "stop.window=10",
             "recording.scene=None",
+            "environment=mistakes/parking_naive",
         ] {
             changed = apply(&changed, assignment).unwrap_or_else(|error| panic!("{error}"));
         }
@@ -118,6 +123,7 @@ mod tests {
             "discount: 0.5,",
             "policy_loss: SimplePg,",
             "ratio_product_cap: None,",
+            "environment: \"mistakes/parking_naive\",",
         ] {
             assert!(text.contains(expected), "{expected} in {text}");
         }

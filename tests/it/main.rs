@@ -5,6 +5,8 @@
 mod architecture;
 mod cli;
 mod determinism;
+#[cfg(unix)]
+mod docs;
 mod learning;
 mod messages;
 mod published;

@@ -3,9 +3,11 @@
 use serde::Serialize;
 
 use super::Inspected;
+use seedbed::record::EpisodeRow;
 use seedbed::run::review::final_mean;
 use seedbed::run::review::recording_stats::ValueDistribution;
 use seedbed::run::summary::Summary;
+use seedbed_env::Status;
 
 #[derive(Serialize)]
 struct RunJson<'a> {
@@ -34,6 +36,9 @@ struct AgentJson {
     episodes: usize,
     final_return: Option<f64>,
     best_return: Option<f64>,
+    mean_length: Option<f64>,
+    /// Share of episodes that ended before the time limit.
+    terminated: Option<f64>,
     coverage: Option<f64>,
     visitation_evenness: Option<f64>,
     intrinsic_reward: Option<f64>,
@@ -80,11 +85,19 @@ pub(super) fn text(inspected: &Inspected) -> String {
 
 fn agent_json(inspected: &Inspected, agent: u32) -> AgentJson {
     let returns: Vec<f64> = inspected.run.returns(agent).collect();
+    let rows = inspected.run.episodes.iter();
+    let rows: Vec<&EpisodeRow> = rows.filter(|row| row.agent == agent).collect();
+    let mean = |value: fn(&EpisodeRow) -> f64| {
+        let sum: f64 = rows.iter().map(|row| value(row)).sum();
+        (!rows.is_empty()).then(|| sum / rows.len() as f64)
+    };
     AgentJson {
         agent,
         episodes: returns.len(),
         final_return: final_mean(&returns),
         best_return: returns.iter().copied().max_by(f64::total_cmp),
+        mean_length: mean(|row| f64::from(row.length)),
+        terminated: mean(|row| f64::from(u8::from(row.outcome == Status::Terminated))),
         coverage: inspected.coverage(agent),
         visitation_evenness: inspected.evenness(agent),
         intrinsic_reward: inspected.intrinsic_reward(agent),

@@ -9,10 +9,11 @@ use clap::Args;
 
 use super::CliError;
 use super::progress::ReadCounter;
-use seedbed::record::RoundRow;
+use seedbed::record::{EpisodeRow, RoundRow};
 use seedbed::run::measures::visitation::Visitation;
 use seedbed::run::review::recording_stats::RecordingStats;
 use seedbed::run::review::{LoadRunError, LoadedRun};
+use seedbed_env::Status;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -51,7 +52,36 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     Ok(())
 }
 
+/// How the episodes of a run ended.
+struct Endings {
+    /// Mean number of steps in the first and in the last tenth of the episodes.
+    first_length: f64,
+    last_length: f64,
+    /// Share of episodes that ended before the time limit.
+    terminated: f64,
+    all_returns_equal: bool,
+}
+
 impl Inspected {
+    /// How the episodes ended. There is at least one.
+    fn endings(&self) -> Endings {
+        let rows = &self.run.episodes;
+        let tenth = rows.len().div_ceil(10);
+        let mean_length = |rows: &[EpisodeRow]| {
+            let steps: f64 = rows.iter().map(|row| f64::from(row.length)).sum();
+            steps / rows.len() as f64
+        };
+        let is_terminated = |row: &&EpisodeRow| row.outcome == Status::Terminated;
+        let first_return = rows.first().map(|row| row.r#return);
+        Endings {
+            first_length: mean_length(&rows[..tenth]),
+            last_length: mean_length(&rows[rows.len() - tenth..]),
+            terminated: rows.iter().filter(is_terminated).count() as f64 / rows.len() as f64,
+            all_returns_equal: rows.len() > 1
+                && rows.iter().all(|row| Some(row.r#return) == first_return),
+        }
+    }
+
     /// Row of the last update of an agent.
     fn last_update(&self, agent: u32) -> Option<&RoundRow> {
         self.run.rounds.iter().rev().find(|row| row.agent == agent)

@@ -118,7 +118,23 @@ impl TerminalSummary<'_> {
             format_number(max),
             FINAL_WINDOW.min(returns.len()),
             format_number(final_return)
-        )
+        ) + &self.endings()
+    }
+
+    /// Lengths of episodes, and how many ended before the time limit. If they become shorter while the
+    /// return improves, agents are rewarded for failing early.
+    fn endings(&self) -> String {
+        let endings = self.inspected.endings();
+        let mut text = format!(
+            "  mean length of episodes: {} at first, {} at last; terminated before the time limit: {}\n",
+            format_number(endings.first_length),
+            format_number(endings.last_length),
+            format_percent(Some(endings.terminated)),
+        );
+        if endings.all_returns_equal {
+            text += "  all episodes have the same return: agents may never have been rewarded\n";
+        }
+        text
     }
 
     fn agent_table(&self) -> String {

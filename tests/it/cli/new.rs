@@ -105,7 +105,7 @@ fn new_files_name_each_other() {
         successful_in(path, &arguments);
     }
     let printed = successful_in(path, &["check", "scenarios/sizes.ron", "balls", "ball"]);
-    assert!(printed.contains("16 agents in `ball`"), "{printed}");
+    assert!(printed.contains("4 agents in `ball`"), "{printed}");
     for (arguments, message) in [
         (
             ["new", "task", "a/b"].as_slice(),

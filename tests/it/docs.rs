@@ -1,0 +1,101 @@
+//! Guides: their commands work, and the page of algorithms is that of the program.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use super::util::{REPOSITORY, run_successful, stderr, stdout};
+
+/// Commands that are not run here: they wait for a viewer, or take hours.
+const NOT_RUN: [&str; 5] = [
+    "--live",
+    "--serve",
+    "/thesis/",
+    "/benchmark/",
+    "scenarios/*.ron --seeds",
+];
+
+/// The commands of a page: the lines of its indented blocks that begin with `seedbed`.
+fn commands(page: &str) -> Vec<String> {
+    let text = fs::read_to_string(Path::new(REPOSITORY).join(page)).unwrap();
+    let commands = text.lines().filter_map(|line| line.strip_prefix("    "));
+    commands
+        .filter(|line| line.starts_with("seedbed "))
+        .filter(|line| !NOT_RUN.iter().any(|part| line.contains(part)))
+        .map(shortened)
+        .collect()
+}
+
+/// A whole study takes minutes.
+fn shortened(line: &str) -> String {
+    if line.starts_with("seedbed study") && !line.contains(" --") {
+        line.replacen(".ron", ".ron --quick", 1)
+    } else {
+        line.to_owned()
+    }
+}
+
+/// Runs all commands of a page in one shell, in a directory with the files of the repository that
+/// commands name.
+fn run_commands(page: &str, at_least: usize) {
+    let folder = tempfile::tempdir().unwrap();
+    let copy = Command::new("cp")
+        .args(["-r", "envs", "scenarios", "recordings"])
+        .arg(folder.path())
+        .current_dir(REPOSITORY)
+        .status();
+    assert!(copy.unwrap().success());
+    let commands = commands(page);
+    assert!(commands.len() >= at_least, "{page}: {commands:?}");
+    let binary = Path::new(env!("CARGO_BIN_EXE_seedbed")).parent().unwrap();
+    let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap());
+    let output = Command::new("sh")
+        .args(["-e", "-x", "-c", &commands.join("\n")])
+        .env("PATH", path)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{page}: {}\n{}",
+        stdout(&output),
+        stderr(&output)
+    );
+}
+
+#[test]
+fn commands_of_the_readme_work() {
+    run_commands("README.md", 6);
+}
+
+#[test]
+fn commands_of_the_quickstart_work() {
+    run_commands("docs/quickstart.md", 14);
+}
+
+#[test]
+fn commands_of_the_page_on_recordings_work() {
+    run_commands("docs/recording.md", 10);
+}
+
+#[test]
+fn commands_of_the_page_on_scenarios_work() {
+    run_commands("docs/scenarios.md", 6);
+}
+
+#[test]
+fn commands_of_the_page_on_learning_work() {
+    run_commands("docs/learning_problems.md", 9);
+}
+
+/// With `UPDATE_EXPECT=1` the page is rewritten.
+#[test]
+fn the_page_of_algorithms_is_current() {
+    let page = run_successful(&["list", "algorithms", "--markdown"]);
+    let path = Path::new(REPOSITORY).join("docs/algorithms.md");
+    if std::env::var_os("UPDATE_EXPECT").is_some() {
+        fs::write(&path, &page).unwrap();
+    }
+    let stored = fs::read_to_string(path).unwrap_or_default();
+    assert!(stored == page, "run this test with UPDATE_EXPECT=1");
+}
