@@ -4,10 +4,17 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use ::gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
+use color_quant::NeuQuant;
 use seedbed_figure::{Color, Pixels};
 
 /// Number of colors of a part of the film; one more index is transparent.
 const MAX_COLORS: usize = 255;
+
+/// Number of frequent colors that are kept exactly if there are more than [`MAX_COLORS`].
+const EXACT_COLORS: usize = 31;
+
+/// Quality of the other colors, from 1 (best) to 30 (fastest).
+const QUANTIZATION_SPEED: i32 = 10;
 
 /// Time for which the last picture stays, in hundredths of a second.
 const LAST_DELAY: u16 = 200;
@@ -112,8 +119,9 @@ fn color(picture: &Pixels, pixel: usize) -> Color {
     [0, 1, 2].map(|channel| picture.rgb[3 * pixel + channel])
 }
 
-/// The most frequent colors: figures consist of few colors and of their mixtures at edges, so that
-/// the frequent ones must not be changed. Equally frequent colors are in the order of their channels.
+/// All colors if there are few. Otherwise the most frequent ones, because figures consist of few colors,
+/// which must not be changed, and colors that represent their mixtures at edges. Equally frequent
+/// colors are in the order of their channels.
 fn palette(colors: &[Option<Color>]) -> Vec<Color> {
     let mut counts: BTreeMap<Color, usize> = BTreeMap::new();
     for &color in colors.iter().flatten() {
@@ -121,8 +129,26 @@ fn palette(colors: &[Option<Color>]) -> Vec<Color> {
     }
     let mut by_count: Vec<(Color, usize)> = counts.into_iter().collect();
     by_count.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
-    by_count.truncate(MAX_COLORS);
-    by_count.into_iter().map(|(color, _)| color).collect()
+    let mut palette: Vec<Color> = by_count.into_iter().map(|(color, _)| color).collect();
+    if palette.len() > MAX_COLORS {
+        palette.truncate(EXACT_COLORS);
+        palette.extend(representatives(colors, MAX_COLORS - EXACT_COLORS));
+    }
+    palette
+}
+
+/// Colors that represent all colors (Dekker, "Kohonen neural networks for optimal colour quantization",
+/// 1994).
+fn representatives(colors: &[Option<Color>], count: usize) -> Vec<Color> {
+    let present = colors.iter().flatten();
+    let rgba: Vec<u8> = present
+        .flat_map(|&[red, green, blue]| [red, green, blue, 255])
+        .collect();
+    let network = NeuQuant::new(QUANTIZATION_SPEED, count, &rgba);
+    let rgb = network.color_map_rgb();
+    rgb.chunks_exact(3)
+        .map(|color| [color[0], color[1], color[2]])
+        .collect()
 }
 
 /// Index of the most similar color of the palette for each pixel.
@@ -194,16 +220,35 @@ mod tests {
         assert_eq!((same.width, same.height), (1, 1));
     }
 
-    /// With more colors than a palette has, rare ones become the most similar frequent one.
+    /// With more colors than a palette has, frequent ones stay exact and rare ones become similar ones.
     #[test]
     fn rare_colors_become_similar_ones() {
-        let frequent = (0..255).flat_map(|blue| [Some([9, 0, blue]); 2]);
-        let colors: Vec<Option<Color>> = frequent.chain([Some([9, 3, 77]), None]).collect();
+        let frequent = [Some([255, 255, 255]); 500]
+            .into_iter()
+            .chain([Some([230, 160, 0]); 300]);
+        let mixtures =
+            (0..2000).map(|number| Some([255, 255 - number as u8 / 2, (number % 200) as u8]));
+        let colors: Vec<Option<Color>> = frequent.chain(mixtures).chain([None]).collect();
         let palette = palette(&colors);
-        assert_eq!(palette.len(), 255);
+        assert!(palette.len() <= MAX_COLORS);
         let indices = nearest_indices(&colors, &palette, 255);
-        assert_eq!(palette[indices[510] as usize], [9, 0, 77]);
-        assert_eq!(indices[511], 255);
+        for (color, index) in colors.iter().zip(&indices) {
+            match color {
+                None => assert_eq!(*index, 255),
+                Some(color) => {
+                    let found = palette[usize::from(*index)];
+                    let allowed = if *color == [255; 3] || *color == [230, 160, 0] {
+                        0
+                    } else {
+                        900
+                    };
+                    assert!(
+                        distance(found, *color) <= allowed,
+                        "{found:?} for {color:?}"
+                    );
+                }
+            }
+        }
     }
 
     /// A decoder that draws each part over the earlier ones shows the pictures again.

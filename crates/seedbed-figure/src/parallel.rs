@@ -69,7 +69,8 @@ impl ParallelCoordinates {
         for (index, axis) in self.axes.iter().enumerate() {
             let x = self.x(index, &area);
             let is_raised = staggered && index % 2 == 1;
-            draw_axis(axis, x, &area, svg);
+            draw_axis(x, &area, svg);
+            self.draw_range(axis, x, &area, svg);
             let y = area.y - if is_raised { 35.0 } else { 20.0 };
             draw_name(
                 axis,
@@ -78,6 +79,18 @@ impl ParallelCoordinates {
                 self.allowed_name_width(panel, staggered),
                 svg,
             );
+        }
+    }
+
+    /// Draws the values at both ends of an axis, unless they would overlap those of the next axis.
+    fn draw_range(&self, axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
+        let [low, high] = axis.range.map(|end| format_number(f64::from(end)));
+        let style = TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR);
+        let gap = area.width / (self.axes.len() - 1).max(1) as f64;
+        for (text, y) in [(high, area.y - 5.0), (low, area.bottom() + 14.0)] {
+            if text_width(&text, TICK_SIZE, Weight::Regular) <= gap {
+                svg.text([x, y], &text, style);
+            }
         }
     }
 
@@ -148,16 +161,11 @@ impl DensityImage {
     }
 }
 
-/// Draws an axis, with the values of its range at its ends.
-fn draw_axis(axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
+fn draw_axis(x: f64, area: &Rect, svg: &mut SvgWriter) {
     svg.line(
         &[[x, area.y], [x, area.bottom()]],
         Stroke::new(AXIS_COLOR, 1.2),
     );
-    let [low, high] = axis.range.map(|end| format_number(f64::from(end)));
-    let end_style = TextStyle::new(TICK_SIZE, Anchor::Middle).color(MUTED_COLOR);
-    svg.text([x, area.y - 5.0], &high, end_style);
-    svg.text([x, area.bottom() + 14.0], &low, end_style);
 }
 
 /// Draws the name of an axis, with its unit if there is space. The name is moved so that it is
