@@ -18,8 +18,8 @@ use seedbed::run::review::LoadedRun;
   seedbed film recordings/cartpole/seed-0                  write recordings/cartpole/seed-0/film.gif
   seedbed film recordings/cartpole/seed-0 --agent 2 --seconds 20 --out agent2.gif
 
-On the left, the bodies of one agent in episodes whose motion was recorded (`recording: (scene: …)` in the scenario), in \\
-real time; on the right, the states that all agents have visited so far; below, their returns. To film the \\
+On the left, the bodies of one agent in episodes whose motion was recorded (`recording: (scene: …)` in the scenario; every \
+tenth by default): the last seconds of each, in real time. On the right, the states that all agents have visited so far; below, their returns. To film the \
 trained policies only, use `seedbed replay` and Rerun's viewer.")]
 pub(super) struct FilmArgs {
     /// Run directory

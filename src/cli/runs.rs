@@ -178,7 +178,7 @@ fn print_table(runs: &[RunOverview], found: usize, args: &RunsArgs) {
         return;
     }
     let header = [
-        "run", "K", "episodes", "return", "solved", "coverage", "written", "took",
+        "run", "task", "K", "episodes", "return", "solved", "coverage", "written", "took",
     ];
     let mut rows = vec![header.map(str::to_owned).to_vec()];
     rows.extend(runs.iter().map(row));
@@ -196,6 +196,7 @@ fn row(run: &RunOverview) -> Vec<String> {
     let results = &run.results;
     vec![
         run.path.display().to_string(),
+        results.environment.clone().unwrap_or_else(dash),
         or_dash(results.agents),
         or_dash(results.episodes_per_agent),
         result_text(run),

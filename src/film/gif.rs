@@ -240,7 +240,7 @@ mod tests {
                     let allowed = if *color == [255; 3] || *color == [230, 160, 0] {
                         0
                     } else {
-                        900
+                        3600
                     };
                     assert!(
                         distance(found, *color) <= allowed,

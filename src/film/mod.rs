@@ -207,7 +207,7 @@ impl Film {
             color: categorical_color(*agent),
         });
         ParallelCoordinates {
-            title: format!("visited states of all agents, up to episode {episode}"),
+            title: format!("visited states of all agents, episodes 0 to {episode}"),
             axes: self.axes.clone(),
             states: States::Lines(lines.collect()),
         }
@@ -295,17 +295,23 @@ impl Bodies {
 
     fn drawing(&self, settings: FilmSettings, frame: usize, frames: usize) -> Drawing {
         let shown = self.shown_at(frame, frames);
-        let first_frame = (shown * frames).div_ceil(self.episodes.len());
-        let step = (frame - first_frame) as f64 * self.steps_per_frame;
+        let first_frame = |number: usize| (number * frames).div_ceil(self.episodes.len());
+        let steps = |frames: usize| (frames as f64 * self.steps_per_frame) as usize;
         let episode = &self.episodes[shown];
         let states = episode.poses.chunks_exact(self.scene.bodies.len());
-        let state = (step as usize).min(states.len() - 1);
+        // The last seconds of a longer episode: they show how it ends.
+        let last = states.len() - 1;
+        let start = last.saturating_sub(steps(first_frame(shown + 1) - first_frame(shown)));
+        let state = (start + steps(frame - first_frame(shown))).min(last);
         let poses = states
             .clone()
             .nth(state)
             .expect("the state is in the episode");
         Drawing {
-            title: format!("agent {}, episode {}", settings.agent, episode.episode),
+            title: format!(
+                "agent {}, recorded episode {}",
+                settings.agent, episode.episode
+            ),
             shapes: drawing::shapes(&self.scene, poses, settings.agent),
             bounds: self.bounds,
         }

@@ -98,7 +98,7 @@ pub const BUILTIN_FILES: &[BuiltinFile] = builtin_files![
 impl BuiltinFile {
     /// The built-in file at `path`, which begins with `builtin:`.
     pub(super) fn at(path: &Path) -> Option<&'static Self> {
-        let path = path.to_str()?.strip_prefix(PREFIX)?;
+        let path = without_parents(path.to_str()?.strip_prefix(PREFIX)?)?;
         BUILTIN_FILES.iter().find(|file| file.path == path)
     }
 
@@ -107,6 +107,20 @@ impl BuiltinFile {
     pub fn full_path(&self) -> PathBuf {
         PathBuf::from(format!("{PREFIX}{}", self.path))
     }
+}
+
+/// The path without `..`, for example `envs/parking.ron` for `envs/mistakes/../parking.ron`. `None` if
+/// it leads out of the built-in files.
+fn without_parents(path: &str) -> Option<String> {
+    let mut parts = Vec::new();
+    for part in path.split('/') {
+        if part == ".." {
+            parts.pop()?;
+        } else {
+            parts.push(part);
+        }
+    }
+    Some(parts.join("/"))
 }
 
 /// Whether a path is that of a built-in file or folder.
@@ -129,6 +143,13 @@ mod tests {
             .collect();
         files.sort();
         files
+    }
+
+    #[test]
+    fn paths_of_built_in_files_may_lead_through_parents() {
+        let file = BuiltinFile::at(Path::new("builtin:envs/mistakes/../parking.ron"));
+        assert_eq!(file.map(|file| file.path), Some("envs/parking.ron"));
+        assert!(BuiltinFile::at(Path::new("builtin:../envs/parking.ron")).is_none());
     }
 
     #[test]

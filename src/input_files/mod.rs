@@ -174,14 +174,19 @@ fn not_found(argument: &str, directories: &[Directory], start_folders: &[PathBuf
         .collect();
     let near = input::nearest_name(argument, known.iter().map(String::as_str));
     let nouns: Vec<&str> = directories.iter().map(|kind| kind.noun()).collect();
+    let is_folder = Path::new(argument).is_dir();
     InputError {
         origin: argument.to_owned(),
         position: None,
         field: String::new(),
-        message: if is_path {
+        message: if is_folder {
+            "expected a file, found a directory".to_owned()
+        } else if is_path {
             "no such file".to_owned()
+        } else if let [noun] = nouns.as_slice() {
+            format!("there is no such file or {noun}")
         } else {
-            format!("no such file or {}", nouns.join(" or "))
+            format!("there is no such file, {}", nouns.join(" or "))
         },
         help: Some(match near {
             Some(name) => format!("did you mean `{name}`?"),

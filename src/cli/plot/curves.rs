@@ -108,7 +108,8 @@ fn team_series(run: &PlottedRun, name: String, color: [u8; 3]) -> Series {
 fn threshold(run: &PlottedRun) -> Option<Threshold> {
     let solved_at = run.loaded_run.summary.as_ref()?.solved_at?;
     Some(Threshold {
-        name: format!("solved: {}", solved_at.r#return),
+        // Thresholds are stored in single precision; as f64 they would print spurious digits.
+        name: format!("solved: {}", solved_at.r#return as f32),
         value: solved_at.r#return,
     })
 }

@@ -52,12 +52,32 @@ pub fn load(path: &Path, overrides: &[String]) -> Result<Arc<dyn Experiment>, Lo
         let document: Document<TabularScenario> = parse_with_overrides(&origin, text, overrides)?;
         return Ok(Arc::new(TabularPlan::new(path, document.value)));
     }
+    if let Ok(kind @ (FileKind::Study | FileKind::Environment | FileKind::TabularEnvironment)) =
+        kind
+    {
+        return Err(LoadStep::Read.failed(wrong_kind(&origin, kind)));
+    }
     // Files of any other kind are refused with the errors of a `Scenario`.
     let document: Document<Scenario> = parse_with_overrides(&origin, text, overrides)?;
     let plan = Plan::from_document(document, path);
     Ok(Arc::new(
         plan.map_err(|error| LoadStep::Check.failed(error))?,
     ))
+}
+
+/// The error that a file is no scenario, with the command that is meant for it.
+fn wrong_kind(origin: &str, kind: FileKind) -> InputError {
+    let (noun, command) = match kind {
+        FileKind::Study => ("a study", "study"),
+        _ => ("an environment", "preview"),
+    };
+    InputError {
+        origin: origin.to_owned(),
+        position: None,
+        field: String::new(),
+        message: format!("expected a scenario, found {noun}"),
+        help: Some(format!("use `seedbed {command} {origin}`")),
+    }
 }
 
 fn parse_with_overrides<T: Resolve>(

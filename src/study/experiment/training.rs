@@ -185,12 +185,25 @@ fn report(summary: &Summary, options: &Options) -> RunReport {
             ("solved", solved_text(summary)),
             (
                 "return",
-                format!("{final_return:.1} (mean over all agents and the last {last})"),
+                format!(
+                    "{} (mean over all agents and the last {last})",
+                    three_digits(final_return)
+                ),
             ),
             ("coverage", coverage_text(summary)),
             ("results", options.folder.path().display().to_string()),
         ],
     }
+}
+
+/// At least three significant digits, and at least one decimal.
+fn three_digits(value: f64) -> String {
+    let decimals = if value != 0.0 && value.abs() < 1.0 {
+        3
+    } else {
+        1
+    };
+    format!("{value:.decimals$}")
 }
 
 fn solved_text(summary: &Summary) -> String {

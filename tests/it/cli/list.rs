@@ -42,7 +42,12 @@ fn list_prints_built_in_files_by_name() {
             .starts_with("Environments (built in; use them by name in any directory)\n  acrobot\n"),
         "{environments}"
     );
+    assert!(
+        environments.contains("\n  parking_naive\n"),
+        "{environments}"
+    );
     let scenarios = list_in(folder.path(), "scenarios");
+    assert!(!environments.contains("invalid") && !scenarios.contains("invalid"));
     assert!(scenarios.contains("\n  cartpole_team "), "{scenarios}");
     assert!(scenarios.contains("\n  tabular/deep_sea "), "{scenarios}");
 }
@@ -70,7 +75,7 @@ fn list_shows_a_file() {
     assert_eq!(unknown.status.code(), Some(2));
     assert_eq!(
         stderr(&unknown),
-        "error: cartpol: no such file or environment or scenario\n  = help: did you mean `cartpole`?\n"
+        "error: cartpol: there is no such file, environment or scenario\n  = help: did you mean `cartpole`?\n"
     );
 }
 

@@ -40,6 +40,10 @@ fn runs_are_listed_filtered_and_sorted() {
                     .map(str::trim)
                     .filter(|cell| !cell.is_empty());
                 let path = cells.next().unwrap().strip_prefix(root).unwrap().to_owned();
+                assert!(
+                    matches!(cells.next(), Some("cartpole" | "DeepSea" | "–")),
+                    "{line}"
+                );
                 let agents = cells.next().unwrap().to_owned();
                 (path, agents, cells.next().unwrap().to_owned())
             })
