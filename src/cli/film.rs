@@ -56,6 +56,13 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
     let counter = ReadCounter::new("episodes read");
     let film = Film::of(&run, settings, &mut || counter.count())?;
     drop(counter);
+    if !film.has_bodies() {
+        eprintln!(
+            "warning: no motion of agent {0} is recorded, so that the film shows no bodies; record it with `--set \
+             'recording.scene=(agents: [{0}])'`",
+            args.agent
+        );
+    }
     let out = args.out.clone().unwrap_or_else(|| match &run.folder {
         Some(folder) => folder.path().join("film.gif"),
         None => PathBuf::from("film.gif"),

@@ -39,8 +39,9 @@ struct Summary {
 struct Scalar {
     #[prost(string, tag = "1")]
     tag: String,
-    #[prost(float, tag = "2")]
-    simple_value: f32,
+    /// Always present: without `optional`, a value of 0 would not be written.
+    #[prost(float, optional, tag = "2")]
+    simple_value: Option<f32>,
 }
 
 /// A value of a curve: step, name of the curve, value.
@@ -94,7 +95,7 @@ fn write_events(folder: &Path, points: &[Point]) -> io::Result<()> {
     for (step, tag, value) in points {
         let scalar = Scalar {
             tag: tag.clone(),
-            simple_value: *value as f32,
+            simple_value: Some(*value as f32),
         };
         let event = Event {
             step: *step,
@@ -126,6 +127,16 @@ fn masked_checksum(data: &[u8]) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Tag and number of a value of 0: fields 1 and 2 of the message.
+    #[test]
+    fn a_value_of_zero_is_written() {
+        let scalar = Scalar {
+            tag: "a".to_owned(),
+            simple_value: Some(0.0),
+        };
+        assert_eq!(scalar.encode_to_vec(), b"\x0a\x01a\x15\x00\x00\x00\x00");
+    }
 
     /// The first record of an event file. Its checksums were computed bit by bit, with the reversed
     /// polynomial 0x82f63b78 of CRC-32C.

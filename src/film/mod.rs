@@ -144,6 +144,12 @@ impl Film {
         })
     }
 
+    /// Whether the film shows bodies.
+    #[must_use]
+    pub fn has_bodies(&self) -> bool {
+        self.bodies.is_some()
+    }
+
     /// Number of frames.
     #[must_use]
     pub fn frame_count(&self) -> usize {
