@@ -46,6 +46,16 @@ pub(super) struct FilmArgs {
 
 pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
     let run = LoadedRun::open(&args.run)?;
+    let out = args.out.clone().unwrap_or_else(|| match &run.folder {
+        Some(folder) => folder.path().join("film.gif"),
+        None => PathBuf::from("film.gif"),
+    });
+    if out.extension().is_none_or(|extension| extension != "gif") {
+        return Err(CliError::Usage(format!(
+            "--out {}: expected a file that ends in .gif",
+            out.display()
+        )));
+    }
     let settings = FilmSettings {
         agent: args.agent,
         seconds: args.seconds,
@@ -62,16 +72,6 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
              'recording.scene=(agents: [{0}])'`",
             args.agent
         );
-    }
-    let out = args.out.clone().unwrap_or_else(|| match &run.folder {
-        Some(folder) => folder.path().join("film.gif"),
-        None => PathBuf::from("film.gif"),
-    });
-    if out.extension().is_none_or(|extension| extension != "gif") {
-        return Err(CliError::Usage(format!(
-            "--out {}: expected a file that ends in .gif",
-            out.display()
-        )));
     }
     write(&film, settings, &out)
         .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;

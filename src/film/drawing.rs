@@ -4,22 +4,7 @@ use seedbed_env::{Pose, Scene, SceneBody, Shape};
 use seedbed_figure::color::{MUTED_COLOR, TEXT_COLOR, categorical_color};
 use seedbed_figure::{Color, DrawnShape};
 
-use crate::record::framing::episode_bounds;
 use crate::record::outline::{outline, scene_point};
-
-/// Bounds of the bodies during an episode; relative to the tracked body if the task has one.
-pub(super) fn bounds(scene: &Scene, poses: &[Pose]) -> Option<[f32; 4]> {
-    episode_bounds(scene, poses)
-}
-
-pub(super) fn union(one: [f32; 4], other: [f32; 4]) -> [f32; 4] {
-    [
-        one[0].min(other[0]),
-        one[1].max(other[1]),
-        one[2].min(other[2]),
-        one[3].max(other[3]),
-    ]
-}
 
 /// The shapes of all bodies in one state.
 pub(super) fn shapes(scene: &Scene, poses: &[Pose], agent: u32) -> Vec<DrawnShape> {

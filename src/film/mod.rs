@@ -9,6 +9,7 @@ pub mod gif;
 use std::path::PathBuf;
 
 use crate::plotting;
+use crate::record::framing;
 use crate::record::{ReadError, RecordedScene};
 use crate::run::Plan;
 use crate::run::review::selection::{SelectedState, SelectedStates, StateSelection};
@@ -280,8 +281,8 @@ impl Bodies {
         let recorded = recording.scenes(settings.agent, scene)?;
         let episodes = evenly_spaced(recorded, settings.scenes);
         let bounds = episodes.iter();
-        let bounds = bounds.filter_map(|episode| drawing::bounds(scene, &episode.poses));
-        let Some(bounds) = bounds.reduce(drawing::union) else {
+        let bounds = bounds.filter_map(|episode| framing::episode_bounds(scene, &episode.poses));
+        let Some(bounds) = bounds.reduce(framing::union) else {
             return Ok(None);
         };
         let frame_time = 1.0 / f64::from(settings.frames_per_second);

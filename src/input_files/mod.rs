@@ -145,10 +145,22 @@ pub fn find(
     }
 }
 
-/// Whether a path is that of a built-in file.
+/// The folders above which names are looked up that a file in `folder` contains: this folder, then
+/// the working directory. None for built-in files, which name only built-in files.
 #[must_use]
-pub fn is_builtin(path: &Path) -> bool {
-    builtin::is_builtin(path)
+pub fn start_folders(folder: &Path) -> Vec<PathBuf> {
+    if builtin::is_builtin(folder) {
+        return Vec::new();
+    }
+    let folder = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
+    };
+    vec![
+        folder.canonicalize().unwrap_or_default(),
+        working_directory(),
+    ]
 }
 
 /// The path relative to the working directory, if the path is inside it; otherwise the path

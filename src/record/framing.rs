@@ -144,7 +144,7 @@ fn bounds(outline: &[[f32; 2]], pose: Pose) -> Option<Bounds> {
         .reduce(union)
 }
 
-fn union(one: Bounds, other: Bounds) -> Bounds {
+pub(crate) fn union(one: Bounds, other: Bounds) -> Bounds {
     [
         one[0].min(other[0]),
         one[1].max(other[1]),

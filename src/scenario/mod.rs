@@ -236,14 +236,7 @@ pub fn environment_path(
         }
         return Err(scenario.locate(name.error(format!("no file {}", path.display()))));
     }
-    let start_folders = if input_files::is_builtin(scenario_path) {
-        Vec::new()
-    } else {
-        vec![
-            folder.canonicalize().unwrap_or_default(),
-            input_files::working_directory(),
-        ]
-    };
+    let start_folders = input_files::start_folders(folder);
     input_files::find(name, Directory::Environments, &start_folders).map_err(|known| {
         scenario.locate(name.unknown_name("environment", known.iter().map(String::as_str)))
     })

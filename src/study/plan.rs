@@ -438,15 +438,7 @@ fn scenario_path(
     if input::is_ron(Path::new(scenario)) {
         return Ok(folder.join(scenario));
     }
-    let folder = if folder.as_os_str().is_empty() {
-        Path::new(".")
-    } else {
-        folder
-    };
-    let start_folders = [
-        folder.canonicalize().unwrap_or_default(),
-        input_files::working_directory(),
-    ];
+    let start_folders = input_files::start_folders(folder);
     input_files::find(scenario, Directory::Scenarios, &start_folders)
         .map_err(|known| place.unknown_name("scenario", known.iter().map(String::as_str)))
 }
