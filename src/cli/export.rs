@@ -18,8 +18,8 @@ use seedbed::run::review::LoadedRun;
   seedbed export recordings/cartpole/seed-0 --tensorboard logs       tensorboard --logdir logs
 
 A row of `states` has agent, episode, round and step, all observations, the action that the policy chose (before \
-the actuator limits it), its reward and, \
-for agents with a bonus, the intrinsic reward. The last state of an episode has no action and no reward: these cells \
+the actuator limits it), its reward, \
+for agents with a bonus the intrinsic reward, and how its episode ended. The last state of an episode has no action and no reward: these cells \
 are empty (CSV), null (Parquet) or NaN (NumPy).")]
 pub(super) struct ExportArgs {
     /// Run directory, or a recording

@@ -64,7 +64,7 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
         scenes: usize::from(args.scenes),
     };
     let counter = ReadCounter::new("episodes read");
-    let film = Film::of(&run, settings, &mut || counter.count())?;
+    let film = Film::of_run(&run, settings, &mut || counter.count())?;
     drop(counter);
     if !film.has_bodies() {
         eprintln!(
@@ -73,8 +73,7 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
             args.agent
         );
     }
-    write(&film, settings, &out)
-        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))?;
+    write(&film, settings, &out)?;
     say!(
         "wrote {}: {}",
         out.display(),
@@ -84,7 +83,12 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
 }
 
 /// Draws frames on all cores, and writes them in their order.
-fn write(film: &Film, settings: FilmSettings, out: &Path) -> io::Result<()> {
+pub(super) fn write(film: &Film, settings: FilmSettings, out: &Path) -> Result<(), CliError> {
+    write_frames(film, settings, out)
+        .map_err(|error| CliError::Runtime(format!("cannot write {}: {error}", out.display())))
+}
+
+fn write_frames(film: &Film, settings: FilmSettings, out: &Path) -> io::Result<()> {
     let unfinished = out.with_added_extension("part");
     let size = |side: f64| side.round() as u16;
     let height = film.frame(0).height();

@@ -44,17 +44,56 @@ pub(super) fn list(only_kind: Option<ListKind>, as_markdown: bool) -> Result<(),
     if as_markdown {
         return print_markdown(only_kind);
     }
-    let is_listed = |kind: ListKind| only_kind.is_none_or(|only_kind| kind == only_kind);
-    if is_listed(ListKind::Environments) {
-        print_environments();
-    }
-    if is_listed(ListKind::Scenarios) {
-        print_scenarios();
-    }
-    if is_listed(ListKind::Algorithms) {
-        print_algorithms();
+    match only_kind {
+        None => print_overview(),
+        Some(ListKind::Environments) => print_environments(),
+        Some(ListKind::Scenarios) => print_scenarios(),
+        Some(ListKind::Algorithms) => print_algorithms(),
     }
     Ok(())
+}
+
+/// Prints one line per environment, scenario and algorithm.
+fn print_overview() {
+    print_files(
+        "Environments",
+        Directory::Environments,
+        |path, name, width| match input_files::read_task(path) {
+            Ok((description, _)) => {
+                let spec = description.spec();
+                print_line(&spec.name, width, first_sentence(&spec.description));
+            }
+            Err(error) => say!("  {name}\n      invalid: {error}"),
+        },
+    );
+    print_scenarios();
+    let algorithms = Algorithm::catalogue();
+    let tabular = TabularAlgorithm::catalogue();
+    say!("Algorithms (`algorithm:` in a scenario)");
+    for info in &algorithms {
+        print_line(&info.name, NAME_WIDTH, first_sentence(&info.purpose));
+    }
+    say!("\nTabular algorithms (`algorithm:` in a tabular scenario)");
+    for choice in &tabular {
+        let name = choice.form.split('(').next().unwrap_or_default();
+        print_line(name, NAME_WIDTH, first_sentence(&choice.meaning));
+    }
+    say!(
+        "\n`seedbed list environments` and `seedbed list algorithms` print details, `seedbed list --show NAME` a file"
+    );
+}
+
+/// Width of the column of algorithms.
+const NAME_WIDTH: usize = 16;
+
+fn print_line(name: &str, width: usize, description: &str) {
+    say!("{}", format!("  {name:<width$} {description}").trim_end());
+}
+
+/// The text up to the end of its first sentence or, without an end, its first clause.
+fn first_sentence(text: &str) -> &str {
+    let end = text.find(". ").or_else(|| text.find("; "));
+    end.map_or(text, |end| &text[..end]).trim_end_matches('.')
 }
 
 fn print_markdown(only_kind: Option<ListKind>) -> Result<(), CliError> {

@@ -3,11 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use super::run::recorder_factory_at;
-use super::{CliError, PreviewArgs, pluralize};
+use super::{CliError, PreviewArgs, film, pluralize};
+use seedbed::film::{Film, FilmSettings, Filmed};
 use seedbed::input_files::{self, Directory};
+use seedbed::record::EpisodeRow;
+use seedbed::record::recording::Recording;
 use seedbed::run::preview;
-use seedbed_env::Physics;
+use seedbed::run::review::LoadRunError;
 use seedbed_env::input::numbers::Count;
+use seedbed_env::{Physics, TaskDescription};
 
 pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
     let path = input_files::find_argument(&args.environment, &[Directory::Environments])?;
@@ -35,17 +39,54 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
         args.seed,
         recorder_factory_at(&path),
     )?;
-    for row in rows {
-        let outcome = format!("{:?}", row.outcome).to_lowercase();
+    for row in &rows {
         say!(
-            "episode {}: {}, return {:.3}, {outcome}",
+            "episode {}: {}, return {:.3}, {}",
             row.episode,
             pluralize(row.length as usize, "step"),
-            row.r#return
+            row.r#return,
+            row.outcome.name()
         );
     }
-    say!("\nopen the recording with\n  rerun {}", path.display());
+    let film = path.with_extension("gif");
+    write_film(&description, physics, &rows, &path, &film)?;
+    say!("\nfilm       {}", film.display());
+    say!("recording  {0}: rerun {0}", path.display());
     Ok(())
+}
+
+/// Maximum duration of a film, s.
+const MAX_SECONDS: f64 = 24.0;
+
+/// Films all episodes in real time, or the ends of long ones.
+fn write_film(
+    description: &TaskDescription,
+    physics: Physics,
+    rows: &[EpisodeRow],
+    recording: &Path,
+    out: &Path,
+) -> Result<(), CliError> {
+    let spec = description.spec();
+    let max_length = rows.iter().map(|row| row.length).max().unwrap_or(0);
+    let duration = f64::from(max_length) * spec.control_step * rows.len() as f64;
+    let settings = FilmSettings {
+        agent: 0,
+        seconds: duration.clamp(1.0, MAX_SECONDS),
+        frames_per_second: 12,
+        width: 760,
+        scenes: rows.len(),
+    };
+    let recording = Recording::open(recording).map_err(LoadRunError::from)?;
+    let filmed = Filmed {
+        title: format!("{}, random actions", spec.name),
+        recording: &recording,
+        description,
+        physics,
+        agent_count: 1,
+        episodes: rows,
+    };
+    let film = Film::new(filmed, settings, &mut || ())?;
+    film::write(&film, settings, out)
 }
 
 fn default_path(name: &str) -> PathBuf {

@@ -170,15 +170,18 @@ fn timestamp(time: SystemTime) -> Option<Timestamp> {
 
 fn print_table(runs: &[RunOverview], found: usize, args: &RunsArgs) {
     if runs.is_empty() {
-        say!(
-            "no run to list: {} in {}",
-            pluralize(found, "run"),
-            args.folder.display()
-        );
+        let folder = args.folder.display();
+        match found {
+            0 => say!("no runs in {folder}"),
+            _ => say!(
+                "no run of {} in {folder} is selected",
+                pluralize(found, "run")
+            ),
+        }
         return;
     }
     let header = [
-        "run", "task", "K", "episodes", "return", "solved", "coverage", "written", "took",
+        "run", "task", "seed", "K", "episodes", "return", "solved", "coverage", "written", "took",
     ];
     let mut rows = vec![header.map(str::to_owned).to_vec()];
     rows.extend(runs.iter().map(row));
@@ -197,6 +200,7 @@ fn row(run: &RunOverview) -> Vec<String> {
     vec![
         run.path.display().to_string(),
         results.environment.clone().unwrap_or_else(dash),
+        or_dash(results.seed),
         or_dash(results.agents),
         or_dash(results.episodes_per_agent),
         result_text(run),

@@ -102,6 +102,10 @@ fn register(plan: &StudyPlan, folder: &StudyFolder) -> Result<usize, CliError> {
         lock.short_id()
     );
     say!("next       seedbed study {} --confirm", plan.path.display());
+    if confirmatory > 0 {
+        say!("");
+        print_power(plan);
+    }
     Ok(0)
 }
 
@@ -131,6 +135,12 @@ fn print_power(plan: &StudyPlan) -> usize {
             runs(power.runs_needed[0]),
             runs(power.runs_needed[1]),
             plan.study().claims[*index].text
+        );
+    }
+    if powers.iter().any(|(_, power)| power.power.is_some()) {
+        say!(
+            "power      probability that a claim is found supported if the effect is `smallest`, or what `expected: \
+             Shares(…)` says; of a claim of no effect, if there is none"
         );
     }
     if powers.iter().any(|(_, power)| power.expected.is_none()) {

@@ -13,6 +13,7 @@ const BATCH_ROWS: usize = 100_000;
 const INDEX_NAMES: [&str; 4] = ["agent", "episode", "round", "step"];
 const REWARD: &str = "reward";
 const INTRINSIC_REWARD: &str = "intrinsic_reward";
+const OUTCOME: &str = "outcome";
 
 /// Rows that wait to be written.
 struct Batch {
@@ -22,6 +23,8 @@ struct Batch {
     rewards: Vec<f32>,
     /// `None` for agents without a bonus.
     intrinsic_rewards: Option<Vec<f32>>,
+    /// How the episode of the state ended, as in `episodes.csv`.
+    outcomes: Vec<String>,
 }
 
 /// Reads all episodes of a recording and writes their states.
@@ -44,7 +47,7 @@ pub(super) fn write(
 impl Batch {
     fn new(recording: &Recording) -> Self {
         let mut used = INDEX_NAMES.map(str::to_owned).to_vec();
-        used.extend([REWARD, INTRINSIC_REWARD].map(str::to_owned));
+        used.extend([REWARD, INTRINSIC_REWARD, OUTCOME].map(str::to_owned));
         let observations = recording.observations().iter();
         let observations = observations
             .map(|quantity| (unused(&quantity.name, "observation", &mut used), Vec::new()))
@@ -59,12 +62,14 @@ impl Batch {
             actions,
             rewards: Vec::new(),
             intrinsic_rewards: recording.bonus().max().map(|_| Vec::new()),
+            outcomes: Vec::new(),
         }
     }
 
     fn add(&mut self, episode: &RecordedEpisode) {
         let numbers = [episode.agent, episode.episode, episode.round].map(i64::from);
         for step in 0..=episode.length() {
+            self.outcomes.push(episode.outcome.name().to_owned());
             for (column, number) in self.indices.iter_mut().zip(numbers) {
                 column.push(number);
             }
@@ -93,7 +98,12 @@ impl Batch {
         let rewards = [(REWARD.to_owned(), Values::Singles(self.rewards))];
         let bonus = self.intrinsic_rewards.into_iter();
         let bonus = bonus.map(|values| (INTRINSIC_REWARD.to_owned(), Values::Singles(values)));
-        let columns = indices.chain(quantities).chain(rewards).chain(bonus);
+        let outcomes = [(OUTCOME.to_owned(), Values::Texts(self.outcomes))];
+        let columns = indices
+            .chain(quantities)
+            .chain(rewards)
+            .chain(bonus)
+            .chain(outcomes);
         Table {
             columns: columns
                 .map(|(name, values)| Column { name, values })

@@ -34,12 +34,17 @@ fn color(body: &SceneBody, moving_before: u32, agent: u32) -> Color {
     }
 }
 
-fn drawn_shape(shape: &Shape, pose: Pose, camera: [f32; 2], color: Color) -> DrawnShape {
-    let (points, thickness) = match shape {
+/// The points of a shape in its body's frame, and the thickness of lines; `None` for closed shapes.
+pub(crate) fn points_and_thickness(shape: &Shape) -> (Vec<[f32; 2]>, Option<f32>) {
+    match shape {
         Shape::Polyline(points) => (points.clone(), Some(0.0)),
         Shape::Capsule { from, to, radius } => (vec![*from, *to], Some(2.0 * radius)),
         closed => (outline(closed).unwrap_or_default(), None),
-    };
+    }
+}
+
+fn drawn_shape(shape: &Shape, pose: Pose, camera: [f32; 2], color: Color) -> DrawnShape {
+    let (points, thickness) = points_and_thickness(shape);
     let on_page = |point: [f32; 2]| {
         let [x, y] = scene_point(point, pose);
         [x - camera[0], y - camera[1]]

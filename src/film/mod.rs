@@ -1,27 +1,45 @@
 //! Films of runs: the bodies of one agent, the states that all agents have visited so far, and their
 //! returns, from the first episode to the last.
 //!
-//! [`Film::of`] chooses the scenes, [`Film::frame`] arranges one picture, [`gif`] encodes pictures.
+//! [`Film::new`] chooses the scenes, [`Film::frame`] arranges one picture, [`gif`] encodes pictures.
 
-mod drawing;
+pub(crate) mod drawing;
 pub mod gif;
 
 use std::path::PathBuf;
 
 use crate::plotting;
 use crate::record::framing;
-use crate::record::{ReadError, RecordedScene};
+use crate::record::recording::Recording;
+use crate::record::{EpisodeRow, ReadError, RecordedScene};
 use crate::run::Plan;
 use crate::run::review::selection::{SelectedState, SelectedStates, StateSelection};
-use crate::run::review::{LoadRunError, LoadedRun};
-use seedbed_env::Scene;
+use crate::run::review::{LoadRunError, LoadedRun, team_returns};
 use seedbed_env::input::InputError;
+use seedbed_env::{Physics, Scene, TaskDescription};
 use seedbed_figure::color::{MUTED_COLOR, categorical_color};
 use seedbed_figure::{
     Axis, Curves, Drawing, Figure, Panel, ParallelCoordinates, Row, Series, StateLine, States,
 };
 
-/// What a film shows.
+/// What is filmed: a recording and the task in which it was made.
+#[derive(Debug)]
+pub struct Filmed<'a> {
+    /// Title of all frames.
+    pub title: String,
+    /// The recording.
+    pub recording: &'a Recording,
+    /// The task, whose bodies are drawn.
+    pub description: &'a TaskDescription,
+    /// Simulation of the task.
+    pub physics: Physics,
+    /// Number of agents K.
+    pub agent_count: usize,
+    /// One row per episode, in (round, agent) order.
+    pub episodes: &'a [EpisodeRow],
+}
+
+/// How it is filmed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilmSettings {
     /// Agent whose bodies are drawn.
@@ -97,12 +115,11 @@ const MAX_LINES: usize = 600;
 const MAX_AGENT_CURVES: usize = 16;
 
 impl Film {
-    /// The film of a run. Without recorded bodies, it shows states and returns only. Calls
-    /// `on_episode` for each episode that is read.
+    /// The film of a run. See [`new`](Self::new).
     ///
     /// # Errors
     /// The run has no recording, no scenario or no such agent, or a file cannot be read.
-    pub fn of(
+    pub fn of_run(
         run: &LoadedRun,
         settings: FilmSettings,
         on_episode: &mut dyn FnMut(),
@@ -119,29 +136,53 @@ impl Film {
             });
         }
         let plan = Plan::load(&folder.scenario_file(), &[])?;
+        let filmed = Filmed {
+            title: run.name(),
+            recording,
+            description: &plan.description,
+            physics: plan.scenario.physics,
+            agent_count,
+            episodes: &run.episodes,
+        };
+        Self::new(filmed, settings, on_episode)
+    }
+
+    /// A film. Without recorded bodies, it shows states and returns only. Calls `on_episode` for each
+    /// episode that is read.
+    ///
+    /// # Errors
+    /// The recording cannot be read, or the task cannot be built.
+    pub fn new(
+        filmed: Filmed<'_>,
+        settings: FilmSettings,
+        on_episode: &mut dyn FnMut(),
+    ) -> Result<Self, FilmError> {
+        let (recording, agent_count) = (filmed.recording, filmed.agent_count);
         let axes = recording.axes();
         let selection = StateSelection {
             agents: Vec::new(),
             episodes: 0..u32::MAX,
-            sample_size: MAX_LINES / agent_count.min(MAX_LINES),
+            sample_size: MAX_LINES / agent_count.clamp(1, MAX_LINES),
             axes: (0..axes.all().len()).collect(),
             pairs: Vec::new(),
         };
         let selected = selection.select(recording, |_| on_episode())?;
+        let returns = |agent: u32| {
+            let rows = filmed.episodes.iter().filter(move |row| row.agent == agent);
+            rows.map(|row| row.r#return).collect()
+        };
         Ok(Self {
             settings,
-            title: run.name(),
-            bodies: Bodies::read(run, &plan, settings)?,
+            bodies: Bodies::read(&filmed, settings)?,
             axes: axes
                 .all()
                 .iter()
                 .map(|axis| plotting::axis(&axis.quantity))
                 .collect(),
             states: in_order_of_episodes(selected),
-            returns: (0..agent_count as u32)
-                .map(|agent| run.returns(agent).collect())
-                .collect(),
-            team_returns: run.team_returns(),
+            returns: (0..agent_count as u32).map(returns).collect(),
+            team_returns: team_returns(filmed.episodes, agent_count),
+            title: filmed.title,
         })
     }
 
@@ -269,16 +310,12 @@ fn in_order_of_episodes(selected: Vec<SelectedStates>) -> Vec<(u32, SelectedStat
 
 impl Bodies {
     /// `None` if the task has no bodies, or none were recorded.
-    fn read(
-        run: &LoadedRun,
-        plan: &Plan,
-        settings: FilmSettings,
-    ) -> Result<Option<Self>, FilmError> {
-        let environment = seedbed_env::build(&plan.description, plan.scenario.physics, 1)?;
-        let (Some(scene), Some(recording)) = (environment.scene(), &run.recording) else {
+    fn read(filmed: &Filmed<'_>, settings: FilmSettings) -> Result<Option<Self>, FilmError> {
+        let environment = seedbed_env::build(filmed.description, filmed.physics, 1)?;
+        let Some(scene) = environment.scene() else {
             return Ok(None);
         };
-        let recorded = recording.scenes(settings.agent, scene)?;
+        let recorded = filmed.recording.scenes(settings.agent, scene)?;
         let episodes = evenly_spaced(recorded, settings.scenes);
         let bounds = episodes.iter();
         let bounds = bounds.filter_map(|episode| framing::episode_bounds(scene, &episode.poses));
@@ -286,7 +323,7 @@ impl Bodies {
             return Ok(None);
         };
         let frame_time = 1.0 / f64::from(settings.frames_per_second);
-        let control_step = plan.description.spec().control_step;
+        let control_step = filmed.description.spec().control_step;
         Ok(Some(Self {
             scene: scene.clone(),
             episodes,
@@ -326,7 +363,7 @@ impl Bodies {
 }
 
 /// At most `count` items, with the first and the last one.
-fn evenly_spaced<T>(items: Vec<T>, count: usize) -> Vec<T> {
+pub(crate) fn evenly_spaced<T>(items: Vec<T>, count: usize) -> Vec<T> {
     let last = items.len().saturating_sub(1);
     let gaps = count.min(items.len()).saturating_sub(1).max(1);
     let chosen: Vec<usize> = (0..=gaps).map(|number| number * last / gaps).collect();

@@ -23,6 +23,8 @@ pub struct RecordedEpisode {
     pub rewards: Vec<f32>,
     /// Bonuses: `[T]`; empty for agents without a bonus.
     pub intrinsic_rewards: Vec<f32>,
+    /// Advantages: `[T]`; empty unless an axis of the recording shows them.
+    pub advantages: Vec<f32>,
     /// How the episode ended.
     pub outcome: Status,
 }

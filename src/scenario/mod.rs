@@ -18,6 +18,7 @@ use seedbed_env::input::numbers::{Count, FiniteNumber, ranged_count};
 use seedbed_env::input::{Document, InputError, Located, ValidationError};
 use seedbed_env::{Physics, TaskSpec};
 use seedbed_learn::agent::TeamConfig;
+use seedbed_learn::algorithms::catalogue::Parameter;
 use seedbed_learn::algorithms::{Algorithm, ScheduleError, ScheduleKind};
 
 /// A scenario file: `Scenario(…)` in `scenarios/`.
@@ -309,6 +310,10 @@ impl Scenario {
 impl overrides::Resolve for Scenario {
     fn resolved(&self) -> String {
         self.resolved()
+    }
+
+    fn parameters() -> Vec<Parameter> {
+        Self::catalogue()
     }
 }
 

@@ -4,11 +4,17 @@ use serde::de::DeserializeOwned;
 
 use seedbed_env::input::edit::{UnknownField, replace_value};
 use seedbed_env::input::{self, Document, InputError, nearest_name, quoted_list};
+use seedbed_learn::algorithms::catalogue::Parameter;
 
 /// A file that can be written with all defaults.
 pub trait Resolve: DeserializeOwned {
     /// Text of the file with all defaults.
     fn resolved(&self) -> String;
+
+    /// Documented fields, whose forms errors name.
+    fn parameters() -> Vec<Parameter> {
+        Vec::new()
+    }
 }
 
 /// The file with values replaced, each by `path.to.field=value`.
@@ -55,7 +61,10 @@ pub fn apply<T: Resolve>(
             invalid(path, message, help)
         })?;
         let parsed = input::parse::<T>(&document.origin, text);
-        let parsed = parsed.map_err(|error| invalid(path, error.message, error.help))?;
+        let parsed = parsed.map_err(|error| {
+            let help = error.help.or_else(|| forms::<T>(path));
+            invalid(path, error.message, help)
+        })?;
         Ok(parsed.value)
     };
     // Shells remove quotes, so that a text such as the name of an environment may come without them.
@@ -66,6 +75,18 @@ pub fn apply<T: Resolve>(
         document.origin.trim_end_matches(" with --set")
     );
     input::parse(&origin, value.resolved())
+}
+
+/// The forms that the value of a field can have, if it has several.
+fn forms<T: Resolve>(path: &str) -> Option<String> {
+    let parameters = T::parameters();
+    let parameter = parameters.iter().find(|parameter| parameter.name == path)?;
+    let forms: Vec<&str> = parameter
+        .choices
+        .iter()
+        .map(|choice| choice.form.as_str())
+        .collect();
+    (!forms.is_empty()).then(|| format!("expected one of {}", quoted_list(forms)))
 }
 
 /// Message and help for a name that is not a field.
@@ -131,6 +152,19 @@ mod tests {
             text.contains("window: 10,") && text.contains("scene: None,"),
             "{text}"
         );
+    }
+
+    /// A value of a wrong form is answered with the forms.
+    #[test]
+    fn errors_list_the_forms_of_a_field() {
+        let message = error_message("stop=100");
+        assert!(
+            message.contains("\n  = help: expected one of `Episodes(number of episodes)`"),
+            "{message}"
+        );
+        let message = error_message("agents.seeds=Normal(0.1)");
+        assert!(message.contains("`Normal(sigma: "), "{message}");
+        assert!(!error_message("agents.count=-3").contains("expected one of"));
     }
 
     #[test]

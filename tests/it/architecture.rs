@@ -141,12 +141,13 @@ fn each_heavy_crate_is_used_in_one_folder_only() {
 
 /// The top modules of the workbench in layers. A module may use itself and modules of earlier
 /// layers.
-const LAYERS: [&[&str]; 8] = [
+const LAYERS: [&[&str]; 9] = [
     &["input_files", "plotting", "text"],
     &["record"],
     &["scenario"],
     &["run"],
     &["export", "film"],
+    &["explore"],
     &["tabular"],
     &["study"],
     &["cli"],

@@ -223,6 +223,19 @@ pub enum Status {
     Truncated,
 }
 
+impl Status {
+    /// Name as in `episodes.csv`, such as `terminated`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::Running => "running",
+            Self::Terminated => "terminated",
+            Self::Truncated => "truncated",
+        }
+    }
+}
+
 /// A task as an agent sees it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskSpec {

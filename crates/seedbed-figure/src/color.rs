@@ -63,7 +63,8 @@ pub fn count_color(count: u32, max_count: u32) -> Color {
 }
 
 /// The color of a density on white, from 0 (pale) to 1 (dark): Magma, reversed.
-pub(super) fn density_color(share: f64) -> Color {
+#[must_use]
+pub fn density_color(share: f64) -> Color {
     interpolate(&MAGMA, 0.95 * (1.0 - share.clamp(0.0, 1.0)))
 }
 

@@ -169,6 +169,7 @@ impl Episodes {
                 episode
                     .intrinsic_rewards
                     .extend(rows.intrinsic_rewards.get(step));
+                episode.advantages.extend(rows.advantages.get(step));
                 step += 1;
             }
         }
@@ -176,7 +177,13 @@ impl Episodes {
 }
 
 fn empty_episode(agent: u32, episode: u32, round: u32) -> RecordedEpisode {
-    let [observations, actions, rewards, intrinsic_rewards] = std::array::from_fn(|_| Vec::new());
+    let [
+        observations,
+        actions,
+        rewards,
+        intrinsic_rewards,
+        advantages,
+    ] = std::array::from_fn(|_| Vec::new());
     RecordedEpisode {
         agent,
         episode,
@@ -185,6 +192,7 @@ fn empty_episode(agent: u32, episode: u32, round: u32) -> RecordedEpisode {
         actions,
         rewards,
         intrinsic_rewards,
+        advantages,
         outcome: Status::Running,
     }
 }
@@ -195,6 +203,7 @@ struct Columns {
     actions: Vec<ComponentIdentifier>,
     reward: ComponentIdentifier,
     intrinsic_reward: ComponentIdentifier,
+    advantage: ComponentIdentifier,
     outcome: ComponentIdentifier,
 }
 
@@ -204,10 +213,11 @@ struct Rows {
     rounds: Vec<u32>,
     /// `[observations]` of `[rows]`
     observations: Vec<Vec<f32>>,
-    /// `[actions]` of `[rows without an outcome]`; rewards and bonuses have these rows as well.
+    /// `[actions]` of `[rows without an outcome]`; rewards, bonuses and advantages have these rows as well.
     actions: Vec<Vec<f32>>,
     rewards: Vec<f32>,
     intrinsic_rewards: Vec<f32>,
+    advantages: Vec<f32>,
     /// The outcome of the rows that end an episode: `[rows]`
     outcomes: Vec<Option<Status>>,
 }
@@ -227,6 +237,7 @@ impl Columns {
             actions: names_of(&quantities.actions),
             reward: column_name("reward"),
             intrinsic_reward: column_name("intrinsic_reward"),
+            advantage: column_name("advantage"),
             outcome: column_name("outcome"),
         }
     }
@@ -252,6 +263,7 @@ impl Columns {
             actions: self.actions.iter().map(numbers).collect(),
             rewards: numbers(&self.reward),
             intrinsic_rewards: numbers(&self.intrinsic_reward),
+            advantages: numbers(&self.advantage),
             outcomes: self.outcomes(chunk),
         }
     }

@@ -22,7 +22,7 @@ fn states_are_written_with_the_names_of_the_task() {
     let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(
         rows[0].join(","),
-        "agent,episode,round,step,x,x_dot,theta,theta_dot,force,reward"
+        "agent,episode,round,step,x,x_dot,theta,theta_dot,force,reward,outcome"
     );
     let episodes = std::fs::read_to_string(run.join("episodes.csv")).unwrap();
     let lengths = episodes
@@ -34,7 +34,7 @@ fn states_are_written_with_the_names_of_the_task() {
         .sum();
     assert_eq!(rows.len() - 1, states);
     assert!(printed.ends_with(&format!("{states} rows\n")), "{printed}");
-    let without_reward = rows.iter().filter(|row| row[8..] == ["", ""]).count();
+    let without_reward = rows.iter().filter(|row| row[8..10] == ["", ""]).count();
     assert_eq!(without_reward, 12, "one state of each episode");
     assert!(
         rows[1..]

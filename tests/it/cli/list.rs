@@ -4,21 +4,28 @@ use std::path::Path;
 
 use crate::util::{command, seedbed, stderr, stdout};
 
+/// Details of environments and algorithms are printed only if asked for.
 #[test]
-fn list_prints_environments_scenarios_and_algorithms() {
+fn list_prints_one_line_per_environment_scenario_and_algorithm() {
     let output = seedbed(&["list"]);
     assert!(output.status.success());
     let printed = stdout(&output);
-    for word in [
-        "cartpole",
-        "theta_dot",
-        "scenarios/cartpole.ron",
-        "SeedPg",
-        "ratio_product_cap",
-        "0.99",
-        "Random",
+    for line in [
+        "\n  cartpole ",
+        "\n  scenarios/cartpole.ron ",
+        "\n  SeedPg ",
+        "\n  Random ",
     ] {
-        assert!(printed.contains(word), "{word} in {printed}");
+        assert_eq!(printed.matches(line).count(), 1, "{line} in {printed}");
+    }
+    let details = [
+        ("environments", "theta_dot"),
+        ("algorithms", "ratio_product_cap"),
+    ];
+    for (kind, word) in details {
+        assert!(!printed.contains(word), "{word} in {printed}");
+        let detailed = stdout(&seedbed(&["list", kind]));
+        assert!(detailed.contains(word), "{word} in {detailed}");
     }
 }
 

@@ -23,6 +23,8 @@ fn preview_records_a_task_without_training() {
         2
     );
     assert!(path.metadata().unwrap().len() > 10_000);
+    let film = std::fs::read(path.with_extension("gif")).unwrap();
+    assert!(film.starts_with(b"GIF89a"));
 
     let mistyped = seedbed(&["preview", "cartpol"]);
     assert_eq!(mistyped.status.code(), Some(2));

@@ -44,6 +44,7 @@ fn runs_are_listed_filtered_and_sorted() {
                     matches!(cells.next(), Some("cartpole" | "DeepSea" | "–")),
                     "{line}"
                 );
+                assert!(matches!(cells.next(), Some("0" | "–")), "seed of {line}");
                 let agents = cells.next().unwrap().to_owned();
                 (path, agents, cells.next().unwrap().to_owned())
             })
@@ -115,7 +116,7 @@ fn a_directory_without_runs_is_explained() {
     let root = folder.path().to_str().unwrap();
     assert_eq!(
         run_successful(&["runs", root]),
-        format!("no run to list: 0 runs in {root}\n")
+        format!("no runs in {root}\n")
     );
     let missing = folder.path().join("nothing");
     let message = run_refused(&["runs", missing.to_str().unwrap()]);

@@ -129,6 +129,7 @@ fn expected_episodes(run: &SyntheticRun, rounds: usize) -> Vec<RecordedEpisode> 
                 .collect(),
             rewards: episode.rewards,
             intrinsic_rewards: step_data.intrinsic_rewards,
+            advantages: Vec::new(),
             outcome: episode.outcome,
         })
         .collect();
