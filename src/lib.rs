@@ -12,6 +12,7 @@
 //! → [`scenario`] → [`record`] → [`learn`], [`figure`], [`stats`] → [`mod@env`]. `ARCHITECTURE.md`
 //! describes all modules.
 
+pub mod explore;
 pub mod export;
 pub mod film;
 pub mod input_files;

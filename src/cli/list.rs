@@ -71,7 +71,7 @@ fn print_overview() {
     let tabular = TabularAlgorithm::catalogue();
     say!("Algorithms (`algorithm:` in a scenario)");
     for info in &algorithms {
-        print_line(&info.name, NAME_WIDTH, first_sentence(&info.purpose));
+        print_line(info.name, NAME_WIDTH, first_sentence(&info.purpose));
     }
     say!("\nTabular algorithms (`algorithm:` in a tabular scenario)");
     for choice in &tabular {

@@ -14,6 +14,7 @@ mod bench;
 mod check;
 mod completions;
 mod evaluate;
+mod explore;
 mod export;
 mod film;
 mod inspect;
@@ -149,6 +150,8 @@ Existing files are never overwritten.")]
     Film(film::FilmArgs),
     /// Draw visited states and returns of one or more runs as SVG or PNG
     Plot(plot::PlotArgs),
+    /// Write a page in which visited states are selected by brushes
+    Explore(explore::ExploreArgs),
 }
 
 #[derive(Debug, Args)]
@@ -246,6 +249,7 @@ enum NewKind {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   seedbed preview cartpole                                 write recordings/preview/cartpole.rrd
+  seedbed preview lander --film                            and recordings/preview/lander.gif
   seedbed preview envs/lander.ron --episodes 10 --seed 3")]
 struct PreviewArgs {
     /// Name of an environment, or an environment file
@@ -260,6 +264,9 @@ struct PreviewArgs {
     /// Use the task's analytic model instead of the physics engine (Rapier)
     #[arg(long)]
     analytic: bool,
+    /// Also write an animated GIF, beside the recording
+    #[arg(long)]
+    film: bool,
     /// Write the recording to this file [default: recordings/preview/<ENV>.rrd]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -490,6 +497,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Export(args) => export::export(&args),
         Command::Film(args) => film::film(&args),
         Command::Plot(args) => plot::plot(&args),
+        Command::Explore(args) => explore::explore(&args),
     };
     let Err(error) = result else {
         return ExitCode::SUCCESS;

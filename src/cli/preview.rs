@@ -48,10 +48,15 @@ pub(super) fn preview(args: &PreviewArgs) -> Result<(), CliError> {
             row.outcome.name()
         );
     }
-    let film = path.with_extension("gif");
-    write_film(&description, physics, &rows, &path, &film)?;
-    say!("\nfilm       {}", film.display());
-    say!("recording  {0}: rerun {0}", path.display());
+    say!(
+        "\nrecording  {0}; open it with\n             rerun {0}",
+        path.display()
+    );
+    if args.film {
+        let film = path.with_extension("gif");
+        write_film(&description, physics, &rows, &path, &film)?;
+        say!("film       {}", film.display());
+    }
     Ok(())
 }
 

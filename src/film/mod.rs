@@ -162,6 +162,7 @@ impl Film {
         let selection = StateSelection {
             agents: Vec::new(),
             episodes: 0..u32::MAX,
+            conditions: Vec::new(),
             sample_size: MAX_LINES / agent_count.clamp(1, MAX_LINES),
             axes: (0..axes.all().len()).collect(),
             pairs: Vec::new(),

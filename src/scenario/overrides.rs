@@ -12,6 +12,7 @@ pub trait Resolve: DeserializeOwned {
     fn resolved(&self) -> String;
 
     /// Documented fields, whose forms errors name.
+    #[must_use]
     fn parameters() -> Vec<Parameter> {
         Vec::new()
     }

@@ -84,6 +84,11 @@ fn commands_of_the_page_on_scenarios_work() {
 }
 
 #[test]
+fn commands_of_the_page_on_the_explorer_work() {
+    run_commands("docs/explorer.md", 6);
+}
+
+#[test]
 fn commands_of_the_page_on_learning_work() {
     run_commands("docs/learning_problems.md", 9);
 }

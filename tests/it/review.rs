@@ -150,6 +150,13 @@ fn plot_explains_invalid_options() {
         )
     );
     assert!(plot(&["--episodes", "5..5"]).contains("the range is empty"));
+    assert_eq!(
+        plot(&["--where", "omega=1..2", "--out", "a.svg"]),
+        "error: --where omega=1..2: no quantity `omega`; expected one of x, x_dot, theta, theta_dot, force, reward, intrinsic reward, advantage, \
+         step, episode, return\n"
+    );
+    assert!(plot(&["--where", "x=2..1", "--out", "a.svg"]).contains("the range is empty"));
+    assert!(plot(&["--where", "x>2", "--out", "a.svg"]).contains("expected NAME=LOW..HIGH"));
 }
 
 /// Runs `seedbed plot recordings/sample/run.rrd --what visitation --agents 3 EXTRA_ARGUMENTS` and
@@ -177,6 +184,29 @@ fn plot_draws_each_selected_state_as_one_line() {
         svg.contains(&format!(">agent 3: {states} states</text>")),
         "{states}"
     );
+}
+
+/// `--where` draws exactly the recorded states in all ranges.
+#[test]
+fn plot_draws_the_states_that_meet_conditions() {
+    let of_agent = sample_episodes()
+        .into_iter()
+        .filter(|episode| episode.agent == 3);
+    let is_selected = |episode: &RecordedEpisode, step: usize, state: &[f32]| {
+        state[2] >= 0.05 && step < episode.length() && episode.actions[step] == 10.0
+    };
+    let states: usize = of_agent
+        .map(|episode| {
+            let steps = episode.states().enumerate();
+            steps
+                .filter(|(step, state)| is_selected(&episode, *step, state))
+                .count()
+        })
+        .sum();
+    let conditions = ["--where", "theta=0.05..", "--where", "force=10..10"];
+    let svg = plot_visitation_of_agent_3(&[&conditions[..], &["--lines", "100000"]].concat());
+    assert!(states > 20, "{states}");
+    assert_eq!(svg.matches("stroke-width=\"0.7\"").count(), states);
 }
 
 #[test]

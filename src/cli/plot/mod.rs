@@ -18,6 +18,7 @@ use super::{CliError, pluralize};
 use seedbed::record::recording::Recording;
 use seedbed::record::visitation::Axes;
 use seedbed::run::files;
+use seedbed::run::review::condition::Condition;
 use seedbed::run::review::selection::{SelectedStates, StateSelection};
 use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed_figure::{Figure, Panel};
@@ -28,6 +29,7 @@ use seedbed_figure::{Figure, Panel};
   seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --episodes 0..50 --out agent3.png
                                                     states agent 3 visited in its first 50 episodes
   seedbed plot recordings/cartpole/seed-0 --what visitation --agents 3 --colour episode --axes x,theta
+  seedbed plot recordings/cartpole/seed-0 --what visitation --where theta=0.1.. --where return=..100
   seedbed plot results/sigma-0 results/sigma-0.1 results/sigma-1 --what visitation --out sigma.svg
                                                     several runs side by side
   seedbed plot recordings/cartpole/seed-0 --what scatter,returns --size 900x700 --out figure.svg
@@ -57,6 +59,10 @@ pub(super) struct PlotArgs {
     /// [default: all]
     #[arg(long, value_name = "A..B", value_parser = parse_episodes)]
     episodes: Option<Range<u32>>,
+    /// Draw only states in this range of an observation, an action, reward, step, return or another
+    /// quantity, e.g. theta=-0.1..0.2 or return=150..; can be repeated
+    #[arg(long = "where", value_name = "NAME=LOW..HIGH")]
+    conditions: Vec<String>,
     /// Draw only these axes, in this order, e.g. theta,x [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,NAME…")]
     axes: Vec<String>,
@@ -78,7 +84,7 @@ pub(super) struct PlotArgs {
         num_args = 0..,
         value_delimiter = ',',
         value_name = "NAME,NAME…",
-        conflicts_with_all = ["runs", "what", "agents", "episodes", "axes", "color_by", "lines"]
+        conflicts_with_all = ["runs", "what", "agents", "episodes", "conditions", "axes", "color_by", "lines"]
     )]
     distributions: Option<Vec<Distribution>>,
 }
@@ -221,7 +227,7 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
     let axes = loaded_run.recording.as_ref().map(Recording::axes);
     let states = match (&loaded_run.recording, &axes) {
         (Some(recording), Some(axes)) if args.shows_states() => {
-            let selection = args.state_selection(axes)?;
+            let selection = args.state_selection(recording, axes)?;
             selection
                 .select(recording, |_| counter.count())
                 .map_err(LoadRunError::from)?
@@ -282,11 +288,24 @@ impl PlotArgs {
         Ok(axis_indices)
     }
 
-    fn state_selection(&self, axes: &Axes) -> Result<StateSelection, CliError> {
+    fn conditions(&self, recording: &Recording) -> Result<Vec<Condition>, CliError> {
+        let condition = |text: &String| {
+            Condition::parse(text, recording)
+                .map_err(|message| CliError::Usage(format!("--where {text}: {message}")))
+        };
+        self.conditions.iter().map(condition).collect()
+    }
+
+    fn state_selection(
+        &self,
+        recording: &Recording,
+        axes: &Axes,
+    ) -> Result<StateSelection, CliError> {
         let axes = self.axis_indices(axes)?;
         Ok(StateSelection {
             agents: self.agents.clone(),
             episodes: self.episodes.clone().unwrap_or(0..u32::MAX),
+            conditions: self.conditions(recording)?,
             sample_size: self.lines as usize,
             pairs: states::axis_pairs(&axes),
             axes,

@@ -5,6 +5,7 @@
 //! [`selection`] selects states of some agents and episodes for a figure. Nothing is trained or
 //! drawn here.
 
+pub mod condition;
 pub mod recording_stats;
 pub mod selection;
 

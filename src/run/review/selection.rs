@@ -4,18 +4,21 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use super::condition::Condition;
 use crate::record::recording::Recording;
 use crate::record::visitation::{Axes, Density, VisitedState};
 use crate::record::{ReadError, RecordedEpisode};
 use seedbed_env::Status;
 
 /// Criteria by which states are selected.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct StateSelection {
     /// Agents whose states are selected; all agents if empty.
     pub agents: Vec<u32>,
     /// Range of each agent's episodes.
     pub episodes: Range<u32>,
+    /// Conditions that a state must all meet.
+    pub conditions: Vec<Condition>,
     /// Maximum number of states per agent in the sample.
     pub sample_size: usize,
     /// Indices of the axes to project on, from left to right.
@@ -66,6 +69,19 @@ impl StateSelection {
         includes_agent && self.episodes.contains(&episode.episode)
     }
 
+    /// Whether the state at a step of an included episode is selected.
+    fn selects(&self, episode: &RecordedEpisode, step: usize) -> bool {
+        self.conditions
+            .iter()
+            .all(|condition| condition.is_met(episode, step))
+    }
+
+    /// Number of selected states of an included episode.
+    fn count(&self, episode: &RecordedEpisode) -> u64 {
+        let selected = (0..=episode.length()).filter(|&step| self.selects(episode, step));
+        selected.count() as u64
+    }
+
     /// Reads the selected states of a recording, ordered by agent; calls `on_episode` for each
     /// selected episode. The file is read twice, because an evenly spaced sample can only be taken
     /// when the number of states is known. Only the sample is held in memory.
@@ -88,8 +104,7 @@ impl StateSelection {
                 grids: vec![0; self.pairs.len() * GRID_CELLS * GRID_CELLS],
                 sample: Vec::new(),
             };
-            selected.entry(episode.agent).or_insert_with(empty).count +=
-                episode.length() as u64 + 1;
+            selected.entry(episode.agent).or_insert_with(empty).count += self.count(episode);
         })?;
         let mut states_before: BTreeMap<u32, u64> = BTreeMap::new();
         self.for_each_selected_episode(recording, |episode| {
@@ -98,8 +113,7 @@ impl StateSelection {
             };
             on_episode(episode);
             let states_before = states_before.entry(episode.agent).or_default();
-            states.add_episode(episode, &axes, self, *states_before);
-            *states_before += episode.length() as u64 + 1;
+            states.add_episode(episode, &axes, self, states_before);
         })?;
         Ok(selected.into_values().collect())
     }
@@ -120,17 +134,21 @@ impl StateSelection {
 }
 
 impl SelectedStates {
-    /// Adds the states of an episode. The agent had `states_before` selected states before it.
+    /// Adds the selected states of an episode. The agent had `states_before` selected states before
+    /// it; this number is advanced.
     fn add_episode(
         &mut self,
         episode: &RecordedEpisode,
         axes: &Axes,
         selection: &StateSelection,
-        states_before: u64,
+        states_before: &mut u64,
     ) {
         let r#return = episode.total_reward();
         let (mut axis_positions, mut selected_axis_positions) = (Vec::new(), Vec::new());
         for (step, observation) in episode.states().enumerate() {
+            if !selection.selects(episode, step) {
+                continue;
+            }
             let intrinsic_reward = episode.bonus(step);
             axes.project(
                 &VisitedState::without_action(step, observation, intrinsic_reward),
@@ -140,11 +158,9 @@ impl SelectedStates {
             selected_axis_positions.extend(selection.axes.iter().map(|&axis| axis_positions[axis]));
             self.density.add(&selected_axis_positions);
             self.count_pairs(&axis_positions, &selection.pairs);
-            if is_sampled(
-                states_before + step as u64,
-                self.count,
-                selection.sample_size as u64,
-            ) {
+            let index = *states_before;
+            *states_before += 1;
+            if is_sampled(index, self.count, selection.sample_size as u64) {
                 self.sample.push(SelectedState {
                     axis_positions: axis_positions.clone(),
                     selected_axis_positions: selected_axis_positions.clone(),

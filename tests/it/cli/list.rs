@@ -14,7 +14,7 @@ fn list_prints_one_line_per_environment_scenario_and_algorithm() {
         "\n  cartpole ",
         "\n  scenarios/cartpole.ron ",
         "\n  SeedPg ",
-        "\n  Random ",
+        "\n  Ucrl ",
     ] {
         assert_eq!(printed.matches(line).count(), 1, "{line} in {printed}");
     }

@@ -4,6 +4,7 @@ mod bench;
 mod check;
 mod completions;
 mod evaluate;
+mod explore;
 mod export;
 mod film;
 mod list;

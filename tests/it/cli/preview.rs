@@ -11,6 +11,7 @@ fn preview_records_a_task_without_training() {
         "cartpole",
         "--episodes",
         "2",
+        "--film",
         "--out",
         path.to_str().unwrap(),
     ]);

@@ -1,0 +1,40 @@
+//! The HTML of the page.
+
+use maud::{DOCTYPE, PreEscaped, html};
+
+const STYLE: &str = include_str!("page/style.css");
+
+/// The page's code: one script, in this order.
+const SCRIPTS: [&str; 8] = [
+    include_str!("page/decode.js"),
+    include_str!("page/selection.js"),
+    include_str!("page/raster.js"),
+    include_str!("page/brushes.js"),
+    include_str!("page/panel.js"),
+    include_str!("page/scene.js"),
+    include_str!("page/share.js"),
+    include_str!("page/main.js"),
+];
+
+/// The page with this data, as JSON.
+pub(super) fn page(title: &str, data: &str) -> String {
+    // A text could otherwise end the element.
+    let data = data.replace("</", "<\\/");
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) " – visited states" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                (PreEscaped(include_str!("page/body.html")))
+                script type="application/json" id="data" { (PreEscaped(data)) }
+                script { (PreEscaped(SCRIPTS.join("\n"))) }
+            }
+        }
+    }
+    .into_string()
+}

@@ -1,0 +1,194 @@
+"use strict";
+/* The view as a link, as a command and as a picture. */
+
+/** Draws on a canvas. Texts have a rim in the color of the page, to be read on dark lines. */
+class CanvasPen {
+  constructor(context, page) {
+    Object.assign(this, { context, page });
+  }
+
+  image(canvas, x, y, width, height) {
+    this.context.imageSmoothingEnabled = true;
+    this.context.drawImage(canvas, x, y, width, height);
+  }
+
+  line(points, color, width) {
+    const { context } = this;
+    context.beginPath();
+    for (const [x, y] of points) context.lineTo(x, y);
+    context.strokeStyle = `rgb(${color})`;
+    context.lineWidth = width;
+    context.stroke();
+  }
+
+  box(x, y, width, height, color) {
+    this.context.fillStyle = `rgba(${color},.35)`;
+    this.context.strokeStyle = `rgb(${color})`;
+    this.context.lineWidth = 1;
+    this.context.fillRect(x, y, width, height);
+    this.context.strokeRect(x, y, width, height);
+  }
+
+  text(text, x, y, color, size, align, maxWidth, angle = 0) {
+    const { context } = this;
+    context.save();
+    context.translate(x, y);
+    context.rotate((angle * Math.PI) / 180);
+    context.font = `${size}px system-ui, sans-serif`;
+    context.fillStyle = `rgb(${color})`;
+    context.textAlign = align;
+    context.strokeStyle = `rgba(${this.page},.8)`;
+    context.lineWidth = 3;
+    context.lineJoin = "round";
+    context.strokeText(text, 0, 0, maxWidth);
+    context.fillText(text, 0, 0, maxWidth);
+    context.restore();
+  }
+}
+
+/** Writes the elements of an SVG file. */
+class SvgPen {
+  constructor(page) {
+    Object.assign(this, { page, elements: [] });
+  }
+
+  image(canvas, x, y, width, height) {
+    this.elements.push(
+      `<image x="${x}" y="${y}" width="${width}" height="${height}" preserveAspectRatio="none" href="${canvas.toDataURL()}"/>`,
+    );
+  }
+
+  line(points, color, width) {
+    const list = points.map((point) => point.map((value) => value.toFixed(1)).join()).join(" ");
+    this.elements.push(`<polyline points="${list}" fill="none" stroke="rgb(${color})" stroke-width="${width}"/>`);
+  }
+
+  box(x, y, width, height, color) {
+    this.elements.push(
+      `<rect x="${x}" y="${y}" width="${width}" height="${height}" fill="rgb(${color})" fill-opacity=".35" stroke="rgb(${color})"/>`,
+    );
+  }
+
+  text(text, x, y, color, size, align, _maxWidth, angle = 0) {
+    const anchor = { left: "start", center: "middle", right: "end" }[align];
+    const escaped = text.replace(/[&<>]/g, (character) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[character]);
+    this.elements.push(
+      `<text transform="translate(${x} ${y}) rotate(${angle})" font-family="sans-serif" font-size="${size}" fill="rgb(${color})" stroke="rgb(${this.page})" stroke-opacity=".8" stroke-width="3" stroke-linejoin="round" paint-order="stroke" text-anchor="${anchor}">${escaped}</text>`,
+    );
+  }
+}
+
+/** The view after `#` in the address: names of axes are encoded, so that they may contain any character. */
+function toHash(app) {
+  const { view, axes } = app;
+  const name = (a) => encodeURIComponent(axes[a].name);
+  const parts = [];
+  const brushes = view.brushes.flatMap((brush, a) => (brush ? [`${name(a)}:${brushValues(axes[a], brush).map(textOf).join(":")}`] : []));
+  if (brushes.length) parts.push(`brush=${brushes.join(",")}`);
+  if (view.agents) parts.push(`agents=${formatList(view.agents)}`);
+  if (view.from > view.first || view.to < view.last) parts.push(`episodes=${view.from}-${view.to}`);
+  if (view.color !== "density") parts.push(`color=${view.color}`);
+  if (view.color === "difference") parts.push(`compared=${view.compared}`);
+  if (view.axes.join() !== app.shownAxes().join()) parts.push(`axes=${view.axes.map(name).join(",")}`);
+  return parts.join("&");
+}
+
+/** A number that reads back as the same brush. */
+function textOf(value) {
+  return Number.isFinite(value) ? String(Number(value.toPrecision(8))) : "";
+}
+
+/** Changes the view to that of a hash. What cannot be read is ignored. */
+function fromHash(app, hash) {
+  const { view, axes } = app;
+  const parameters = new URLSearchParams(hash.replace(/\+/g, "%2B"));
+  const raw = new Map(hash.split("&").map((part) => [part.split("=")[0], part.slice(part.indexOf("=") + 1)]));
+  const axisNamed = (text) => axes.findIndex((axis) => axis.name === decodeURIComponent(text));
+  view.brushes = axes.map(() => null);
+  view.order = [];
+  for (const part of (raw.get("brush") ?? "").split(",").filter(Boolean)) {
+    const [name, low, high] = part.split(":");
+    const a = axisNamed(name);
+    if (a < 0 || high === undefined) continue;
+    const brush = brushOf(axes[a], low === "" ? -Infinity : Number(low), high === "" ? Infinity : Number(high));
+    if (brush && brush.every(Number.isFinite)) view.brushes[a] = withoutFull(brush);
+    view.order.push(a);
+  }
+  const agents = parameters.get("agents");
+  view.agents = agents === null ? null : parseList(agents, app.agentCount);
+  const episodes = /^(\d+)-(\d+)$/.exec(parameters.get("episodes") ?? "");
+  [view.from, view.to] = episodes ? [Number(episodes[1]), Number(episodes[2])] : [view.first, view.last];
+  const color = parameters.get("color");
+  view.color = COLORS.includes(color) ? color : "density";
+  view.compared = Math.min(Number(parameters.get("compared")) || 0, app.agentCount - 1);
+  const shown = (raw.get("axes") ?? "").split(",").filter(Boolean).map(axisNamed).filter((a) => a >= 0);
+  view.axes = shown.length > 1 ? shown : app.shownAxes();
+}
+
+/** A word of a POSIX shell. */
+function shellWord(word) {
+  return /^[\w./:=,@%+-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`;
+}
+
+/** The command that draws the selected states, as far as `seedbed plot` can. */
+function toCommand(app) {
+  const { view, axes } = app;
+  const words = ["seedbed", "plot", ...app.runs.map((run) => run.path), "--what", "visitation"];
+  if (view.agents) words.push("--agents", [...view.agents].sort((one, other) => one - other).join(","));
+  if (view.from > view.first || view.to < view.last) words.push("--episodes", `${view.from}..${view.to + 1}`);
+  for (const [a, brush] of view.brushes.entries()) {
+    if (brush) words.push("--where", `${axes[a].name}=${brushValues(axes[a], brush).map(textOf).join("..")}`);
+  }
+  return words.map(shellWord).join(" ");
+}
+
+/** Height of a panel in a picture: its title, its counts and its plot. */
+const PICTURE_HEIGHT = HEIGHT + 50;
+
+/** Draws all panels, one below the other. */
+function drawPicture(app, penOf) {
+  for (const [index, panel] of app.panels.entries()) {
+    const pen = penOf(index * PICTURE_HEIGHT);
+    pen.text(panel.run.name, 12, 22, app.theme.text, 15, "left", panel.width);
+    pen.text(panel.counts.textContent, 12, 40, app.theme.tick, 11, "left", panel.width);
+    panel.drawOn(penOf(index * PICTURE_HEIGHT + 50), app.theme);
+  }
+}
+
+function pictureSize(app) {
+  return [Math.max(...app.panels.map((panel) => panel.width)), app.panels.length * PICTURE_HEIGHT];
+}
+
+function toSvg(app) {
+  const [width, height] = pictureSize(app);
+  const groups = [];
+  drawPicture(app, (y) => {
+    const pen = new SvgPen(app.theme.page);
+    groups.push({ y, pen });
+    return pen;
+  });
+  const contents = groups.map(({ y, pen }) => `<g transform="translate(0 ${y})">${pen.elements.join("\n")}</g>`).join("\n");
+  return `<svg xmlns="http://www.w3.org/2000/svg" width="${width}" height="${height}" viewBox="0 0 ${width} ${height}"><rect width="100%" height="100%" fill="rgb(${app.theme.page})"/>\n${contents}\n</svg>\n`;
+}
+
+function toPng(app) {
+  const [width, height] = pictureSize(app);
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [2 * width, 2 * height];
+  const context = canvas.getContext("2d");
+  context.fillStyle = `rgb(${app.theme.page})`;
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  drawPicture(app, (y) => {
+    context.setTransform(2, 0, 0, 2, 0, 2 * y);
+    return new CanvasPen(context, app.theme.page);
+  });
+  return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
+}
+
+function download(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}

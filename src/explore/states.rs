@@ -1,0 +1,217 @@
+//! The visited states of a run in columns, in the order of episodes.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::record::recording::Recording;
+use crate::record::{ReadError, RecordedEpisode};
+use crate::run::review::selection::is_sampled;
+use seedbed_env::{Quantity, Status};
+
+/// The visited states of a run, or an evenly spaced sample of them.
+#[derive(Debug)]
+pub(super) struct RunStates {
+    /// One per quantity. Their values are in the order of [`episodes`](Self::episodes).
+    pub columns: Vec<StateColumn>,
+    /// All episodes, sorted by their number and then by agent.
+    pub episodes: Vec<EpisodeInfo>,
+    /// Number of states of the run, of which `columns` may have a sample.
+    pub state_count: u64,
+    /// All states of the filmed episodes: columns as in `columns`.
+    pub filmed: Vec<FilmedStates>,
+}
+
+/// The values of one quantity.
+#[derive(Debug)]
+pub(super) struct StateColumn {
+    /// Name, unit and range.
+    pub quantity: Quantity,
+    /// What the quantity is.
+    pub kind: Kind,
+    /// One value per state; NaN for the last state of an episode, if the quantity belongs to steps.
+    pub values: Vec<f32>,
+}
+
+/// What a quantity is. The order is that of the axes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Kind {
+    Observation,
+    Action,
+    Reward,
+    IntrinsicReward,
+    Advantage,
+    Step,
+    /// One value per episode: computed by the page from the table of episodes.
+    Episode,
+    Return,
+}
+
+/// One episode.
+#[derive(Clone, Debug)]
+pub(super) struct EpisodeInfo {
+    pub agent: u32,
+    pub episode: u32,
+    pub round: u32,
+    /// Number of steps.
+    pub length: u32,
+    pub r#return: f64,
+    pub outcome: Status,
+    /// Number of its states in the columns.
+    pub kept: u32,
+}
+
+/// All states of one filmed episode.
+#[derive(Debug)]
+pub(super) struct FilmedStates {
+    pub agent: u32,
+    pub episode: u32,
+    /// Values row by row: `[states × columns]`.
+    pub rows: Vec<f32>,
+}
+
+/// Number and agent of an episode, by which episodes are sorted.
+type EpisodeKey = (u32, u32);
+
+/// Reads a recording, twice. At most `max_states` states are kept; all states of the episodes
+/// `filmed` are returned separately. Calls `on_episode` for each episode.
+pub(super) fn read(
+    recording: &Recording,
+    max_states: u64,
+    filmed: &BTreeSet<EpisodeKey>,
+    on_episode: &mut dyn FnMut(),
+) -> Result<RunStates, ReadError> {
+    let mut lengths: BTreeMap<EpisodeKey, u64> = BTreeMap::new();
+    let mut has_advantages = false;
+    for episode in recording.episodes()? {
+        let episode = episode?;
+        has_advantages |= !episode.advantages.is_empty();
+        lengths.insert(
+            (episode.episode, episode.agent),
+            episode.length() as u64 + 1,
+        );
+    }
+    let state_count = lengths.values().sum();
+    let mut columns = empty_columns(recording, has_advantages);
+    let mut first_state = 0;
+    let starts: BTreeMap<EpisodeKey, u64> = lengths
+        .iter()
+        .map(|(key, states)| {
+            let start = first_state;
+            first_state += states;
+            (*key, start)
+        })
+        .collect();
+    let mut read: BTreeMap<EpisodeKey, (EpisodeInfo, Vec<f32>)> = BTreeMap::new();
+    let mut filmed_states = Vec::new();
+    for episode in recording.episodes()? {
+        let episode = episode?;
+        let key = (episode.episode, episode.agent);
+        let Some(start) = starts.get(&key) else {
+            continue; // written after the first reading, by a run in progress
+        };
+        let is_kept = |step: usize| is_sampled(start + step as u64, state_count, max_states);
+        let kept: Vec<usize> = (0..=episode.length())
+            .filter(|&step| is_kept(step))
+            .collect();
+        let info = EpisodeInfo {
+            agent: episode.agent,
+            episode: episode.episode,
+            round: episode.round,
+            length: episode.length() as u32,
+            r#return: episode.total_reward(),
+            outcome: episode.outcome,
+            kept: kept.len() as u32,
+        };
+        read.insert(key, (info, rows(&episode, &columns, kept.into_iter())));
+        if filmed.contains(&key) {
+            filmed_states.push(FilmedStates {
+                agent: episode.agent,
+                episode: episode.episode,
+                rows: rows(&episode, &columns, 0..=episode.length()),
+            });
+        }
+        on_episode();
+    }
+    filmed_states.sort_by_key(|states| (states.agent, states.episode));
+    let mut episodes = Vec::with_capacity(read.len());
+    for (info, rows) in read.into_values() {
+        episodes.push(info);
+        for row in rows.chunks_exact(columns.len()) {
+            for (column, value) in columns.iter_mut().zip(row) {
+                column.values.push(*value);
+            }
+        }
+    }
+    Ok(RunStates {
+        columns,
+        episodes,
+        state_count,
+        filmed: filmed_states,
+    })
+}
+
+fn empty_columns(recording: &Recording, has_advantages: bool) -> Vec<StateColumn> {
+    let column = |quantity: Quantity, kind| StateColumn {
+        quantity,
+        kind,
+        values: Vec::new(),
+    };
+    // Their ranges follow from the values.
+    let without_range = |name: &str, kind| {
+        let quantity = Quantity {
+            name: name.to_owned(),
+            unit: String::new(),
+            range: [0.0, 0.0],
+        };
+        column(quantity, kind)
+    };
+    let observations = recording.observations().iter();
+    let actions = recording.actions().iter();
+    let mut columns: Vec<StateColumn> = observations
+        .map(|quantity| column(quantity.clone(), Kind::Observation))
+        .chain(actions.map(|quantity| column(quantity.clone(), Kind::Action)))
+        .collect();
+    columns.push(without_range("reward", Kind::Reward));
+    if recording.bonus().max().is_some() {
+        columns.push(without_range("intrinsic reward", Kind::IntrinsicReward));
+    }
+    if has_advantages {
+        columns.push(without_range("advantage", Kind::Advantage));
+    }
+    columns.push(without_range("step", Kind::Step));
+    columns
+}
+
+/// Values of the states at `steps`, row by row: `[steps × columns]`.
+fn rows(
+    episode: &RecordedEpisode,
+    columns: &[StateColumn],
+    steps: impl Iterator<Item = usize>,
+) -> Vec<f32> {
+    let width = |kind: Kind| columns.iter().filter(|column| column.kind == kind).count();
+    let [observations, actions] = [Kind::Observation, Kind::Action].map(width);
+    let mut rows = Vec::new();
+    for step in steps {
+        let mut of_kind = [0_usize; 2];
+        let mut next = |index: usize| {
+            of_kind[index] += 1;
+            of_kind[index] - 1
+        };
+        for column in columns {
+            let value = match column.kind {
+                Kind::Observation => episode
+                    .observations
+                    .get(step * observations + next(0))
+                    .copied(),
+                Kind::Action => episode.actions.get(step * actions + next(1)).copied(),
+                Kind::Reward => episode.rewards.get(step).copied(),
+                Kind::IntrinsicReward => episode.intrinsic_rewards.get(step).copied(),
+                Kind::Advantage => episode.advantages.get(step).copied(),
+                Kind::Step => Some(step as f32),
+                Kind::Episode | Kind::Return => None,
+            };
+            rows.push(value.unwrap_or(f32::NAN));
+        }
+    }
+    rows
+}

@@ -1,0 +1,170 @@
+//! Conditions on visited states: ranges of observations, actions, rewards and other quantities.
+
+use std::ops::RangeInclusive;
+
+use crate::record::RecordedEpisode;
+use crate::record::recording::Recording;
+
+/// A range of values of one quantity, such as `theta=-0.1..0.2`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condition {
+    quantity: StateQuantity,
+    range: RangeInclusive<f64>,
+}
+
+/// A quantity of a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum StateQuantity {
+    Observation(usize),
+    Action(usize),
+    Reward,
+    IntrinsicReward,
+    Advantage,
+    Step,
+    Episode,
+    Return,
+}
+
+/// Names of quantities that every task has.
+const COMMON: [(&str, StateQuantity); 6] = [
+    ("reward", StateQuantity::Reward),
+    ("intrinsic reward", StateQuantity::IntrinsicReward),
+    ("advantage", StateQuantity::Advantage),
+    ("step", StateQuantity::Step),
+    ("episode", StateQuantity::Episode),
+    ("return", StateQuantity::Return),
+];
+
+impl Condition {
+    /// Reads `NAME=LOW..HIGH`, in which one of both ends may be left out.
+    ///
+    /// # Errors
+    /// What is wrong and what was expected.
+    pub fn parse(text: &str, recording: &Recording) -> Result<Self, String> {
+        let form = "expected NAME=LOW..HIGH, such as theta=-0.1..0.2 or theta=0.1..";
+        let (name, range) = text.split_once('=').ok_or(form)?;
+        let (low, high) = range.split_once("..").ok_or(form)?;
+        let end = |text: &str, default: f64| match text.trim() {
+            "" => Ok(default),
+            number => number
+                .parse::<f64>()
+                .ok()
+                .filter(|end| !end.is_nan())
+                .ok_or(form),
+        };
+        let range = end(low, f64::NEG_INFINITY)?..=end(high, f64::INFINITY)?;
+        if range.is_empty() {
+            return Err("the range is empty; expected LOW below HIGH".to_owned());
+        }
+        let quantities = quantities(recording);
+        let name = name.trim();
+        let named = quantities.iter().find(|(known, _)| known == name);
+        let quantity = named.map(|(_, quantity)| *quantity).ok_or_else(|| {
+            let names: Vec<&str> = quantities.iter().map(|(name, _)| name.as_str()).collect();
+            format!("no quantity `{name}`; expected one of {}", names.join(", "))
+        })?;
+        Ok(Self { quantity, range })
+    }
+
+    /// Whether the state at a step of an episode, 0 to T, meets the condition. A state without the
+    /// quantity, such as the action of the last state, does not.
+    #[must_use]
+    pub fn is_met(&self, episode: &RecordedEpisode, step: usize) -> bool {
+        let value = self.quantity.value(episode, step);
+        value.is_some_and(|value| self.range.contains(&value))
+    }
+}
+
+/// All quantities of a recording by name. A name of an observation comes before that of an action.
+fn quantities(recording: &Recording) -> Vec<(String, StateQuantity)> {
+    let observations = recording.observations().iter().enumerate();
+    let observations =
+        observations.map(|(index, quantity)| (&quantity.name, StateQuantity::Observation(index)));
+    let actions = recording.actions().iter().enumerate();
+    let actions = actions.map(|(index, quantity)| (&quantity.name, StateQuantity::Action(index)));
+    let of_task = observations.chain(actions);
+    let of_task = of_task.map(|(name, quantity)| (name.clone(), quantity));
+    let common = COMMON.map(|(name, quantity)| (name.to_owned(), quantity));
+    of_task.chain(common).collect()
+}
+
+impl StateQuantity {
+    fn value(self, episode: &RecordedEpisode, step: usize) -> Option<f64> {
+        let length = episode.length();
+        let single = match self {
+            Self::Observation(index) => {
+                let width = episode.observations.len() / (length + 1);
+                episode.observations.get(step * width + index)
+            }
+            Self::Action(index) => {
+                let width = episode.actions.len() / length.max(1);
+                episode.actions.get(step * width + index)
+            }
+            Self::Reward => episode.rewards.get(step),
+            Self::IntrinsicReward => episode.intrinsic_rewards.get(step),
+            Self::Advantage => episode.advantages.get(step),
+            Self::Step => return Some(step as f64),
+            Self::Episode => return Some(f64::from(episode.episode)),
+            // In single precision, as in the page of `seedbed explore`.
+            Self::Return => return Some(f64::from(episode.total_reward() as f32)),
+        };
+        single.map(|&value| f64::from(value))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use seedbed_env::Status;
+
+    /// Two steps with two observations and one action.
+    fn episode() -> RecordedEpisode {
+        RecordedEpisode {
+            agent: 0,
+            episode: 3,
+            round: 3,
+            observations: vec![0.0, 10.0, 1.0, 11.0, 2.0, 12.0],
+            actions: vec![-1.0, 1.0],
+            rewards: vec![1.0, 0.5],
+            intrinsic_rewards: Vec::new(),
+            advantages: Vec::new(),
+            outcome: Status::Terminated,
+        }
+    }
+
+    fn steps_that_meet(quantity: StateQuantity, range: RangeInclusive<f64>) -> Vec<usize> {
+        let condition = Condition { quantity, range };
+        let episode = episode();
+        (0..3)
+            .filter(|&step| condition.is_met(&episode, step))
+            .collect()
+    }
+
+    #[test]
+    fn states_are_compared_by_their_own_values() {
+        assert_eq!(
+            steps_that_meet(StateQuantity::Observation(1), 10.5..=12.0),
+            [1, 2]
+        );
+        assert_eq!(steps_that_meet(StateQuantity::Return, 1.5..=1.5), [0, 1, 2]);
+        assert_eq!(
+            steps_that_meet(StateQuantity::Episode, 4.0..=9.0),
+            [0_usize; 0]
+        );
+    }
+
+    /// The last state has no action and no reward.
+    #[test]
+    fn missing_values_meet_no_condition() {
+        let everything = f64::NEG_INFINITY..=f64::INFINITY;
+        assert_eq!(
+            steps_that_meet(StateQuantity::Action(0), everything.clone()),
+            [0, 1]
+        );
+        assert_eq!(steps_that_meet(StateQuantity::Reward, 0.5..=2.0), [0, 1]);
+        assert_eq!(
+            steps_that_meet(StateQuantity::Advantage, everything),
+            [0_usize; 0]
+        );
+    }
+}

@@ -1,0 +1,128 @@
+//! `seedbed explore`. What the page does in a browser is checked by `tests/interop/run`.
+
+use std::path::Path;
+
+use crate::util::{run_refused, run_successful, small_run};
+
+fn explore(arguments: &[&str]) -> String {
+    run_successful(&[&["explore"], arguments].concat())
+}
+
+/// The JSON in a page.
+fn data_of(page: &Path) -> serde_json::Value {
+    let text = std::fs::read_to_string(page).unwrap();
+    let (_, data) = text
+        .split_once(r#"<script type="application/json" id="data">"#)
+        .unwrap();
+    let (data, _) = data.split_once("</script>").unwrap();
+    serde_json::from_str(data).unwrap()
+}
+
+/// A page has all states, as many as `episodes.csv` says, or an evenly spaced sample, which it says.
+#[test]
+fn a_page_has_the_states_of_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    assert!(small_run(&run, &[]).status.success());
+    let run_text = run.to_str().unwrap();
+    let printed = explore(&[run_text]);
+    let page = run.join("explore.html");
+    assert!(
+        printed.starts_with(&format!("wrote {}: ", page.display())),
+        "{printed}"
+    );
+    let episodes = std::fs::read_to_string(run.join("episodes.csv")).unwrap();
+    let lengths = episodes
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').nth(5).unwrap());
+    let states: u64 = lengths
+        .map(|length| length.parse::<u64>().unwrap() + 1)
+        .sum();
+    let data = data_of(&page);
+    let axes = data["axes"].as_array().unwrap();
+    let names: Vec<&str> = axes
+        .iter()
+        .map(|axis| axis["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "x",
+            "x_dot",
+            "theta",
+            "theta_dot",
+            "force",
+            "reward",
+            "step",
+            "episode",
+            "return"
+        ]
+    );
+    let data = &data["runs"][0];
+    assert_eq!(
+        (&data["states"], &data["kept"]),
+        (&states.into(), &states.into())
+    );
+    assert!(
+        data["film"].is_object(),
+        "the bodies of agent 0 are recorded"
+    );
+    let bytes = std::fs::read(&page).unwrap();
+    let printed = explore(&[run_text, "--states", "20"]);
+    assert!(
+        printed.contains(&format!("a sample of 20 of {states} states")),
+        "{printed}"
+    );
+    let data = &data_of(&page)["runs"][0];
+    assert_eq!(
+        (&data["states"], &data["kept"]),
+        (&states.into(), &20.into())
+    );
+    explore(&[run_text, "--all"]);
+    assert!(
+        std::fs::read(&page).unwrap() == bytes,
+        "the same run gives the same bytes"
+    );
+}
+
+/// Runs that are not finished, and recordings alone, are shown as far as they are written. A name cannot
+/// end the script.
+#[test]
+fn unfinished_runs_and_recordings_have_pages() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    assert!(small_run(&run, &[]).status.success());
+    let alone = folder.path().join("alone.rrd");
+    std::fs::copy(run.join("run.rrd"), &alone).unwrap();
+    explore(&[alone.to_str().unwrap()]);
+    let data = data_of(&folder.path().join("alone.html"));
+    assert!(data["runs"][0]["film"].is_null() && data["runs"][0]["kept"].as_u64() > Some(0));
+
+    std::fs::remove_file(run.join("summary.json")).unwrap();
+    std::fs::rename(run.join("run.rrd"), run.join("run.rrd.part")).unwrap();
+    let odd = folder.path().join("<").join("script> & co");
+    std::fs::create_dir_all(odd.parent().unwrap()).unwrap();
+    std::fs::rename(&run, &odd).unwrap();
+    let page = folder.path().join("two.html");
+    let two = [odd.to_str().unwrap(), alone.to_str().unwrap()];
+    explore(&[&two[..], &["--out", page.to_str().unwrap()]].concat());
+    let paths = data_of(&page)["runs"][0]["path"].clone();
+    assert_eq!(paths, odd.to_str().unwrap());
+}
+
+#[test]
+fn runs_that_cannot_be_shown_are_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    assert!(small_run(&run, &[]).status.success());
+    std::fs::remove_file(run.join("run.rrd")).unwrap();
+    let run_text = run.to_str().unwrap();
+    let message = run_refused(&["explore", run_text]);
+    assert_eq!(
+        message,
+        format!("error: {run_text} has no recording, whose states are shown\n")
+    );
+    assert!(!run.join("explore.html").exists());
+    run_refused(&["explore", run_text, "--states", "0"]);
+}
