@@ -29,9 +29,6 @@ struct Theme {
     difference: Vec<Color>,
 }
 
-/// Number of agents with a color of their own.
-const AGENT_COLORS: u32 = 8;
-
 /// Number of colors of a scale.
 const STOPS: u8 = 17;
 
@@ -46,16 +43,12 @@ impl Default for Palette {
                 muted: [140, 140, 150],
                 warning: [176, 58, 0],
                 brush: [0, 98, 178],
-                categorical: (0..AGENT_COLORS).map(color::categorical_color).collect(),
+                categorical: (0..color::AGENT_COLORS)
+                    .map(color::categorical_color)
+                    .collect(),
                 sequential: scale(color::sequential_color),
                 density: scale(color::density_color),
-                difference: vec![
-                    [0, 75, 160],
-                    [120, 170, 225],
-                    [235, 235, 238],
-                    [240, 160, 80],
-                    [190, 80, 0],
-                ],
+                difference: scale(|share| color::difference_color(2.0 * share - 1.0)),
             },
             dark: Theme {
                 page: [22, 22, 26],
@@ -65,7 +58,9 @@ impl Default for Palette {
                 muted: [120, 120, 130],
                 warning: [255, 160, 90],
                 brush: [86, 180, 233],
-                categorical: (0..AGENT_COLORS).map(dark::categorical_color).collect(),
+                categorical: (0..color::AGENT_COLORS)
+                    .map(dark::categorical_color)
+                    .collect(),
                 sequential: scale(|share| dark::sequential_color(share as f32)),
                 density: scale(|share| dark::density_color(0.15 + 0.85 * share as f32)),
                 difference: scale(|share| dark::diverging_color(2.0 * share as f32 - 1.0)),

@@ -1,7 +1,7 @@
 //! A page in which people select visited states by brushes: one HTML file without network access.
 //!
 //! [`Explorer::read`] gathers the states of runs, [`Explorer::page`] writes them into the page as
-//! compressed columns ([`encode`]). The page's own code is in `page/`: it counts the states of each
+//! compressed columns (`encode`). The page's own code is in `page/`: it counts the states of each
 //! pair of bins of neighboring axes, and draws these pairs instead of single states, so that the time
 //! of drawing does not grow with the number of states.
 

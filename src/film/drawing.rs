@@ -1,7 +1,7 @@
 //! The bodies of a scene as shapes on a page.
 
 use seedbed_env::{Pose, Scene, SceneBody, Shape};
-use seedbed_figure::color::{MUTED_COLOR, TEXT_COLOR, categorical_color};
+use seedbed_figure::color::{MUTED_COLOR, TEXT_COLOR, agent_color};
 use seedbed_figure::{Color, DrawnShape};
 
 use crate::record::outline::{outline, scene_point};
@@ -28,7 +28,7 @@ fn color(body: &SceneBody, moving_before: u32, agent: u32) -> Color {
     if body.is_fixed {
         MUTED_COLOR
     } else if moving_before.is_multiple_of(2) {
-        categorical_color(agent)
+        agent_color(agent)
     } else {
         TEXT_COLOR
     }

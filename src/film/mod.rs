@@ -17,7 +17,7 @@ use crate::run::review::selection::{SelectedState, SelectedStates, StateSelectio
 use crate::run::review::{LoadRunError, LoadedRun, team_returns};
 use seedbed_env::input::InputError;
 use seedbed_env::{Physics, Scene, TaskDescription};
-use seedbed_figure::color::{MUTED_COLOR, categorical_color};
+use seedbed_figure::color::{TEAM_COLOR, agent_color};
 use seedbed_figure::{
     Axis, Curves, Drawing, Figure, Panel, ParallelCoordinates, Row, Series, StateLine, States,
 };
@@ -253,7 +253,7 @@ impl Film {
         let visited = visited.take_while(|(_, state)| state.episode <= episode);
         let lines = visited.map(|(agent, state)| StateLine {
             axis_positions: state.selected_axis_positions.clone(),
-            color: categorical_color(*agent),
+            color: agent_color(*agent),
         });
         ParallelCoordinates {
             title: format!("visited states of all agents, episodes 0 to {episode}"),
@@ -272,14 +272,14 @@ impl Film {
         let agents = (0..).zip(&self.returns).take(MAX_AGENT_CURVES);
         let mut series: Vec<Series> = agents
             .map(|(agent, returns)| Series {
-                color: categorical_color(agent),
+                color: agent_color(agent),
                 points: points(returns),
                 is_faint: true,
                 ..Series::default()
             })
             .collect();
         series.push(Series {
-            color: MUTED_COLOR,
+            color: TEAM_COLOR,
             points: points(&self.team_returns),
             ..Series::default()
         });

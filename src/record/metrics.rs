@@ -152,6 +152,12 @@ impl MaybeMeasured for f64 {
     }
 }
 
+impl MaybeMeasured for Option<f64> {
+    fn as_measured(self) -> Option<f64> {
+        self
+    }
+}
+
 impl MaybeMeasured for Option<f32> {
     fn as_measured(self) -> Option<f64> {
         self.map(f64::from)
@@ -293,6 +299,32 @@ metrics! {
         effective_agents: f64 as EffectiveAgents {
             title: "effective agents", range: Range::Agents, scope: Scope::Team, runs: RunKind::All,
             group: Group::Team, plotted: true
+        }
+        /// Overlap of the agents' visits in the latest 10 rounds.
+        recent_overlap: Option<f64> as RecentOverlap {
+            title: "recent overlap", range: Range::Share, scope: Scope::Team, group: Group::Team,
+            recorded: false
+        }
+        /// Effective number of agents by their visits in the latest 10 rounds.
+        recent_effective_agents: Option<f64> as RecentEffectiveAgents {
+            title: "recent effective agents", range: Range::Agents, scope: Scope::Team,
+            group: Group::Team, plotted: true
+        }
+        /// Share of the state space that the agent was the first to visit; shared equally with agents
+        /// that visited it first in the same round. The sum over agents is the team coverage.
+        first_coverage: Option<f64> as FirstCoverage {
+            title: "first visits", range: Range::Share, group: Group::Visits, plotted: true
+        }
+        /// Share of the state space that the agent was the first to visit in this round.
+        new_coverage: Option<f64> as NewCoverage {
+            title: "new coverage", range: Range::Share, group: Group::Visits,
+            team_aggregation: TeamAggregation::Sum, recorded: false
+        }
+        /// Share of the state space that the team visited for the first time in this round, per 1,000
+        /// environment steps of the team.
+        new_coverage_rate: Option<f64> as NewCoverageRate {
+            title: "new coverage per 1,000 steps", range: Range::NotNegative, scope: Scope::Team,
+            group: Group::Team
         }
     }
 }
@@ -460,7 +492,7 @@ mod tests {
         let text = csv_of(&row);
         assert_eq!(
             text.lines().nth(1),
-            Some("3,7,,,,,,,,,,,0.5,0.5,0.5,0.5,0.5,0.5")
+            Some("3,7,,,,,,,,,,,0.5,0.5,0.5,0.5,0.5,0.5,0.5,0.5,0.5,0.5,0.5")
         );
         assert_eq!(read_row(&text), row);
     }
@@ -473,6 +505,17 @@ mod tests {
         let row = read_row(&table);
         assert_eq!((row.value_loss, row.entropy), (Some(0.0), Some(0.6)));
         assert_eq!(row.bonus_agreement, None);
+    }
+
+    /// Tables of older versions lack the last columns.
+    #[test]
+    fn columns_that_older_versions_did_not_write_are_not_measured() {
+        let text = csv_of(&row_with_visits_only());
+        let without_last = |line: &str| line.rsplitn(6, ',').last().unwrap_or_default().to_owned();
+        let lines: Vec<String> = text.lines().map(without_last).collect();
+        assert!(lines[0].ends_with(",effective_agents"), "{}", lines[0]);
+        let row = read_row(&lines.join("\n"));
+        assert_eq!((row.effective_agents, row.recent_overlap), (0.5, None));
     }
 
     #[test]
@@ -523,6 +566,7 @@ mod tests {
             [
                 "coverage",
                 "visitation_entropy",
+                "first_coverage",
                 "entropy",
                 "intrinsic_reward",
                 "prediction_error",
@@ -534,7 +578,9 @@ mod tests {
                 "policy_loss",
                 "team_coverage",
                 "team_overlap",
-                "effective_agents"
+                "effective_agents",
+                "recent_effective_agents",
+                "new_coverage_rate"
             ]
         );
     }

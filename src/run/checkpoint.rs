@@ -43,7 +43,7 @@ pub struct CheckpointError {
 }
 
 /// Version of the format that this program reads and writes.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 
 impl CheckpointWriter {
     /// For a run in this folder that has no checkpoint yet.

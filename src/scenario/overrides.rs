@@ -160,7 +160,7 @@ mod tests {
     fn errors_list_the_forms_of_a_field() {
         let message = error_message("stop=100");
         assert!(
-            message.contains("\n  = help: expected one of `Episodes(number of episodes)`"),
+            message.contains("\n  = help: expected one of `Episodes(…)`"),
             "{message}"
         );
         let message = error_message("agents.seeds=Normal(0.1)");

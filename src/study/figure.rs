@@ -38,8 +38,8 @@ pub enum Figure {
         #[serde(default = "default_window")]
         window: Count,
     },
-    /// Visited states of the first run of each cell as parallel coordinates: one column per cell,
-    /// one row for each of `episodes`.
+    /// Visited states of all runs of each cell as parallel coordinates, and their difference from those
+    /// of the first cell: one column per cell, two rows for each of `episodes`.
     Visitation {
         /// Title [default: generated].
         #[serde(default)]

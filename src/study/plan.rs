@@ -44,8 +44,7 @@ pub struct Cell {
     pub experiment: Arc<dyn Experiment>,
     /// Hash of everything on which runs of this cell depend, except their run seeds.
     pub digest: String,
-    /// Numbers of first episodes whose visited states are stored for the first run, in ascending
-    /// order.
+    /// Numbers of first episodes whose visited states are stored, in ascending order.
     pub windows: Vec<u32>,
 }
 
@@ -56,7 +55,7 @@ pub struct PlannedRun<'a> {
     pub index: usize,
     /// Cell of the run.
     pub cell: &'a Cell,
-    /// Index among the runs of its cell. Visited states are stored for the first one.
+    /// Index among the runs of its cell.
     pub repeat: u64,
     /// Run seed.
     pub run_seed: u64,
@@ -168,11 +167,7 @@ impl PlannedRun<'_> {
     /// Numbers of first episodes whose visited states are stored for this run.
     #[must_use]
     pub fn windows(&self) -> &[u32] {
-        if self.repeat == 0 {
-            &self.cell.windows
-        } else {
-            &[]
-        }
+        &self.cell.windows
     }
 }
 

@@ -13,7 +13,7 @@ use super::provenance::{self, BuildId};
 use super::run_result::RunResult;
 
 /// Number of the layout in which files are written. Files of other layouts are not read.
-const LAYOUT: u32 = 4;
+const LAYOUT: u32 = 5;
 
 /// Number of bytes of the checksum at the end of a file.
 const CHECKSUM_BYTES: usize = 8;

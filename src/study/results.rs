@@ -11,7 +11,7 @@ use super::measure::Measure;
 use super::provenance::BuildId;
 use super::published;
 use super::registration::Audit;
-use super::run_result::RunResult;
+use super::run_result::{RunResult, VisitedStates};
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
 use seedbed_env::input::{self, InputError};
 use seedbed_stats::family::{FAMILY_LEVEL, levels_of_looks};
@@ -321,15 +321,16 @@ impl CellResults {
         finished || self.failures.iter().any(|(failed, _)| *failed == run_seed)
     }
 
-    /// Number of states visited in the given episodes of the first run, and a sample of these
-    /// states; `None` if they were not stored.
+    /// Runs with the states that they visited in the given episodes; empty if states were not
+    /// stored.
     #[must_use]
-    pub fn states(&self, window: EpisodeWindow) -> Option<(u64, &[f32])> {
-        let kept_states = self
-            .runs
-            .iter()
-            .flat_map(|(_, run)| &run.states)
-            .find(|states| states.episodes == window.episodes());
-        kept_states.map(|kept_states| (kept_states.visited, kept_states.states.as_slice()))
+    pub fn states(&self, window: EpisodeWindow) -> Vec<(&RunResult, &VisitedStates)> {
+        let mut found = Vec::new();
+        for (_, run) in &self.runs {
+            let mut states = run.states.iter();
+            let of_window = states.find(|states| states.episodes == window.episodes());
+            found.extend(of_window.map(|states| (run, states)));
+        }
+        found
     }
 }

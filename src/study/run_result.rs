@@ -10,8 +10,16 @@ use crate::run::trainer::Trainer;
 use seedbed_env::random::{Purpose, Stream, stream};
 use seedbed_learn::experience::Episode;
 
-/// Maximum number of sampled states of each window of episodes.
-pub const MAX_SAMPLED_STATES: usize = 2000;
+/// Maximum number of numbers in a sample of states of one run, and limits of the number of states.
+/// Figures pool the samples of all runs of a cell.
+const SAMPLED_NUMBERS: usize = 4000;
+const SAMPLED_STATES: std::ops::RangeInclusive<usize> = 10..=500;
+
+/// Maximum number of sampled states of one run, of a task with `width` observations.
+#[must_use]
+pub fn max_sampled_states(width: usize) -> usize {
+    (SAMPLED_NUMBERS / width.max(1)).clamp(*SAMPLED_STATES.start(), *SAMPLED_STATES.end())
+}
 
 /// Smallest regret that is not a rounding error.
 const MIN_REGRET: f64 = 1e-6;
@@ -62,8 +70,10 @@ pub struct VisitedStates {
     pub episodes: u32,
     /// Number of states that were visited.
     pub visited: u64,
-    /// Sampled states, row by row: `[at most MAX_SAMPLED_STATES × observation width]`.
+    /// Sampled states, row by row: `[at most max_sampled_states × observation width]`.
     pub states: Vec<f32>,
+    /// Agent and episode in which each sampled state was visited.
+    pub visits: Vec<(u32, u32)>,
 }
 
 impl RunResult {
@@ -218,6 +228,7 @@ impl Reservoir {
                     episodes,
                     visited: 0,
                     states: Vec::new(),
+                    visits: Vec::new(),
                 },
                 random,
             )
@@ -227,14 +238,14 @@ impl Reservoir {
         }
     }
 
-    /// Adds a state that an agent visited in this episode, counted from 0.
-    pub fn add(&mut self, episode: u32, state: &[f32]) {
+    /// Adds a state that an agent visited in this episode, both counted from 0.
+    pub fn add(&mut self, agent: u32, episode: u32, state: &[f32]) {
         for (sample, random) in self
             .samples
             .iter_mut()
             .filter(|(sample, _)| episode < sample.episodes)
         {
-            sample.add(state, random);
+            sample.add((agent, episode), state, random);
         }
     }
 
@@ -242,7 +253,7 @@ impl Reservoir {
     pub(super) fn add_episode(&mut self, episode: &Episode) {
         let width = episode.observations.len() / (episode.length() + 1);
         for state in episode.states().chunks_exact(width) {
-            self.add(episode.episode, state);
+            self.add(episode.agent, episode.episode, state);
         }
     }
 
@@ -256,12 +267,15 @@ impl Reservoir {
 impl VisitedStates {
     /// Adds a visited state by reservoir sampling (Vitter 1985, algorithm R): every state of a
     /// window is in the sample with the same probability.
-    fn add(&mut self, state: &[f32], random: &mut Stream) {
-        if self.states.len() < MAX_SAMPLED_STATES * state.len() {
+    fn add(&mut self, visit: (u32, u32), state: &[f32], random: &mut Stream) {
+        let max_states = max_sampled_states(state.len());
+        if self.visits.len() < max_states {
             self.states.extend_from_slice(state);
+            self.visits.push(visit);
         } else {
             let index = random.random_range(0..=self.visited) as usize;
-            if index < MAX_SAMPLED_STATES {
+            if index < max_states {
+                self.visits[index] = visit;
                 self.states[index * state.len()..(index + 1) * state.len()].copy_from_slice(state);
             }
         }

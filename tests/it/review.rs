@@ -51,7 +51,9 @@ fn inspect_prints_the_same_statistics_with_and_without_tables() {
     }
     let run_folder = LoadedRun::open(&run).unwrap();
     let mut recording_only = LoadedRun::open(&recording_path).unwrap();
-    recording_only.compute_stats(|_| ()).unwrap();
+    recording_only
+        .compute_stats(&(0..u32::MAX), |_| ())
+        .unwrap();
     assert_eq!(
         without_round_statistics(&recording_only.episodes),
         without_round_statistics(&run_folder.episodes)

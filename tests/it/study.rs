@@ -162,7 +162,8 @@ fn cells_with_equal_settings_share_their_runs() {
 /// The test changes stored results, as if another version of the program had computed them.
 #[test]
 fn verify_finds_runs_that_are_not_reproduced() {
-    let (_folder, study, out) = write_study(&study_text(2, ""));
+    let visitation = r#", Visitation(cells: ["σ 9"], episodes: [First(2), All])"#;
+    let (_folder, study, out) = write_study(&study_text(2, "").replace(visitation, ""));
     let without_runs = run_study(&study, &out, &["--verify"]);
     let expected = format!(
         "error: {} contains no runs of this study to verify\n",
@@ -324,10 +325,10 @@ fn a_changed_study_repeats_affected_runs_only() {
         runs_to_repeat(&study_text(3, "").replace("sigma: 9", "sigma: 8")),
         "3 to run"
     );
-    // Visited states are stored only for the first run of a cell, so only this run is repeated.
+    // Visited states of other episodes are stored, so that the runs are repeated.
     assert_eq!(
         runs_to_repeat(&study_text(3, "").replace("First(2)", "First(3)")),
-        "1 to run"
+        "3 to run"
     );
 }
 

@@ -6,6 +6,8 @@
 use super::key::log_position;
 
 pub mod dark;
+#[cfg(test)]
+mod vision;
 
 /// Red, green and blue.
 pub type Color = [u8; 3];
@@ -14,34 +16,53 @@ pub type Color = [u8; 3];
 pub const TEXT_COLOR: Color = [35, 35, 40];
 /// Color of less important text.
 pub const MUTED_COLOR: Color = [95, 95, 105];
+/// Color of curves of the whole team, on white.
+pub const TEAM_COLOR: Color = [35, 35, 40];
 /// Color of axes.
 pub(super) const AXIS_COLOR: Color = [130, 130, 140];
 /// Color of grid lines.
 pub(super) const GRID_COLOR: Color = [230, 230, 235];
 
-/// The color of the series with this index on white. There are eight hues; indices 8–15 have
-/// lighter tints and indices 16–23 darker tints of the same hues, and then colors repeat.
+/// Number of agents with a color of their own. More colors could not be told apart.
+pub const AGENT_COLORS: u32 = 8;
+
+/// The color of an agent on white: one of eight, or gray for all further agents.
+#[must_use]
+pub fn agent_color(agent: u32) -> Color {
+    if agent < AGENT_COLORS {
+        categorical_color(agent)
+    } else {
+        OTHERS_COLOR
+    }
+}
+
+/// Color of agents without a color of their own, on white.
+pub const OTHERS_COLOR: Color = [165, 165, 172];
+
+/// The color of the series with this index on white. There are eight colors; indices 8–15 have
+/// darker and indices 16–23 grayer variants, and then colors repeat.
 #[must_use]
 pub fn categorical_color(index: u32) -> Color {
     let hue = HUES[index as usize % HUES.len()];
     match (index as usize / HUES.len()) % 3 {
         0 => hue,
-        1 => hue.map(|channel| channel / 3 * 2 + 80),
-        _ => hue.map(|channel| channel / 5 * 3),
+        1 => hue.map(|channel| channel / 5 * 3),
+        _ => hue.map(|channel| channel / 2 + 50),
     }
 }
 
-/// After Okabe and Ito, "Color Universal Design"; yellow is darker, to be visible on white, and
-/// gray replaces black.
+/// The difference of any two of these colors is at least 20 (CIEDE2000), with normal vision and with
+/// each of the three kinds of color blindness; so is their difference from [`TEAM_COLOR`] with normal
+/// vision. Found by a random search.
 const HUES: [Color; 8] = [
-    [230, 159, 0],
-    [86, 180, 233],
-    [0, 158, 115],
-    [196, 174, 0],
-    [0, 98, 178],
-    [213, 94, 0],
-    [204, 121, 167],
-    [120, 120, 120],
+    [161, 121, 7],
+    [44, 61, 119],
+    [35, 129, 119],
+    [146, 82, 250],
+    [230, 182, 175],
+    [91, 67, 25],
+    [170, 184, 235],
+    [35, 252, 22],
 ];
 
 /// The color of a value on white, from 0 (dark violet) to 1 (light green): Viridis without its
@@ -66,6 +87,30 @@ pub fn count_color(count: u32, max_count: u32) -> Color {
 #[must_use]
 pub fn density_color(share: f64) -> Color {
     interpolate(&MAGMA, 0.95 * (1.0 - share.clamp(0.0, 1.0)))
+}
+
+/// The color of a difference on white, from −1 (blue) over 0 (white) to 1 (orange).
+#[must_use]
+pub fn difference_color(difference: f64) -> Color {
+    const ENDS: [[Color; 2]; 2] = [
+        [[120, 170, 225], [0, 75, 160]],
+        [[240, 160, 80], [190, 80, 0]],
+    ];
+    let [middle, end] = ENDS[usize::from(difference > 0.0)];
+    let share = 2.0 * difference.abs().min(1.0);
+    if share < 1.0 {
+        mix([255; 3], middle, share)
+    } else {
+        mix(middle, end, share - 1.0)
+    }
+}
+
+fn mix(one: Color, other: Color, share: f64) -> Color {
+    let channel = |index: usize| {
+        let [from, to] = [one[index], other[index]].map(f64::from);
+        (from + share * (to - from)).round() as u8
+    };
+    [0, 1, 2].map(channel)
 }
 
 /// Nine equidistant colors of a color map by S. van der Walt and N. Smith (matplotlib). Dark
@@ -100,11 +145,7 @@ fn interpolate(stops: &Stops, share: f64) -> Color {
     let position = share * 8.0;
     let lower = (position as usize).min(7);
     let fraction = position - lower as f64;
-    let mix = |channel: usize| {
-        let [low, high] = [stops[lower][channel], stops[lower + 1][channel]].map(f64::from);
-        (low + fraction * (high - low)).round() as u8
-    };
-    [mix(0), mix(1), mix(2)]
+    mix(stops[lower], stops[lower + 1], fraction)
 }
 
 #[cfg(test)]
@@ -129,6 +170,33 @@ mod tests {
         assert_eq!(categorical_color(24), categorical_color(0));
     }
 
+    /// Pairs of agents can be distinguished with any color vision, on white and on dark screens, and
+    /// from the team.
+    #[test]
+    fn agents_have_different_colors_with_any_color_vision() {
+        for (color, team) in [
+            (categorical_color as fn(u32) -> Color, TEAM_COLOR),
+            (dark::categorical_color, dark::TEAM_COLOR),
+        ] {
+            let colors: Vec<Color> = (0..8).map(color).collect();
+            let pairs = || (0..8).flat_map(|one| (0..one).map(move |other| (one, other)));
+            for vision in vision::VISIONS {
+                let seen: Vec<_> = colors.iter().map(|color| vision.lab(*color)).collect();
+                for (one, other) in pairs() {
+                    let difference = vision::ciede2000(seen[one], seen[other]);
+                    assert!(
+                        difference >= 20.0,
+                        "{vision:?}: {one}, {other}: {difference:.1}"
+                    );
+                }
+            }
+            let normal = vision::Vision::Normal;
+            let from_team = |color: &Color| vision::ciede2000(normal.lab(*color), normal.lab(team));
+            let nearest = colors.iter().map(from_team).fold(f64::INFINITY, f64::min);
+            assert!(nearest >= 19.5, "{nearest:.1} from the team");
+        }
+    }
+
     #[test]
     fn color_maps_are_monotonic_in_luminance() {
         let shares = || (0..=100).map(|percent| f64::from(percent) / 100.0);
@@ -140,6 +208,19 @@ mod tests {
             .map(|share| -luminance(density_color(share)))
             .collect();
         assert!(falling.is_sorted(), "{falling:?}");
+    }
+
+    #[test]
+    fn differences_are_white_in_the_middle() {
+        let colors = [-1.0, -0.5, 0.0, 0.5, 2.0].map(difference_color);
+        let expected = [
+            [0, 75, 160],
+            [120, 170, 225],
+            [255; 3],
+            [240, 160, 80],
+            [190, 80, 0],
+        ];
+        assert_eq!(colors, expected);
     }
 
     /// 10 of 100 is half way on a logarithmic scale.

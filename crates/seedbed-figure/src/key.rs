@@ -34,6 +34,14 @@ pub enum Key {
         /// The count with the darkest color.
         max_count: u32,
     },
+    /// The colors of [`color::difference_color`], which show the square roots of differences of
+    /// shares, labeled with percentages.
+    Differences {
+        /// Name of the difference.
+        label: String,
+        /// The largest difference of shares, 0 to 1.
+        max: f64,
+    },
 }
 
 const BAR_WIDTH: f64 = 12.0;
@@ -50,7 +58,10 @@ impl Key {
                     .fold(0.0, f64::max);
                 (max_width + 30.0).min(180.0)
             }
-            Self::Continuous { .. } | Self::Counts { .. } | Self::Shares { .. } => 78.0,
+            Self::Continuous { .. }
+            | Self::Counts { .. }
+            | Self::Shares { .. }
+            | Self::Differences { .. } => 78.0,
         }
     }
 
@@ -76,6 +87,17 @@ impl Key {
                         area.bottom() - log_position(count, *max_count) * area.height,
                         &text,
                     );
+                }
+            }
+            Self::Differences { label, max } => {
+                draw_bar(area, svg, label, |share| {
+                    color::difference_color(2.0 * share - 1.0)
+                });
+                for root in [-1.0, -0.5, 0.0, 0.5, 1.0_f64] {
+                    let percent = 100.0 * max * root * root * root.signum();
+                    let text = format!("{} %", format_significant(percent, 2));
+                    let y = area.bottom() - f64::midpoint(root, 1.0) * area.height;
+                    draw_tick(area, svg, y, &text);
                 }
             }
             Self::Counts { label, max_count } => {

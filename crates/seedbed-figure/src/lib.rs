@@ -67,7 +67,7 @@ pub use font::font_faces;
 pub use intervals::{IntervalRow, Intervals};
 pub use key::Key;
 pub use pair::{HeatMap, Scatter, ScatterPoint};
-pub use parallel::{DensityImage, ParallelCoordinates, StateLine, States};
+pub use parallel::{DensityImage, DifferenceImage, ParallelCoordinates, StateLine, States};
 pub use pixels::{Pixels, PngError};
 
 /// One dimension of a panel: its name, its unit, and the range that is shown.

@@ -1,11 +1,11 @@
 //! Parallel coordinates: one vertical axis per dimension, and one line across all axes per point.
 
-use super::color::{AXIS_COLOR, Color, MUTED_COLOR, count_color};
+use super::color::{AXIS_COLOR, Color, MUTED_COLOR, count_color, difference_color};
 use super::font::{Weight, fit_text, text_width};
 use super::frame::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
 use super::pair::axis_label;
 use super::pixels;
-use super::scale::format_number;
+use super::scale::{Scale, format_number};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use crate::Axis;
 
@@ -27,6 +27,8 @@ pub enum States {
     Lines(Vec<StateLine>),
     /// Number of lines over each pixel.
     Density(DensityImage),
+    /// Difference over each pixel.
+    Difference(DifferenceImage),
 }
 
 /// One state.
@@ -50,6 +52,12 @@ pub struct DensityImage {
     pub max_count: u32,
 }
 
+/// Approximate number of ticks of an axis.
+const TICKS: usize = 4;
+
+/// Minimum distance of a tick from an end of its axis.
+const MIN_TICK_DISTANCE: f64 = 8.0;
+
 impl ParallelCoordinates {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
         let staggered = self.must_stagger_names(panel);
@@ -65,12 +73,14 @@ impl ParallelCoordinates {
         match &self.states {
             States::Lines(lines) => draw_lines(lines, &area, svg),
             States::Density(density) => density.draw(&area, svg),
+            States::Difference(difference) => difference.draw(&area, svg),
         }
         for (index, axis) in self.axes.iter().enumerate() {
             let x = self.x(index, &area);
             let is_raised = staggered && index % 2 == 1;
             draw_axis(x, &area, svg);
             self.draw_range(axis, x, &area, svg);
+            self.draw_ticks(axis, x, &area, svg);
             let y = area.y - if is_raised { 35.0 } else { 20.0 };
             draw_name(
                 axis,
@@ -79,6 +89,27 @@ impl ParallelCoordinates {
                 self.allowed_name_width(panel, staggered),
                 svg,
             );
+        }
+    }
+
+    /// Draws ticks with values between the ends of an axis, where there is space.
+    fn draw_ticks(&self, axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
+        let gap = area.width / (self.axes.len() - 1).max(1) as f64;
+        let scale = Scale::new(axis.range.map(f64::from), [area.bottom(), area.y]);
+        let style = TextStyle::new(TICK_SIZE, Anchor::Start)
+            .color(MUTED_COLOR)
+            .with_rim();
+        for (value, text) in scale.ticks(TICKS) {
+            let y = scale.position(value);
+            // The values at the ends are drawn beyond them.
+            let to_end = (y - area.y).min(area.bottom() - y);
+            if to_end < MIN_TICK_DISTANCE {
+                continue;
+            }
+            svg.line(&[[x - 2.5, y], [x + 2.5, y]], Stroke::new(AXIS_COLOR, 1.0));
+            if text_width(&text, TICK_SIZE, Weight::Regular) + 10.0 <= gap {
+                svg.text([x + 4.0, y + 3.5], &text, style);
+            }
         }
     }
 
@@ -145,6 +176,26 @@ fn draw_lines(lines: &[StateLine], area: &Rect, svg: &mut SvgWriter) {
                 ..Stroke::new(line.color, 0.7)
             },
         );
+    }
+}
+
+/// A number from −1 to 1 for each pixel between the first and the last axis, in the colors of
+/// [`Key::Differences`](super::Key::Differences).
+#[derive(Clone, Debug, PartialEq)]
+pub struct DifferenceImage {
+    /// Differences row by row from the top: `[height × width]`.
+    pub pixels: Vec<f32>,
+    /// Width in pixels.
+    pub width: usize,
+}
+
+impl DifferenceImage {
+    fn draw(&self, area: &Rect, svg: &mut SvgWriter) {
+        let color = |&difference: &f32| difference_color(f64::from(difference));
+        let colors: Vec<Color> = self.pixels.iter().map(color).collect();
+        if !colors.is_empty() {
+            svg.image(area, &pixels::png_of_colors(&colors, self.width), false);
+        }
     }
 }
 

@@ -85,6 +85,8 @@ pub(super) struct TextStyle {
     pub(super) weight: Weight,
     /// Whether the text is rotated to read upward.
     pub(super) upward: bool,
+    /// Whether the text has a white rim, to be read on top of lines.
+    pub(super) has_rim: bool,
 }
 
 impl TextStyle {
@@ -95,6 +97,14 @@ impl TextStyle {
             color: TEXT_COLOR,
             weight: Weight::Regular,
             upward: false,
+            has_rim: false,
+        }
+    }
+
+    pub(super) fn with_rim(self) -> Self {
+        Self {
+            has_rim: true,
+            ..self
         }
     }
 
@@ -207,13 +217,18 @@ impl SvgWriter {
         } else {
             String::new()
         };
+        let rim = if text_style.has_rim {
+            " stroke=\"#ffffff\" stroke-opacity=\"0.8\" stroke-width=\"2.5\" stroke-linejoin=\"round\" paint-order=\"stroke\""
+        } else {
+            ""
+        };
         let (weight, color, text) = (
             text_style.weight.number(),
             hex(text_style.color),
             escape(text),
         );
         self.push(format_args!(
-            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" font-weight=\"{weight}\" text-anchor=\"{anchor}\" fill=\"{color}\"{rotation}>\
+            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" font-weight=\"{weight}\" text-anchor=\"{anchor}\" fill=\"{color}\"{rim}{rotation}>\
              {text}</text>"
         ));
     }

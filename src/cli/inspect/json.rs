@@ -24,6 +24,7 @@ struct RunJson<'a> {
     final_return: Option<f64>,
     overlap: Option<f64>,
     effective_agents: Option<f64>,
+    recent_effective_agents: Option<f64>,
     agents: Vec<AgentJson>,
     /// Overlap of the visited states of each pair of agents.
     overlaps: Option<Vec<Vec<f64>>>,
@@ -40,6 +41,7 @@ struct AgentJson {
     /// Share of episodes that ended before the time limit.
     terminated: Option<f64>,
     coverage: Option<f64>,
+    first_coverage: Option<f64>,
     visitation_evenness: Option<f64>,
     intrinsic_reward: Option<f64>,
 }
@@ -74,6 +76,7 @@ pub(super) fn text(inspected: &Inspected) -> String {
         team_returns,
         overlap: diversity.map(|(overlap, _)| overlap),
         effective_agents: diversity.map(|(_, agents)| agents),
+        recent_effective_agents: inspected.recent_effective_agents(),
         agents: (0..run.agent_count() as u32)
             .map(|agent| agent_json(inspected, agent))
             .collect(),
@@ -99,6 +102,7 @@ fn agent_json(inspected: &Inspected, agent: u32) -> AgentJson {
         mean_length: mean(|row| f64::from(row.length)),
         terminated: mean(|row| f64::from(u8::from(row.outcome == Status::Terminated))),
         coverage: inspected.coverage(agent),
+        first_coverage: inspected.first_coverage(agent),
         visitation_evenness: inspected.evenness(agent),
         intrinsic_reward: inspected.intrinsic_reward(agent),
     }

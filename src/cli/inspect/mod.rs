@@ -3,11 +3,13 @@
 mod json;
 mod text;
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use clap::Args;
 
 use super::CliError;
+use super::plot::parse_episodes;
 use super::progress::ReadCounter;
 use seedbed::record::{EpisodeRow, RoundRow};
 use seedbed::run::measures::visitation::Visitation;
@@ -20,10 +22,15 @@ use seedbed_env::Status;
   seedbed inspect recordings/cartpole/seed-0    a run, finished or not
   seedbed inspect recordings/cartpole           the same, if it has one run
   seedbed inspect recordings/sample/run.rrd     a recording without its run directory
+  seedbed inspect recordings/cartpole/seed-0 --episodes ..20
+                                                how the agents differed in their first twenty episodes
   seedbed inspect recordings/cartpole/seed-0 --json | jq .effective_agents")]
 pub(super) struct InspectArgs {
     /// Run directory, or a recording
     run: PathBuf,
+    /// Only these episodes of each agent, B excluded, e.g. 0..50, 150.. or ..50 [default: all]
+    #[arg(long, value_name = "A..B", value_parser = parse_episodes)]
+    episodes: Option<Range<u32>>,
     /// Print a JSON object
     #[arg(long)]
     json: bool,
@@ -32,6 +39,8 @@ pub(super) struct InspectArgs {
 /// A run, and statistics of its recording.
 struct Inspected {
     run: LoadedRun,
+    /// Episodes of each agent, if not all.
+    episodes: Option<Range<u32>>,
     /// Statistics of the recording, if there is one.
     stats: Option<RecordingStats>,
 }
@@ -40,15 +49,43 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     let mut run = LoadedRun::open(&args.run)?;
     let counter = ReadCounter::new("episodes read");
     let stats = run
-        .compute_stats(|_| counter.count())
+        .compute_stats(&args.episodes.clone().unwrap_or(0..u32::MAX), |_| {
+            counter.count();
+        })
         .map_err(LoadRunError::from)?;
     drop(counter);
-    let inspected = Inspected { run, stats };
+    if let Some(episodes) = &args.episodes {
+        keep_episodes(&mut run, episodes, stats.is_some())?;
+    }
+    let inspected = Inspected {
+        run,
+        episodes: args.episodes.clone(),
+        stats,
+    };
     if args.json {
         say!("{}", json::text(&inspected));
     } else {
         say!("{}", text::text(&inspected));
     }
+    Ok(())
+}
+
+/// Drops the rows of all other episodes, and those of rounds after them.
+fn keep_episodes(
+    run: &mut LoadedRun,
+    episodes: &Range<u32>,
+    has_recording: bool,
+) -> Result<(), CliError> {
+    if !has_recording {
+        let message = "--episodes: the run has no recording, from which visits are counted";
+        return Err(CliError::Usage(message.to_owned()));
+    }
+    run.episodes.retain(|row| episodes.contains(&row.episode));
+    let Some(last_round) = run.episodes.iter().map(|row| row.round).max() else {
+        let message = format!("{} has no such episodes", run.path.display());
+        return Err(CliError::Usage(format!("--episodes: {message}")));
+    };
+    run.rounds.retain(|row| row.round <= last_round);
     Ok(())
 }
 
@@ -96,6 +133,25 @@ impl Inspected {
     fn has_bonus(&self) -> bool {
         let mut rounds = self.run.rounds.iter();
         rounds.any(|row| row.intrinsic_reward.is_some_and(|bonus| bonus != 0.0))
+    }
+
+    /// Share of the state space that an agent was the first to visit, from the recording or else from
+    /// the row of the agent's last update.
+    fn first_coverage(&self, agent: u32) -> Option<f64> {
+        let from_recording =
+            |stats: &RecordingStats| stats.first_coverage().get(agent as usize).copied();
+        let stats = self.stats.as_ref();
+        stats
+            .and_then(from_recording)
+            .or(self.last_update(agent).and_then(|row| row.first_coverage))
+    }
+
+    /// Effective number of agents by their visits in the latest rounds.
+    fn recent_effective_agents(&self) -> Option<f64> {
+        let stats = self.stats.as_ref();
+        let from_recording = stats.map(|stats| stats.recent_diversity().effective_agents);
+        let last_round = self.run.rounds.last();
+        from_recording.or(last_round.and_then(|row| row.recent_effective_agents))
     }
 
     /// Coverage of an agent, from the recording or else from the row of the agent's last update.

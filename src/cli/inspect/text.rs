@@ -1,6 +1,7 @@
 //! Summary of a run on the terminal.
 
 use std::fmt::Write;
+use std::ops::Range;
 use std::path::Path;
 
 use console::{Style, Term};
@@ -9,6 +10,7 @@ use indicatif::HumanBytes;
 use super::super::pluralize;
 use super::super::sparkline::sparkline;
 use super::Inspected;
+use seedbed::run::measures::recent::RECENT_ROUNDS;
 use seedbed::run::review::final_mean;
 use seedbed::run::review::recording_stats::ValueDistribution;
 use seedbed::run::summary::FINAL_WINDOW;
@@ -65,6 +67,15 @@ impl TerminalSummary<'_> {
             if run.agent_count() == 1 { "" } else { " each" },
             with_thousands_separators(env_steps)
         );
+        if let Some(Range { start, .. }) = &self.inspected.episodes {
+            let end = run
+                .episodes
+                .iter()
+                .map(|row| row.episode)
+                .max()
+                .unwrap_or(0);
+            let _ = writeln!(text, "only episodes {start} to {end} of each agent");
+        }
         text += &self.outcome_line();
         text
     }
@@ -141,15 +152,17 @@ impl TerminalSummary<'_> {
         let agents = self.inspected.run.agent_count();
         let has_bonus = self.inspected.has_bonus();
         let mut text = format!(
-            "{}\n  {:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  returns\n",
+            "{}\n  {:>5} {:>8} {:>9} {:>9} {:>9} {:>7} {:>8}{}  returns\n",
             bold(&format!(
-                "agents (mean return of the last {FINAL_WINDOW} episodes, best return)"
+                "agents (mean return of the last {FINAL_WINDOW} episodes, best return, share of states visited, and visited before \
+                 the others)"
             )),
             "agent",
             "episodes",
             format!("last {FINAL_WINDOW}"),
             "best",
             "coverage",
+            "first",
             "evenness",
             if has_bonus {
                 format!(" {:>9}", "bonus")
@@ -171,15 +184,16 @@ impl TerminalSummary<'_> {
         let (min, max) = min_max(&returns);
         let curve_width = self
             .width
-            .saturating_sub(if has_bonus { 70 } else { 60 })
+            .saturating_sub(if has_bonus { 78 } else { 68 })
             .clamp(8, 50);
         let intrinsic_reward = self.inspected.intrinsic_reward(agent);
         format!(
-            "  {agent:>5} {:>8} {:>9} {:>9} {:>9} {:>8}{}  {}\n",
+            "  {agent:>5} {:>8} {:>9} {:>9} {:>9} {:>7} {:>8}{}  {}\n",
             returns.len(),
             format_number(final_mean(&returns).unwrap_or(f64::NAN)),
             format_number(max),
             format_percent(self.inspected.coverage(agent)),
+            format_percent(self.inspected.first_coverage(agent)),
             format_percent(self.inspected.evenness(agent)),
             if has_bonus {
                 format!(
@@ -197,11 +211,18 @@ impl TerminalSummary<'_> {
     fn diversity_line(&self) -> String {
         let agents = self.inspected.run.agent_count();
         match self.inspected.diversity() {
-            Some((overlap, effective_agents)) if agents > 1 => format!(
-                "  effective agents: {} of {agents} (overlap {})\n",
-                format_number(effective_agents),
-                format_percent(Some(overlap))
-            ),
+            Some((overlap, effective_agents)) if agents > 1 => {
+                let recent = self.inspected.recent_effective_agents();
+                let recent = recent.map_or(String::new(), |recent| {
+                    let recent = format_number(recent);
+                    format!("; by visits of the latest {RECENT_ROUNDS} rounds: {recent}")
+                });
+                format!(
+                    "  effective agents: {} of {agents} (overlap {}){recent}\n",
+                    format_number(effective_agents),
+                    format_percent(Some(overlap))
+                )
+            }
             _ => String::new(),
         }
     }

@@ -1,16 +1,10 @@
 //! Panels over episodes and rounds: returns, and the columns of `rounds.csv`.
 
 use super::PlottedRun;
-use seedbed::record::metrics::{Metric, round_metrics_in_display_order};
+use seedbed::record::metrics::{Metric, Scope, round_metrics_in_display_order};
 use seedbed::run::summary::FINAL_WINDOW;
-use seedbed_figure::color::categorical_color;
-use seedbed_figure::{Curves, Panel, Row, Series, Threshold};
-
-/// Color of the mean over the agents of a team.
-const TEAM_COLOR: [u8; 3] = [35, 35, 40];
-
-/// Maximum number of agents with a name in the legend.
-const MAX_AGENTS_IN_LEGEND: usize = 8;
+use seedbed_figure::color::{AGENT_COLORS, OTHERS_COLOR, TEAM_COLOR, categorical_color};
+use seedbed_figure::{Color, Curves, Panel, Row, Series, Threshold};
 
 /// A row with one panel of returns. A single run is drawn with one curve per agent and the mean of
 /// the team; several runs are drawn with the mean of each team.
@@ -33,20 +27,51 @@ fn shown_agents(run: &PlottedRun, agents: &[u32]) -> Vec<u32> {
         .collect()
 }
 
+/// An agent in a panel: gray agents first, so that colored ones are drawn on top of them.
+struct ShownAgent {
+    agent: u32,
+    /// Name in the legend; empty if another agent's name stands for it.
+    name: String,
+    color: Color,
+}
+
+/// Colors and names of agents. Up to eight have colors of their own: the first eight that are shown.
+/// All others are gray, with one common name.
+fn with_colors(shown: &[u32]) -> Vec<ShownAgent> {
+    let colored = shown.len().min(AGENT_COLORS as usize);
+    let has_listed_colors = shown[..colored].iter().all(|&agent| agent < AGENT_COLORS);
+    let gray = shown[colored..]
+        .iter()
+        .enumerate()
+        .map(|(index, &agent)| ShownAgent {
+            agent,
+            name: if index == 0 {
+                "other agents".to_owned()
+            } else {
+                String::new()
+            },
+            color: OTHERS_COLOR,
+        });
+    let named = shown[..colored]
+        .iter()
+        .zip(0..)
+        .map(|(&agent, index)| ShownAgent {
+            agent,
+            name: format!("agent {agent}"),
+            color: categorical_color(if has_listed_colors { agent } else { index }),
+        });
+    gray.chain(named).collect()
+}
+
 fn returns_of_agents(run: &PlottedRun, agents: &[u32]) -> Curves {
     let is_team = run.loaded_run.agent_count() > 1;
-    let shown_agents = shown_agents(run, agents);
-    let has_names = shown_agents.len() <= MAX_AGENTS_IN_LEGEND;
-    let agent_series = |&agent: &u32| Series {
-        name: if has_names {
-            format!("agent {agent}")
-        } else {
-            String::new()
-        },
-        color: categorical_color(agent),
+    let shown_agents = with_colors(&shown_agents(run, agents));
+    let agent_series = |shown: &ShownAgent| Series {
+        name: shown.name.clone(),
+        color: shown.color,
         points: (0..)
             .map(f64::from)
-            .zip(run.loaded_run.returns(agent))
+            .zip(run.loaded_run.returns(shown.agent))
             .map(<[f64; 2]>::from)
             .collect(),
         is_faint: is_team,
@@ -142,35 +167,39 @@ pub(super) fn metric_rows(runs: &[PlottedRun], agents: &[u32]) -> Vec<Row> {
 
 fn metric_panel(runs: &[PlottedRun], agents: &[u32], metric: &Metric) -> Curves {
     let series = match runs {
-        [run] => shown_agents(run, agents)
+        [run] if metric.scope == Scope::Team => {
+            vec![metric_of_team(run, "team".to_owned(), TEAM_COLOR, metric)]
+        }
+        [run] => with_colors(&shown_agents(run, agents))
             .into_iter()
-            .map(|agent| metric_of_agent(run, agent, metric))
+            .map(|shown| metric_of_agent(run, shown, metric))
             .collect(),
         _ => (0..)
             .zip(runs)
-            .map(|(index, run)| metric_of_team(run, categorical_color(index), metric))
+            .map(|(index, run)| {
+                metric_of_team(run, run.label.clone(), categorical_color(index), metric)
+            })
             .collect(),
     };
-    let mut curves = panel(&metric.label(), "round", "", series, Vec::new());
-    curves.has_legend = false;
-    curves
+    panel(&metric.label(), "round", "", series, Vec::new())
 }
 
-fn metric_of_agent(run: &PlottedRun, agent: u32, metric: &Metric) -> Series {
+fn metric_of_agent(run: &PlottedRun, shown: ShownAgent, metric: &Metric) -> Series {
     let rows = run
         .loaded_run
         .rounds
         .iter()
-        .filter(|row| row.agent == agent);
+        .filter(|row| row.agent == shown.agent);
     let points = rows.filter_map(|row| Some([f64::from(row.round), metric.value(row)?]));
     Series {
-        color: categorical_color(agent),
+        name: shown.name,
+        color: shown.color,
         points: finite_points(points),
         ..Series::default()
     }
 }
 
-fn metric_of_team(run: &PlottedRun, color: [u8; 3], metric: &Metric) -> Series {
+fn metric_of_team(run: &PlottedRun, name: String, color: Color, metric: &Metric) -> Series {
     let rounds = run
         .loaded_run
         .rounds
@@ -178,6 +207,7 @@ fn metric_of_team(run: &PlottedRun, color: [u8; 3], metric: &Metric) -> Series {
     let points = rounds
         .filter_map(|rows| Some([f64::from(rows[0].round), metric.team_value_of_round(rows)?]));
     Series {
+        name,
         color,
         points: finite_points(points),
         ..Series::default()

@@ -18,6 +18,7 @@ use super::{CliError, pluralize};
 use seedbed::record::recording::Recording;
 use seedbed::record::visitation::Axes;
 use seedbed::run::files;
+use seedbed::run::folder::run_folder;
 use seedbed::run::review::condition::Condition;
 use seedbed::run::review::selection::{SelectedStates, StateSelection};
 use seedbed::run::review::{LoadRunError, LoadedRun};
@@ -48,7 +49,7 @@ pub(super) struct PlotArgs {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Draw these parts, one below the other; separate with commas [default:
-    /// visitation,density,returns]
+    /// visitation,difference,density,returns]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "PART,PART…")]
     what: Vec<PlotPart>,
     /// Draw only these agents, e.g. 0,3 [default: the first 8, one panel each; with several runs,
@@ -96,6 +97,9 @@ enum PlotPart {
     Visitation,
     /// Visited states of all agents together, as a density
     Density,
+    /// Difference of each agent from the team: where its share of states is above (orange) or below
+    /// (blue) that of all agents; with several runs, of each run from the first
+    Difference,
     /// Returns over episodes
     Returns,
     /// Columns of rounds.csv: coverage, entropy, losses and others
@@ -173,7 +177,7 @@ fn size_text(figure: &Figure, is_png: bool) -> String {
 
 fn default_out(runs: &[PathBuf]) -> PathBuf {
     match runs {
-        [run] if run.is_dir() => run.join("plot.svg"),
+        [run] if run.is_dir() => run_folder(run).path().join("plot.svg"),
         [run] => run.with_extension("svg"),
         _ => PathBuf::from("plot.svg"),
     }
@@ -213,7 +217,7 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
     if loaded_run.folder.is_none() {
         // Without tables, the returns are taken from the recording.
         loaded_run
-            .compute_stats(|_| counter.count())
+            .compute_stats(&(0..u32::MAX), |_| counter.count())
             .map_err(LoadRunError::from)?;
     }
     let agent_count = loaded_run.agent_count() as u32;
@@ -244,7 +248,12 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
 
 impl PlotArgs {
     fn shows(&self, part: PlotPart) -> bool {
-        let default_parts = [PlotPart::Visitation, PlotPart::Density, PlotPart::Returns];
+        let default_parts = [
+            PlotPart::Visitation,
+            PlotPart::Difference,
+            PlotPart::Density,
+            PlotPart::Returns,
+        ];
         let parts = if self.what.is_empty() {
             &default_parts[..]
         } else {
@@ -254,9 +263,13 @@ impl PlotArgs {
     }
 
     fn shows_states(&self) -> bool {
-        [PlotPart::Visitation, PlotPart::Density, PlotPart::Scatter]
-            .into_iter()
-            .any(|part| self.shows(part))
+        let parts = [
+            PlotPart::Visitation,
+            PlotPart::Difference,
+            PlotPart::Density,
+            PlotPart::Scatter,
+        ];
+        parts.into_iter().any(|part| self.shows(part))
     }
 
     /// Indices of the selected axes among all axes of the recording.
@@ -314,7 +327,7 @@ impl PlotArgs {
 }
 
 /// Parses a range of episodes, e.g. `0..50`, `150..` and `..50`.
-fn parse_episodes(text: &str) -> Result<Range<u32>, String> {
+pub(super) fn parse_episodes(text: &str) -> Result<Range<u32>, String> {
     let expected = "expected A..B, e.g. 0..50 for the first 50 episodes";
     let (from, to) = text.split_once("..").ok_or(expected)?;
     let parse_end = |text: &str, default: u32| {

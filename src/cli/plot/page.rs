@@ -25,6 +25,9 @@ impl PlotPage<'_> {
         if args.shows(PlotPart::Visitation) {
             rows.extend(self.visitation());
         }
+        if args.shows(PlotPart::Difference) {
+            rows.extend(self.difference());
+        }
         // By default, the density is omitted if it would show the same states as another panel: the
         // states of a single agent, or those of each of several runs.
         let adds_density = args.what.contains(&PlotPart::Density)
@@ -149,6 +152,29 @@ impl PlotPage<'_> {
     /// One panel per agent; with several runs and without `--agents`, one panel per run.
     fn visitation(&self) -> Vec<Row> {
         let groups = self.visitation_groups();
+        let columns = self.columns(groups.len());
+        let (panels, key) = states::lines_or_density(self.args, &groups);
+        layout_rows(panels, columns, 230.0, key.as_ref())
+    }
+
+    /// One panel per agent, compared with its team; with several runs, one per run, compared with the
+    /// first.
+    fn difference(&self) -> Vec<Row> {
+        let team_groups = self.team_groups();
+        let groups = match self.runs {
+            [_] => self.visitation_groups(),
+            _ => team_groups[1..].to_vec(),
+        };
+        if self.runs.len() == 1 && self.runs[0].states.len() < 2 {
+            return Vec::new();
+        }
+        let columns = self.columns(groups.len());
+        let (panels, key) = states::differences(self.args, &groups, &team_groups[0]);
+        layout_rows(panels, columns, 230.0, Some(&key))
+    }
+
+    /// Number of panels of visited states per row.
+    fn columns(&self, panels: usize) -> usize {
         let axes = self
             .runs
             .iter()
@@ -159,11 +185,9 @@ impl PlotPage<'_> {
         let max_columns = if self.runs.len() > 1 && !self.args.agents.is_empty() {
             self.runs.len()
         } else {
-            fitting_columns.clamp(1, 4)
+            fitting_columns.clamp(1, 3)
         };
-        let columns = balanced_columns(groups.len(), max_columns);
-        let (panels, key) = states::lines_or_density(self.args, &groups);
-        layout_rows(panels, columns, 230.0, key.as_ref())
+        balanced_columns(panels, max_columns)
     }
 
     /// Number of axes that a panel of the run draws.

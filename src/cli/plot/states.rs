@@ -2,15 +2,19 @@
 
 use super::{ColorBy, PlotArgs, PlottedRun};
 use seedbed::plotting::axis;
+use seedbed::record::visitation::share_difference;
 use seedbed::run::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
 use seedbed_env::{Quantity, Status};
-use seedbed_figure::color::{categorical_color, sequential_color};
+use seedbed_figure::color::{
+    AGENT_COLORS, OTHERS_COLOR, agent_color, categorical_color, sequential_color,
+};
 use seedbed_figure::{
-    Color, DensityImage, HeatMap, Key, Panel, ParallelCoordinates, Scatter, ScatterPoint,
-    StateLine, States,
+    Color, DensityImage, DifferenceImage, HeatMap, Key, Panel, ParallelCoordinates, Scatter,
+    ScatterPoint, StateLine, States,
 };
 
 /// States of a run that are drawn together: those of one agent or of several agents.
+#[derive(Clone)]
 pub(super) struct StateGroup<'a> {
     run: &'a PlottedRun,
     title: String,
@@ -20,7 +24,7 @@ pub(super) struct StateGroup<'a> {
 
 /// The color of an outcome on a white page.
 fn outcome_color(outcome: Status) -> Color {
-    categorical_color(if outcome == Status::Terminated { 5 } else { 4 })
+    categorical_color(if outcome == Status::Terminated { 0 } else { 3 })
 }
 
 /// Maximum number of axes for which all pairs are drawn. With more axes, only pairs of neighboring
@@ -65,7 +69,7 @@ pub(super) fn lines_or_density(
         group.parallel_coordinates(
             args,
             States::Lines(lines.collect()),
-            &group.sample_size_text(args),
+            group.title_with(&group.sample_size_text(args)),
         )
     };
     (groups.iter().map(panel).collect(), colors.key)
@@ -83,11 +87,7 @@ pub(super) fn density(args: &PlotArgs, groups: &[StateGroup<'_>]) -> (Vec<Panel>
         .max()
         .unwrap_or(0);
     let panel = |(group, pixels): (&StateGroup<'_>, Vec<u32>)| {
-        let width = group
-            .run
-            .axes
-            .as_ref()
-            .map_or(1, |axes| axes.subset(&group.axis_indices(args)).width());
+        let width = group.width(args);
         group.parallel_coordinates(
             args,
             States::Density(DensityImage {
@@ -95,7 +95,7 @@ pub(super) fn density(args: &PlotArgs, groups: &[StateGroup<'_>]) -> (Vec<Panel>
                 width,
                 max_count,
             }),
-            &group.state_count_text(),
+            group.title_with(&group.state_count_text()),
         )
     };
     let panels = groups.iter().zip(pixels_of_groups).map(panel).collect();
@@ -103,6 +103,44 @@ pub(super) fn density(args: &PlotArgs, groups: &[StateGroup<'_>]) -> (Vec<Panel>
         panels,
         Some(density_key(groups, "states per pixel", max_count)),
     )
+}
+
+/// Panels of differences of groups from a reference, on a common scale: for each pixel the share of
+/// the group's lines minus the share of the reference's lines.
+pub(super) fn differences(
+    args: &PlotArgs,
+    groups: &[StateGroup<'_>],
+    reference: &StateGroup<'_>,
+) -> (Vec<Panel>, Key) {
+    let width = reference.width(args);
+    let of_reference = reference.pixels();
+    let images: Vec<(Vec<f32>, f32)> = groups
+        .iter()
+        .map(|group| share_difference(&group.pixels(), &of_reference, width))
+        .collect();
+    let max = images.iter().map(|(_, max)| *max).fold(0.0, f32::max);
+    let panel = |(group, (mut pixels, own_max)): (&StateGroup<'_>, (Vec<f32>, f32))| {
+        // From the scale of this image to the common one.
+        let factor = if max > 0.0 {
+            (own_max / max).sqrt()
+        } else {
+            0.0
+        };
+        for pixel in &mut *pixels {
+            *pixel *= factor;
+        }
+        let title = format!("{} − {}", group.title, reference.title);
+        group.parallel_coordinates(
+            args,
+            States::Difference(DifferenceImage { pixels, width }),
+            title,
+        )
+    };
+    let key = Key::Differences {
+        label: "difference of shares per pixel, √ scale".to_owned(),
+        max: f64::from(max),
+    };
+    (groups.iter().zip(images).map(panel).collect(), key)
 }
 
 /// Panels of pairs of axes: for each pair, one panel per group.
@@ -129,7 +167,7 @@ pub(super) fn scatter(args: &PlotArgs, groups: &[StateGroup<'_>]) -> (Vec<Panel>
             .flat_map(|pair| groups.iter().zip(&grids).map(move |drawn| (pair, drawn)));
         let panels = panels.map(|(pair, drawn)| panel(pair, drawn)).collect();
         return (
-            panels,
+            without_repeated_titles(panels, groups.len()),
             Some(density_key(groups, "states per cell", max_count)),
         );
     }
@@ -137,10 +175,23 @@ pub(super) fn scatter(args: &PlotArgs, groups: &[StateGroup<'_>]) -> (Vec<Panel>
     let panels = pairs
         .iter()
         .flat_map(|pair| groups.iter().map(move |group| (pair, group)));
-    let panels = panels
-        .map(|(pair, group)| group.scatter_panel(args, *pair, &colors))
-        .collect();
-    (panels, colors.key)
+    let panels = panels.map(|(pair, group)| group.scatter_panel(args, *pair, &colors));
+    (
+        without_repeated_titles(panels.collect(), groups.len()),
+        colors.key,
+    )
+}
+
+/// Panels of pairs of axes, of which only the first of each group has a title.
+fn without_repeated_titles(mut panels: Vec<Panel>, groups: usize) -> Vec<Panel> {
+    for panel in panels.iter_mut().skip(groups) {
+        match panel {
+            Panel::Scatter(scatter) => scatter.title.clear(),
+            Panel::HeatMap(heat_map) => heat_map.title.clear(),
+            _ => {}
+        }
+    }
+    panels
 }
 
 /// Scales the counts of each group as if it had as many states as the largest group. So panels show
@@ -210,8 +261,8 @@ impl<'a> StateGroup<'a> {
         self.agents.iter().map(|states| states.count).sum()
     }
 
-    /// A sample of at most `--lines` states with their agents, in the order of episodes, so that
-    /// the states of one agent do not cover the states of all other agents.
+    /// A sample of at most `--lines` states with their agents, in a mixed order, so that neither the
+    /// states of one agent nor late ones cover all others.
     fn sample(&self, args: &PlotArgs) -> Vec<(u32, &'a SelectedState)> {
         let with_agent = |states: &&'a SelectedStates| {
             let agent = states.agent;
@@ -225,7 +276,7 @@ impl<'a> StateGroup<'a> {
             .map(|(_, state)| state)
             .collect();
         sampled_states.sort_by_key(|(_, state)| state.episode);
-        sampled_states
+        mixed(sampled_states)
     }
 
     /// Number of states, e.g. `1,234 states`.
@@ -272,13 +323,22 @@ impl<'a> StateGroup<'a> {
         )
     }
 
-    fn parallel_coordinates(&self, args: &PlotArgs, states: States, count_text: &str) -> Panel {
+    fn title_with(&self, count_text: &str) -> String {
+        format!("{}: {count_text}", self.title)
+    }
+
+    /// Width of the image of all axes, in pixels.
+    fn width(&self, args: &PlotArgs) -> usize {
+        let axes = self.run.axes.as_ref();
+        axes.map_or(1, |axes| axes.subset(&self.axis_indices(args)).width())
+    }
+
+    fn parallel_coordinates(&self, args: &PlotArgs, states: States, title: String) -> Panel {
         let axes = self
             .axis_indices(args)
             .into_iter()
             .map(|axis_index| axis(&self.quantity(axis_index)))
             .collect();
-        let title = format!("{}: {count_text}", self.title);
         Panel::ParallelCoordinates(ParallelCoordinates {
             title,
             axes,
@@ -349,6 +409,16 @@ impl<'a> StateGroup<'a> {
     }
 }
 
+/// The items in an order in which neighbors are far apart: that of the multiples of the golden ratio,
+/// without their whole parts.
+fn mixed<T>(items: Vec<T>) -> Vec<T> {
+    const GOLDEN_RATIO_BITS: u64 = 0x9E37_79B9_7F4A_7C15;
+    let position = |index: u64| index.wrapping_mul(GOLDEN_RATIO_BITS);
+    let mut numbered: Vec<(u64, T)> = (0..).map(position).zip(items).collect();
+    numbered.sort_by_key(|(position, _)| *position);
+    numbered.into_iter().map(|(_, item)| item).collect()
+}
+
 /// Colors of states, with their color key.
 struct StateColors {
     color_by: ColorBy,
@@ -373,7 +443,7 @@ impl StateColors {
         let [low, high] = self.range;
         match color_value(self.color_by, state) {
             Some(value) => sequential_color((value - low) / (high - low)),
-            None if self.color_by == ColorBy::Agent => categorical_color(agent),
+            None if self.color_by == ColorBy::Agent => agent_color(agent),
             None => outcome_color(state.outcome),
         }
     }
@@ -443,14 +513,16 @@ fn agent_key(groups: &[StateGroup<'_>]) -> Option<Key> {
         .collect();
     agents.sort_unstable();
     agents.dedup();
-    has_several_agents.then(|| {
-        Key::Categories(
-            agents
-                .into_iter()
-                .map(|agent| (format!("agent {agent}"), categorical_color(agent)))
-                .collect(),
-        )
-    })
+    let (colored, others): (Vec<u32>, Vec<u32>) =
+        agents.into_iter().partition(|&agent| agent < AGENT_COLORS);
+    let mut names: Vec<(String, Color)> = colored
+        .into_iter()
+        .map(|agent| (format!("agent {agent}"), agent_color(agent)))
+        .collect();
+    if !others.is_empty() {
+        names.push(("other agents".to_owned(), OTHERS_COLOR));
+    }
+    has_several_agents.then_some(Key::Categories(names))
 }
 
 #[cfg(test)]

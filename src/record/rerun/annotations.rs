@@ -10,7 +10,7 @@ use super::rows::{rgb, static_chunk};
 use super::tiles::{CHAR_WIDTH, ColorBar, LabelSpace, Tiles, Viewport};
 use crate::record::visitation::{AXIS_HEIGHT, Axes, Axis, CELLS_PER_SIDE, Pairs};
 use seedbed_env::Quantity;
-use seedbed_figure::color::dark::categorical_color;
+use seedbed_figure::color::dark::agent_color;
 
 const AXIS_COLOR: [u8; 3] = [150, 150, 160];
 const NAME_COLOR: [u8; 3] = [235, 235, 240];
@@ -206,7 +206,7 @@ impl PanelLayout {
                 left + half,
                 top - (self.name_lines + 0.9) * self.tiles.line_height(),
             ],
-            categorical_color(agent),
+            agent_color(agent),
         )
     }
 

@@ -15,7 +15,7 @@ use super::error::RecordingError;
 use super::rows::{Moment, Moments, grouped_column, rgb, static_chunk};
 use crate::record::metrics::{Metric, Scope, round_metrics_in_display_order};
 use crate::record::{EpisodeRow, RoundRow};
-use seedbed_figure::color::dark::categorical_color;
+use seedbed_figure::color::dark::{TEAM_COLOR, agent_color};
 
 /// Number of rows in one chunk.
 const ROWS_PER_CHUNK: usize = 256;
@@ -23,8 +23,6 @@ const ROWS_PER_CHUNK: usize = 256;
 /// Number of rounds of the moving average of the team's mean return.
 const ROUNDS_OF_MOVING_AVERAGE: usize = 25;
 
-/// Color of curves of the team.
-const TEAM_COLOR: [u8; 3] = [255; 3];
 /// Color of the team's mean return in single rounds.
 const MUTED_COLOR: [u8; 3] = [120, 120, 130];
 
@@ -160,8 +158,9 @@ impl Curves {
     /// Names and colors of all curves.
     pub(super) fn styles(&self) -> Result<Vec<Chunk>, RecordingError> {
         let agents = self.returns.len();
-        let style_of_agent =
-            |agent: usize| series_style([format!("agent {agent}")], [agent_color(agent)], 1.0);
+        let style_of_agent = |agent: usize| {
+            series_style([format!("agent {agent}")], [agent_color(agent as u32)], 1.0)
+        };
         let mut styles: Vec<Chunk> = (0..agents)
             .map(|agent| static_chunk(self.returns[agent].entity.clone(), &style_of_agent(agent)))
             .collect::<Result<_, _>>()?;
@@ -189,7 +188,7 @@ impl Curves {
             let names = (0..agents).map(|agent| format!("agent {agent}"));
             styles.push(static_chunk(
                 curve.entity.clone(),
-                &series_style(names, (0..agents).map(agent_color), 1.0),
+                &series_style(names, (0..agents as u32).map(agent_color), 1.0),
             )?);
         }
         for curve in &self.team_metrics {
@@ -211,10 +210,6 @@ fn series_style(
         .with_names(names)
         .with_colors(colors.into_iter().map(rgb))
         .with_widths([width])
-}
-
-fn agent_color(agent: usize) -> [u8; 3] {
-    categorical_color(agent as u32)
 }
 
 impl Curve {

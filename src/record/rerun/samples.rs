@@ -16,7 +16,7 @@ use crate::record::RecordingSettings;
 use crate::record::RunInfo;
 use crate::record::visitation::{AgentVisits, Axes, Coloring, Pairs, VisitedState, sample_states};
 use seedbed_env::random::Stream;
-use seedbed_figure::color::dark::categorical_color;
+use seedbed_figure::color::dark::agent_color;
 use seedbed_learn::experience::{Episode, StepData};
 
 /// Axes, panels and colors with which states are drawn.
@@ -99,7 +99,7 @@ impl VisitationStyle {
                         self,
                         &state,
                         &axis_positions,
-                        Some(color.unwrap_or_else(|| categorical_color(episode.agent))),
+                        Some(color.unwrap_or_else(|| agent_color(episode.agent))),
                     );
                 }
             }
@@ -179,7 +179,7 @@ impl SampleWriter {
         let states = states_per_row.max(1);
         let brightness = |state: u32| 0.35 + 0.65 * (state + 1) as f32 / states as f32;
         let color_of_state = |agent: u32, state: u32| {
-            categorical_color(agent)
+            agent_color(agent)
                 .map(|channel| (f32::from(channel) * brightness(state)).min(255.0) as u8)
         };
         let colors: Vec<_> = agent

@@ -18,7 +18,7 @@ use crate::record::BodyTrajectory;
 use crate::record::framing::{Bounds, episode_bounds};
 use crate::record::outline::{outline, scene_point};
 use seedbed_env::{Pose, Scene, SceneBody};
-use seedbed_figure::color::dark::categorical_color;
+use seedbed_figure::color::dark::agent_color;
 
 /// Number of instants of an episode that its trace shows.
 const FRAMES_PER_TRACE: usize = 24;
@@ -214,7 +214,7 @@ impl SceneWriter {
             moving_bodies_before % 2,
         ) {
             (true, _) => FIXED_COLOR,
-            (false, 0) => categorical_color(self.agent),
+            (false, 0) => agent_color(self.agent),
             (false, _) => ALTERNATE_COLOR,
         }
     }

@@ -71,7 +71,7 @@ impl Coloring {
 /// The color of an outcome on a dark background.
 #[must_use]
 pub fn outcome_color(terminated: bool) -> [u8; 3] {
-    categorical_color(if terminated { 5 } else { 1 })
+    categorical_color(if terminated { 0 } else { 3 })
 }
 
 /// The range of the scale of returns: from the lowest return of the first round to the reward

@@ -1,6 +1,8 @@
 //! Measures of a run: returns, visited states, and whether the task counts as solved.
 
 pub mod diversity;
+pub mod first_visits;
+pub mod recent;
 pub mod visitation;
 
 use std::collections::VecDeque;
@@ -8,7 +10,9 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use self::diversity::Diversity;
-use self::visitation::Visitation;
+use self::first_visits::FirstVisits;
+use self::recent::RecentVisits;
+use self::visitation::{StateBins, Visitation};
 use crate::record::{EpisodeRow, RoundRow};
 use crate::scenario::Threshold;
 use seedbed_env::TaskSpec;
@@ -21,6 +25,8 @@ pub struct Measures {
     env_steps: u64,
     /// `[K]`
     visitation: Vec<Visitation>,
+    recent: RecentVisits,
+    first_visits: FirstVisits,
     /// Entry n is the mean over agents of the return of their episode n.
     team_returns: Vec<f64>,
     /// For each agent, the returns of episodes that not all agents have finished: `[K]`
@@ -65,6 +71,8 @@ impl Measures {
         Self {
             env_steps: 0,
             visitation: vec![Visitation::new(spec); agents],
+            recent: RecentVisits::new(spec, agents),
+            first_visits: FirstVisits::new(spec, agents),
             team_returns: Vec::new(),
             unmatched_returns: vec![VecDeque::new(); agents],
         }
@@ -79,11 +87,22 @@ impl Measures {
         episodes: &[&Episode],
         reports: &[(u32, UpdateReport)],
     ) -> RoundRows {
-        let mut episode_rows: Vec<EpisodeRow> = episodes
+        let states = |episode: &&Episode| StateBins::of(&spec.observations, &episode.observations);
+        let visited: Vec<(u32, StateBins)> = episodes
             .iter()
-            .map(|episode| self.add_episode(spec, episode))
+            .map(|episode| (episode.agent, states(episode)))
             .collect();
+        let steps_before = self.env_steps;
+        let mut episode_rows = Vec::with_capacity(episodes.len());
+        for (episode, (_, states)) in episodes.iter().zip(&visited) {
+            episode_rows.push(self.add_episode(episode, states));
+        }
         self.extend_team_returns(episodes);
+        let new_coverage = self.first_visits.add_round(&visited);
+        self.recent.add_round(visited);
+        let new_coverage_rate = new_coverage.iter().sum::<f64>() * 1000.0
+            / (self.env_steps - steps_before).max(1) as f64;
+        let recent = self.recent.diversity();
         let visits = self.visit_statistics();
         for row in &mut episode_rows {
             visits.complete_row(row);
@@ -107,6 +126,11 @@ impl Measures {
             team_coverage: visits.team_coverage,
             team_overlap: visits.diversity.overlap,
             effective_agents: visits.diversity.effective_agents,
+            recent_overlap: Some(recent.overlap),
+            recent_effective_agents: Some(recent.effective_agents),
+            first_coverage: Some(self.first_visits.coverage()[agent as usize]),
+            new_coverage: Some(new_coverage[agent as usize]),
+            new_coverage_rate: Some(new_coverage_rate),
         });
         RoundRows {
             episodes: episode_rows,
@@ -183,9 +207,9 @@ impl Measures {
         }
     }
 
-    fn add_episode(&mut self, spec: &TaskSpec, episode: &Episode) -> EpisodeRow {
+    fn add_episode(&mut self, episode: &Episode, states: &StateBins) -> EpisodeRow {
         let visitation = &mut self.visitation[episode.agent as usize];
-        visitation.visit(spec, &episode.observations);
+        visitation.add(states);
         self.env_steps += episode.length() as u64;
         EpisodeRow {
             agent: episode.agent,

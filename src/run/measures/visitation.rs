@@ -55,60 +55,32 @@ impl Visitation {
         }
     }
 
-    /// Counts N visited states. `observations: [N × observation width]`
-    pub fn visit(&mut self, spec: &TaskSpec, observations: &[f32]) {
-        self.visit_states(&spec.observations, observations);
+    /// Counts visited states.
+    pub fn add(&mut self, states: &StateBins) {
+        states.for_each_cell(|cell| {
+            self.visited += usize::from(self.counts[cell] == 0);
+            self.counts[cell] = self.counts[cell].saturating_add(1);
+        });
+    }
+
+    /// Takes back states that were counted before.
+    pub fn remove(&mut self, states: &StateBins) {
+        states.for_each_cell(|cell| {
+            self.counts[cell] = self.counts[cell].saturating_sub(1);
+            self.visited -= usize::from(self.counts[cell] == 0);
+        });
+    }
+
+    /// Number of cells of all grids.
+    #[must_use]
+    pub fn cell_count(&self) -> usize {
+        self.counts.len()
     }
 
     /// Counts N visited states, given the observations that they consist of.
     /// `states: [N × quantities]`
     pub fn visit_states(&mut self, quantities: &[Quantity], states: &[f32]) {
-        if quantities.len() > MAX_GRID_OBSERVATIONS {
-            return states
-                .chunks_exact(quantities.len())
-                .for_each(|row| self.count_largest(row));
-        }
-        let mut bins = vec![0; quantities.len()];
-        for row in states.chunks_exact(bins.len()) {
-            for ((bin, value), quantity) in bins.iter_mut().zip(row).zip(quantities) {
-                let [low, high] = quantity.range;
-                *bin = ((value - low) / (high - low) * CELLS_PER_AXIS as f32)
-                    .clamp(0.0, CELLS_PER_AXIS as f32 - 1.0) as usize;
-            }
-            self.count_in_grids(&bins);
-        }
-    }
-
-    /// Counts a state in the cell of its largest observation. Skips states whose observations are
-    /// all 0, which tabular tasks have after the end of an episode.
-    fn count_largest(&mut self, observations: &[f32]) {
-        let largest = observations
-            .iter()
-            .enumerate()
-            .max_by(|one, other| one.1.total_cmp(other.1).then(other.0.cmp(&one.0)));
-        if let Some((cell, _)) = largest.filter(|(_, value)| **value != 0.0) {
-            self.count(cell);
-        }
-    }
-
-    /// Counts a state whose observation i is in bin `bins[i]` in the grid of each pair of
-    /// observations.
-    fn count_in_grids(&mut self, bins: &[usize]) {
-        if let [bin] = bins {
-            self.count(*bin);
-        }
-        let mut grid_start = 0;
-        for (index, first) in bins.iter().enumerate() {
-            for second in &bins[index + 1..] {
-                self.count(grid_start + first * CELLS_PER_AXIS + second);
-                grid_start += CELLS_PER_AXIS * CELLS_PER_AXIS;
-            }
-        }
-    }
-
-    fn count(&mut self, cell: usize) {
-        self.visited += usize::from(self.counts[cell] == 0);
-        self.counts[cell] = self.counts[cell].saturating_add(1);
+        self.add(&StateBins::of(quantities, states));
     }
 
     /// Visited share of cells, from 0 to 1.
@@ -134,6 +106,68 @@ impl Visitation {
     fn grids(&self) -> std::slice::ChunksExact<'_, u32> {
         self.counts.chunks_exact(self.cells_per_grid)
     }
+}
+
+/// The bins of visited states, from which the cells follow in which they count.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StateBins {
+    /// Number of bins per state: one per observation, or one for the only cell of a state.
+    width: usize,
+    /// `[states × width]`
+    bins: Vec<u16>,
+}
+
+impl StateBins {
+    /// The bins of N states. `states: [N × quantities]`
+    #[must_use]
+    pub fn of(quantities: &[Quantity], states: &[f32]) -> Self {
+        let rows = states.chunks_exact(quantities.len());
+        if quantities.len() > MAX_GRID_OBSERVATIONS {
+            return Self {
+                width: 1,
+                bins: rows.filter_map(largest_observation).collect(),
+            };
+        }
+        let mut bins = Vec::with_capacity(states.len());
+        for row in rows {
+            for (value, quantity) in row.iter().zip(quantities) {
+                let [low, high] = quantity.range;
+                let bin = (value - low) / (high - low) * CELLS_PER_AXIS as f32;
+                bins.push(bin.clamp(0.0, CELLS_PER_AXIS as f32 - 1.0) as u16);
+            }
+        }
+        Self {
+            width: quantities.len(),
+            bins,
+        }
+    }
+
+    /// Calls `visit` with each cell of each state: one in the grid of each pair of observations.
+    pub fn for_each_cell(&self, mut visit: impl FnMut(usize)) {
+        if self.width == 1 {
+            return self.bins.iter().for_each(|bin| visit(usize::from(*bin)));
+        }
+        for row in self.bins.chunks_exact(self.width.max(1)) {
+            let mut grid_start = 0;
+            for (index, first) in row.iter().enumerate() {
+                for second in &row[index + 1..] {
+                    visit(grid_start + usize::from(*first) * CELLS_PER_AXIS + usize::from(*second));
+                    grid_start += CELLS_PER_AXIS * CELLS_PER_AXIS;
+                }
+            }
+        }
+    }
+}
+
+/// Index of the largest observation. `None` if all are 0, as in tabular tasks after the end of an
+/// episode.
+fn largest_observation(observations: &[f32]) -> Option<u16> {
+    let largest = observations
+        .iter()
+        .enumerate()
+        .max_by(|one, other| one.1.total_cmp(other.1).then(other.0.cmp(&one.0)));
+    let (index, _) = largest.filter(|(_, value)| **value != 0.0)?;
+    u16::try_from(index).ok()
 }
 
 /// The share of cells that at least one agent has visited, from 0 to 1. `agents: [K]`, at least
@@ -233,7 +267,7 @@ mod tests {
 
     fn visited(axes: usize, observations: &[f32]) -> Visitation {
         let mut visitation = Visitation::new(&spec(axes));
-        visitation.visit(&spec(axes), observations);
+        visitation.visit_states(&spec(axes).observations, observations);
         visitation
     }
 
@@ -243,7 +277,7 @@ mod tests {
     fn coverage_counts_cells_of_pairs() {
         let mut visitation = visited(3, &[0.5, 1.5, 2.5, 0.5, 1.5, 19.5]);
         assert!((visitation.coverage() - 5.0 / 1200.0).abs() < 1e-12);
-        visitation.visit(&spec(3), &[0.5, 1.5, 99.0]);
+        visitation.visit_states(&spec(3).observations, &[0.5, 1.5, 99.0]);
         assert!(
             (visitation.coverage() - 5.0 / 1200.0).abs() < 1e-12,
             "a value beyond the range counts in the outermost cell"

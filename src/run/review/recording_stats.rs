@@ -1,12 +1,16 @@
 //! Statistics of a whole recording, read once: returns, coverage, visitation entropy, overlap, and
 //! the distribution of each observation.
 
+use std::ops::Range;
+
 use super::LoadedRun;
 use crate::record::EpisodeRow;
 use crate::record::recording::Recording;
 use crate::record::{ReadError, RecordedEpisode};
 use crate::run::measures::diversity::Diversity;
-use crate::run::measures::visitation::{Visitation, diversity};
+use crate::run::measures::first_visits::FirstRounds;
+use crate::run::measures::recent::LatestVisits;
+use crate::run::measures::visitation::{StateBins, Visitation, diversity};
 use seedbed_env::Quantity;
 
 /// Statistics of a recording. Memory grows by one row per episode, not with the number of states.
@@ -16,6 +20,8 @@ pub struct RecordingStats {
     pub episodes: Vec<EpisodeRow>,
     /// Visit counts of each agent: `[K]`.
     pub visitation: Vec<Visitation>,
+    first_rounds: FirstRounds,
+    latest: LatestVisits,
     /// Distribution of each observation's values: `[observations]`.
     pub distributions: Vec<ValueDistribution>,
     /// Distribution of intrinsic rewards; `None` without a bonus.
@@ -45,12 +51,13 @@ pub struct ValueDistribution {
 const BINS: usize = 1000;
 
 impl RecordingStats {
-    /// Reads a whole recording; calls `on_episode` for each episode.
+    /// Reads these episodes of each agent; calls `on_episode` for each.
     ///
     /// # Errors
     /// The file cannot be read.
     pub fn of(
         recording: &Recording,
+        episodes: &Range<u32>,
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Self, ReadError> {
         let observations = recording.observations();
@@ -62,11 +69,16 @@ impl RecordingStats {
         let mut stats = Self {
             episodes: Vec::new(),
             visitation: Vec::new(),
+            first_rounds: FirstRounds::default(),
+            latest: LatestVisits::default(),
             distributions: observations.iter().map(ValueDistribution::new).collect(),
             intrinsic_rewards: intrinsic_reward.as_ref().map(ValueDistribution::new),
         };
         for episode in recording.episodes()? {
             let episode = episode?;
+            if !episodes.contains(&episode.episode) {
+                continue;
+            }
             on_episode(&episode);
             stats.add_episode(observations, &episode);
         }
@@ -80,7 +92,15 @@ impl RecordingStats {
             self.visitation
                 .resize(agent + 1, Visitation::for_observations(observations));
         }
-        self.visitation[agent].visit_states(observations, &episode.observations);
+        let (round, states) = (
+            episode.round,
+            StateBins::of(observations, &episode.observations),
+        );
+        let visitation = &mut self.visitation[agent];
+        visitation.add(&states);
+        self.first_rounds
+            .add(agent, round, &states, visitation.cell_count());
+        self.latest.add(agent, round, states);
         for state in episode.states() {
             self.distributions
                 .iter_mut()
@@ -142,6 +162,23 @@ impl RecordingStats {
         overlaps
     }
 
+    /// Share of the state space that each agent was the first to visit: `[K]`.
+    #[must_use]
+    pub fn first_coverage(&self) -> Vec<f64> {
+        self.first_rounds.coverage()
+    }
+
+    /// Diversity of the whole team's visits in the latest rounds.
+    #[must_use]
+    pub fn recent_diversity(&self) -> Diversity {
+        let quantities = self
+            .distributions
+            .iter()
+            .map(|distribution| distribution.quantity.clone());
+        let no_visits = Visitation::for_observations(&quantities.collect::<Vec<_>>());
+        self.latest.diversity(&no_visits)
+    }
+
     /// Diversity of the whole team's visits.
     #[must_use]
     pub fn diversity(&self) -> Diversity {
@@ -151,20 +188,21 @@ impl RecordingStats {
 }
 
 impl LoadedRun {
-    /// Computes the statistics of the recording, if there is one. If `episodes.csv` or `rounds.csv` is
-    /// missing, sets `self.episodes` to the rows of these statistics. Calls `on_episode` for each
-    /// episode.
+    /// Computes the statistics of these episodes of each agent, if there is a recording. If
+    /// `episodes.csv` or `rounds.csv` is missing, sets `self.episodes` to the rows of these statistics.
+    /// Calls `on_episode` for each episode.
     ///
     /// # Errors
     /// The recording cannot be read.
     pub fn compute_stats(
         &mut self,
+        episodes: &Range<u32>,
         on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Option<RecordingStats>, ReadError> {
         let Some(recording) = &self.recording else {
             return Ok(None);
         };
-        let stats = RecordingStats::of(recording, on_episode)?;
+        let stats = RecordingStats::of(recording, episodes, on_episode)?;
         if self.folder.is_none() {
             self.episodes.clone_from(&stats.episodes);
         }

@@ -225,7 +225,7 @@ impl TabularMeasures {
             *count += 1;
         }
         self.reservoir
-            .add(step.episode, team.model().coordinates_of(state));
+            .add(step.agent, step.episode, team.model().coordinates_of(state));
     }
 
     fn finish(mut self, team: &TabularTeam) -> RunResult {

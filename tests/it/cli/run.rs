@@ -49,7 +49,8 @@ fn assert_tables_of_small_run(folder: &Path) {
     assert_eq!(episodes.lines().count(), 1 + 2 * 6);
     let rounds = std::fs::read_to_string(folder.join("rounds.csv")).unwrap();
     let header = "agent,round,gradient_steps,value_loss,policy_loss,ratio_deviation,largest_ratio,clipped_fraction,entropy,intrinsic_reward,prediction_error,bonus_agreement,coverage,\
-                  visitation_entropy,visitation_evenness,team_coverage,team_overlap,effective_agents";
+                  visitation_entropy,visitation_evenness,team_coverage,team_overlap,effective_agents,recent_overlap,recent_effective_agents,first_coverage,new_coverage,\
+                  new_coverage_rate";
     assert_eq!(rounds.lines().next(), Some(header));
     assert_eq!(rounds.lines().count(), 1 + 2 * 6);
     // Each agent learns from the trajectories of both, one after the other, with both networks.

@@ -295,9 +295,9 @@ fn line_colors_can_show_the_outcome() {
     let run = SyntheticRun::new(2, 12);
     let color = |round: &SyntheticRound| {
         if round.episodes[1].outcome == Status::Truncated {
-            [86, 180, 233]
+            [0x8f, 0x55, 0xff]
         } else {
-            [225, 95, 20]
+            [0x8b, 0x85, 0x1f]
         }
     };
     assert_eq!(

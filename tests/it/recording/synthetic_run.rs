@@ -185,6 +185,11 @@ fn synthetic_round_row(agent: u32, round: u32, skill: f64) -> RoundRow {
         team_coverage: 0.5 * skill.sqrt(),
         team_overlap: 0.8,
         effective_agents: 1.0 + f64::from(round),
+        recent_overlap: Some(0.7),
+        recent_effective_agents: Some(1.5 + f64::from(round)),
+        first_coverage: Some(0.1 * skill),
+        new_coverage: Some(0.01 * skill),
+        new_coverage_rate: Some(0.02 * skill),
     }
 }
 

@@ -6,6 +6,19 @@ use colorous::{Gradient, INFERNO, VIRIDIS};
 
 use super::Color;
 
+/// The color of an agent on a dark background: one of eight, or gray for all further agents.
+#[must_use]
+pub fn agent_color(agent: u32) -> Color {
+    if agent < super::AGENT_COLORS {
+        categorical_color(agent)
+    } else {
+        OTHERS_COLOR
+    }
+}
+
+/// Color of agents without a color of their own.
+pub const OTHERS_COLOR: Color = [105, 105, 112];
+
 /// The color of the series with this index on a dark background. There are eight hues; indices 8–15
 /// have lighter tints and indices 16–23 darker tints of the same hues, and then colors repeat.
 #[must_use]
@@ -18,18 +31,20 @@ pub fn categorical_color(index: u32) -> Color {
     }
 }
 
-/// After Okabe and Ito, "Color Universal Design"; blue is lighter, to be visible on black, and gray
-/// replaces black.
+/// The colors of [`super::HUES`], changed so that they are visible on dark and on white screens.
 const HUES: [Color; 8] = [
-    [230, 159, 0],
-    [86, 180, 233],
-    [0, 170, 125],
-    [240, 228, 66],
-    [90, 120, 235],
-    [225, 95, 20],
-    [214, 130, 180],
-    [170, 170, 170],
+    [139, 133, 31],
+    [67, 69, 126],
+    [44, 129, 119],
+    [143, 85, 255],
+    [229, 181, 176],
+    [101, 71, 29],
+    [192, 183, 235],
+    [0, 238, 0],
 ];
+
+/// Color of curves of the whole team, which is visible on dark and on white screens.
+pub const TEAM_COLOR: Color = [145, 145, 145];
 
 /// The color of a value from 0 (dark) to 1 (bright): Viridis without its darkest tenth, which is
 /// hard to see on black.
@@ -97,9 +112,9 @@ mod tests {
 
     #[test]
     fn tints_are_lighter_then_darker() {
-        assert_eq!(categorical_color(0), [230, 159, 0]);
-        assert_eq!(categorical_color(8), [242, 206, 127]);
-        assert_eq!(categorical_color(16), [138, 95, 0]);
+        assert_eq!(categorical_color(0), [139, 133, 31]);
+        assert_eq!(categorical_color(8), [196, 193, 142]);
+        assert_eq!(categorical_color(16), [83, 79, 18]);
         assert_eq!(categorical_color(24), categorical_color(0));
     }
 

@@ -12,11 +12,13 @@ use crate::record::visitation::{Axes, Density, VisitedState};
 use crate::study::figure::{EpisodeWindow, Figure};
 use crate::study::measure::{Curve, moving_average, to_f64};
 use crate::study::results::{CellResults, Results};
+use crate::study::run_result::VisitedStates;
+use crate::text::pluralize;
 use seedbed_env::{Quantity, TaskSpec};
-use seedbed_figure::color::categorical_color;
+use seedbed_figure::color::{agent_color, categorical_color};
 use seedbed_figure::{
-    Curves, DensityImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row, Series, States,
-    Threshold,
+    Curves, DensityImage, DifferenceImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row,
+    Series, States, Threshold,
 };
 use seedbed_stats::aggregate::median;
 use seedbed_stats::bootstrap::bootstrap_means;
@@ -358,7 +360,7 @@ fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
             .collect()
     };
     let agent_series = |(agent, returns): (u32, &Vec<f32>)| Series {
-        color: categorical_color(agent),
+        color: agent_color(agent),
         points: curve(&to_f64(returns)),
         ..Series::default()
     };
@@ -415,33 +417,40 @@ fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Unnum
     let rows: Vec<Vec<CellDensity>> = windows
         .iter()
         .map(|&window| densities(cells, window))
+        .filter(|row| !row.is_empty())
         .collect();
-    let columns = rows
-        .iter()
-        .map(Vec::len)
-        .max()
-        .filter(|&columns| columns > 0)?;
-    let seed = cells[0].runs[0].0;
+    let columns = rows.iter().map(Vec::len).max()?;
     let caption = format!(
-        "States visited in the run with seed {seed}: one axis per observation, one line per state; \
-         darker where more lines cross. Each panel shows a uniform sample of at most \
-         {} states of all agents{}.",
-        crate::study::run_result::MAX_SAMPLED_STATES,
+        "States visited in all runs: one axis per observation, one line per state; darker where more lines cross. Panels show \
+         shares of the states of their cell on one scale, from a uniform sample of each run, weighted by its number of \
+         states{}.{}",
         if windows.len() > 1 {
             "; rows show increasing parts of training"
         } else {
             ""
+        },
+        if columns > 1 {
+            " Below: where the share of a cell is above (orange) or below (blue) that of the first cell."
+        } else {
+            ""
         }
     );
+    let max_share = rows
+        .iter()
+        .flatten()
+        .map(CellDensity::max)
+        .fold(0.0, f64::max);
+    let mut picture_rows = Vec::new();
+    for row in rows {
+        let differences = (row.len() > 1).then(|| row_of_differences(&row));
+        picture_rows.push(row_of_densities(row, max_share));
+        picture_rows.extend(differences);
+    }
     let picture = Picture {
         title: String::new(),
         description: String::new(),
         width: PANEL_WIDTH * columns as f64 + 90.0,
-        rows: rows
-            .into_iter()
-            .filter(|row| !row.is_empty())
-            .map(row_of_densities)
-            .collect(),
+        rows: picture_rows,
     };
     Some(UnnumberedFigure {
         kind: "visitation",
@@ -451,84 +460,162 @@ fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Unnum
     })
 }
 
-/// Density of the visited states of one cell, with title and axes.
+/// Visited states of one cell.
 struct CellDensity {
+    name: String,
     title: String,
     axes: Vec<Quantity>,
-    density: Density,
+    /// Share of the states whose lines cross each pixel: `[height × width]`.
+    shares: Vec<f64>,
 }
 
-/// Densities of all cells whose visited states were stored.
+impl CellDensity {
+    fn max(&self) -> f64 {
+        self.shares.iter().copied().fold(0.0, f64::max)
+    }
+
+    fn panel(&self, title: String, states: States) -> Panel {
+        Panel::ParallelCoordinates(ParallelCoordinates {
+            title,
+            axes: self.axes.iter().map(axis).collect(),
+            states,
+        })
+    }
+
+    fn width(&self) -> usize {
+        self.shares.len() / crate::record::visitation::AXIS_HEIGHT
+    }
+}
+
+/// Visited states of all cells for which they were stored.
 fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> {
-    let density_of_cell = |(cell, name): (&&CellResults, String)| {
-        let (visited, states) = cell.states(window)?;
+    let names = names_without_common_parts(cells);
+    let mut densities = Vec::new();
+    for (cell, name) in cells.iter().zip(names) {
+        let runs = cell.states(window);
+        let visited: u64 = runs.iter().map(|(_, states)| states.visited).sum();
+        if visited == 0 {
+            continue;
+        }
         let spec = spec(cell);
         let axes = axes(&spec);
-        let mut density = Density::new(&axes);
-        let mut axis_positions = Vec::new();
-        for state in states.chunks_exact(spec.observation_width()) {
-            axes.project(
-                &VisitedState::without_action(0, state, 0.0),
-                &mut axis_positions,
+        let mut shares = Vec::new();
+        for (_, states) in &runs {
+            add_run(
+                &mut shares,
+                &axes,
+                spec.observation_width(),
+                states,
+                visited,
             );
-            density.add(&axis_positions);
         }
-        let episodes_text = match window {
-            EpisodeWindow::First(episodes) if episodes.get() == 1 => "first episode".to_owned(),
-            EpisodeWindow::First(episodes) => format!("first {} episodes", episodes.get()),
-            EpisodeWindow::All => "all episodes".to_owned(),
-        };
-        let title = format!("{name}: {episodes_text}, {visited} states");
-        Some(CellDensity {
+        let title = format!(
+            "{name}: {}, {} states of {}",
+            episodes_text(window),
+            indicatif::HumanCount(visited),
+            pluralize(runs.len(), "run")
+        );
+        densities.push(CellDensity {
+            name,
             title,
             axes: axes
                 .all()
                 .iter()
                 .map(|axis| axis.quantity.clone())
                 .collect(),
-            density,
-        })
-    };
-    cells
-        .iter()
-        .zip(names_without_common_parts(cells))
-        .filter_map(density_of_cell)
-        .collect()
+            shares,
+        });
+    }
+    densities
 }
 
-fn row_of_densities(mut row: Vec<CellDensity>) -> Row {
-    let pixels_per_cell: Vec<Vec<u32>> = row
-        .iter_mut()
-        .map(|cell| cell.density.draw_all().clone())
-        .collect();
-    let max_count = pixels_per_cell
-        .iter()
-        .flatten()
-        .copied()
-        .max()
-        .unwrap_or(1)
-        .max(1);
-    let panel = |(CellDensity { title, axes, .. }, pixels): (CellDensity, Vec<u32>)| {
-        let width = pixels.len() / crate::record::visitation::AXIS_HEIGHT;
+/// Adds the sampled states of a run to the shares of `visited` states of all runs.
+fn add_run(shares: &mut Vec<f64>, axes: &Axes, width: usize, states: &VisitedStates, visited: u64) {
+    let mut density = Density::new(axes);
+    let mut axis_positions = Vec::new();
+    for state in states.states.chunks_exact(width) {
+        let state = VisitedState::without_action(0, state, 0.0);
+        axes.project(&state, &mut axis_positions);
+        density.add(&axis_positions);
+    }
+    let sampled = states.visits.len().max(1) as f64;
+    let weight = states.visited as f64 / sampled / visited as f64;
+    let lines = density.draw_all();
+    shares.resize(lines.len(), 0.0);
+    for (share, lines) in shares.iter_mut().zip(lines) {
+        *share += weight * f64::from(*lines);
+    }
+}
+
+fn episodes_text(window: EpisodeWindow) -> String {
+    match window {
+        EpisodeWindow::First(episodes) if episodes.get() == 1 => "first episode".to_owned(),
+        EpisodeWindow::First(episodes) => format!("first {} episodes", episodes.get()),
+        EpisodeWindow::All => "all episodes".to_owned(),
+    }
+}
+
+/// Number of states to which shares are scaled, as counts of a density.
+const SCALED_STATES: f64 = 1e6;
+
+fn row_of_densities(row: Vec<CellDensity>, max_share: f64) -> Row {
+    let count = |share: f64| (share * SCALED_STATES).ceil() as u32;
+    let max_count = count(max_share).max(1);
+    let panel = |cell: CellDensity| {
         let states = States::Density(DensityImage {
-            pixels,
-            width,
+            pixels: cell.shares.iter().map(|&share| count(share)).collect(),
+            width: cell.width(),
             max_count,
         });
-        Panel::ParallelCoordinates(ParallelCoordinates {
-            title,
-            axes: axes.iter().map(axis).collect(),
-            states,
-        })
+        cell.panel(cell.title.clone(), states)
     };
-    let key = Some(Key::Counts {
-        label: "lines".to_owned(),
-        max_count,
-    });
     Row {
         height: 250.0,
-        panels: row.into_iter().zip(pixels_per_cell).map(panel).collect(),
-        key,
+        panels: row.into_iter().map(panel).collect(),
+        key: Some(Key::Shares {
+            label: "share of states per pixel".to_owned(),
+            max_count,
+            total: SCALED_STATES as u64,
+        }),
+    }
+}
+
+/// Differences of all cells but the first from the first.
+fn row_of_differences(row: &[CellDensity]) -> Row {
+    let first = &row[0];
+    let difference = |cell: &CellDensity| -> Vec<f64> {
+        let pairs = cell.shares.iter().zip(&first.shares);
+        pairs.map(|(share, of_first)| share - of_first).collect()
+    };
+    let comparable = |cell: &&CellDensity| cell.shares.len() == first.shares.len();
+    let compared: Vec<(&CellDensity, Vec<f64>)> = row[1..]
+        .iter()
+        .filter(comparable)
+        .map(|cell| (cell, difference(cell)))
+        .collect();
+    let all = compared.iter().flat_map(|(_, differences)| differences);
+    let max = all.fold(0.0_f64, |max, difference| max.max(difference.abs()));
+    let scaled = |difference: &f64| {
+        let root = (difference.abs() / max.max(f64::MIN_POSITIVE)).sqrt();
+        root.copysign(*difference) as f32
+    };
+    let panel = |(cell, differences): &(&CellDensity, Vec<f64>)| {
+        let states = States::Difference(DifferenceImage {
+            pixels: differences.iter().map(scaled).collect(),
+            width: cell.width(),
+        });
+        cell.panel(format!("{} − {}", cell.name, first.name), states)
+    };
+    let mut panels = vec![Panel::Blank];
+    panels.extend(compared.iter().map(panel));
+    panels.resize(row.len(), Panel::Blank);
+    Row {
+        height: 250.0,
+        panels,
+        key: Some(Key::Differences {
+            label: "difference of shares, √ scale".to_owned(),
+            max,
+        }),
     }
 }
 
