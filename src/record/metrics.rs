@@ -101,6 +101,8 @@ pub enum Group {
     Rewards,
     /// The states that an agent has visited.
     Visits,
+    /// The coverage and the diversity of the team.
+    Team,
     /// The randomness of an agent's policy.
     Policy,
     /// Bonuses and the dynamics models behind them.
@@ -109,8 +111,6 @@ pub enum Group {
     Ratios,
     /// Losses of the networks.
     Losses,
-    /// The coverage and the diversity of the team.
-    Team,
 }
 
 /// Source of the values of a metric.
@@ -567,6 +567,11 @@ mod tests {
                 "coverage",
                 "visitation_entropy",
                 "first_coverage",
+                "team_coverage",
+                "team_overlap",
+                "effective_agents",
+                "recent_effective_agents",
+                "new_coverage_rate",
                 "entropy",
                 "intrinsic_reward",
                 "prediction_error",
@@ -575,12 +580,7 @@ mod tests {
                 "largest_ratio",
                 "clipped_fraction",
                 "value_loss",
-                "policy_loss",
-                "team_coverage",
-                "team_overlap",
-                "effective_agents",
-                "recent_effective_agents",
-                "new_coverage_rate"
+                "policy_loss"
             ]
         );
     }

@@ -27,8 +27,8 @@ pub struct RecordingSettings {
     pub pairs: PairChoice,
     /// The two agents whose densities are compared.
     pub difference: Difference,
-    /// Rounds between two density images; the interval doubles after 200 images, and again each
-    /// time the run has doubled in length. Rounds in which agents visit fewer than 200 states count
+    /// Rounds between two density images, after images of early rounds; the interval doubles after 200 images, and again each
+    /// time the run has doubled in length. Rounds in which agents visit fewer than 300 states count
     /// proportionally less.
     pub density_every: Count,
     /// Interval between the episodes of each agent whose states and actions are recorded as

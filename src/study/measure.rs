@@ -290,8 +290,18 @@ fn window_mean(values: &[f64], end: usize, window: Count) -> Option<f64> {
 
 /// Moving averages over windows of `window` values.   `values: [n]` → `[n + 1 − window]`, or empty
 #[must_use]
-pub fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
+fn moving_average(values: &[f64], window: usize) -> Vec<f64> {
     values.windows(window.max(1)).map(mean).collect()
+}
+
+/// Mean of each value and of the values before it, of at most `window` values: `[n]` → `[n]`
+///
+/// The window grows at the beginning, so that the first values are not lost.
+#[must_use]
+pub fn trailing_means(values: &[f64], window: usize) -> Vec<f64> {
+    let window = window.max(1);
+    let trailing_mean = |last: usize| mean(&values[(last + 1).saturating_sub(window)..=last]);
+    (0..values.len()).map(trailing_mean).collect()
 }
 
 /// Mean over episodes of a statistic over agents of the moving averages of their returns.
@@ -340,6 +350,15 @@ mod tests {
 
     /// Two episodes of five agents: returns 0 to 4, then 0 to 8. Their 75th percentiles are 3 and 6,
     /// their standard deviations √2 and 2√2.
+    #[test]
+    fn windows_of_trailing_means_grow_at_the_beginning() {
+        let values = [4.0, 2.0, 6.0, 1.0];
+        assert_eq!(trailing_means(&values, 3), [4.0, 3.0, 4.0, 3.0]);
+        assert_eq!(trailing_means(&values, 1), values);
+        assert_eq!(trailing_means(&values, 9), [4.0, 3.0, 4.0, 3.25]);
+        assert!(trailing_means(&[], 3).is_empty());
+    }
+
     #[test]
     fn statistics_over_agents_are_averaged_over_episodes() {
         let run = RunResult {

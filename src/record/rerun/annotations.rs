@@ -3,30 +3,39 @@
 
 use rerun::components::Radius;
 use rerun::log::Chunk;
-use rerun::{LineStrips2D, Points2D};
+use rerun::{LineStrips2D, Points2D, Transform3D};
 
 use super::error::RecordingError;
 use super::rows::{rgb, static_chunk};
-use super::tiles::{CHAR_WIDTH, ColorBar, LabelSpace, Tiles, Viewport};
+use super::tiles::{CHAR_WIDTH, ColorBar, ImageSize, LINE_HEIGHT, LabelSpace, Tiles, Viewport};
 use crate::record::visitation::{AXIS_HEIGHT, Axes, Axis, CELLS_PER_SIDE, Pairs};
 use seedbed_env::Quantity;
 use seedbed_figure::color::dark::agent_color;
 
 const AXIS_COLOR: [u8; 3] = [150, 150, 160];
 const NAME_COLOR: [u8; 3] = [235, 235, 240];
-const RANGE_COLOR: [u8; 3] = [165, 165, 175];
+const RANGE_COLOR: [u8; 3] = [215, 215, 220];
 
-/// Space on either side of an image with axis names, in points.
+/// Space on either side of an image with axis names, in points, in a single column of images and in
+/// several columns.
 const SIDE_MARGIN: f32 = 34.0;
+const NARROW_SIDE_MARGIN: f32 = 16.0;
 
-/// Maximum number of images in a view whose axes have names and ranges. In views with more images,
-/// only the image of the team has them.
-pub(super) const MAX_LABELED_IMAGES: u32 = 4;
+/// Number of lines for the name of an agent.
+const AGENT_LINES: f32 = 1.1;
+
+/// Maximum number of images in a view that are in a single column, with names of axes in any case.
+pub(super) const MAX_AGENTS_IN_COLUMN: u32 = 4;
+
+/// Maximum ratio between the zooms of parallel coordinates and of scatter plots in both directions.
+const MAX_STRETCH_OF_AXES: f32 = 3.0;
+const MAX_STRETCH_OF_PAIRS: f32 = 1.3;
 
 /// The text, position and color of a label.
 pub(super) type Label = (String, [f32; 2], [u8; 3]);
 
-/// The layout of the images of one view, and of the labels around each image.
+/// The layout of the images of one view, and of the labels around the images. Axes and panels have
+/// names and ranges once per column of images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PanelLayout {
     pub(super) tiles: Tiles,
@@ -36,43 +45,37 @@ pub(super) struct PanelLayout {
     has_axis_names: bool,
     /// Whether every other name is one line higher.
     staggered: bool,
-    /// Number of lines for names and ranges above an image.
-    name_lines: f32,
 }
 
 impl PanelLayout {
     /// The layout of parallel coordinates, with one image per agent or, without `agents`, one image
-    /// of the team.
+    /// of the team. Axes have no names if there is no space for them.
     pub(super) fn of_axes(axes: &Axes, agents: Option<u32>, viewport: Viewport) -> Self {
-        let size = [axes.width() as f32, AXIS_HEIGHT as f32];
-        let with_name_lines = |name_lines| {
-            Self::new(
-                agents,
-                size,
-                Viewport {
-                    overhang: overhang(axes),
-                    ..viewport
-                },
-                [name_lines, 8.0],
-                3.3,
-            )
+        let image = ImageSize {
+            pixels: [axes.width() as f32, AXIS_HEIGHT as f32],
+            max_stretch: MAX_STRETCH_OF_AXES,
         };
-        let unstaggered = if agents.unwrap_or(1) <= MAX_LABELED_IMAGES {
-            with_name_lines(2.2)
-        } else {
-            Self::new(agents, size, viewport, [2.2, 8.0], 3.3)
+        let with_name_lines = |name_lines: f32| {
+            let viewport = Viewport {
+                overhang: overhang(axes),
+                ..viewport
+            };
+            Self::new(agents, image, viewport, name_lines, 3.3)
         };
-        let is_crowded = unstaggered.has_axis_names
-            && (axes.x(1) - axes.x(0)) * unstaggered.tiles.zoom
-                < max_name_width(axes, unstaggered.units_fit(axes));
-        if is_crowded {
-            Self {
-                staggered: true,
-                ..with_name_lines(3.2)
-            }
-        } else {
-            unstaggered
+        let layout = with_name_lines(2.2);
+        let width = max_name_width(axes, layout.units_fit(axes));
+        if width <= layout.axis_distance(axes) {
+            return layout;
         }
+        let staggered = Self {
+            staggered: true,
+            ..with_name_lines(3.2)
+        };
+        let is_small = agents.unwrap_or(1) > MAX_AGENTS_IN_COLUMN;
+        if is_small && width > 2.0 * staggered.axis_distance(axes) {
+            return Self::new(agents, image, viewport, 0.0, 3.3);
+        }
+        staggered
     }
 
     /// The layout of pairs of observations, with one row of panels per agent or, without `agents`,
@@ -82,47 +85,72 @@ impl PanelLayout {
         agents: Option<u32>,
         viewport: Viewport,
     ) -> Self {
-        Self::new(
-            agents,
-            [pairs.width() as f32, CELLS_PER_SIDE as f32],
-            viewport,
-            [1.2, 28.0],
-            2.2,
-        )
+        let image = ImageSize {
+            pixels: [pairs.width() as f32, CELLS_PER_SIDE as f32],
+            max_stretch: MAX_STRETCH_OF_PAIRS,
+        };
+        Self::new(agents, image, viewport, 1.2, 2.2)
     }
 
-    /// A layout with `name_lines` lines of labels above each image and `scale_lines` lines below
-    /// the color scale. If axes have no names, there are `side_margin` points on either side of an
-    /// image.
+    /// A layout with `name_lines` lines of names and ranges above the images, without names if this
+    /// is 0, and `scale_lines` lines below the color scale.
     fn new(
         agents: Option<u32>,
-        size: [f32; 2],
+        image: ImageSize,
         viewport: Viewport,
-        [name_lines, side_margin]: [f32; 2],
+        name_lines: f32,
         scale_lines: f32,
     ) -> Self {
-        let image_count = agents.unwrap_or(1);
         let has_agent_labels = agents.is_some_and(|agents| agents > 1);
-        let has_axis_names = image_count <= MAX_LABELED_IMAGES;
-        let name_lines = if has_axis_names { name_lines } else { 0.2 };
-        let lines_above = name_lines + if has_agent_labels { 1.0 } else { 0.0 };
+        let has_axis_names = name_lines > 0.0;
         let labels = LabelSpace {
-            lines_above,
-            lines_below: if has_axis_names { 1.3 } else { 0.4 },
-            side_margin: if has_axis_names {
+            lines_above_all: name_lines + 0.1,
+            lines_below_all: if has_axis_names { 1.2 } else { 0.0 },
+            lines_above: if has_agent_labels { AGENT_LINES } else { 0.0 },
+            lines_below: 0.2,
+            side_margin: if agents.unwrap_or(1) <= MAX_AGENTS_IN_COLUMN {
                 SIDE_MARGIN
+            } else if has_axis_names {
+                NARROW_SIDE_MARGIN
             } else {
-                side_margin
+                8.0
             },
             scale_lines,
         };
         Self {
-            tiles: Tiles::new(image_count, size, viewport, labels),
+            tiles: Tiles::new(agents.unwrap_or(1), image, viewport, labels),
             has_agent_labels,
             has_axis_names,
             staggered: false,
-            name_lines,
         }
+    }
+
+    /// Position and stretching of an image at this upper left corner, in which positions are in
+    /// pixels.
+    pub(super) fn transform(&self, [x, y]: [f32; 2]) -> Transform3D {
+        let [horizontal, vertical] = self.tiles.zoom;
+        Transform3D::update_fields()
+            .with_translation([x, y, 0.0])
+            .with_scale([horizontal, vertical, 1.0])
+    }
+
+    /// Height of the labels of agents above images.
+    fn agent_height(&self) -> f32 {
+        if self.has_agent_labels {
+            AGENT_LINES * LINE_HEIGHT
+        } else {
+            0.0
+        }
+    }
+
+    /// Horizontal position of an axis in an image.
+    fn axis_x(&self, axes: &Axes, axis: usize) -> f32 {
+        axes.x(axis) * self.tiles.zoom[0]
+    }
+
+    /// Distance between neighboring axes.
+    fn axis_distance(&self, axes: &Axes) -> f32 {
+        self.axis_x(axes, 1) - self.axis_x(axes, 0)
     }
 
     /// The vertical axes, at `entity`, and their labels, at `entity/labels`.
@@ -131,18 +159,21 @@ impl PanelLayout {
         entity: &str,
         axes: &Axes,
     ) -> Result<[Chunk; 2], RecordingError> {
-        let axis_positions: Vec<f32> = (0..axes.all().len()).map(|axis| axes.x(axis)).collect();
         let vertical = |[left, top]: [f32; 2]| {
-            axis_positions
-                .iter()
-                .map(move |x| vec![[left + x, top], [left + x, top + AXIS_HEIGHT as f32]])
+            (0..axes.all().len()).map(move |axis| {
+                let x = left + self.axis_x(axes, axis);
+                vec![[x, top], [x, top + self.tiles.size[1]]]
+            })
         };
         let lines: Vec<Vec<[f32; 2]>> = self.tiles.corners().flat_map(vertical).collect();
-        let labels = self
-            .tiles
-            .corners()
-            .flat_map(|corner| self.axis_labels(axes, corner));
-        self.annotation_chunks(entity, &lines, labels.collect())
+        let tops = self.tiles.top_corners();
+        let bottoms = self.tiles.bottom_corners();
+        let mut labels = Vec::new();
+        if self.has_axis_names {
+            labels.extend(tops.flat_map(|corner| self.labels_above_axes(axes, corner)));
+            labels.extend(bottoms.flat_map(|corner| self.labels_below_axes(axes, corner)));
+        }
+        self.annotation_chunks(entity, &lines, labels)
     }
 
     /// The frames of panels, at `entity`, and their labels, at `entity/labels`.
@@ -151,9 +182,9 @@ impl PanelLayout {
         entity: &str,
         pairs: &Pairs,
     ) -> Result<[Chunk; 2], RecordingError> {
-        let side = CELLS_PER_SIDE as f32;
+        let [width, height] = self.tiles.zoom.map(|zoom| zoom * CELLS_PER_SIDE as f32);
         let frame = |[left, top]: [f32; 2], x: f32| {
-            let (left, right, bottom) = (left + x, left + x + side, top + side);
+            let (left, right, bottom) = (left + x, left + x + width, top + height);
             vec![
                 [left, top],
                 [right, top],
@@ -163,14 +194,20 @@ impl PanelLayout {
             ]
         };
         let row = |corner: [f32; 2]| {
-            (0..pairs.panels().len()).map(move |index| frame(corner, pairs.x(index) as f32))
+            (0..pairs.panels().len()).map(move |index| frame(corner, self.panel_x(pairs, index)))
         };
         let lines: Vec<Vec<[f32; 2]>> = self.tiles.corners().flat_map(row).collect();
-        let labels = self
-            .tiles
-            .corners()
-            .flat_map(|corner| self.panel_labels(pairs, corner));
-        self.annotation_chunks(entity, &lines, labels.collect())
+        let tops = self.tiles.top_corners();
+        let bottoms = self.tiles.bottom_corners();
+        let mut labels = Vec::new();
+        labels.extend(tops.flat_map(|corner| self.labels_above_panels(pairs, corner)));
+        labels.extend(bottoms.flat_map(|corner| self.labels_below_panels(pairs, corner)));
+        self.annotation_chunks(entity, &lines, labels)
+    }
+
+    /// Horizontal position of a panel in an image.
+    fn panel_x(&self, pairs: &Pairs, index: usize) -> f32 {
+        pairs.x(index) as f32 * self.tiles.zoom[0]
     }
 
     fn annotation_chunks(
@@ -196,76 +233,84 @@ impl PanelLayout {
         ])
     }
 
-    /// The name of an agent, at the upper left corner of its image.
+    /// The name of an agent, above the upper left corner of its image.
     fn agent_label(&self, [left, top]: [f32; 2], agent: u32) -> Label {
         let text = format!("agent {agent}");
-        let half = 0.5 * text.len() as f32 * CHAR_WIDTH / self.tiles.zoom;
-        (
-            text,
-            [
-                left + half,
-                top - (self.name_lines + 0.9) * self.tiles.line_height(),
-            ],
-            agent_color(agent),
-        )
+        let half = 0.5 * text.len() as f32 * CHAR_WIDTH;
+        let position = [left + half, top - self.agent_height()];
+        // Lighter, because some colors are hard to read on the gray background of labels.
+        let color = agent_color(agent).map(|channel| channel / 2 + 127);
+        (text, position, color)
     }
 
-    fn axis_labels(&self, axes: &Axes, [left, top]: [f32; 2]) -> Vec<Label> {
-        let (line_height, with_units) = (self.tiles.line_height(), self.units_fit(axes));
+    /// Names and upper ends of axes.
+    fn labels_above_axes(&self, axes: &Axes, [left, top]: [f32; 2]) -> Vec<Label> {
+        let (with_units, top) = (self.units_fit(axes), top - self.agent_height());
         let labels = |(index, axis): (usize, &Axis)| {
-            let x = left + axes.x(index);
-            let lines_above = if self.staggered && index % 2 == 1 {
-                3.1
-            } else {
-                2.1
-            };
-            let [low, high] = axis.quantity.range.map(format_number);
-            let bottom = top + AXIS_HEIGHT as f32 + 0.05 * line_height;
+            let x = left + self.axis_x(axes, index);
+            let is_higher = self.staggered && index % 2 == 1;
+            let lines_above = if is_higher { 3.1 } else { 2.1 };
+            let [_, high] = axis.quantity.range.map(format_number);
+            let name = axis_name(&axis.quantity, with_units);
             [
-                (
-                    axis_name(&axis.quantity, with_units),
-                    [x, top - lines_above * line_height],
-                    NAME_COLOR,
-                ),
-                (high, [x, top - 1.05 * line_height], RANGE_COLOR),
-                (low, [x, bottom], RANGE_COLOR),
+                (name, [x, top - lines_above * LINE_HEIGHT], NAME_COLOR),
+                (high, [x, top - 1.05 * LINE_HEIGHT], RANGE_COLOR),
             ]
         };
-        if self.has_axis_names {
-            axes.all().iter().enumerate().flat_map(labels).collect()
-        } else {
-            Vec::new()
-        }
+        axes.all().iter().enumerate().flat_map(labels).collect()
+    }
+
+    /// Lower ends of axes.
+    fn labels_below_axes(&self, axes: &Axes, [left, top]: [f32; 2]) -> Vec<Label> {
+        let bottom = top + self.tiles.size[1] + 0.05 * LINE_HEIGHT;
+        let label = |(index, axis): (usize, &Axis)| {
+            let low = format_number(axis.quantity.range[0]);
+            let x = left + self.axis_x(axes, index);
+            (low, [x, bottom], RANGE_COLOR)
+        };
+        axes.all().iter().enumerate().map(label).collect()
     }
 
     /// Whether there is space for the names of axes with their units.
     fn units_fit(&self, axes: &Axes) -> bool {
-        max_name_width(axes, true) <= 2.0 * (axes.x(1) - axes.x(0)) * self.tiles.zoom
+        max_name_width(axes, true) <= 2.0 * self.axis_distance(axes)
     }
 
-    fn panel_labels(&self, pairs: &Pairs, [left, top]: [f32; 2]) -> Vec<Label> {
-        let (line_height, side) = (self.tiles.line_height(), CELLS_PER_SIDE as f32);
-        let max_chars = (pairs.x(1) as f32 * self.tiles.zoom / CHAR_WIDTH) as usize;
-        let labels = |(index, [horizontal, vertical]): (usize, &[Axis; 2])| {
-            let middle = left + pairs.x(index) as f32 + 0.5 * side;
-            [
-                (
-                    panel_label(&vertical.quantity, "↑", max_chars),
-                    [middle, top - 1.05 * line_height],
-                    NAME_COLOR,
-                ),
-                (
-                    panel_label(&horizontal.quantity, "→", max_chars),
-                    [middle, top + side + 0.05 * line_height],
-                    NAME_COLOR,
-                ),
-            ]
+    /// Names of the vertical quantities of panels.
+    fn labels_above_panels(&self, pairs: &Pairs, [left, top]: [f32; 2]) -> Vec<Label> {
+        let top = top - self.agent_height() - 1.05 * LINE_HEIGHT;
+        let label = |(index, [_, vertical]): (usize, &[Axis; 2])| {
+            let text = panel_label(&vertical.quantity, "↑", self.max_chars(pairs));
+            (
+                text,
+                [left + self.panel_middle(pairs, index), top],
+                NAME_COLOR,
+            )
         };
-        if self.has_axis_names {
-            pairs.panels().iter().enumerate().flat_map(labels).collect()
-        } else {
-            Vec::new()
-        }
+        pairs.panels().iter().enumerate().map(label).collect()
+    }
+
+    /// Names of the horizontal quantities of panels.
+    fn labels_below_panels(&self, pairs: &Pairs, [left, top]: [f32; 2]) -> Vec<Label> {
+        let bottom = top + self.tiles.size[1] + 0.05 * LINE_HEIGHT;
+        let label = |(index, [horizontal, _]): (usize, &[Axis; 2])| {
+            let text = panel_label(&horizontal.quantity, "→", self.max_chars(pairs));
+            (
+                text,
+                [left + self.panel_middle(pairs, index), bottom],
+                NAME_COLOR,
+            )
+        };
+        pairs.panels().iter().enumerate().map(label).collect()
+    }
+
+    fn panel_middle(&self, pairs: &Pairs, index: usize) -> f32 {
+        self.panel_x(pairs, index) + 0.5 * CELLS_PER_SIDE as f32 * self.tiles.zoom[0]
+    }
+
+    /// Maximum number of characters of the label of a panel.
+    fn max_chars(&self, pairs: &Pairs) -> usize {
+        (self.panel_x(pairs, 1) / CHAR_WIDTH) as usize
     }
 }
 

@@ -12,13 +12,14 @@ use crate::record::RecordingSettings;
 use crate::record::RunInfo;
 use seedbed_env::{Choice, Quantity, TaskSpec};
 
-/// The recording's name, its properties and `/scenario`.
+/// The recording's name, its properties, `/how_to_read` and `/scenario`.
 pub(super) fn chunks(
     info: &RunInfo<'_>,
     settings: &RecordingSettings,
-) -> Result<[Chunk; 3], RecordingError> {
+) -> Result<[Chunk; 4], RecordingError> {
     let name = RecordingInfo::new().with_name(info.name);
     let properties = run_properties(info, settings);
+    let how_to_read = TextDocument::from_markdown(how_to_read(info));
     let text = TextDocument::from_markdown(page(info, &properties));
     Ok([
         static_chunk(EntityPath::properties(), &name)?,
@@ -26,6 +27,7 @@ pub(super) fn chunks(
             EntityPath::properties().join(&"run".into()),
             &property_values(properties),
         )?,
+        static_chunk("how_to_read", &how_to_read)?,
         static_chunk("scenario", &text)?,
     ])
 }
@@ -68,7 +70,6 @@ fn page(info: &RunInfo<'_>, properties: &[(String, String)]) -> String {
     let RunInfo {
         name,
         spec,
-        agents,
         scenario,
         ..
     } = info;
@@ -79,31 +80,41 @@ fn page(info: &RunInfo<'_>, properties: &[(String, String)]) -> String {
         .collect();
     let properties = rows.concat();
     let (observation_rows, action_rows) = (observation_rows(spec), action_rows(spec));
-    let team = match agents {
-        1 => "One agent learns the task.".to_owned(),
-        _ => format!(
-            "{agents} concurrent agents learn in {agents} copies of one task and share their experience."
+    format!(
+        "# {name}\n\n{description}\n\n\
+         ## Run\n\n| property | value |\n|---|---|\n{properties}\n\
+         ## Observations and actions\n\n| quantity | range | unit |\n|---|---|---|\n{observation_rows}{action_rows}\n\
+         ## Scenario\n\n```ron\n{scenario}\n```\n"
+    )
+}
+
+/// What the views show.
+fn how_to_read(info: &RunInfo<'_>) -> String {
+    let name = info.name;
+    let team = match info.agents {
+        1 => "One agent learns this task.".to_owned(),
+        agents => format!(
+            "{agents} concurrent agents learn in {agents} copies of this task and share their experience. Each of the first eight \
+             agents has the same color in all views, all others are gray, and thick gray curves are of the team."
         ),
     };
     format!(
         "# {name}\n\n\
-         {team} {description}\n\n\
-         ## How to read this recording\n\n\
-         - **Latest episodes, all states so far**: parallel coordinates, with one vertical axis per observation and one line across \
-         them per state. Lines are a sample of the states; colored by agent, they are dark at an episode's start and bright at its \
-         end. Densities count the lines of all states: the scale beside them gives the number of states per pixel at the time cursor.\n\
+         {team}\n\n\
+         - **Parallel coordinates**: each vertical axis is an observation, each line across them a state. Lines are a sample of the \
+         states; colored by agent, they are dark at an episode's start and bright at its end. Densities count the lines of all states: \
+         the scale beside them gives the number of states per pixel.\n\
          - **Difference**: orange where a larger share of the first agent's states passes than of the second agent's, blue where a \
          smaller share does. Colors follow the square root of the difference (√ scale), so that small differences are visible.\n\
+         - **Time**: drag the time cursor at the bottom to see an earlier episode. Choose `env_step` beside it to watch the bodies \
+         move: green arrows are forces of actions, red arrows are contact forces.\n\
          - **Pairs of observations**: one observation against another, with one point per state.\n\
          - **Mean bonus**: the mean intrinsic reward of the steps taken from each cell, for agents with a bonus.\n\
-         - **Returns**: the sum of rewards of each episode. Each agent has the same color in all views.\n\
+         - **Returns**: the sum of rewards of each episode.\n\
          - **Motion**: one episode in one view, from dark (its start) to bright (its end).\n\
-         - **Time** is counted in episodes. Choose `env_step` in the time panel to watch the bodies move: green arrows are \
-         forces of actions, red arrows are contact forces.\n\
-         - **Columns** of `/raw` have the observations and actions of every `raw_every`-th episode of each agent.\n\n\
-         ## Run\n\n| property | value |\n|---|---|\n{properties}\n\
-         ## Observations and actions\n\n| quantity | range | unit |\n|---|---|---|\n{observation_rows}{action_rows}\n\
-         ## Scenario\n\n```ron\n{scenario}\n```\n"
+         - **Scenario**: properties of the run, and the scenario with all settings.\n\
+         - **Columns** of `/raw` have the observations and actions of every `raw_every`-th episode of each agent. To select states by \
+         brushes on all axes, run `seedbed explore` on this file.\n"
     )
 }
 

@@ -5,6 +5,7 @@
 //! `/pairs/team/bonus`. The images of all agents share one scale; its ends are recorded with the
 //! images.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use rerun::components::{Colormap, ImageBuffer, ImageFormat, MagnificationFilter};
@@ -20,13 +21,13 @@ use super::samples::VisitationStyle;
 use crate::record::Difference;
 use crate::record::visitation::{
     AXIS_HEIGHT, AgentVisits, Axes, BonusMap, CELLS_PER_SIDE, MIN_BRIGHTNESS, Pairs,
-    brightness_of_pixels, first_round, most_different, share_difference,
+    brightness_of_pixels, most_different, share_difference,
 };
 use seedbed_figure::color::dark::{diverging_color, sequential_color};
 
 /// Number of images in one chunk, in teams of up to 128 agents. In larger teams it is smaller,
 /// because the images of all agents wait in memory at the same time.
-const IMAGES_PER_CHUNK: usize = 8;
+const IMAGES_PER_CHUNK: usize = 16;
 const MAX_WAITING_IMAGES: usize = 1024;
 
 /// Number of colors in an image, apart from the color of pixels without lines. Neighboring pixels
@@ -98,22 +99,20 @@ impl ImageWriter {
                 ImageKind::Colored,
                 IMAGES_PER_CHUNK,
             ),
-            difference_scale: LabelSeries::new("visitation/difference/scale/ends", 4),
+            difference_scale: LabelSeries::new("visitation/team/scale/difference/ends", 4),
             compared_agents: compared_agents.clone(),
         }
     }
 
-    /// Adds images of the states visited up to the end of a round, and in the latest `window`
-    /// rounds.
+    /// Adds images of all states visited so far, and of those in the latest `rounds`.
     pub(super) fn push(
         &mut self,
         visits: &[AgentVisits],
         VisitationStyle { axes, pairs, .. }: &VisitationStyle,
-        window: u32,
+        rounds: RangeInclusive<u32>,
         moment: Moment,
     ) {
-        let round = moment.round as u32;
-        let rounds = format!("rounds {} to {round}", first_round(round, window));
+        let rounds = format!("rounds {} to {}", rounds.start(), rounds.end());
         let latest_densities: Vec<Vec<u32>> =
             visits.iter().map(AgentVisits::latest_density).collect();
         let latest_densities: Vec<&[u32]> = latest_densities.iter().map(Vec::as_slice).collect();

@@ -4,11 +4,10 @@
 //! The images of all agents are in one view, in which the entity of each agent has its own
 //! position.
 
-use rerun::Transform3D;
 use rerun::log::Chunk;
 
 use super::annotations::{
-    Label, MAX_LABELED_IMAGES, PanelLayout, color_bar_labels, color_scale, format_number,
+    Label, MAX_AGENTS_IN_COLUMN, PanelLayout, color_bar_labels, color_scale, format_number,
     label_points,
 };
 use super::error::RecordingError;
@@ -27,11 +26,20 @@ const VIEW_SIZE: [f32; 2] = [960.0, 880.0];
 /// Height of a view's title, in points.
 const TITLE_HEIGHT: f32 = 28.0;
 
-/// Share of the height for the team's images, above the images of many agents.
+/// Share of the height for the team's images, above the images of agents.
 pub(super) const TEAM_SHARE: f32 = 0.3;
 
 /// Width of the color scale beside images, in points.
-const SCALE_WIDTH: f32 = 120.0;
+pub(super) const SCALE_WIDTH: f32 = 120.0;
+
+/// Entities of the team's images and lines of parallel coordinates, and of pairs of observations.
+const TEAM_IMAGES: [&str; 4] = [
+    "visitation/team/lines",
+    "visitation/team/density",
+    "visitation/team/latest",
+    "visitation/difference",
+];
+const TEAM_PAIRS: [&str; 2] = ["pairs/team/states", "pairs/team/bonus"];
 
 /// The layouts for images of all agents, and for one image of the team.
 #[derive(Clone, Copy, PartialEq)]
@@ -40,6 +48,9 @@ pub(super) struct Layouts {
     pub(super) team_axes: PanelLayout,
     pub(super) pairs: PanelLayout,
     pub(super) team_pairs: PanelLayout,
+    /// Whether views of lines and points have a color scale. Otherwise lines of a few agents are in a
+    /// narrower view.
+    pub(super) lines_have_scale: bool,
 }
 
 /// Arrangement of the images of a team on the screen.
@@ -47,7 +58,7 @@ pub(super) struct Layouts {
 pub(super) enum Arrangement {
     /// One agent: its sampled lines above its density.
     Alone,
-    /// A few agents: one below the other, with sampled lines beside densities.
+    /// A few agents: one below the other, with sampled lines beside densities, below the team.
     Few,
     /// Many agents: the images of the team above the images of the agents.
     Many,
@@ -57,37 +68,35 @@ impl Arrangement {
     pub(super) fn of(agents: u32) -> Self {
         match agents {
             0 | 1 => Self::Alone,
-            2..=MAX_LABELED_IMAGES => Self::Few,
+            2..=MAX_AGENTS_IN_COLUMN => Self::Few,
             _ => Self::Many,
         }
     }
 }
 
 impl Layouts {
-    pub(super) fn new(agents: u32, axes: &Axes, pairs: &Pairs) -> Self {
+    pub(super) fn new(agents: u32, axes: &Axes, pairs: &Pairs, color_by: ColorBy) -> Self {
+        let lines_have_scale = color_by != ColorBy::Agent;
         let [width, height] = VIEW_SIZE;
         let (half_width, team_height) = (
             width / 2.0,
             TEAM_SHARE * (height + TITLE_HEIGHT) - TITLE_HEIGHT,
         );
         let agents_height = height - team_height - TITLE_HEIGHT;
-        let [axes_size, team_axes_size, pairs_size, team_pairs_size] = match Arrangement::of(agents)
-        {
+        let density_width = width * (1.0 - lines_share(lines_have_scale));
+        let [axes_size, pairs_size, team_pairs_size] = match Arrangement::of(agents) {
             Arrangement::Alone => [
                 [width, (height - TITLE_HEIGHT) / 2.0],
-                [half_width, team_height],
                 [width, height],
                 [width, team_height],
             ],
             Arrangement::Few => [
-                [half_width, height],
-                [half_width, team_height],
+                [density_width, agents_height],
                 [half_width, height],
                 [half_width, height],
             ],
             Arrangement::Many => [
                 [width, agents_height],
-                [half_width, team_height],
                 [width, agents_height],
                 [width, team_height],
             ],
@@ -97,12 +106,19 @@ impl Layouts {
             scale_width: SCALE_WIDTH,
             overhang: 0.0,
         };
+        let team_axes_size = [half_width, team_height];
         Self {
             axes: PanelLayout::of_axes(axes, Some(agents), viewport(axes_size)),
             team_axes: PanelLayout::of_axes(axes, None, viewport(team_axes_size)),
             pairs: PanelLayout::for_observation_pairs(pairs, Some(agents), viewport(pairs_size)),
             team_pairs: PanelLayout::for_observation_pairs(pairs, None, viewport(team_pairs_size)),
+            lines_have_scale,
         }
+    }
+
+    /// Share of the width for the lines of a few agents, beside densities with a color scale.
+    pub(super) fn lines_share(&self) -> f32 {
+        lines_share(self.lines_have_scale)
     }
 
     /// Static axes, panels, positions of agents, and scales of images.
@@ -125,10 +141,18 @@ impl Layouts {
                 .frame_chunks("pairs/team/frames", &style.pairs)?,
         );
         for (root, layout) in [("visitation", self.axes), ("pairs", self.pairs)] {
-            for (agent, [x, y]) in layout.tiles.corners().enumerate() {
-                let position = Transform3D::update_fields().with_translation([x, y, 0.0]);
-                chunks.push(static_chunk(format!("{root}/agent_{agent}"), &position)?);
+            for (agent, corner) in layout.tiles.corners().enumerate() {
+                let entity = format!("{root}/agent_{agent}");
+                chunks.push(static_chunk(entity, &layout.transform(corner))?);
             }
+        }
+        for entity in TEAM_IMAGES {
+            let transform = self.team_axes.transform([0.0, 0.0]);
+            chunks.push(static_chunk(entity, &transform)?);
+        }
+        for entity in TEAM_PAIRS {
+            let transform = self.team_pairs.transform([0.0, 0.0]);
+            chunks.push(static_chunk(entity, &transform)?);
         }
         chunks.extend(self.image_scales(images)?);
         Ok(chunks)
@@ -191,7 +215,7 @@ impl Layouts {
         let labels = color_bar_labels(&bar, &[("", 2.1), ("", 1.05), ("", -0.05), ("", -1.1)]);
         let mut chunks = vec![images.difference_label_style(&labels)?];
         chunks.extend(color_scale(
-            "visitation/difference/scale",
+            "visitation/team/scale/difference",
             &bar,
             |share| diverging_color(2.0 * share - 1.0),
             color_bar_labels(&bar, &[("√ scale", 3.15)]),
@@ -217,6 +241,13 @@ impl Layouts {
             .flatten()
             .collect())
     }
+}
+
+/// Lines are in a view that is narrower by the width of a scale if they have none, so that images in
+/// both views have the same size.
+fn lines_share(have_scale: bool) -> f32 {
+    let missing = if have_scale { 0.0 } else { SCALE_WIDTH };
+    (VIEW_SIZE[0] - missing) / (2.0 * VIEW_SIZE[0])
 }
 
 /// The position of the label at the upper end of a scale. Its text is recorded with the images.

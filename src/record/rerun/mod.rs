@@ -198,7 +198,12 @@ impl RerunRecorder {
             paths,
             sink,
             constants: RunConstants::of(info, settings),
-            layouts: Layouts::new(info.agents, &style.axes, &style.pairs),
+            layouts: Layouts::new(
+                info.agents,
+                &style.axes,
+                &style.pairs,
+                style.coloring.color_by,
+            ),
             style,
             writers: Writers::new(info, settings)?,
             state,

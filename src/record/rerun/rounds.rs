@@ -8,15 +8,15 @@ use super::error::RecordingError;
 use super::rows::Moment;
 use super::samples::DrawnStateCounts;
 use super::writers::{Due, states_per_write};
-use crate::record::visitation::Coloring;
-use crate::record::{BodyTrajectory, EpisodeRow, RoundRecord};
+use crate::record::visitation::{Coloring, first_round};
+use crate::record::{BodyTrajectory, EpisodeRow, Focus, RoundRecord};
 use seedbed_env::random::{Purpose, stream};
 use seedbed_learn::experience::Episode;
 
 /// Minimum number of states per agent between two images, for each round of the initial interval.
 /// An image takes as many bytes as about a hundred states, and there are two of each agent. So images
 /// of short episodes, which would differ little from each other, do not make up most of the file.
-const STATES_PER_IMAGE_ROUND: u64 = 200;
+const STATES_PER_IMAGE_ROUND: u64 = 300;
 
 /// Number of states per agent after which rows of all entities are written while viewers show the
 /// recording, so that they see the newest rounds soon, in larger files.
@@ -25,7 +25,21 @@ const STATES_PER_WRITE_TO_VIEWERS: usize = 128;
 /// Number of images at the initial interval, before it doubles.
 const IMAGES_BEFORE_DOUBLING: u32 = 200;
 
-/// Whether a round gets images, if the initial interval is `every` rounds.
+/// Whether a round gets images in any case, if the initial interval is `every` rounds: 0, 1, 2, 3, 5, 7,
+/// 10, 15, 20, 30, 50 and so on, up to twice the interval. Early exploration changes most.
+fn is_early(round: u32, every: u32) -> bool {
+    let power = round
+        .checked_ilog10()
+        .map_or(1, |exponent| 10_u32.pow(exponent));
+    let is_listed = match round / power {
+        0..=3 | 5 | 7 => round.is_multiple_of(power),
+        _ => false,
+    };
+    u64::from(round) < 2 * u64::from(every)
+        && (is_listed || 2 * u64::from(round) == 3 * u64::from(power))
+}
+
+/// Whether a later round gets images, if the initial interval is `every` rounds.
 ///
 /// The interval is constant for the first 200 images and then doubles with each octave, that is,
 /// each time the run has doubled in length. So each octave adds the same number of images (100),
@@ -89,14 +103,17 @@ impl RerunRecorder {
         self.state.states_since_images += states;
     }
 
-    /// Whether a round gets images: the first round, and rounds of the interval between images if
-    /// the agents have visited enough states since the latest images.
+    /// Whether a round gets images: early rounds, and rounds of the interval between images if the
+    /// agents have visited enough states since the latest images.
     fn are_images_due(&self, round: u32) -> bool {
+        if self.constants.focus == Focus::Motion {
+            return false;
+        }
         let every = self.constants.density_every;
         let agents = self.writers.agents.len() as u64;
         let min_states = u64::from(every) * STATES_PER_IMAGE_ROUND * agents;
         let has_enough_states = self.state.states_since_images >= min_states;
-        has_images(round, every) && (round == 0 || has_enough_states)
+        is_early(round, every) || (has_images(round, every) && has_enough_states)
     }
 
     /// The rows that are written after the latest round. Depends on numbers of states only, not on
@@ -219,15 +236,23 @@ impl RerunRecorder {
         writers.write(style, due, &mut |chunk| sink.send_chunk(&chunk))
     }
 
-    /// Adds images of the states visited so far and in the latest rounds.
+    /// Adds images of the states visited so far and in the latest rounds. A recording of motion, which
+    /// is played from its beginning, has them once, at its beginning.
     pub(super) fn add_images(&mut self) {
         let end_of_latest_round = self.end_of_latest_round();
-        self.writers.images.push(
-            &self.state.visits,
-            &self.style,
-            self.constants.window,
-            end_of_latest_round,
-        );
+        let moment = match self.constants.focus {
+            Focus::Motion => Moment::default(),
+            Focus::Learning => end_of_latest_round,
+        };
+        let last_round = end_of_latest_round.round as u32;
+        let rounds = first_round(last_round, self.constants.window)..=last_round;
+        let Self {
+            writers,
+            state,
+            style,
+            ..
+        } = self;
+        writers.images.push(&state.visits, style, rounds, moment);
         self.state.has_latest_images = true;
         self.state.states_since_images = 0;
     }
@@ -265,6 +290,23 @@ mod tests {
         assert_eq!(shares(3, 0, 4), [0, 1, 1, 1]);
         assert_eq!(shares(3, 1, 4), [1, 1, 1, 0]);
         assert_eq!(shares(20, 7, 2), [10, 10]);
+    }
+
+    /// With an interval of 1 every round has images anyway; with an interval of 10 the rounds of the first
+    /// two intervals are chosen; an interval of 1000 has early rounds in each power of ten.
+    #[test]
+    fn early_rounds_have_images() {
+        let early =
+            |every| -> Vec<u32> { (0..3000).filter(|round| is_early(*round, every)).collect() };
+        assert_eq!(early(1), [0, 1]);
+        assert_eq!(early(10), [0, 1, 2, 3, 5, 7, 10, 15]);
+        assert_eq!(
+            early(1000),
+            [
+                0, 1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100, 150, 200, 300, 500, 700, 1000, 1500
+            ]
+        );
+        assert!(!is_early(u32::MAX, u32::MAX) && is_early(3_000_000_000, u32::MAX));
     }
 
     /// There are 200 images before round 2000, 100 images from there to round 4000, and 100 images

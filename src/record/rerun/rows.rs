@@ -24,7 +24,7 @@ pub(super) const EPISODE: &str = "episode";
 pub(super) const ROUND: &str = "round";
 
 /// A position on all three timelines.
-#[derive(Clone, Copy, Debug)]
+#[derive(Default, Clone, Copy, Debug)]
 pub(super) struct Moment {
     pub(super) env_step: i64,
     pub(super) episode: i64,

@@ -15,7 +15,7 @@ use seedbed_env::random::Stream;
 
 /// Number of states of an episode from which on it gets its whole share of the lines. Shorter
 /// episodes get proportionally fewer.
-const STATES_FOR_ALL_LINES: usize = 160;
+const STATES_FOR_ALL_LINES: usize = 200;
 
 /// How many states of each round are drawn as lines, so that at most a given number is visible at
 /// once.
@@ -46,7 +46,8 @@ impl LineQuota {
         let lines_before = |episode: usize| self.per_round as usize * episode / episodes;
         let lines = lines_before(index + 1) - lines_before(index);
         let states = (length + 1).min(STATES_FOR_ALL_LINES);
-        (lines * states).div_ceil(STATES_FOR_ALL_LINES)
+        let share = lines * states + STATES_FOR_ALL_LINES / 2;
+        (share / STATES_FOR_ALL_LINES).max(lines.min(1))
     }
 }
 
@@ -102,7 +103,7 @@ mod tests {
             .collect();
         assert_eq!(shares, [6, 7, 7]);
         let lines_of_length = |length| LineQuota::of(1000, 50).lines_of_episode(0, 1, length);
-        assert_eq!([0, 7, 20, 159, 500].map(lines_of_length), [1, 1, 3, 20, 20]);
+        assert_eq!([0, 7, 20, 159, 500].map(lines_of_length), [1, 1, 2, 16, 20]);
         assert_eq!(LineQuota::of(0, 50).lines_of_episode(0, 1, 20), 0);
     }
 

@@ -49,12 +49,16 @@ fn images_are_recorded_every_n_rounds_and_after_the_last_round() {
         ..RecordingSettings::default()
     };
     let contents = RecordingContents::read(&record(&run, folder.path(), &settings));
-    let (mut expected, mut states) = (vec![0], 0);
-    for round in &run.rounds[1..] {
+    // Rounds before twice the interval always have images.
+    let early = [0, 1, 2, 3];
+    let (mut expected, mut states) = (Vec::new(), 0);
+    for round in &run.rounds {
         let lengths = round.episodes.iter().map(Episode::length);
         states += lengths.map(|length| length + 1).sum::<usize>();
-        if round.round % 2 == 0 && states >= 2 * 400 {
-            (expected, states) = ([expected, vec![i64::from(round.round)]].concat(), 0);
+        let has_enough_states = round.round % 2 == 0 && states >= 2 * 600;
+        if early.contains(&round.round) || has_enough_states {
+            expected.push(i64::from(round.round));
+            states = 0;
         }
     }
     expected.push(59);
@@ -164,10 +168,10 @@ fn scale_labels_give_the_count_of_the_brightest_color() {
     );
 }
 
-/// Number of states of an episode that are shown: 20 of 160 states or more, and proportionally fewer
+/// Number of states of an episode that are shown: 20 of 200 states or more, and proportionally fewer
 /// of a shorter episode.
 fn shown_states(episode: &Episode) -> usize {
-    (20 * (episode.length() + 1).min(160)).div_ceil(160)
+    ((20 * (episode.length() + 1).min(200) + 100) / 200).max(1)
 }
 
 /// At most 20 states per episode are shown. Each state has one point in each of the two pairs of
@@ -333,7 +337,7 @@ fn the_difference_image_compares_the_chosen_agents() {
             folder.path(),
             &settings,
         ));
-        let texts = contents.texts("/visitation/difference/scale/ends", "Points2D:labels");
+        let texts = contents.texts("/visitation/team/scale/difference/ends", "Points2D:labels");
         (
             contents.image_bytes("/visitation/difference").len(),
             texts.first().cloned(),
@@ -343,11 +347,11 @@ fn the_difference_image_compares_the_chosen_agents() {
     let label_of = |agent: u32| Some(format!("agent {agent}"));
     assert_eq!(
         images_and_labels(4, Difference::Between(2.into(), 1.into())),
-        (2, label_of(2), label_of(1))
+        (3, label_of(2), label_of(1))
     );
     assert_eq!(
         images_and_labels(2, Difference::MostDifferent),
-        (2, label_of(0), label_of(1))
+        (3, label_of(0), label_of(1))
     );
     assert_eq!(images_and_labels(4, Difference::Off), (0, None, None));
     assert_eq!(

@@ -19,14 +19,13 @@ use rerun::external::re_sdk_types::blueprint::components::{
 use rerun::log::LogMsg;
 use rerun::{AsComponents, EntityPath, RecordingStreamBuilder, StoreKind, TimePoint, Timeline};
 
-use super::curves::recorded_metrics;
 use super::error::RecordingError;
 use super::layouts::Layouts;
 use super::rows::{EPISODE, rgb, single_row_chunk};
 use crate::record::Difference;
 use crate::record::Focus;
 use crate::record::framing::Bounds;
-use crate::record::metrics::{Metric, Range, Scope};
+use crate::record::metrics::{Metric, Range, round_metrics_in_display_order};
 use crate::record::visitation::LineQuota;
 
 /// Maximum number of agents in a legend. A larger legend would cover the curves.
@@ -124,34 +123,38 @@ impl ViewBuilder {
     }
 
     fn learning_column(&mut self, config: &BlueprintConfig) -> ContainerLike {
-        let name = "Returns: each agent; team mean over 25 rounds in white";
+        let name = if config.agents > 1 {
+            "Returns: each agent, and mean of the team over 25 rounds (thick)"
+        } else {
+            "Returns, and their mean over 25 rounds (thick)"
+        };
         let returns: ContainerLike = TimeSeriesView::new(name)
             .with_origin("/curves/return")
             .into();
-        let legend = PlotLegend::new()
-            .with_corner(Corner2D::RightBottom)
-            .with_visible(config.agents <= MAX_AGENTS_IN_LEGEND);
-        self.set_property(&returns, "PlotLegend", legend);
+        self.set_legend(&returns, config);
         self.show_all_times(&returns);
-        let updates: Vec<_> = recorded_metrics(Scope::Agent)
-            .chain(recorded_metrics(Scope::Team))
+        let metrics = round_metrics_in_display_order().into_iter();
+        let updates: Vec<_> = metrics
+            .filter(|metric| metric.recorded)
             .map(|metric| self.update_view(metric))
             .collect();
-        let mut other_tabs: Vec<ContainerLike> = vec![
-            TextDocumentView::new("Scenario")
-                .with_origin("/scenario")
-                .into(),
-        ];
-        if let Some(scenes) = self.scenes(config) {
-            other_tabs.insert(0, scenes);
-        }
+        let [how_to_read, scenario] = text_views();
+        let other_tabs = [Some(how_to_read), self.scenes(config), Some(scenario)];
         Vertical::new([
             returns,
             Tabs::new(updates).into(),
-            Tabs::new(other_tabs).into(),
+            Tabs::new(other_tabs.into_iter().flatten()).into(),
         ])
         .with_row_shares([3.0, 2.0, 3.0])
         .into()
+    }
+
+    /// Shows the names of curves if they are few.
+    fn set_legend(&mut self, view: &ContainerLike, config: &BlueprintConfig) {
+        let legend = PlotLegend::new()
+            .with_corner(Corner2D::RightBottom)
+            .with_visible(config.agents <= MAX_AGENTS_IN_LEGEND);
+        self.set_property(view, "PlotLegend", legend);
     }
 
     fn update_view(&mut self, metric: &Metric) -> ContainerLike {
@@ -230,6 +233,12 @@ fn blueprint_of_columns(
         .with_blueprint_panel(BlueprintPanel::from_state(PanelState::Collapsed))
         .with_selection_panel(SelectionPanel::from_state(PanelState::Collapsed))
         .with_time_panel(time_panel.with_state(PanelState::Collapsed))
+}
+
+/// The pages of text: how to read the recording, and its scenario.
+fn text_views() -> [ContainerLike; 2] {
+    [("How to read", "/how_to_read"), ("Scenario", "/scenario")]
+        .map(|(name, entity)| TextDocumentView::new(name).with_origin(entity).into())
 }
 
 /// The title of a view of a metric, such as `Clipped fraction`.

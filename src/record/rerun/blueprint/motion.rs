@@ -1,17 +1,16 @@
 //! The blueprint of a recording of motion: large scenes, played in real time.
 
 use rerun::blueprint::components::{LoopMode, PlayState};
-use rerun::blueprint::{
-    Blueprint, ContainerLike, Grid, Tabs, TextDocumentView, TimePanel, TimeSeriesView, Vertical,
-};
+use rerun::blueprint::{Blueprint, ContainerLike, Grid, Tabs, TimePanel, TimeSeriesView, Vertical};
 
-use super::{BlueprintConfig, ViewBuilder, blueprint_of_columns};
+use super::{BlueprintConfig, ViewBuilder, blueprint_of_columns, text_views};
 use crate::record::rerun::rows::ENV_STEP;
 
 impl ViewBuilder {
     /// Scenes on the left; visited states, returns and the scenario on the right.
     pub(super) fn motion_blueprint(&mut self, config: &BlueprintConfig) -> Blueprint {
-        let side_column = Vertical::new([self.visited_states(config), self.returns_and_scenario()]);
+        let side_column =
+            Vertical::new([self.visited_states(config), self.returns_and_texts(config)]);
         let columns: Vec<ContainerLike> = self
             .scenes(config)
             .into_iter()
@@ -55,14 +54,13 @@ impl ViewBuilder {
         Tabs::new([self.density_view(config, true, "density"), agents]).into()
     }
 
-    fn returns_and_scenario(&mut self) -> ContainerLike {
+    fn returns_and_texts(&mut self, config: &BlueprintConfig) -> ContainerLike {
         let returns: ContainerLike = TimeSeriesView::new("Return of each episode")
             .with_origin("/curves/return")
             .into();
+        self.set_legend(&returns, config);
         self.show_all_times(&returns);
-        let scenario = TextDocumentView::new("Scenario")
-            .with_origin("/scenario")
-            .into();
-        Tabs::new([returns, scenario]).into()
+        let [how_to_read, scenario] = text_views();
+        Tabs::new([returns, how_to_read, scenario]).into()
     }
 }

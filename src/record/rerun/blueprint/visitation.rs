@@ -6,10 +6,10 @@ use rerun::datatypes::{Range2D, TimeInt, TimeRange, TimeRangeBoundary, VisibleTi
 use rerun::external::re_sdk_types::blueprint::archetypes::{VisibleTimeRanges, VisualBounds2D};
 
 use super::super::annotations::PanelLayout;
-use super::super::layouts::{Arrangement, TEAM_SHARE};
+use super::super::layouts::{Arrangement, SCALE_WIDTH, TEAM_SHARE};
 use super::super::rows::{ENV_STEP, EPISODE, ROUND};
 use super::{BlueprintConfig, ViewBuilder};
-use crate::record::Difference;
+use crate::record::{Difference, Focus};
 
 /// A view of images with a common layout.
 struct ImageViewSpec<'a> {
@@ -32,11 +32,8 @@ impl ViewBuilder {
     pub(super) fn visitation_tabs(&mut self, config: &BlueprintConfig) -> ContainerLike {
         let mut tabs = vec![self.latest_tab(config), self.so_far_tab(config)];
         if Arrangement::of(config.agents) == Arrangement::Many {
-            tabs.push(
-                Vertical::new([self.lines_view(config, false)])
-                    .with_name("Lines")
-                    .into(),
-            );
+            let [team, agents] = [true, false].map(|of_team| self.lines_view(config, of_team));
+            tabs.push(team_above_agents(team, agents, "Lines".to_owned()));
         }
         tabs.push(self.pairs_tab(config));
         if config.has_bonus {
@@ -45,45 +42,40 @@ impl ViewBuilder {
         Tabs::new(tabs).into()
     }
 
+    /// Below the team: densities and, of a few agents, lines.
     fn latest_tab(&mut self, config: &BlueprintConfig) -> ContainerLike {
         let densities = self.density_view(config, false, "latest");
         let tab = format!("Latest {} episodes", config.line_quota.window);
-        match Arrangement::of(config.agents) {
-            Arrangement::Alone => Vertical::new([self.lines_view(config, false), densities])
-                .with_name(tab)
-                .into(),
-            Arrangement::Few => Horizontal::new([self.lines_view(config, false), densities])
-                .with_name(tab)
-                .into(),
-            Arrangement::Many => {
-                let team = [
-                    self.density_view(config, true, "latest"),
-                    self.lines_view(config, true),
-                ];
-                team_above_agents(Horizontal::new(team).into(), densities, tab)
-            }
+        let arrangement = Arrangement::of(config.agents);
+        if arrangement == Arrangement::Many {
+            return team_above_agents(self.team_row(config, "latest"), densities, tab);
         }
+        let lines = self.lines_view(config, false);
+        if arrangement == Arrangement::Alone {
+            return Vertical::new([lines, densities]).with_name(tab).into();
+        }
+        let share = config.layouts.lines_share();
+        let agents = Horizontal::new([lines, densities]).with_column_shares([share, 1.0 - share]);
+        team_above_agents(self.team_row(config, "latest"), agents.into(), tab)
     }
 
     fn so_far_tab(&mut self, config: &BlueprintConfig) -> ContainerLike {
-        let (densities, tab) = (
-            self.density_view(config, false, "density"),
-            "All states so far".to_owned(),
-        );
-        let arrangement = Arrangement::of(config.agents);
-        if arrangement == Arrangement::Alone {
+        let densities = self.density_view(config, false, "density");
+        let tab = "All states so far".to_owned();
+        if Arrangement::of(config.agents) == Arrangement::Alone {
             return Vertical::new([densities]).with_name(tab).into();
         }
-        let mut team = vec![self.density_view(config, true, "density")];
-        if let Some(title) = difference_title(&config.difference) {
-            team.push(self.difference_view(config, &title));
-        }
-        match arrangement {
-            Arrangement::Many => team_above_agents(Horizontal::new(team).into(), densities, tab),
-            _ => Horizontal::new([densities, Vertical::new(team).into()])
-                .with_name(tab)
-                .into(),
-        }
+        team_above_agents(self.team_row(config, "density"), densities, tab)
+    }
+
+    /// The team's density beside the difference between two agents or, without one, the team's lines.
+    fn team_row(&mut self, config: &BlueprintConfig, name: &str) -> ContainerLike {
+        let density = self.density_view(config, true, name);
+        let second = match difference_title(&config.difference) {
+            Some(title) => self.difference_view(config, &title),
+            None => self.lines_view(config, true),
+        };
+        Horizontal::new([density, second]).into()
     }
 
     fn pairs_tab(&mut self, config: &BlueprintConfig) -> ContainerLike {
@@ -148,12 +140,12 @@ impl ViewBuilder {
         } else {
             config.layouts.axes
         };
-        let span = if name == "latest" {
-            format!("in the latest {}", window_text(config))
-        } else {
-            "so far".to_owned()
+        let span = match (name, config.focus) {
+            ("latest", _) => format!(" in the latest {}", window_text(config)),
+            (_, Focus::Motion) => String::new(),
+            (_, Focus::Learning) => " so far".to_owned(),
         };
-        let title = format!("{}: all states {span}", subject(config, of_team));
+        let title = format!("{}: all states{span}", subject(config, of_team));
         self.image_view(
             config,
             &ImageViewSpec {
@@ -216,15 +208,12 @@ impl ViewBuilder {
 
     fn difference_view(&mut self, config: &BlueprintConfig, title: &str) -> ContainerLike {
         let contents = [
-            "/visitation/difference/**".to_owned(),
+            "/visitation/difference".to_owned(),
+            "/visitation/team/scale/difference/**".to_owned(),
             "/visitation/team/axes/**".to_owned(),
         ];
-        self.visitation_view(
-            config.layouts.team_axes,
-            title,
-            "visitation",
-            contents.to_vec(),
-        )
+        let layout = config.layouts.team_axes;
+        self.visitation_view(layout, true, title, "visitation", contents.to_vec())
     }
 
     fn image_view(&mut self, config: &BlueprintConfig, spec: &ImageViewSpec<'_>) -> ContainerLike {
@@ -252,7 +241,8 @@ impl ViewBuilder {
         let agents = (0..config.agents).map(|agent| format!("/{root}/agent_{agent}/{name}"));
         contents.extend(agents.filter(|_| !of_team));
         contents.extend(of_team.then(|| format!("/{root}/team/{name}")));
-        let view = self.visitation_view(*layout, title, root, contents);
+        let has_scale = *name != "lines" || config.layouts.lines_have_scale || config.agents == 1;
+        let view = self.visitation_view(*layout, has_scale, title, root, contents);
         if *accumulates {
             self.set_property(
                 &view,
@@ -266,13 +256,20 @@ impl ViewBuilder {
     fn visitation_view(
         &mut self,
         layout: PanelLayout,
+        has_scale: bool,
         title: &str,
         root: &str,
         contents: Vec<String>,
     ) -> ContainerLike {
         let view = Spatial2DView::new(title.to_owned()).with_origin(format!("/{root}"));
         let view: ContainerLike = view.with_contents(contents).into();
-        let [x_range, y_range] = layout.tiles.bounds().map(|ends| ends.map(f64::from));
+        let [[left, right], y_range] = layout.tiles.bounds().map(|ends| ends.map(f64::from));
+        let scale_width = if has_scale {
+            0.0
+        } else {
+            f64::from(SCALE_WIDTH)
+        };
+        let x_range = [left, right - scale_width];
         let bounds = Range2D {
             x_range: x_range.into(),
             y_range: y_range.into(),
@@ -295,10 +292,10 @@ fn difference_title(difference: &Difference) -> Option<String> {
     match difference {
         Difference::Off => None,
         Difference::MostDifferent => {
-            Some("Difference: the two most different agents (share of states)".to_owned())
+            Some("Difference: the two most different agents (all states so far)".to_owned())
         }
         Difference::Between(one, other) => Some(format!(
-            "Difference: agent {} − agent {} (share of states)",
+            "Difference: agent {} − agent {} (all states so far)",
             **one, **other
         )),
     }
@@ -322,11 +319,13 @@ fn window_text(config: &BlueprintConfig) -> String {
 
 fn sample_title(config: &BlueprintConfig, of_team: bool) -> String {
     let window = config.line_quota.window;
-    format!(
-        "{}: sample of states in the latest {window} episodes, colored by {}",
-        subject(config, of_team),
-        config.colored_by
-    )
+    let subject = subject(config, of_team);
+    let colors = if config.layouts.lines_have_scale {
+        format!(", colored by {}", config.colored_by)
+    } else {
+        String::new()
+    };
+    format!("{subject}: sample of the latest {window} episodes{colors}")
 }
 
 /// The latest episodes on each timeline. On the timeline of steps, the range has the length of one

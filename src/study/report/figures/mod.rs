@@ -10,12 +10,12 @@ use crate::plotting::axis;
 use crate::record::BonusRange;
 use crate::record::visitation::{Axes, Density, VisitedState};
 use crate::study::figure::{EpisodeWindow, Figure};
-use crate::study::measure::{Curve, moving_average, to_f64};
+use crate::study::measure::{Curve, to_f64, trailing_means};
 use crate::study::results::{CellResults, Results};
 use crate::study::run_result::VisitedStates;
 use crate::text::pluralize;
 use seedbed_env::{Quantity, TaskSpec};
-use seedbed_figure::color::{agent_color, categorical_color};
+use seedbed_figure::color::{AGENT_COLORS, TEAM_COLOR, agent_color, categorical_color};
 use seedbed_figure::{
     Curves, DensityImage, DifferenceImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row,
     Series, States, Threshold,
@@ -168,7 +168,7 @@ fn caption_of_curves(
         "{}{}, mean over runs{}. {}",
         capitalized(label),
         if window > 1 {
-            format!(", moving average over {window} values")
+            format!(", moving average over {window} values or, at the beginning, all values so far")
         } else {
             String::new()
         },
@@ -262,18 +262,17 @@ fn mean_curve(cell: &CellResults, of: Curve, window: usize, number: usize) -> Se
     let episodes = longest
         .map(|run| run.episodes_of_curve(of))
         .unwrap_or_default();
-    let window = window.clamp(1, episodes.len().max(1));
     let mut moving_averages: Vec<Vec<f64>> = cell
         .runs
         .iter()
-        .map(|(_, run)| moving_average(&run.curve(of), window))
+        .map(|(_, run)| trailing_means(&run.curve(of), window))
         .collect();
     let length = moving_averages.iter().map(Vec::len).max().unwrap_or(0);
     moving_averages.retain(|run| !run.is_empty());
     for run in &mut moving_averages {
         run.resize(length, run.last().copied().unwrap_or_default());
     }
-    let x = |position: usize| f64::from(episodes[position + window - 1]);
+    let x = |position: usize| f64::from(episodes[position]);
     let mean = |position: usize| {
         moving_averages.iter().map(|run| run[position]).sum::<f64>() / moving_averages.len() as f64
     };
@@ -326,16 +325,19 @@ fn agents(cells: &[&CellResults], window: usize) -> UnnumberedFigure {
     } else {
         names_without_common_parts(cells)
     };
-    let panels: Vec<Curves> = cells
+    let mut panels: Vec<Curves> = cells
         .iter()
         .zip(names)
         .map(|(cell, name)| panel_of_agents(cell, name, window))
         .collect();
+    if let Some(last) = panels.last_mut() {
+        last.has_legend = true;
+    }
     let columns = panels.len().min(3);
     let (title, seed) = ("Single agents".to_owned(), cells[0].runs[0].0);
     let caption = format!(
         "Returns of each agent and their mean (black) in the run with seed {seed}, moving average over \
-         {window} episodes."
+         {window} episodes or, at the beginning, all episodes so far."
     );
     UnnumberedFigure {
         kind: "agents",
@@ -352,20 +354,26 @@ const MAX_PANEL_TITLE: usize = 30;
 fn panel_of_agents(cell: &CellResults, title: String, window: usize) -> Curves {
     let run = &cell.runs[0].1;
     let curve = |values: &[f64]| -> Vec<[f64; 2]> {
-        let window = window.clamp(1, values.len().max(1));
-        moving_average(values, window)
-            .iter()
-            .enumerate()
-            .map(|(position, &mean)| [(position + window) as f64, mean])
+        let means = trailing_means(values, window);
+        (1..)
+            .map(f64::from)
+            .zip(means)
+            .map(<[f64; 2]>::from)
             .collect()
     };
     let agent_series = |(agent, returns): (u32, &Vec<f32>)| Series {
+        name: match agent {
+            0..AGENT_COLORS => format!("agent {agent}"),
+            AGENT_COLORS => "other agents".to_owned(),
+            _ => String::new(),
+        },
         color: agent_color(agent),
         points: curve(&to_f64(returns)),
         ..Series::default()
     };
     let mean = Series {
-        color: [35, 35, 40],
+        name: "mean of all agents".to_owned(),
+        color: TEAM_COLOR,
         points: curve(&run.team_returns()),
         ..Series::default()
     };
@@ -435,15 +443,11 @@ fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Unnum
             ""
         }
     );
-    let max_share = rows
-        .iter()
-        .flatten()
-        .map(CellDensity::max)
-        .fold(0.0, f64::max);
+    let scale = ShareScale::of(rows.iter().flatten());
     let mut picture_rows = Vec::new();
     for row in rows {
         let differences = (row.len() > 1).then(|| row_of_differences(&row));
-        picture_rows.push(row_of_densities(row, max_share));
+        picture_rows.push(row_of_densities(row, &scale));
         picture_rows.extend(differences);
     }
     let picture = Picture {
@@ -470,10 +474,6 @@ struct CellDensity {
 }
 
 impl CellDensity {
-    fn max(&self) -> f64 {
-        self.shares.iter().copied().fold(0.0, f64::max)
-    }
-
     fn panel(&self, title: String, states: States) -> Panel {
         Panel::ParallelCoordinates(ParallelCoordinates {
             title,
@@ -555,28 +555,58 @@ fn episodes_text(window: EpisodeWindow) -> String {
     }
 }
 
-/// Number of states to which shares are scaled, as counts of a density.
-const SCALED_STATES: f64 = 1e6;
+/// One logarithmic scale of shares for all panels: from the smallest share of any pixel, which is
+/// counted as 1, to the largest.
+struct ShareScale {
+    smallest: f64,
+    largest: f64,
+}
 
-fn row_of_densities(row: Vec<CellDensity>, max_share: f64) -> Row {
-    let count = |share: f64| (share * SCALED_STATES).ceil() as u32;
-    let max_count = count(max_share).max(1);
+impl ShareScale {
+    fn of<'a>(cells: impl Iterator<Item = &'a CellDensity>) -> Self {
+        let mut scale = Self {
+            smallest: 1.0,
+            largest: 0.0,
+        };
+        for &share in cells.flat_map(|cell| &cell.shares) {
+            scale.largest = share.max(scale.largest);
+            if share > 0.0 {
+                scale.smallest = share.min(scale.smallest);
+            }
+        }
+        scale
+    }
+
+    fn count(&self, share: f64) -> u32 {
+        (share / self.smallest).round() as u32
+    }
+
+    fn key(&self) -> Key {
+        Key::Shares {
+            label: "share of states per pixel".to_owned(),
+            max_count: self.count(self.largest).max(1),
+            total: (1.0 / self.smallest).round() as u64,
+        }
+    }
+}
+
+fn row_of_densities(row: Vec<CellDensity>, scale: &ShareScale) -> Row {
     let panel = |cell: CellDensity| {
         let states = States::Density(DensityImage {
-            pixels: cell.shares.iter().map(|&share| count(share)).collect(),
+            pixels: cell
+                .shares
+                .iter()
+                .map(|&share| scale.count(share))
+                .collect(),
             width: cell.width(),
-            max_count,
+            max_count: scale.count(scale.largest).max(1),
         });
         cell.panel(cell.title.clone(), states)
     };
     Row {
         height: 250.0,
         panels: row.into_iter().map(panel).collect(),
-        key: Some(Key::Shares {
-            label: "share of states per pixel".to_owned(),
-            max_count,
-            total: SCALED_STATES as u64,
-        }),
+        key: Some(scale.key()),
     }
 }
 
