@@ -9,6 +9,7 @@ mod axes;
 mod colors;
 mod encode;
 mod html;
+mod samples;
 mod scenes;
 mod states;
 
@@ -26,11 +27,15 @@ use crate::film::FilmError;
 use crate::run::review::LoadedRun;
 use seedbed_env::Status;
 
-/// Runs whose states are in one page.
+pub use self::samples::{SampledEpisode, StateSample};
+
+/// Runs, or other samples of states, that are in one page.
 #[derive(Debug)]
 pub struct Explorer {
     axes: Vec<AxisData>,
     runs: Vec<ExploredRun>,
+    /// Whether the page is in a frame of another page.
+    is_embedded: bool,
 }
 
 /// One run.
@@ -63,6 +68,7 @@ pub const DEFAULT_MAX_STATES: u64 = 200_000;
 #[derive(Serialize)]
 struct PageData<'a> {
     palette: Palette,
+    is_embedded: bool,
     axes: &'a [AxisData],
     runs: Vec<RunData<'a>>,
 }
@@ -76,6 +82,8 @@ struct RunData<'a> {
     states: u64,
     /// Number of states in the page.
     kept: usize,
+    /// Whether it is known how episodes ended.
+    has_outcomes: bool,
     /// One per axis; `None` for axes of episodes and of other runs.
     columns: Vec<Option<ColumnData>>,
     episodes: EpisodeTable,
@@ -155,6 +163,7 @@ impl Explorer {
         Ok(Self {
             axes,
             runs: explored,
+            is_embedded: false,
         })
     }
 
@@ -184,6 +193,7 @@ impl Explorer {
     pub fn page(&self) -> String {
         let data = PageData {
             palette: Palette::default(),
+            is_embedded: self.is_embedded,
             axes: &self.axes,
             runs: self.runs.iter().map(|run| self.run_data(run)).collect(),
         };
@@ -204,6 +214,10 @@ impl Explorer {
                 .columns
                 .first()
                 .map_or(0, |column| column.values.len()),
+            has_outcomes: states
+                .episodes
+                .iter()
+                .all(|episode| episode.outcome.is_some()),
             columns: self
                 .axes
                 .iter()
@@ -281,7 +295,7 @@ impl EpisodeTable {
             length: column(&|episode| episode.length),
             kept: column(&|episode| episode.kept),
             r#return: column(&|episode| (episode.r#return as f32).to_bits()),
-            terminated: column(&|episode| u32::from(episode.outcome == Status::Terminated)),
+            terminated: column(&|episode| u32::from(episode.outcome == Some(Status::Terminated))),
         }
     }
 }

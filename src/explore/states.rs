@@ -55,7 +55,8 @@ pub(super) struct EpisodeInfo {
     /// Number of steps.
     pub length: u32,
     pub r#return: f64,
-    pub outcome: Status,
+    /// How the episode ended, if it is known.
+    pub outcome: Option<Status>,
     /// Number of its states in the columns.
     pub kept: u32,
 }
@@ -119,7 +120,7 @@ pub(super) fn read(
             round: episode.round,
             length: episode.length() as u32,
             r#return: episode.total_reward(),
-            outcome: episode.outcome,
+            outcome: Some(episode.outcome),
             kept: kept.len() as u32,
         };
         read.insert(key, (info, rows(&episode, &columns, kept.into_iter())));

@@ -13,6 +13,7 @@ use super::published;
 use super::registration::Audit;
 use super::run_result::{RunResult, VisitedStates};
 use super::store::{Manifest, ManifestCell, StoreError, StudyFolder};
+use seedbed_env::Quantity;
 use seedbed_env::input::{self, InputError};
 use seedbed_stats::family::{FAMILY_LEVEL, levels_of_looks};
 
@@ -319,6 +320,17 @@ impl CellResults {
     pub(super) fn has_run(&self, run_seed: u64) -> bool {
         let finished = self.costs.iter().any(|(finished, _)| *finished == run_seed);
         finished || self.failures.iter().any(|(failed, _)| *failed == run_seed)
+    }
+
+    /// The observations of the cell's task.
+    #[must_use]
+    pub fn observations(&self) -> Vec<Quantity> {
+        let quantity = |(name, unit, range): &(String, String, [f32; 2])| Quantity {
+            name: name.clone(),
+            unit: unit.clone(),
+            range: *range,
+        };
+        self.description.observations.iter().map(quantity).collect()
     }
 
     /// Runs with the states that they visited in the given episodes; empty if states were not

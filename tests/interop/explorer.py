@@ -243,6 +243,40 @@ def check_two_runs(browser: webdriver.Chrome, seedbed: str, run: Path, folder: P
     assert page.errors() == []
 
 
+STUDY = """Study(
+    title: "Two teams",
+    scenario: "cartpole",
+    set: ["stop=Episodes(6)"],
+    grid: [(name: "K", set: ["agents.count={}"], values: ["2", "3"])],
+    repeats: 2,
+    measures: [Coverage],
+    figures: [Visitation(episodes: [First(3), All])],
+)"""
+
+
+def check_report(browser: webdriver.Chrome, seedbed: str, folder: Path) -> None:
+    """The report of a study has one panel per cell, in a frame, and one brush selects in both."""
+    (folder / "study.ron").write_text(STUDY)
+    subprocess.run([seedbed, "study", folder / "study.ron", "--out", folder / "study"], check=True, capture_output=True)
+    browser.get((folder / "study" / "report.html").as_uri())
+    frame = browser.find_element(By.CSS_SELECTOR, "iframe.states")
+    browser.execute_script("arguments[0].scrollIntoView()", frame)
+    browser.switch_to.frame(frame)
+    WebDriverWait(browser, 60).until(lambda _: browser.execute_script("return document.documentElement.dataset.ready"))
+    runs, agents, selected, all_states = browser.execute_script("""
+        const { panels, axes } = explorer;
+        const sums = () => panels.map((panel) => panel.selection.count);
+        const all = sums();
+        explorer.setBrush(axes.findIndex((axis) => axis.name === "theta"), [32767, MAX_LEVEL]);
+        explorer.draw();
+        return [panels.map((panel) => panel.run.name), panels.map((panel) => panel.run.agents), sums(), all];""")
+    assert (runs, agents) == (["K 2", "K 3"], [2, 3]), (runs, agents)
+    assert all(0 < some < every for some, every in zip(selected, all_states)), (selected, all_states)
+    assert not browser.find_element(By.ID, "copy-link").is_displayed(), "a frame has no address of its own"
+    browser.switch_to.default_content()
+    assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+
+
 def main() -> None:
     seedbed, run, update = sys.argv[1], Path(sys.argv[2]), "--update" in sys.argv
     with tempfile.TemporaryDirectory() as name:
@@ -262,6 +296,7 @@ def main() -> None:
             check_picture(page, update)
             assert page.errors() == [], page.errors()
             check_two_runs(browser, seedbed, run, folder)
+            check_report(browser, seedbed, folder)
         finally:
             browser.quit()
     print("the page of visited states was used in Chromium")

@@ -79,6 +79,9 @@ pub struct Axis {
     pub unit: String,
     /// Values at the lower and the upper end. Values outside this range are drawn at the ends.
     pub range: [f32; 2],
+    /// Shares of the drawn values that are below and above the range, 0 to 1; marked at the ends of
+    /// axes of parallel coordinates.
+    pub outside: [f64; 2],
 }
 
 /// Rows of panels on a white page. Lengths are CSS pixels, 1/96 inch.

@@ -5,7 +5,7 @@ use super::font::{Weight, fit_text, text_width};
 use super::frame::{LABEL_SIZE, TICK_SIZE, TITLE_HEIGHT, draw_title};
 use super::pair::axis_label;
 use super::pixels;
-use super::scale::{Scale, format_number};
+use super::scale::{Scale, format_number, format_significant};
 use super::svg::{Anchor, Rect, Stroke, SvgWriter, TextStyle};
 use crate::Axis;
 
@@ -52,11 +52,16 @@ pub struct DensityImage {
     pub max_count: u32,
 }
 
-/// Approximate number of ticks of an axis.
-const TICKS: usize = 4;
+/// Approximate height of an axis per tick, and largest number of ticks.
+const HEIGHT_PER_TICK: f64 = 28.0;
+const MAX_TICKS: f64 = 4.0;
 
 /// Minimum distance of a tick from an end of its axis.
 const MIN_TICK_DISTANCE: f64 = 8.0;
+
+/// Height and color of marks of values outside the range of an axis.
+const MARK_HEIGHT: f64 = 9.0;
+const MARK_COLOR: Color = [178, 40, 0];
 
 impl ParallelCoordinates {
     pub(super) fn draw(&self, panel: &Rect, svg: &mut SvgWriter) {
@@ -81,6 +86,7 @@ impl ParallelCoordinates {
             draw_axis(x, &area, svg);
             self.draw_range(axis, x, &area, svg);
             self.draw_ticks(axis, x, &area, svg);
+            self.draw_outside(axis, x, &area, svg);
             let y = area.y - if is_raised { 35.0 } else { 20.0 };
             draw_name(
                 axis,
@@ -99,16 +105,48 @@ impl ParallelCoordinates {
         let style = TextStyle::new(TICK_SIZE, Anchor::Start)
             .color(MUTED_COLOR)
             .with_rim();
-        for (value, text) in scale.ticks(TICKS) {
+        let ticks = (area.height / HEIGHT_PER_TICK).clamp(1.0, MAX_TICKS) as usize;
+        for (value, text) in scale.ticks(ticks) {
             let y = scale.position(value);
             // The values at the ends are drawn beyond them.
             let to_end = (y - area.y).min(area.bottom() - y);
-            if to_end < MIN_TICK_DISTANCE {
+            let is_low = y > area.y + area.height / 2.0;
+            let mark_height = if axis.outside[usize::from(!is_low)] > 0.0 {
+                MARK_HEIGHT
+            } else {
+                0.0
+            };
+            if to_end < MIN_TICK_DISTANCE + mark_height {
                 continue;
             }
             svg.line(&[[x - 2.5, y], [x + 2.5, y]], Stroke::new(AXIS_COLOR, 1.0));
             if text_width(&text, TICK_SIZE, Weight::Regular) + 10.0 <= gap {
                 svg.text([x + 4.0, y + 3.5], &text, style);
+            }
+        }
+    }
+
+    /// Marks the ends of an axis beyond which there are values, with their share.
+    fn draw_outside(&self, axis: &Axis, x: f64, area: &Rect, svg: &mut SvgWriter) {
+        let gap = area.width / (self.axes.len() - 1).max(1) as f64;
+        let style = TextStyle::new(MARK_HEIGHT, Anchor::Start)
+            .color(MARK_COLOR)
+            .with_rim();
+        let ends = [(area.bottom(), -1.0), (area.y, 1.0)];
+        for ((end, inward), share) in ends.into_iter().zip(axis.outside) {
+            if share <= 0.0 {
+                continue;
+            }
+            let (tip, base) = (end + inward, end + inward * (MARK_HEIGHT - 2.0));
+            svg.polygon(
+                &[[x + 7.0, tip], [x + 3.0, base], [x + 11.0, base]],
+                MARK_COLOR,
+                1.0,
+            );
+            let text = format!("{} %", format_significant(100.0 * share, 1));
+            if text_width(&text, MARK_HEIGHT, Weight::Regular) + 16.0 <= gap {
+                let middle = f64::midpoint(tip, base);
+                svg.text([x + 13.0, middle + 3.0], &text, style);
             }
         }
     }

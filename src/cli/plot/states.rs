@@ -1,7 +1,7 @@
 //! Panels of visited states: parallel coordinates and pairs of axes.
 
 use super::{ColorBy, PlotArgs, PlottedRun};
-use seedbed::plotting::axis;
+use seedbed::plotting::{axis, axis_with_outside};
 use seedbed::record::visitation::share_difference;
 use seedbed::run::review::selection::{GRID_CELLS, SelectedState, SelectedStates, is_sampled};
 use seedbed_env::{Quantity, Status};
@@ -137,7 +137,7 @@ pub(super) fn differences(
         )
     };
     let key = Key::Differences {
-        label: "difference of shares per pixel, √ scale".to_owned(),
+        label: "difference of shares, √ scale".to_owned(),
         max: f64::from(max),
     };
     (groups.iter().zip(images).map(panel).collect(), key)
@@ -334,15 +334,25 @@ impl<'a> StateGroup<'a> {
     }
 
     fn parallel_coordinates(&self, args: &PlotArgs, states: States, title: String) -> Panel {
-        let axes = self
-            .axis_indices(args)
-            .into_iter()
-            .map(|axis_index| axis(&self.quantity(axis_index)))
+        let axes = self.axis_indices(args).into_iter().enumerate();
+        let axes = axes
+            .map(|(position, index)| {
+                axis_with_outside(&self.quantity(index), self.outside(position))
+            })
             .collect();
         Panel::ParallelCoordinates(ParallelCoordinates {
             title,
             axes,
             states,
+        })
+    }
+
+    /// Shares of states below and above the range of a selected axis, over all agents of the group.
+    fn outside(&self, axis: usize) -> [f64; 2] {
+        let states = self.state_count().max(1) as f64;
+        [0, 1].map(|end| {
+            let counts = self.agents.iter().map(|agent| agent.outside[axis][end]);
+            counts.sum::<u64>() as f64 / states
         })
     }
 

@@ -10,15 +10,15 @@ const PLAY_STEPS = 100;
 
 class App {
   constructor(data, runs) {
-    Object.assign(this, { axes: data.axes, palette: data.palette, runs });
+    Object.assign(this, { axes: data.axes, palette: data.palette, isEmbedded: data.is_embedded, runs });
     this.agentCount = Math.max(...runs.map((run) => run.agents));
     const numbers = runs.map((run) => run.episodes.episode).filter((episodes) => episodes.length);
     const first = Math.min(...numbers.map((episodes) => episodes.reduce((one, other) => Math.min(one, other))), Infinity);
     const last = Math.max(...numbers.map((episodes) => episodes.reduce((one, other) => Math.max(one, other))), 0);
     const returns = this.axes.find((axis) => axis.kind === "return");
     this.view = { first: Number.isFinite(first) ? first : 0, last, returns: [returns.low, returns.high] };
-    fromHash(this, location.hash.slice(1));
-    this.isDark = matchMedia("(prefers-color-scheme: dark)").matches;
+    fromHash(this, this.isEmbedded ? "" : location.hash.slice(1));
+    this.isDark = !this.isEmbedded && matchMedia("(prefers-color-scheme: dark)").matches;
     this.panels = runs.map((run) => new Panel(run, this));
     byId("runs").replaceChildren(...this.panels.map((panel) => panel.element));
     this.makeControls();
@@ -66,6 +66,7 @@ class App {
   }
 
   updateAddress() {
+    if (this.isEmbedded) return;
     const hash = toHash(this);
     if (hash !== location.hash.slice(1)) history.replaceState(null, "", hash ? `#${hash}` : location.pathname + location.search);
   }
@@ -85,6 +86,7 @@ class App {
     this.makeChips();
     this.makeAxesMenu();
     this.makeSlider();
+    byId("copy-link").hidden = byId("copy-command").hidden = this.isEmbedded;
     byId("copy-link").onclick = () => {
       this.updateAddress();
       copy(location.href);
@@ -93,6 +95,7 @@ class App {
     byId("save-png").onclick = async () => download(await toPng(this), "states.png");
     byId("save-svg").onclick = () => download(new Blob([toSvg(this)], { type: "image/svg+xml" }), "states.svg");
     addEventListener("hashchange", () => {
+      if (this.isEmbedded) return;
       fromHash(this, location.hash.slice(1));
       this.redraw();
     });

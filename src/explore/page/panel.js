@@ -310,8 +310,8 @@ class Panel {
     const agents = selection.ofAgent.reduce((count, states) => count + (states ? 1 : 0), 0);
     const plural = (count, noun) => `${formatCount(count)} ${noun}${count === 1 ? "" : "s"}`;
     const every = run.kept < run.states ? ` (a sample of ${formatCount(run.states)})` : "";
-    const ends = `${formatCount(selection.terminated)} terminated`;
-    const mean = selection.episodes ? `, mean return ${formatNumber(selection.returns / selection.episodes, 4)}` : "";
+    const ends = run.has_outcomes ? `${formatCount(selection.terminated)} terminated, ` : "";
+    const mean = `mean return ${selection.episodes ? formatNumber(selection.returns / selection.episodes, 4) : "–"}`;
     return `${formatCount(selection.count)} of ${plural(run.kept, "state")}${every}, ${plural(selection.episodes, "episode")} (${ends}${mean}), ${plural(agents, "agent")}`;
   }
 

@@ -227,6 +227,15 @@ impl Axes {
         }
     }
 
+    /// Counts a state on each axis below or above whose range its value is. `counts: [axes]`
+    pub fn count_outside(&self, state: &VisitedState<'_>, counts: &mut [[u64; 2]]) {
+        for (axis, [below, above]) in self.left_to_right.iter().zip(counts) {
+            let (value, [low, high]) = (axis.value(state), axis.quantity.range);
+            *below += u64::from(value < low);
+            *above += u64::from(value > high);
+        }
+    }
+
     /// The polyline of a state with these positions on the axes: `[axes]` points in pixels.
     pub fn line(&self, axis_positions: &[f32]) -> impl Iterator<Item = [f32; 2]> {
         axis_positions
@@ -416,6 +425,20 @@ pub(super) mod tests {
             projected(&axes, &state_at(0, &[-7.0, f32::INFINITY, f32::NAN])),
             [0.0, 1.0, 0.0]
         );
+    }
+
+    #[test]
+    fn values_outside_an_axis_are_counted() {
+        let axes = Axes::of(
+            &spec(&[[-1.0, 1.0]; 3]),
+            &OBSERVATIONS_AND_BONUS,
+            BonusRange::None,
+        );
+        let mut counts = [[0; 2]; 3];
+        for observation in [[-7.0, f32::INFINITY, f32::NAN], [-1.0, 1.0, -1.5]] {
+            axes.count_outside(&state_at(0, &observation), &mut counts);
+        }
+        assert_eq!(counts, [[1, 0], [0, 1], [1, 0]]);
     }
 
     #[test]

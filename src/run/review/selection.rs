@@ -37,6 +37,8 @@ pub struct SelectedStates {
     pub agent: u32,
     /// Number of selected states.
     pub count: u64,
+    /// Number of selected states whose value is below and above the range of each selected axis.
+    pub outside: Vec<[u64; 2]>,
     /// Number of lines per pixel, over all selected states.
     pub density: Density,
     /// Number of states per cell of each pair's grid: `[pairs × GRID_CELLS × GRID_CELLS]`; rows are
@@ -100,6 +102,7 @@ impl StateSelection {
             let empty = || SelectedStates {
                 agent: episode.agent,
                 count: 0,
+                outside: vec![[0; 2]; self.axes.len()],
                 density: Density::new(&selected_axes),
                 grids: vec![0; self.pairs.len() * GRID_CELLS * GRID_CELLS],
                 sample: Vec::new(),
@@ -113,7 +116,7 @@ impl StateSelection {
             };
             on_episode(episode);
             let states_before = states_before.entry(episode.agent).or_default();
-            states.add_episode(episode, &axes, self, states_before);
+            states.add_episode(episode, [&axes, &selected_axes], self, states_before);
         })?;
         Ok(selected.into_values().collect())
     }
@@ -139,7 +142,7 @@ impl SelectedStates {
     fn add_episode(
         &mut self,
         episode: &RecordedEpisode,
-        axes: &Axes,
+        [axes, selected_axes]: [&Axes; 2],
         selection: &StateSelection,
         states_before: &mut u64,
     ) {
@@ -150,10 +153,9 @@ impl SelectedStates {
                 continue;
             }
             let intrinsic_reward = episode.bonus(step);
-            axes.project(
-                &VisitedState::without_action(step, observation, intrinsic_reward),
-                &mut axis_positions,
-            );
+            let state = VisitedState::without_action(step, observation, intrinsic_reward);
+            axes.project(&state, &mut axis_positions);
+            selected_axes.count_outside(&state, &mut self.outside);
             selected_axis_positions.clear();
             selected_axis_positions.extend(selection.axes.iter().map(|&axis| axis_positions[axis]));
             self.density.add(&selected_axis_positions);

@@ -6,6 +6,7 @@ mod figures;
 mod format;
 mod page;
 mod rows;
+mod states;
 mod tables;
 
 pub(super) use format::number;

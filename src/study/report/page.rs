@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::tables::Table;
-use super::{ReportFigure, format};
+use super::{ReportFigure, format, states};
 use crate::study::claims::ClaimResult;
 use crate::study::comparison::Comparison;
 use crate::study::cost::cells_without_policy_gradient;
@@ -51,6 +51,7 @@ pub(super) fn html(
                     @if !study.claims.is_empty() { (claims_section(results, claim_results)) }
                     @if !figures.is_empty() { h2 { "Figures" } }
                     @for (number, figure) in (1..).zip(figures) { (figure_section(number, figure)) }
+                    @if let Some(section) = states::section(results) { (section) }
                     h2 { "Tables" }
                     @for table in tables { (table_section(table)) }
                     (failures_section(results))

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use self::measures::{groups, intervals, profiles, unsolved};
 use super::ReportFigure;
-use crate::plotting::axis;
+use crate::plotting::axis_with_outside;
 use crate::record::BonusRange;
 use crate::record::visitation::{Axes, Density, VisitedState};
 use crate::study::figure::{EpisodeWindow, Figure};
@@ -14,7 +14,7 @@ use crate::study::measure::{Curve, to_f64, trailing_means};
 use crate::study::results::{CellResults, Results};
 use crate::study::run_result::VisitedStates;
 use crate::text::pluralize;
-use seedbed_env::{Quantity, TaskSpec};
+use seedbed_env::TaskSpec;
 use seedbed_figure::color::{AGENT_COLORS, TEAM_COLOR, agent_color, categorical_color};
 use seedbed_figure::{
     Curves, DensityImage, DifferenceImage, Figure as Picture, Key, Panel, ParallelCoordinates, Row,
@@ -468,16 +468,63 @@ fn visitation(cells: &[&CellResults], windows: &[EpisodeWindow]) -> Option<Unnum
 struct CellDensity {
     name: String,
     title: String,
-    axes: Vec<Quantity>,
+    axes: Axes,
+    /// Shares of states below and above the range of each axis: `[axes]`
+    outside: Vec<[f64; 2]>,
     /// Share of the states whose lines cross each pixel: `[height × width]`.
     shares: Vec<f64>,
 }
 
 impl CellDensity {
+    fn new(name: String, title: String, spec: &TaskSpec) -> Self {
+        let axes = axes(spec);
+        Self {
+            name,
+            title,
+            outside: vec![[0.0; 2]; axes.all().len()],
+            shares: Vec::new(),
+            axes,
+        }
+    }
+
+    /// Adds the sampled states of a run, which have a share of the `visited` states of all runs.
+    fn add_run(&mut self, states: &VisitedStates, visited: u64) {
+        let sampled = states.visits.len().max(1);
+        let weight = states.visited as f64 / sampled as f64 / visited as f64;
+        let mut density = Density::new(&self.axes);
+        let mut axis_positions = Vec::new();
+        let mut outside = vec![[0; 2]; self.outside.len()];
+        for state in states
+            .states
+            .chunks_exact((states.states.len() / sampled).max(1))
+        {
+            let state = VisitedState::without_action(0, state, 0.0);
+            self.axes.project(&state, &mut axis_positions);
+            self.axes.count_outside(&state, &mut outside);
+            density.add(&axis_positions);
+        }
+        for (shares, counts) in self.outside.iter_mut().zip(outside) {
+            for (share, count) in shares.iter_mut().zip(counts) {
+                *share += weight * count as f64;
+            }
+        }
+        let lines = density.draw_all();
+        self.shares.resize(lines.len(), 0.0);
+        for (share, lines) in self.shares.iter_mut().zip(lines) {
+            *share += weight * f64::from(*lines);
+        }
+    }
+
     fn panel(&self, title: String, states: States) -> Panel {
         Panel::ParallelCoordinates(ParallelCoordinates {
             title,
-            axes: self.axes.iter().map(axis).collect(),
+            axes: self
+                .axes
+                .all()
+                .iter()
+                .zip(&self.outside)
+                .map(|(axis, &outside)| axis_with_outside(&axis.quantity, outside))
+                .collect(),
             states,
         })
     }
@@ -497,54 +544,19 @@ fn densities(cells: &[&CellResults], window: EpisodeWindow) -> Vec<CellDensity> 
         if visited == 0 {
             continue;
         }
-        let spec = spec(cell);
-        let axes = axes(&spec);
-        let mut shares = Vec::new();
-        for (_, states) in &runs {
-            add_run(
-                &mut shares,
-                &axes,
-                spec.observation_width(),
-                states,
-                visited,
-            );
-        }
         let title = format!(
             "{name}: {}, {} states of {}",
             episodes_text(window),
             indicatif::HumanCount(visited),
             pluralize(runs.len(), "run")
         );
-        densities.push(CellDensity {
-            name,
-            title,
-            axes: axes
-                .all()
-                .iter()
-                .map(|axis| axis.quantity.clone())
-                .collect(),
-            shares,
-        });
+        let mut density = CellDensity::new(name, title, &spec(cell));
+        for (_, states) in &runs {
+            density.add_run(states, visited);
+        }
+        densities.push(density);
     }
     densities
-}
-
-/// Adds the sampled states of a run to the shares of `visited` states of all runs.
-fn add_run(shares: &mut Vec<f64>, axes: &Axes, width: usize, states: &VisitedStates, visited: u64) {
-    let mut density = Density::new(axes);
-    let mut axis_positions = Vec::new();
-    for state in states.states.chunks_exact(width) {
-        let state = VisitedState::without_action(0, state, 0.0);
-        axes.project(&state, &mut axis_positions);
-        density.add(&axis_positions);
-    }
-    let sampled = states.visits.len().max(1) as f64;
-    let weight = states.visited as f64 / sampled / visited as f64;
-    let lines = density.draw_all();
-    shares.resize(lines.len(), 0.0);
-    for (share, lines) in shares.iter_mut().zip(lines) {
-        *share += weight * f64::from(*lines);
-    }
 }
 
 fn episodes_text(window: EpisodeWindow) -> String {
@@ -655,15 +667,10 @@ fn axes(spec: &TaskSpec) -> Axes {
 
 /// Specification of a task, with the fields that its axes need.
 fn spec(cell: &CellResults) -> TaskSpec {
-    let quantity = |(name, unit, range): &(String, String, [f32; 2])| Quantity {
-        name: name.clone(),
-        unit: unit.clone(),
-        range: *range,
-    };
     TaskSpec {
         name: cell.description.task.clone(),
         description: String::new(),
-        observations: cell.description.observations.iter().map(quantity).collect(),
+        observations: cell.observations(),
         actions: Vec::new(),
         control_step: 1.0,
         time_limit: 1,
