@@ -2,6 +2,8 @@
 //!
 //! Entropies are in nats. A cell without visits contributes nothing, as p ln p → 0.
 
+use std::sync::LazyLock;
+
 use libm::log;
 
 /// Shannon entropy of visit counts c, H = −Σ p ln p with p = c / N and N = Σ c, computed as
@@ -14,9 +16,8 @@ pub fn entropy(counts: &[u32]) -> f64 {
     let mut total = 0.0;
     let mut weighted = 0.0;
     for count in counts.iter().filter(|&&count| count > 1) {
-        let count = f64::from(*count);
-        total += count;
-        weighted += count * log(count);
+        total += f64::from(*count);
+        weighted += weighted_log(*count);
     }
     // Cells visited once contribute to the total only, since 1 ln 1 = 0.
     total += counts
@@ -28,6 +29,23 @@ pub fn entropy(counts: &[u32]) -> f64 {
     } else {
         0.0
     }
+}
+
+/// c ln c, from a table for small counts, because the counts of all cells are summed in every round.
+fn weighted_log(count: u32) -> f64 {
+    static TABLE: LazyLock<Vec<f64>> = LazyLock::new(|| (0..TABLE_SIZE).map(count_log).collect());
+    match TABLE.get(count as usize) {
+        Some(value) => *value,
+        None => count_log(count),
+    }
+}
+
+/// Number of counts in the table.
+const TABLE_SIZE: u32 = 4096;
+
+fn count_log(count: u32) -> f64 {
+    let count = f64::from(count);
+    count * log(count)
 }
 
 /// Adds an agent's distribution to the mixture of the team: mixtureᵢ += share · countᵢ / Σ count.

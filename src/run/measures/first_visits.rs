@@ -32,26 +32,20 @@ impl FirstVisits {
         &self.coverage
     }
 
-    /// Adds the states that agents visited in a round, agent by agent. Returns the share of cells
-    /// that each agent was the first to visit in this round: `[K]`
+    /// Adds the states that agents visited in a round. Returns the share of cells that each agent was
+    /// the first to visit in this round: `[K]`
     pub fn add_round(&mut self, visits: &[(u32, StateBins)]) -> Vec<f64> {
-        let visitors = self.visitors_of_new_cells(visits);
         let mut new_coverage = vec![0.0; self.coverage.len()];
-        if visitors.iter().all(|&count| count == 0) {
-            return new_coverage;
-        }
         let cells = self.visited.len() as f64;
-        let mut last_visitor = vec![0; self.visited.len()];
-        for (agent, states) in visits {
-            states.for_each_cell(|cell| {
-                if visitors[cell] > 0 && last_visitor[cell] != agent + 1 {
-                    last_visitor[cell] = agent + 1;
-                    new_coverage[*agent as usize] += 1.0 / (cells * f64::from(visitors[cell]));
-                }
-            });
-        }
-        for (visited, count) in self.visited.iter_mut().zip(visitors) {
-            *visited |= count > 0;
+        for visitors in self
+            .visitors_of_new_cells(visits)
+            .chunk_by(|one, next| one.0 == next.0)
+        {
+            let (cell, _) = visitors[0];
+            self.visited[cell] = true;
+            for (_, agent) in visitors {
+                new_coverage[*agent as usize] += 1.0 / (cells * visitors.len() as f64);
+            }
         }
         for (sum, new) in self.coverage.iter_mut().zip(&new_coverage) {
             *sum += new;
@@ -59,21 +53,18 @@ impl FirstVisits {
         new_coverage
     }
 
-    /// Number of agents that visited each new cell in a round; 0 for cells that were visited before:
-    /// `[cells]`
-    fn visitors_of_new_cells(&self, visits: &[(u32, StateBins)]) -> Vec<u32> {
-        let mut visitors = vec![0; self.visited.len()];
-        // The number after that of the last agent that visited a cell. An agent's visits follow each
-        // other, so that each agent counts once.
-        let mut last_visitor = vec![0; self.visited.len()];
+    /// New cells with each agent that visited them in a round, cell by cell.
+    fn visitors_of_new_cells(&self, visits: &[(u32, StateBins)]) -> Vec<(usize, u32)> {
+        let mut visitors = Vec::new();
         for (agent, states) in visits {
             states.for_each_cell(|cell| {
-                if !self.visited[cell] && last_visitor[cell] != agent + 1 {
-                    last_visitor[cell] = agent + 1;
-                    visitors[cell] += 1;
+                if !self.visited[cell] {
+                    visitors.push((cell, *agent));
                 }
             });
         }
+        visitors.sort_unstable();
+        visitors.dedup();
         visitors
     }
 }
