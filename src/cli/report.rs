@@ -6,7 +6,6 @@ use std::path::Path;
 use super::{CliError, ReportArgs};
 use seedbed::study::claims::{self, ClaimResult};
 use seedbed::study::cost::cells_without_policy_gradient;
-use seedbed::study::file::Study;
 use seedbed::study::gate::gates;
 use seedbed::study::published;
 use seedbed::study::report;
@@ -90,7 +89,7 @@ fn print_results(results: &Results, claim_results: &[ClaimResult]) {
             "warning: the policy loss of cell `{cell}` was 0 in all rounds: its policies never moved"
         );
     }
-    print_claims(&results.study, claim_results);
+    print_claims(results, claim_results);
     if let Some(exploration) = &results.study.exploration {
         for gate in gates(results) {
             say!("gate       {}", gate.sentence(*exploration.measure));
@@ -136,7 +135,11 @@ fn print_registration(results: &Results) {
     }
 }
 
-fn print_claims(study: &Study, claim_results: &[ClaimResult]) {
+fn print_claims(results: &Results, claim_results: &[ClaimResult]) {
+    let study = &results.study;
+    if results.manifest.quick && !claim_results.is_empty() {
+        say!("quick run  fewer or shorter runs than the study: these verdicts are not results");
+    }
     let verdict_width = claim_results
         .iter()
         .map(|claim_result| claim_result.verdict_text().len())

@@ -249,10 +249,10 @@ impl Reservoir {
         }
     }
 
-    /// Adds the states of an episode.
+    /// Adds the states of an episode, with the one in which it ended.
     pub(super) fn add_episode(&mut self, episode: &Episode) {
         let width = episode.observations.len() / (episode.length() + 1);
-        for state in episode.states().chunks_exact(width) {
+        for state in episode.observations.chunks_exact(width) {
             self.add(episode.agent, episode.episode, state);
         }
     }

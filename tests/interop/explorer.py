@@ -117,6 +117,29 @@ def check_random_brushes(page: Page, states: dict[str, np.ndarray], rng: random.
     assert with_states >= 5, "most random brushes select states"
 
 
+def check_written_ranges(page: Page, states: dict[str, np.ndarray]) -> None:
+    """Ranges that people write include both of their ends, also after the page has written them in its address."""
+    agents, last = sorted(set(states["agent"].tolist())), int(states["episode"].max())
+    lowest = float(states["return"].min())
+    for name, low, high in [("step", 0, 10), ("step", 7, 7), ("episode", 0, 49), ("episode", 3, last), ("return", 100, 150), ("return", lowest, 300)]:
+        page.show(f"brush={name}:{low}:{high}")
+        expected = expected_counts(states, [(name, low, high)], agents, (0, last))
+        assert page.counts() == expected and expected[0] > 0, (name, low, high, page.counts(), expected)
+        page.show(page.run("return toHash(explorer)"))
+        assert page.counts() == expected, (name, low, high)
+
+
+def check_difference(page: Page) -> None:
+    """The difference is that from all agents, of which some may be hidden."""
+    page.show("agents=1&color=difference&compared=1")
+    drawn = page.run("return [explorer.panels[0].drawn.count, explorer.panels[0].selection.count]")
+    assert drawn[0] > drawn[1] > 0, drawn
+    page.show("agents=2")
+    page.run("const color = document.getElementById('color'); color.value = 'difference'; color.onchange({ target: color }); explorer.draw();")
+    assert page.run("return explorer.view.compared") == 2, "a shown agent is compared"
+    page.show("")
+
+
 def check_pointer(page: Page) -> None:
     """A drag along an axis selects, a drag of the range moves it, a click removes it."""
     page.show("")
@@ -289,6 +312,8 @@ def main() -> None:
         try:
             page = Page(browser, path)
             check_random_brushes(page, states, random.Random(0))
+            check_written_ranges(page, states)
+            check_difference(page)
             check_pointer(page)
             check_keyboard(page)
             check_files(page)

@@ -23,16 +23,20 @@ def read_csv(path: Path) -> dict[str, np.ndarray]:
     with path.open() as file:
         rows = list(csv.DictReader(file))
     number = lambda cell: float(cell) if cell else np.nan
-    return {name: np.array([number(row[name]) for row in rows]) for name in rows[0] if name != "outcome"}
+    values = {name: str if name == "outcome" else number for name in rows[0]}
+    return {name: np.array([value(row[name]) for row in rows]) for name, value in values.items()}
 
 
 def check_states(folder: Path, episodes: dict[str, np.ndarray]) -> None:
-    """All formats have the same states, and the rewards of each episode add up to its return."""
+    """All formats have the same states, which have the outcomes of their episodes, and the rewards of each episode add up to its return."""
     arrays = np.load(folder / "states.npz")
     parquet = pyarrow.parquet.read_table(folder / "states.parquet")
     from_csv = read_csv(folder / "states.csv")
     assert list(arrays) == parquet.column_names == list(from_csv), list(arrays)
-    for name in arrays:
+    outcomes = dict(zip(zip(episodes["agent"], episodes["episode"]), episodes["outcome"]))
+    expected = [outcomes[key] for key in zip(arrays["agent"], arrays["episode"])]
+    assert arrays["outcome"].tolist() == parquet["outcome"].to_pylist() == from_csv["outcome"].tolist() == expected
+    for name in set(arrays) - {"outcome"}:
         column = parquet[name].to_numpy().astype(arrays[name].dtype)
         assert np.array_equal(arrays[name], column, equal_nan=arrays[name].dtype.kind == "f"), name
         assert np.array_equal(arrays[name], from_csv[name].astype(arrays[name].dtype), equal_nan=arrays[name].dtype.kind == "f"), name

@@ -6,6 +6,7 @@ use seedbed::record::EpisodeRow;
 use seedbed::record::RecordedEpisode;
 use seedbed::record::recording::Recording;
 use seedbed::run::review::LoadedRun;
+use seedbed::run::review::selection::EpisodeSelection;
 
 use super::util::{REPOSITORY, command, run_refused, run_successful, small_run, stderr};
 
@@ -52,7 +53,7 @@ fn inspect_prints_the_same_statistics_with_and_without_tables() {
     let run_folder = LoadedRun::open(&run).unwrap();
     let mut recording_only = LoadedRun::open(&recording_path).unwrap();
     recording_only
-        .compute_stats(&(0..u32::MAX), |_| ())
+        .compute_stats(&EpisodeSelection::all(), |_| ())
         .unwrap();
     assert_eq!(
         without_round_statistics(&recording_only.episodes),
@@ -76,6 +77,80 @@ fn without_round_statistics(rows: &[EpisodeRow]) -> Vec<EpisodeRow> {
             ..row.clone()
         })
         .collect()
+}
+
+/// Two agents have six episodes each: the numbers of a selection are those of its episodes alone.
+#[test]
+fn inspect_selects_agents_and_episodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = finish_small_run(folder.path(), &[]);
+    let run = run.to_str().unwrap();
+    let summary = |options: &[&str]| -> serde_json::Value {
+        let arguments = [&["inspect", run, "--json"], options].concat();
+        serde_json::from_str(&run_successful(&arguments)).unwrap()
+    };
+    let (all, late) = (summary(&[]), summary(&["--episodes", "4.."]));
+    let returns = |summary: &serde_json::Value| summary["team_returns"].as_array().unwrap().clone();
+    assert_eq!(returns(&late), returns(&all)[4..]);
+    assert_eq!(late["agents"][1]["episodes"], 2);
+    let rest = summary(&["--episodes", "..4"]);
+    let steps = |summary: &serde_json::Value| summary["env_steps"].as_u64().unwrap();
+    assert_eq!(steps(&late) + steps(&rest), steps(&all));
+    let coverage = |summary: &serde_json::Value| {
+        let agents = summary["agents"].as_array().unwrap().iter();
+        agents
+            .map(|agent| agent["first_coverage"].as_f64().unwrap())
+            .sum::<f64>()
+    };
+    assert!(coverage(&late) < coverage(&all));
+
+    let one = summary(&["--agents", "1"]);
+    assert_eq!(
+        (&one["agent_count"], &one["effective_agents"]),
+        (&1.into(), &1.0.into())
+    );
+    assert_eq!(one["agents"][0]["coverage"], all["agents"][1]["coverage"]);
+    let number = |name: &str| one["agents"][0][name].as_f64().unwrap();
+    assert!((number("first_coverage") - number("coverage")).abs() < 1e-12);
+    let page = run_successful(&["inspect", run, "--agents", "1", "--episodes", "2..4"]);
+    assert!(
+        page.contains("\nonly episodes 2 to 3 of agents 1\n"),
+        "{page}"
+    );
+    let refused = run_refused(&["inspect", run, "--agents", "7"]);
+    assert!(
+        refused.ends_with("has no such episodes of agent 7\n"),
+        "{refused}"
+    );
+    let refused = run_refused(&["inspect", run, "--episodes", "9.."]);
+    assert!(refused.ends_with("has no such episodes\n"), "{refused}");
+}
+
+/// A single chosen agent is compared with the whole team. A figure without states is refused.
+#[test]
+fn plot_compares_chosen_agents_with_all_agents() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = finish_small_run(folder.path(), &[]);
+    let run = run.to_str().unwrap();
+    let figure = format!("{run}/difference.svg");
+    let options = [
+        "plot",
+        run,
+        "--what",
+        "difference",
+        "--agents",
+        "1",
+        "--out",
+        &figure,
+    ];
+    run_successful(&options);
+    let svg = std::fs::read_to_string(&figure).unwrap();
+    assert!(svg.contains("agent 1 − 2 agents together"), "{svg}");
+    let error = run_refused(&["plot", run, "--where", "theta=5.."]);
+    assert!(
+        error.ends_with("has no states that meet --where\n"),
+        "{error}"
+    );
 }
 
 #[test]

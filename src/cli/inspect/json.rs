@@ -16,7 +16,7 @@ struct RunJson<'a> {
     finished: bool,
     agent_count: usize,
     episodes_per_agent: usize,
-    env_steps: Option<u64>,
+    env_steps: u64,
     /// The numbers of `summary.json`.
     summary: Option<&'a Summary>,
     /// Mean over agents of the return of their n-th episode.
@@ -62,25 +62,27 @@ struct ObservationJson {
 /// The summary as a JSON object.
 pub(super) fn text(inspected: &Inspected) -> String {
     let run = &inspected.run;
-    let team_returns = run.team_returns();
+    let team_returns = inspected.team_returns();
     let diversity = inspected.diversity();
     let object = RunJson {
         name: run.name(),
         path: run.path.display().to_string(),
         finished: run.summary.is_some(),
-        agent_count: run.agent_count(),
+        agent_count: inspected.agents.len(),
         episodes_per_agent: team_returns.len(),
-        env_steps: run.episodes.last().map(|row| row.env_steps),
+        env_steps: inspected.env_steps(),
         summary: run.summary.as_ref(),
         final_return: final_mean(&team_returns),
         team_returns,
         overlap: diversity.map(|(overlap, _)| overlap),
         effective_agents: diversity.map(|(_, agents)| agents),
         recent_effective_agents: inspected.recent_effective_agents(),
-        agents: (0..run.agent_count() as u32)
-            .map(|agent| agent_json(inspected, agent))
+        agents: inspected
+            .agents
+            .iter()
+            .map(|&agent| agent_json(inspected, agent))
             .collect(),
-        overlaps: overlaps(inspected),
+        overlaps: inspected.overlaps(),
         observations: observations(inspected),
     };
     serde_json::to_string_pretty(&object).expect("numbers and texts can be serialized")
@@ -106,13 +108,6 @@ fn agent_json(inspected: &Inspected, agent: u32) -> AgentJson {
         visitation_evenness: inspected.evenness(agent),
         intrinsic_reward: inspected.intrinsic_reward(agent),
     }
-}
-
-fn overlaps(inspected: &Inspected) -> Option<Vec<Vec<f64>>> {
-    let stats = inspected.stats.as_ref()?;
-    let agents = stats.visitation.len().max(1);
-    let overlaps = stats.overlaps();
-    Some(overlaps.chunks(agents).map(<[f64]>::to_vec).collect())
 }
 
 fn observations(inspected: &Inspected) -> Vec<ObservationJson> {

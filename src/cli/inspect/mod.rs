@@ -3,6 +3,7 @@
 mod json;
 mod text;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -14,6 +15,7 @@ use super::progress::ReadCounter;
 use seedbed::record::{EpisodeRow, RoundRow};
 use seedbed::run::measures::visitation::Visitation;
 use seedbed::run::review::recording_stats::RecordingStats;
+use seedbed::run::review::selection::EpisodeSelection;
 use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed_env::Status;
 
@@ -24,10 +26,15 @@ use seedbed_env::Status;
   seedbed inspect recordings/sample/run.rrd     a recording without its run directory
   seedbed inspect recordings/cartpole/seed-0 --episodes ..20
                                                 how the agents differed in their first twenty episodes
+  seedbed inspect recordings/cartpole/seed-0 --agents 0,3
+                                                how two agents differed
   seedbed inspect recordings/cartpole/seed-0 --json | jq .effective_agents")]
 pub(super) struct InspectArgs {
     /// Run directory, or a recording
     run: PathBuf,
+    /// Only these agents, e.g. 0,3 [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "N,N…")]
+    agents: Vec<u32>,
     /// Only these episodes of each agent, B excluded, e.g. 0..50, 150.. or ..50 [default: all]
     #[arg(long, value_name = "A..B", value_parser = parse_episodes)]
     episodes: Option<Range<u32>>,
@@ -39,27 +46,31 @@ pub(super) struct InspectArgs {
 /// A run, and statistics of its recording.
 struct Inspected {
     run: LoadedRun,
-    /// Episodes of each agent, if not all.
-    episodes: Option<Range<u32>>,
+    selection: EpisodeSelection,
+    /// Numbers of the selected agents.
+    agents: Vec<u32>,
     /// Statistics of the recording, if there is one.
     stats: Option<RecordingStats>,
 }
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     let mut run = LoadedRun::open(&args.run)?;
+    let selection = EpisodeSelection {
+        agents: args.agents.clone(),
+        episodes: args.episodes.clone().unwrap_or(0..u32::MAX),
+    };
     let counter = ReadCounter::new("episodes read");
     let stats = run
-        .compute_stats(&args.episodes.clone().unwrap_or(0..u32::MAX), |_| {
-            counter.count();
-        })
+        .compute_stats(&selection, |_| counter.count())
         .map_err(LoadRunError::from)?;
     drop(counter);
-    if let Some(episodes) = &args.episodes {
-        keep_episodes(&mut run, episodes, stats.is_some())?;
+    if !selection.is_all() {
+        keep_selected_rows(&mut run, &selection, stats.is_some())?;
     }
     let inspected = Inspected {
+        agents: selected_agents(&run, &selection),
         run,
-        episodes: args.episodes.clone(),
+        selection,
         stats,
     };
     if args.json {
@@ -70,22 +81,44 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Drops the rows of all other episodes, and those of rounds after them.
-fn keep_episodes(
+/// Numbers of the selected agents, in ascending order.
+fn selected_agents(run: &LoadedRun, selection: &EpisodeSelection) -> Vec<u32> {
+    if selection.agents.is_empty() {
+        return (0..run.agent_count() as u32).collect();
+    }
+    let agents: BTreeSet<u32> = selection.agents.iter().copied().collect();
+    agents.into_iter().collect()
+}
+
+/// Drops the rows of all other episodes, and those of other agents' updates and of later rounds.
+fn keep_selected_rows(
     run: &mut LoadedRun,
-    episodes: &Range<u32>,
+    selection: &EpisodeSelection,
     has_recording: bool,
 ) -> Result<(), CliError> {
     if !has_recording {
-        let message = "--episodes: the run has no recording, from which visits are counted";
+        let message =
+            "--agents, --episodes: the run has no recording, from which visits are counted";
         return Err(CliError::Usage(message.to_owned()));
     }
-    run.episodes.retain(|row| episodes.contains(&row.episode));
+    run.episodes
+        .retain(|row| selection.includes(row.agent, row.episode));
+    let found = |agent: &u32| run.episodes.iter().any(|row| row.agent == *agent);
+    if let Some(agent) = selection.agents.iter().find(|agent| !found(agent)) {
+        let message = format!(
+            "{} has no such episodes of agent {agent}",
+            run.path.display()
+        );
+        return Err(CliError::Usage(format!("--agents: {message}")));
+    }
     let Some(last_round) = run.episodes.iter().map(|row| row.round).max() else {
         let message = format!("{} has no such episodes", run.path.display());
         return Err(CliError::Usage(format!("--episodes: {message}")));
     };
-    run.rounds.retain(|row| row.round <= last_round);
+    let agents = &selection.agents;
+    run.rounds.retain(|row| {
+        row.round <= last_round && (agents.is_empty() || agents.contains(&row.agent))
+    });
     Ok(())
 }
 
@@ -100,6 +133,42 @@ struct Endings {
 }
 
 impl Inspected {
+    /// Mean over the selected agents of the return of each selected episode that all of them have
+    /// finished.
+    fn team_returns(&self) -> Vec<f64> {
+        let mut sums: BTreeMap<u32, (f64, usize)> = BTreeMap::new();
+        for row in &self.run.episodes {
+            let (sum, count) = sums.entry(row.episode).or_default();
+            *sum += row.r#return;
+            *count += 1;
+        }
+        let of_all = sums
+            .into_values()
+            .filter(|(_, count)| *count == self.agents.len());
+        of_all.map(|(sum, count)| sum / count as f64).collect()
+    }
+
+    /// Number of steps of the selected episodes.
+    fn env_steps(&self) -> u64 {
+        let lengths = self.run.episodes.iter().map(|row| u64::from(row.length));
+        lengths.sum()
+    }
+
+    /// Overlap of each pair of the selected agents' visited states: `[agents][agents]`. `None` without
+    /// a recording.
+    fn overlaps(&self) -> Option<Vec<Vec<f64>>> {
+        let stats = self.stats.as_ref()?;
+        let (overlaps, count) = (stats.overlaps(), stats.visitation.len());
+        let overlap = |one: u32, other: u32| overlaps.get(one as usize * count + other as usize);
+        let row = |&one: &u32| -> Option<Vec<f64>> {
+            self.agents
+                .iter()
+                .map(|&other| overlap(one, other).copied())
+                .collect()
+        };
+        self.agents.iter().map(row).collect()
+    }
+
     /// How the episodes ended. There is at least one.
     fn endings(&self) -> Endings {
         let rows = &self.run.episodes;

@@ -1,7 +1,6 @@
 //! Summary of a run on the terminal.
 
 use std::fmt::Write;
-use std::ops::Range;
 use std::path::Path;
 
 use console::{Style, Term};
@@ -52,8 +51,9 @@ struct TerminalSummary<'a> {
 impl TerminalSummary<'_> {
     fn heading(&self) -> String {
         let run = &self.inspected.run;
-        let episodes_per_agent = run.team_returns().len();
-        let env_steps = run.episodes.last().map_or(0, |row| row.env_steps);
+        let episodes_per_agent = self.inspected.team_returns().len();
+        let env_steps = self.inspected.env_steps();
+        let agent_count = self.inspected.agents.len();
         let task = run
             .recording
             .as_ref()
@@ -62,22 +62,29 @@ impl TerminalSummary<'_> {
         let mut text = format!(
             "{}: {}{task}, {}{}, {} env steps\n",
             bold(&run.name()),
-            pluralize(run.agent_count(), "agent"),
+            pluralize(agent_count, "agent"),
             pluralize(episodes_per_agent, "episode"),
-            if run.agent_count() == 1 { "" } else { " each" },
+            if agent_count == 1 { "" } else { " each" },
             with_thousands_separators(env_steps)
         );
-        if let Some(Range { start, .. }) = &self.inspected.episodes {
-            let end = run
-                .episodes
-                .iter()
-                .map(|row| row.episode)
-                .max()
-                .unwrap_or(0);
-            let _ = writeln!(text, "only episodes {start} to {end} of each agent");
+        if !self.inspected.selection.is_all() {
+            text += &self.selection_line();
         }
         text += &self.outcome_line();
         text
+    }
+
+    /// The selected agents and episodes.
+    fn selection_line(&self) -> String {
+        let episodes = || self.inspected.run.episodes.iter().map(|row| row.episode);
+        let (first, last) = (episodes().min().unwrap_or(0), episodes().max().unwrap_or(0));
+        let agents = if self.inspected.selection.agents.is_empty() {
+            "each agent".to_owned()
+        } else {
+            let numbers = self.inspected.agents.iter().map(ToString::to_string);
+            format!("agents {}", numbers.collect::<Vec<_>>().join(", "))
+        };
+        format!("only episodes {first} to {last} of {agents}\n")
     }
 
     fn outcome_line(&self) -> String {
@@ -110,7 +117,7 @@ impl TerminalSummary<'_> {
     }
 
     fn returns(&self) -> String {
-        let returns = self.inspected.run.team_returns();
+        let returns = self.inspected.team_returns();
         let Some(final_return) = final_mean(&returns) else {
             return "no episode finished by all agents\n".to_owned();
         };
@@ -149,7 +156,7 @@ impl TerminalSummary<'_> {
     }
 
     fn agent_table(&self) -> String {
-        let agents = self.inspected.run.agent_count();
+        let agents = &self.inspected.agents;
         let has_bonus = self.inspected.has_bonus();
         let mut text = format!(
             "{}\n  {:>5} {:>8} {:>9} {:>9} {:>9} {:>7} {:>8}{}  returns\n",
@@ -170,11 +177,11 @@ impl TerminalSummary<'_> {
                 String::new()
             }
         );
-        for agent in 0..agents.min(MAX_AGENT_ROWS) as u32 {
+        for &agent in agents.iter().take(MAX_AGENT_ROWS) {
             text += &self.agent_row(agent, has_bonus);
         }
-        if agents > MAX_AGENT_ROWS {
-            let _ = writeln!(text, "  and {} more", agents - MAX_AGENT_ROWS);
+        if agents.len() > MAX_AGENT_ROWS {
+            let _ = writeln!(text, "  and {} more", agents.len() - MAX_AGENT_ROWS);
         }
         text + &self.diversity_line()
     }
@@ -209,7 +216,7 @@ impl TerminalSummary<'_> {
 
     /// Line with the diversity of the team's visited states; empty for a single agent.
     fn diversity_line(&self) -> String {
-        let agents = self.inspected.run.agent_count();
+        let agents = self.inspected.agents.len();
         match self.inspected.diversity() {
             Some((overlap, effective_agents)) if agents > 1 => {
                 let recent = self.inspected.recent_effective_agents();
@@ -228,28 +235,28 @@ impl TerminalSummary<'_> {
     }
 
     fn overlap_table(&self) -> String {
-        let Some(stats) =
-            self.inspected.stats.as_ref().filter(|stats| {
-                (2..=MAX_AGENTS_IN_OVERLAP_TABLE).contains(&stats.visitation.len())
-            })
+        let agents = &self.inspected.agents;
+        let Some(overlaps) = self
+            .inspected
+            .overlaps()
+            .filter(|overlaps| (2..=MAX_AGENTS_IN_OVERLAP_TABLE).contains(&overlaps.len()))
         else {
             return String::new();
         };
-        let (agents, overlaps) = (stats.visitation.len(), stats.overlaps());
         let mut text = bold(
             "overlap of visited states per pair of agents, in % (100: identical, 0: disjoint)",
         ) + "\n        ";
-        text.extend((0..agents).map(|agent| format!("{agent:>4}")));
-        for (one, row) in overlaps.chunks(agents).enumerate() {
+        text.extend(agents.iter().map(|agent| format!("{agent:>4}")));
+        for (one, row) in agents.iter().zip(overlaps) {
             let _ = write!(text, "\n  {one:>5} ");
-            let cell = |(other, overlap): (usize, &f64)| {
+            let cell = |(other, overlap): (&u32, f64)| {
                 if one == other {
                     "   ·".to_owned()
                 } else {
                     format!("{:>4.0}", 100.0 * overlap)
                 }
             };
-            text.extend(row.iter().enumerate().map(cell));
+            text.extend(agents.iter().zip(row).map(cell));
         }
         text + "\n"
     }

@@ -20,7 +20,7 @@ use seedbed::record::visitation::Axes;
 use seedbed::run::files;
 use seedbed::run::folder::run_folder;
 use seedbed::run::review::condition::Condition;
-use seedbed::run::review::selection::{SelectedStates, StateSelection};
+use seedbed::run::review::selection::{EpisodeSelection, SelectedStates, StateSelection};
 use seedbed::run::review::{LoadRunError, LoadedRun};
 use seedbed_figure::{Figure, Panel};
 
@@ -140,6 +140,8 @@ struct PlottedRun {
     axes: Option<Axes>,
     /// Selected states of each agent; empty if no part shows states.
     states: Vec<SelectedStates>,
+    /// Selected states of all agents, if only some agents are drawn and are compared with all.
+    team: Vec<SelectedStates>,
 }
 
 pub(super) fn plot(args: &PlotArgs) -> Result<(), CliError> {
@@ -217,7 +219,7 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
     if loaded_run.folder.is_none() {
         // Without tables, the returns are taken from the recording.
         loaded_run
-            .compute_stats(&(0..u32::MAX), |_| counter.count())
+            .compute_stats(&EpisodeSelection::all(), |_| counter.count())
             .map_err(LoadRunError::from)?;
     }
     let agent_count = loaded_run.agent_count() as u32;
@@ -238,11 +240,25 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
         }
         _ => Vec::new(),
     };
+    let team = match (&loaded_run.recording, &axes) {
+        (Some(recording), Some(axes)) if args.compares_agents_with_team() => {
+            let selection = StateSelection {
+                agents: Vec::new(),
+                sample_size: 0,
+                ..args.state_selection(recording, axes)?
+            };
+            selection
+                .select(recording, |_| counter.count())
+                .map_err(LoadRunError::from)?
+        }
+        _ => Vec::new(),
+    };
     Ok(PlottedRun {
         label: loaded_run.name(),
         loaded_run,
         axes,
         states,
+        team,
     })
 }
 
@@ -260,6 +276,11 @@ impl PlotArgs {
             &self.what
         };
         parts.contains(&part) || parts.contains(&PlotPart::All)
+    }
+
+    /// Whether chosen agents are compared with all agents of their run.
+    fn compares_agents_with_team(&self) -> bool {
+        self.shows(PlotPart::Difference) && self.runs.len() == 1 && !self.agents.is_empty()
     }
 
     fn shows_states(&self) -> bool {

@@ -75,6 +75,22 @@ impl PlotPage<'_> {
                     path_text(run)
                 )));
             }
+            let count: u64 = run.states.iter().map(|states| states.count).sum();
+            if self.args.shows_states() && count == 0 {
+                return Err(CliError::Usage(format!(
+                    "{} has no states that meet --where",
+                    path_text(run)
+                )));
+            }
+            if self.args.what.contains(&PlotPart::Difference)
+                && self.runs.len() == 1
+                && run.loaded_run.agent_count() < 2
+            {
+                return Err(CliError::Usage(format!(
+                    "--what difference: {} has one agent, which has no team to be compared with",
+                    path_text(run)
+                )));
+            }
             let has_bonus = run
                 .loaded_run
                 .recording
@@ -91,11 +107,15 @@ impl PlotPage<'_> {
     }
 
     fn title(&self) -> String {
-        let episodes = self.episode_range();
-        let episodes = if episodes.is_empty() || !self.args.shows_states() {
+        let selection: Vec<String> = [self.episode_range()]
+            .into_iter()
+            .chain(self.args.conditions.iter().cloned())
+            .filter(|part| !part.is_empty())
+            .collect();
+        let episodes = if selection.is_empty() || !self.args.shows_states() {
             String::new()
         } else {
-            format!(": {episodes}")
+            format!(": {}", selection.join(", "))
         };
         match self.runs {
             [run] if self.omits_agents(run) => {
@@ -165,12 +185,23 @@ impl PlotPage<'_> {
             [_] => self.visitation_groups(),
             _ => team_groups[1..].to_vec(),
         };
-        if self.runs.len() == 1 && self.runs[0].states.len() < 2 {
+        let reference = self.reference(&team_groups);
+        if self.runs.len() == 1 && reference.agent_count() < 2 {
             return Vec::new();
         }
         let columns = self.columns(groups.len());
-        let (panels, key) = states::differences(self.args, &groups, &team_groups[0]);
+        let (panels, key) = states::differences(self.args, &groups, &reference);
         layout_rows(panels, columns, 230.0, Some(&key))
+    }
+
+    /// What is subtracted: all agents of the run, also of those that have no panel, or the first run.
+    fn reference<'a>(&'a self, team_groups: &[StateGroup<'a>]) -> StateGroup<'a> {
+        let run = &self.runs[0];
+        if run.team.is_empty() {
+            return team_groups[0].clone();
+        }
+        let title = format!("{} agents together", run.team.len());
+        StateGroup::new(run, title, run.team.iter().collect())
     }
 
     /// Number of panels of visited states per row.

@@ -323,6 +323,10 @@ impl<'a> StateGroup<'a> {
         )
     }
 
+    pub(super) fn agent_count(&self) -> usize {
+        self.agents.len()
+    }
+
     fn title_with(&self, count_text: &str) -> String {
         format!("{}: {count_text}", self.title)
     }

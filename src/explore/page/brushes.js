@@ -7,21 +7,28 @@ function valueAt(axis, level) {
   return axis.low + (level / MAX_LEVEL) * (axis.high - axis.low);
 }
 
-/** Lower and upper end of a brush as values; ±Infinity at an end of the axis, beyond which values count too. */
+/** Lower and upper end of a brush as values, half way between two levels, or as whole numbers on axes of such;
+    ±Infinity at an end of the axis, beyond which values count too. */
 function brushValues(axis, [low, high]) {
+  const isWhole = axis.kind === "step" || axis.kind === "episode";
+  const [first, last] = [valueAt(axis, low - 0.5), valueAt(axis, high + 0.5)];
   return [
-    low <= 0 ? -Infinity : valueAt(axis, low - 0.5),
-    high >= MAX_LEVEL ? Infinity : valueAt(axis, high + 0.5),
+    low <= 0 ? -Infinity : isWhole ? Math.ceil(first) : first,
+    high >= MAX_LEVEL ? Infinity : isWhole ? Math.floor(last) : last,
   ];
 }
 
-/** The brush of a range of values. */
+/** Error of computed levels. */
+const ROUNDING = 1e-6;
+
+/** The brush of a range of values: the levels of both ends and all between. An end half way between two levels is that
+    of the inner level. */
 function brushOf(axis, low, high) {
   const position = (value) => ((value - axis.low) / (axis.high - axis.low)) * MAX_LEVEL;
   const clamp = (level) => Math.min(Math.max(level, 0), MAX_LEVEL);
   const brush = [
-    low === -Infinity ? 0 : clamp(Math.round(position(low) + 0.5)),
-    high === Infinity ? MAX_LEVEL : clamp(Math.round(position(high) - 0.5)),
+    low === -Infinity ? 0 : clamp(Math.floor(position(low) + 0.5 + ROUNDING)),
+    high === Infinity ? MAX_LEVEL : clamp(Math.ceil(position(high) - 0.5 - ROUNDING)),
   ];
   return brush[0] <= brush[1] ? brush : null;
 }

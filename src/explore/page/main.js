@@ -76,7 +76,12 @@ class App {
   makeControls() {
     byId("color").replaceChildren(...COLORS.map((name) => new Option(COLOR_TITLES[name], name)));
     byId("compared").replaceChildren(...Array.from({ length: this.agentCount }, (_, agent) => new Option(`agent ${agent}`, agent)));
-    byId("color").onchange = (event) => this.change({ color: event.target.value });
+    byId("color").onchange = (event) => {
+      const { agents, compared } = this.view;
+      /* A hidden agent is not compared, unless it is chosen. */
+      const shown = agents && agents.size && !agents.has(compared) ? Math.min(...agents) : compared;
+      this.change({ color: event.target.value, compared: shown });
+    };
     byId("compared").onchange = (event) => this.change({ compared: Number(event.target.value) });
     byId("clear").onclick = () => this.reset();
     byId("theme").onclick = () => {
@@ -193,9 +198,10 @@ class App {
     const colored = new Set(this.runs.flatMap((run) => highlightedAgents(run, this.view)));
     for (const [agent, chip] of this.chips.entries()) {
       const states = this.panels.reduce((sum, panel) => sum + (panel.selection.ofAgent[agent] ?? 0), 0);
-      chip.textContent = `${agent} · ${formatCount(states)}`;
-      chip.setAttribute("aria-pressed", !this.view.agents || this.view.agents.has(agent));
-      chip.setAttribute("aria-label", `agent ${agent}: ${formatCount(states)} states`);
+      const isShown = !this.view.agents || this.view.agents.has(agent);
+      chip.textContent = isShown ? `${agent} · ${formatCount(states)}` : `${agent}`;
+      chip.setAttribute("aria-pressed", isShown);
+      chip.setAttribute("aria-label", isShown ? `agent ${agent}: ${formatCount(states)} states` : `agent ${agent}, hidden`);
       const isColored = this.view.color === "agent" && colored.has(agent);
       chip.style.borderColor = isColored ? `rgb(${this.theme.categorical[agent % this.theme.categorical.length]})` : "";
     }
@@ -217,7 +223,7 @@ function keyText({ view, panels }) {
   return {
     density: `darker (on dark pages: brighter): more lines per pixel, up to ${most}; logarithmic`,
     agent: "color of the agent with most states; gray: shared by agents, or agents after the first eight",
-    episode: range(view.first, view.last),
+    episode: range(view.from, view.to),
     return: range(...view.returns),
     difference: `share of the states of agent ${view.compared} minus share of the team's: orange above, blue below; between each two axes on a scale of its own`,
   }[view.color];

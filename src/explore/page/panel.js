@@ -9,7 +9,7 @@ const SCATTER_SIZE = 230;
 
 class Panel {
   constructor(run, app) {
-    Object.assign(this, { run, app, buffers: [new Uint32Array(run.kept), new Uint32Array(run.kept)] });
+    Object.assign(this, { run, app, buffers: [new Uint32Array(run.kept), new Uint32Array(run.kept), new Uint32Array(run.kept)] });
     this.image = document.createElement("canvas");
     this.contextImage = document.createElement("canvas");
     this.scatterImage = document.createElement("canvas");
@@ -149,6 +149,8 @@ class Panel {
     if (this.isContextOld) this.context = select(run, view, false, this.buffers[0]);
     const hasBrush = view.brushes.some(Boolean);
     this.selection = hasBrush ? select(run, view, true, this.buffers[1]) : this.context;
+    /* The difference is that from the whole team, of which chips may hide agents. */
+    this.drawn = view.color === "difference" && view.agents ? select(run, { ...view, agents: null }, true, this.buffers[2]) : this.selection;
   }
 
   /** Paints the lines of all states in gray, and those of the selected states in color. */
@@ -170,7 +172,7 @@ class Panel {
     }
     const lines = new Lines(gaps, ["agent", "episode", "return"].includes(this.app.view.color));
     for (let gap = 0; gap < gaps; gap++) {
-      const colors = painter.colorsOfPairs(axes[gap], axes[gap + 1], this.selection);
+      const colors = painter.colorsOfPairs(axes[gap], axes[gap + 1], this.drawn);
       lines.add(gap, painter.weights, colors);
     }
     const maxima = lines.maxima();
@@ -268,7 +270,7 @@ class Panel {
     const weights = new Float32Array(BINS * BINS);
     countPairs(this.run, x, y, this.context, weights);
     const max = largest(weights);
-    const colors = this.painter.colorsOfPairs(x, y, this.selection);
+    const colors = this.painter.colorsOfPairs(x, y, this.drawn);
     const selected = this.painter.weights;
     const channels = colors && [0, 1, 2].map((c) => Float32Array.from(selected, (count, pair) => (count ? count * colors[pair][c] : 0)));
     const shade = this.shader(selected, channels, [largest(selected)], BINS * BINS, theme);
@@ -310,7 +312,11 @@ class Panel {
     const agents = selection.ofAgent.reduce((count, states) => count + (states ? 1 : 0), 0);
     const plural = (count, noun) => `${formatCount(count)} ${noun}${count === 1 ? "" : "s"}`;
     const every = run.kept < run.states ? ` (a sample of ${formatCount(run.states)})` : "";
-    const ends = run.has_outcomes ? `${formatCount(selection.terminated)} terminated, ` : "";
+    if (!run.has_outcomes) {
+      return `${formatCount(selection.count)} of ${plural(run.kept, "state")}, a sample of ${formatCount(run.states)}`;
+    }
+    const truncated = selection.episodes - selection.terminated;
+    const ends = `${formatCount(selection.terminated)} terminated, ${formatCount(truncated)} truncated, `;
     const mean = `mean return ${selection.episodes ? formatNumber(selection.returns / selection.episodes, 4) : "–"}`;
     return `${formatCount(selection.count)} of ${plural(run.kept, "state")}${every}, ${plural(selection.episodes, "episode")} (${ends}${mean}), ${plural(agents, "agent")}`;
   }

@@ -123,7 +123,7 @@ class Painter {
       case "agent":
         return this.agentColors(first, second, selection);
       case "episode":
-        return this.valueColors(first, second, selection, run.episodes.episode, [view.first, view.last]);
+        return this.valueColors(first, second, selection, run.episodes.episode, [view.from, view.to]);
       case "return":
         return this.valueColors(first, second, selection, run.episodes.return, view.returns);
       case "difference":

@@ -83,7 +83,7 @@ function toHash(app) {
   const { view, axes } = app;
   const name = (a) => encodeURIComponent(axes[a].name);
   const parts = [];
-  const brushes = view.brushes.flatMap((brush, a) => (brush ? [`${name(a)}:${brushValues(axes[a], brush).map(textOf).join(":")}`] : []));
+  const brushes = view.brushes.flatMap((brush, a) => (brush ? [`${name(a)}:${rangeTexts(axes[a], brush).join(":")}`] : []));
   if (brushes.length) parts.push(`brush=${brushes.join(",")}`);
   if (view.agents) parts.push(`agents=${formatList(view.agents)}`);
   if (view.from > view.first || view.to < view.last) parts.push(`episodes=${view.from}-${view.to}`);
@@ -93,9 +93,17 @@ function toHash(app) {
   return parts.join("&");
 }
 
-/** A number that reads back as the same brush. */
-function textOf(value) {
-  return Number.isFinite(value) ? String(Number(value.toPrecision(8))) : "";
+/** Both ends of a brush as texts: the shortest numbers that read back as the same brush, empty at an end of the axis. */
+function rangeTexts(axis, brush) {
+  return brushValues(axis, brush).map((value, end) => {
+    if (!Number.isFinite(value)) return "";
+    const isSame = (number) => (brushOf(axis, ...(end ? [-Infinity, number] : [number, Infinity])) ?? [])[end] === brush[end];
+    for (let digits = 3; digits < 17; digits++) {
+      const number = Number(value.toPrecision(digits));
+      if (isSame(number)) return String(number);
+    }
+    return String(value);
+  });
 }
 
 /** Changes the view to that of a hash. What cannot be read is ignored. */
@@ -133,12 +141,15 @@ function shellWord(word) {
 /** The command that draws the selected states, as far as `seedbed plot` can. */
 function toCommand(app) {
   const { view, axes } = app;
-  const words = ["seedbed", "plot", ...app.runs.map((run) => run.path), "--what", "visitation"];
+  const what = view.color === "difference" ? "difference" : "visitation";
+  const words = ["seedbed", "plot", ...app.runs.map((run) => run.path), "--what", what];
+  if (["agent", "episode", "return"].includes(view.color)) words.push("--colour", view.color);
   if (view.agents) words.push("--agents", [...view.agents].sort((one, other) => one - other).join(","));
   if (view.from > view.first || view.to < view.last) words.push("--episodes", `${view.from}..${view.to + 1}`);
   for (const [a, brush] of view.brushes.entries()) {
-    if (brush) words.push("--where", `${axes[a].name}=${brushValues(axes[a], brush).map(textOf).join("..")}`);
+    if (brush) words.push("--where", `${axes[a].name}=${rangeTexts(axes[a], brush).join("..")}`);
   }
+  words.push("--out", "states.svg");
   return words.map(shellWord).join(" ");
 }
 

@@ -1,9 +1,8 @@
 //! Statistics of a whole recording, read once: returns, coverage, visitation entropy, overlap, and
 //! the distribution of each observation.
 
-use std::ops::Range;
-
 use super::LoadedRun;
+use super::selection::EpisodeSelection;
 use crate::record::EpisodeRow;
 use crate::record::recording::Recording;
 use crate::record::{ReadError, RecordedEpisode};
@@ -51,13 +50,13 @@ pub struct ValueDistribution {
 const BINS: usize = 1000;
 
 impl RecordingStats {
-    /// Reads these episodes of each agent; calls `on_episode` for each.
+    /// Reads the selected episodes; calls `on_episode` for each.
     ///
     /// # Errors
     /// The file cannot be read.
     pub fn of(
         recording: &Recording,
-        episodes: &Range<u32>,
+        selection: &EpisodeSelection,
         mut on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Self, ReadError> {
         let observations = recording.observations();
@@ -76,7 +75,7 @@ impl RecordingStats {
         };
         for episode in recording.episodes()? {
             let episode = episode?;
-            if !episodes.contains(&episode.episode) {
+            if !selection.includes(episode.agent, episode.episode) {
                 continue;
             }
             on_episode(&episode);
@@ -188,21 +187,21 @@ impl RecordingStats {
 }
 
 impl LoadedRun {
-    /// Computes the statistics of these episodes of each agent, if there is a recording. If
-    /// `episodes.csv` or `rounds.csv` is missing, sets `self.episodes` to the rows of these statistics.
-    /// Calls `on_episode` for each episode.
+    /// Computes the statistics of the selected episodes, if there is a recording. If `episodes.csv` or
+    /// `rounds.csv` is missing, sets `self.episodes` to the rows of these statistics. Calls `on_episode`
+    /// for each episode.
     ///
     /// # Errors
     /// The recording cannot be read.
     pub fn compute_stats(
         &mut self,
-        episodes: &Range<u32>,
+        selection: &EpisodeSelection,
         on_episode: impl FnMut(&RecordedEpisode),
     ) -> Result<Option<RecordingStats>, ReadError> {
         let Some(recording) = &self.recording else {
             return Ok(None);
         };
-        let stats = RecordingStats::of(recording, episodes, on_episode)?;
+        let stats = RecordingStats::of(recording, selection, on_episode)?;
         if self.folder.is_none() {
             self.episodes.clone_from(&stats.episodes);
         }

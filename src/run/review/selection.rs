@@ -10,6 +10,38 @@ use crate::record::visitation::{Axes, Density, VisitedState};
 use crate::record::{ReadError, RecordedEpisode};
 use seedbed_env::Status;
 
+/// Agents and episodes whose statistics are computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EpisodeSelection {
+    /// Agents; all agents if empty.
+    pub agents: Vec<u32>,
+    /// Range of each agent's episodes.
+    pub episodes: Range<u32>,
+}
+
+impl EpisodeSelection {
+    /// All episodes of all agents.
+    #[must_use]
+    pub fn all() -> Self {
+        Self {
+            agents: Vec::new(),
+            episodes: 0..u32::MAX,
+        }
+    }
+
+    /// Whether all episodes of all agents are selected.
+    #[must_use]
+    pub fn is_all(&self) -> bool {
+        *self == Self::all()
+    }
+
+    /// Whether an episode of an agent is selected.
+    #[must_use]
+    pub fn includes(&self, agent: u32, episode: u32) -> bool {
+        self.episodes.contains(&episode) && (self.agents.is_empty() || self.agents.contains(&agent))
+    }
+}
+
 /// Criteria by which states are selected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateSelection {
