@@ -161,6 +161,24 @@ def check_pointer(page: Page) -> None:
     assert page.counts() == everything
 
 
+def check_touch(page: Page) -> None:
+    """A finger that moves along an axis selects."""
+    page.show("")
+    everything = page.counts()
+    page.run("window.scrollTo(0, 0)")
+    x, top, height = page.run("const { canvas } = explorer.panels[0]; const box = canvas.getBoundingClientRect(); return [box.left + explorer.panels[0].x(2), box.top, box.height];")
+    page.browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 1})
+    touch = lambda kind, points: page.browser.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    touch("touchStart", [{"x": x, "y": top + 0.35 * height}])
+    for step in range(1, 8):
+        touch("touchMove", [{"x": x, "y": top + (0.35 + 0.03 * step) * height}])
+    touch("touchEnd", [])
+    page.browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
+    page.run("explorer.draw()")
+    assert 0 < page.counts()[0] < everything[0], page.counts()
+    page.show("")
+
+
 def check_keyboard(page: Page) -> None:
     """Every control is reached by Tab and works by keys."""
     page.show("")
@@ -315,6 +333,7 @@ def main() -> None:
             check_written_ranges(page, states)
             check_difference(page)
             check_pointer(page)
+            check_touch(page)
             check_keyboard(page)
             check_files(page)
             check_film(page)
