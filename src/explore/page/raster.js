@@ -118,7 +118,6 @@ class Painter {
   /** Weights (in `this.weights`) and colors of the pairs of two axes. */
   colorsOfPairs(first, second, selection) {
     const { run, view } = this;
-    countPairs(run, first, second, selection, this.weights);
     switch (view.color) {
       case "agent":
         return this.agentColors(first, second, selection);
@@ -130,13 +129,14 @@ class Painter {
         this.differences(first, second, selection);
         return null;
       default:
+        countPairs(run, first, second, selection, this.weights);
         return null;
     }
   }
 
   /** The mean over the states of each pair as a color. */
   valueColors(first, second, selection, values, [low, high]) {
-    sumPairs(this.run, first, second, selection, values, this.others);
+    sumPairs(this.run, first, second, selection, values, this.weights, this.others);
     return Array.from(this.weights, (weight, pair) => {
       if (!weight) return null;
       const share = (this.others[pair] / weight - low) / (high - low || 1);
@@ -144,21 +144,35 @@ class Painter {
     });
   }
 
+  /** Sets weights to the number of states of all classes. */
+  sumClasses() {
+    const { weights, classCounts } = this;
+    weights.set(classCounts.subarray(0, weights.length));
+    for (let start = weights.length; start < classCounts.length; start += weights.length) {
+      for (let pair = 0; pair < weights.length; pair++) weights[pair] += classCounts[start + pair];
+    }
+  }
+
   /** The color of the agent with most states of a pair, grayer the more others share them. */
   agentColors(first, second, selection) {
     countClasses(this.run, first, second, selection, this.classes, this.classCounts);
+    this.sumClasses();
     const { categorical, muted } = this.theme;
     const even = 1 / Math.max(this.highlighted.length, 2);
     const tables = this.highlighted.map((agent) => colorTable([muted, categorical[agent % categorical.length]]));
-    return Array.from(this.weights, (weight, pair) => {
-      if (!weight) return null;
+    const { weights, classCounts } = this;
+    const colors = new Array(weights.length).fill(null);
+    for (let pair = 0; pair < weights.length; pair++) {
+      if (!weights[pair]) continue;
       let most = 0;
-      const countOf = (c) => this.classCounts[c * BINS * BINS + pair];
-      for (let c = 1; c <= tables.length; c++) if (countOf(c) > countOf(most)) most = c;
-      if (most === tables.length) return muted;
-      const purity = Math.max((countOf(most) / weight - even) / (1 - even), 0);
-      return tables[most][Math.round(255 * (0.25 + 0.75 * purity))];
-    });
+      for (let c = 1; c <= tables.length; c++) {
+        if (classCounts[c * weights.length + pair] > classCounts[most * weights.length + pair]) most = c;
+      }
+      const share = classCounts[most * weights.length + pair] / weights[pair];
+      const purity = Math.max((share - even) / (1 - even), 0);
+      colors[pair] = most === tables.length ? muted : tables[most][Math.round(255 * (0.25 + 0.75 * purity))];
+    }
+    return colors;
   }
 
   /** Replaces weights by the share of the compared agent's states minus that of the team's. */
@@ -166,7 +180,7 @@ class Painter {
     const { run, view } = this;
     const own = selection.ofAgent[view.compared] || 1;
     const isCompared = Float32Array.from(run.episodes.agent, (agent) => (agent === view.compared ? 1 : 0));
-    sumPairs(run, first, second, selection, isCompared, this.others);
+    sumPairs(run, first, second, selection, isCompared, this.weights, this.others);
     for (let pair = 0; pair < this.weights.length; pair++) {
       this.weights[pair] = this.others[pair] / own - this.weights[pair] / (selection.count || 1);
     }

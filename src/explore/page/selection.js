@@ -87,17 +87,22 @@ function countPairs(run, first, second, { list, count }, counts) {
   }
 }
 
-/** Sum of one number per episode over the selected states of each pair of bins. */
-function sumPairs(run, first, second, { list, count }, numbers, sums) {
+/** Number of selected states per pair of bins, and the sum of one number per episode over them. */
+function sumPairs(run, first, second, { list, count }, numbers, counts, sums) {
+  counts.fill(0);
   sums.fill(0);
   const one = run.bins[first];
   const other = run.bins[second];
   if (!one || !other) return;
+  const { episodeOf } = run;
   for (let k = 0; k < count; k++) {
     const i = list[k];
     const row = one[i];
     const column = other[i];
-    if (row !== NO_BIN && column !== NO_BIN) sums[row * BINS + column] += numbers[run.episodeOf[i]];
+    if (row === NO_BIN || column === NO_BIN) continue;
+    const pair = row * BINS + column;
+    counts[pair]++;
+    sums[pair] += numbers[episodeOf[i]];
   }
 }
 
