@@ -13,7 +13,9 @@ use crate::record::framing;
 use crate::record::recording::Recording;
 use crate::record::{EpisodeRow, ReadError, RecordedScene};
 use crate::run::Plan;
-use crate::run::review::selection::{SelectedState, SelectedStates, StateSelection};
+use crate::run::review::selection::{
+    EpisodeSelection, SelectedState, SelectedStates, StateSelection,
+};
 use crate::run::review::{LoadRunError, LoadedRun, team_returns};
 use seedbed_env::input::InputError;
 use seedbed_env::{Physics, Scene, TaskDescription};
@@ -160,8 +162,7 @@ impl Film {
         let (recording, agent_count) = (filmed.recording, filmed.agent_count);
         let axes = recording.axes();
         let selection = StateSelection {
-            agents: Vec::new(),
-            episodes: 0..u32::MAX,
+            episodes: EpisodeSelection::all(),
             conditions: Vec::new(),
             sample_size: MAX_LINES / agent_count.clamp(1, MAX_LINES),
             axes: (0..axes.all().len()).collect(),

@@ -51,6 +51,8 @@ struct Inspected {
     agents: Vec<u32>,
     /// Statistics of the recording, if there is one.
     stats: Option<RecordingStats>,
+    /// Share of the state space that each agent was the first to visit, from the recording: `[K]`.
+    first_coverage: Vec<f64>,
 }
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
@@ -71,6 +73,9 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), CliError> {
         agents: selected_agents(&run, &selection),
         run,
         selection,
+        first_coverage: stats
+            .as_ref()
+            .map_or_else(Vec::new, RecordingStats::first_coverage),
         stats,
     };
     if args.json {
@@ -115,10 +120,8 @@ fn keep_selected_rows(
         let message = format!("{} has no such episodes", run.path.display());
         return Err(CliError::Usage(format!("--episodes: {message}")));
     };
-    let agents = &selection.agents;
-    run.rounds.retain(|row| {
-        row.round <= last_round && (agents.is_empty() || agents.contains(&row.agent))
-    });
+    run.rounds
+        .retain(|row| row.round <= last_round && selection.includes_agent(row.agent));
     Ok(())
 }
 
@@ -207,12 +210,8 @@ impl Inspected {
     /// Share of the state space that an agent was the first to visit, from the recording or else from
     /// the row of the agent's last update.
     fn first_coverage(&self, agent: u32) -> Option<f64> {
-        let from_recording =
-            |stats: &RecordingStats| stats.first_coverage().get(agent as usize).copied();
-        let stats = self.stats.as_ref();
-        stats
-            .and_then(from_recording)
-            .or(self.last_update(agent).and_then(|row| row.first_coverage))
+        let from_recording = self.first_coverage.get(agent as usize).copied();
+        from_recording.or(self.last_update(agent).and_then(|row| row.first_coverage))
     }
 
     /// Effective number of agents by their visits in the latest rounds.

@@ -3,6 +3,7 @@
 use super::PlottedRun;
 use seedbed::record::metrics::{Metric, Scope, round_metrics_in_display_order};
 use seedbed::run::summary::FINAL_WINDOW;
+use seedbed::study::measure::trailing_means;
 use seedbed_figure::color::{AGENT_COLORS, OTHERS_COLOR, TEAM_COLOR, categorical_color};
 use seedbed_figure::{Color, Curves, Panel, Row, Series, Threshold};
 
@@ -114,13 +115,11 @@ fn returns_of_teams(runs: &[PlottedRun]) -> Curves {
 /// Curve of the mean return over all agents and over the latest `FINAL_WINDOW` episodes of each
 /// agent.
 fn team_series(run: &PlottedRun, name: String, color: [u8; 3]) -> Series {
-    let returns = run.loaded_run.team_returns();
-    let trailing_mean = |last: usize| {
-        let window = &returns[(last + 1).saturating_sub(FINAL_WINDOW)..=last];
-        window.iter().sum::<f64>() / window.len() as f64
-    };
-    let points = (0..returns.len())
-        .map(|last| [last as f64, trailing_mean(last)])
+    let means = trailing_means(&run.loaded_run.team_returns(), FINAL_WINDOW);
+    let points = (0..)
+        .map(f64::from)
+        .zip(means)
+        .map(<[f64; 2]>::from)
         .collect();
     Series {
         name,

@@ -242,11 +242,9 @@ fn read_run(args: &PlotArgs, path: &Path, counter: &ReadCounter) -> Result<Plott
     };
     let team = match (&loaded_run.recording, &axes) {
         (Some(recording), Some(axes)) if args.compares_agents_with_team() => {
-            let selection = StateSelection {
-                agents: Vec::new(),
-                sample_size: 0,
-                ..args.state_selection(recording, axes)?
-            };
+            let mut selection = args.state_selection(recording, axes)?;
+            selection.episodes.agents.clear();
+            selection.sample_size = 0;
             selection
                 .select(recording, |_| counter.count())
                 .map_err(LoadRunError::from)?
@@ -337,8 +335,10 @@ impl PlotArgs {
     ) -> Result<StateSelection, CliError> {
         let axes = self.axis_indices(axes)?;
         Ok(StateSelection {
-            agents: self.agents.clone(),
-            episodes: self.episodes.clone().unwrap_or(0..u32::MAX),
+            episodes: EpisodeSelection {
+                agents: self.agents.clone(),
+                episodes: self.episodes.clone().unwrap_or(0..u32::MAX),
+            },
             conditions: self.conditions(recording)?,
             sample_size: self.lines as usize,
             pairs: states::axis_pairs(&axes),

@@ -10,7 +10,7 @@ use crate::record::visitation::{Axes, Density, VisitedState};
 use crate::record::{ReadError, RecordedEpisode};
 use seedbed_env::Status;
 
-/// Agents and episodes whose statistics are computed.
+/// Agents and episodes that are drawn, or whose statistics are computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EpisodeSelection {
     /// Agents; all agents if empty.
@@ -38,17 +38,21 @@ impl EpisodeSelection {
     /// Whether an episode of an agent is selected.
     #[must_use]
     pub fn includes(&self, agent: u32, episode: u32) -> bool {
-        self.episodes.contains(&episode) && (self.agents.is_empty() || self.agents.contains(&agent))
+        self.episodes.contains(&episode) && self.includes_agent(agent)
+    }
+
+    /// Whether an agent is selected.
+    #[must_use]
+    pub fn includes_agent(&self, agent: u32) -> bool {
+        self.agents.is_empty() || self.agents.contains(&agent)
     }
 }
 
 /// Criteria by which states are selected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StateSelection {
-    /// Agents whose states are selected; all agents if empty.
-    pub agents: Vec<u32>,
-    /// Range of each agent's episodes.
-    pub episodes: Range<u32>,
+    /// Agents and episodes whose states are selected.
+    pub episodes: EpisodeSelection,
     /// Conditions that a state must all meet.
     pub conditions: Vec<Condition>,
     /// Maximum number of states per agent in the sample.
@@ -99,8 +103,7 @@ pub struct SelectedState {
 
 impl StateSelection {
     fn includes(&self, episode: &RecordedEpisode) -> bool {
-        let includes_agent = self.agents.is_empty() || self.agents.contains(&episode.agent);
-        includes_agent && self.episodes.contains(&episode.episode)
+        self.episodes.includes(episode.agent, episode.episode)
     }
 
     /// Whether the state at a step of an included episode is selected.
