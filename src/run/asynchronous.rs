@@ -44,7 +44,7 @@ impl AsyncRollout {
     pub(super) fn new(run_seed: u64, agents: usize) -> Self {
         Self {
             progress: vec![AgentProgress::default(); agents],
-            slots: EpisodeSlots::new(run_seed, 0..agents as u32, 0),
+            slots: EpisodeSlots::new(run_seed, 0..agents as u32, 0, 0),
         }
     }
 

@@ -11,8 +11,8 @@ use seedbed_learn::agent::ActScratch;
 use seedbed_learn::experience::Episode;
 use seedbed_learn::team::{ActionRequest, Team};
 
-/// The episodes that consecutive agents are playing, one slot per agent. Agent k of the group acts
-/// in copy k of its environment.
+/// The episodes that consecutive agents are playing, one slot per agent. The agents act in
+/// consecutive copies of an environment.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct EpisodeSlots {
     pub(super) slots: Vec<EpisodeSlot>,
@@ -32,13 +32,14 @@ struct StepBuffers {
 }
 
 impl EpisodeSlots {
-    /// Slots for some agents, with the random streams of round number `round`.
-    pub(super) fn new(run_seed: u64, agents: Range<u32>, round: u32) -> Self {
+    /// Slots for some agents, which act in the copies from `first_copy` on, with the random streams
+    /// of round number `round`.
+    pub(super) fn new(run_seed: u64, agents: Range<u32>, first_copy: usize, round: u32) -> Self {
         Self {
             slots: agents
                 .clone()
-                .enumerate()
-                .map(|(copy, agent)| EpisodeSlot::new(run_seed, agent, copy, round))
+                .zip(first_copy..)
+                .map(|(agent, copy)| EpisodeSlot::new(run_seed, agent, copy, round))
                 .collect(),
             action_streams: agents
                 .map(|agent| stream(run_seed, Purpose::Action, agent, round))
@@ -47,11 +48,11 @@ impl EpisodeSlots {
         }
     }
 
-    /// Gives the agent in `copy` a new slot, with the streams of `round`.
-    pub(super) fn renew(&mut self, run_seed: u64, copy: usize, round: u32) -> &mut EpisodeSlot {
-        let agent = self.slots[copy].agent;
-        self.action_streams[copy] = stream(run_seed, Purpose::Action, agent, round);
-        let slot = &mut self.slots[copy];
+    /// Gives an agent a new slot, with the streams of `round`. `index`: that of its present slot
+    pub(super) fn renew(&mut self, run_seed: u64, index: usize, round: u32) -> &mut EpisodeSlot {
+        let slot = &mut self.slots[index];
+        let (agent, copy) = (slot.agent, slot.copy);
+        self.action_streams[index] = stream(run_seed, Purpose::Action, agent, round);
         *slot = EpisodeSlot::new(run_seed, agent, copy, round);
         slot
     }
@@ -60,15 +61,29 @@ impl EpisodeSlots {
         self.slots.iter().any(EpisodeSlot::is_playing)
     }
 
-    /// All playing agents act, and all copies advance by one step. `unreported_steps`: see
-    /// [`ActionRequest`].
+    /// All playing agents act, and all copies advance by one step. The environment has no other
+    /// copies than those of these agents. `unreported_steps`: see [`ActionRequest`].
     pub(super) fn step(
         &mut self,
         environment: &mut dyn Environment,
         team: &dyn Team,
         unreported_steps: u32,
     ) {
+        self.act(environment, team, unreported_steps);
+        environment.step(&self.buffers.actions);
+    }
+
+    /// All playing agents choose their next actions: `[agents × action width]`, one row per agent.
+    /// Rows of other agents have no meaning.
+    pub(super) fn act(
+        &mut self,
+        environment: &dyn Environment,
+        team: &dyn Team,
+        unreported_steps: u32,
+    ) -> &[f32] {
         let width = environment.spec().action_width();
+        let observation_width = environment.spec().observation_width();
+        let first_copy = self.slots[0].copy;
         let buffers = &mut self.buffers;
         buffers.playing.clear();
         buffers
@@ -79,7 +94,8 @@ impl EpisodeSlots {
         let mut request = ActionRequest {
             first_agent: self.slots[0].agent as usize,
             unreported_steps,
-            observations: environment.observations(),
+            observations: &environment.observations()[first_copy * observation_width..]
+                [..self.slots.len() * observation_width],
             playing: &buffers.playing,
             random: &mut self.action_streams,
             actions: &mut buffers.actions,
@@ -94,7 +110,7 @@ impl EpisodeSlots {
                 episode.log_probs.extend_from_slice(log_prob);
             }
         }
-        environment.step(&buffers.actions);
+        &buffers.actions
     }
 }
 

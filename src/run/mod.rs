@@ -2,7 +2,8 @@
 //! Alg. 3), and the files of a run.
 //!
 //! [`execute`] is the loop. A [`trainer`] holds environment, team and shared buffer; [`rollout`]
-//! plays the episodes of a round, `asynchronous` those without a common start and end; [`measures`]
+//! plays the episodes of a round, `asynchronous` those without a common start and end;
+//! [`shared_world`] plays several runs in the copies of one environment; [`measures`]
 //! computes coverage and returns; `round_recorder` passes rounds to the recorders; [`checkpoint`] and [`folder`] store a run, and [`review`] reads
 //! its results. Must not contain formulas of learning.
 
@@ -21,6 +22,7 @@ mod replay_file;
 pub mod review;
 pub mod rollout;
 mod round_recorder;
+pub mod shared_world;
 pub mod summary;
 pub mod trainer;
 pub mod weights;

@@ -5,6 +5,8 @@
 //! the transitions of all groups in the order of steps and agents. So results do not depend on the
 //! division.
 
+use std::ops::Range;
+
 use super::episode_slots::EpisodeSlots;
 use crate::record::{BodyTrajectory, SceneSettings};
 use seedbed_env::Environment;
@@ -50,24 +52,29 @@ pub(super) fn play(
     workers: Workers<'_>,
 ) -> PlayedEpisodes {
     team.begin_round(plan.round);
-    let mut rounds: Vec<GroupRound<'_>> = groups
+    let mut playing: Vec<PlayingGroup<'_>> = groups
         .iter_mut()
-        .map(|group| GroupRound::new(group, plan))
+        .map(|group| PlayingGroup::new(group, plan))
         .collect();
-    while rounds.iter().any(|round| round.slots.any_playing()) {
+    while playing.iter().any(|group| !group.round.is_over()) {
         let interval = team.transition_interval().filter(|_| learning);
         let reader: &dyn Team = team;
-        workers.for_each(&mut rounds, |round| round.play(reader, interval));
+        workers.for_each(&mut playing, |group| group.play(reader, interval));
         if interval.is_some() {
+            let mut rounds: Vec<_> = playing.iter_mut().map(|group| &mut group.round).collect();
             report_transitions(&mut rounds, team, workers);
         }
     }
-    collect_episodes(rounds)
+    collect_episodes(playing.into_iter().map(|group| group.round))
 }
 
 /// Passes the transitions that were played since the last call to the team, in the order of steps
 /// and agents.
-fn report_transitions(rounds: &mut [GroupRound<'_>], team: &mut dyn Team, workers: Workers<'_>) {
+pub(super) fn report_transitions(
+    rounds: &mut [&mut GroupRound<'_>],
+    team: &mut dyn Team,
+    workers: Workers<'_>,
+) {
     let steps = rounds.iter().map(|round| round.unreported_steps).max();
     for _ in 0..steps.unwrap_or(0) {
         for round in &mut *rounds {
@@ -80,7 +87,10 @@ fn report_transitions(rounds: &mut [GroupRound<'_>], team: &mut dyn Team, worker
     }
 }
 
-fn collect_episodes(rounds: Vec<GroupRound<'_>>) -> PlayedEpisodes {
+/// The episodes of rounds that are over, in the order of the groups.
+pub(super) fn collect_episodes<'a>(
+    rounds: impl IntoIterator<Item = GroupRound<'a>>,
+) -> PlayedEpisodes {
     let mut played = PlayedEpisodes::default();
     for round in rounds {
         let agents = round.agents.into_iter();
@@ -95,10 +105,35 @@ fn collect_episodes(rounds: Vec<GroupRound<'_>>) -> PlayedEpisodes {
     played
 }
 
-/// The round of one group.
-struct GroupRound<'a> {
+/// A group with its copies, which no other group shares.
+struct PlayingGroup<'a> {
     environment: &'a mut dyn Environment,
-    plan: &'a RoundPlan<'a>,
+    round: GroupRound<'a>,
+}
+
+impl<'a> PlayingGroup<'a> {
+    fn new(group: &'a mut CopyGroup, plan: &RoundPlan<'a>) -> Self {
+        let environment = &mut *group.environment;
+        let agents = group.first_agent..group.first_agent + environment.copies() as u32;
+        let round = GroupRound::begin(environment, agents, 0, *plan);
+        Self { environment, round }
+    }
+
+    /// Plays to the end of the round, or at most `max_steps` steps.
+    fn play(&mut self, team: &dyn Team, max_steps: Option<u32>) {
+        let Self { environment, round } = self;
+        while !round.is_over() && max_steps.is_none_or(|max| round.unreported_steps < max) {
+            round
+                .slots
+                .step(&mut **environment, team, round.unreported_steps);
+            round.observe(&mut **environment, max_steps.is_some());
+        }
+    }
+}
+
+/// The round of a group of consecutive agents, which act in consecutive copies of an environment.
+pub(super) struct GroupRound<'a> {
+    plan: RoundPlan<'a>,
     slots: EpisodeSlots,
     agents: Vec<AgentRound>,
     body_trajectories: Vec<BodyTrajectory>,
@@ -116,54 +151,67 @@ struct AgentRound {
 }
 
 impl<'a> GroupRound<'a> {
-    /// Starts the first episode of each agent.
-    fn new(group: &'a mut CopyGroup, plan: &'a RoundPlan<'a>) -> Self {
-        let count = group.environment.copies();
-        let agents = group.first_agent..group.first_agent + count as u32;
+    /// Starts the first episode of each agent, in the copies from `first_copy` on.
+    pub(super) fn begin(
+        environment: &mut dyn Environment,
+        agents: Range<u32>,
+        first_copy: usize,
+        plan: RoundPlan<'a>,
+    ) -> Self {
+        let count = agents.len();
         let mut round = Self {
-            environment: &mut *group.environment,
             plan,
-            slots: EpisodeSlots::new(plan.run_seed, agents, plan.round),
+            slots: EpisodeSlots::new(plan.run_seed, agents, first_copy, plan.round),
             agents: Vec::new(),
             body_trajectories: Vec::new(),
             unreported_steps: 0,
         };
         round.agents.resize_with(count, AgentRound::default);
-        (0..count).for_each(|copy| round.start_episode(copy));
+        (0..count).for_each(|index| round.start_episode(index, environment));
         round
     }
 
-    /// Starts the next episode of an agent.
-    fn start_episode(&mut self, copy: usize) {
-        let plan = self.plan;
-        let first_episode = plan.round.wrapping_mul(plan.episodes);
-        let episode = first_episode.wrapping_add(self.agents[copy].finished.len() as u32);
-        self.slots.slots[copy].start(&mut *self.environment, episode, plan.round, plan.scene);
+    /// Whether all agents have played their episodes.
+    pub(super) fn is_over(&self) -> bool {
+        !self.slots.any_playing()
     }
 
-    /// Plays to the end of the round, or at most `max_steps` steps.
-    fn play(&mut self, team: &dyn Team, max_steps: Option<u32>) {
-        while self.slots.any_playing() && max_steps.is_none_or(|max| self.unreported_steps < max) {
-            self.slots
-                .step(&mut *self.environment, team, self.unreported_steps);
-            (0..self.agents.len()).for_each(|copy| self.observe(copy));
-            if max_steps.is_some() {
-                self.unreported_steps += 1;
-            }
-        }
+    /// Number of steps whose transitions the team has not got yet.
+    pub(super) fn unreported_steps(&self) -> u32 {
+        self.unreported_steps
+    }
+
+    /// All playing agents choose their next actions; see [`EpisodeSlots::act`].
+    pub(super) fn act(&mut self, environment: &dyn Environment, team: &dyn Team) -> &[f32] {
+        self.slots.act(environment, team, self.unreported_steps)
+    }
+
+    /// Adds the result of the latest step to all episodes. With `is_reported`, the team will get the
+    /// transitions.
+    pub(super) fn observe(&mut self, environment: &mut dyn Environment, is_reported: bool) {
+        (0..self.agents.len()).for_each(|index| self.observe_agent(index, environment));
+        self.unreported_steps += u32::from(is_reported);
+    }
+
+    /// Starts the next episode of an agent.
+    fn start_episode(&mut self, index: usize, environment: &mut dyn Environment) {
+        let plan = self.plan;
+        let first_episode = plan.round.wrapping_mul(plan.episodes);
+        let episode = first_episode.wrapping_add(self.agents[index].finished.len() as u32);
+        self.slots.slots[index].start(environment, episode, plan.round, plan.scene);
     }
 
     /// Adds the result of the latest step to an agent's episode. If it has ended, the next begins.
-    fn observe(&mut self, copy: usize) {
-        let slot = &mut self.slots.slots[copy];
-        let Some(episode) = slot.observe(&*self.environment) else {
+    fn observe_agent(&mut self, index: usize, environment: &mut dyn Environment) {
+        let slot = &mut self.slots.slots[index];
+        let Some(episode) = slot.observe(environment) else {
             return;
         };
         self.body_trajectories.extend(slot.body_trajectory.take());
-        let finished = &mut self.agents[copy].finished;
+        let finished = &mut self.agents[index].finished;
         finished.push(episode);
         if finished.len() < self.plan.episodes as usize {
-            self.start_episode(copy);
+            self.start_episode(index, environment);
         }
     }
 

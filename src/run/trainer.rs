@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::agreement;
 use super::asynchronous::{AsyncConfig, AsyncRollout};
 use super::measures::{Measures, RoundRows};
-use super::rollout::{self, CopyGroup, PlayedEpisodes, RoundPlan};
+use super::rollout::{self, CopyGroup, GroupRound, PlayedEpisodes, RoundPlan};
 use super::thread_count;
 use crate::record::{BodyTrajectory, SceneSettings};
 use crate::scenario::{Scenario, Schedule, StepsOf, Stop, Threshold};
@@ -26,6 +26,9 @@ use seedbed_learn::team::{
 /// The environments, team, shared buffer and measures of a run.
 pub struct Trainer {
     settings: TrainingSettings,
+    spec: TaskSpec,
+    scene: Option<Scene>,
+    /// Empty in a [`SharedWorld`](super::shared_world::SharedWorld), which owns the copies.
     groups: Vec<CopyGroup>,
     team: Box<dyn Team>,
     buffer: SharedBuffer,
@@ -154,21 +157,40 @@ impl Trainer {
         settings: TrainingSettings,
     ) -> Self {
         let agents = team.agent_count();
-        let groups = number_agents(environments);
-        let copies: usize = groups.iter().map(|group| group.environment.copies()).sum();
+        let copies: usize = environments.iter().map(|group| group.copies()).sum();
         assert_eq!(copies, agents, "an environment has one copy per agent");
-        let is_asynchronous = matches!(settings.schedule, Schedule::Asynchronous { .. });
+        let (spec, scene) = (environments[0].spec(), environments[0].scene());
+        let without_copies = Self::without_copies(spec.clone(), scene.cloned(), team, settings);
+        let groups = number_agents(environments);
+        let schedule = without_copies.settings.schedule;
+        let is_asynchronous = matches!(schedule, Schedule::Asynchronous { .. });
         assert!(
             groups.len() == 1 || !is_asynchronous,
             "copies that are stepped in an asynchronous schedule are one group"
         );
+        Self {
+            groups,
+            ..without_copies
+        }
+    }
+
+    /// A team whose copies of the environment are elsewhere.
+    fn without_copies(
+        spec: TaskSpec,
+        scene: Option<Scene>,
+        team: Box<dyn Team>,
+        settings: TrainingSettings,
+    ) -> Self {
+        let agents = team.agent_count();
         let (threads, needs_pool) = (settings.threads, settings.threads != 1 && agents > 1);
         Self {
-            measures: Measures::new(groups[0].environment.spec(), agents),
+            measures: Measures::new(&spec, agents),
+            spec,
+            scene,
             buffer: SharedBuffer::default(),
             episodes_before_round: 0,
             rollout: None,
-            groups,
+            groups: Vec::new(),
             team,
             round: 0,
             pool: needs_pool.then(|| thread_pool(threads)),
@@ -191,23 +213,19 @@ impl Trainer {
             .into_iter()
             .map(|copies| build(&description, scenario.physics, copies))
             .collect::<Result<Vec<_>, _>>()?;
-        let team = scenario.algorithm.config().build(&TeamContext {
-            run_seed: scenario.seed,
-            config: &scenario.agents,
-            spec: description.spec(),
-            timing: learning_timing(scenario.schedule),
-            record_advantages: scenario.recording.has_advantages(),
-        });
-        let settings = TrainingSettings {
-            run_seed: scenario.seed,
-            schedule: scenario.schedule,
-            stop: scenario.stop.clone(),
-            scene: scenario.recording.scene.clone(),
-            transitions_kept: scenario.algorithm.transitions_kept(),
-            has_intrinsic_rewards: scenario.algorithm.largest_intrinsic_reward().is_some(),
-            threads,
-        };
+        let team = build_team(scenario, description.spec());
+        let settings = training_settings(scenario, threads);
         Ok(Self::with_groups(environments, team, settings))
+    }
+
+    /// The team that a scenario describes, for one thread and copies in a shared world. Bodies are
+    /// not recorded.
+    pub(super) fn in_shared_world(scenario: &Scenario, spec: &TaskSpec) -> Self {
+        let settings = TrainingSettings {
+            scene: None,
+            ..training_settings(scenario, 1)
+        };
+        Self::without_copies(spec.clone(), None, build_team(scenario, spec), settings)
     }
 
     /// Plays a round of concurrent episodes, lets every agent learn from all of them, and measures
@@ -218,15 +236,75 @@ impl Trainer {
     /// # Errors
     /// An observation, a reward or a network's parameters are not finite.
     pub fn advance(&mut self) -> Result<Round, Diverged> {
-        self.buffer.remove_first(self.count_old_episodes());
-        self.episodes_before_round = self.buffer.episodes_added();
+        self.forget_old_episodes();
         let (updates, body_trajectories) = match self.settings.schedule {
-            Schedule::Synchronous { episodes } => self.advance_together(episodes.get())?,
-            Schedule::Lockstep { .. } => self.advance_together(1)?,
+            Schedule::Synchronous { .. } | Schedule::Lockstep { .. } => self.advance_together()?,
             Schedule::Asynchronous { training } => {
                 self.advance_asynchronously(training.env_steps)?
             }
         };
+        Ok(self.measure_round(updates, body_trajectories))
+    }
+
+    /// Begins a round of concurrent episodes in the copies of a shared world from `first_copy` on.
+    pub(super) fn begin_round_in(
+        &mut self,
+        environment: &mut dyn Environment,
+        first_copy: usize,
+    ) -> GroupRound<'static> {
+        self.forget_old_episodes();
+        self.team.begin_round(self.round);
+        let agents = 0..self.team.agent_count() as u32;
+        let plan = RoundPlan {
+            run_seed: self.settings.run_seed,
+            round: self.round,
+            episodes: episodes_per_round(self.settings.schedule),
+            scene: None,
+        };
+        GroupRound::begin(environment, agents, first_copy, plan)
+    }
+
+    /// Adds the result of the latest step to a round that began in a shared world. A team that
+    /// learns from transitions gets those that are due.
+    pub(super) fn observe_in(
+        &mut self,
+        environment: &mut dyn Environment,
+        round: &mut GroupRound<'_>,
+    ) {
+        let interval = self.team.transition_interval();
+        round.observe(environment, interval.is_some());
+        let is_due = |interval| round.unreported_steps() >= interval || round.is_over();
+        if interval.is_some_and(is_due) {
+            let workers = Workers::new(self.pool.as_ref());
+            rollout::report_transitions(&mut [round], &mut *self.team, workers);
+        }
+    }
+
+    /// Lets every agent learn from a round that was played in a shared world, and measures it.
+    ///
+    /// # Errors
+    /// An observation, a reward or a network's parameters are not finite.
+    pub(super) fn finish_round(&mut self, round: GroupRound<'_>) -> Result<Round, Diverged> {
+        let (updates, bodies) = self.learn_from(rollout::collect_episodes([round]))?;
+        Ok(self.measure_round(updates, bodies))
+    }
+
+    /// The team, which acts in a shared world.
+    pub(super) fn team(&self) -> &dyn Team {
+        &*self.team
+    }
+
+    /// Removes the episodes that are not needed any more, before a round.
+    fn forget_old_episodes(&mut self) {
+        self.buffer.remove_first(self.count_old_episodes());
+        self.episodes_before_round = self.buffer.episodes_added();
+    }
+
+    fn measure_round(
+        &mut self,
+        updates: Vec<AgentUpdate>,
+        body_trajectories: Vec<BodyTrajectory>,
+    ) -> Round {
         let bonus_agreement = self.bonus_agreement().map(|agreement| agreement as f32);
         let (mut reports, mut step_data) = (Vec::new(), Vec::new());
         for AgentUpdate { agent, update, .. } in updates {
@@ -239,16 +317,15 @@ impl Trainer {
         }
         step_data.sort_by_key(|data| (data.agent, data.episode));
         let episodes = newest_episodes(&self.buffer, self.episodes_before_round);
-        let spec = self.groups[0].environment.spec();
         let rows = self
             .measures
-            .add_round(spec, self.round, &episodes, &reports);
+            .add_round(&self.spec, self.round, &episodes, &reports);
         self.round += 1;
-        Ok(Round {
+        Round {
             rows,
             step_data,
             body_trajectories,
-        })
+        }
     }
 
     /// Number of the team's first episodes that are not needed any more: all agents have learned
@@ -264,16 +341,21 @@ impl Trainer {
         learned_by_all.min(before_kept)
     }
 
-    /// Every agent plays `episodes` episodes; then all agents learn.
-    fn advance_together(&mut self, episodes: u32) -> Result<UpdatesAndBodies, Diverged> {
+    /// Every agent plays its episodes of the round; then all agents learn.
+    fn advance_together(&mut self) -> Result<UpdatesAndBodies, Diverged> {
         let plan = RoundPlan {
             run_seed: self.settings.run_seed,
             round: self.round,
-            episodes,
+            episodes: episodes_per_round(self.settings.schedule),
             scene: self.settings.scene.as_ref(),
         };
         let workers = Workers::new(self.pool.as_ref());
         let played = rollout::play(&mut self.groups, &mut *self.team, &plan, true, workers);
+        self.learn_from(played)
+    }
+
+    /// All agents learn from the episodes of a round.
+    fn learn_from(&mut self, played: PlayedEpisodes) -> Result<UpdatesAndBodies, Diverged> {
         let learned_before = self.buffer.episodes_added();
         self.add_to_buffer(played.episodes)?;
         let learners =
@@ -321,7 +403,7 @@ impl Trainer {
     /// Checks episodes that ended in the same step, and adds them to the shared buffer.
     fn add_to_buffer(&mut self, mut episodes: Vec<Episode>) -> Result<(), Diverged> {
         for episode in &mut episodes {
-            check_episode(self.groups[0].environment.spec(), episode)?;
+            check_episode(&self.spec, episode)?;
             episode.round = self.round;
         }
         self.buffer.add_episodes(episodes);
@@ -400,13 +482,13 @@ impl Trainer {
     /// The task.
     #[must_use]
     pub fn spec(&self) -> &TaskSpec {
-        self.groups[0].environment.spec()
+        &self.spec
     }
 
     /// The bodies of the task, if it has any to draw.
     #[must_use]
     pub fn scene(&self) -> Option<&Scene> {
-        self.groups[0].environment.scene()
+        self.scene.as_ref()
     }
 
     /// Number of agents K.
@@ -526,6 +608,37 @@ impl Trainer {
 /// The updates of a round in the order in which agents learned, and the recorded bodies.
 type UpdatesAndBodies = (Vec<AgentUpdate>, Vec<BodyTrajectory>);
 
+/// The team that a scenario describes.
+fn build_team(scenario: &Scenario, spec: &TaskSpec) -> Box<dyn Team> {
+    scenario.algorithm.config().build(&TeamContext {
+        run_seed: scenario.seed,
+        config: &scenario.agents,
+        spec,
+        timing: learning_timing(scenario.schedule),
+        record_advantages: scenario.recording.has_advantages(),
+    })
+}
+
+fn training_settings(scenario: &Scenario, threads: usize) -> TrainingSettings {
+    TrainingSettings {
+        run_seed: scenario.seed,
+        schedule: scenario.schedule,
+        stop: scenario.stop.clone(),
+        scene: scenario.recording.scene.clone(),
+        transitions_kept: scenario.algorithm.transitions_kept(),
+        has_intrinsic_rewards: scenario.algorithm.largest_intrinsic_reward().is_some(),
+        threads,
+    }
+}
+
+/// Number of episodes that each agent plays in a round in which all agents begin together.
+fn episodes_per_round(schedule: Schedule) -> u32 {
+    match schedule {
+        Schedule::Synchronous { episodes } => episodes.get(),
+        Schedule::Lockstep { .. } | Schedule::Asynchronous { .. } => 1,
+    }
+}
+
 fn thread_pool(threads: usize) -> ThreadPool {
     ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -544,11 +657,7 @@ fn group_sizes(description: &TaskDescription, scenario: &Scenario, threads: usiz
         return vec![agents];
     }
     let threads = thread_count(threads);
-    let shares_world = scenario.physics == Physics::Rapier
-        && description
-            .body_task()
-            .is_some_and(|task| !task.needs_own_worlds());
-    let groups = if threads == 1 || shares_world {
+    let groups = if threads == 1 || shares_rapier_world(description, scenario) {
         threads
     } else {
         GROUPS_PER_THREAD * threads
@@ -558,6 +667,14 @@ fn group_sizes(description: &TaskDescription, scenario: &Scenario, threads: usiz
     (0..groups)
         .map(|group| first_of_group(group + 1) - first_of_group(group))
         .collect()
+}
+
+/// Whether the copies of a scenario's environment are rigid bodies in one world of Rapier.
+pub(super) fn shares_rapier_world(description: &TaskDescription, scenario: &Scenario) -> bool {
+    scenario.physics == Physics::Rapier
+        && description
+            .body_task()
+            .is_some_and(|task| !task.needs_own_worlds())
 }
 
 /// Groups of copies per thread, if copies do not share a world.

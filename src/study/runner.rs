@@ -1,16 +1,19 @@
 //! Runs the missing runs of a study, or verifies its stored runs, on several threads. Each free
-//! thread takes the longest of the remaining runs.
+//! thread takes the longest of the remaining runs, and with it others of the same cell if they are
+//! faster together.
 
 use std::any::Any;
+use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::experiment::StopRule;
+use super::experiment::{RunQueue, RunRequest, StopRule};
 use super::plan::PlannedRun;
 use super::run_result::RunResult;
 use super::store::{StoreError, StudyFolder};
+use crate::run::RunError;
 
 /// A run that has ended.
 #[derive(Clone, Copy, Debug)]
@@ -21,9 +24,9 @@ pub struct FinishedRun<'a> {
     pub failure: Option<&'a str>,
 }
 
-/// Executes `runs` on `jobs` threads, one thread per run, and stores each result when its run has
-/// ended. A run that fails is stored with the reason of its failure, and does not stop other runs.
-/// If `interrupted` is set, unfinished runs are stopped, and nothing of them is stored.
+/// Executes `runs` on `jobs` threads, and stores each result when its run has ended. A run that
+/// fails is stored with the reason of its failure, and does not stop other runs. If `interrupted` is
+/// set, unfinished runs are stopped, and nothing of them is stored.
 ///
 /// # Errors
 /// If a result cannot be stored. After such an error, no further runs are started.
@@ -34,10 +37,8 @@ pub fn run(
     interrupted: &AtomicBool,
     on_finished: &(dyn Fn(&FinishedRun<'_>) + Sync),
 ) -> Result<(), StoreError> {
-    for_each(runs, jobs, interrupted, &|run| {
-        let Some(outcome) = execute(run, run.windows(), interrupted) else {
-            return Ok(());
-        };
+    let runs = runs.iter().map(|run| (run, run.windows().to_vec()));
+    measure_all(runs, jobs, interrupted, &|run, outcome| {
         let stored = folder.store(run, outcome)?;
         on_finished(&FinishedRun {
             run,
@@ -56,13 +57,16 @@ pub fn verify<'a>(
     interrupted: &AtomicBool,
     on_verified: &(dyn Fn(&'a PlannedRun<'a>, bool) + Sync),
 ) {
-    let never: Result<(), Infallible> = for_each(runs, jobs, interrupted, &|run| {
-        let Some(stored) = folder.stored_run(run) else {
-            return Ok(());
-        };
-        let stored_states = stored.outcome.iter().flat_map(|run| &run.states);
-        let windows: Vec<u32> = stored_states.map(|states| states.episodes).collect();
-        if let Some(outcome) = execute(run, &windows, interrupted) {
+    let stored_windows = |run: &PlannedRun<'_>| {
+        let stored = folder.stored_run(run)?;
+        let states = stored.outcome.iter().flat_map(|run| &run.states);
+        Some(states.map(|states| states.episodes).collect::<Vec<u32>>())
+    };
+    let runs = runs
+        .iter()
+        .filter_map(|run| Some((run, stored_windows(run)?)));
+    let never: Result<(), Infallible> = measure_all(runs, jobs, interrupted, &|run, outcome| {
+        if let Some(stored) = folder.stored_run(run) {
             on_verified(run, stored.is_reproduced_by(&outcome));
         }
         Ok(())
@@ -70,60 +74,163 @@ pub fn verify<'a>(
     never.unwrap_or_else(|never| match never {});
 }
 
-/// Calls `work` for each run on `jobs` threads, the longest run first, until a call fails
-/// or `interrupted` is set. Returns the first error.
-fn for_each<'a, E: Send>(
-    runs: &'a [PlannedRun<'a>],
+/// What a run led to, or why it failed.
+type Outcome = Result<RunResult, String>;
+
+/// What is done with the outcome of a run.
+type OnOutcome<'a, 'f, E> = &'f (dyn Fn(&'a PlannedRun<'a>, Outcome) -> Result<(), E> + Sync);
+
+/// Measures `runs`, each with its windows of episodes, on `jobs` threads, and calls `on_outcome` for
+/// each, until a call fails or `interrupted` is set. Returns the first error.
+fn measure_all<'a, E: Send>(
+    runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>,
     jobs: usize,
     interrupted: &AtomicBool,
-    work: &(dyn Fn(&'a PlannedRun<'a>) -> Result<(), E> + Sync),
+    on_outcome: OnOutcome<'a, '_, E>,
 ) -> Result<(), E> {
-    let mut queue: Vec<&PlannedRun<'a>> = runs.iter().collect();
-    queue.sort_by(|a, b| {
-        let (a, b) = (a.cell.experiment.cost(), b.cell.experiment.cost());
-        b.total_cmp(&a)
-    });
-    let (next_index, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let first_error: Mutex<Option<E>> = Mutex::new(None);
-    let work_through_queue = || {
-        while let Some(run) = queue.get(next_index.fetch_add(1, Ordering::Relaxed))
-            && !interrupted.load(Ordering::Relaxed)
-            && !failed.load(Ordering::Relaxed)
-        {
-            if let Err(error) = work(run) {
-                failed.store(true, Ordering::Relaxed);
-                let mut first_error = first_error.lock().unwrap_or_else(PoisonError::into_inner);
-                first_error.get_or_insert(error);
-            }
-        }
-    };
+    let queue = SharedQueue::new(runs);
+    let jobs = jobs.clamp(1, queue.length().max(1));
     std::thread::scope(|scope| {
-        for _ in 0..jobs.clamp(1, queue.len().max(1)) {
-            scope.spawn(work_through_queue);
+        for _ in 0..jobs {
+            scope.spawn(|| queue.work_through(jobs, interrupted, on_outcome));
         }
     });
-    let first_error = first_error
-        .into_inner()
-        .unwrap_or_else(PoisonError::into_inner);
-    first_error.map_or(Ok(()), Err)
+    let error = queue.first_error.into_inner();
+    error
+        .unwrap_or_else(PoisonError::into_inner)
+        .map_or(Ok(()), Err)
 }
 
-/// Executes a run. An error or a panic becomes the reason of its failure. `windows` are those of
-/// [`measure_once`](super::experiment::Experiment::measure_once). `None` if interrupted.
-fn execute(
-    run: &PlannedRun<'_>,
-    windows: &[u32],
-    interrupted: &AtomicBool,
-) -> Option<Result<RunResult, String>> {
-    let experiment = &run.cell.experiment;
-    let execute =
-        || experiment.measure_once(run.run_seed, StopRule::Scenario, windows, interrupted);
-    match catch_unwind(AssertUnwindSafe(execute)) {
-        Ok(Ok(None)) => None,
-        Ok(Ok(Some(result))) => Some(Ok(result)),
-        Ok(Err(error)) => Some(Err(error.to_string())),
-        Err(panic) => Some(Err(format!("panicked: {}", panic_message(&*panic)))),
+/// The runs that no thread has taken yet, the longest first.
+struct SharedQueue<'a, E> {
+    waiting: Mutex<VecDeque<(&'a PlannedRun<'a>, Vec<u32>)>>,
+    /// The first error of a call of `on_outcome`, after which no further runs are taken.
+    first_error: Mutex<Option<E>>,
+}
+
+impl<'a, E: Send> SharedQueue<'a, E> {
+    fn new(runs: impl Iterator<Item = (&'a PlannedRun<'a>, Vec<u32>)>) -> Self {
+        let mut waiting: Vec<_> = runs.collect();
+        waiting.sort_by(|(a, _), (b, _)| {
+            let (a, b) = (a.cell.experiment.cost(), b.cell.experiment.cost());
+            b.total_cmp(&a)
+        });
+        Self {
+            waiting: Mutex::new(waiting.into()),
+            first_error: Mutex::new(None),
+        }
     }
+
+    fn length(&self) -> usize {
+        lock(&self.waiting).len()
+    }
+
+    /// Takes runs, and measures those of one cell together if that is faster, until none is left.
+    fn work_through(
+        &self,
+        jobs: usize,
+        interrupted: &AtomicBool,
+        on_outcome: OnOutcome<'a, '_, E>,
+    ) {
+        while !interrupted.load(Ordering::Relaxed)
+            && let Some(first) = self.take(None)
+        {
+            // At the end, the other threads get their share.
+            let share = (self.length() + 1).div_ceil(jobs);
+            let experiment = &first.0.cell.experiment;
+            let mut queue = CellQueue {
+                shared: self,
+                on_outcome,
+                digest: &first.0.cell.digest,
+                first: Some(first.clone()),
+                unfinished: Vec::new(),
+            };
+            let places = experiment.runs_together().min(share);
+            let measure = || {
+                let rule = StopRule::Scenario;
+                experiment.measure_together(places, rule, &mut queue, interrupted);
+            };
+            if catch_unwind(AssertUnwindSafe(measure)).is_err() {
+                queue.measure_unfinished_alone(interrupted);
+            }
+        }
+    }
+
+    /// Takes the next run, or the next run of the cell with this digest.
+    fn take(&self, digest: Option<&str>) -> Option<(&'a PlannedRun<'a>, Vec<u32>)> {
+        if lock(&self.first_error).is_some() {
+            return None;
+        }
+        let mut waiting = lock(&self.waiting);
+        let is_wanted =
+            |run: &PlannedRun<'_>| digest.is_none_or(|digest| run.cell.digest == digest);
+        let index = waiting.iter().position(|(run, _)| is_wanted(run))?;
+        waiting.remove(index)
+    }
+
+    fn report(&self, run: &'a PlannedRun<'a>, outcome: Outcome, on_outcome: OnOutcome<'a, '_, E>) {
+        if let Err(error) = on_outcome(run, outcome) {
+            lock(&self.first_error).get_or_insert(error);
+        }
+    }
+}
+
+/// The runs of one cell that one thread takes.
+struct CellQueue<'a, 'q, E> {
+    shared: &'q SharedQueue<'a, E>,
+    on_outcome: OnOutcome<'a, 'q, E>,
+    digest: &'a str,
+    /// The run that was taken already.
+    first: Option<(&'a PlannedRun<'a>, Vec<u32>)>,
+    unfinished: Vec<(&'a PlannedRun<'a>, RunRequest)>,
+}
+
+impl<E: Send> RunQueue for CellQueue<'_, '_, E> {
+    fn next(&mut self) -> Option<RunRequest> {
+        let taken = self.first.take();
+        let (run, windows) = taken.or_else(|| self.shared.take(Some(self.digest)))?;
+        let request = RunRequest {
+            index: run.index,
+            run_seed: run.run_seed,
+            windows,
+        };
+        self.unfinished.push((run, request.clone()));
+        Some(request)
+    }
+
+    fn finish(&mut self, request: &RunRequest, result: Result<RunResult, RunError>) {
+        let is_finished = |(run, _): &(&PlannedRun<'_>, RunRequest)| run.index == request.index;
+        if let Some(index) = self.unfinished.iter().position(is_finished) {
+            let (run, _) = self.unfinished.swap_remove(index);
+            let outcome = result.map_err(|error| error.to_string());
+            self.shared.report(run, outcome, self.on_outcome);
+        }
+    }
+}
+
+impl<E: Send> CellQueue<'_, '_, E> {
+    /// Measures each run that was begun with others by itself, so that a panic concerns the run that
+    /// causes it only.
+    fn measure_unfinished_alone(&mut self, interrupted: &AtomicBool) {
+        for (run, request) in std::mem::take(&mut self.unfinished) {
+            let measure = || {
+                let (rule, windows) = (StopRule::Scenario, &request.windows);
+                let experiment = &run.cell.experiment;
+                experiment.measure_once(run.run_seed, rule, windows, interrupted)
+            };
+            let outcome = match catch_unwind(AssertUnwindSafe(measure)) {
+                Ok(Ok(None)) => return,
+                Ok(Ok(Some(result))) => Ok(result),
+                Ok(Err(error)) => Err(error.to_string()),
+                Err(panic) => Err(format!("panicked: {}", panic_message(&*panic))),
+            };
+            self.shared.report(run, outcome, self.on_outcome);
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Message of a panic, which is either a constant or a formatted string.

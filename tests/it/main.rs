@@ -14,6 +14,7 @@ mod recording;
 mod registration;
 mod reliability;
 mod review;
+mod shared_world;
 mod study;
 mod tabular;
 mod util;

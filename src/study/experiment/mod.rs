@@ -79,6 +79,25 @@ pub trait Experiment: Debug + Send + Sync {
         interrupted: &AtomicBool,
     ) -> Result<Option<RunResult>, RunError>;
 
+    /// Number of runs that take the least time if they are measured
+    /// [together](Self::measure_together).
+    fn runs_together(&self) -> usize {
+        1
+    }
+
+    /// Measures runs of `queue`, at most `places` at once, until it is empty or `interrupted` is
+    /// set. Each result has the bits of [`measure_once`](Self::measure_once).
+    fn measure_together(
+        &self,
+        places: usize,
+        stop_rule: StopRule,
+        queue: &mut dyn RunQueue,
+        interrupted: &AtomicBool,
+    ) {
+        let _ = places;
+        measure_one_by_one(self, stop_rule, queue, interrupted);
+    }
+
     /// Runs once with the scenario's run seed, and writes all results into a run directory. If
     /// `recording` is given, the recorder that it makes is used in addition to the tables.
     ///
@@ -110,6 +129,44 @@ pub trait Experiment: Debug + Send + Sync {
         Path::new("recordings")
             .join(self.name())
             .join(format!("seed-{}", self.run_seed()))
+    }
+}
+
+/// Runs of one experiment that wait to be measured.
+pub trait RunQueue {
+    /// Takes the next run; `None` if there is none.
+    fn next(&mut self) -> Option<RunRequest>;
+
+    /// Receives the result of a run that was taken.
+    fn finish(&mut self, request: &RunRequest, result: Result<RunResult, RunError>);
+}
+
+/// A run that is to be measured.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunRequest {
+    /// Index of the run in its study.
+    pub index: usize,
+    /// Run seed.
+    pub run_seed: u64,
+    /// Numbers of first episodes of which visited states are sampled; see
+    /// [`Experiment::measure_once`].
+    pub windows: Vec<u32>,
+}
+
+/// Measures the runs of `queue`, each by itself.
+fn measure_one_by_one<E: Experiment + ?Sized>(
+    experiment: &E,
+    stop_rule: StopRule,
+    queue: &mut dyn RunQueue,
+    interrupted: &AtomicBool,
+) {
+    while let Some(request) = queue.next() {
+        let (run_seed, windows) = (request.run_seed, &request.windows);
+        match experiment.measure_once(run_seed, stop_rule, windows, interrupted) {
+            Ok(None) => return,
+            Ok(Some(result)) => queue.finish(&request, Ok(result)),
+            Err(error) => queue.finish(&request, Err(error)),
+        }
     }
 }
 

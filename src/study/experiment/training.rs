@@ -4,9 +4,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use xxhash_rust::xxh64::Xxh64;
 
-use super::{Experiment, RunEnding, RunReport, StopRule};
+use super::{Experiment, RunEnding, RunQueue, RunReport, RunRequest, StopRule, measure_one_by_one};
 use crate::record::table::TableFiles;
 use crate::record::{RecorderFactory, RecordingSettings};
+use crate::run::measures::RoundRows;
+use crate::run::shared_world::{SharedWorld, runs_per_world};
 use crate::run::summary::{FINAL_WINDOW, Summary};
 use crate::run::trainer::Trainer;
 use crate::run::{self, Observer, Options, Plan, RecorderFactories, RunError, RunOutcome};
@@ -92,22 +94,37 @@ impl Experiment for Plan {
     ) -> Result<Option<RunResult>, RunError> {
         let scenario = with_defaults_except_for_learning(self.scenario.clone(), run_seed);
         let mut trainer = Trainer::from_scenario(&scenario, &self.description, 1)?;
-        let mut result = RunResult::begin(&trainer);
-        let mut reservoir = Reservoir::new(run_seed, windows);
+        let mut measured = MeasuredRun::begin(&trainer, run_seed, windows);
         while !is_done(&trainer, &scenario, stop_rule) {
             if interrupted.load(Ordering::Relaxed) {
                 return Ok(None);
             }
             let rows = trainer.advance()?.rows;
-            result.add_round(&trainer, &rows);
-            for episode in trainer.newest_episodes() {
-                reservoir.add_episode(episode);
-            }
+            measured.add_round(&trainer, &rows);
         }
-        Ok(Some(RunResult {
-            states: reservoir.into_samples(),
-            ..result
-        }))
+        Ok(Some(measured.finish()))
+    }
+
+    fn runs_together(&self) -> usize {
+        runs_per_world(&self.scenario, &self.description)
+    }
+
+    fn measure_together(
+        &self,
+        places: usize,
+        stop_rule: StopRule,
+        queue: &mut dyn RunQueue,
+        interrupted: &AtomicBool,
+    ) {
+        let world = if places > 1 && self.runs_together() > 1 {
+            SharedWorld::new(&self.scenario, &self.description, places).ok()
+        } else {
+            None
+        };
+        match world {
+            Some(world) => measure_in_world(self, world, stop_rule, queue, interrupted),
+            None => measure_one_by_one(self, stop_rule, queue, interrupted),
+        }
     }
 
     fn run_in_folder(
@@ -133,6 +150,83 @@ impl Experiment for Plan {
 
     fn bench_report(&self) -> &'static dyn BenchReport {
         &SolvingReport
+    }
+}
+
+/// Measures the runs of `queue` in the places of a world. A place whose run has ended is taken by
+/// the next run.
+fn measure_in_world(
+    plan: &Plan,
+    mut world: SharedWorld,
+    stop_rule: StopRule,
+    queue: &mut dyn RunQueue,
+    interrupted: &AtomicBool,
+) {
+    let mut runs: Vec<Option<(RunRequest, MeasuredRun)>> = Vec::new();
+    runs.resize_with(world.places(), || None);
+    loop {
+        while world.has_free_place()
+            && let Some(request) = queue.next()
+        {
+            let scenario =
+                with_defaults_except_for_learning(plan.scenario.clone(), request.run_seed);
+            let place = world.begin(&scenario);
+            let trainer = world.trainer(place);
+            let measured = MeasuredRun::begin(trainer, request.run_seed, &request.windows);
+            runs[place] = Some((request, measured));
+        }
+        let Some((place, round)) = world.advance() else {
+            return;
+        };
+        if interrupted.load(Ordering::Relaxed) {
+            return;
+        }
+        let Some((_, measured)) = &mut runs[place] else {
+            continue;
+        };
+        let failure = match round {
+            Ok(round) => {
+                measured.add_round(world.trainer(place), &round.rows);
+                None
+            }
+            Err(diverged) => Some(RunError::from(diverged)),
+        };
+        if failure.is_some() || is_done(world.trainer(place), &plan.scenario, stop_rule) {
+            world.end(place);
+            if let Some((request, measured)) = runs[place].take() {
+                queue.finish(&request, failure.map_or_else(|| Ok(measured.finish()), Err));
+            }
+        }
+    }
+}
+
+/// A run that is being measured.
+struct MeasuredRun {
+    result: RunResult,
+    reservoir: Reservoir,
+}
+
+impl MeasuredRun {
+    fn begin(trainer: &Trainer, run_seed: u64, windows: &[u32]) -> Self {
+        Self {
+            result: RunResult::begin(trainer),
+            reservoir: Reservoir::new(run_seed, windows),
+        }
+    }
+
+    /// Adds a round that the trainer has just finished.
+    fn add_round(&mut self, trainer: &Trainer, rows: &RoundRows) {
+        self.result.add_round(trainer, rows);
+        for episode in trainer.newest_episodes() {
+            self.reservoir.add_episode(episode);
+        }
+    }
+
+    fn finish(self) -> RunResult {
+        RunResult {
+            states: self.reservoir.into_samples(),
+            ..self.result
+        }
     }
 }
 
