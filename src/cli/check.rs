@@ -30,7 +30,7 @@ pub(super) fn check(files: &[PathBuf]) -> Result<(), CliError> {
             }
             Err(error) => {
                 invalid += 1;
-                eprintln!("error: {error}");
+                note!("error: {error}");
             }
         }
     }

@@ -1,6 +1,5 @@
 //! `seedbed film`.
 
-use std::fs::{self, File};
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
@@ -11,6 +10,7 @@ use super::progress::{ReadCounter, episode_bar};
 use super::{CliError, pluralize};
 use seedbed::film::gif::GifWriter;
 use seedbed::film::{Film, FilmError, FilmSettings};
+use seedbed::run::files::Replacement;
 use seedbed::run::review::LoadedRun;
 
 #[derive(Debug, Args)]
@@ -67,7 +67,7 @@ pub(super) fn film(args: &FilmArgs) -> Result<(), CliError> {
     let film = Film::of_run(&run, settings, &mut || counter.count())?;
     drop(counter);
     if !film.has_bodies() {
-        eprintln!(
+        note!(
             "warning: no motion of agent {0} is recorded, so that the film shows no bodies; record it with `--set \
              'recording.scene=(agents: [{0}])'`",
             args.agent
@@ -89,10 +89,10 @@ pub(super) fn write(film: &Film, settings: FilmSettings, out: &Path) -> Result<(
 }
 
 fn write_frames(film: &Film, settings: FilmSettings, out: &Path) -> io::Result<()> {
-    let unfinished = out.with_added_extension("part");
+    let replacement = Replacement::begin(out)?;
     let size = |side: f64| side.round() as u16;
     let height = film.frame(0).height();
-    let file = BufWriter::new(File::create(&unfinished)?);
+    let file = BufWriter::new(replacement.file()?);
     let width = size(f64::from(settings.width));
     let mut writer = GifWriter::new(file, width, size(height), settings.frames_per_second)?;
     let bar = episode_bar(film.frame_count() as u32, "frames");
@@ -108,7 +108,7 @@ fn write_frames(film: &Film, settings: FilmSettings, out: &Path) -> io::Result<(
         }
     }
     writer.finish()?;
-    fs::rename(&unfinished, out)
+    replacement.commit()
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {

@@ -32,7 +32,7 @@ pub(super) fn show(name: &Path, only_kind: Option<ListKind>) -> Result<(), CliEr
         && input_files::find_argument(name, &[Directory::Scenarios])
             .is_ok_and(|other| other != path)
     {
-        eprintln!(
+        note!(
             "note: for the scenario, use `seedbed list scenarios --show {}`",
             name.display()
         );

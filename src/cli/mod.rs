@@ -9,6 +9,12 @@ macro_rules! say {
     ($($words:tt)*) => { $crate::cli::say_line(format_args!($($words)*)) };
 }
 
+/// Prints a line to the standard error. What cannot be written there is lost; it never ends the
+/// process.
+macro_rules! note {
+    ($($words:tt)*) => { $crate::cli::note_line(format_args!($($words)*)) };
+}
+
 mod algorithms_page;
 mod bench;
 mod check;
@@ -18,6 +24,7 @@ mod explore;
 mod export;
 mod film;
 mod inspect;
+mod interruption;
 mod list;
 mod new;
 mod plot;
@@ -504,7 +511,7 @@ pub(crate) fn main() -> ExitCode {
     };
     // The error of a single invalid file was printed already; a count would add nothing.
     if !matches!(error, CliError::InvalidFiles(1)) {
-        eprintln!("error: {error}");
+        note!("error: {error}");
     }
     match error {
         CliError::Usage(_) | CliError::InvalidFiles(_) => ExitCode::from(2),
@@ -519,13 +526,31 @@ impl From<LoadRunError> for CliError {
 }
 
 fn say_line(line: std::fmt::Arguments<'_>) {
-    if let Err(error) = writeln!(std::io::stdout(), "{line}") {
+    if let Err(error) = writeln!(std::io::stdout(), "{}", printable(line)) {
         if error.kind() == std::io::ErrorKind::BrokenPipe {
             std::process::exit(0);
         }
-        eprintln!("error: cannot write to standard output: {error}");
+        note!("error: cannot write to standard output: {error}");
         std::process::exit(1);
     }
+}
+
+fn note_line(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stderr(), "{}", printable(line));
+}
+
+/// The text with control characters as escape sequences such as `\u{1b}`, so that names in files
+/// cannot control the terminal.
+fn printable(text: std::fmt::Arguments<'_>) -> String {
+    let mut shown = String::new();
+    for character in text.to_string().chars() {
+        if character.is_control() && !matches!(character, '\n' | '\t') {
+            shown.extend(character.escape_default());
+        } else {
+            shown.push(character);
+        }
+    }
+    shown
 }
 
 impl From<InputError> for CliError {

@@ -17,7 +17,7 @@ impl Observer for NoProgress {
     fn round_finished(&mut self, _: &Progress) {}
 
     fn warn(&mut self, warning: &str) {
-        eprintln!("warning: {warning}");
+        note!("warning: {warning}");
     }
 }
 
@@ -110,8 +110,8 @@ impl Observer for RunProgress {
 
     fn warn(&mut self, warning: &str) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("warning: {warning}")),
-            None => eprintln!("warning: {warning}"),
+            Some(bar) => bar.suspend(|| note!("warning: {warning}")),
+            None => note!("warning: {warning}"),
         }
     }
 }
@@ -121,9 +121,10 @@ impl RunProgress {
         let tenths = 10 * progress.episodes / progress.max_episodes.max(1);
         if tenths > self.printed_tenths {
             self.printed_tenths = tenths;
-            eprintln!(
+            note!(
                 "{}/{} episodes · {message}",
-                progress.episodes, progress.max_episodes
+                progress.episodes,
+                progress.max_episodes
             );
         }
     }
@@ -188,7 +189,7 @@ impl StudyProgress {
         if self.bar.is_none() && is_due {
             self.printed_tenths = tenths;
             self.last_line = Instant::now();
-            eprintln!("{}", self.message());
+            note!("{}", self.message());
         }
     }
 

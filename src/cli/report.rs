@@ -37,7 +37,7 @@ fn publish(folder: &StudyFolder, parent: &Path) -> Result<(), CliError> {
     let written = published::write(&results, &claim_results, parent);
     let written = written.map_err(|error| write_error(parent, &error))?;
     if results.audit.is_none() {
-        eprintln!("warning: these results are not registered: see `seedbed study --help`");
+        note!("warning: these results are not registered: see `seedbed study --help`");
     }
     say!("published  {}", written.display());
     Ok(())
@@ -85,7 +85,7 @@ fn print_results(results: &Results, claim_results: &[ClaimResult]) {
     say!("runs       {}", run_counts.join(", "));
     print_registration(results);
     for cell in cells_without_policy_gradient(results) {
-        eprintln!(
+        note!(
             "warning: the policy loss of cell `{cell}` was 0 in all rounds: its policies never moved"
         );
     }

@@ -1,10 +1,9 @@
 //! `seedbed run`.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
+use super::interruption::StopRequests;
 use super::progress::{AbortAfter, NoProgress, RunProgress};
 use super::{CliError, RunArgs, pluralize};
 use seedbed::input_files::{self, Directory};
@@ -39,10 +38,11 @@ pub(super) fn run(args: &RunArgs) -> Result<(), CliError> {
     }
     let started = Instant::now();
     let mut observer = observer(args, experiment.name());
-    let interrupted = interruption_flag("stopping, at the latest after this round");
+    let stop_requests = StopRequests::listen("stopping, at the latest after this round");
     let recorder_factory = run_recorder_factory(args, &options.folder, live);
-    let ending = experiment.run_in_folder(&options, recorder_factory, &mut *observer, &interrupted);
-    drop(observer);
+    let interrupted = stop_requests.flag();
+    let ending = experiment.run_in_folder(&options, recorder_factory, &mut *observer, interrupted);
+    drop((observer, stop_requests));
     match ending.map_err(|error| with_resume_hint(error, args, &options.folder))? {
         RunEnding::Interrupted { after, can_resume } => {
             Err(interruption_error(&after, can_resume, args))
@@ -220,30 +220,6 @@ fn refusal(args: &RunArgs, contents: Contents, path: &str, elsewhere: &str) -> O
         )),
         _ => None,
     }
-}
-
-/// Flag that is set when the user presses Ctrl-C, which also prints `message`. The second Ctrl-C
-/// ends the process immediately. All calls in a process return the same flag, which keeps the
-/// message of the first call.
-pub(super) fn interruption_flag(message: &'static str) -> Arc<AtomicBool> {
-    static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
-    let interrupted = INTERRUPTED.get_or_init(|| {
-        let interrupted = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&interrupted);
-        let handler = ctrlc::set_handler(move || {
-            if flag.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-            eprintln!("\n{message}; press Ctrl-C again to stop immediately");
-        });
-        if let Err(error) = handler {
-            eprintln!(
-                "warning: cannot handle Ctrl-C ({error}); it will end the run without a checkpoint"
-            );
-        }
-        interrupted
-    });
-    Arc::clone(interrupted)
 }
 
 fn print_report(

@@ -190,7 +190,7 @@ fn print_table(runs: &[RunOverview], found: usize, args: &RunsArgs) {
     }
     for run in runs {
         if let Some(error) = &run.error {
-            eprintln!("warning: {} cannot be read: {error}", run.path.display());
+            note!("warning: {} cannot be read: {error}", run.path.display());
         }
     }
 }

@@ -5,8 +5,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use super::interruption::StopRequests;
 use super::progress::StudyProgress;
-use super::run::interruption_flag;
 use super::{CliError, StudyArgs, pluralize, report};
 use seedbed::run::thread_count;
 use seedbed::study::plan::{PlannedRun, StudyPlan};
@@ -362,10 +362,11 @@ fn repeat_and_compare<'a>(
     folder: &StudyFolder,
     study_name: &str,
 ) -> Result<Vec<PlannedRun<'a>>, CliError> {
-    let stop = interruption_flag("stopping; stored results are unchanged");
+    let stop_requests = StopRequests::listen("stopping; stored results are unchanged");
+    let stop = stop_requests.flag();
     let progress = Mutex::new(StudyProgress::new(study_name, runs));
     let differing = Mutex::new(Vec::new());
-    runner::verify(runs, folder, jobs(args), &stop, &|run, is_same| {
+    runner::verify(runs, folder, jobs(args), stop, &|run, is_same| {
         progress.lock().expect(LOCK_IS_INTACT).run_finished(run);
         if !is_same {
             differing.lock().expect(LOCK_IS_INTACT).push(*run);
@@ -399,13 +400,13 @@ fn print_verification(
     );
     for run in differing {
         let file = folder.result_file(&run.cell.digest, run.run_seed);
-        eprintln!(
+        note!(
             "differs    {}",
             describe_run(run, &file.display().to_string())
         );
     }
     if !differing.is_empty() {
-        eprintln!(
+        note!(
             "the stored results come from other code or another kind of machine; delete {} to repeat all runs",
             folder.runs_folder().display()
         );
@@ -433,9 +434,10 @@ fn execute_runs(
     folder: &StudyFolder,
     study_name: &str,
 ) -> Result<Vec<String>, CliError> {
-    let stop = interruption_flag(
+    let stop_requests = StopRequests::listen(
         "stopping; finished runs are kept, and the same command resumes the study",
     );
+    let stop = stop_requests.flag();
     let progress = Mutex::new(StudyProgress::new(study_name, runs));
     let failures = Mutex::new(Vec::new());
     let finished_runs = AtomicUsize::new(0);
@@ -454,7 +456,7 @@ fn execute_runs(
             std::process::abort();
         }
     };
-    let result = runner::run(runs, folder, jobs(args), &stop, &report_finished);
+    let result = runner::run(runs, folder, jobs(args), stop, &report_finished);
     drop(progress);
     result.map_err(|error| CliError::Runtime(format!("cannot write {error}")))?;
     if stop.load(Ordering::Relaxed) {
@@ -468,10 +470,10 @@ fn execute_runs(
 fn print_failures(failures: &[String]) {
     const MAX_PRINTED: usize = 10;
     for failure in failures.iter().take(MAX_PRINTED) {
-        eprintln!("failed     {failure}");
+        note!("failed     {failure}");
     }
     if failures.len() > MAX_PRINTED {
-        eprintln!("failed     and {} more", failures.len() - MAX_PRINTED);
+        note!("failed     and {} more", failures.len() - MAX_PRINTED);
     }
 }
 

@@ -8,13 +8,14 @@ mod states;
 mod table;
 pub mod tensorboard;
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 use self::table::Table;
 use crate::record::ReadError;
 use crate::record::table::TableError;
+use crate::run::files::Replacement;
 use crate::run::review::LoadedRun;
 
 /// What is exported.
@@ -113,22 +114,18 @@ pub fn export(
         path: path.to_owned(),
         error,
     };
-    let unfinished = path.with_added_extension("part");
-    let file = File::create(&unfinished).map_err(write_error)?;
+    let replacement = Replacement::begin(path).map_err(write_error)?;
+    let file = replacement.file().map_err(write_error)?;
     let mut writer = format.writer(BufWriter::new(file));
     let mut rows = 0;
     let mut write = |batch: Table| {
         rows += batch.len() as u64;
         writer.write(batch).map_err(write_error)
     };
-    let written = write_content(run, content, &mut write, on_episode);
-    let finished = written
-        .and_then(|()| writer.finish().map_err(write_error))
-        .and_then(|()| fs::rename(&unfinished, path).map_err(write_error));
-    if finished.is_err() {
-        let _ = fs::remove_file(&unfinished);
-    }
-    finished.map(|()| rows)
+    write_content(run, content, &mut write, on_episode)?;
+    writer.finish().map_err(write_error)?;
+    replacement.commit().map_err(write_error)?;
+    Ok(rows)
 }
 
 fn write_content(

@@ -1,11 +1,12 @@
 //! The tables `episodes.csv` and `rounds.csv`. [`TableRecorder`] writes them, [`read`] reads them.
 
 use std::fs::{File, OpenOptions};
-use std::io::{Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use xxhash_rust::xxh64::Xxh64;
 
 use super::{
     Attempt, RecordError, Recorder, RecorderFactory, RecordingSettings, RoundRecord, RunInfo,
@@ -49,24 +50,24 @@ impl TableRecorder {
     /// # Errors
     /// If a file cannot be created.
     pub fn create(folder: &Path) -> Result<Self, RecordError> {
-        Self::open(folder, [0, 0])
+        Self::open(folder, [Written::default(); 2])
     }
 
     /// Resumes the tables in `folder` from a [`checkpoint`](Recorder::checkpoint). Rows that were
     /// written after the checkpoint are removed.
     ///
     /// # Errors
-    /// If a file is missing or shorter than at the checkpoint.
+    /// If a file is missing, or if it does not begin with what it contained at the checkpoint.
     pub fn resume(folder: &Path, checkpoint: &[u8]) -> Result<Self, RecordError> {
-        let lengths = postcard::from_bytes(checkpoint).map_err(|error| RecordError {
+        let written = postcard::from_bytes(checkpoint).map_err(|error| RecordError {
             path: folder.to_owned(),
             attempt: Attempt::Resume,
             reason: format!("unreadable checkpoint: {error}"),
         })?;
-        Self::open(folder, lengths)
+        Self::open(folder, written)
     }
 
-    fn open(folder: &Path, [episodes, rounds]: [u64; 2]) -> Result<Self, RecordError> {
+    fn open(folder: &Path, [episodes, rounds]: [Written; 2]) -> Result<Self, RecordError> {
         Ok(Self {
             episodes: Table::open(folder.join("episodes.csv"), episodes)?,
             rounds: Table::open(folder.join("rounds.csv"), rounds)?,
@@ -81,8 +82,8 @@ impl Recorder for TableRecorder {
     }
 
     fn checkpoint(&mut self) -> Result<Vec<u8>, RecordError> {
-        let lengths = [self.episodes.sync()?, self.rounds.sync()?];
-        Ok(postcard::to_stdvec(&lengths).expect("two numbers can always be serialized"))
+        let written = [self.episodes.sync()?, self.rounds.sync()?];
+        Ok(postcard::to_stdvec(&written).expect("numbers can always be serialized"))
     }
 
     fn finish(&mut self) -> Result<(), RecordError> {
@@ -133,39 +134,33 @@ pub fn read_complete_rows(path: &Path) -> Result<String, TableError> {
     Ok(text)
 }
 
+/// How much of a table was written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct Written {
+    /// Length in bytes.
+    length: u64,
+    /// XXH64 of these bytes; 0 if there are none.
+    hash: u64,
+}
+
 struct Table {
     path: PathBuf,
-    writer: csv::Writer<File>,
+    writer: csv::Writer<HashedFile>,
 }
 
 impl Table {
-    /// Opens the file and truncates it to `length` bytes. If `length` is 0, the first row that is
-    /// written is preceded by a header.
-    fn open(path: PathBuf, length: u64) -> Result<Self, RecordError> {
-        let open_and_truncate = || -> std::io::Result<File> {
-            let mut file = OpenOptions::new()
-                .create(true)
-                .truncate(false)
-                .write(true)
-                .open(&path)?;
-            if file.metadata()?.len() < length {
-                return Err(std::io::Error::other(format!(
-                    "shorter than the {length} bytes of its checkpoint"
-                )));
-            }
-            file.set_len(length)?;
-            file.seek(SeekFrom::End(0))?;
-            Ok(file)
-        };
-        match open_and_truncate() {
+    /// Opens the file and removes what follows after `written`. If nothing was written, the first row
+    /// is preceded by a header.
+    fn open(path: PathBuf, written: Written) -> Result<Self, RecordError> {
+        match HashedFile::open(&path, written) {
             Ok(file) => Ok(Self {
                 writer: csv::WriterBuilder::new()
-                    .has_headers(length == 0)
+                    .has_headers(written.length == 0)
                     .from_writer(file),
                 path,
             }),
             Err(error) => {
-                let attempt = if length > 0 {
+                let attempt = if written.length > 0 {
                     Attempt::Resume
                 } else {
                     Attempt::Write
@@ -185,18 +180,17 @@ impl Table {
             .map_err(|error| self.error_with_path(error))
     }
 
-    /// Writes all rows to the disk, and returns the length of the file in bytes.
-    fn sync(&mut self) -> Result<u64, RecordError> {
-        let length = self.flush();
-        length.map_err(|error| self.error_with_path(error))
+    /// Writes all rows to the disk.
+    fn sync(&mut self) -> Result<Written, RecordError> {
+        let written = self.flush();
+        written.map_err(|error| self.error_with_path(error))
     }
 
-    fn flush(&mut self) -> std::io::Result<u64> {
+    fn flush(&mut self) -> io::Result<Written> {
         self.writer.flush()?;
-        let mut file = self.writer.get_ref();
-        file.flush()?;
-        file.sync_data()?;
-        Ok(file.metadata()?.len())
+        let file = self.writer.get_ref();
+        file.file.sync_data()?;
+        Ok(file.written())
     }
 
     fn error_with_path(&self, error: impl std::fmt::Display) -> RecordError {
@@ -205,5 +199,77 @@ impl Table {
             attempt: Attempt::Write,
             reason: error.to_string(),
         }
+    }
+}
+
+/// A file that is written from its beginning to its end, with the hash of what was written.
+struct HashedFile {
+    file: File,
+    length: u64,
+    hash: Xxh64,
+}
+
+impl HashedFile {
+    /// Opens a file that begins with what was `written`, and removes the rest.
+    fn open(path: &Path, written: Written) -> io::Result<Self> {
+        let mut file = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .read(true)
+            .write(true)
+            .open(path)?;
+        let mut hash = Xxh64::new(0);
+        let length = hash_start(&mut file, written.length, &mut hash)?;
+        if length < written.length {
+            let reason = format!(
+                "shorter than the {} bytes of its checkpoint",
+                written.length
+            );
+            return Err(io::Error::other(reason));
+        }
+        if written.length > 0 && hash.digest() != written.hash {
+            return Err(io::Error::other(
+                "was changed or damaged after its checkpoint: its rows have another checksum",
+            ));
+        }
+        file.set_len(length)?;
+        file.seek(SeekFrom::End(0))?;
+        Ok(Self { file, length, hash })
+    }
+
+    fn written(&self) -> Written {
+        Written {
+            length: self.length,
+            hash: self.hash.digest(),
+        }
+    }
+}
+
+impl Write for HashedFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.file.write(bytes)?;
+        self.hash.update(&bytes[..count]);
+        self.length += count as u64;
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// Adds at most the first `length` bytes of a file to a hash, and returns their number.
+fn hash_start(file: &mut File, length: u64, hash: &mut Xxh64) -> io::Result<u64> {
+    let mut start = BufReader::new(file).take(length);
+    let mut count = 0;
+    loop {
+        let bytes = start.fill_buf()?;
+        if bytes.is_empty() {
+            return Ok(count);
+        }
+        hash.update(bytes);
+        let read = bytes.len();
+        count += read as u64;
+        start.consume(read);
     }
 }

@@ -1,8 +1,8 @@
 //! Checkpoints: all that is needed to resume a run. A crash at any moment leaves the newest
 //! complete checkpoint.
 //!
-//! `state.bin` is replaced as a whole. It says which part of which replay file belongs to it, so
-//! that transitions are written once.
+//! `state.bin` is replaced as a whole, and the one before it is kept as `previous.bin`. A checkpoint
+//! says which part of which replay file belongs to it, so that transitions are written once.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,13 +11,12 @@ use serde::{Deserialize, Serialize};
 
 use super::files;
 use super::replay_file::{ReplayFile, StoredTransitions};
+use super::sealed::{self, Format, SealError};
 use super::trainer::Trainer;
 
 /// The contents of `checkpoint/state.bin`.
 #[derive(Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Version of the format; files of other versions cannot be read.
-    version: u32,
     /// The state of the [`Trainer`].
     pub trainer: Vec<u8>,
     /// The states of the recorders, in their order.
@@ -42,8 +41,10 @@ pub struct CheckpointError {
     pub reason: String,
 }
 
-/// Version of the format that this program reads and writes.
-const VERSION: u32 = 8;
+const FORMAT: Format = Format {
+    kind: *b"ckpt",
+    version: 9,
+};
 
 impl CheckpointWriter {
     /// For a run in this folder that has no checkpoint yet.
@@ -70,7 +71,6 @@ impl CheckpointWriter {
     ) -> Result<(), CheckpointError> {
         let replay = trainer.replay();
         let checkpoint = Checkpoint {
-            version: VERSION,
             trainer: trainer.save(),
             recorders,
             replay: replay
@@ -78,9 +78,14 @@ impl CheckpointWriter {
                 .transpose()?,
         };
         let path = file(&self.folder);
-        let bytes = postcard::to_stdvec(&checkpoint).expect("bytes always serialize");
-        let written = files::replace(&path, &bytes);
-        // Only now does no checkpoint need the earlier replay file.
+        let contents = postcard::to_stdvec(&checkpoint).expect("bytes always serialize");
+        let kept = if path.is_file() {
+            files::keep_as(&path, &previous_file(&self.folder))
+        } else {
+            Ok(())
+        };
+        let written = kept.and_then(|()| files::replace(&path, &sealed::seal(FORMAT, &contents)));
+        // Only now does no checkpoint need earlier replay files.
         let written = written.and_then(|()| self.replay_file.delete_other_files());
         written.map_err(|error| CheckpointError {
             path,
@@ -93,22 +98,20 @@ impl Checkpoint {
     /// Reads the checkpoint in a run's folder.
     ///
     /// # Errors
-    /// The file is missing, is damaged, or has another version.
+    /// The file is missing, is damaged, or has another version. If it is damaged and the checkpoint
+    /// before it is not, the error says how to use that one.
     pub fn read(folder: &Path) -> Result<Self, CheckpointError> {
         let path = file(folder);
-        let error_with = |reason: String| CheckpointError {
-            path: path.clone(),
-            reason,
-        };
-        let bytes = fs::read(&path).map_err(|error| error_with(error.to_string()))?;
-        let (version, _) = postcard::take_from_bytes::<u32>(&bytes)
-            .map_err(|error| error_with(error.to_string()))?;
-        if version != VERSION {
-            return Err(error_with(format!(
-                "is of format {version}; this seedbed reads format {VERSION}"
-            )));
-        }
-        postcard::from_bytes(&bytes).map_err(|error| error_with(format!("is damaged: {error}")))
+        Self::read_file(&path).map_err(|damage| CheckpointError {
+            reason: format!("{damage}{}", previous_checkpoint_hint(folder, &damage)),
+            path,
+        })
+    }
+
+    fn read_file(path: &Path) -> Result<Self, Damage> {
+        let bytes = fs::read(path)?;
+        let contents = sealed::unseal(FORMAT, &bytes)?;
+        Ok(postcard::from_bytes(contents)?)
     }
 
     /// Restores the state of a trainer whose team is not going to learn.
@@ -157,10 +160,40 @@ impl Checkpoint {
     }
 }
 
+/// Why a checkpoint cannot be read.
+#[derive(Debug, thiserror::Error)]
+enum Damage {
+    #[error(transparent)]
+    Unreadable(#[from] std::io::Error),
+    #[error(transparent)]
+    Seal(#[from] SealError),
+    #[error("is damaged: {0}")]
+    Contents(#[from] postcard::Error),
+}
+
+/// How to use the checkpoint before a damaged one; empty if it cannot be used either.
+fn previous_checkpoint_hint(folder: &Path, damage: &Damage) -> String {
+    let previous = previous_file(folder);
+    let is_of_other_version = matches!(damage, Damage::Seal(SealError::OtherVersion { .. }));
+    if is_of_other_version || Checkpoint::read_file(&previous).is_err() {
+        return String::new();
+    }
+    format!(
+        "; the checkpoint before it is intact: to use that one, rename {} to {}",
+        previous.display(),
+        file(folder).display()
+    )
+}
+
 /// The path of a run's checkpoint.
 #[must_use]
 pub fn file(folder: &Path) -> PathBuf {
     checkpoint_folder(folder).join("state.bin")
+}
+
+/// The path of the checkpoint before the newest.
+fn previous_file(folder: &Path) -> PathBuf {
+    checkpoint_folder(folder).join("previous.bin")
 }
 
 fn checkpoint_folder(folder: &Path) -> PathBuf {

@@ -1,25 +1,99 @@
 //! Atomic replacement of files: after a crash a file has either its old or its new content.
+//!
+//! New content is written to a file with a unique name beside the old one, so that several processes
+//! can replace the same file at once; the last one wins.
 
 use std::fs::{self, File};
 use std::io::{Result, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Replaces the file at `path`, and creates its folder if necessary.
+use tempfile::NamedTempFile;
+
+/// Replaces the file at `path`; see [`Replacement`].
 ///
 /// # Errors
 /// The operating system reports an error; then the old file is kept.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder)?;
+    let replacement = Replacement::begin(path)?;
+    replacement.file()?.write_all(bytes)?;
+    replacement.commit()
+}
+
+/// The new content of a file, which replaces the old one when it is complete. Without a
+/// [`commit`](Self::commit), the old file is kept.
+#[derive(Debug)]
+pub struct Replacement {
+    target: PathBuf,
+    new_content: NewContent,
+}
+
+#[derive(Debug)]
+enum NewContent {
+    /// A file beside the old one.
+    Temporary(NamedTempFile),
+    /// A device or a pipe, which cannot be replaced.
+    Direct(File),
+}
+
+impl Replacement {
+    /// Prepares new content for the file at `path`, and creates its folder if necessary. If `path` is
+    /// a symbolic link, the file to which it points is replaced. A device or a pipe is written to.
+    ///
+    /// # Errors
+    /// The operating system reports an error.
+    pub fn begin(path: &Path) -> Result<Self> {
+        let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let is_special = target.metadata().is_ok_and(|metadata| !metadata.is_file());
+        let new_content = if is_special {
+            NewContent::Direct(File::options().write(true).open(&target)?)
+        } else {
+            NewContent::Temporary(temporary_file_beside(&target)?)
+        };
+        Ok(Self {
+            target,
+            new_content,
+        })
     }
-    let part_path = path.with_added_extension("part");
-    let written = write(&part_path, bytes).and_then(|()| fs::rename(&part_path, path));
-    if written.is_err() {
-        // Only the first error is reported.
-        let _ = fs::remove_file(&part_path);
+
+    /// The file to which the new content is written.
+    ///
+    /// # Errors
+    /// The operating system reports an error.
+    pub fn file(&self) -> Result<File> {
+        match &self.new_content {
+            NewContent::Temporary(file) => file.as_file().try_clone(),
+            NewContent::Direct(file) => file.try_clone(),
+        }
     }
-    written?;
-    sync_folder_of(path)
+
+    /// Replaces the old content.
+    ///
+    /// # Errors
+    /// The operating system reports an error; then the old file is kept.
+    pub fn commit(self) -> Result<()> {
+        let NewContent::Temporary(file) = self.new_content else {
+            return Ok(());
+        };
+        file.as_file().sync_all()?;
+        file.persist(&self.target)?;
+        sync_folder_of(&self.target)
+    }
+}
+
+/// Gives the file at `path` a second name, under which it remains when the first is replaced. A
+/// file that had this name is replaced.
+///
+/// # Errors
+/// The operating system reports an error.
+pub fn keep_as(path: &Path, second_name: &Path) -> Result<()> {
+    let link = temporary_file_beside(second_name)?.into_temp_path();
+    fs::remove_file(&link)?;
+    if fs::hard_link(path, &link).is_err() {
+        // Some file systems have no hard links.
+        fs::copy(path, &link)?;
+        File::open(&link)?.sync_all()?;
+    }
+    Ok(link.persist(second_name)?)
 }
 
 /// Syncs the folder of a file. Only then a new name is certain to exist after a crash.
@@ -32,8 +106,104 @@ pub fn sync_folder_of(path: &Path) -> Result<()> {
         .map_or(Ok(()), |folder| File::open(folder)?.sync_all())
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut file = File::create(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
+/// An empty file in the same folder, which is created if necessary. It has the permissions of any new
+/// file, and is deleted unless it is renamed.
+fn temporary_file_beside(path: &Path) -> Result<NamedTempFile> {
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    fs::create_dir_all(folder)?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let (prefix, suffix) = (format!("{name}."), ".part");
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(suffix);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names_in(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_is_replaced_and_nothing_else_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new/file.txt");
+        for content in ["old", "new"] {
+            replace(&path, content.as_bytes()).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), content);
+        }
+        assert_eq!(names_in(path.parent().unwrap()), ["file.txt"]);
+    }
+
+    #[test]
+    fn without_a_commit_the_old_file_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file.txt");
+        replace(&path, b"old").unwrap();
+        let replacement = Replacement::begin(&path).unwrap();
+        replacement.file().unwrap().write_all(b"half").unwrap();
+        drop(replacement);
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names_in(folder.path()), ["file.txt"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_and_devices_remain() {
+        use std::os::unix::fs::{MetadataExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link] = ["file.txt", "link"].map(|name| folder.path().join(name));
+        fs::write(&file, "old").unwrap();
+        symlink("file.txt", &link).unwrap();
+        replace(&link, b"new").unwrap();
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert_eq!(file.metadata().unwrap().mode() & 0o400, 0o400);
+        replace(Path::new("/dev/null"), b"nothing").unwrap();
+        assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
+    }
+
+    /// Many threads replace the same file while its folder does not exist yet.
+    #[test]
+    fn concurrent_replacements_do_not_disturb_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("study/study.json");
+        std::thread::scope(|scope| {
+            for thread in 0..16_u8 {
+                let path = &path;
+                scope.spawn(move || {
+                    (0..20).for_each(|_| replace(path, &[thread; 4096]).unwrap());
+                });
+            }
+        });
+        let bytes = fs::read(&path).unwrap();
+        assert_eq!(bytes, [bytes[0]; 4096]);
+        assert_eq!(names_in(path.parent().unwrap()), ["study.json"]);
+    }
+
+    #[test]
+    fn a_second_name_keeps_the_content() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, kept] = ["file.txt", "kept.txt"].map(|name| folder.path().join(name));
+        for content in ["1", "2", "3"] {
+            if file.exists() {
+                keep_as(&file, &kept).unwrap();
+            }
+            replace(&file, content.as_bytes()).unwrap();
+        }
+        assert_eq!(fs::read_to_string(&kept).unwrap(), "2");
+        assert_eq!(names_in(folder.path()), ["file.txt", "kept.txt"]);
+    }
 }

@@ -22,6 +22,7 @@ mod replay_file;
 pub mod review;
 pub mod rollout;
 mod round_recorder;
+mod sealed;
 pub mod shared_world;
 pub mod summary;
 pub mod trainer;

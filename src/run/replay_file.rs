@@ -44,6 +44,9 @@ pub(super) struct ReplayFile {
     folder: PathBuf,
     /// What the newest checkpoint has; `None` before the first.
     stored: Option<StoredTransitions>,
+    /// What the checkpoint before it has, as far as it was written since the run was begun or
+    /// resumed.
+    previous: Option<StoredTransitions>,
     /// Hash of the stored transitions.
     hash: Xxh64,
 }
@@ -54,12 +57,13 @@ impl ReplayFile {
         Self {
             folder,
             stored: None,
+            previous: None,
             hash: Xxh64::new(0),
         }
     }
 
-    /// Stores the transitions that are not stored yet. The files of the newest checkpoint keep all
-    /// that it needs.
+    /// Stores the transitions that are not stored yet. The files of earlier checkpoints keep all
+    /// that they need.
     pub(super) fn write(&mut self, replay: &Replay) -> Result<StoredTransitions, CheckpointError> {
         let numbers = replay.numbers();
         let (old, mut hash) = match self.stored {
@@ -74,7 +78,8 @@ impl ReplayFile {
             checksum: hash.digest(),
             ..old
         };
-        (self.stored, self.hash) = (Some(stored), hash);
+        self.previous = self.stored.replace(stored);
+        self.hash = hash;
         Ok(stored)
     }
 
@@ -107,17 +112,21 @@ impl ReplayFile {
         Ok(Self {
             folder,
             stored: Some(stored),
+            previous: None,
             hash,
         })
     }
 
-    /// Deletes the files that the newest checkpoint does not need.
+    /// Deletes the files that neither the newest checkpoint nor the one before it needs.
     pub(super) fn delete_other_files(&self) -> io::Result<()> {
-        let newest = self.stored.map(|stored| path(&self.folder, stored.file));
+        let needed = [self.stored, self.previous];
+        let needed = needed.map(|stored| Some(path(&self.folder, stored?.file)));
         for entry in fs::read_dir(&self.folder)? {
-            let path = entry?.path();
-            if is_replay_file(&path) && Some(&path) != newest.as_ref() {
-                fs::remove_file(path)?;
+            let path = Some(entry?.path());
+            if let Some(unneeded) = path.as_ref().filter(|_| !needed.contains(&path))
+                && is_replay_file(unneeded)
+            {
+                fs::remove_file(unneeded)?;
             }
         }
         Ok(())
@@ -309,14 +318,16 @@ mod tests {
     #[test]
     fn files_have_at_most_twice_the_transitions_of_the_buffer() {
         let mut run = TestRun::new();
-        let mut counts = Vec::new();
+        let (mut counts, mut file_counts) = (Vec::new(), Vec::new());
         for _ in 0..8 {
             let stored = run.play_and_store(4, 0.0);
             counts.push(stored.count);
             let files = fs::read_dir(run.folder.path()).unwrap().count();
-            assert_eq!(files, 1, "earlier files are deleted");
+            file_counts.push(files);
         }
         assert_eq!(counts, [4, 8, 12, 16, 20, 10, 14, 18]);
+        // The checkpoint before the newest still needs the earlier file once.
+        assert_eq!(file_counts, [1, 1, 1, 1, 1, 2, 1, 1]);
     }
 
     /// A crash while transitions are appended leaves bytes that the newest checkpoint ignores and

@@ -74,7 +74,11 @@ pub fn verify<'a>(
     never.unwrap_or_else(|never| match never {});
 }
 
-/// What a run led to, or why it failed.
+/// Maximum cost of the runs that a thread measures together, in environment steps of a random agent:
+/// about a minute. An interruption loses all of them.
+const MAX_COST_TOGETHER: f64 = 3e7;
+
+/// Result of a run, or why it failed.
 type Outcome = Result<RunResult, String>;
 
 /// What is done with the outcome of a run.
@@ -145,7 +149,8 @@ impl<'a, E: Send> SharedQueue<'a, E> {
                 first: Some(first.clone()),
                 unfinished: Vec::new(),
             };
-            let places = experiment.runs_together().min(share);
+            let affordable = (MAX_COST_TOGETHER / experiment.cost()) as usize;
+            let places = experiment.runs_together().min(share).min(affordable.max(1));
             let measure = || {
                 let rule = StopRule::Scenario;
                 experiment.measure_together(places, rule, &mut queue, interrupted);

@@ -15,6 +15,8 @@ mod registration;
 mod reliability;
 mod review;
 mod shared_world;
+#[cfg(unix)]
+mod stopping;
 mod study;
 mod tabular;
 mod util;

@@ -116,8 +116,14 @@ pub(crate) fn crash(mut command: Command) {
 /// Sends the signal of Ctrl-C (SIGINT) to a process.
 #[cfg(unix)]
 pub(crate) fn interrupt(process: &Child) {
+    send_signal("INT", process);
+}
+
+/// Sends a signal, such as `TERM`, to a process.
+#[cfg(unix)]
+pub(crate) fn send_signal(signal: &str, process: &Child) {
     let status = Command::new("kill")
-        .args(["-INT", &process.id().to_string()])
+        .args([&format!("-{signal}"), &process.id().to_string()])
         .status();
     assert!(status.unwrap().success());
 }

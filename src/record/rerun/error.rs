@@ -18,6 +18,11 @@ pub(super) enum RecordingError {
     /// Two columns of the raw table have the same name.
     #[error("two columns have the name `{0}`: rename this observation or action of the task")]
     DuplicateColumn(String),
+    /// The SDK writes nothing.
+    #[error(
+        "the environment variable RERUN turns recordings off: unset it, or use `--no-recording`"
+    )]
+    TurnedOff,
     /// Nothing can be added to a complete recording.
     #[error("the recording is already complete")]
     Complete,

@@ -183,28 +183,30 @@ impl CartPole {
         [position, angle, speed, rate]
     }
 
-    /// The joint coordinates after `advance`, which maps x, α, ẋ, α̇ and the forces F and τ to the
-    /// state after a step.
+    /// The state x, α, ẋ, α̇ at these joint coordinates.
     #[inline(always)]
-    fn advance_joints(
-        &self,
-        joints: &State<2>,
-        forces: [f64; 2],
-        advance: impl Fn(&State<2>, [f64; 2]) -> State<2>,
-    ) -> State<2> {
-        let signs = [self.slider_sign, self.hinge_sign];
-        let along = |values: [f64; 2]| [signs[0] * values[0], signs[1] * values[1]];
-        let [position, angle] = along(joints.positions);
-        let start = State {
-            positions: [position, self.angle_at_zero + angle],
-            velocities: along(joints.velocities),
-        };
-        let end = advance(&start, along(forces));
-        let [position, angle] = end.positions;
+    fn state_of_joints(&self, joints: &State<2>) -> State<2> {
+        let [position, angle] = self.signed(joints.positions);
         State {
-            positions: along([position, angle - self.angle_at_zero]),
-            velocities: along(end.velocities),
+            positions: [position, self.angle_at_zero + angle],
+            velocities: self.signed(joints.velocities),
         }
+    }
+
+    /// The joint coordinates in a state x, α, ẋ, α̇.
+    #[inline(always)]
+    fn joints_of_state(&self, state: &State<2>) -> State<2> {
+        let [position, angle] = state.positions;
+        State {
+            positions: self.signed([position, angle - self.angle_at_zero]),
+            velocities: self.signed(state.velocities),
+        }
+    }
+
+    /// Coordinates, rates or forces along the joints from those along x and α, or the reverse.
+    #[inline(always)]
+    fn signed(&self, values: [f64; 2]) -> [f64; 2] {
+        [self.slider_sign * values[0], self.hinge_sign * values[1]]
     }
 }
 
@@ -243,9 +245,8 @@ impl EquationsOfMotion<2> for CartPole {
     #[inline(always)]
     fn advance<T: Trigonometry>(&self, joints: &State<2>, forces: [f64; 2]) -> State<2> {
         let duration = self.control_step / f64::from(self.substeps);
-        self.advance_joints(joints, forces, |start, forces| {
-            runge_kutta::<T, _, 2>(self, start, forces, duration)
-        })
+        let (start, forces) = (self.state_of_joints(joints), self.signed(forces));
+        self.joints_of_state(&runge_kutta::<T, _, 2>(self, &start, forces, duration))
     }
 }
 
@@ -261,8 +262,9 @@ impl EquationsOfMotion<2> for EulerCartPole {
 
     #[inline(always)]
     fn advance<T: Trigonometry>(&self, joints: &State<2>, forces: [f64; 2]) -> State<2> {
-        self.0.advance_joints(joints, forces, |start, forces| {
-            euler::<T, _, 2>(&self.0, start, forces, self.0.control_step)
-        })
+        let model = &self.0;
+        let (start, forces) = (model.state_of_joints(joints), model.signed(forces));
+        let end = euler::<T, _, 2>(model, &start, forces, model.control_step);
+        model.joints_of_state(&end)
     }
 }

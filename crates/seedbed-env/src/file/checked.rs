@@ -58,12 +58,19 @@ impl TryFrom<(f64, f64)> for Interval {
     type Error = String;
 
     fn try_from((low, high): (f64, f64)) -> Result<Self, String> {
-        if low < high && low.is_finite() && high.is_finite() {
-            return Ok(Self { low, high });
+        // Physics and learning run in single precision.
+        let fits = |number: f64| number.abs() <= f64::from(f32::MAX);
+        if low >= high || !low.is_finite() || !high.is_finite() {
+            return Err(format!(
+                "expected a range (low, high) with low < high, found ({low}, {high})"
+            ));
         }
-        Err(format!(
-            "expected a range (low, high) with low < high, found ({low}, {high})"
-        ))
+        if !fits(low) || !fits(high) || !fits(high - low) || low as f32 >= high as f32 {
+            return Err(format!(
+                "the range ({low:e}, {high:e}) does not fit into numbers of single precision"
+            ));
+        }
+        Ok(Self { low, high })
     }
 }
 

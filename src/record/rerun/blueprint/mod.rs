@@ -92,6 +92,10 @@ fn blueprint_messages(
     application: &'static str,
     blueprint: &Blueprint,
 ) -> Result<Vec<LogMsg>, RecordingError> {
+    // The SDK panics if it has to make a blueprint while it is turned off.
+    if !rerun::decide_logging_enabled(true) {
+        return Err(RecordingError::TurnedOff);
+    }
     let (stream, storage) = RecordingStreamBuilder::new(application)
         .enabled(true)
         .memory()?;

@@ -1,0 +1,99 @@
+//! Requests to stop: Ctrl-C and, on Unix, the signals TERM and HUP, which schedulers of clusters and
+//! closed terminals send.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+/// Whether the process was asked to stop while work listened.
+static IS_REQUESTED: AtomicBool = AtomicBool::new(false);
+
+/// What is printed when the next request comes; `None` if a request ends the process immediately.
+static MESSAGE: Mutex<Option<&'static str>> = Mutex::new(None);
+
+/// Work that stops by itself when it is asked to. The second request ends the process immediately,
+/// as does any request when no work listens.
+pub(super) struct StopRequests;
+
+impl StopRequests {
+    /// Listens for requests until this is dropped. The first request prints `message`.
+    pub(super) fn listen(message: &'static str) -> Self {
+        static HANDLER: OnceLock<()> = OnceLock::new();
+        HANDLER.get_or_init(|| {
+            if let Err(error) = handle_signals() {
+                note!(
+                    "warning: cannot handle signals ({error}); Ctrl-C will end the run without a checkpoint"
+                );
+            }
+        });
+        set_message((!IS_REQUESTED.load(Ordering::Relaxed)).then_some(message));
+        Self
+    }
+
+    /// Becomes true with the first request.
+    #[expect(
+        clippy::unused_self,
+        reason = "requests are noticed only while this exists"
+    )]
+    pub(super) fn flag(&self) -> &'static AtomicBool {
+        &IS_REQUESTED
+    }
+}
+
+impl Drop for StopRequests {
+    fn drop(&mut self) {
+        set_message(None);
+    }
+}
+
+fn set_message(message: Option<&'static str>) {
+    *MESSAGE.lock().unwrap_or_else(PoisonError::into_inner) = message;
+}
+
+fn on_request(exit_code: i32) {
+    let message = MESSAGE
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .take();
+    let Some(message) = message else {
+        std::process::exit(exit_code);
+    };
+    IS_REQUESTED.store(true, Ordering::Relaxed);
+    note!("\n{message}; press Ctrl-C again to stop immediately");
+}
+
+/// Calls [`on_request`] for each signal, on a thread of its own. A file that becomes larger than the
+/// system allows is an error of writing from now on, instead of the end of the process.
+#[cfg(unix)]
+fn handle_signals() -> std::io::Result<()> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+    use std::sync::Arc;
+
+    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)))?;
+    let handled = [SIGINT, SIGTERM, SIGHUP].into_iter();
+    let handled = handled.filter(|signal| *signal != SIGHUP || !is_ignored(SIGHUP));
+    let mut signals = signal_hook::iterator::Signals::new(handled)?;
+    std::thread::Builder::new()
+        .name("signals".to_owned())
+        .spawn(move || {
+            for signal in signals.forever() {
+                on_request(128 + signal);
+            }
+        })
+        .map(drop)
+}
+
+/// Whether the process was started with a signal ignored, as `nohup` does with HUP. False if the
+/// system does not say.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
+#[cfg(not(unix))]
+fn handle_signals() -> Result<(), ctrlc::Error> {
+    const EXIT_CODE: i32 = 130;
+    ctrlc::set_handler(|| on_request(EXIT_CODE))
+}

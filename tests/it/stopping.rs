@@ -1,0 +1,216 @@
+//! Signals that ask a run to stop, and output that cannot be written.
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use super::util::{
+    assert_same_results, command, run_command, seedbed, send_signal, small_run, stderr, wait_until,
+};
+
+const RUN: [&str; 6] = [
+    "--set",
+    "agents.count=2",
+    "--set",
+    "stop=Episodes(300)",
+    "--set",
+    "checkpoint_every=1000",
+];
+
+/// Starts a run and waits until it plays.
+fn start(mut command: Command, folder: &Path) -> Child {
+    let mut child = command
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_until("the run has begun", || {
+        assert_eq!(child.try_wait().unwrap(), None, "the run ended early");
+        folder.join("episodes.csv").is_file()
+    });
+    child
+}
+
+/// The run has no checkpoint before the signal, so that the one from which it is resumed is due to the
+/// signal.
+#[test]
+fn term_and_hup_write_a_checkpoint_and_the_run_can_be_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = folder.path().join("whole");
+    assert!(run_command(&whole, &RUN).output().unwrap().status.success());
+    for signal in ["TERM", "HUP"] {
+        let stopped = folder.path().join(signal);
+        let child = start(run_command(&stopped, &RUN), &stopped);
+        send_signal(signal, &child);
+        let output = child.wait_with_output().unwrap();
+        let errors = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{signal}: {errors}");
+        assert!(
+            errors.contains("stopping, at the latest after this round"),
+            "{errors}"
+        );
+        assert!(errors.contains("resume with\n"), "{errors}");
+        assert!(stopped.join("checkpoint/state.bin").is_file(), "{signal}");
+        let resumed = run_command(&stopped, &[&RUN[..], &["--resume"]].concat());
+        let output = { resumed }.output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert_same_results(&whole, &stopped);
+    }
+}
+
+/// `nohup` starts programs with HUP ignored.
+#[test]
+fn a_run_that_ignores_hup_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = run_command(&path, &RUN);
+    let mut command = Command::new("sh");
+    command
+        .args(["-c", "trap '' HUP; exec \"$@\"", "sh"])
+        .arg(run.get_program())
+        .args(run.get_args())
+        .current_dir(run.get_current_dir().unwrap());
+    let child = start(command, &path);
+    send_signal("HUP", &child);
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(path.join("summary.json").is_file());
+}
+
+/// The reader takes one line of progress and closes the pipe, as `head -1` does.
+#[test]
+fn a_closed_pipe_does_not_end_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let mut child = run_command(&path, &RUN)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    let mut reader = BufReader::new(child.stderr.take().unwrap());
+    reader.read_line(&mut line).unwrap();
+    assert!(line.contains("episodes"), "{line}");
+    drop(reader);
+    assert!(child.wait().unwrap().success());
+    assert!(path.join("summary.json").is_file());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_for_progress_does_not_end_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let full = File::options().write(true).open("/dev/full").unwrap();
+    let status = run_command(&path, &RUN)
+        .stdout(Stdio::null())
+        .stderr(full)
+        .status()
+        .unwrap();
+    assert!(status.success(), "{status}");
+}
+
+#[test]
+fn control_characters_in_names_are_escaped() {
+    let output = seedbed(&["check", "no\u{1b}[31m\u{7}.ron"]);
+    let errors = stderr(&output);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors.contains("no\\u{1b}[31m\\u{7}.ron"), "{errors}");
+    assert!(
+        !errors.contains('\u{1b}') && !errors.contains('\u{7}'),
+        "{errors}"
+    );
+}
+
+#[test]
+fn recordings_that_rerun_turns_off_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let out = path.to_str().unwrap();
+    let run = ["run", "cartpole", "--set", "stop=Episodes(2)", "--out", out];
+    let output = command(&run).env("RERUN", "off").output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let expected =
+        "the environment variable RERUN turns recordings off: unset it, or use `--no-recording`\n";
+    assert!(stderr(&output).ends_with(expected), "{}", stderr(&output));
+    let without = [&run[..], &["--no-recording", "--overwrite"]].concat();
+    let output = command(&without).env("RERUN", "off").output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+}
+
+/// Changed bytes of a checkpoint are never played or trained from. The error names the checkpoint
+/// before it, from which the run can be resumed.
+#[test]
+fn damaged_checkpoints_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let child = start(
+        run_command(
+            &path,
+            &[&RUN[..4], &["--set", "checkpoint_every=2"]].concat(),
+        ),
+        &path,
+    );
+    let previous = path.join("checkpoint/previous.bin");
+    wait_until("there are two checkpoints", || previous.is_file());
+    send_signal("TERM", &child);
+    child.wait_with_output().unwrap();
+    let state = path.join("checkpoint/state.bin");
+    let intact = fs::read(&state).unwrap();
+    let resume = || {
+        let arguments = [&RUN[..4], &["--set", "checkpoint_every=2", "--resume"]].concat();
+        run_command(&path, &arguments).output().unwrap()
+    };
+    for position in (0..intact.len()).step_by(intact.len() / 12) {
+        let mut damaged = intact.clone();
+        damaged[position] ^= 16;
+        fs::write(&state, damaged).unwrap();
+        let evaluation = seedbed(&["evaluate", path.to_str().unwrap()]);
+        for output in [resume(), evaluation] {
+            let errors = stderr(&output);
+            assert_eq!(output.status.code(), Some(1), "{position}: {errors}");
+            assert!(output.stdout.is_empty(), "{position}: no results");
+            assert!(errors.contains("state.bin: "), "{position}: {errors}");
+            assert!(
+                errors.contains("the checkpoint before it is intact"),
+                "{errors}"
+            );
+        }
+    }
+    fs::rename(&previous, &state).unwrap();
+    let output = resume();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let whole = folder.path().join("whole");
+    let whole_run = run_command(&whole, &RUN[..4]).output().unwrap();
+    assert!(whole_run.status.success());
+    assert_same_results(&whole, &path);
+}
+
+/// A table that was changed after the checkpoint is noticed, although its length is the same.
+#[test]
+fn changed_tables_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    assert!(small_run(&path, &[]).status.success());
+    let table = path.join("episodes.csv");
+    let text = fs::read_to_string(&table).unwrap();
+    let last_digit = text
+        .rfind(|character: char| character.is_ascii_digit())
+        .unwrap();
+    let mut changed = text.into_bytes();
+    changed[last_digit] = if changed[last_digit] == b'7' {
+        b'8'
+    } else {
+        b'7'
+    };
+    fs::write(&table, &changed).unwrap();
+    fs::remove_file(path.join("summary.json")).unwrap();
+    let output = small_run(&path, &["--set", "stop=Episodes(8)", "--resume"]);
+    let errors = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    let expected =
+        "episodes.csv: was changed or damaged after its checkpoint: its rows have another checksum";
+    assert!(errors.contains(expected), "{errors}");
+    assert_eq!(fs::read(&table).unwrap(), changed, "the table is kept");
+}
