@@ -131,7 +131,7 @@ class Env(gymnasium.Env[NDArray[np.float32], Any]):
         observation, reward, terminated, truncated = self._batch.step_one(action)
         return observation, reward, terminated, truncated, {}
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Draw the bodies.
 
         Returns:

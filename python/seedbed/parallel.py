@@ -16,7 +16,7 @@ from .seeding import checked_seed, random_seed
 from .spaces import action_space, observation_space
 
 
-class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):
+class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type: ignore[misc]
     """K agents that act at the same time, each in a copy of the task of its own: they do not meet.
 
     The start states are those of a team in the workbench: agent k draws them from the random stream (run
@@ -80,7 +80,7 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):
         self._terminated = np.zeros(agents, np.bool_)
         self._truncated = np.zeros(agents, np.bool_)
 
-    def observation_space(self, agent: str) -> spaces.Box:
+    def observation_space(self, agent: str) -> spaces.Space[NDArray[np.float32]]:
         """Space of an agent's observations: the same object in each call."""
         return self.observation_spaces[agent]
 
