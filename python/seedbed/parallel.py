@@ -32,7 +32,7 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type
         max_episode_steps: Steps after which an episode is truncated; by default those of the task, and -1
             for no limit.
         render_mode: "rgb_array" to draw the bodies, if the task has any.
-        run_seed: Run seed with which tasks are drawn that differ from run to run; see `Task`.
+        run_seed: Run seed with which tasks are drawn that differ from run to run; by default 0. See `Task`.
 
     Raises:
         TaskError: Something in the task file is wrong.
@@ -58,9 +58,9 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type
         threads: int | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
-        run_seed: int = 0,
+        run_seed: int | None = None,
     ) -> None:
-        self.task = as_task(task, checked_seed(run_seed))
+        self.task = as_task(task, run_seed)
         """Description of the task: names, units and ranges."""
         self._batch = Batch(
             self.task, agents, physics=physics, threads=threads, max_episode_steps=max_episode_steps, team=True

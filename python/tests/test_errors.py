@@ -90,11 +90,19 @@ def test_a_task_without_an_analytic_model():
         seedbed.make("deep_sea", render_mode="rgb_array")
 
 
+def test_a_run_seed_other_than_that_of_the_task():
+    task = seedbed.Task("deep_sea_permuted", run_seed=5)
+    assert seedbed.make(task).task.run_seed == seedbed.make(task, run_seed=5).task.run_seed == 5
+    for make in (seedbed.make, seedbed.parallel_env):
+        with pytest.raises(ValueError, match="run_seed is 4, but the task was made with run_seed=5"):
+            make(task, run_seed=4)
+
+
 def test_arguments_of_vector_environments_need_a_number():
     with pytest.raises(TypeError, match="threads"):
         seedbed.make("cartpole", threads=2)
-    with pytest.raises(TypeError, match="colour"):
-        seedbed.make("cartpole", colour="red")
+    with pytest.raises(TypeError, match="paint"):
+        seedbed.make("cartpole", paint="red")
 
 
 @pytest.mark.parametrize("seed", [-1, 2**64, 10**40])
