@@ -30,6 +30,7 @@ PACKAGES = {
     "gymnasium": ["gymnasium==1.4.0"],
     "jax": ["jax==0.10.2"],
     "sb3": ["stable-baselines3==2.9.2", "torch==2.15.0", "gymnasium==1.4.0"],
+    "gymnasium-mujoco": ["mujoco==4.0.0", "gymnasium==1.4.0", "imageio==2.38.1", "packaging==26.3"],
     "envpool": ["envpool==1.2.5", "gymnasium==1.4.0"],
     "seedbed": ["maturin==1.16.0", "gymnasium==1.4.0"],
 }
@@ -156,8 +157,8 @@ def lines_from_python():
         ("cartpole", "rapier", "rigid cart-pole beside CartPole-v1", "gymnasium", "CartPole-v1"),
         ("cartpole", "analytic", "analytic cart-pole beside CartPole-v1", "gymnasium", "CartPole-v1"),
         ("cartpole", "analytic", "analytic cart-pole beside EnvPool", "envpool", "envpool:CartPole-v1"),
-        ("cartpole_continuous", "rapier", "rigid cart-pole beside MuJoCo's", "mujoco", "InvertedPendulum-v5"),
-        ("hopper", "rapier", "hopper beside MuJoCo's", "mujoco", "Hopper-v5"),
+        ("cartpole_continuous", "rapier", "rigid cart-pole beside MuJoCo's", "gymnasium-mujoco", "InvertedPendulum-v5"),
+        ("hopper", "rapier", "hopper beside MuJoCo's", "gymnasium-mujoco", "Hopper-v5"),
     ):
         for copies in numbers if library != "envpool" else numbers[1:]:
             name = f"Python: {label}, {f'M = {copies[0]}' if copies else 'single'}"

@@ -27,7 +27,7 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], Any]):  # type
         task: A task, the path of a task file, or the name of a task; see `Task`.
         agents: Number of agents K.
         physics: "rapier" for rigid bodies, "analytic" for the task's analytic model.
-        threads: Number of threads; by default the number of cores, but at most one per 256 agents, or per 16
+        threads: Number of threads; by default the number of cores, but at most one per 256 agents, or per 8
             agents in a task with contacts.
         max_episode_steps: Steps after which an episode is truncated; by default those of the task, and -1
             for no limit.

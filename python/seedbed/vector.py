@@ -33,7 +33,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], Any, NDArray[Any
         task: A task, the path of a task file, or the name of a task; see `Task`.
         num_envs: Number of copies M.
         physics: "rapier" for rigid bodies, "analytic" for the task's analytic model.
-        threads: Number of threads; by default the number of cores, but at most one per 256 copies, or per 16
+        threads: Number of threads; by default the number of cores, but at most one per 256 copies, or per 8
             copies of a task with contacts.
         autoreset_mode: When a copy whose episode has ended is reset:
             * `NEXT_STEP` (default): by the next step, which ignores the action of the copy.

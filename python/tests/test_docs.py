@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import importlib.metadata
 import re
 from pathlib import Path
 from types import ModuleType
@@ -71,3 +72,10 @@ def test_public_names_are_documented():
             for attribute, member in vars(value).items():
                 if not attribute.startswith("_") and (callable(member) or isinstance(member, property)):
                     assert member.__doc__, f"{name}.{attribute}"
+
+
+def test_the_package_has_the_licenses_of_the_repository():
+    files = importlib.metadata.files("seedbed") or []
+    licenses = {path.name: path.read_text() for path in files if path.name.startswith("LICENSE")}
+    assert licenses == {path.name: path.read_text() for path in REPOSITORY.glob("LICENSE-*")}
+    assert len(licenses) == 2

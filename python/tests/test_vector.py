@@ -191,7 +191,7 @@ def test_the_default_number_of_threads_depends_on_the_work():
     cores = multiprocessing.cpu_count()
     assert seedbed.make("cartpole", 16).threads == 1
     assert seedbed.make("cartpole", 4096).threads == min(cores, 16)
-    assert seedbed.make("hopper", 1024).threads == min(cores, 64)
+    assert seedbed.make("hopper", 1024).threads == min(cores, 128)
     assert seedbed.make("cartpole", 3, threads=8).threads == 3
 
 

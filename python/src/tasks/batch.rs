@@ -29,8 +29,8 @@ const MAX_COPIES: usize = 1 << 20;
 const MAX_THREADS: usize = 256;
 
 /// Minimum number of copies per thread, unless a number of threads is given, for tasks with contacts and
-/// for all others. Fewer copies are stepped before another thread has woken up.
-const MIN_COPIES_PER_THREAD: [usize; 2] = [16, 256];
+/// for all others. They take about 0.1 ms, and to wake a thread about 0.02 ms.
+const MIN_COPIES_PER_THREAD: [usize; 2] = [8, 256];
 
 /// Sides of pictures, in pixels.
 const PICTURE_SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
@@ -46,7 +46,7 @@ const PICTURE_SIDES: std::ops::RangeInclusive<u32> = 32..=4096;
 ///     copies (int): Number of copies M.
 ///     physics (str): "rapier" for rigid bodies, "analytic" for the task's analytic model.
 ///     threads (int | None): Number of threads; by default the number of cores, but at most one per
-///         256 copies, or per 16 copies of a task with contacts.
+///         256 copies, or per 8 copies of a task with contacts.
 ///     max_episode_steps (int | None): Steps after which an episode is truncated; by default those of
 ///         the task, and -1 for no limit.
 ///     autoreset (str): "next_step", "same_step" or "disabled", as in Gymnasium.
