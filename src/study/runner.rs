@@ -7,7 +7,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use super::experiment::StopRule;
 use super::plan::PlannedRun;
 use super::run_result::RunResult;
 use super::store::{StoreError, StudyFolder};
@@ -80,7 +79,7 @@ fn for_each<'a, E: Send>(
 ) -> Result<(), E> {
     let mut queue: Vec<&PlannedRun<'a>> = runs.iter().collect();
     queue.sort_by(|a, b| {
-        let (a, b) = (a.cell.experiment.cost(), b.cell.experiment.cost());
+        let (a, b) = (a.cell.source.cost(), b.cell.source.cost());
         b.total_cmp(&a)
     });
     let (next_index, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
@@ -109,19 +108,17 @@ fn for_each<'a, E: Send>(
 }
 
 /// Executes a run. An error or a panic becomes the reason of its failure. `windows` are those of
-/// [`measure_once`](super::experiment::Experiment::measure_once). `None` if interrupted.
+/// [`result`](super::run_source::RunSource::result). `None` if interrupted.
 fn execute(
     run: &PlannedRun<'_>,
     windows: &[u32],
     interrupted: &AtomicBool,
 ) -> Option<Result<RunResult, String>> {
-    let experiment = &run.cell.experiment;
-    let execute =
-        || experiment.measure_once(run.run_seed, StopRule::Scenario, windows, interrupted);
+    let execute = || run.cell.source.result(run.run_seed, windows, interrupted);
     match catch_unwind(AssertUnwindSafe(execute)) {
         Ok(Ok(None)) => None,
         Ok(Ok(Some(result))) => Some(Ok(result)),
-        Ok(Err(error)) => Some(Err(error.to_string())),
+        Ok(Err(reason)) => Some(Err(reason)),
         Err(panic) => Some(Err(format!("panicked: {}", panic_message(&*panic)))),
     }
 }
